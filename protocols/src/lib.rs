@@ -1,0 +1,2 @@
+//! Wire formats of skyloop.
+#![no_std]

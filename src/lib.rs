@@ -1,0 +1,1 @@
+//! skyloop: a hardware-in-the-loop star-tracker emulator.
