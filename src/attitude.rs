@@ -1,0 +1,258 @@
+//! Attitude, body rates and the state of the vehicle; THE conventions of skyloop.
+//!
+//! 1. Frames of reference are ICRF (GCRF for geocentric positions), body and camera. "Frame" alone
+//!    always means an image; bytes on a link are a "packet".
+//! 2. An attitude is a unit quaternion in Hamilton's algebra, written `[x, y, z, w]` (scalar last),
+//!    that takes ICRF to body: `v_body = R(q) v_icrf` with `R(q) v = q v q^-1`. The camera's
+//!    mounting takes body to camera in the same way.
+//! 3. Touchstone: `[-0.070834, -0.644137, 0.733522, -0.204975]` with identity mounting points +Z at
+//!    RA 248.112, Dec +9.215 degrees.
+//! 4. Rates are the angular velocity of the body against ICRF in body axes: `dR/dt = -[w x] R`.
+//! 5. Camera axes: +Z boresight, +X along increasing column, +Y along increasing row. Pixel (0, 0)
+//!    is the centre of the first pixel; row 0 comes first in memory, on the wire and in files.
+//! 6. Time is an [`Epoch`] (integer nanoseconds, TAI inside); text is UTC. An exposure has a start, a
+//!    mid and an end, and every value says which one it means.
+//! 7. Inside: SI units, radians, electrons, pixels. Suffixes (`_deg`, `_px`, `_e`, `_s`) stand at the
+//!    borders (configs, wire, labels).
+
+use hifitime::{Epoch, Unit};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use skyloop_orbit::{StateVector, two_body};
+use thiserror::Error;
+
+/// How far from 1 the norm of a given quaternion may lie: within, it is normalised; beyond, refused.
+pub const NORM_TOLERANCE: f64 = 1e-3;
+
+/// What is wrong with a given attitude or state.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum AttitudeError {
+    /// The norm is further than [`NORM_TOLERANCE`] from 1.
+    #[error(
+        "quaternion {q:?} has norm {norm:.6}: send a unit quaternion [x, y, z, w] (1 +- {NORM_TOLERANCE})"
+    )]
+    NotUnit {
+        /// As given.
+        q: [f64; 4],
+        /// Its Euclidean norm.
+        norm: f64,
+    },
+    /// A component is NaN or infinite.
+    #[error("{what} {value:?} is not finite: every component must be a finite number")]
+    NotFinite {
+        /// Which quantity.
+        what: &'static str,
+        /// As given.
+        value: Vec<f64>,
+    },
+    /// A component is finite but beyond what the emulator works with.
+    #[error("{what} {value:?} is out of range: {allowed}")]
+    OutOfRange {
+        /// Which quantity.
+        what: &'static str,
+        /// As given.
+        value: Vec<f64>,
+        /// The range.
+        allowed: &'static str,
+    },
+}
+
+/// A rotation from one frame of reference to another; ICRF to body unless said otherwise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Attitude(UnitQuaternion<f64>);
+
+impl Attitude {
+    /// No rotation.
+    pub fn identity() -> Self {
+        Attitude(UnitQuaternion::identity())
+    }
+
+    /// From `[x, y, z, w]`; normalised within [`NORM_TOLERANCE`], refused beyond.
+    pub fn from_xyzw(q: [f64; 4]) -> Result<Self, AttitudeError> {
+        finite("quaternion", &q)?;
+        let raw = Quaternion::new(q[3], q[0], q[1], q[2]);
+        let norm = raw.norm();
+        if (norm - 1.0).abs() > NORM_TOLERANCE {
+            return Err(AttitudeError::NotUnit { q, norm });
+        }
+        Ok(Attitude(UnitQuaternion::new_normalize(raw)))
+    }
+
+    /// As `[x, y, z, w]`.
+    pub fn xyzw(&self) -> [f64; 4] {
+        let q = self.0.quaternion();
+        [q.i, q.j, q.k, q.w]
+    }
+
+    /// `R(q) v`.
+    pub fn rotate(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.0 * v
+    }
+
+    /// `R(q)` as a matrix.
+    pub fn matrix(&self) -> Matrix3<f64> {
+        self.0.to_rotation_matrix().into_inner()
+    }
+
+    /// This rotation, then `next`.
+    pub fn then(&self, next: &Attitude) -> Attitude {
+        Attitude(next.0 * self.0)
+    }
+
+    /// The attitude `dt_s` seconds later under constant body rates (rad/s):
+    /// `dR/dt = -[w x] R`, so `R(t) = exp(-[w x] dt) R(0)`.
+    pub fn turned(&self, rates: &Vector3<f64>, dt_s: f64) -> Attitude {
+        Attitude(UnitQuaternion::from_scaled_axis(-rates * dt_s) * self.0)
+    }
+
+    /// Spherical linear interpolation along the shorter arc, `t` in 0..1.
+    pub fn slerp(&self, to: &Attitude, t: f64) -> Attitude {
+        let relative = self.rotation_to(to);
+        Attitude(UnitQuaternion::from_scaled_axis(relative * t) * self.0)
+    }
+
+    /// The rotation vector (rad) that takes this attitude to `to` along the shorter arc.
+    pub fn rotation_to(&self, to: &Attitude) -> Vector3<f64> {
+        let relative = to.0 * self.0.inverse();
+        let shorter = if relative.w < 0.0 {
+            UnitQuaternion::new_unchecked(-relative.into_inner())
+        } else {
+            relative
+        };
+        shorter.scaled_axis()
+    }
+}
+
+/// What the vehicle says of itself at one instant: the latched command that a frame is made from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleState {
+    /// The attitude message's own sequence number; part of the noise key.
+    pub sequence: u32,
+    /// The instant that everything below holds for.
+    pub epoch: Epoch,
+    /// ICRF to body.
+    pub attitude: Attitude,
+    /// Angular velocity of the body against ICRF, body axes, rad/s.
+    pub rates: Vector3<f64>,
+    /// Geocentric position and velocity, GCRF; none: an observer at the Earth's centre.
+    pub orbit: Option<StateVector>,
+}
+
+/// Body rates beyond this (rad/s; 100 turns a second) are refused.
+const MAX_RATE: f64 = 628.4;
+/// Geocentric positions beyond this (m) are refused: the observer is taken to orbit the Earth.
+const MAX_POSITION: f64 = 4e9;
+/// Geocentric speeds beyond this (m/s) are refused.
+const MAX_SPEED: f64 = 1e5;
+
+impl VehicleState {
+    /// Checked, as everything that comes from outside must be.
+    pub fn new(
+        sequence: u32,
+        epoch: Epoch,
+        q_icrf_to_body: [f64; 4],
+        rates: [f64; 3],
+        orbit: Option<([f64; 3], [f64; 3])>,
+    ) -> Result<Self, AttitudeError> {
+        let attitude = Attitude::from_xyzw(q_icrf_to_body)?;
+        bounded("body rates (rad/s)", &rates, MAX_RATE, "at most 628.4 rad/s")?;
+        if let Some((position, velocity)) = &orbit {
+            bounded("position (m)", position, MAX_POSITION, "at most 4e9 m")?;
+            bounded("velocity (m/s)", velocity, MAX_SPEED, "at most 1e5 m/s")?;
+        }
+        Ok(VehicleState {
+            sequence,
+            epoch,
+            attitude,
+            rates: rates.into(),
+            orbit: orbit.map(|(position, velocity)| StateVector {
+                position_m: position.into(),
+                velocity_m_s: velocity.into(),
+            }),
+        })
+    }
+
+    /// Carried to another instant: attitude by its rates, orbit by two-body motion and J2.
+    pub fn at(&self, epoch: Epoch) -> VehicleState {
+        let dt_s = (epoch - self.epoch).to_unit(Unit::Second);
+        VehicleState {
+            sequence: self.sequence,
+            epoch,
+            attitude: self.attitude.turned(&self.rates, dt_s),
+            rates: self.rates,
+            orbit: self.orbit.as_ref().map(|s| two_body::propagate_j2(s, dt_s)),
+        }
+    }
+}
+
+fn finite(what: &'static str, value: &[f64]) -> Result<(), AttitudeError> {
+    if value.iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    Err(AttitudeError::NotFinite { what, value: value.to_vec() })
+}
+
+fn bounded(
+    what: &'static str,
+    value: &[f64],
+    limit: f64,
+    allowed: &'static str,
+) -> Result<(), AttitudeError> {
+    finite(what, value)?;
+    if value.iter().map(|v| v * v).sum::<f64>().sqrt() <= limit {
+        return Ok(());
+    }
+    Err(AttitudeError::OutOfRange { what, value: value.to_vec(), allowed })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    // X-Val: convention 3, from the attitude fit of the RCM scene.
+    const TOUCHSTONE: [f64; 4] = [-0.070834, -0.644137, 0.733522, -0.204975];
+
+    #[test]
+    fn the_touchstone_points_where_the_conventions_say() {
+        let q = Attitude::from_xyzw(TOUCHSTONE).unwrap();
+        let boresight = q.matrix().transpose() * Vector3::z();
+        let ra_deg = boresight.y.atan2(boresight.x).to_degrees().rem_euclid(360.0);
+        let dec_deg = boresight.z.asin().to_degrees();
+        assert!((ra_deg - 248.112).abs() < 5e-4 && (dec_deg - 9.215).abs() < 5e-4);
+    }
+
+    #[test]
+    fn rates_turn_the_matrix_as_the_convention_says() {
+        let q = Attitude::from_xyzw(TOUCHSTONE).unwrap();
+        let w = Vector3::new(0.01, -0.02, 0.03);
+        let h = 1e-4;
+        let derivative = (q.turned(&w, h).matrix() - q.turned(&w, -h).matrix()) / (2.0 * h);
+        let expected = -w.cross_matrix() * q.matrix();
+        assert!((derivative - expected).norm() < 1e-9);
+    }
+
+    #[test]
+    fn a_quaternion_is_normalised_within_the_tolerance_and_refused_beyond() {
+        let scaled = |s: f64| TOUCHSTONE.map(|c| c * s);
+        let norm = |q: [f64; 4]| q.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let q = Attitude::from_xyzw(scaled(1.0009)).unwrap();
+        assert!((norm(q.xyzw()) - 1.0).abs() < 1e-15);
+        let refused = Attitude::from_xyzw(scaled(1.0011)).unwrap_err();
+        assert!(refused.to_string().contains("norm 1.0011"), "{refused}");
+        for bad in [f64::NAN, f64::INFINITY] {
+            let refused = Attitude::from_xyzw([0.0, bad, 0.0, 1.0]).unwrap_err();
+            assert!(matches!(refused, AttitudeError::NotFinite { .. }));
+        }
+    }
+
+    #[test]
+    fn slerp_takes_the_shorter_arc_whatever_the_signs() {
+        let a = Attitude::from_xyzw(TOUCHSTONE).unwrap();
+        let b = a.turned(&Vector3::new(0.0, 0.3, 0.1), 1.0);
+        let flipped = Attitude::from_xyzw(b.xyzw().map(|c| -c)).unwrap();
+        let half = a.turned(&Vector3::new(0.0, 0.3, 0.1), 0.5);
+        for end in [b, flipped] {
+            assert!(a.slerp(&end, 0.5).rotation_to(&half).norm() < 1e-15);
+            assert!(a.slerp(&end, 1.0).rotation_to(&b).norm() < 1e-15);
+        }
+    }
+}

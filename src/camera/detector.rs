@@ -1,0 +1,48 @@
+//! The detector: pixels, noise and digits.
+
+/// A detector with a linear response.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detector {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Pixel pitch, m.
+    pub pitch_m: f64,
+    /// Electrons a photon, averaged over the band (1).
+    pub quantum_efficiency: f64,
+    /// Dark current, e-/s a pixel.
+    pub dark_e_s: f64,
+    /// Read noise, e- rms.
+    pub read_noise_e: f64,
+    /// Full well, e-.
+    pub full_well_e: f64,
+    /// Gain, e-/DN: electrons are divided by it (the paper's "eDN").
+    pub gain_e_per_dn: f64,
+    /// What the converter gives for no charge, DN.
+    pub offset_dn: f64,
+    /// Bits of the converter.
+    pub bits: u8,
+}
+
+impl Detector {
+    /// Pixels.
+    pub fn pixels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// The largest digital number, `2^bits - 1`.
+    pub fn max_dn(&self) -> u16 {
+        (u32::from(u16::MAX) >> (16 - u32::from(self.bits.min(16)))) as u16
+    }
+
+    /// Variance that rounding to whole digits adds, e-^2: `gain^2 / 12`.
+    pub fn quantisation_variance(&self) -> f64 {
+        self.gain_e_per_dn * self.gain_e_per_dn / 12.0
+    }
+
+    /// Whether a position lies on the detector, pixel edges included on the lower side.
+    pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
+        (-0.5..self.width as f64 - 0.5).contains(&x) && (-0.5..self.height as f64 - 0.5).contains(&y)
+    }
+}

@@ -1,0 +1,60 @@
+//! The camera: optics and detector as one validated value, read from a TOML file.
+
+mod band;
+mod detector;
+mod file;
+mod optics;
+mod psf;
+
+pub use band::Band;
+pub use detector::Detector;
+pub use optics::Optics;
+pub use psf::GaussianPsf;
+
+use crate::attitude::Attitude;
+use crate::load::{ConfigError, Folder};
+
+/// A camera on its vehicle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    /// Name, as labels and FITS headers give it.
+    pub name: String,
+    /// Body to camera.
+    pub mounting: Attitude,
+    /// Aperture, projection, transmission, band and point spread function.
+    pub optics: Optics,
+    /// Pixels, noise and digits.
+    pub detector: Detector,
+    /// Exposure time unless commanded otherwise, s.
+    pub exposure_s: f64,
+    /// Frames a second at the camera's own cadence, Hz.
+    pub rate_hz: f64,
+}
+
+impl Camera {
+    /// Reads `name`: a bare name of `configs/cameras/` (also embedded), or a file in `folder`.
+    pub fn load(name: &str, folder: &Folder) -> Result<Camera, ConfigError> {
+        file::load(name, folder)
+    }
+
+    /// Electrons a second that a source of band magnitude 0 gives on the whole detector:
+    /// `E_zero QE tau A_app` of Clark et al. 2021, Eq. (2).
+    pub fn electrons_per_second_at_zero(&self) -> f64 {
+        self.optics.band.zero_point()
+            * self.detector.quantum_efficiency
+            * self.optics.transmission
+            * self.optics.aperture_area_m2()
+    }
+
+    /// The angle from the boresight (rad) within which every pixel, widened by `margin_px`, lies.
+    pub fn cone_rad(&self, margin_px: f64) -> f64 {
+        let (w, h) = (self.detector.width as f64 - 0.5, self.detector.height as f64 - 0.5);
+        [[-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]]
+            .into_iter()
+            .map(|[x, y]| {
+                let (dx, dy) = (x - self.optics.principal_px[0], y - self.optics.principal_px[1]);
+                ((dx.hypot(dy) + margin_px) / self.optics.focal_px).atan()
+            })
+            .fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,357 @@
+//! The run's configuration: what `skyloop run --config` and `skyloop render --scene` read.
+
+use crate::attitude::Attitude;
+use crate::camera::Camera;
+use crate::fidelity::{Fidelity, PRESETS};
+use crate::load::{Check, ConfigError, DEFAULT_SCENE, Folder, orbits, parse};
+use crate::sky::Corrections;
+use crate::sky::catalog::Selection;
+use crate::sky::photometry::Sphere;
+use hifitime::Epoch;
+use serde::Deserialize;
+use skyloop_orbit::Object;
+use std::path::Path;
+use std::str::FromStr;
+
+/// A validated configuration.
+#[derive(Debug)]
+pub struct Config {
+    /// Seed of all noise.
+    pub seed: u64,
+    /// The camera.
+    pub camera: Camera,
+    /// Error tolerances.
+    pub fidelity: Fidelity,
+    /// The faintest object that labels list, as signal-to-noise ratio.
+    pub label_snr: f64,
+    /// Which stars, and what moves and colours them.
+    pub sky: Sky,
+    /// Resident space objects.
+    pub objects: Vec<Object>,
+    /// Records of the object files that were refused, one line each.
+    pub rejected: Vec<String>,
+    /// What an object reflects where nothing is known of it.
+    pub sphere: Sphere,
+    /// The observer's own orbit, for runs that make their own attitudes.
+    pub observer: Option<Object>,
+    /// The exposures of an offline run.
+    pub sequence: Option<Sequence>,
+    /// How a live run listens and keeps time.
+    pub run: Run,
+}
+
+/// The stars and what is done to their directions.
+#[derive(Debug, Clone)]
+pub struct Sky {
+    /// Which part of the catalogue.
+    pub selection: Selection,
+    /// Corrections from catalogue to apparent place.
+    pub corrections: Corrections,
+    /// Whether stars carry their colour into the band (else the band magnitude is V).
+    pub colour: bool,
+}
+
+/// The exposures of an offline run and the attitudes they are made with.
+#[derive(Debug, Clone)]
+pub struct Sequence {
+    /// Middle of the first exposure.
+    pub epoch: Epoch,
+    /// Exposures.
+    pub frames: u32,
+    /// From one exposure's middle to the next, s.
+    pub period_s: f64,
+    /// At least one; between them slerp, outside of them the nearest.
+    pub attitudes: Vec<TimedAttitude>,
+    /// Body rates (rad/s) of a single attitude.
+    pub rates: [f64; 3],
+}
+
+/// An attitude at an instant.
+#[derive(Debug, Clone, Copy)]
+pub struct TimedAttitude {
+    /// When.
+    pub epoch: Epoch,
+    /// ICRF to body.
+    pub attitude: Attitude,
+}
+
+/// How a live run listens and keeps time.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// Link, as a URL.
+    pub link: String,
+    /// Who gives the time.
+    pub clock: Clock,
+    /// After this silence (s) of its client an exchange may be taken over by another.
+    pub idle_s: f64,
+}
+
+/// Who gives the time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Clock {
+    /// Each attitude gives one frame, of the attitude's own time.
+    Stepped,
+    /// Frames at the camera's rate, the latest attitude extrapolated by its rates.
+    Wall,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    #[serde(default = "one")]
+    seed: u64,
+    #[serde(default = "default_camera")]
+    camera: String,
+    #[serde(default = "default_fidelity")]
+    fidelity: String,
+    #[serde(default = "default_label_snr")]
+    label_snr: f64,
+    #[serde(default)]
+    sky: RawSky,
+    #[serde(default)]
+    objects: RawObjects,
+    #[serde(default)]
+    observer: RawObserver,
+    sequence: Option<RawSequence>,
+    #[serde(default)]
+    run: RawRun,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawSky {
+    catalog: String,
+    colour: bool,
+    proper_motion: bool,
+    parallax: bool,
+    deflection: bool,
+    aberration: bool,
+    light_time: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawObjects {
+    files: Vec<String>,
+    diameter_m: f64,
+    reflectance: f64,
+    diffuse: f64,
+    specular: f64,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields)]
+struct RawObserver {
+    orbit: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawSequence {
+    epoch: String,
+    frames: u32,
+    period_s: f64,
+    attitudes: Vec<RawAttitude>,
+    #[serde(default)]
+    rates_deg_s: [f64; 3],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawAttitude {
+    utc: Option<String>,
+    q: [f64; 4],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawRun {
+    link: String,
+    clock: Clock,
+    idle_s: f64,
+}
+
+fn one() -> u64 {
+    1
+}
+
+fn default_camera() -> String {
+    "fai-nir".to_string()
+}
+
+fn default_fidelity() -> String {
+    "realtime".to_string()
+}
+
+fn default_label_snr() -> f64 {
+    1.0
+}
+
+impl Default for RawSky {
+    fn default() -> Self {
+        RawSky {
+            catalog: "hipparcos".to_string(),
+            colour: true,
+            proper_motion: true,
+            parallax: true,
+            deflection: true,
+            aberration: true,
+            light_time: true,
+        }
+    }
+}
+
+impl Default for RawObjects {
+    fn default() -> Self {
+        let sphere = Sphere::default();
+        RawObjects {
+            files: Vec::new(),
+            diameter_m: sphere.diameter_m,
+            reflectance: sphere.reflectance,
+            diffuse: sphere.diffuse,
+            specular: sphere.specular,
+        }
+    }
+}
+
+impl Default for RawRun {
+    fn default() -> Self {
+        RawRun { link: "udp://127.0.0.1:4810".to_string(), clock: Clock::Stepped, idle_s: 5.0 }
+    }
+}
+
+impl Config {
+    /// Reads a file; names in it are relative to its folder.
+    pub fn load(path: &Path) -> Result<Config, ConfigError> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        Config::read(&Folder::of(path), &name)
+    }
+
+    /// The built-in scene: FAI on CASSIOPE, 15 June 2019.
+    pub fn builtin() -> Result<Config, ConfigError> {
+        Config::read(&Folder::Embedded(DEFAULT_SCENE.0), DEFAULT_SCENE.1)
+    }
+
+    /// Everything at its default: no objects, no sequence.
+    pub fn defaults() -> Result<Config, ConfigError> {
+        Config::parse("defaults", "", &Folder::current())
+    }
+
+    /// Reads file `name` of `folder`.
+    pub fn read(folder: &Folder, name: &str) -> Result<Config, ConfigError> {
+        let (file, text) = folder.read(name)?;
+        Config::parse(&file, &text, folder)
+    }
+
+    /// From text; `file` is its name in messages.
+    pub fn parse(file: &str, text: &str, folder: &Folder) -> Result<Config, ConfigError> {
+        let raw: Raw = parse(file, text)?;
+        let check = Check { file };
+        let sphere = Sphere {
+            diameter_m: check.range("objects.diameter_m", raw.objects.diameter_m, 1e-6..=1e6)?,
+            reflectance: check.range("objects.reflectance", raw.objects.reflectance, 0.0..=1.0)?,
+            diffuse: check.range("objects.diffuse", raw.objects.diffuse, 0.0..=1.0)?,
+            specular: check.range("objects.specular", raw.objects.specular, 0.0..=1.0)?,
+        };
+        let (mut objects, mut rejected) = (Vec::new(), Vec::new());
+        for name in &raw.objects.files {
+            let loaded = orbits::all(folder, name)?;
+            objects.extend(loaded.objects);
+            rejected.extend(loaded.rejected.iter().map(|r| r.to_string()));
+        }
+        let observer = match &raw.observer.orbit {
+            None => None,
+            Some(selector) => Some(orbits::one(folder, selector)?),
+        };
+        Ok(Config {
+            seed: raw.seed,
+            camera: Camera::load(&raw.camera, folder)?,
+            fidelity: Fidelity::preset(&raw.fidelity).ok_or_else(|| {
+                let names: Vec<_> = PRESETS.iter().map(|(n, _)| *n).collect();
+                check.refuse("fidelity", &raw.fidelity, format!("one of {}", names.join(", ")))
+            })?,
+            label_snr: check.range("label_snr", raw.label_snr, 0.0..=1e9)?,
+            sky: raw.sky.validate(&check)?,
+            objects,
+            rejected,
+            sphere,
+            observer,
+            sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
+            run: Run {
+                link: raw.run.link,
+                clock: raw.run.clock,
+                idle_s: check.range("run.idle_s", raw.run.idle_s, 0.0..=1e6)?,
+            },
+        })
+    }
+}
+
+impl RawSky {
+    fn validate(self, check: &Check) -> Result<Sky, ConfigError> {
+        let selection = match self.catalog.as_str() {
+            "hipparcos" => Selection::Hipparcos,
+            "bsc" => Selection::Bsc,
+            other => return Err(check.refuse("sky.catalog", other, "\"hipparcos\" or \"bsc\"")),
+        };
+        let corrections = Corrections {
+            proper_motion: self.proper_motion,
+            parallax: self.parallax,
+            deflection: self.deflection,
+            aberration: self.aberration,
+            light_time: self.light_time,
+        };
+        Ok(Sky { selection, corrections, colour: self.colour })
+    }
+}
+
+impl RawSequence {
+    fn validate(self, check: &Check) -> Result<Sequence, ConfigError> {
+        let epoch = utc(check, "sequence.epoch", &self.epoch)?;
+        let mut attitudes = Vec::new();
+        for (i, raw) in self.attitudes.iter().enumerate() {
+            let key = format!("sequence.attitudes[{i}]");
+            let refused = |e: &dyn std::fmt::Display| check.refuse(&key, format!("{:?}", raw.q), e.to_string());
+            attitudes.push(TimedAttitude {
+                epoch: match &raw.utc {
+                    Some(text) => utc(check, &format!("{key}.utc"), text)?,
+                    None if self.attitudes.len() == 1 => epoch,
+                    None => return Err(refused(&"given with `utc` when there is more than one")),
+                },
+                attitude: Attitude::from_xyzw(raw.q).map_err(|e| refused(&e))?,
+            });
+        }
+        if attitudes.is_empty() {
+            return Err(check.refuse("sequence.attitudes", "[]", "at least one { utc, q = [x, y, z, w] }"));
+        }
+        if attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
+            return Err(check.refuse("sequence.attitudes", "utc", "in increasing order of time"));
+        }
+        let mut rates = [0.0; 3];
+        for (rate, given) in rates.iter_mut().zip(self.rates_deg_s) {
+            *rate = check.range("sequence.rates_deg_s", given, -36000.0..=36000.0)?.to_radians();
+        }
+        Ok(Sequence {
+            epoch,
+            frames: check.range("sequence.frames", f64::from(self.frames), 1.0..=1e6)? as u32,
+            period_s: check.range("sequence.period_s", self.period_s, 1e-6..=1e6)?,
+            attitudes,
+            rates,
+        })
+    }
+}
+
+/// A UTC instant from text such as `2019-06-15T23:35:50.5Z`.
+pub fn parse_utc(text: &str) -> Result<Epoch, String> {
+    const WANTED: &str = "a UTC instant such as 2019-06-15T23:35:50.500Z";
+    let plain = text.trim().trim_end_matches('Z').trim_end_matches(" UTC");
+    let date_first = plain.len() >= 10 && plain.is_ascii() && plain.as_bytes()[4] == b'-';
+    if !date_first {
+        return Err(WANTED.to_string());
+    }
+    Epoch::from_str(&format!("{plain} UTC")).map_err(|_| WANTED.to_string())
+}
+
+fn utc(check: &Check, key: &str, text: &str) -> Result<Epoch, ConfigError> {
+    parse_utc(text).map_err(|allowed| check.refuse(key, text, allowed))
+}

@@ -1,0 +1,52 @@
+//! Where configuration and orbit files are read from: a folder on disk, or the files built into the binary.
+
+use super::{ConfigError, embedded};
+use std::path::{Path, PathBuf};
+
+/// The folder that relative file names in a configuration refer to.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Folder {
+    /// On disk.
+    Disk(PathBuf),
+    /// A folder below `configs/` that is built in.
+    Embedded(&'static str),
+}
+
+impl Folder {
+    /// The folder that holds `file`.
+    pub fn of(file: &Path) -> Folder {
+        Folder::Disk(file.parent().map(Path::to_path_buf).unwrap_or_default())
+    }
+
+    /// The folder that the process runs in.
+    pub fn current() -> Folder {
+        Folder::Disk(PathBuf::new())
+    }
+
+    /// The file called `name`, and the name to use for it in messages.
+    pub fn read(&self, name: &str) -> Result<(String, String), ConfigError> {
+        let failed = |file: String, source: std::io::Error| ConfigError::Read {
+            file,
+            source,
+            remedy: "check the path; relative paths start at the folder of the file that names them"
+                .to_string(),
+        };
+        match self {
+            Folder::Disk(folder) => {
+                let path = folder.join(name);
+                let shown = path.display().to_string();
+                match std::fs::read_to_string(&path) {
+                    Ok(text) => Ok((shown, text)),
+                    Err(source) => Err(failed(shown, source)),
+                }
+            }
+            Folder::Embedded(folder) => {
+                let path = format!("{folder}/{name}");
+                match embedded::file(&path) {
+                    Some(text) => Ok((format!("configs/{path}"), text.to_string())),
+                    None => Err(failed(path, std::io::ErrorKind::NotFound.into())),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! Loading text files: folders on disk or built in, checked TOML, errors that name file, key, value and
+//! the allowed range. Unknown keys are refused.
+
+mod embedded;
+mod folder;
+pub mod orbits;
+
+pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
+pub use folder::Folder;
+
+use std::ops::RangeInclusive;
+use thiserror::Error;
+
+/// What is wrong with a configuration file.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{file}: {source}; {remedy}")]
+    Read {
+        /// As named by the user.
+        file: String,
+        /// Why.
+        source: std::io::Error,
+        /// What to do.
+        remedy: String,
+    },
+    /// The text is not TOML, lacks a key or has an unknown one; the message shows line and key.
+    #[error("{file}: {source}")]
+    Syntax {
+        /// As named by the user.
+        file: String,
+        /// Line, key and the keys that would be known.
+        source: Box<toml::de::Error>,
+    },
+    /// A value that the emulator cannot work with.
+    #[error("{file}: {key} = {value}: must be {allowed}")]
+    Value {
+        /// As named by the user.
+        file: String,
+        /// Table and key.
+        key: String,
+        /// As given.
+        value: String,
+        /// Range or choice.
+        allowed: String,
+    },
+    /// An orbit file that cannot be used.
+    #[error("{file}: {reason}")]
+    Orbit {
+        /// As named by the user.
+        file: String,
+        /// What is wrong and what to do.
+        reason: String,
+    },
+}
+
+/// Checks values of one file, so that each check is one line.
+pub(crate) struct Check<'a> {
+    pub file: &'a str,
+}
+
+impl Check<'_> {
+    /// `value` if it lies in `range` (NaN never does).
+    pub fn range(&self, key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
+        if range.contains(&value) {
+            return Ok(value);
+        }
+        Err(self.refuse(key, value, format!("{} to {}", range.start(), range.end())))
+    }
+
+    /// The error for `key = value`.
+    pub fn refuse(
+        &self,
+        key: &str,
+        value: impl std::fmt::Display,
+        allowed: impl Into<String>,
+    ) -> ConfigError {
+        ConfigError::Value {
+            file: self.file.to_string(),
+            key: key.to_string(),
+            value: value.to_string(),
+            allowed: allowed.into(),
+        }
+    }
+}
+
+/// Parses TOML into raw keys; the error names the file.
+pub(crate) fn parse<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T, ConfigError> {
+    toml::from_str(text)
+        .map_err(|source| ConfigError::Syntax { file: file.to_string(), source: Box::new(source) })
+}
