@@ -1,1 +1,165 @@
-//! Orbits of skyloop.
+//! Where an object is: position and velocity in the Geocentric Celestial
+//! Reference Frame (GCRF), in metres and metres per second.
+//!
+//! ```text
+//! bytes -> load/parse -> Object -> state(t) -> StateVector (GCRF)
+//! ```
+//!
+//! Three sources of motion, one answer:
+//!
+//! | module | source | model | frame it comes in |
+//! |---|---|---|---|
+//! | [`elements`] | TLE, 3LE | SGP4/SDP4 | TEME, turned by [`frames`] |
+//! | [`ephemeris`] | CCSDS OEM (KVN) | Lagrange interpolation | turned at loading |
+//! | [`two_body`] | one state | two bodies and J2 | GCRF |
+//!
+//! Nothing here panics on what a file says: a record that cannot be read is
+//! [`Rejected`] with its line and reason, and the rest of the file loads.
+
+pub mod elements;
+pub mod ephemeris;
+pub mod frames;
+pub mod two_body;
+
+mod load;
+mod oem;
+mod time;
+mod tle;
+
+pub use load::{LoadError, Loaded, Rejected, load, parse};
+
+use elements::{Elements, PropagationError};
+use ephemeris::Ephemeris;
+use hifitime::{Epoch, TimeScale};
+use nalgebra::{Matrix3, Vector3};
+
+/// Position and velocity of a point, geocentric, GCRF axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StateVector {
+    /// Position, m, GCRF.
+    pub position_m: Vector3<f64>,
+    /// Velocity, m/s, GCRF.
+    pub velocity_m_s: Vector3<f64>,
+}
+
+impl StateVector {
+    /// Whether all six numbers are finite.
+    pub fn is_finite(&self) -> bool {
+        self.position_m
+            .iter()
+            .chain(self.velocity_m_s.iter())
+            .all(|x| x.is_finite())
+    }
+
+    /// The same state in axes turned by `rotation` (3 x 3, new = rotation * old).
+    ///
+    /// The velocity is turned alike: the slow turning of the axes themselves
+    /// (precession and nutation, about 1e-11 rad/s) is left out, which is
+    /// below 1 mm/s out to the geostationary belt.
+    pub fn rotated(&self, rotation: &Matrix3<f64>) -> Self {
+        Self {
+            position_m: rotation * self.position_m,
+            velocity_m_s: rotation * self.velocity_m_s,
+        }
+    }
+}
+
+/// A thing in orbit: what it is called and how it moves.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// `NORAD 44322` from an element set, the OBJECT_ID of an OEM.
+    pub id: String,
+    /// Names: the name line of a 3LE, the OBJECT_NAME of an OEM.
+    pub names: Vec<String>,
+    /// Its motion.
+    pub orbit: Orbit,
+}
+
+/// How an object's motion is given.
+#[derive(Clone, Debug)]
+pub enum Orbit {
+    /// Mean elements, propagated by SGP4/SDP4.
+    Elements(Elements),
+    /// Tabulated states, interpolated.
+    Ephemeris(Ephemeris),
+}
+
+impl Object {
+    /// The state at `t`, GCRF, m and m/s.
+    ///
+    /// Errors: [`OrbitError`], which names the object and the epoch.
+    pub fn state(&self, t: Epoch) -> Result<StateVector, OrbitError> {
+        match &self.orbit {
+            Orbit::Elements(_) => self.state_with(t, &frames::teme_to_gcrf(t)),
+            Orbit::Ephemeris(_) => self.state_with(t, &Matrix3::identity()),
+        }
+    }
+
+    /// [`Object::state`] with the rotation of [`frames::teme_to_gcrf`] at `t`
+    /// given by the caller: many objects at one instant pay for it once.
+    pub fn state_with(
+        &self,
+        t: Epoch,
+        teme_to_gcrf: &Matrix3<f64>,
+    ) -> Result<StateVector, OrbitError> {
+        let state = match &self.orbit {
+            Orbit::Elements(elements) => elements
+                .state_teme(t)
+                .map(|state| state.rotated(teme_to_gcrf))
+                .map_err(|reason| OrbitError::Propagation {
+                    object: self.label(),
+                    epoch: t.to_time_scale(TimeScale::UTC),
+                    reason,
+                })?,
+            Orbit::Ephemeris(ephemeris) => {
+                ephemeris
+                    .state(t)
+                    .map_err(|gap| OrbitError::OutsideInterval {
+                        object: self.label(),
+                        epoch: t.to_time_scale(TimeScale::UTC),
+                        start: gap.start,
+                        stop: gap.stop,
+                    })?
+            }
+        };
+        Ok(state)
+    }
+
+    /// Identifier and first name, for messages: `NORAD 39265 (CASSIOPE)`.
+    pub fn label(&self) -> String {
+        match self.names.first() {
+            Some(name) => format!("{} ({name})", self.id),
+            None => self.id.clone(),
+        }
+    }
+}
+
+/// Why an object has no state at an epoch.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum OrbitError {
+    /// The epoch lies outside what an ephemeris covers.
+    #[error(
+        "{object}: {epoch} is outside its ephemeris, which covers {start} to {stop}; \
+         ask inside it or load an ephemeris that covers the epoch"
+    )]
+    OutsideInterval {
+        /// The object's label.
+        object: String,
+        /// The epoch asked for, UTC.
+        epoch: Epoch,
+        /// Start of the covered interval nearest to the epoch, UTC.
+        start: Epoch,
+        /// End of that interval, UTC.
+        stop: Epoch,
+    },
+    /// The orbit model has no answer at the epoch.
+    #[error("{object}: no state at {epoch}: {reason}; use elements nearer to the epoch")]
+    Propagation {
+        /// The object's label.
+        object: String,
+        /// The epoch asked for, UTC.
+        epoch: Epoch,
+        /// What went wrong.
+        reason: PropagationError,
+    },
+}
