@@ -1,1 +1,3 @@
 //! skyloop: a hardware-in-the-loop star-tracker emulator.
+
+pub mod sky;
