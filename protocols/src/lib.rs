@@ -23,6 +23,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod frame;
 mod wire;
 
 pub mod command;

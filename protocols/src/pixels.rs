@@ -4,8 +4,8 @@
 //! holds [`LABEL_TEXT_PER_PART`] octets. Pixels run row by row from pixel (0, 0).
 
 use crate::error::EncodeError;
+use crate::frame::{Packing, PixelBlock};
 use crate::packet::{self, MAX_PAYLOAD, apid};
-use crate::reply::{Packing, PixelBlock};
 use crate::time::WireTime;
 
 /// Octets of a `PixelBlock` payload before the pixels.
