@@ -1,2 +1,48 @@
-//! Wire formats of skyloop.
+//! Wire formats of skyloop, shared by the emulator and by flight software.
+//!
+//! `no_std`, no allocation, no dependencies, no `unsafe`. Every byte is described in `docs/icd.md`;
+//! `vectors/golden.txt` holds one packet of every kind. The modules in reading order:
+//!
+//! 1. [`time`]: the CCSDS time code that every packet carries.
+//! 2. [`packet`]: the space packet around every message: headers, version, CRC.
+//! 3. [`command`]: what a flight computer sends. [`reply`]: what the emulator answers.
+//! 4. [`pixels`]: a frame's pixels and label text cut into packets, and put together again.
+//! 5. [`counters`], [`sequence`], [`credit`]: the book-keeping of both ends.
+//! 6. [`slip`]: packets on a serial line. [`crc`]: the two checksums.
+//! 7. [`personality`]: the table of wire languages.
+//!
+//! ```
+//! use skyloop_protocols::{Command, WireTime, packet::MAX_PACKET};
+//!
+//! let mut buffer = [0; MAX_PACKET];
+//! let length = Command::Ping.encode(7, WireTime(0), &mut buffer)?;
+//! let (header, command) = Command::decode(&buffer[..length])?;
+//! assert_eq!((header.sequence_count, command), (7, Command::Ping));
+//! # Ok::<(), Box<dyn core::error::Error>>(())
+//! ```
 #![no_std]
+#![forbid(unsafe_code)]
+
+mod frame;
+mod wire;
+
+pub mod command;
+pub mod counters;
+pub mod crc;
+pub mod credit;
+pub mod error;
+pub mod packet;
+pub mod personality;
+pub mod pixels;
+pub mod reply;
+pub mod sequence;
+pub mod slip;
+pub mod time;
+
+pub use command::{Attitude, Command, OrbitState};
+pub use counters::Counters;
+pub use error::{DecodeError, EncodeError, Reason};
+pub use packet::{Header, MAX_PACKET, apid};
+pub use personality::{PERSONALITIES, Personality};
+pub use reply::{Ack, FrameHeader, LabelPart, Mode, Nack, Packing, PixelBlock, Reply, Status};
+pub use time::WireTime;

@@ -1,0 +1,79 @@
+//! The emulator's counters: everything that arrives, is answered, refused or lost is counted once.
+
+use crate::error::Reason;
+
+macro_rules! counters {
+    ($($(#[$doc:meta])* $name:ident,)+) => {
+        /// Counts since the emulator started, modulo 2^32; in this order on the wire.
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+        pub struct Counters { $($(#[$doc])* pub $name: u32,)+ }
+
+        impl Counters {
+            /// The names, in the order of the fields.
+            pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),+];
+
+            /// Names and values, in the order of the fields.
+            pub fn iter(&self) -> impl Iterator<Item = (&'static str, u32)> + use<> {
+                Self::NAMES.iter().copied().zip([$(self.$name),+])
+            }
+
+            pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = &mut u32> {
+                [$(&mut self.$name),+].into_iter()
+            }
+        }
+    };
+}
+
+counters! {
+    /// Attitudes accepted.
+    attitudes,
+    /// Commands accepted, `Credit` included.
+    commands,
+    /// Frames rendered.
+    frames_rendered,
+    /// Frames whose last packet was handed to the link.
+    frames_delivered,
+    /// Frames given up before their last packet: Reset, a client that went away, a cadence too fast.
+    frames_abandoned,
+    /// Packets with a wrong CRC-16.
+    bad_crc,
+    /// Packets of another version.
+    bad_version,
+    /// Packets of a wrong length.
+    bad_length,
+    /// Packets with an unknown APID, opcode, type bit or header flags.
+    unknown_type,
+    /// Serial frames with a bad escape, a wrong CRC-32, or too short or too long.
+    bad_framing,
+    /// Attitudes with a quaternion that is not of unit length, or a number that is not finite.
+    bad_attitude,
+    /// Attitudes earlier than the last one accepted.
+    time_backwards,
+    /// Packets from somebody other than the client of the exchange.
+    foreign_packets,
+    /// Packets thrown away because the inbound queue was full.
+    dropped_inbound,
+    /// Commands with a value out of range.
+    bad_value,
+    /// Valid packets refused as `Busy` or `NotSupported`.
+    refused,
+    /// Packets missing in the client's sequence counts.
+    sequence_gaps,
+}
+
+impl Counters {
+    /// Counts one packet refused for this reason.
+    pub fn refuse(&mut self, reason: Reason) {
+        let counter = match reason {
+            Reason::BadCrc => &mut self.bad_crc,
+            Reason::BadVersion => &mut self.bad_version,
+            Reason::BadLength => &mut self.bad_length,
+            Reason::UnknownType => &mut self.unknown_type,
+            Reason::QuaternionNotUnit | Reason::NotFinite => &mut self.bad_attitude,
+            Reason::TimeBackwards => &mut self.time_backwards,
+            Reason::ValueOutOfRange => &mut self.bad_value,
+            Reason::Busy | Reason::NotSupported => &mut self.refused,
+        };
+        *counter = counter.wrapping_add(1);
+    }
+}

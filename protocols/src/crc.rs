@@ -1,0 +1,146 @@
+//! The two checksums, table-driven, eight octets a step ("slicing-by-8"): they run over every pixel octet.
+//!
+//! - [`crc16`]: CRC-16/CCITT-FALSE, the packet error control of CCSDS 132.0-B and ECSS-E-ST-70-41:
+//!   x^16 + x^12 + x^5 + 1, preset to ones, most significant bit first.
+//! - [`Crc32`]: CRC-32 of IEEE 802.3: polynomial 0x04C11DB7, reflected, preset and complemented.
+
+/// `TABLE_16[k][b]`: the remainder of octet `b` followed by `k` zero octets.
+static TABLE_16: [[u16; 256]; 8] = table_16();
+/// `TABLE_32[k][b]`: the same for the reflected CRC-32.
+static TABLE_32: [[u32; 256]; 8] = table_32();
+
+const fn table_16() -> [[u16; 256]; 8] {
+    let mut table = [[0; 256]; 8];
+    let mut octet = 0;
+    while octet < 256 {
+        let mut crc = (octet as u16) << 8;
+        let mut bit = 0;
+        while bit < 8 {
+            crc = if crc & 0x8000 != 0 {
+                crc << 1 ^ 0x1021
+            } else {
+                crc << 1
+            };
+            bit += 1;
+        }
+        table[0][octet] = crc;
+        octet += 1;
+    }
+    let mut next = 256;
+    while next < 8 * 256 {
+        let (k, octet) = (next / 256, next % 256);
+        let before = table[k - 1][octet];
+        table[k][octet] = before << 8 ^ table[0][(before >> 8) as usize];
+        next += 1;
+    }
+    table
+}
+
+const fn table_32() -> [[u32; 256]; 8] {
+    let mut table = [[0; 256]; 8];
+    let mut octet = 0;
+    while octet < 256 {
+        let mut crc = octet as u32;
+        let mut bit = 0;
+        while bit < 8 {
+            crc = if crc & 1 != 0 {
+                crc >> 1 ^ 0xEDB8_8320
+            } else {
+                crc >> 1
+            };
+            bit += 1;
+        }
+        table[0][octet] = crc;
+        octet += 1;
+    }
+    let mut next = 256;
+    while next < 8 * 256 {
+        let (k, octet) = (next / 256, next % 256);
+        let before = table[k - 1][octet];
+        table[k][octet] = before >> 8 ^ table[0][(before & 0xFF) as usize];
+        next += 1;
+    }
+    table
+}
+
+/// CRC-16/CCITT-FALSE of `bytes`.
+pub fn crc16(bytes: &[u8]) -> u16 {
+    let t = &TABLE_16;
+    let (eights, rest) = bytes.as_chunks::<8>();
+    let crc = eights.iter().fold(0xFFFF_u16, |crc, b| {
+        let [high, low] = crc.to_be_bytes();
+        t[7][usize::from(b[0] ^ high)]
+            ^ t[6][usize::from(b[1] ^ low)]
+            ^ t[5][usize::from(b[2])]
+            ^ t[4][usize::from(b[3])]
+            ^ t[3][usize::from(b[4])]
+            ^ t[2][usize::from(b[5])]
+            ^ t[1][usize::from(b[6])]
+            ^ t[0][usize::from(b[7])]
+    });
+    rest.iter().fold(crc, |crc, octet| {
+        crc << 8 ^ t[0][usize::from((crc >> 8) as u8 ^ octet)]
+    })
+}
+
+/// CRC-32 of `bytes`.
+pub fn crc32(bytes: &[u8]) -> u32 {
+    Crc32::new().update(bytes).finish()
+}
+
+/// CRC-32 over octets that come in pieces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Crc32(u32);
+
+impl Crc32 {
+    /// The checksum before the first octet.
+    pub const fn new() -> Self {
+        Self(u32::MAX)
+    }
+
+    /// The checksum carried on over `bytes`.
+    #[must_use]
+    pub fn update(self, bytes: &[u8]) -> Self {
+        let (eights, rest) = bytes.as_chunks::<8>();
+        let crc = eights.iter().fold(self.0, step_32);
+        Self(rest.iter().fold(crc, |crc, octet| {
+            crc >> 8 ^ TABLE_32[0][usize::from(crc as u8 ^ octet)]
+        }))
+    }
+
+    /// The checksum carried on over `pixels`, each as a big-endian 16-bit number.
+    #[must_use]
+    pub fn update_pixels(self, pixels: &[u16]) -> Self {
+        let (fours, rest) = pixels.as_chunks::<4>();
+        let crc = fours.iter().fold(self.0, |crc, four| {
+            let [a, b, c, d] = four.map(u16::to_be_bytes);
+            step_32(crc, &[a[0], a[1], b[0], b[1], c[0], c[1], d[0], d[1]])
+        });
+        rest.iter()
+            .fold(Self(crc), |crc, pixel| crc.update(&pixel.to_be_bytes()))
+    }
+
+    /// The checksum of all octets so far.
+    pub const fn finish(self) -> u32 {
+        !self.0
+    }
+}
+
+impl Default for Crc32 {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+fn step_32(crc: u32, b: &[u8; 8]) -> u32 {
+    let t = &TABLE_32;
+    let c = crc.to_le_bytes();
+    t[7][usize::from(b[0] ^ c[0])]
+        ^ t[6][usize::from(b[1] ^ c[1])]
+        ^ t[5][usize::from(b[2] ^ c[2])]
+        ^ t[4][usize::from(b[3] ^ c[3])]
+        ^ t[3][usize::from(b[4])]
+        ^ t[2][usize::from(b[5])]
+        ^ t[1][usize::from(b[6])]
+        ^ t[0][usize::from(b[7])]
+}

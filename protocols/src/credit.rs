@@ -1,0 +1,51 @@
+//! Pacing: the client says how many frame packets it can take in all, the emulator never sends more.
+//!
+//! The number is cumulative, so a lost or repeated `Credit` packet does no harm: the next one repairs it.
+
+/// The emulator's account of frame packets (`FrameHeader`, `PixelBlock`, `Labels`) in one exchange.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct CreditAccount {
+    granted: Option<u32>,
+    sent: u32,
+}
+
+impl CreditAccount {
+    /// A new exchange: nothing sent, not paced.
+    pub const fn new() -> Self {
+        Self {
+            granted: None,
+            sent: 0,
+        }
+    }
+
+    /// Takes a `Credit` command's number; one that lies behind an earlier one (a late datagram) is ignored.
+    pub fn grant(&mut self, packets: u32) {
+        let ahead = self
+            .granted
+            .is_none_or(|granted| is_ahead(packets, granted));
+        if ahead {
+            self.granted = Some(packets);
+        }
+    }
+
+    /// Whether one more frame packet may be sent. Always, until the first `Credit`.
+    pub fn may_send(&self) -> bool {
+        self.granted
+            .is_none_or(|granted| is_ahead(granted, self.sent))
+    }
+
+    /// Books one frame packet as sent.
+    pub fn spend(&mut self) {
+        self.sent = self.sent.wrapping_add(1);
+    }
+
+    /// Frame packets sent in this exchange, modulo 2^32.
+    pub const fn sent(&self) -> u32 {
+        self.sent
+    }
+}
+
+/// Whether `a` lies ahead of `b` on the circle of 2^32 numbers.
+const fn is_ahead(a: u32, b: u32) -> bool {
+    a.wrapping_sub(b) as i32 > 0
+}

@@ -1,0 +1,258 @@
+//! A frame cut into packets: pixels into blocks, label text into parts; and the way back.
+//!
+//! Both ends use the same cut: every block but the last holds [`pixels_per_block`] pixels and every part but the last
+//! holds [`LABEL_TEXT_PER_PART`] octets. Pixels run row by row from pixel (0, 0).
+
+use crate::error::EncodeError;
+use crate::frame::{Packing, PixelBlock};
+use crate::packet::{self, MAX_PAYLOAD, apid};
+use crate::time::WireTime;
+
+/// Octets of a `PixelBlock` payload before the pixels.
+pub const BLOCK_FIELDS_LENGTH: usize = 15;
+/// Octets of a `Labels` payload before the text.
+pub const LABEL_FIELDS_LENGTH: usize = 8;
+/// Octets of label text in every part but the last.
+pub const LABEL_TEXT_PER_PART: usize = MAX_PAYLOAD - LABEL_FIELDS_LENGTH;
+
+const BLOCK_DATA: usize = MAX_PAYLOAD - BLOCK_FIELDS_LENGTH;
+const MAX_12_BIT: u16 = 0xFFF;
+
+/// Most pixels that fit one block; a whole number of pairs when packed to 12 bits.
+pub const fn pixels_per_block(packing: Packing) -> usize {
+    match packing {
+        Packing::Bits12 => BLOCK_DATA / 3 * 2,
+        Packing::Bits16 => BLOCK_DATA / 2,
+    }
+}
+
+/// Octets that `count` pixels take: two pixels in three octets, or two octets each. An odd last pixel takes two.
+pub const fn packed_length(packing: Packing, count: usize) -> usize {
+    match packing {
+        Packing::Bits12 => count / 2 * 3 + count % 2 * 2,
+        Packing::Bits16 => count * 2,
+    }
+}
+
+/// Blocks of a frame with `pixels` pixels.
+pub const fn blocks_in_frame(pixels: u32, packing: Packing) -> u32 {
+    pixels.div_ceil(pixels_per_block(packing) as u32)
+}
+
+/// Parts of a label text with `octets` octets; `None` if there are more than the field can count.
+pub const fn label_parts(octets: u32) -> Option<u16> {
+    let parts = octets.div_ceil(LABEL_TEXT_PER_PART as u32);
+    if parts <= u16::MAX as u32 {
+        Some(parts as u16)
+    } else {
+        None
+    }
+}
+
+/// One block's share of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BlockSlice<'a> {
+    /// Number of the block in its frame.
+    pub index: u32,
+    /// Place of the first pixel in the frame: row * width + column.
+    pub first_pixel: u32,
+    /// The pixels, DN.
+    pub pixels: &'a [u16],
+}
+
+/// Splits a frame's pixels into blocks, in index order.
+pub fn blocks(pixels: &[u16], packing: Packing) -> impl ExactSizeIterator<Item = BlockSlice<'_>> {
+    let size = pixels_per_block(packing);
+    // Width and height are 16-bit numbers: places fit 32 bits.
+    pixels
+        .chunks(size)
+        .enumerate()
+        .map(move |(index, pixels)| BlockSlice {
+            index: index as u32,
+            first_pixel: (index * size) as u32,
+            pixels,
+        })
+}
+
+/// Splits a frame's label text into the texts of its parts, in part order.
+pub fn label_texts(text: &[u8]) -> impl ExactSizeIterator<Item = &[u8]> {
+    text.chunks(LABEL_TEXT_PER_PART)
+}
+
+/// Writes the packet of one block straight from the frame's pixels; the short way of
+/// [`Reply::encode`](crate::Reply::encode) with a [`PixelBlock`].
+///
+/// # Errors
+/// Too many pixels for a packet, none at all, a buffer too small, or a pixel above 4095 in 12-bit packing.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the fields of one packet, in the order of its bytes"
+)]
+pub fn encode_pixel_block(
+    frame: u32,
+    index: u32,
+    first_pixel: u32,
+    pixels: &[u16],
+    packing: Packing,
+    header_seq_count: u16,
+    time: WireTime,
+    buf: &mut [u8],
+) -> Result<usize, EncodeError> {
+    let (found, limit) = (pixels.len(), pixels_per_block(packing));
+    if found > limit {
+        return Err(EncodeError::TooLong {
+            what: "PixelBlock",
+            found,
+            limit,
+        });
+    }
+    // At most `limit`: the cast loses nothing.
+    let block = PixelBlock {
+        frame,
+        index,
+        first_pixel,
+        count: found as u16,
+        packing,
+        data: &[],
+    };
+    packet::write(apid::PIXEL_BLOCK, header_seq_count, time, buf, |writer| {
+        block.write_fields(writer)?;
+        let data = writer.reserve(packed_length(packing, found))?;
+        match packing {
+            Packing::Bits12 => pack12(pixels, data),
+            Packing::Bits16 => pack16(pixels, data),
+        }
+    })
+}
+
+/// Packs pixels into `data`, big-endian, two octets each.
+///
+/// # Errors
+/// `data` is not [`packed_length`] octets long.
+pub fn pack16(pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {
+    expect_length(Packing::Bits16, pixels.len(), data.len())?;
+    for (octets, pixel) in data.as_chunks_mut::<2>().0.iter_mut().zip(pixels) {
+        *octets = pixel.to_be_bytes();
+    }
+    Ok(())
+}
+
+/// Packs pixels into `data`, 12 bits each, first bit first: `AAAAAAAA AAAABBBB BBBBBBBB`. The four bits after an odd
+/// last pixel are 0.
+///
+/// # Errors
+/// `data` is not [`packed_length`] octets long, or a pixel is above 4095.
+pub fn pack12(pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {
+    expect_length(Packing::Bits12, pixels.len(), data.len())?;
+    if pixels.iter().fold(0, |all, pixel| all | pixel) > MAX_12_BIT {
+        return Err(EncodeError::PixelTooLarge);
+    }
+    let (pairs, last) = pixels.as_chunks::<2>();
+    let (triples, tail) = data.as_chunks_mut::<3>();
+    for (octets, [a, b]) in triples.iter_mut().zip(pairs) {
+        *octets = [(a >> 4) as u8, (a << 4 | b >> 8) as u8, *b as u8];
+    }
+    if let (Some(pixel), Some(octets)) = (last.first(), tail.first_chunk_mut()) {
+        *octets = (pixel << 4).to_be_bytes();
+    }
+    Ok(())
+}
+
+fn expect_length(packing: Packing, pixels: usize, octets: usize) -> Result<(), EncodeError> {
+    if octets == packed_length(packing, pixels) {
+        Ok(())
+    } else {
+        Err(EncodeError::Inconsistent {
+            what: "number of pixels and length of their octets",
+        })
+    }
+}
+
+/// Unpacks 16-bit pixels: fills `pixels` as far as `data` goes and returns how many it filled.
+pub fn unpack16(data: &[u8], pixels: &mut [u16]) -> usize {
+    let octets = data.as_chunks::<2>().0;
+    for (pixel, octets) in pixels.iter_mut().zip(octets) {
+        *pixel = u16::from_be_bytes(*octets);
+    }
+    octets.len().min(pixels.len())
+}
+
+/// Unpacks 12-bit pixels: fills `pixels` as far as `data` goes and returns how many it filled.
+pub fn unpack12(data: &[u8], pixels: &mut [u16]) -> usize {
+    let (triples, tail) = data.as_chunks::<3>();
+    let (pairs, last) = pixels.as_chunks_mut::<2>();
+    for (pair, [a, b, c]) in pairs.iter_mut().zip(triples) {
+        let (a, b, c) = (u16::from(*a), u16::from(*b), u16::from(*c));
+        *pair = [a << 4 | b >> 4, (b & 0xF) << 8 | c];
+    }
+    let whole = 2 * pairs.len().min(triples.len());
+    // An odd last pixel stands in the two octets after the last triple, or at the head of the next triple.
+    let rest = triples
+        .get(pairs.len())
+        .map_or(tail, |triple| triple.as_slice());
+    match (
+        last.first_mut(),
+        rest.first_chunk(),
+        pairs.len() <= triples.len(),
+    ) {
+        (Some(pixel), Some(octets), true) => {
+            *pixel = u16::from_be_bytes(*octets) >> 4;
+            whole + 1
+        }
+        _ => whole,
+    }
+}
+
+/// The pixels of one block, DN, in the order of the frame.
+#[derive(Debug, Clone)]
+pub struct Pixels<'a> {
+    data: &'a [u8],
+    packing: Packing,
+    next: usize,
+    count: usize,
+}
+
+impl<'a> Pixels<'a> {
+    /// `count` pixels, or as many as `data` holds.
+    pub(crate) fn new(data: &'a [u8], packing: Packing, count: usize) -> Self {
+        let held = match packing {
+            Packing::Bits12 => data.len() / 3 * 2 + usize::from(data.len() % 3 == 2),
+            Packing::Bits16 => data.len() / 2,
+        };
+        Self {
+            data,
+            packing,
+            next: 0,
+            count: count.min(held),
+        }
+    }
+}
+
+impl Iterator for Pixels<'_> {
+    type Item = u16;
+
+    fn next(&mut self) -> Option<u16> {
+        if self.next >= self.count {
+            return None;
+        }
+        let (pixel, odd) = (self.next, self.next % 2);
+        let at = match self.packing {
+            Packing::Bits12 => pixel / 2 * 3 + odd,
+            Packing::Bits16 => pixel * 2,
+        };
+        let octets = u16::from_be_bytes(*self.data.get(at..)?.first_chunk()?);
+        self.next += 1;
+        Some(match (self.packing, odd) {
+            (Packing::Bits16, _) => octets,
+            (Packing::Bits12, 0) => octets >> 4,
+            (Packing::Bits12, _) => octets & MAX_12_BIT,
+        })
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let left = self.count - self.next;
+        (left, Some(left))
+    }
+}
+
+impl ExactSizeIterator for Pixels<'_> {}

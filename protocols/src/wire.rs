@@ -1,0 +1,195 @@
+//! Bounded big-endian reading and writing: the only places that touch octets by position.
+
+use crate::error::{DecodeError, EncodeError};
+
+/// An enum with one code on the wire per variant, the list of them all, and their names.
+macro_rules! wire_enum {
+    ($(#[$doc:meta])* pub enum $name:ident: $code:ty {
+        $($(#[$variant_doc:meta])* $variant:ident = $value:literal,)+
+    }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[repr($code)]
+        pub enum $name { $($(#[$variant_doc])* $variant = $value,)+ }
+
+        impl $name {
+            /// All of them, in the order of their codes.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+
+            /// The code on the wire.
+            pub const fn code(self) -> $code { self as $code }
+
+            /// The one that has this code.
+            pub const fn from_code(code: $code) -> Option<Self> {
+                match code { $($value => Some(Self::$variant),)+ _ => None }
+            }
+
+            /// The name that the ICD uses.
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$variant => stringify!($variant),)+ }
+            }
+        }
+    };
+}
+pub(crate) use wire_enum;
+
+/// Reads fields from `bytes`, which end before the CRC; positions count from the packet's first octet.
+pub(crate) struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    what: &'static str,
+}
+
+impl<'a> Reader<'a> {
+    /// Reads on from octet `at`; `what` names the packet in errors.
+    pub fn new(bytes: &'a [u8], at: usize, what: &'static str) -> Self {
+        Self { bytes, at, what }
+    }
+
+    pub fn named(self, what: &'static str) -> Self {
+        Self { what, ..self }
+    }
+
+    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], DecodeError> {
+        let end = self.at + count;
+        let field = self.bytes.get(self.at..end).ok_or(self.length(end))?;
+        self.at = end;
+        Ok(field)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], DecodeError> {
+        let end = self.at + N;
+        let field = self
+            .bytes
+            .get(self.at..)
+            .and_then(|rest| rest.first_chunk());
+        let field = field.ok_or(self.length(end))?;
+        self.at = end;
+        Ok(*field)
+    }
+
+    pub fn u8(&mut self) -> Result<u8, DecodeError> {
+        self.array().map(u8::from_be_bytes)
+    }
+
+    pub fn u16(&mut self) -> Result<u16, DecodeError> {
+        self.array().map(u16::from_be_bytes)
+    }
+
+    pub fn u32(&mut self) -> Result<u32, DecodeError> {
+        self.array().map(u32::from_be_bytes)
+    }
+
+    pub fn u64(&mut self) -> Result<u64, DecodeError> {
+        self.array().map(u64::from_be_bytes)
+    }
+
+    pub fn f64(&mut self) -> Result<f64, DecodeError> {
+        self.array().map(f64::from_be_bytes)
+    }
+
+    pub fn f64s<const N: usize>(&mut self) -> Result<[f64; N], DecodeError> {
+        let mut numbers = [0.0; N];
+        for number in &mut numbers {
+            *number = self.f64()?;
+        }
+        Ok(numbers)
+    }
+
+    /// All octets up to the CRC.
+    pub fn rest(&mut self) -> &'a [u8] {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        self.at += rest.len();
+        rest
+    }
+
+    /// Refuses octets that no field has claimed.
+    pub fn finish(self) -> Result<(), DecodeError> {
+        if self.at == self.bytes.len() {
+            Ok(())
+        } else {
+            Err(self.length(self.at))
+        }
+    }
+
+    /// Both lengths as those of the whole packet, its CRC included.
+    fn length(&self, end: usize) -> DecodeError {
+        use crate::packet::CRC_LENGTH;
+        let (found, expected) = (self.bytes.len() + CRC_LENGTH, end + CRC_LENGTH);
+        DecodeError::BadLength {
+            what: self.what,
+            found,
+            expected,
+        }
+    }
+}
+
+/// Writes fields into the caller's buffer, never past `limit` octets.
+pub(crate) struct Writer<'b> {
+    buffer: &'b mut [u8],
+    at: usize,
+    limit: usize,
+}
+
+impl<'b> Writer<'b> {
+    pub fn new(buffer: &'b mut [u8], limit: usize) -> Self {
+        Self {
+            buffer,
+            at: 0,
+            limit,
+        }
+    }
+
+    /// The next `count` octets, for the caller to fill.
+    pub fn reserve(&mut self, count: usize) -> Result<&mut [u8], EncodeError> {
+        let end = self.at.saturating_add(count);
+        if end > self.limit {
+            return Err(EncodeError::TooLong {
+                what: "packet",
+                found: end,
+                limit: self.limit,
+            });
+        }
+        let available = self.buffer.len();
+        let field = self.buffer.get_mut(self.at..end);
+        self.at = end;
+        field.ok_or(EncodeError::BufferTooSmall {
+            needed: end,
+            available,
+        })
+    }
+
+    pub fn bytes(&mut self, bytes: &[u8]) -> Result<(), EncodeError> {
+        self.reserve(bytes.len())?.copy_from_slice(bytes);
+        Ok(())
+    }
+
+    pub fn u8(&mut self, value: u8) -> Result<(), EncodeError> {
+        self.bytes(&value.to_be_bytes())
+    }
+
+    pub fn u16(&mut self, value: u16) -> Result<(), EncodeError> {
+        self.bytes(&value.to_be_bytes())
+    }
+
+    pub fn u32(&mut self, value: u32) -> Result<(), EncodeError> {
+        self.bytes(&value.to_be_bytes())
+    }
+
+    pub fn u64(&mut self, value: u64) -> Result<(), EncodeError> {
+        self.bytes(&value.to_be_bytes())
+    }
+
+    pub fn f64(&mut self, value: f64) -> Result<(), EncodeError> {
+        self.bytes(&value.to_be_bytes())
+    }
+
+    pub fn f64s(&mut self, values: &[f64]) -> Result<(), EncodeError> {
+        values.iter().try_for_each(|value| self.f64(*value))
+    }
+
+    /// What has been written so far, and nothing after it.
+    pub fn written(self) -> &'b mut [u8] {
+        self.buffer.get_mut(..self.at).unwrap_or_default()
+    }
+}
