@@ -154,7 +154,12 @@ impl VehicleState {
         orbit: Option<([f64; 3], [f64; 3])>,
     ) -> Result<Self, AttitudeError> {
         let attitude = Attitude::from_xyzw(q_icrf_to_body)?;
-        bounded("body rates (rad/s)", &rates, MAX_RATE, "at most 628.4 rad/s")?;
+        bounded(
+            "body rates (rad/s)",
+            &rates,
+            MAX_RATE,
+            "at most 628.4 rad/s",
+        )?;
         if let Some((position, velocity)) = &orbit {
             bounded("position (m)", position, MAX_POSITION, "at most 4e9 m")?;
             bounded("velocity (m/s)", velocity, MAX_SPEED, "at most 1e5 m/s")?;
@@ -188,7 +193,10 @@ fn finite(what: &'static str, value: &[f64]) -> Result<(), AttitudeError> {
     if value.iter().all(|v| v.is_finite()) {
         return Ok(());
     }
-    Err(AttitudeError::NotFinite { what, value: value.to_vec() })
+    Err(AttitudeError::NotFinite {
+        what,
+        value: value.to_vec(),
+    })
 }
 
 fn bounded(
@@ -201,7 +209,11 @@ fn bounded(
     if value.iter().map(|v| v * v).sum::<f64>().sqrt() <= limit {
         return Ok(());
     }
-    Err(AttitudeError::OutOfRange { what, value: value.to_vec(), allowed })
+    Err(AttitudeError::OutOfRange {
+        what,
+        value: value.to_vec(),
+        allowed,
+    })
 }
 
 #[cfg(test)]
@@ -215,7 +227,11 @@ mod tests {
     fn the_touchstone_points_where_the_conventions_say() {
         let q = Attitude::from_xyzw(TOUCHSTONE).unwrap();
         let boresight = q.matrix().transpose() * Vector3::z();
-        let ra_deg = boresight.y.atan2(boresight.x).to_degrees().rem_euclid(360.0);
+        let ra_deg = boresight
+            .y
+            .atan2(boresight.x)
+            .to_degrees()
+            .rem_euclid(360.0);
         let dec_deg = boresight.z.asin().to_degrees();
         assert!((ra_deg - 248.112).abs() < 5e-4 && (dec_deg - 9.215).abs() < 5e-4);
     }

@@ -217,7 +217,11 @@ impl Default for RawObjects {
 
 impl Default for RawRun {
     fn default() -> Self {
-        RawRun { link: "udp://127.0.0.1:4810".to_string(), clock: Clock::Stepped, idle_s: 5.0 }
+        RawRun {
+            link: "udp://127.0.0.1:4810".to_string(),
+            clock: Clock::Stepped,
+            idle_s: 5.0,
+        }
     }
 }
 
@@ -269,7 +273,11 @@ impl Config {
             camera: Camera::load(&raw.camera, folder)?,
             fidelity: Fidelity::preset(&raw.fidelity).ok_or_else(|| {
                 let names: Vec<_> = PRESETS.iter().map(|(n, _)| *n).collect();
-                check.refuse("fidelity", &raw.fidelity, format!("one of {}", names.join(", ")))
+                check.refuse(
+                    "fidelity",
+                    &raw.fidelity,
+                    format!("one of {}", names.join(", ")),
+                )
             })?,
             label_snr: check.range("label_snr", raw.label_snr, 0.0..=1e9)?,
             sky: raw.sky.validate(&check)?,
@@ -301,7 +309,11 @@ impl RawSky {
             aberration: self.aberration,
             light_time: self.light_time,
         };
-        Ok(Sky { selection, corrections, colour: self.colour })
+        Ok(Sky {
+            selection,
+            corrections,
+            colour: self.colour,
+        })
     }
 }
 
@@ -311,7 +323,9 @@ impl RawSequence {
         let mut attitudes = Vec::new();
         for (i, raw) in self.attitudes.iter().enumerate() {
             let key = format!("sequence.attitudes[{i}]");
-            let refused = |e: &dyn std::fmt::Display| check.refuse(&key, format!("{:?}", raw.q), e.to_string());
+            let refused = |e: &dyn std::fmt::Display| {
+                check.refuse(&key, format!("{:?}", raw.q), e.to_string())
+            };
             attitudes.push(TimedAttitude {
                 epoch: match &raw.utc {
                     Some(text) => utc(check, &format!("{key}.utc"), text)?,
@@ -322,14 +336,20 @@ impl RawSequence {
             });
         }
         if attitudes.is_empty() {
-            return Err(check.refuse("sequence.attitudes", "[]", "at least one { utc, q = [x, y, z, w] }"));
+            return Err(check.refuse(
+                "sequence.attitudes",
+                "[]",
+                "at least one { utc, q = [x, y, z, w] }",
+            ));
         }
         if attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
             return Err(check.refuse("sequence.attitudes", "utc", "in increasing order of time"));
         }
         let mut rates = [0.0; 3];
         for (rate, given) in rates.iter_mut().zip(self.rates_deg_s) {
-            *rate = check.range("sequence.rates_deg_s", given, -36000.0..=36000.0)?.to_radians();
+            *rate = check
+                .range("sequence.rates_deg_s", given, -36000.0..=36000.0)?
+                .to_radians();
         }
         Ok(Sequence {
             epoch,

@@ -17,11 +17,19 @@ pub struct Fidelity {
 
 impl Fidelity {
     /// For live frames: errors far below the noise of any frame.
-    pub const REALTIME: Fidelity =
-        Fidelity { psf_loss: 1e-6, track_step_sigma: 0.5, static_px: 1e-3, star_cutoff_snr: 0.0 };
+    pub const REALTIME: Fidelity = Fidelity {
+        psf_loss: 1e-6,
+        track_step_sigma: 0.5,
+        static_px: 1e-3,
+        star_cutoff_snr: 0.0,
+    };
     /// The slow, obvious path that also serves the tests as truth.
-    pub const REFERENCE: Fidelity =
-        Fidelity { psf_loss: 1e-12, track_step_sigma: 0.1, static_px: 0.0, star_cutoff_snr: 0.0 };
+    pub const REFERENCE: Fidelity = Fidelity {
+        psf_loss: 1e-12,
+        track_step_sigma: 0.1,
+        static_px: 0.0,
+        star_cutoff_snr: 0.0,
+    };
 
     /// The preset called `name`.
     pub fn preset(name: &str) -> Option<Fidelity> {
@@ -30,5 +38,7 @@ impl Fidelity {
 }
 
 /// The named presets.
-pub const PRESETS: &[(&str, Fidelity)] =
-    &[("realtime", Fidelity::REALTIME), ("reference", Fidelity::REFERENCE)];
+pub const PRESETS: &[(&str, Fidelity)] = &[
+    ("realtime", Fidelity::REALTIME),
+    ("reference", Fidelity::REFERENCE),
+];

@@ -1,3 +1,29 @@
 //! skyloop: a hardware-in-the-loop star-tracker emulator.
+//!
+//! One straight corridor; each value is made once, by one room, and only read afterwards:
+//!
+//! ```text
+//! bytes -> Command -> VehicleState -> Scene -> Plan -> Frame + Label -> Reply -> bytes
+//! ```
+//!
+//! In reading order: [`attitude`] holds the conventions; [`config`] and [`camera`] what a user writes;
+//! [`sky`] and [`skyloop_orbit`] what is up there; [`scene`] what one exposure sees of it; [`effect`],
+//! [`plan`] and [`render`] turn that into a [`frame`]; [`label`] says what is in it; [`engine`] drives
+//! them; [`link`] and [`serve`] connect them to a wire; [`output`] writes files.
 
+pub mod attitude;
+pub mod camera;
+pub mod config;
+pub mod effect;
+pub mod fidelity;
+pub mod footprint;
+pub mod frame;
+pub mod label;
+pub mod load;
+pub mod plan;
+pub mod render;
+pub mod rng;
+pub mod scene;
 pub mod sky;
+
+pub use skyloop_orbit as orbit;

@@ -109,8 +109,16 @@ fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
     for _ in 0..10 {
         let p0 = u64::from(c[0]) * 0xD251_1F53;
         let p1 = u64::from(c[2]) * 0xCD9E_8D57;
-        c = [(p1 >> 32) as u32 ^ c[1] ^ k[0], p1 as u32, (p0 >> 32) as u32 ^ c[3] ^ k[1], p0 as u32];
-        k = [k[0].wrapping_add(0x9E37_79B9), k[1].wrapping_add(0xBB67_AE85)];
+        c = [
+            (p1 >> 32) as u32 ^ c[1] ^ k[0],
+            p1 as u32,
+            (p0 >> 32) as u32 ^ c[3] ^ k[1],
+            p0 as u32,
+        ];
+        k = [
+            k[0].wrapping_add(0x9E37_79B9),
+            k[1].wrapping_add(0xBB67_AE85),
+        ];
     }
     c
 }
@@ -119,18 +127,27 @@ fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
 mod tests {
     use super::*;
 
-    const KEY: NoiseKey = NoiseKey { seed: 7, sequence: 3 };
+    const KEY: NoiseKey = NoiseKey {
+        seed: 7,
+        sequence: 3,
+    };
 
     // X-Val: Random123 1.14 `kat_vectors`, lines "philox4x32 10".
     #[test]
     fn philox_meets_the_known_answers() {
-        assert_eq!(philox([0; 4], [0; 2]), [0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8]);
+        assert_eq!(
+            philox([0; 4], [0; 2]),
+            [0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8]
+        );
         assert_eq!(
             philox([u32::MAX; 4], [u32::MAX; 2]),
             [0x408f276d, 0x41c83b0e, 0xa20bc7c6, 0x6d5451fd]
         );
         assert_eq!(
-            philox([0x243f6a88, 0x85a308d3, 0x13198a2e, 0x03707344], [0xa4093822, 0x299f31d0]),
+            philox(
+                [0x243f6a88, 0x85a308d3, 0x13198a2e, 0x03707344],
+                [0xa4093822, 0x299f31d0]
+            ),
             [0xd16cfe09, 0x94fdcceb, 0x5001e420, 0x24126ea1]
         );
     }
@@ -154,7 +171,10 @@ mod tests {
             let mu6 = mean * (1.0 + 25.0 * mean + 15.0 * mean * mean);
             assert!(m.abs() < 5.0 * (mean / n).sqrt(), "mean {mean}: bias {m}");
             assert!((variance - mean).abs() < 5.0 * ((mu4 - mean * mean) / n).sqrt());
-            assert!((third - mean).abs() < 5.0 * (mu6 / n).sqrt(), "{mean}: third {third}");
+            assert!(
+                (third - mean).abs() < 5.0 * (mu6 / n).sqrt(),
+                "{mean}: third {third}"
+            );
         }
         assert_eq!(PixelStream::new(KEY, 1, 0).poisson(0.0), 0.0);
         assert_eq!(PixelStream::new(KEY, 1, 0).poisson(f64::NAN), 0.0);
@@ -163,7 +183,9 @@ mod tests {
     #[test]
     fn normal_has_the_normal_moments_and_tails() {
         const N: u32 = 400_000;
-        let draws: Vec<f64> = (0..N).map(|p| PixelStream::new(KEY, 2, p).normal()).collect();
+        let draws: Vec<f64> = (0..N)
+            .map(|p| PixelStream::new(KEY, 2, p).normal())
+            .collect();
         let n = f64::from(N);
         let moment = |k: i32| draws.iter().map(|x| x.powi(k)).sum::<f64>() / n;
         assert!(moment(1).abs() < 5.0 / n.sqrt());

@@ -25,12 +25,13 @@ pub struct Band {
 
 /// Johnson V, energy response as Bessell 1990 (PASP 102, 1181, Table 2), 470 to 700 nm each 10 nm.
 const V: &[f64] = &[
-    0.000, 0.030, 0.163, 0.458, 0.780, 0.967, 1.000, 0.973, 0.898, 0.792, 0.684, 0.574, 0.461, 0.359, 0.270,
-    0.197, 0.135, 0.081, 0.045, 0.025, 0.017, 0.013, 0.009, 0.000,
+    0.000, 0.030, 0.163, 0.458, 0.780, 0.967, 1.000, 0.973, 0.898, 0.792, 0.684, 0.574, 0.461,
+    0.359, 0.270, 0.197, 0.135, 0.081, 0.045, 0.025, 0.017, 0.013, 0.009, 0.000,
 ];
 /// A front-illuminated silicon sensor behind glass, 350 to 1050 nm each 50 nm: a typical shape, assumed.
-const SILICON: &[f64] =
-    &[0.00, 0.30, 0.60, 0.80, 0.93, 1.00, 0.98, 0.92, 0.83, 0.70, 0.55, 0.40, 0.25, 0.10, 0.00];
+const SILICON: &[f64] = &[
+    0.00, 0.30, 0.60, 0.80, 0.93, 1.00, 0.98, 0.92, 0.83, 0.70, 0.55, 0.40, 0.25, 0.10, 0.00,
+];
 
 impl Band {
     /// Full response between two wavelengths (m).
@@ -45,10 +46,18 @@ impl Band {
             move |m: f64| linear(table, (m * 1e9 - from_nm) / step_nm)
         };
         match name {
-            "v" => Some(Band::sampled(name.into(), 470e-9, 700e-9, table(V, 470.0, 10.0))),
-            "silicon" => {
-                Some(Band::sampled(name.into(), 350e-9, 1050e-9, table(SILICON, 350.0, 50.0)))
-            }
+            "v" => Some(Band::sampled(
+                name.into(),
+                470e-9,
+                700e-9,
+                table(V, 470.0, 10.0),
+            )),
+            "silicon" => Some(Band::sampled(
+                name.into(),
+                350e-9,
+                1050e-9,
+                table(SILICON, 350.0, 50.0),
+            )),
             _ => None,
         }
     }
@@ -61,7 +70,12 @@ impl Band {
             .map(|i| from_m + (i as f64 + 0.5) * step_m)
             .map(|wavelength| (wavelength, response(wavelength)))
             .collect();
-        let mut band = Band { name, samples, step_m, sun_photons: 1.0 };
+        let mut band = Band {
+            name,
+            samples,
+            step_m,
+            sun_photons: 1.0,
+        };
         band.sun_photons = band.black_body_photons(temperature(SUN_B_V));
         band
     }
@@ -74,8 +88,11 @@ impl Band {
     /// `E_zero` of Clark et al. 2021, Eq. (1): photon irradiance of magnitude 0, ph/s/m^2, from the solar
     /// spectrum over the band and the Sun's magnitude: `E_sun 10^(0.4 m_sun)`.
     pub fn zero_point(&self) -> f64 {
-        let sun: f64 =
-            self.samples.iter().map(|(w, r)| r * solar_irradiance(*w) * w / H_C * self.step_m).sum();
+        let sun: f64 = self
+            .samples
+            .iter()
+            .map(|(w, r)| r * solar_irradiance(*w) * w / H_C * self.step_m)
+            .sum();
         sun * 10f64.powf(0.4 * SUN_MAGNITUDE)
     }
 
@@ -118,13 +135,14 @@ fn linear(table: &[f64], at: f64) -> f64 {
 /// Extraterrestrial solar spectrum of ASTM G173-03 (SMARTS 2.9.2; 1348 W/m^2 over 280 to 4000 nm),
 /// averaged over 10 nm, W/m^2/nm, 300 to 1200 nm each 10 nm.
 const SOLAR: &[f64] = &[
-    0.5254, 0.6450, 0.7200, 0.9893, 0.9469, 0.9944, 0.9761, 1.1510, 1.0872, 1.0586, 1.5041, 1.7068, 1.7398,
-    1.5629, 1.8263, 1.9906, 2.0414, 1.9993, 2.0404, 1.8918, 1.9192, 1.9246, 1.8188, 1.8737, 1.8652, 1.8669,
-    1.8330, 1.8366, 1.8366, 1.7782, 1.7669, 1.7285, 1.6856, 1.6586, 1.6299, 1.5828, 1.5146, 1.5315, 1.4913,
-    1.4625, 1.4227, 1.3933, 1.3509, 1.3270, 1.2900, 1.2780, 1.2565, 1.2137, 1.1967, 1.1650, 1.1368, 1.1148,
-    1.0816, 1.0594, 1.0419, 0.9789, 0.9965, 0.9497, 0.9475, 0.9330, 0.9154, 0.8993, 0.8767, 0.8672, 0.8397,
-    0.8226, 0.8010, 0.7850, 0.7740, 0.7604, 0.7406, 0.7232, 0.7034, 0.6906, 0.6756, 0.6602, 0.6455, 0.6265,
-    0.6156, 0.5983, 0.5902, 0.5849, 0.5740, 0.5645, 0.5519, 0.5478, 0.5349, 0.5274, 0.5140, 0.5088, 0.4967,
+    0.5254, 0.6450, 0.7200, 0.9893, 0.9469, 0.9944, 0.9761, 1.1510, 1.0872, 1.0586, 1.5041, 1.7068,
+    1.7398, 1.5629, 1.8263, 1.9906, 2.0414, 1.9993, 2.0404, 1.8918, 1.9192, 1.9246, 1.8188, 1.8737,
+    1.8652, 1.8669, 1.8330, 1.8366, 1.8366, 1.7782, 1.7669, 1.7285, 1.6856, 1.6586, 1.6299, 1.5828,
+    1.5146, 1.5315, 1.4913, 1.4625, 1.4227, 1.3933, 1.3509, 1.3270, 1.2900, 1.2780, 1.2565, 1.2137,
+    1.1967, 1.1650, 1.1368, 1.1148, 1.0816, 1.0594, 1.0419, 0.9789, 0.9965, 0.9497, 0.9475, 0.9330,
+    0.9154, 0.8993, 0.8767, 0.8672, 0.8397, 0.8226, 0.8010, 0.7850, 0.7740, 0.7604, 0.7406, 0.7232,
+    0.7034, 0.6906, 0.6756, 0.6602, 0.6455, 0.6265, 0.6156, 0.5983, 0.5902, 0.5849, 0.5740, 0.5645,
+    0.5519, 0.5478, 0.5349, 0.5274, 0.5140, 0.5088, 0.4967,
 ];
 
 #[cfg(test)]
@@ -143,7 +161,9 @@ mod tests {
     fn a_narrow_band_scales_with_its_width_and_a_wide_one_sums_its_parts() {
         let zero = |a: f64, b: f64| Band::top_hat(a * 1e-9, b * 1e-9).zero_point();
         assert!((zero(629.0, 631.0) / zero(628.0, 632.0) - 0.5).abs() < 1e-4);
-        assert!((zero(650.0, 1100.0) / (zero(650.0, 800.0) + zero(800.0, 1100.0)) - 1.0).abs() < 1e-4);
+        assert!(
+            (zero(650.0, 1100.0) / (zero(650.0, 800.0) + zero(800.0, 1100.0)) - 1.0).abs() < 1e-4
+        );
         // X-Val: the same table's 0.5 nm original integrated over 650-1100 nm: 1.90980e21 ph/s/m^2 from the Sun.
         let sun = zero(650.0, 1100.0) / 10f64.powf(0.4 * SUN_MAGNITUDE);
         assert!((sun / 1.90980e21 - 1.0).abs() < 1e-3);

@@ -43,6 +43,7 @@ impl Detector {
 
     /// Whether a position lies on the detector, pixel edges included on the lower side.
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
-        (-0.5..self.width as f64 - 0.5).contains(&x) && (-0.5..self.height as f64 - 0.5).contains(&y)
+        (-0.5..self.width as f64 - 0.5).contains(&x)
+            && (-0.5..self.height as f64 - 0.5).contains(&y)
     }
 }

@@ -67,7 +67,9 @@ pub fn load(name: &str, folder: &Folder) -> Result<Camera, ConfigError> {
     let (file, text) = if CAMERAS.contains(&name) {
         Folder::Embedded("cameras").read(&format!("{name}.toml"))?
     } else {
-        folder.read(name).map_err(|error| name_the_cameras(error, name))?
+        folder
+            .read(name)
+            .map_err(|error| name_the_cameras(error, name))?
     };
     let raw: RawCamera = parse(&file, &text)?;
     validate(raw, &Check { file: &file })
@@ -79,7 +81,10 @@ fn name_the_cameras(error: ConfigError, name: &str) -> ConfigError {
         ConfigError::Read { file, source, .. } => ConfigError::Read {
             file: format!("camera {name:?} ({file})"),
             source,
-            remedy: format!("name a camera file or one of the built-in cameras: {}", CAMERAS.join(", ")),
+            remedy: format!(
+                "name a camera file or one of the built-in cameras: {}",
+                CAMERAS.join(", ")
+            ),
         },
         other => other,
     }
@@ -101,7 +106,11 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
         width,
         height,
         pitch_m,
-        quantum_efficiency: check.range("detector.quantum_efficiency", d.quantum_efficiency, 0.0..=1.0)?,
+        quantum_efficiency: check.range(
+            "detector.quantum_efficiency",
+            d.quantum_efficiency,
+            0.0..=1.0,
+        )?,
         dark_e_s: check.range("detector.dark_e_s", d.dark_e_s, 0.0..=1e9)?,
         read_noise_e: check.range("detector.read_noise_e", d.read_noise_e, 0.0..=1e6)?,
         full_well_e: check.range("detector.full_well_e", d.full_well_e, 1.0..=1e9)?,
@@ -115,12 +124,15 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
         aperture_m: check.range("optics.aperture_mm", o.aperture_mm, 1e-3..=1e5)? * 1e-3,
         transmission: check.range("optics.transmission", o.transmission, 0.0..=1.0)?,
         band: band(&o.band, check)?,
-        psf: GaussianPsf { sigma_px: check.range("optics.psf_sigma_px", o.psf_sigma_px, 0.01..=100.0)? },
+        psf: GaussianPsf {
+            sigma_px: check.range("optics.psf_sigma_px", o.psf_sigma_px, 0.01..=100.0)?,
+        },
     };
     let mounting = match raw.mounting.q_body_to_camera {
         None => Attitude::identity(),
-        Some(q) => Attitude::from_xyzw(q)
-            .map_err(|e| check.refuse("mounting.q_body_to_camera", format!("{q:?}"), e.to_string()))?,
+        Some(q) => Attitude::from_xyzw(q).map_err(|e| {
+            check.refuse("mounting.q_body_to_camera", format!("{q:?}"), e.to_string())
+        })?,
     };
     Ok(Camera {
         name: raw.name,

@@ -6,7 +6,7 @@ mod file;
 mod optics;
 mod psf;
 
-pub use band::Band;
+pub use band::{Band, SUN_MAGNITUDE};
 pub use detector::Detector;
 pub use optics::Optics;
 pub use psf::GaussianPsf;
@@ -48,11 +48,17 @@ impl Camera {
 
     /// The angle from the boresight (rad) within which every pixel, widened by `margin_px`, lies.
     pub fn cone_rad(&self, margin_px: f64) -> f64 {
-        let (w, h) = (self.detector.width as f64 - 0.5, self.detector.height as f64 - 0.5);
+        let (w, h) = (
+            self.detector.width as f64 - 0.5,
+            self.detector.height as f64 - 0.5,
+        );
         [[-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]]
             .into_iter()
             .map(|[x, y]| {
-                let (dx, dy) = (x - self.optics.principal_px[0], y - self.optics.principal_px[1]);
+                let (dx, dy) = (
+                    x - self.optics.principal_px[0],
+                    y - self.optics.principal_px[1],
+                );
                 ((dx.hypot(dy) + margin_px) / self.optics.focal_px).atan()
             })
             .fold(0.0, f64::max)

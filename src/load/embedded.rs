@@ -35,5 +35,8 @@ pub const DEFAULT_SCENE: (&str, &str) = ("scenes/rcm-2019-06-15", "scene.toml");
 
 /// The text of a built-in file.
 pub fn file(path: &str) -> Option<&'static str> {
-    FILES.iter().find(|(p, _)| *p == path).map(|(_, text)| *text)
+    FILES
+        .iter()
+        .find(|(p, _)| *p == path)
+        .map(|(_, text)| *text)
 }

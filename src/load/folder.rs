@@ -28,8 +28,9 @@ impl Folder {
         let failed = |file: String, source: std::io::Error| ConfigError::Read {
             file,
             source,
-            remedy: "check the path; relative paths start at the folder of the file that names them"
-                .to_string(),
+            remedy:
+                "check the path; relative paths start at the folder of the file that names them"
+                    .to_string(),
         };
         match self {
             Folder::Disk(folder) => {

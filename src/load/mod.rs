@@ -61,7 +61,12 @@ pub(crate) struct Check<'a> {
 
 impl Check<'_> {
     /// `value` if it lies in `range` (NaN never does).
-    pub fn range(&self, key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
+    pub fn range(
+        &self,
+        key: &str,
+        value: f64,
+        range: RangeInclusive<f64>,
+    ) -> Result<f64, ConfigError> {
         if range.contains(&value) {
             return Ok(value);
         }
@@ -85,7 +90,12 @@ impl Check<'_> {
 }
 
 /// Parses TOML into raw keys; the error names the file.
-pub(crate) fn parse<T: serde::de::DeserializeOwned>(file: &str, text: &str) -> Result<T, ConfigError> {
-    toml::from_str(text)
-        .map_err(|source| ConfigError::Syntax { file: file.to_string(), source: Box::new(source) })
+pub(crate) fn parse<T: serde::de::DeserializeOwned>(
+    file: &str,
+    text: &str,
+) -> Result<T, ConfigError> {
+    toml::from_str(text).map_err(|source| ConfigError::Syntax {
+        file: file.to_string(),
+        source: Box::new(source),
+    })
 }

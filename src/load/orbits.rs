@@ -6,7 +6,10 @@ use skyloop_orbit::{Loaded, Object};
 /// Every object of a file.
 pub fn all(folder: &Folder, name: &str) -> Result<Loaded, ConfigError> {
     let (file, text) = folder.read(name)?;
-    skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit { file, reason: e.to_string() })
+    skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit {
+        file,
+        reason: e.to_string(),
+    })
 }
 
 /// The object that `FILE` or `FILE:NAME` selects; NAME is an id or a name of it.
@@ -15,15 +18,29 @@ pub fn one(folder: &Folder, selector: &str) -> Result<Object, ConfigError> {
         (Err(_), Some((file, wanted))) => (file, Some(wanted)),
         _ => (selector, None),
     };
-    let Loaded { mut objects, rejected } = all(folder, file)?;
-    let refuse = |reason: String| ConfigError::Orbit { file: file.to_string(), reason };
+    let Loaded {
+        mut objects,
+        rejected,
+    } = all(folder, file)?;
+    let refuse = |reason: String| ConfigError::Orbit {
+        file: file.to_string(),
+        reason,
+    };
     if let (true, Some(first)) = (objects.is_empty(), rejected.first()) {
         return Err(refuse(first.to_string()));
     }
-    let known = objects.iter().take(8).map(|o| o.id.clone()).collect::<Vec<_>>().join(", ");
+    let known = objects
+        .iter()
+        .take(8)
+        .map(|o| o.id.clone())
+        .collect::<Vec<_>>()
+        .join(", ");
     match wanted {
         None if objects.len() == 1 => Ok(objects.remove(0)),
-        None => Err(refuse(format!("{} objects: pick one as FILE:NAME ({known})", objects.len()))),
+        None => Err(refuse(format!(
+            "{} objects: pick one as FILE:NAME ({known})",
+            objects.len()
+        ))),
         Some(wanted) => objects
             .into_iter()
             .find(|o| o.id == wanted || o.names.iter().any(|n| n == wanted))

@@ -1,5 +1,14 @@
-//! The sky: where the Earth, the Sun and the stars are, and in which direction a camera sees them.
+//! The sky: where the Earth, the Sun, the stars and the objects in orbit are, how bright they are, and in
+//! which direction a camera sees them.
 
 pub mod apparent;
 pub mod bodies;
+pub mod catalog;
+pub mod photometry;
+pub mod population;
 pub mod shadow;
+pub mod star_field;
+
+pub use apparent::{Corrections, Observer};
+pub use population::Population;
+pub use star_field::StarField;

@@ -1,0 +1,292 @@
+//! Where the light of a point source falls: its track over the exposure and its share on each pixel.
+
+use crate::camera::Camera;
+use crate::fidelity::Fidelity;
+
+/// The path of a source's image over the exposure on the unbounded detector plane, px.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// At the exposure's start.
+    pub start: [f64; 2],
+    /// At the exposure's end.
+    pub end: [f64; 2],
+    /// Points of equal weight in time: the exposure's integral is their mean.
+    pub samples: Vec<[f64; 2]>,
+    /// How many points the exposure was sampled at; those behind the camera are not in `samples`.
+    pub sampled: usize,
+}
+
+/// Points (0..1) and equal weights of the two-point Gauss rule.
+const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+/// Most panels of a track; one panel then spans 0.1 px of a track of 1e5 px.
+const MAX_PANELS: f64 = 1e6;
+
+impl Track {
+    /// Samples `at` (0: the exposure's start, 1: its end; none: behind the camera) finely enough for
+    /// `fidelity`. `bends`: how many straight pieces follow the curve's course well enough to measure
+    /// its length. None where the source is behind the camera at the start, mid or end.
+    pub fn sample(
+        at: impl Fn(f64) -> Option<[f64; 2]>,
+        bends: usize,
+        sigma_px: f64,
+        fidelity: &Fidelity,
+    ) -> Option<Track> {
+        let (start, mid, end) = (at(0.0)?, at(0.5)?, at(1.0)?);
+        let mut length = 0.0;
+        let mut last = start;
+        for i in 1..=bends {
+            let next = if i == bends {
+                end
+            } else {
+                at(i as f64 / bends as f64)?
+            };
+            length += (next[0] - last[0]).hypot(next[1] - last[1]);
+            last = next;
+        }
+        if length <= fidelity.static_px {
+            return Some(Track {
+                start,
+                end,
+                samples: vec![mid],
+                sampled: 1,
+            });
+        }
+        let panels = (length / (fidelity.track_step_sigma * sigma_px))
+            .ceil()
+            .clamp(1.0, MAX_PANELS) as usize;
+        let samples: Vec<_> = (0..panels)
+            .flat_map(|i| GAUSS.map(|g| (i as f64 + g) / panels as f64))
+            .filter_map(&at)
+            .collect();
+        Some(Track {
+            start,
+            end,
+            samples,
+            sampled: 2 * panels,
+        })
+    }
+
+    /// The flux-weighted centre of all the light, px.
+    pub fn centroid(&self) -> [f64; 2] {
+        // Relative to the start, so that digits survive far from the origin.
+        let n = self.samples.len().max(1) as f64;
+        let mean = |axis: usize| {
+            self.start[axis]
+                + self
+                    .samples
+                    .iter()
+                    .map(|p| p[axis] - self.start[axis])
+                    .sum::<f64>()
+                    / n
+        };
+        [mean(0), mean(1)]
+    }
+}
+
+/// One row's pixels of a footprint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Span {
+    column: u32,
+    offset: u32,
+    length: u32,
+}
+
+/// The share of a source's light on each pixel of the detector that it touches.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Footprint {
+    first_row: usize,
+    spans: Vec<Span>,
+    shares: Vec<f32>,
+}
+
+impl Footprint {
+    /// Spreads the track with the camera's PSF; nothing outside of the detector is kept.
+    pub fn new(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Footprint {
+        let psf = &camera.optics.psf;
+        let reach = psf.reach_px(fidelity.psf_loss);
+        let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
+        // Pixel i covers i - 0.5 to i + 0.5.
+        let touched = |at: f64, size: i64| {
+            let first = (at - reach + 0.5).floor().max(0.0) as i64;
+            let past = ((at + reach + 0.5).floor() + 1.0).min(size as f64) as i64;
+            first..past.max(first)
+        };
+        let boxes = || {
+            track
+                .samples
+                .iter()
+                .map(|p| (p, touched(p[0], width), touched(p[1], height)))
+                .filter(|(_, columns, rows)| !columns.is_empty() && !rows.is_empty())
+        };
+        let Some(first_row) = boxes().map(|(_, _, rows)| rows.start).min() else {
+            return Footprint::default();
+        };
+        let past_row = boxes()
+            .map(|(_, _, rows)| rows.end)
+            .max()
+            .unwrap_or(first_row);
+
+        let mut reached = vec![i64::MAX..0; (past_row - first_row) as usize];
+        for (_, columns, rows) in boxes() {
+            for row in
+                &mut reached[(rows.start - first_row) as usize..(rows.end - first_row) as usize]
+            {
+                *row = row.start.min(columns.start)..row.end.max(columns.end);
+            }
+        }
+        let mut total = 0;
+        let spans: Vec<Span> = reached
+            .iter()
+            .map(|columns| {
+                let length = (columns.end - columns.start).max(0) as u32;
+                let span = Span {
+                    column: columns.start.min(width) as u32,
+                    offset: total,
+                    length,
+                };
+                total += length;
+                span
+            })
+            .collect();
+
+        let mut shares = vec![0.0f32; total as usize];
+        let weight = 1.0 / track.sampled as f64;
+        let (mut across, mut down) = (Vec::new(), Vec::new());
+        for (p, columns, rows) in boxes() {
+            psf.shares(p[0], columns.clone(), &mut across);
+            psf.shares(p[1], rows.clone(), &mut down);
+            for (row, share) in rows.zip(&down) {
+                let span = spans[(row - first_row) as usize];
+                let from = span.offset as usize + (columns.start as usize - span.column as usize);
+                for (out, x) in shares[from..from + across.len()].iter_mut().zip(&across) {
+                    *out += (weight * share * x) as f32;
+                }
+            }
+        }
+        Footprint {
+            first_row: first_row as usize,
+            spans,
+            shares,
+        }
+    }
+
+    /// The shares of the pixels, in no particular order.
+    pub fn shares(&self) -> &[f32] {
+        &self.shares
+    }
+
+    /// `(row, first column, shares)` of every row in `rows` that the footprint touches.
+    pub fn rows(
+        &self,
+        rows: std::ops::Range<usize>,
+    ) -> impl Iterator<Item = (usize, usize, &[f32])> {
+        let from = rows
+            .start
+            .saturating_sub(self.first_row)
+            .min(self.spans.len());
+        let to = rows
+            .end
+            .saturating_sub(self.first_row)
+            .min(self.spans.len());
+        self.spans[from..to.max(from)]
+            .iter()
+            .enumerate()
+            .map(move |(i, span)| {
+                let shares =
+                    &self.shares[span.offset as usize..(span.offset + span.length) as usize];
+                (self.first_row + from + i, span.column as usize, shares)
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::Folder;
+
+    fn line(from: [f64; 2], to: [f64; 2], fidelity: &Fidelity) -> Track {
+        let at = |t: f64| {
+            Some([
+                from[0] + (to[0] - from[0]) * t,
+                from[1] + (to[1] - from[1]) * t,
+            ])
+        };
+        Track::sample(at, 2, 0.7, fidelity).unwrap()
+    }
+
+    fn moments(footprint: &Footprint) -> (f64, f64, f64) {
+        let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
+        for (row, column, shares) in footprint.rows(0..256) {
+            for (i, share) in shares.iter().enumerate() {
+                let share = f64::from(*share);
+                sum += share;
+                x += share * (column + i) as f64;
+                y += share * row as f64;
+            }
+        }
+        (sum, x / sum, y / sum)
+    }
+
+    #[test]
+    fn light_and_centre_are_kept_by_still_and_smeared_sources() {
+        let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
+        for fidelity in [Fidelity::REALTIME, Fidelity::REFERENCE] {
+            for (from, to) in [
+                ([100.3, 80.7], [100.3, 80.7]),
+                ([100.3, 80.7], [100.31, 80.7]),
+                ([20.2, 30.9], [190.0, 201.3]),
+                ([200.0, 50.0], [20.5, 50.5]),
+            ] {
+                let track = line(from, to, &fidelity);
+                let (sum, x, y) = moments(&Footprint::new(&track, &camera, &fidelity));
+                let centroid = track.centroid();
+                assert!((sum - 1.0).abs() < 1e-5, "{sum}");
+                assert!((x - centroid[0]).hypot(y - centroid[1]) < 1e-4);
+                assert!((centroid[0] - (from[0] + to[0]) / 2.0).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn the_realtime_profile_of_a_streak_stays_within_its_stated_bound_of_the_reference() {
+        let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
+        let image = |fidelity: &Fidelity| {
+            let footprint = Footprint::new(
+                &line([50.2, 60.4], [81.9, 73.3], fidelity),
+                &camera,
+                fidelity,
+            );
+            let mut image = vec![0.0; 256 * 256];
+            for (row, column, shares) in footprint.rows(0..256) {
+                for (i, share) in shares.iter().enumerate() {
+                    image[row * 256 + column + i] = f64::from(*share);
+                }
+            }
+            image
+        };
+        let (fast, truth) = (image(&Fidelity::REALTIME), image(&Fidelity::REFERENCE));
+        let height = truth.iter().copied().fold(0.0, f64::max);
+        let worst = fast
+            .iter()
+            .zip(&truth)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(worst < 2e-5 * height, "{}", worst / height);
+    }
+
+    #[test]
+    fn what_lies_outside_the_detector_leaves_no_trace() {
+        let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
+        let fidelity = Fidelity::REALTIME;
+        for at in [[-50.0, 10.0], [10.0, 1e9], [1e300, 1e300], [300.0, 300.0]] {
+            let footprint = Footprint::new(&line(at, at, &fidelity), &camera, &fidelity);
+            assert!(footprint.shares().is_empty());
+        }
+        let corner = Footprint::new(
+            &line([-0.5, -0.5], [-0.5, -0.5], &fidelity),
+            &camera,
+            &fidelity,
+        );
+        assert!((moments(&corner).0 - 0.25).abs() < 1e-6);
+    }
+}

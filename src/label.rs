@@ -1,0 +1,314 @@
+//! Labels: what is in a frame, exactly. One JSON object a frame; its names are the contract of the README.
+
+use crate::camera::Camera;
+use crate::scene::{Body, Hidden, Scene, Source, World};
+use crate::sky::population::SeenObject;
+use hifitime::Epoch;
+use nalgebra::Vector3;
+use serde::{Serialize, Serializer};
+use skyloop_orbit::StateVector;
+
+/// Objects of a lower signal-to-noise ratio count as not visible.
+pub const VISIBLE_SNR: f64 = 3.0;
+
+/// The label of one frame.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Label {
+    /// Number of the frame in its run, from 0.
+    pub frame: u32,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Name of the camera.
+    pub camera: String,
+    /// UTC.
+    pub epoch_start: String,
+    /// UTC; what attitude, state, ranges and positions hold for.
+    pub epoch_mid: String,
+    /// UTC.
+    pub epoch_end: String,
+    /// Exposure time.
+    pub exposure_s: f64,
+    /// `[x, y, z, w]`.
+    pub q_icrf_to_body: [f64; 4],
+    /// `[x, y, z, w]`.
+    pub q_body_to_camera: [f64; 4],
+    /// Body axes.
+    pub rates_rad_s: [f64; 3],
+    /// Position (km) and velocity (km/s) of the observer, GCRF.
+    pub state_gcrf_km: [f64; 6],
+    /// Row by row.
+    pub r_icrf_to_camera: [[f64; 3]; 3],
+    /// Expected electrons of a pixel that no object lights, dark charge included, averaged over the frame.
+    #[serde(serialize_with = "e4")]
+    pub background_e_px: f64,
+    /// The objects in the frame or with light on the detector.
+    pub objects: Vec<ObjectLabel>,
+}
+
+/// One object in a frame.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ObjectLabel {
+    /// `star` or `rso`.
+    pub kind: &'static str,
+    /// `HIP 80351`, `HR n` where there is no HIP, `NORAD 44322`, or an OEM's OBJECT_ID.
+    pub id: String,
+    /// Other names.
+    pub names: Vec<String>,
+    /// Centroid of all its light over the exposure, column.
+    #[serde(serialize_with = "e6")]
+    pub x_px: f64,
+    /// Centroid, row.
+    #[serde(serialize_with = "e6")]
+    pub y_px: f64,
+    /// At the exposure's start.
+    #[serde(serialize_with = "e6")]
+    pub x0_px: f64,
+    /// At the exposure's start.
+    #[serde(serialize_with = "e6")]
+    pub y0_px: f64,
+    /// At the exposure's end.
+    #[serde(serialize_with = "e6")]
+    pub x1_px: f64,
+    /// At the exposure's end.
+    #[serde(serialize_with = "e6")]
+    pub y1_px: f64,
+    /// `(x1 - x0) / exposure`.
+    #[serde(serialize_with = "e6")]
+    pub vx_px_s: f64,
+    /// `(y1 - y0) / exposure`.
+    #[serde(serialize_with = "e6")]
+    pub vy_px_s: f64,
+    /// V; of an RSO by Clark et al. 2021, Eq. (9), in full sunlight.
+    #[serde(serialize_with = "e4")]
+    pub mag: f64,
+    /// `-2.5 log10(E / E_zero)` of the light that arrives; null where none does.
+    #[serde(serialize_with = "some_e4")]
+    pub band_mag: Option<f64>,
+    /// Expected electrons of the whole exposure, on and off the detector.
+    #[serde(serialize_with = "e4")]
+    pub electrons: f64,
+    /// Signal-to-noise ratio on the detector.
+    #[serde(serialize_with = "e4")]
+    pub snr: f64,
+    /// Apparent right ascension, ICRF axes.
+    #[serde(serialize_with = "e9")]
+    pub ra_deg: f64,
+    /// Apparent declination.
+    #[serde(serialize_with = "e9")]
+    pub dec_deg: f64,
+    /// Whether the centroid lies on the detector.
+    pub in_frame: bool,
+    /// In frame, lit, not occulted, and of a signal-to-noise ratio of at least [`VISIBLE_SNR`].
+    pub visible: bool,
+    /// Why it is not visible.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+    /// What only an RSO has.
+    #[serde(flatten)]
+    pub rso: Option<RsoLabel>,
+}
+
+/// What a label says of an RSO alone; geometric, at mid-exposure.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RsoLabel {
+    /// Distance from the observer.
+    pub range_km: f64,
+    /// Its rate; positive when receding.
+    pub range_rate_km_s: f64,
+    /// Angle Sun - object - observer.
+    #[serde(serialize_with = "e6")]
+    pub phase_deg: f64,
+    /// Part of the Sun's disc that lights it, 0..1.
+    pub illumination: f64,
+    /// GCRF.
+    pub position_gcrf_km: [f64; 3],
+    /// GCRF.
+    pub velocity_gcrf_km_s: [f64; 3],
+}
+
+impl Label {
+    /// The label of `scene`, listing objects whose signal-to-noise ratio, were they neither hidden nor
+    /// shaded, is at least `label_snr`.
+    pub fn new(frame: u32, scene: &Scene, world: &World, label_snr: f64) -> Label {
+        let Camera { name, mounting, .. } = scene.camera.as_ref();
+        let vehicle = &scene.vehicle;
+        let centre = StateVector {
+            position_m: Vector3::zeros(),
+            velocity_m_s: Vector3::zeros(),
+        };
+        let state = vehicle.orbit.as_ref().unwrap_or(&centre);
+        let (r, v) = (km(&state.position_m), km(&state.velocity_m_s));
+        let matrix = scene.pointing.matrix();
+        Label {
+            frame,
+            seed: scene.key.seed,
+            camera: name.clone(),
+            epoch_start: utc(scene.exposure.start),
+            epoch_mid: utc(scene.exposure.mid),
+            epoch_end: utc(scene.exposure.end),
+            exposure_s: scene.exposure.duration_s,
+            q_icrf_to_body: vehicle.attitude.xyzw(),
+            q_body_to_camera: mounting.xyzw(),
+            rates_rad_s: vehicle.rates.into(),
+            state_gcrf_km: [r[0], r[1], r[2], v[0], v[1], v[2]],
+            r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
+            background_e_px: scene.background_e(),
+            objects: scene
+                .sources
+                .iter()
+                .filter(|source| source.clear_snr >= label_snr)
+                .map(|source| object(source, scene, world))
+                .collect(),
+        }
+    }
+
+    /// One line of `labels.jsonl`, without the line's end; the same bytes travel on the wire.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"))
+    }
+}
+
+fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
+    let [x_px, y_px] = source.track.centroid();
+    let ([x0_px, y0_px], [x1_px, y1_px]) = (source.track.start, source.track.end);
+    let exposure_s = scene.exposure.duration_s;
+    let rate = |a: f64, b: f64| {
+        if exposure_s > 0.0 {
+            (b - a) / exposure_s
+        } else {
+            0.0
+        }
+    };
+    let (kind, id, names, mag, direction, rso) = match &source.body {
+        Body::Star(seen) => {
+            let catalog = world.stars.catalog();
+            let star = &catalog.stars()[seen.index];
+            (
+                "star",
+                catalog.id(star),
+                catalog.names(star),
+                star.v_mag,
+                seen.direction,
+                None,
+            )
+        }
+        Body::Rso(seen) => {
+            let object = &world.population.objects[seen.index];
+            let (id, names) = (object.id.clone(), object.names.clone());
+            (
+                "rso",
+                id,
+                names,
+                seen.mag,
+                seen.apparent.direction,
+                Some(rso_label(seen)),
+            )
+        }
+    };
+    let in_frame = scene.camera.detector.contains([x_px, y_px]);
+    let reason = why_not_visible(source, in_frame);
+    let irradiance = source.electrons / (scene.camera.electrons_per_second_at_zero() * exposure_s);
+    ObjectLabel {
+        kind,
+        id,
+        names,
+        x_px,
+        y_px,
+        x0_px,
+        y0_px,
+        x1_px,
+        y1_px,
+        vx_px_s: rate(x0_px, x1_px),
+        vy_px_s: rate(y0_px, y1_px),
+        mag,
+        band_mag: (irradiance > 0.0).then(|| -2.5 * irradiance.log10()),
+        electrons: source.electrons,
+        snr: source.snr,
+        ra_deg: direction
+            .y
+            .atan2(direction.x)
+            .to_degrees()
+            .rem_euclid(360.0),
+        dec_deg: direction
+            .z
+            .atan2(direction.x.hypot(direction.y))
+            .to_degrees(),
+        in_frame,
+        visible: reason.is_none(),
+        reason,
+        rso,
+    }
+}
+
+fn why_not_visible(source: &Source, in_frame: bool) -> Option<String> {
+    if !in_frame {
+        return Some("its centroid is outside the frame".to_string());
+    }
+    match source.hidden {
+        Some(Hidden::ByEarth) => Some("behind the Earth".to_string()),
+        Some(Hidden::InShadow) => Some("in the Earth's shadow".to_string()),
+        None if source.snr < VISIBLE_SNR => Some(format!(
+            "too faint: snr {:.2} is below {VISIBLE_SNR}",
+            source.snr
+        )),
+        None => None,
+    }
+}
+
+fn rso_label(seen: &SeenObject) -> RsoLabel {
+    let state = &seen.apparent.state;
+    RsoLabel {
+        range_km: seen.apparent.range_m * 1e-3,
+        range_rate_km_s: seen.apparent.range_rate_m_s * 1e-3,
+        phase_deg: seen.phase.to_degrees(),
+        illumination: seen.illumination,
+        position_gcrf_km: km(&state.position_m),
+        velocity_gcrf_km_s: km(&state.velocity_m_s),
+    }
+}
+
+fn km(v: &Vector3<f64>) -> [f64; 3] {
+    (v * 1e-3).into()
+}
+
+/// UTC text with as many decimals as the instant has, at least milliseconds.
+pub fn utc(epoch: Epoch) -> String {
+    let (year, month, day, hour, minute, second, ns) = epoch.to_gregorian_utc();
+    let fraction = format!("{ns:09}");
+    let kept = fraction.trim_end_matches('0').len().max(3);
+    format!(
+        "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{}Z",
+        &fraction[..kept]
+    )
+}
+
+/// Rounds to a number of decimals that lies well below any error of the value, for shorter lines.
+fn rounded(value: f64, decimals: i32) -> f64 {
+    let scale = 10f64.powi(decimals);
+    let scaled = value * scale;
+    // Beyond 2^53 there are no decimals to drop.
+    if scaled.abs() < 9e15 {
+        scaled.round() / scale
+    } else {
+        value
+    }
+}
+
+fn e4<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(rounded(*value, 4))
+}
+
+fn e6<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(rounded(*value, 6))
+}
+
+fn e9<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(rounded(*value, 9))
+}
+
+fn some_e4<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
+    match value {
+        Some(value) => e4(value, to),
+        None => to.serialize_none(),
+    }
+}

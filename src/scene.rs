@@ -1,0 +1,307 @@
+//! The scene: everything that one exposure sees, worked out once and only read afterwards.
+
+use crate::attitude::{Attitude, VehicleState};
+use crate::camera::Camera;
+use crate::fidelity::Fidelity;
+use crate::footprint::{Footprint, Track};
+use crate::rng::NoiseKey;
+use crate::sky::apparent::Observer;
+use crate::sky::bodies::EpochOutOfRange;
+use crate::sky::photometry::photon_irradiance;
+use crate::sky::population::SeenObject;
+use crate::sky::shadow::Earth;
+use crate::sky::star_field::SeenStar;
+use crate::sky::{Corrections, Population, StarField};
+use hifitime::{Epoch, Unit};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use skyloop_orbit::{OrbitError, StateVector};
+use std::sync::Arc;
+
+/// What does not change from frame to frame.
+#[derive(Debug)]
+pub struct World {
+    /// The stars.
+    pub stars: StarField,
+    /// The objects in orbit.
+    pub population: Population,
+    /// What moves directions.
+    pub corrections: Corrections,
+}
+
+/// An exposure's three instants.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exposure {
+    /// Shutter opens.
+    pub start: Epoch,
+    /// The middle, which attitude and state hold for.
+    pub mid: Epoch,
+    /// Shutter closes.
+    pub end: Epoch,
+    /// Exposure time, s.
+    pub duration_s: f64,
+}
+
+impl Exposure {
+    /// The exposure of `duration_s` around `mid`.
+    pub fn around(mid: Epoch, duration_s: f64) -> Exposure {
+        let half = Unit::Second * (duration_s / 2.0);
+        Exposure {
+            start: mid - half,
+            mid,
+            end: mid + half,
+            duration_s,
+        }
+    }
+}
+
+/// What a source is.
+#[derive(Debug, Clone)]
+pub enum Body {
+    /// A star of the catalogue.
+    Star(SeenStar),
+    /// A resident space object.
+    Rso(Box<SeenObject>),
+}
+
+/// Why no light of a source arrives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hidden {
+    /// The Earth stands before it.
+    ByEarth,
+    /// It is in the Earth's umbra.
+    InShadow,
+}
+
+/// A point source in the field.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// What it is.
+    pub body: Body,
+    /// Its image's path.
+    pub track: Track,
+    /// Its share on each pixel.
+    pub footprint: Footprint,
+    /// Expected electrons of the whole exposure, on and off the detector.
+    pub electrons: f64,
+    /// Why there are none.
+    pub hidden: Option<Hidden>,
+    /// Signal-to-noise ratio on the detector.
+    pub snr: f64,
+    /// The same, were it neither hidden nor shaded: what decides whether labels list it.
+    pub clear_snr: f64,
+}
+
+/// Everything that one exposure sees.
+#[derive(Debug)]
+pub struct Scene {
+    /// When.
+    pub exposure: Exposure,
+    /// The vehicle in the middle of the exposure.
+    pub vehicle: VehicleState,
+    /// ICRF to camera in the middle of the exposure.
+    pub pointing: Attitude,
+    /// The camera, with what was commanded of it.
+    pub camera: Arc<Camera>,
+    /// What all noise is keyed by.
+    pub key: NoiseKey,
+    /// Whether noise is drawn.
+    pub noise: bool,
+    /// Stars in catalogue order, then objects in the population's.
+    pub sources: Vec<Source>,
+    /// Objects whose orbit has no answer at this time.
+    pub unknown: Vec<OrbitError>,
+}
+
+impl Scene {
+    /// What `camera` on `vehicle` sees during `exposure`.
+    ///
+    /// Fails only where the epoch lies outside the ephemerides.
+    pub fn observe(
+        world: &World,
+        camera: &Arc<Camera>,
+        vehicle: &VehicleState,
+        exposure: Exposure,
+        fidelity: &Fidelity,
+        key: NoiseKey,
+        noise: bool,
+    ) -> Result<Scene, EpochOutOfRange> {
+        let motion = Motion {
+            vehicle: vehicle.at(exposure.mid),
+            camera,
+            exposure,
+            fidelity,
+        };
+        let shutter = motion.shutter()?;
+        let pointing = motion.pointing(0.5);
+        let axis = pointing.matrix().transpose() * Vector3::z();
+        let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);
+        let turn = vehicle.rates.norm() * exposure.duration_s / 2.0;
+        let cone = camera.cone_rad(reach_px) + turn;
+
+        let stars = world
+            .stars
+            .in_cone(&axis, cone, &shutter[1], &world.corrections);
+        let earth = Earth::at(exposure.mid);
+        let mut sources: Vec<Source> = stars
+            .into_par_iter()
+            .filter_map(|star| motion.star(star, &earth, &shutter[1]))
+            .collect();
+        let (objects, unknown) =
+            world
+                .population
+                .in_cone(&axis, cone, &shutter, &world.corrections);
+        sources.par_extend(
+            objects
+                .into_par_iter()
+                .filter_map(|object| motion.rso(object)),
+        );
+        Ok(Scene {
+            exposure,
+            vehicle: motion.vehicle,
+            pointing,
+            camera: camera.clone(),
+            key,
+            noise,
+            sources,
+            unknown,
+        })
+    }
+
+    /// Expected dark charge of a pixel, e-.
+    pub fn dark_e(&self) -> f64 {
+        self.camera.detector.dark_e_s * self.exposure.duration_s
+    }
+
+    /// Expected background of a pixel from everything but the listed sources, averaged over the frame, e-.
+    pub fn background_e(&self) -> f64 {
+        self.dark_e()
+    }
+}
+
+/// The vehicle and the camera on it while the shutter is open.
+struct Motion<'a> {
+    /// At mid-exposure.
+    vehicle: VehicleState,
+    camera: &'a Camera,
+    exposure: Exposure,
+    fidelity: &'a Fidelity,
+}
+
+impl Motion<'_> {
+    /// ICRF to camera at a part of the exposure (0: start, 1: end).
+    fn pointing(&self, part: f64) -> Attitude {
+        let dt_s = (part - 0.5) * self.exposure.duration_s;
+        self.vehicle
+            .attitude
+            .turned(&self.vehicle.rates, dt_s)
+            .then(&self.camera.mounting)
+    }
+
+    /// The observer at start, mid and end. The Earth and the Sun are taken at mid: in an exposure the Sun
+    /// moves less than its position's error.
+    fn shutter(&self) -> Result<[Observer; 3], EpochOutOfRange> {
+        let centre = StateVector {
+            position_m: Vector3::zeros(),
+            velocity_m_s: Vector3::zeros(),
+        };
+        let Exposure {
+            start, mid, end, ..
+        } = self.exposure;
+        let at_mid = Observer::new(mid, self.vehicle.orbit.as_ref().unwrap_or(&centre))?;
+        let at = |epoch: Epoch| {
+            let state = self
+                .vehicle
+                .at(epoch)
+                .orbit
+                .unwrap_or_else(|| centre.clone());
+            Observer {
+                epoch,
+                position_m: state.position_m,
+                velocity_m_s: state.velocity_m_s,
+                bodies: at_mid.bodies,
+            }
+        };
+        Ok([at(start), at_mid, at(end)])
+    }
+
+    fn star(&self, star: SeenStar, earth: &Earth, observer: &Observer) -> Option<Source> {
+        let behind_earth = earth.occults_direction(observer.position_m, star.direction);
+        let hidden = behind_earth.then_some(Hidden::ByEarth);
+        let band_mag = star.band_mag;
+        self.source(Body::Star(star), |_| star.direction, band_mag, 1.0, hidden)
+    }
+
+    fn rso(&self, object: SeenObject) -> Option<Source> {
+        let hidden = if object.occulted {
+            Some(Hidden::ByEarth)
+        } else {
+            (object.illumination <= 0.0).then_some(Hidden::InShadow)
+        };
+        let object = Box::new(object);
+        let (mag, light) = (object.mag, object.illumination);
+        let lines = object.clone();
+        self.source(
+            Body::Rso(object),
+            move |part| lines.line_m(part),
+            mag,
+            light,
+            hidden,
+        )
+    }
+
+    /// The source whose apparent vector at a part of the exposure is `line`; none if nothing of it can
+    /// touch the detector.
+    fn source(
+        &self,
+        body: Body,
+        line: impl Fn(f64) -> Vector3<f64>,
+        band_mag: f64,
+        light: f64,
+        hidden: Option<Hidden>,
+    ) -> Option<Source> {
+        let optics = &self.camera.optics;
+        // Pieces that turn by less than 3 degrees each follow the track well enough to measure it.
+        let turn = self.vehicle.rates.norm() * self.exposure.duration_s;
+        let bends = (turn / 0.05).ceil().clamp(2.0, 1e4) as usize;
+        let track = Track::sample(
+            |part| optics.project(&self.pointing(part).rotate(&line(part))),
+            bends,
+            optics.psf.sigma_px,
+            self.fidelity,
+        )?;
+        let footprint = Footprint::new(&track, self.camera, self.fidelity);
+        if footprint.shares().is_empty() && !self.camera.detector.contains(track.centroid()) {
+            return None;
+        }
+        // Clark et al. 2021, Eqs. (2), (11), before the division by the gain:
+        // N = E_obj QE tau A_app t_int, with E_obj = E_zero 10^(-0.4 m).
+        let per_second = self.camera.electrons_per_second_at_zero();
+        let clear = photon_irradiance(per_second, band_mag) * self.exposure.duration_s;
+        let electrons = if hidden.is_some() { 0.0 } else { clear * light };
+        Some(Source {
+            snr: self.snr(&footprint, electrons),
+            clear_snr: self.snr(&footprint, clear),
+            body,
+            track,
+            footprint,
+            electrons,
+            hidden,
+        })
+    }
+
+    /// `sqrt(sum s^2 / (s + b + read^2))` over the pixels: the best that any weighting of them can reach.
+    fn snr(&self, footprint: &Footprint, electrons: f64) -> f64 {
+        let detector = &self.camera.detector;
+        let read = detector.read_noise_e;
+        let floor = detector.dark_e_s * self.exposure.duration_s + read * read;
+        let sum: f64 = footprint
+            .shares()
+            .iter()
+            .map(|share| f64::from(*share) * electrons)
+            .filter(|s| *s > 0.0)
+            .map(|s| s * s / (s + floor))
+            .sum();
+        sum.sqrt()
+    }
+}

@@ -1,0 +1,91 @@
+//! The catalogue as one camera sees it: directions for the field test, magnitudes in the camera's band.
+
+use super::apparent::{Corrections, Observer, StarPlace, catalogue_direction, star_direction};
+use super::catalog::{Catalog, Star};
+use crate::camera::Band;
+use nalgebra::Vector3;
+
+/// How far (rad) a star may stand from its catalogue direction: Barnard's star moves 0.32 degrees in the 110
+/// years to 2100; aberration adds 21 arcsec, deflection at most 2 arcsec.
+const WANDER: f64 = 0.35 * std::f64::consts::PI / 180.0;
+
+/// Stars with what does not change from frame to frame.
+#[derive(Debug)]
+pub struct StarField {
+    catalog: Catalog,
+    /// Unit vectors at the catalogue's epoch, ICRS.
+    directions: Vec<Vector3<f64>>,
+    /// Magnitudes in the camera's band.
+    band_mags: Vec<f64>,
+}
+
+/// A star in the field.
+#[derive(Debug, Clone, Copy)]
+pub struct SeenStar {
+    /// Index into the catalogue.
+    pub index: usize,
+    /// Apparent direction, unit vector, ICRF.
+    pub direction: Vector3<f64>,
+    /// Magnitude in the camera's band.
+    pub band_mag: f64,
+}
+
+impl StarField {
+    /// Prepares `catalog` for `band`; without `colour` the band magnitude is V.
+    pub fn new(catalog: Catalog, band: &Band, colour: bool) -> StarField {
+        let v_band = Band::named("v");
+        let band_mag = |star: &Star| match &v_band {
+            Some(v_band) if colour => star.v_mag + band.colour_term(star.b_v, v_band),
+            _ => star.v_mag,
+        };
+        StarField {
+            directions: catalog
+                .stars()
+                .iter()
+                .map(|s| catalogue_direction(&place(s)))
+                .collect(),
+            band_mags: catalog.stars().iter().map(band_mag).collect(),
+            catalog,
+        }
+    }
+
+    /// The catalogue.
+    pub fn catalog(&self) -> &Catalog {
+        &self.catalog
+    }
+
+    /// The stars within `angle` (rad) of `axis` (unit vector, ICRF), apparent to `observer`, in catalogue order.
+    pub fn in_cone(
+        &self,
+        axis: &Vector3<f64>,
+        angle: f64,
+        observer: &Observer,
+        corrections: &Corrections,
+    ) -> Vec<SeenStar> {
+        let nearest = (angle + WANDER).min(std::f64::consts::PI).cos();
+        self.directions
+            .iter()
+            .enumerate()
+            .filter(|(_, direction)| direction.dot(axis) >= nearest)
+            .map(|(index, _)| SeenStar {
+                index,
+                direction: star_direction(
+                    &place(&self.catalog.stars()[index]),
+                    observer,
+                    corrections,
+                ),
+                band_mag: self.band_mags[index],
+            })
+            .collect()
+    }
+}
+
+fn place(star: &Star) -> StarPlace {
+    StarPlace {
+        ra_rad: star.ra_rad,
+        dec_rad: star.dec_rad,
+        parallax_rad: star.parallax_rad,
+        pm_ra_cosdec_rad_yr: star.pm_ra_cosdec_rad_yr,
+        pm_dec_rad_yr: star.pm_dec_rad_yr,
+    }
+}
