@@ -21,7 +21,7 @@ use skyloop_orbit::{StateVector, two_body};
 use thiserror::Error;
 
 /// How far from 1 the norm of a given quaternion may lie: within, it is normalised; beyond, refused.
-pub const NORM_TOLERANCE: f64 = 1e-3;
+pub use skyloop_protocols::command::UNIT_TOLERANCE as NORM_TOLERANCE;
 
 /// What is wrong with a given attitude or state.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -139,6 +139,8 @@ pub struct VehicleState {
 
 /// Body rates beyond this (rad/s; 100 turns a second) are refused.
 const MAX_RATE: f64 = 628.4;
+/// Geocentric positions nearer than this (m) lie below the ground: the Earth's polar radius is 6,356,752 m.
+const MIN_POSITION: f64 = 6_356_000.0;
 /// Geocentric positions beyond this (m) are refused: the observer is taken to orbit the Earth.
 const MAX_POSITION: f64 = 4e9;
 /// Geocentric speeds beyond this (m/s) are refused.
@@ -162,6 +164,13 @@ impl VehicleState {
         )?;
         if let Some((position, velocity)) = &orbit {
             bounded("position (m)", position, MAX_POSITION, "at most 4e9 m")?;
+            if length(position) < MIN_POSITION {
+                return Err(AttitudeError::OutOfRange {
+                    what: "position (m)",
+                    value: position.to_vec(),
+                    allowed: "outside of the Earth; give no state for an observer at its centre",
+                });
+            }
             bounded("velocity (m/s)", velocity, MAX_SPEED, "at most 1e5 m/s")?;
         }
         Ok(VehicleState {
@@ -199,6 +208,10 @@ fn finite(what: &'static str, value: &[f64]) -> Result<(), AttitudeError> {
     })
 }
 
+fn length(value: &[f64]) -> f64 {
+    value.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
 fn bounded(
     what: &'static str,
     value: &[f64],
@@ -206,7 +219,7 @@ fn bounded(
     allowed: &'static str,
 ) -> Result<(), AttitudeError> {
     finite(what, value)?;
-    if value.iter().map(|v| v * v).sum::<f64>().sqrt() <= limit {
+    if length(value) <= limit {
         return Ok(());
     }
     Err(AttitudeError::OutOfRange {

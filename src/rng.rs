@@ -3,13 +3,16 @@
 //! Generator: Philox 4x32-10, Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3", SC11.
 //! All functions of floats go through `libm`, so the draws are the same on every platform.
 
-/// What the noise of one frame is keyed by: `(seed, attitude sequence number)`; effect and pixel follow.
+/// What the noise of one frame is keyed by: `(seed, attitude sequence number)`; effect and pixel follow. A
+/// second frame of the same attitude message gets draws of its own by its `repeat`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NoiseKey {
     /// The run's seed.
     pub seed: u64,
     /// The sequence number of the attitude message that the frame answers.
     pub sequence: u32,
+    /// How many frames of this attitude message came before.
+    pub repeat: u32,
 }
 
 /// The random numbers of one effect in one pixel of one frame.
@@ -21,11 +24,11 @@ pub struct PixelStream {
 }
 
 impl PixelStream {
-    /// The stream of `pixel` (row-major index) for the effect with identity `effect`.
-    pub fn new(key: NoiseKey, effect: u32, pixel: u32) -> Self {
+    /// The stream of `pixel` (row-major index) for the effect with identity `effect`, 0 to 255.
+    pub fn new(key: NoiseKey, effect: u8, pixel: u32) -> Self {
         PixelStream {
             key: [key.seed as u32, (key.seed >> 32) as u32],
-            counter: [pixel, 0, effect, key.sequence],
+            counter: [pixel, 0, u32::from(effect) | key.repeat << 8, key.sequence],
             block: [0; 4],
             used: 4,
         }
@@ -127,10 +130,7 @@ fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
 mod tests {
     use super::*;
 
-    const KEY: NoiseKey = NoiseKey {
-        seed: 7,
-        sequence: 3,
-    };
+    const KEY: NoiseKey = NoiseKey { seed: 7, sequence: 3, repeat: 0 };
 
     // X-Val: Random123 1.14 `kat_vectors`, lines "philox4x32 10".
     #[test]

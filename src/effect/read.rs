@@ -13,7 +13,7 @@ pub const READ_NOISE: Effect = Effect {
 };
 
 /// This effect's identity in the noise key.
-const STREAM: u32 = 2;
+const STREAM: u8 = 2;
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
     let sigma = scene.camera.detector.read_noise_e;

@@ -13,7 +13,7 @@ pub const SHOT_NOISE: Effect = Effect {
 };
 
 /// This effect's identity in the noise key.
-const STREAM: u32 = 1;
+const STREAM: u8 = 1;
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
     if !scene.noise {

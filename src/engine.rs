@@ -1,0 +1,149 @@
+//! The engine: one vehicle state in, one labelled frame out.
+
+use crate::attitude::VehicleState;
+use crate::camera::Camera;
+use crate::config::Config;
+use crate::fidelity::Fidelity;
+use crate::frame::Frame;
+use crate::label::Label;
+use crate::plan::Plan;
+use crate::render::render;
+use crate::rng::NoiseKey;
+use crate::scene::{Exposure, Scene, World};
+use crate::sky::bodies::EpochOutOfRange;
+use crate::sky::catalog::Catalog;
+use crate::sky::{Population, StarField};
+use skyloop_orbit::OrbitError;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// The emulated camera under its sky.
+#[derive(Debug)]
+pub struct Emulator {
+    world: World,
+    configured: Arc<Camera>,
+    camera: Arc<Camera>,
+    fidelity: Fidelity,
+    seed: u64,
+    label_snr: f64,
+    /// Whether noise is drawn.
+    pub noise: bool,
+    /// Whether shots keep the expected electrons.
+    pub keep_expected: bool,
+    next_frame: u32,
+    /// Sequence number of the last attitude and how many frames were made of it.
+    last: Option<(u32, u32)>,
+}
+
+/// One exposure, rendered.
+#[derive(Debug, Clone)]
+pub struct Shot {
+    /// Number of the frame in the run, from 0.
+    pub number: u32,
+    /// The pixels.
+    pub frame: Frame,
+    /// What is in them.
+    pub label: Label,
+    /// The label as one line of JSON.
+    pub json: String,
+    /// When it was exposed.
+    pub exposure: Exposure,
+    /// The camera, as it was set.
+    pub camera: Arc<Camera>,
+    /// What its noise is keyed by.
+    pub key: NoiseKey,
+    /// Objects that could not be shown because their orbit has no answer at this time.
+    pub unknown: Vec<OrbitError>,
+    /// From the vehicle's state to pixels and label.
+    pub render_time: Duration,
+}
+
+impl Emulator {
+    /// The emulator that `config` describes; takes its objects out of it.
+    pub fn new(config: &mut Config) -> Emulator {
+        let camera = Arc::new(config.camera.clone());
+        let catalog = Catalog::embedded(config.sky.selection);
+        let world = World {
+            stars: StarField::new(catalog, &camera.optics.band, config.sky.colour),
+            population: Population {
+                objects: std::mem::take(&mut config.objects),
+                sphere: config.sphere,
+            },
+            corrections: config.sky.corrections,
+        };
+        Emulator {
+            world,
+            configured: camera.clone(),
+            camera,
+            fidelity: config.fidelity,
+            seed: config.seed,
+            label_snr: config.label_snr,
+            noise: true,
+            keep_expected: false,
+            next_frame: 0,
+            last: None,
+        }
+    }
+
+    /// The camera, as it is set now.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The camera's settings, to be commanded.
+    pub fn camera_mut(&mut self) -> &mut Camera {
+        Arc::make_mut(&mut self.camera)
+    }
+
+    /// Undoes what was commanded of the camera.
+    pub fn reset_camera(&mut self) {
+        self.camera = self.configured.clone();
+    }
+
+    /// Number of the next frame.
+    pub fn next_frame(&self) -> u32 {
+        self.next_frame
+    }
+
+    /// The frame of an exposure whose middle is `vehicle`'s epoch.
+    ///
+    /// Fails only where that lies outside the ephemerides of Earth and Sun.
+    pub fn shoot(&mut self, vehicle: &VehicleState) -> Result<Shot, EpochOutOfRange> {
+        let started = Instant::now();
+        let repeat = match self.last {
+            Some((sequence, frames)) if sequence == vehicle.sequence => frames,
+            _ => 0,
+        };
+        let key = NoiseKey { seed: self.seed, sequence: vehicle.sequence, repeat };
+        let exposure = Exposure::around(vehicle.epoch, self.camera.exposure_s);
+        let scene = Scene::observe(
+            &self.world,
+            &self.camera,
+            vehicle,
+            exposure,
+            &self.fidelity,
+            key,
+            self.noise,
+        )?;
+        let plan = Plan::new(&scene, &self.fidelity);
+        let mut frame = Frame::default();
+        render(&plan, &scene, self.keep_expected, &mut frame);
+        drop(plan);
+        let number = self.next_frame;
+        let label = Label::new(number, &scene, &self.world, self.label_snr);
+        let json = label.to_json();
+        self.next_frame = self.next_frame.wrapping_add(1);
+        self.last = Some((vehicle.sequence, repeat + 1));
+        Ok(Shot {
+            number,
+            frame,
+            label,
+            json,
+            exposure,
+            camera: self.camera.clone(),
+            key,
+            unknown: scene.unknown,
+            render_time: started.elapsed(),
+        })
+    }
+}

@@ -1,0 +1,79 @@
+//! The in-process link: two queues.
+
+use super::{Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire, count};
+use bytes::Bytes;
+use skyloop_firmware_sim::port::{Port, PortError};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::time::{Duration, Instant};
+
+/// The in-process link.
+pub const MEMORY: Link =
+    Link { scheme: "memory", example: "memory (loopback only)", open: no_outside, loopback };
+
+fn no_outside(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
+    Err(url.refuse("the memory link joins two ends of one process: it works in `loopback` only".into()))
+}
+
+fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+    let (to_emulator, inbox) = sync_channel(QUEUE);
+    let (outbox, from_emulator) = sync_channel(QUEUE);
+    let tally = Arc::new(Tally::default());
+    let wire = Wire {
+        address: "memory".to_string(),
+        inbox,
+        outbox: Box::new(QueueOutbox { queue: outbox, address: "memory".to_string() }),
+        tally: tally.clone(),
+    };
+    Ok((wire, Box::new(MemoryPort { to_emulator, from_emulator, tally })))
+}
+
+/// An outbox that is a standard bounded queue.
+pub(super) struct QueueOutbox {
+    pub queue: SyncSender<Outbound>,
+    pub address: String,
+}
+
+impl Outbox for QueueOutbox {
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        match self.queue.try_send(what) {
+            Ok(()) => Ok(None),
+            Err(TrySendError::Full(what)) => Ok(Some(what)),
+            Err(TrySendError::Disconnected(_)) => Err(LinkError::Closed(self.address.clone())),
+        }
+    }
+}
+
+/// The flight computer's end.
+struct MemoryPort {
+    to_emulator: SyncSender<Inbound>,
+    from_emulator: Receiver<Outbound>,
+    tally: Arc<Tally>,
+}
+
+impl Port for MemoryPort {
+    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
+        let packet = Bytes::copy_from_slice(packet);
+        match self.to_emulator.try_send(Inbound { exchange: 0, packet, arrived: Instant::now() }) {
+            Ok(()) => Ok(()),
+            Err(TrySendError::Full(_)) => {
+                count(&self.tally.dropped);
+                Ok(())
+            }
+            Err(TrySendError::Disconnected(_)) => Err(PortError::Closed),
+        }
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.from_emulator.recv_timeout(left) {
+                Ok(Outbound::Packet { packet, .. }) => return Ok(Some(packet.to_vec())),
+                Ok(Outbound::Release) => {}
+                Err(RecvTimeoutError::Timeout) => return Ok(None),
+                Err(RecvTimeoutError::Disconnected) => return Err(PortError::Closed),
+            }
+        }
+    }
+}

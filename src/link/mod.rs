@@ -1,0 +1,175 @@
+//! The links. Each carries whole packets both ways between its own threads and two bounded queues; no link
+//! knows what a packet means. Adding one is a file here and a line in [`LINKS`].
+
+mod memory;
+mod serial;
+mod udp;
+mod url;
+
+pub use url::LinkUrl;
+
+use bytes::Bytes;
+use skyloop_firmware_sim::port::Port;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+use thiserror::Error;
+
+/// Every link.
+pub const LINKS: &[Link] = &[memory::MEMORY, udp::UDP, serial::SERIAL];
+
+/// One kind of link.
+pub struct Link {
+    /// Scheme of its URLs, and its name in `loopback --link`.
+    pub scheme: &'static str,
+    /// An example of its URL, for messages.
+    pub example: &'static str,
+    /// Opens the emulator's end.
+    pub open: fn(&LinkUrl, &Options) -> Result<Wire, LinkError>,
+    /// Opens both ends on this machine.
+    pub loopback: fn(&Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError>,
+}
+
+/// What a link is told about packets.
+#[derive(Clone, Copy)]
+pub struct Options {
+    /// After this silence a client may be replaced by another.
+    pub idle: Duration,
+    /// Whether bytes are a packet that a client would send. Only such a packet makes its sender the client.
+    pub is_valid: fn(&[u8]) -> bool,
+}
+
+/// Packets in a queue; beyond this the sender waits and the receiver drops (and counts).
+const QUEUE: usize = 256;
+
+/// A packet from a client.
+#[derive(Debug, Clone)]
+pub struct Inbound {
+    /// Which exchange it belongs to: another number is another client.
+    pub exchange: u32,
+    /// The packet.
+    pub packet: Bytes,
+    /// When it had arrived whole.
+    pub arrived: Instant,
+}
+
+/// Something for the link to do.
+#[derive(Debug, Clone)]
+pub enum Outbound {
+    /// Send this packet, if its exchange still stands.
+    Packet {
+        /// Which exchange it answers.
+        exchange: u32,
+        /// The packet.
+        packet: Bytes,
+    },
+    /// End the exchange: the next client may come at once.
+    Release,
+}
+
+/// The queue to a link.
+pub trait Outbox: Send {
+    /// Queues `what`; gives it back if the queue is full.
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError>;
+}
+
+/// The emulator's end of an open link.
+pub struct Wire {
+    /// Where it listens, for people.
+    pub address: String,
+    /// What arrives.
+    pub inbox: Receiver<Inbound>,
+    /// What leaves.
+    pub outbox: Box<dyn Outbox>,
+    /// What the link had to drop.
+    pub tally: Arc<Tally>,
+}
+
+/// What a link counts.
+#[derive(Debug, Default)]
+pub struct Tally {
+    foreign: AtomicU32,
+    dropped: AtomicU32,
+    bad_framing: AtomicU32,
+    stale: AtomicU32,
+}
+
+impl Tally {
+    /// Packets from others than the client.
+    pub fn foreign(&self) -> u32 {
+        self.foreign.load(Ordering::Relaxed)
+    }
+
+    /// Packets that found the inbound queue full.
+    pub fn dropped(&self) -> u32 {
+        self.dropped.load(Ordering::Relaxed)
+    }
+
+    /// Serial frames that held no packet.
+    pub fn bad_framing(&self) -> u32 {
+        self.bad_framing.load(Ordering::Relaxed)
+    }
+
+    /// Answers whose client had gone, or that the system refused to send.
+    pub fn stale(&self) -> u32 {
+        self.stale.load(Ordering::Relaxed)
+    }
+}
+
+fn count(counter: &AtomicU32) {
+    counter.fetch_add(1, Ordering::Relaxed);
+}
+
+/// Why a link cannot be opened or used.
+#[derive(Debug, Error)]
+pub enum LinkError {
+    /// The URL is not one.
+    #[error("link {url:?}: {reason}; write for example {examples}")]
+    Url {
+        /// As given.
+        url: String,
+        /// What is wrong with it.
+        reason: String,
+        /// URLs that would be right.
+        examples: String,
+    },
+    /// The system refuses.
+    #[error("link {url}: cannot {action}: {source}; {remedy}")]
+    Io {
+        /// As given.
+        url: String,
+        /// What was tried.
+        action: &'static str,
+        /// What the system says.
+        source: std::io::Error,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The link's own threads have ended.
+    #[error("link {0}: it has closed; open it again")]
+    Closed(String),
+}
+
+/// Opens the emulator's end of the link that `url` names.
+pub fn open(url: &str, options: &Options) -> Result<Wire, LinkError> {
+    let url = LinkUrl::parse(url)?;
+    (by_scheme(&url.scheme, &url.text)?.open)(&url, options)
+}
+
+/// Opens both ends of the link called `scheme`.
+pub fn loopback(scheme: &str, options: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+    (by_scheme(scheme, scheme)?.loopback)(options)
+}
+
+fn by_scheme(scheme: &str, text: &str) -> Result<&'static Link, LinkError> {
+    LINKS.iter().find(|link| link.scheme == scheme).ok_or_else(|| LinkError::Url {
+        url: text.to_string(),
+        reason: format!("unknown scheme {scheme:?}"),
+        examples: examples(),
+    })
+}
+
+fn examples() -> String {
+    LINKS.iter().map(|link| link.example).collect::<Vec<_>>().join(" or ")
+}

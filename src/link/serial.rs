@@ -1,0 +1,172 @@
+//! Serial lines: SLIP frames with CRC-32, two threads a port.
+
+use super::memory::QueueOutbox;
+use super::{Inbound, Link, LinkError, LinkUrl, Options, Outbound, QUEUE, Tally, Wire, count};
+use bytes::Bytes;
+use serialport::SerialPort;
+use skyloop_firmware_sim::port::Port;
+use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
+use skyloop_protocols::slip;
+use std::io::{ErrorKind, Read, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::time::{Duration, Instant};
+
+/// Serial lines.
+pub const SERIAL: Link =
+    Link { scheme: "serial", example: "serial:///dev/ttyUSB0?baud=921600", open, loopback };
+
+/// How long a read waits before it looks whether the link is still wanted.
+const READ_TIMEOUT: Duration = Duration::from_millis(100);
+
+fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
+    url.only(&["baud"])?;
+    let baud = url.number("baud", 115_200)?;
+    let port = serialport::new(&url.target, baud).timeout(READ_TIMEOUT).open().map_err(|error| {
+        LinkError::Io {
+            url: url.text.clone(),
+            action: "open the port",
+            source: error.into(),
+            remedy: "check that the device exists, is not in use and may be read and written by you",
+        }
+    })?;
+    start(port, &url.text)
+}
+
+fn start(port: Box<dyn SerialPort>, address: &str) -> Result<Wire, LinkError> {
+    let failed = |action, remedy| {
+        move |source| LinkError::Io { url: address.to_string(), action, source, remedy }
+    };
+    let writer = port.try_clone().map_err(|error| {
+        failed("open it for two threads", "try again")(std::io::Error::from(error))
+    })?;
+    let (arrivals, inbox) = sync_channel(QUEUE);
+    let (outbox, departures) = sync_channel(QUEUE);
+    let tally = Arc::new(Tally::default());
+    let (reading, writing) = (tally.clone(), tally.clone());
+    let ended = Arc::new(AtomicBool::new(false));
+    let stop = ended.clone();
+    let thread = |name: &str| std::thread::Builder::new().name(name.to_string());
+    const LIMITS: &str = "check the limits of this process";
+    thread("serial-read")
+        .spawn(move || read(port, &arrivals, &reading, &stop))
+        .map_err(failed("start its thread", LIMITS))?;
+    thread("serial-write")
+        .spawn(move || {
+            write(writer, &departures, &writing);
+            ended.store(true, Ordering::Relaxed);
+        })
+        .map_err(failed("start its thread", LIMITS))?;
+    let address = address.to_string();
+    let outbox = QueueOutbox { queue: outbox, address: address.clone() };
+    Ok(Wire { address, inbox, outbox: Box::new(outbox), tally })
+}
+
+/// Octets in, packets into the queue, until the writer has ended (the emulator dropped its end).
+fn read(
+    mut port: Box<dyn SerialPort>,
+    arrivals: &SyncSender<Inbound>,
+    tally: &Tally,
+    stop: &AtomicBool,
+) {
+    let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
+    let mut buffer = [0; 4096];
+    while !stop.load(Ordering::Relaxed) {
+        let length = match port.read(&mut buffer) {
+            Ok(length) => length,
+            Err(error) if is_passing(&error) => 0,
+            Err(error) => {
+                tracing::error!(%error, "the serial line can no longer be read");
+                return;
+            }
+        };
+        for octet in &buffer[..length] {
+            match decoder.push(*octet) {
+                None => {}
+                Some(Err(_)) => count(&tally.bad_framing),
+                Some(Ok(packet)) => {
+                    let packet = Bytes::copy_from_slice(packet);
+                    let inbound = Inbound { exchange: 0, packet, arrived: Instant::now() };
+                    match arrivals.try_send(inbound) {
+                        Ok(()) => {}
+                        Err(TrySendError::Full(_)) => count(&tally.dropped),
+                        Err(TrySendError::Disconnected(_)) => return,
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Packets from the queue onto the line, until the emulator drops its end.
+fn write(mut port: Box<dyn SerialPort>, departures: &Receiver<Outbound>, tally: &Tally) {
+    let mut line = Vec::with_capacity(slip::max_encoded_length(slip::BUFFER));
+    while let Ok(departure) = departures.recv() {
+        let Outbound::Packet { packet, .. } = departure else { continue };
+        line.clear();
+        slip::encode(&packet, &mut |octet| line.push(octet));
+        if let Err(error) = write_whole(port.as_mut(), &line) {
+            count(&tally.stale);
+            if !is_passing(&error) {
+                tracing::error!(%error, "the serial line can no longer be written");
+                return;
+            }
+        }
+    }
+}
+
+/// Writes all of `line`; gives up when nothing moves for a second: nobody reads.
+fn write_whole(port: &mut dyn SerialPort, mut line: &[u8]) -> std::io::Result<()> {
+    let mut moved = Instant::now();
+    while !line.is_empty() {
+        match port.write(line) {
+            Ok(0) => return Err(ErrorKind::WriteZero.into()),
+            Ok(length) => {
+                line = &line[length..];
+                moved = Instant::now();
+            }
+            Err(error) if is_passing(&error) && moved.elapsed() < Duration::from_secs(1) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+fn is_passing(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock)
+}
+
+#[cfg(unix)]
+fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+    use serialport::TTYPort;
+    let failed = |action| {
+        move |error: serialport::Error| LinkError::Io {
+            url: "serial (pseudo-terminal)".to_string(),
+            action,
+            source: error.into(),
+            remedy: "check that /dev/ptmx and /dev/pts exist",
+        }
+    };
+    let (mut master, slave) = TTYPort::pair().map_err(failed("open a pseudo-terminal pair"))?;
+    let name = slave.name().unwrap_or_else(|| "pseudo-terminal".to_string());
+    master.set_timeout(READ_TIMEOUT).map_err(failed("set it up"))?;
+    let wire = start(Box::new(master), &format!("serial://{name}"))?;
+    let port = FlightComputerPort::over(Box::new(slave)).map_err(|error| LinkError::Io {
+        url: name,
+        action: "open the client's end",
+        source: std::io::Error::other(error),
+        remedy: "try again",
+    })?;
+    Ok((wire, Box::new(port)))
+}
+
+#[cfg(not(unix))]
+fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+    Err(LinkError::Io {
+        url: "serial (pseudo-terminal)".to_string(),
+        action: "open a pseudo-terminal pair",
+        source: ErrorKind::Unsupported.into(),
+        remedy: "this system has none: use --link udp or memory",
+    })
+}

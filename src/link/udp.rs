@@ -1,0 +1,208 @@
+//! UDP: one packet a datagram, answers only to the client of the exchange. One thread with its own runtime.
+
+use super::{Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire, count};
+use bytes::Bytes;
+use skyloop_firmware_sim::port::{Port, UdpPort};
+use skyloop_protocols::MAX_PACKET;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::time::Instant;
+use tokio::net::UdpSocket;
+use tokio::sync::mpsc::{Receiver, Sender, channel, error::TrySendError as TryQueue};
+
+/// UDP.
+pub const UDP: Link = Link { scheme: "udp", example: "udp://127.0.0.1:4810", open, loopback };
+
+fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
+    url.only(&[])?;
+    let address: SocketAddr = url
+        .target
+        .parse()
+        .map_err(|_| url.refuse(format!("{:?} is not an address and a port", url.target)))?;
+    Ok(listen(address, &url.text, options)?.0)
+}
+
+fn loopback(options: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+    const TEXT: &str = "udp://127.0.0.1:0";
+    let (wire, address) = listen(SocketAddr::from(([127, 0, 0, 1], 0)), TEXT, options)?;
+    let port = UdpPort::connect(address).map_err(|error| LinkError::Io {
+        url: format!("udp://{address}"),
+        action: "open the client's socket",
+        source: std::io::Error::other(error),
+        remedy: "check that 127.0.0.1 is up",
+    })?;
+    Ok((wire, Box::new(port)))
+}
+
+fn listen(
+    address: SocketAddr,
+    text: &str,
+    options: &Options,
+) -> Result<(Wire, SocketAddr), LinkError> {
+    let failed = |action, remedy| {
+        move |source| LinkError::Io { url: text.to_string(), action, source, remedy }
+    };
+    let socket = std::net::UdpSocket::bind(address).map_err(failed(
+        "listen",
+        "choose a free port and an address of this machine (port 0 takes any free port)",
+    ))?;
+    let local = socket.local_addr().map_err(failed("read its address", "try again"))?;
+    socket.set_nonblocking(true).map_err(failed("set it up", "try again"))?;
+
+    let (arrivals, inbox) = sync_channel(QUEUE);
+    let (outbox, departures) = channel(QUEUE);
+    let tally = Arc::new(Tally::default());
+    let exchange = Exchange { number: 0, client: None, options: *options, tally: tally.clone() };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_io()
+        .build()
+        .map_err(failed("start its thread", "check the limits of this process"))?;
+    std::thread::Builder::new()
+        .name("udp".to_string())
+        .spawn(move || {
+            let ended = runtime.block_on(carry(socket, arrivals, departures, exchange));
+            if let Err(error) = ended {
+                tracing::error!(%error, "the udp link has ended");
+            }
+        })
+        .map_err(failed("start its thread", "check the limits of this process"))?;
+    let address = format!("udp://{local}");
+    let outbox = UdpOutbox { queue: outbox, address: address.clone() };
+    Ok((Wire { address, inbox, outbox: Box::new(outbox), tally }, local))
+}
+
+struct UdpOutbox {
+    queue: Sender<Outbound>,
+    address: String,
+}
+
+impl Outbox for UdpOutbox {
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        match self.queue.try_send(what) {
+            Ok(()) => Ok(None),
+            Err(TryQueue::Full(what)) => Ok(Some(what)),
+            Err(TryQueue::Closed(_)) => Err(LinkError::Closed(self.address.clone())),
+        }
+    }
+}
+
+/// Carries packets until the emulator drops its end.
+async fn carry(
+    socket: std::net::UdpSocket,
+    arrivals: SyncSender<Inbound>,
+    mut departures: Receiver<Outbound>,
+    mut exchange: Exchange,
+) -> std::io::Result<()> {
+    let socket = UdpSocket::from_std(socket)?;
+    // One octet more than a packet may have, so that a longer datagram is refused for its length.
+    let mut buffer = [0; MAX_PACKET + 1];
+    loop {
+        tokio::select! {
+            received = socket.recv_from(&mut buffer) => {
+                // An error here answers an earlier datagram to a client that has gone.
+                let Ok((length, from)) = received else { continue };
+                let packet = &buffer[..length];
+                if !exchange.admit(from, packet) {
+                    count(&exchange.tally.foreign);
+                    continue;
+                }
+                let packet = Bytes::copy_from_slice(packet);
+                let inbound = Inbound { exchange: exchange.number, packet, arrived: Instant::now() };
+                match arrivals.try_send(inbound) {
+                    Ok(()) => {}
+                    Err(TrySendError::Full(_)) => count(&exchange.tally.dropped),
+                    Err(TrySendError::Disconnected(_)) => return Ok(()),
+                }
+            }
+            departure = departures.recv() => match departure {
+                None => return Ok(()),
+                Some(Outbound::Release) => exchange.release(),
+                Some(Outbound::Packet { exchange: number, packet }) => {
+                    let sent = match exchange.client_of(number) {
+                        Some(client) => socket.send_to(&packet, client).await.is_ok(),
+                        None => false,
+                    };
+                    if !sent {
+                        count(&exchange.tally.stale);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Who the emulator talks with.
+struct Exchange {
+    number: u32,
+    client: Option<Client>,
+    options: Options,
+    tally: Arc<Tally>,
+}
+
+struct Client {
+    address: SocketAddr,
+    /// Whether it has sent a valid packet. Until then anybody may take its place.
+    proven: bool,
+    heard: Instant,
+}
+
+impl Exchange {
+    /// Whether a packet from `from` belongs to the exchange; opens a new one if it may.
+    fn admit(&mut self, from: SocketAddr, packet: &[u8]) -> bool {
+        let valid = (self.options.is_valid)(packet);
+        if let Some(client) = &mut self.client {
+            if client.address == from {
+                client.proven |= valid;
+                client.heard = Instant::now();
+                return true;
+            }
+            let stands = client.proven && client.heard.elapsed() < self.options.idle;
+            if stands || !valid {
+                return false;
+            }
+        }
+        self.number = self.number.wrapping_add(1);
+        self.client = Some(Client { address: from, proven: valid, heard: Instant::now() });
+        true
+    }
+
+    fn release(&mut self) {
+        if let Some(client) = &mut self.client {
+            client.proven = false;
+        }
+    }
+
+    fn client_of(&self, number: u32) -> Option<SocketAddr> {
+        self.client.as_ref().filter(|_| number == self.number).map(|client| client.address)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    fn at(port: u16) -> SocketAddr {
+        SocketAddr::from(([127, 0, 0, 1], port))
+    }
+
+    #[test]
+    fn an_exchange_stands_until_it_is_idle_or_released() {
+        let options = Options { idle: Duration::from_millis(40), is_valid: |packet| packet == b"good" };
+        let tally = Arc::new(Tally::default());
+        let mut exchange = Exchange { number: 0, client: None, options, tally };
+        assert!(exchange.admit(at(1), b"bad"), "anybody may be told that a first packet is bad");
+        assert!(!exchange.admit(at(2), b"bad"), "but a bad packet takes nobody's place");
+        assert!(exchange.admit(at(2), b"good"), "a good one does");
+        assert_eq!((exchange.client_of(1), exchange.client_of(2)), (None, Some(at(2))));
+        assert!(!exchange.admit(at(1), b"good"), "and then stands");
+        assert!(exchange.admit(at(2), b"bad"));
+        std::thread::sleep(Duration::from_millis(60));
+        assert!(!exchange.admit(at(1), b"bad"));
+        assert!(exchange.admit(at(1), b"good"), "until it is idle");
+        exchange.release();
+        assert!(exchange.admit(at(2), b"good"), "or released");
+        assert_eq!(exchange.client_of(4), Some(at(2)));
+    }
+}

@@ -1,0 +1,129 @@
+//! To the wire: a shot as its packets (`FrameHeader`, then `PixelBlock`s, then `Labels`), paced by credit.
+
+use super::{Server, Undelivered};
+use crate::engine::Shot;
+use crate::link::Outbound;
+use bytes::Bytes;
+use skyloop_firmware_sim::time::to_wire;
+use skyloop_protocols::crc::Crc32;
+use skyloop_protocols::pixels::{
+    blocks, blocks_in_frame, encode_pixel_block, label_parts, label_texts,
+};
+use skyloop_protocols::{
+    EncodeError, FrameHeader, LabelPart, MAX_PACKET, Packing, Reply, apid,
+};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// A client that takes nothing for this long has gone: its frame is abandoned.
+const STALL: Duration = Duration::from_secs(2);
+/// How long to listen while a frame waits for credit.
+const LISTEN: Duration = Duration::from_millis(5);
+/// How long to listen while a frame waits for room in the link's queue.
+const BREATH: Duration = Duration::from_micros(200);
+
+impl Server {
+    /// Sends all packets of a shot.
+    pub(super) fn deliver(&mut self, shot: &Shot, stop: &AtomicBool) -> Result<(), Undelivered> {
+        let detector = &shot.camera.detector;
+        let packing = Packing::for_bits(detector.bits);
+        let text = shot.json.as_bytes();
+        let instant = |epoch| to_wire(epoch).unwrap_or_default();
+        let time = instant(shot.exposure.mid);
+        let frame = shot.number;
+        let parts = label_parts(text.len() as u32).unwrap_or(u16::MAX);
+        let header = FrameHeader {
+            frame,
+            attitude_sequence: shot.key.sequence,
+            width: detector.width as u16,
+            height: detector.height as u16,
+            bits: detector.bits,
+            packing,
+            blocks: blocks_in_frame(detector.pixels() as u32, packing),
+            label_parts: parts,
+            label_bytes: text.len() as u32,
+            exposure_start: instant(shot.exposure.start),
+            exposure_end: instant(shot.exposure.end),
+            seed: shot.key.seed,
+            gain_e_per_dn: detector.gain_e_per_dn,
+            offset_dn: detector.offset_dn,
+            pixels_crc32: Crc32::new().update_pixels(&shot.frame.digits).finish(),
+        };
+        let run = Delivery { exchange: self.exchange.number, resets: self.exchange.resets, stop };
+        self.send_in_frame(&run, apid::FRAME_HEADER, |count, buffer| {
+            Reply::FrameHeader(header).encode(count, time, buffer)
+        })?;
+        for block in blocks(&shot.frame.digits, packing) {
+            self.send_in_frame(&run, apid::PIXEL_BLOCK, |count, buffer| {
+                let (index, first, pixels) = (block.index, block.first_pixel, block.pixels);
+                encode_pixel_block(frame, index, first, pixels, packing, count, time, buffer)
+            })?;
+        }
+        for (part, text) in label_texts(text).take(usize::from(parts)).enumerate() {
+            let label = LabelPart { frame, part: part as u16, parts, text };
+            self.send_in_frame(&run, apid::LABELS, |count, buffer| {
+                Reply::Labels(label).encode(count, time, buffer)
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Sends one packet that takes credit, listening while it has to wait.
+    fn send_in_frame(
+        &mut self,
+        run: &Delivery<'_>,
+        apid: u16,
+        encode: impl Fn(u16, &mut [u8]) -> Result<usize, EncodeError>,
+    ) -> Result<(), Undelivered> {
+        let mut since = Instant::now();
+        while !self.exchange.credit.may_send() {
+            let before = self.exchange.credit;
+            self.listen(run, LISTEN, since)?;
+            if self.exchange.credit != before {
+                since = Instant::now();
+            }
+        }
+        let mut buffer = [0; MAX_PACKET];
+        let length = match encode(self.counts.next(apid), &mut buffer) {
+            Ok(length) => length,
+            Err(error) => {
+                tracing::error!(%error, apid, "a packet of a frame could not be encoded");
+                return Err(Undelivered::Abandoned);
+            }
+        };
+        let packet = Bytes::copy_from_slice(&buffer[..length]);
+        let mut waiting = Some(Outbound::Packet { exchange: run.exchange, packet });
+        let since = Instant::now();
+        while let Some(packet) = waiting.take() {
+            waiting = self.wire.outbox.offer(packet).map_err(Undelivered::Link)?;
+            if waiting.is_some() {
+                self.listen(run, BREATH, since)?;
+            }
+        }
+        self.exchange.credit.spend();
+        Ok(())
+    }
+
+    /// Handles what arrives within `pause`; gives the frame up when its client has.
+    fn listen(
+        &mut self,
+        run: &Delivery<'_>,
+        pause: Duration,
+        since: Instant,
+    ) -> Result<(), Undelivered> {
+        let alive = self.receive(pause).map_err(Undelivered::Link)?;
+        let stands =
+            self.exchange.number == run.exchange && self.exchange.resets == run.resets;
+        if alive && stands && since.elapsed() < STALL && !run.stop.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        Err(Undelivered::Abandoned)
+    }
+}
+
+/// What has to stay as it is for a frame to be delivered.
+struct Delivery<'a> {
+    exchange: u32,
+    resets: u32,
+    stop: &'a AtomicBool,
+}

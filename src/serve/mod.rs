@@ -1,0 +1,174 @@
+//! The live run: packets from the wire become vehicle states, shots become packets.
+//!
+//! One thread: receive, latch, shoot, deliver. While a frame waits for credit or room in the link's queue,
+//! packets are still received, so commands and attitudes are never left lying.
+
+mod clock;
+mod deliver;
+mod receive;
+
+use crate::attitude::VehicleState;
+use crate::config::Clock;
+use crate::engine::{Emulator, Shot};
+use crate::link::{Wire, LinkError};
+use crate::stats::RunStats;
+use clock::WallClock;
+use skyloop_protocols::credit::CreditAccount;
+use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
+use skyloop_protocols::{Counters, Header, Personality};
+use std::collections::{BTreeSet, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Attitudes that may wait for their frame in stepped mode; more are refused as busy.
+const MAX_WAITING: usize = 64;
+/// How long a pause lasts in which nothing is due but a packet may come.
+const POLL: Duration = Duration::from_millis(50);
+
+/// An attitude that has been accepted.
+#[derive(Debug, Clone)]
+struct Latched {
+    vehicle: VehicleState,
+    header: Header,
+    arrived: Instant,
+}
+
+/// What one client has agreed with the emulator.
+#[derive(Debug, Default)]
+struct Exchange {
+    number: u32,
+    credit: CreditAccount,
+    gaps: GapDetector,
+    /// Attitudes that wait for their frame (stepped).
+    waiting: VecDeque<Latched>,
+    /// The last attitude accepted.
+    latest: Option<Latched>,
+    /// Counts Resets, so that a frame under way notices one.
+    resets: u32,
+}
+
+/// The emulator at a wire.
+pub struct Server {
+    emulator: Emulator,
+    wire: Wire,
+    personality: &'static Personality,
+    clock: Clock,
+    wall: WallClock,
+    exchange: Exchange,
+    counts: SequenceCounts,
+    counters: Counters,
+    /// What the run measured.
+    pub stats: RunStats,
+    /// Objects already reported as without an answer.
+    reported: BTreeSet<String>,
+}
+
+/// Why a frame did not reach its client whole.
+enum Undelivered {
+    /// Reset, another client, the run's end, or a client that takes nothing any more.
+    Abandoned,
+    /// The link is gone.
+    Link(LinkError),
+}
+
+impl Server {
+    /// Puts `emulator` at `wire`.
+    pub fn new(
+        emulator: Emulator,
+        wire: Wire,
+        clock: Clock,
+        personality: &'static Personality,
+    ) -> Server {
+        let wall = WallClock::new(emulator.camera().rate_hz);
+        Server {
+            emulator,
+            wire,
+            personality,
+            clock,
+            wall,
+            exchange: Exchange::default(),
+            counts: SequenceCounts::new(),
+            counters: Counters::default(),
+            stats: RunStats::default(),
+            reported: BTreeSet::new(),
+        }
+    }
+
+    /// Where the emulator listens.
+    pub fn address(&self) -> &str {
+        &self.wire.address
+    }
+
+    /// Serves until `stop` is set or `limit` frames are made; `on_shot` sees each after its delivery.
+    pub fn run(
+        &mut self,
+        stop: &AtomicBool,
+        limit: Option<u32>,
+        mut on_shot: impl FnMut(Shot),
+    ) -> Result<(), LinkError> {
+        while !stop.load(Ordering::Relaxed) && limit.is_none_or(|n| self.stats.frames < n) {
+            let due = match self.clock {
+                Clock::Stepped => self.exchange.waiting.pop_front().map(|l| (l.vehicle.clone(), l)),
+                Clock::Wall => self.due_on_the_wall(),
+            };
+            let Some((vehicle, latched)) = due else {
+                let pause = match self.clock {
+                    Clock::Stepped => POLL,
+                    Clock::Wall => self.wall.until_due().min(POLL),
+                };
+                if !self.receive(pause)? {
+                    return Ok(());
+                }
+                continue;
+            };
+            let shot = match self.emulator.shoot(&vehicle) {
+                Ok(shot) => shot,
+                Err(error) => {
+                    self.refuse_epoch(&latched.header, &error.to_string());
+                    continue;
+                }
+            };
+            self.counters.frames_rendered = self.counters.frames_rendered.wrapping_add(1);
+            self.stats.add(&shot);
+            self.report_unknown(&shot);
+            let counter = match self.deliver(&shot, stop) {
+                Ok(()) => {
+                    self.stats.answer.add(latched.arrived.elapsed());
+                    &mut self.counters.frames_delivered
+                }
+                Err(Undelivered::Abandoned) => &mut self.counters.frames_abandoned,
+                Err(Undelivered::Link(error)) => return Err(error),
+            };
+            *counter = counter.wrapping_add(1);
+            on_shot(shot);
+        }
+        Ok(())
+    }
+
+    /// The vehicle carried to the exposure whose end has come.
+    fn due_on_the_wall(&mut self) -> Option<(VehicleState, Latched)> {
+        let latched = self.exchange.latest.clone()?;
+        let mid = self.wall.take_due(self.emulator.camera().exposure_s)?;
+        Some((latched.vehicle.at(mid), latched))
+    }
+
+    fn report_unknown(&mut self, shot: &Shot) {
+        for error in &shot.unknown {
+            let object = error.object().to_string();
+            if self.reported.insert(object) {
+                tracing::warn!(frame = shot.number, "not shown: {error}");
+            }
+        }
+    }
+
+    /// All counts, the link's among them.
+    pub fn counters(&self) -> Counters {
+        let tally = &self.wire.tally;
+        Counters {
+            foreign_packets: tally.foreign(),
+            dropped_inbound: tally.dropped(),
+            bad_framing: tally.bad_framing(),
+            ..self.counters
+        }
+    }
+}

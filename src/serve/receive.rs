@@ -1,0 +1,276 @@
+//! From the wire: packets to commands to the emulator's settings and the latched vehicle state.
+
+use super::{Exchange, Latched, MAX_WAITING, Server};
+use crate::attitude::{AttitudeError, VehicleState};
+use crate::config::Clock;
+use crate::link::{Inbound, LinkError, Outbound};
+use bytes::Bytes;
+use skyloop_firmware_sim::time::{to_epoch, to_wire};
+use skyloop_protocols::{
+    Ack, Attitude, Command, Header, MAX_PACKET, Mode, Nack, Packing, Reason, Reply, Status,
+    WireTime, packet,
+};
+use std::ops::RangeInclusive;
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
+
+/// Exposure times (s) that can be commanded.
+const EXPOSURE_S: RangeInclusive<f64> = 1e-9..=1e4;
+/// Gains (e-/DN) that can be commanded.
+const GAIN: RangeInclusive<f64> = 1e-4..=1e6;
+/// Rates (Hz) that can be commanded.
+const RATE_HZ: RangeInclusive<f64> = 1e-4..=1e4;
+
+/// Why a valid packet is refused.
+struct Refusal {
+    reason: Reason,
+    detail: String,
+}
+
+impl Server {
+    /// Waits up to `timeout` for a packet and acts on it; false when the link has ended.
+    pub(super) fn receive(&mut self, timeout: Duration) -> Result<bool, LinkError> {
+        match self.wire.inbox.recv_timeout(timeout) {
+            Ok(inbound) => self.handle(inbound).map(|()| true),
+            Err(RecvTimeoutError::Timeout) => Ok(true),
+            Err(RecvTimeoutError::Disconnected) => Ok(false),
+        }
+    }
+
+    fn handle(&mut self, inbound: Inbound) -> Result<(), LinkError> {
+        if inbound.exchange != self.exchange.number {
+            self.open_exchange(inbound.exchange);
+        }
+        let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
+            Ok(decoded) => decoded,
+            Err(error) => {
+                self.counters.refuse(error.reason());
+                let (apid, count) = packet::identify(&inbound.packet).unwrap_or((0, 0));
+                return self.nack(apid, count, error.reason(), &error.to_string());
+            }
+        };
+        let missing = self.exchange.gaps.missing(header.apid, header.sequence_count);
+        self.counters.sequence_gaps =
+            self.counters.sequence_gaps.wrapping_add(u32::from(missing));
+        let done = match command {
+            Command::Attitude(attitude) => self.latch(header, &attitude, &inbound),
+            command => self.obey(header, command),
+        };
+        if let Err(Refusal { reason, detail }) = done {
+            self.counters.refuse(reason);
+            return self.nack(header.apid, header.sequence_count, reason, &detail);
+        }
+        match command {
+            Command::Attitude(_) => self.counters.attitudes = self.counters.attitudes.wrapping_add(1),
+            _ => self.counters.commands = self.counters.commands.wrapping_add(1),
+        }
+        match command {
+            Command::Attitude(_) | Command::Credit { .. } => Ok(()),
+            Command::Ping => {
+                self.ack(&header)?;
+                self.send(&Reply::Status(self.status()), self.now())
+            }
+            Command::Reset => {
+                self.ack(&header)?;
+                self.offer(Outbound::Release)
+            }
+            _ => self.ack(&header),
+        }
+    }
+
+    /// Another client: nothing of the last one's is left.
+    fn open_exchange(&mut self, number: u32) {
+        self.abandon_waiting();
+        self.exchange = Exchange { number, ..Exchange::default() };
+        self.emulator.reset_camera();
+        self.wall.clear(self.emulator.camera().rate_hz);
+    }
+
+    fn abandon_waiting(&mut self) {
+        let waiting = self.exchange.waiting.len() as u32;
+        self.counters.frames_abandoned = self.counters.frames_abandoned.wrapping_add(waiting);
+    }
+
+    /// Latches a vehicle state.
+    fn latch(&mut self, header: Header, attitude: &Attitude, inbound: &Inbound) -> Result<(), Refusal> {
+        let epoch = to_epoch(header.time);
+        if let Some(last) = &self.exchange.latest
+            && epoch < last.vehicle.epoch
+        {
+            let back_s = (last.vehicle.epoch - epoch).to_seconds();
+            return Err(Refusal {
+                reason: Reason::TimeBackwards,
+                detail: format!(
+                    "time of attitude {} lies {back_s:.6} s before the last one; send them in order, or Reset",
+                    attitude.sequence
+                ),
+            });
+        }
+        if self.clock == Clock::Stepped && self.exchange.waiting.len() >= MAX_WAITING {
+            return Err(Refusal {
+                reason: Reason::Busy,
+                detail: format!("{MAX_WAITING} attitudes already wait for their frames; wait for a frame"),
+            });
+        }
+        let orbit = attitude.state.map(|state| (state.position_m, state.velocity_m_s));
+        let vehicle = VehicleState::new(
+            attitude.sequence,
+            epoch,
+            attitude.q_icrf_to_body,
+            attitude.rates_rad_s,
+            orbit,
+        )
+        .map_err(|error| Refusal {
+            reason: match error {
+                AttitudeError::NotUnit { .. } => Reason::QuaternionNotUnit,
+                AttitudeError::NotFinite { .. } => Reason::NotFinite,
+                AttitudeError::OutOfRange { .. } => Reason::ValueOutOfRange,
+            },
+            detail: format!("attitude {}: {error}", attitude.sequence),
+        })?;
+        let latched = Latched { vehicle, header, arrived: inbound.arrived };
+        match self.clock {
+            Clock::Stepped => self.exchange.waiting.push_back(latched.clone()),
+            Clock::Wall => self.wall.set(epoch),
+        }
+        self.exchange.latest = Some(latched);
+        Ok(())
+    }
+
+    fn obey(&mut self, header: Header, command: Command) -> Result<(), Refusal> {
+        match command {
+            Command::Exposure { seconds } => {
+                within("Exposure.seconds", seconds, EXPOSURE_S)?;
+                self.emulator.camera_mut().exposure_s = seconds;
+            }
+            Command::Gain { e_per_dn } => {
+                within("Gain.e_per_dn", e_per_dn, GAIN)?;
+                self.emulator.camera_mut().detector.gain_e_per_dn = e_per_dn;
+            }
+            Command::FrameRate { hz } => {
+                self.on_the_wall_only("FrameRate", "each attitude gives its frame")?;
+                within("FrameRate.hz", hz, RATE_HZ)?;
+                self.emulator.camera_mut().rate_hz = hz;
+                self.wall.set_rate(hz);
+            }
+            Command::SingleShot => {
+                self.on_the_wall_only("SingleShot", "send an Attitude for each frame")?;
+                if self.exchange.latest.is_none() {
+                    return Err(Refusal {
+                        reason: Reason::Busy,
+                        detail: "SingleShot: no attitude yet; send one first".to_string(),
+                    });
+                }
+                self.wall.single_shot();
+            }
+            Command::Reset => {
+                self.abandon_waiting();
+                self.emulator.reset_camera();
+                self.wall.clear(self.emulator.camera().rate_hz);
+                self.exchange = Exchange {
+                    number: self.exchange.number,
+                    resets: self.exchange.resets.wrapping_add(1),
+                    ..Exchange::default()
+                };
+                self.exchange.gaps.missing(header.apid, header.sequence_count);
+            }
+            Command::Credit { packets } => self.exchange.credit.grant(packets),
+            Command::Ping | Command::Attitude(_) => {}
+        }
+        Ok(())
+    }
+
+    fn on_the_wall_only(&self, command: &str, instead: &str) -> Result<(), Refusal> {
+        if self.clock == Clock::Wall {
+            return Ok(());
+        }
+        Err(Refusal {
+            reason: Reason::NotSupported,
+            detail: format!("{command} has no meaning on the stepped clock: {instead}"),
+        })
+    }
+
+    /// Refuses an attitude whose epoch the ephemerides do not reach.
+    pub(super) fn refuse_epoch(&mut self, header: &Header, detail: &str) {
+        self.counters.refuse(Reason::ValueOutOfRange);
+        if let Err(error) =
+            self.nack(header.apid, header.sequence_count, Reason::ValueOutOfRange, detail)
+        {
+            tracing::error!(%error, "could not refuse an attitude");
+        }
+    }
+
+    fn ack(&mut self, header: &Header) -> Result<(), LinkError> {
+        let ack = Ack { apid: header.apid, sequence_count: header.sequence_count };
+        self.send(&Reply::Ack(ack), header.time)
+    }
+
+    fn nack(&mut self, apid: u16, count: u16, reason: Reason, detail: &str) -> Result<(), LinkError> {
+        tracing::debug!(?reason, detail, "refused");
+        self.send(&Reply::Nack(Nack::new(apid, count, reason, detail)), self.now())
+    }
+
+    /// Sends one answer.
+    fn send(&mut self, reply: &Reply<'_>, time: WireTime) -> Result<(), LinkError> {
+        let mut buffer = [0; MAX_PACKET];
+        let count = self.counts.next(reply.apid());
+        match (self.personality.encode_reply)(reply, count, time, &mut buffer) {
+            Ok(length) => {
+                let packet = Bytes::copy_from_slice(&buffer[..length]);
+                self.offer(Outbound::Packet { exchange: self.exchange.number, packet })
+            }
+            Err(error) => {
+                tracing::error!(%error, apid = reply.apid(), "an answer could not be encoded");
+                Ok(())
+            }
+        }
+    }
+
+    /// Queues an answer; where the queue is full nobody reads, and the answer is dropped.
+    fn offer(&mut self, what: Outbound) -> Result<(), LinkError> {
+        if self.wire.outbox.offer(what)?.is_some() {
+            tracing::warn!("an answer was dropped: the link's queue is full, nobody reads");
+        }
+        Ok(())
+    }
+
+    fn status(&self) -> Status {
+        let camera = self.emulator.camera();
+        let detector = &camera.detector;
+        Status {
+            mode: match self.clock {
+                Clock::Stepped => Mode::Stepped,
+                Clock::Wall => Mode::Wall,
+            },
+            width: detector.width as u16,
+            height: detector.height as u16,
+            bits: detector.bits,
+            packing: Packing::for_bits(detector.bits),
+            exposure_s: camera.exposure_s,
+            gain_e_per_dn: detector.gain_e_per_dn,
+            frame_rate_hz: camera.rate_hz,
+            next_frame: self.emulator.next_frame(),
+            packets_sent: self.exchange.credit.sent(),
+            counters: self.counters(),
+        }
+    }
+
+    /// The emulator's present time: that of the last attitude.
+    fn now(&self) -> WireTime {
+        self.exchange
+            .latest
+            .as_ref()
+            .and_then(|latched| to_wire(latched.vehicle.epoch))
+            .unwrap_or_default()
+    }
+}
+
+fn within(field: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), Refusal> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(Refusal {
+        reason: Reason::ValueOutOfRange,
+        detail: format!("{field} = {value}: must be {} to {}", range.start(), range.end()),
+    })
+}
