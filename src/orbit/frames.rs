@@ -18,7 +18,7 @@ pub(crate) const DAY_NS: i128 = 86_400_000_000_000;
 /// Rotation from TEME of date to GCRF: 3 x 3, `r_gcrf = teme_to_gcrf(t) * r_teme`.
 ///
 /// Precession, nutation and frame bias are IAU 2006/2000A; the equinox turn is
-/// GMST 1982 - GAST 2006. UT1 is taken equal to UTC: the two sidereal times
+/// GAST 2006 - GMST 1982. UT1 is taken equal to UTC: the two sidereal times
 /// share the Earth's rotation, and what is left of a 1 s error in UT1 is
 /// 7e-12 rad, 0.3 mm at the geostationary belt. The corrections to the celestial
 /// pole observed since (0.3 milliarcsecond) are left out: 6 cm there.
@@ -29,8 +29,9 @@ pub fn teme_to_gcrf(t: Epoch) -> Matrix3<f64> {
 
     // r_true = NPB r_gcrf  (Capitaine & Wallace 2006, IAU 2006/2000A)
     let npb = sofars::pnp::pnm06a(DJ00, tt);
-    // r_teme = R3(GMST82 - GAST) r_true
-    let angle = sofars::erst::gmst82(DJ00, ut1) - sofars::erst::gst06(DJ00, ut1, DJ00, tt, &npb);
+    // both reach the Earth-fixed axes: R3(GMST82) r_teme = R3(GAST) r_true
+    // r_teme = R3(GAST - GMST82) r_true
+    let angle = sofars::erst::gst06(DJ00, ut1, DJ00, tt, &npb) - sofars::erst::gmst82(DJ00, ut1);
     let (sin, cos) = angle.sin_cos();
     #[rustfmt::skip]
     let equinox = Matrix3::new(

@@ -1,0 +1,275 @@
+//! TLE and 3LE files: what loads, what is refused, and what it says.
+
+use hifitime::{Epoch, TimeScale, Unit};
+use nalgebra::Matrix3;
+use proptest::prelude::*;
+use skyloop_orbit::elements::PropagationError;
+use skyloop_orbit::{LoadError, Loaded, Object, Orbit, OrbitError, load, parse};
+
+/// Made-up sets: a low orbit and a geostationary one. Checksums are put behind them.
+const LOW_1: &str = "1 90001U 19001A   19166.50000000  .00000100  00000-0  10000-4 0  999";
+const LOW_2: &str = "2 90001  97.5000 120.0000 0010000  90.0000 270.0000 15.20000000  100";
+const GEO_1: &str = "1 A0007U 16001A   16366.99999999  .00000000  00000-0  00000-0 0  001";
+const GEO_2: &str = "2 A0007   0.0500  80.0000 0002000  10.0000  20.0000  1.00270000   10";
+
+/// The line with its checksum: digits, a minus counting one, modulo ten.
+fn sealed(line: &str) -> String {
+    let sum: u32 = (line.chars())
+        .map(|c| c.to_digit(10).unwrap_or((c == '-').into()))
+        .sum();
+    format!("{line:<68}{}", sum % 10)
+}
+
+fn low() -> String {
+    format!("{}\n{}\n", sealed(LOW_1), sealed(LOW_2))
+}
+
+fn geo() -> String {
+    format!("{}\n{}\n", sealed(GEO_1), sealed(GEO_2))
+}
+
+fn read(text: &str) -> Loaded {
+    parse(text, "test.tle").unwrap()
+}
+
+fn ids(loaded: &Loaded) -> Vec<(&str, Vec<&str>)> {
+    (loaded.objects.iter())
+        .map(|o| (o.id.as_str(), o.names.iter().map(String::as_str).collect()))
+        .collect()
+}
+
+fn rejections(loaded: &Loaded) -> Vec<String> {
+    loaded.rejected.iter().map(ToString::to_string).collect()
+}
+
+fn epoch_of(object: &Object) -> Epoch {
+    match &object.orbit {
+        Orbit::Elements(elements) => elements.epoch,
+        Orbit::Ephemeris(_) => panic!("not an element set"),
+    }
+}
+
+#[test]
+fn names_line_ends_blank_lines_and_alpha_5() {
+    let text = format!(
+        "# made up\n\n{}\r\n0 LOW ONE\r\n{}\nGEO ONE  \n{}",
+        low(),
+        low(),
+        geo()
+    )
+    .replace('\n', "\r\n");
+    let loaded = read(&text);
+    assert_eq!(rejections(&loaded), Vec::<String>::new());
+    // Alpha-5: A is 10, so A0007 is 100007
+    assert_eq!(
+        ids(&loaded),
+        [
+            ("NORAD 90001", vec![]),
+            ("NORAD 90001", vec!["LOW ONE"]),
+            ("NORAD 100007", vec!["GEO ONE"]),
+        ]
+    );
+    assert_eq!(loaded.objects[2].label(), "NORAD 100007 (GEO ONE)");
+}
+
+#[test]
+fn alpha_5_leaves_out_i_and_o() {
+    for (written, number) in [
+        ("A0000", Some(100_000)),
+        ("H9999", Some(179_999)),
+        ("I0000", None),
+        ("J0000", Some(180_000)),
+        ("N0000", Some(220_000)),
+        ("O0000", None),
+        ("P0000", Some(230_000)),
+        ("Z9999", Some(339_999)),
+        ("a0000", None),
+        ("A000 ", None),
+        ("    5", Some(5)),
+    ] {
+        let set = |line: &str| sealed(&line.replace("A0007", written));
+        let loaded = read(&format!("{}\n{}", set(GEO_1), set(GEO_2)));
+        let found = loaded.objects.first().map(|object| object.id.clone());
+        assert_eq!(
+            found,
+            number.map(|n: u32| format!("NORAD {n}")),
+            "{written}"
+        );
+        assert_eq!(loaded.rejected.len(), usize::from(number.is_none()));
+    }
+}
+
+#[test]
+fn a_bad_record_is_named_and_the_rest_loads() {
+    let corrupt = low().replace("120.0000", "120.0001");
+    let loaded = read(&format!("BAD\n{corrupt}GOOD\n{}", geo()));
+    assert_eq!(ids(&loaded), [("NORAD 100007", vec!["GOOD"])]);
+    let [message] = &rejections(&loaded)[..] else {
+        panic!("{:?}", loaded.rejected)
+    };
+    assert!(
+        message.starts_with("test.tle:3: bad checksum in line 2"),
+        "{message}"
+    );
+    assert!(message.ends_with("(BAD)"), "{message}");
+}
+
+#[test]
+fn every_kind_of_damage_says_what_and_where() {
+    let swap = |old: &str, new: &str| {
+        let text = [LOW_1, LOW_2].map(|line| sealed(&line.replace(old, new)));
+        format!("{}\n{}\n", text[0], text[1])
+    };
+    let cut = |length: usize| {
+        let line1 = sealed(LOW_1);
+        format!("{}\n{}\n", &line1[..length], sealed(LOW_2))
+    };
+    for (text, place, reason) in [
+        (swap("19166.5", "19400.5"), 1, "bad epoch"),
+        (swap("19166.5", "19x66.5"), 1, "bad epoch"),
+        (swap("97.5000", "97.5x00"), 2, "bad inclination"),
+        (swap(" 97.5000", "197.5000"), 2, "bad inclination"),
+        (swap("0010000", "00100 0"), 2, "bad eccentricity"),
+        (swap("15.20000000", " 0.00000000"), 2, "SGP4 cannot start"),
+        (swap("15.20000000", "        inf"), 2, "bad mean motion"),
+        (swap("10000-4", "1000x-4"), 1, "bad drag term"),
+        (swap("2 90001", "2 90002"), 2, "line 1 is of object 90001"),
+        (cut(68), 1, "not 69 ASCII characters but 68"),
+        (
+            low().replace("19001A ", "19001é "),
+            1,
+            "not 69 ASCII characters but 69",
+        ),
+        (format!("{}\n", sealed(LOW_1)), 1, "without its line 2"),
+        (format!("{}\n", sealed(LOW_2)), 1, "without its line 1"),
+        (
+            format!("{}\nNAME\n{}", sealed(LOW_1), sealed(LOW_2)),
+            1,
+            "without its line 2",
+        ),
+        (
+            format!("A remark\n0 LOW\n{}", low()),
+            1,
+            "'A remark' names no element set",
+        ),
+    ] {
+        let loaded = read(&text);
+        let messages = rejections(&loaded);
+        let start = format!("test.tle:{place}: ");
+        let found = messages.first().map_or("", String::as_str);
+        assert!(
+            found.starts_with(&start) && found.contains(reason),
+            "{reason}: {messages:?}"
+        );
+    }
+}
+
+#[test]
+fn epochs_are_exact_and_elapsed_time_counts_leap_seconds() {
+    let loaded = read(&geo());
+    let object = &loaded.objects[0];
+    // day 366 of 2016 is 31 December; 0.99999999 of a day is 86,399.999136 s
+    let written = Epoch::from_gregorian_utc(2016, 12, 31, 23, 59, 59, 999_136_000);
+    assert_eq!(
+        epoch_of(object).to_tai_duration(),
+        written.to_tai_duration()
+    );
+
+    // the leap second 2016-12-31T23:59:60 lies between: one minute of UTC label is 61 s
+    let after = Epoch::from_gregorian_utc(2017, 1, 1, 0, 0, 59, 999_136_000);
+    let Orbit::Elements(elements) = &object.orbit else {
+        panic!("not an element set")
+    };
+    let uniform = elements.state_teme_after(61.0 / 60.0).unwrap();
+    let asked = elements.state_teme(after).unwrap();
+    assert!((uniform.position_m - asked.position_m).norm() < 1e-6);
+    // the scale in which the epoch is written makes no difference
+    for scale in [TimeScale::TAI, TimeScale::TT, TimeScale::GPST] {
+        assert_eq!(
+            elements.state_teme(after.to_time_scale(scale)).unwrap(),
+            asked
+        );
+    }
+}
+
+#[test]
+fn decay_and_far_epochs_are_errors_that_name_the_object() {
+    // low, and with a drag term ten thousand times larger
+    let sinking = |line: &str| sealed(&line.replace("10000-4", "99999-1").replace("15.2", "16.3"));
+    let loaded = read(&format!("SINKING\n{}\n{}", sinking(LOW_1), sinking(LOW_2)));
+    let object = &loaded.objects[0];
+    let epoch = epoch_of(object);
+    let mut refused = None;
+    for hours in 0..2000 {
+        match object.state_with(epoch + f64::from(hours) * Unit::Hour, &Matrix3::identity()) {
+            Ok(state) => assert!(state.is_finite()),
+            Err(error) => refused = Some(error),
+        }
+    }
+    let error = refused.expect("it comes down").to_string();
+    assert!(
+        error.contains("NORAD 90001 (SINKING): no state at 2019-"),
+        "{error}"
+    );
+
+    let object = &read(&low()).objects[0];
+    let far = epoch_of(object) + 36_525.0 * Unit::Day;
+    assert!(matches!(
+        object.state(far),
+        Err(OrbitError::Propagation { reason: PropagationError::TooFar { days }, .. })
+            if (days - 36_525.0).abs() < 1e-9
+    ));
+}
+
+#[test]
+fn text_without_orbits_and_missing_files_are_errors() {
+    for text in ["", "\n\n", "hello\nworld", "<oem/>"] {
+        let error = parse(text, "nothing.txt").unwrap_err();
+        assert!(matches!(error, LoadError::NoOrbit { .. }));
+        assert!(error.to_string().starts_with("nothing.txt: no orbit found"));
+    }
+    let error = load(std::path::Path::new("no/such/file.tle")).unwrap_err();
+    assert!(error.to_string().contains("no/such/file.tle"), "{error}");
+}
+
+/// A set whose bytes are changed here and there, then sealed again.
+fn damaged() -> impl Strategy<Value = String> {
+    let change = (0usize..68, "[ -~é]");
+    let line = |line: &'static str| {
+        prop::collection::vec(change.clone(), 0..4).prop_map(move |changes| {
+            let mut letters: Vec<String> = line.chars().map(String::from).collect();
+            for (column, letter) in changes {
+                if let Some(place) = letters.get_mut(column) {
+                    *place = letter;
+                }
+            }
+            sealed(&letters.concat())
+        })
+    };
+    (line(LOW_1), line(LOW_2)).prop_map(|(a, b)| format!("{a}\n{b}\n"))
+}
+
+proptest! {
+    #[test]
+    fn any_text_is_read_without_panic(text in "(?s).{0,400}") {
+        let _ = parse(&text, "any");
+    }
+
+    #[test]
+    fn any_lines_behind_an_element_lines_start_are_read_without_panic(
+        lines in prop::collection::vec("[012 #A-Z][ ][ -~é\t]{20,80}", 0..6)
+    ) {
+        let _ = parse(&lines.join("\n"), "any");
+    }
+
+    #[test]
+    fn damaged_sets_never_give_numbers_that_are_not_finite(text in damaged(), days in -400.0..400.0) {
+        let Ok(loaded) = parse(&text, "any") else { return Ok(()) };
+        for object in &loaded.objects {
+            let t = epoch_of(object) + days * Unit::Day;
+            if let Ok(state) = object.state_with(t, &Matrix3::identity()) {
+                prop_assert!(state.is_finite());
+            }
+        }
+    }
+}
