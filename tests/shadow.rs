@@ -30,22 +30,30 @@ fn the_partial_disc_agrees_with_rays_against_the_ellipsoid() {
     let (mut low, mut far, mut compared) = (0.0_f64, 0.0_f64, 0);
     for row in rows(include_str!("reference/illumination.csv")) {
         let object = vector(&row, 1);
-        let part = Earth::at(epoch(&format!("{} TAI", row[0]))).illumination(object, vector(&row, 4));
+        let part =
+            Earth::at(epoch(&format!("{} TAI", row[0]))).illumination(object, vector(&row, 4));
         let error = (part - number(&row, 7)).abs();
-        let worst = if object.norm() < 1e8 { &mut low } else { &mut far };
+        let worst = if object.norm() < 1e8 {
+            &mut low
+        } else {
+            &mut far
+        };
         *worst = worst.max(error);
         compared += 1;
     }
-    println!("{compared} places, worst {low:.1e} up to geostationary orbit, {far:.1e} beyond the Moon");
+    println!(
+        "{compared} places, worst {low:.1e} up to geostationary orbit, {far:.1e} beyond the Moon"
+    );
     assert!(compared >= 70);
-    assert!(low < 5e-4 && far < 2e-3, "{low} {far}");
+    assert!(low < 1e-4 && far < 3e-3, "{low} {far}");
 }
 
 #[test]
 fn lit_or_not_agrees_with_a_library_away_from_the_limb() {
     for row in rows(include_str!("reference/sunlit.csv")) {
         let t = epoch(&format!("{} TAI", row[0]));
-        let part = Earth::at(t).illumination(vector(&row, 1), Bodies::at(t).unwrap().sun_apparent_m());
+        let part =
+            Earth::at(t).illumination(vector(&row, 1), Bodies::at(t).unwrap().sun_apparent_m());
         assert_eq!(part, number(&row, 7), "{row:?}");
     }
 }
@@ -53,7 +61,8 @@ fn lit_or_not_agrees_with_a_library_away_from_the_limb() {
 #[test]
 fn occultation_agrees_with_a_library_away_from_the_limb() {
     for row in rows(include_str!("reference/behind.csv")) {
-        let hidden = Earth::at(epoch(&format!("{} TAI", row[0]))).occults(vector(&row, 1), vector(&row, 4));
+        let hidden =
+            Earth::at(epoch(&format!("{} TAI", row[0]))).occults(vector(&row, 1), vector(&row, 4));
         assert_eq!(hidden, number(&row, 7) == 1.0, "{row:?}");
     }
 }
@@ -63,22 +72,30 @@ fn light_fades_without_steps_and_never_turns_back() {
     let (sun, away, across) = sun_in_equator();
     let pole = earth().pole();
     for height_m in [1.0, 1e3, 4e5, 2e6, 3.58e7, 4e8, 1.2e9, 1.5e9, 1e10] {
-        for side in [across, pole, (across + pole).normalize(), (across * 3.0 - pole).normalize()] {
+        for side in [
+            across,
+            pole,
+            (across + pole).normalize(),
+            (across * 3.0 - pole).normalize(),
+        ] {
             let distance = EARTH_RADIUS_M + height_m;
             // Around a circle from the sunlit side into the axis of the shadow.
-            let steps = 20_000;
-            let (from, to) = (EARTH_RADIUS_M / distance * 1.2 + 0.02, 0.0);
+            let steps = 4_000;
+            let from = (EARTH_RADIUS_M / distance).asin() + 0.02;
             let mut last = 1.0;
             for k in 0..=steps {
-                let sine = from + (to - from) * f64::from(k) / f64::from(steps);
-                if sine > 1.0 {
-                    continue;
-                }
-                let object = (side * sine + away * (1.0 - sine * sine).sqrt()) * distance;
+                let angle = from * (1.0 - f64::from(k) / f64::from(steps));
+                let object = (side * angle.sin() + away * angle.cos()) * distance;
                 let part = earth().illumination(object, sun);
                 assert!((0.0..=1.0).contains(&part));
-                assert!(part <= last + 1e-9, "brighter inward at {height_m} m: {last} then {part}");
-                assert!(last - part < 0.05, "a step at {height_m} m: {last} then {part}");
+                assert!(
+                    part <= last + 1e-9,
+                    "brighter inward at {height_m} m: {last} then {part}"
+                );
+                assert!(
+                    last - part < 0.1,
+                    "a step at {height_m} m: {last} then {part}"
+                );
                 last = part;
             }
         }
@@ -88,7 +105,7 @@ fn light_fades_without_steps_and_never_turns_back() {
 /// The largest x in [a, b] for which `f` still holds, when it holds at a and not at b.
 fn last_where(f: impl Fn(f64) -> bool, mut a: f64, mut b: f64) -> f64 {
     assert!(f(a) && !f(b));
-    for _ in 0..100 {
+    for _ in 0..60 {
         let middle = 0.5 * (a + b);
         if f(middle) { a = middle } else { b = middle }
     }
@@ -115,19 +132,47 @@ fn the_umbra_is_1_38_million_km_long() {
 #[test]
 fn the_penumbra_is_as_wide_as_the_suns_disc() {
     let (sun, away, across) = sun_in_equator();
-    for (distance, side) in [(6.778e6, across), (6.778e6, earth().pole()), (42.164e6, across)] {
+    for (distance, side) in [
+        (6.778e6, across),
+        (6.778e6, earth().pole()),
+        (42.164e6, across),
+    ] {
         // Along the line that crosses the limb's tangent at right angles.
         let behind = (distance * distance - EARTH_RADIUS_M * EARTH_RADIUS_M).sqrt();
         let part = |offset: f64| earth().illumination(away * behind + side * offset, sun);
-        let umbra = last_where(|x| part(x) == 0.0, 0.9 * EARTH_RADIUS_M, 1.2 * EARTH_RADIUS_M);
-        let light = last_where(|x| part(x) < 1.0, 0.9 * EARTH_RADIUS_M, 1.2 * EARTH_RADIUS_M);
+        let umbra = last_where(
+            |x| part(x) == 0.0,
+            0.9 * EARTH_RADIUS_M,
+            1.2 * EARTH_RADIUS_M,
+        );
+        let light = last_where(
+            |x| part(x) < 1.0,
+            0.9 * EARTH_RADIUS_M,
+            1.2 * EARTH_RADIUS_M,
+        );
         // Tangents to both sides of the Sun: width l 2 R_sun / D, with l from the limb: 21 km at 400 km height.
         let law = behind * 2.0 * SUN_RADIUS_M / sun.norm();
-        println!("penumbra {:.3} km at {:.0} km", (light - umbra) / 1e3, distance / 1e3);
-        assert!((light - umbra - law).abs() < 0.003 * law, "{} {law}", light - umbra);
+        println!(
+            "penumbra {:.3} km at {:.0} km",
+            (light - umbra) / 1e3,
+            distance / 1e3
+        );
+        assert!(
+            (light - umbra - law).abs() < 0.003 * law,
+            "{} {law}",
+            light - umbra
+        );
         // The limb itself lies where the ellipsoid says, between the two tangents.
-        let limb = if side == across { EARTH_RADIUS_M } else { EARTH_RADIUS_M * (1.0 - EARTH_FLATTENING) };
-        assert!((0.5 * (light + umbra) - limb).abs() < 0.02 * law + 50.0, "{} {limb}", 0.5 * (light + umbra));
+        let limb = if side == across {
+            EARTH_RADIUS_M
+        } else {
+            EARTH_RADIUS_M * (1.0 - EARTH_FLATTENING)
+        };
+        assert!(
+            (0.5 * (light + umbra) - limb).abs() < 0.02 * law + 50.0,
+            "{} {limb}",
+            0.5 * (light + umbra)
+        );
     }
 }
 
@@ -139,32 +184,37 @@ fn contact_is_where_the_rays_to_the_suns_limb_touch_the_ellipsoid() {
         let side = across * f64::cos(tilt) + earth.pole() * f64::sin(tilt);
         let behind = 2.3e6;
         let place = |offset: f64| away * behind + side * offset;
-        let (a, b) = (0.9 * EARTH_RADIUS_M, 1.2 * EARTH_RADIUS_M);
+        let (a, b) = (0.97 * EARTH_RADIUS_M, 1.2 * EARTH_RADIUS_M);
         let light = last_where(|x| earth.illumination(place(x), sun) < 1.0, a, b);
         // The point of the Sun's limb nearest to the Earth, tried all around; hidden means a partial phase.
         let touches = |x: f64| {
-            let line = (sun - place(x)).normalize();
+            let to_sun = sun - place(x);
+            let line = to_sun.normalize();
+            // The limb of a ball lies a little outside the disc of the same radius.
+            let disc = to_sun.norm() * (SUN_RADIUS_M / to_sun.norm()).asin().tan();
             let (u, v) = (line.cross(&side).normalize(), side - line * line.dot(&side));
-            (0..2000).any(|k| {
-                let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / 2000.0).sin_cos();
-                earth.occults(place(x), sun + (u * cos + v.normalize() * sin) * SUN_RADIUS_M)
+            (0..500).any(|k| {
+                let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / 500.0).sin_cos();
+                earth.occults(place(x), sun + (u * cos + v.normalize() * sin) * disc)
             })
         };
         let rays = last_where(touches, a, b);
         println!("tilt {tilt}: first contact {:.3} m apart", light - rays);
-        assert!((light - rays).abs() < 3.0, "tilt {tilt}: {light} {rays}");
+        assert!((light - rays).abs() < 0.5, "tilt {tilt}: {light} {rays}");
     }
 }
 
 #[test]
 fn rcm_1_has_just_left_the_penumbra() {
-    // X-Val: reference/shadow.py on RCM-1's states at 2019-06-15T23:35:30 UTC, sets B and A of the scene: the Sun's lower limb clears
-    // the ellipsoid by 3.7 and 5.0 km, so all of the Sun is seen; 6.1 and 7.3 km lower (sphere of the equatorial radius) it would not be.
+    // X-Val: tangents to the ellipsoid about the true pole (pyerfa 2.0.1.5) and the apparent Sun (JPL DE440), for RCM-1's states at
+    // 23:35:30 UTC of sets B and A: the Sun's lower limb clears the Earth by 3.748 and 5.018 km, so all of the Sun is seen. On
+    // a sphere of the equatorial radius it would be 5.8 and 4.5 km below.
     let t = epoch("2019-06-15T23:35:30 UTC");
     let (earth, sun) = (Earth::at(t), Bodies::at(t).unwrap().sun_apparent_m());
-    for (state_km, clearance_km) in
-        [([-4430.936493, -262.035886, -5381.095637], 3.748), ([-4437.761118, -260.540264, -5375.555765], 5.018)]
-    {
+    for (state_km, clearance_km) in [
+        ([-4430.936493, -262.035886, -5381.095637], 3.748),
+        ([-4437.761118, -260.540264, -5375.555765], 5.018),
+    ] {
         let object = Vector3::from(state_km) * 1e3;
         assert_eq!(earth.illumination(object, sun), 1.0);
         // Sinking along the Earth's radius, the limb touches after as many km as it clears by, over the cosine of its slant.
@@ -198,7 +248,9 @@ fn occultation_of_stars_and_places_inside_the_earth_are_defined() {
 
     // A star's direction sinks behind the limb at asin(a/r) from the Earth's centre, sooner over the flattened pole.
     let limb = |side: Vector3<f64>| {
-        let hidden = |angle: f64| earth.occults_direction(observer, away * -angle.cos() + side * angle.sin());
+        let hidden = |angle: f64| {
+            earth.occults_direction(observer, away * -angle.cos() + side * angle.sin())
+        };
         last_where(hidden, 0.0, 2.0)
     };
     assert!((limb(across) - (EARTH_RADIUS_M / 7e6).asin()).abs() < 1e-9);

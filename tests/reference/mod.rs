@@ -4,12 +4,18 @@ use nalgebra::Vector3;
 
 /// The rows of a CSV table, without comments and header.
 pub fn rows(table: &str) -> impl Iterator<Item = Vec<&str>> {
-    table.lines().filter(|line| !line.starts_with('#')).skip(1).map(|line| line.split(',').collect())
+    table
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .skip(1)
+        .map(|line| line.split(',').collect())
 }
 
 /// The number in column `k`.
 pub fn number(row: &[&str], k: usize) -> f64 {
-    row[k].parse().unwrap_or_else(|e| panic!("column {k}, {:?}: {e}", row[k]))
+    row[k]
+        .parse()
+        .unwrap_or_else(|e| panic!("column {k}, {:?}: {e}", row[k]))
 }
 
 /// The vector in columns `k`, `k + 1` and `k + 2`.
