@@ -89,8 +89,9 @@ impl Earth {
     /// The part of the Sun's disc that an object at `object_m` sees past the Earth: 1 in full light, 0 in the umbra and inside the
     /// Earth. `sun_m` is [`Bodies::sun_apparent_m`](super::bodies::Bodies::sun_apparent_m); both GCRF, m.
     ///
-    /// The disc is uniformly bright (no limb darkening). First and last contact are right to centimetres at low orbits; between
-    /// them the fraction is within 1e-3 of the area cut off a sphere's image by an ellipsoid's.
+    /// The disc is uniformly bright (no limb darkening). First and last contact lie within 0.1 m of the tangents to both bodies; between
+    /// them the fraction is within 4e-5 of an integration ray by ray up to geostationary orbit, and within 0.003 from the tip of the umbra
+    /// (1.38 million km) outward, where the Earth's whole outline matters.
     pub fn illumination(&self, object_m: Vector3<f64>, sun_m: Vector3<f64>) -> f64 {
         let object = self.to_sphere(object_m);
         let distance = object.norm();
