@@ -9,7 +9,7 @@ use crate::sky::catalog::Selection;
 use crate::sky::photometry::Sphere;
 use hifitime::Epoch;
 use serde::Deserialize;
-use skyloop_orbit::Object;
+use skyloop_orbit::{Object, StateVector};
 use std::path::Path;
 use std::str::FromStr;
 
@@ -33,11 +33,20 @@ pub struct Config {
     /// What an object reflects where nothing is known of it.
     pub sphere: Sphere,
     /// The observer's own orbit, for runs that make their own attitudes.
-    pub observer: Option<Object>,
+    pub observer: Option<Observer>,
     /// The exposures of an offline run.
     pub sequence: Option<Sequence>,
     /// How a live run listens and keeps time.
     pub run: Run,
+}
+
+/// Where a run's observer is.
+#[derive(Debug, Clone)]
+pub enum Observer {
+    /// On the orbit of an object.
+    Object(Box<Object>),
+    /// At this state (GCRF) in the middle of the first exposure, carried on by two-body motion and J2.
+    State(StateVector),
 }
 
 /// The stars and what is done to their directions.
@@ -266,7 +275,7 @@ impl Config {
         }
         let observer = match &raw.observer.orbit {
             None => None,
-            Some(selector) => Some(orbits::one(folder, selector)?),
+            Some(selector) => Some(Observer::Object(Box::new(orbits::one(folder, selector)?))),
         };
         Ok(Config {
             seed: raw.seed,

@@ -10,6 +10,7 @@ pub use url::LinkUrl;
 
 use bytes::Bytes;
 use skyloop_firmware_sim::port::Port;
+use skyloop_protocols::Personality;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Receiver;
@@ -36,8 +37,8 @@ pub struct Link {
 pub struct Options {
     /// After this silence a client may be replaced by another.
     pub idle: Duration,
-    /// Whether bytes are a packet that a client would send. Only such a packet makes its sender the client.
-    pub is_valid: fn(&[u8]) -> bool,
+    /// The wire language. Only a packet that it can read makes its sender the client.
+    pub personality: &'static Personality,
 }
 
 /// Packets in a queue; beyond this the sender waits and the receiver drops (and counts).

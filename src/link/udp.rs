@@ -150,7 +150,7 @@ struct Client {
 impl Exchange {
     /// Whether a packet from `from` belongs to the exchange; opens a new one if it may.
     fn admit(&mut self, from: SocketAddr, packet: &[u8]) -> bool {
-        let valid = (self.options.is_valid)(packet);
+        let valid = (self.options.personality.decode_command)(packet).is_ok();
         if let Some(client) = &mut self.client {
             if client.address == from {
                 client.proven |= valid;
@@ -181,6 +181,8 @@ impl Exchange {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use skyloop_protocols::personality::NATIVE;
+    use skyloop_protocols::{Command, WireTime};
     use std::time::Duration;
 
     fn at(port: u16) -> SocketAddr {
@@ -189,20 +191,23 @@ mod tests {
 
     #[test]
     fn an_exchange_stands_until_it_is_idle_or_released() {
-        let options = Options { idle: Duration::from_millis(40), is_valid: |packet| packet == b"good" };
+        let options = Options { idle: Duration::from_millis(40), personality: &NATIVE };
+        let mut buffer = [0; MAX_PACKET];
+        let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();
+        let (good, bad) = (&buffer[..length], &buffer[..length - 1]);
         let tally = Arc::new(Tally::default());
         let mut exchange = Exchange { number: 0, client: None, options, tally };
-        assert!(exchange.admit(at(1), b"bad"), "anybody may be told that a first packet is bad");
-        assert!(!exchange.admit(at(2), b"bad"), "but a bad packet takes nobody's place");
-        assert!(exchange.admit(at(2), b"good"), "a good one does");
+        assert!(exchange.admit(at(1), bad), "anybody may be told that a first packet is bad");
+        assert!(!exchange.admit(at(2), bad), "but a bad packet takes nobody's place");
+        assert!(exchange.admit(at(2), good), "a good one does");
         assert_eq!((exchange.client_of(1), exchange.client_of(2)), (None, Some(at(2))));
-        assert!(!exchange.admit(at(1), b"good"), "and then stands");
-        assert!(exchange.admit(at(2), b"bad"));
+        assert!(!exchange.admit(at(1), good), "and then stands");
+        assert!(exchange.admit(at(2), bad));
         std::thread::sleep(Duration::from_millis(60));
-        assert!(!exchange.admit(at(1), b"bad"));
-        assert!(exchange.admit(at(1), b"good"), "until it is idle");
+        assert!(!exchange.admit(at(1), bad));
+        assert!(exchange.admit(at(1), good), "until it is idle");
         exchange.release();
-        assert!(exchange.admit(at(2), b"good"), "or released");
+        assert!(exchange.admit(at(2), good), "or released");
         assert_eq!(exchange.client_of(4), Some(at(2)));
     }
 }

@@ -163,3 +163,14 @@ pub enum OrbitError {
         reason: PropagationError,
     },
 }
+
+impl OrbitError {
+    /// The label of the object that has no state.
+    pub fn object(&self) -> &str {
+        match self {
+            OrbitError::OutsideInterval { object, .. } | OrbitError::Propagation { object, .. } => {
+                object
+            }
+        }
+    }
+}

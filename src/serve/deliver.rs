@@ -7,10 +7,10 @@ use bytes::Bytes;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::pixels::{
-    blocks, blocks_in_frame, encode_pixel_block, label_parts, label_texts,
+    BlockSlice, blocks, blocks_in_frame, label_parts, label_texts, pack12, pack16, packed_length,
 };
 use skyloop_protocols::{
-    EncodeError, FrameHeader, LabelPart, MAX_PACKET, Packing, Reply, apid,
+    EncodeError, FrameHeader, LabelPart, MAX_PACKET, Packing, PixelBlock, Reply, WireTime,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -50,20 +50,22 @@ impl Server {
             pixels_crc32: Crc32::new().update_pixels(&shot.frame.digits).finish(),
         };
         let run = Delivery { exchange: self.exchange.number, resets: self.exchange.resets, stop };
-        self.send_in_frame(&run, apid::FRAME_HEADER, |count, buffer| {
-            Reply::FrameHeader(header).encode(count, time, buffer)
-        })?;
-        for block in blocks(&shot.frame.digits, packing) {
-            self.send_in_frame(&run, apid::PIXEL_BLOCK, |count, buffer| {
-                let (index, first, pixels) = (block.index, block.first_pixel, block.pixels);
-                encode_pixel_block(frame, index, first, pixels, packing, count, time, buffer)
-            })?;
+        self.send_in_frame(&run, &Reply::FrameHeader(header), time)?;
+        let mut packed = [0; MAX_PACKET];
+        for BlockSlice { index, first_pixel, pixels } in blocks(&shot.frame.digits, packing) {
+            let data = &mut packed[..packed_length(packing, pixels.len())];
+            let done = match packing {
+                Packing::Bits12 => pack12(pixels, data),
+                Packing::Bits16 => pack16(pixels, data),
+            };
+            done.map_err(unencodable)?;
+            let count = pixels.len() as u16;
+            let block = PixelBlock { frame, index, first_pixel, count, packing, data };
+            self.send_in_frame(&run, &Reply::PixelBlock(block), time)?;
         }
         for (part, text) in label_texts(text).take(usize::from(parts)).enumerate() {
             let label = LabelPart { frame, part: part as u16, parts, text };
-            self.send_in_frame(&run, apid::LABELS, |count, buffer| {
-                Reply::Labels(label).encode(count, time, buffer)
-            })?;
+            self.send_in_frame(&run, &Reply::Labels(label), time)?;
         }
         Ok(())
     }
@@ -72,8 +74,8 @@ impl Server {
     fn send_in_frame(
         &mut self,
         run: &Delivery<'_>,
-        apid: u16,
-        encode: impl Fn(u16, &mut [u8]) -> Result<usize, EncodeError>,
+        reply: &Reply<'_>,
+        time: WireTime,
     ) -> Result<(), Undelivered> {
         let mut since = Instant::now();
         while !self.exchange.credit.may_send() {
@@ -84,13 +86,9 @@ impl Server {
             }
         }
         let mut buffer = [0; MAX_PACKET];
-        let length = match encode(self.counts.next(apid), &mut buffer) {
-            Ok(length) => length,
-            Err(error) => {
-                tracing::error!(%error, apid, "a packet of a frame could not be encoded");
-                return Err(Undelivered::Abandoned);
-            }
-        };
+        let count = self.counts.next(reply.apid());
+        let length = (self.personality.encode_reply)(reply, count, time, &mut buffer)
+            .map_err(unencodable)?;
         let packet = Bytes::copy_from_slice(&buffer[..length]);
         let mut waiting = Some(Outbound::Packet { exchange: run.exchange, packet });
         let since = Instant::now();
@@ -126,4 +124,10 @@ struct Delivery<'a> {
     exchange: u32,
     resets: u32,
     stop: &'a AtomicBool,
+}
+
+/// A packet that the wire language cannot hold: the frame is given up, and the log says why.
+fn unencodable(error: EncodeError) -> Undelivered {
+    tracing::error!(%error, "a packet of a frame could not be encoded");
+    Undelivered::Abandoned
 }

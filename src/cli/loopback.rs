@@ -1,0 +1,136 @@
+//! `skyloop loopback`: the emulator and the mock flight computer against each other.
+
+use super::progress;
+use anyhow::{Context, bail};
+use clap::Args as ClapArgs;
+use skyloop::config::{Clock, Config};
+use skyloop::engine::{Emulator, Shot};
+use skyloop::flight;
+use skyloop::link::{self, LINKS};
+use skyloop::output::{OutputError, Writer};
+use skyloop::serve::Server;
+use skyloop::stats::{RunStats, row, table};
+use skyloop_firmware_sim::flight_computer::{Event, FlightComputer};
+use skyloop_firmware_sim::report::Report;
+use skyloop_protocols::personality::NATIVE;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::time::Duration;
+
+/// Arguments of `skyloop loopback`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Link between the two: memory, udp (sockets on 127.0.0.1) or serial (a pseudo-terminal)
+    #[arg(long, default_value = "memory", value_parser = clap::builder::PossibleValuesParser::new(LINKS.iter().map(|l| l.scheme)))]
+    link: String,
+    /// Scene file [default: the built-in FAI on CASSIOPE, 15 June 2019]
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Number of frames [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    frames: Option<u32>,
+    /// Folder for frames and labels; made if it does not exist
+    #[arg(long, value_name = "DIR", default_value = "skyloop-out")]
+    out: PathBuf,
+}
+
+/// Frames that may wait to be written; then the emulator waits.
+const WRITE_QUEUE: usize = 8;
+
+/// Runs the command.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let mut config = match &args.scene {
+        Some(scene) => Config::load(scene)?,
+        None => Config::builtin()?,
+    };
+    for line in &config.rejected {
+        tracing::warn!("refused: {line}");
+    }
+    if let (Some(sequence), Some(frames)) = (&mut config.sequence, args.frames) {
+        sequence.frames = frames;
+    }
+    let mission = flight::mission(&config)?;
+    let frames = mission.frames;
+    let idle = Duration::from_secs_f64(config.run.idle_s);
+    let options = link::Options { idle, personality: &NATIVE };
+    let (wire, port) = link::loopback(&args.link, &options)?;
+    let writer = Writer::create(&args.out, frames)?;
+    let mut server = Server::new(Emulator::new(&mut config), wire, Clock::Stepped, &NATIVE);
+    println!("{frames} frames of {} over {}", config.camera.name, server.address());
+
+    let stop = AtomicBool::new(false);
+    let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
+    let bar = progress(frames);
+    let (report, served, written) = std::thread::scope(|scope| {
+        let emulator = scope.spawn(|| {
+            let served = server.run(&stop, None, |shot| {
+                // A writer that has failed has dropped its end; its error is reported below.
+                let _ = shots.send(shot);
+            });
+            drop(shots);
+            served.map(|()| server.stats)
+        });
+        let writing = scope.spawn(|| write(writer, to_write));
+        let report = FlightComputer::new(port, mission).run(|event| {
+            match event {
+                Event::Frame { .. } => bar.inc(1),
+                Event::Lost { sequence, loss } => {
+                    bar.suspend(|| tracing::warn!("frame {sequence} lost: {loss}"));
+                }
+                Event::Nack(nack) => bar.suspend(|| tracing::warn!("refused: {nack:?}")),
+                Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
+            }
+            ControlFlow::Continue(())
+        });
+        stop.store(true, Ordering::Relaxed);
+        (report, emulator.join(), writing.join())
+    });
+    bar.finish_and_clear();
+    let (Ok(served), Ok(written)) = (served, written) else {
+        bail!("a thread of the run has panicked: please report it with the command you gave");
+    };
+    written.context("writing the frames")?;
+    let (stats, report) = (served?, report?);
+    print!("{}", table(&rows(&stats, &report)));
+    println!("wrote {}", args.out.display());
+    if report.frames != frames {
+        bail!("{} of {frames} frames did not arrive whole (see the log above)", frames - report.frames);
+    }
+    Ok(())
+}
+
+fn write(mut writer: Writer, shots: Receiver<Shot>) -> Result<(), OutputError> {
+    for shot in shots {
+        writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
+    }
+    writer.finish().map(|_| ())
+}
+
+fn rows(stats: &RunStats, report: &Report) -> Vec<(String, String)> {
+    let ms = |p| report.latency(p).map_or("none".into(), |t| format!("{:.2}", t.as_secs_f64() * 1e3));
+    let mut rows = stats.rows();
+    rows.insert(
+        2,
+        row("attitude to last block p50 / p99", format!("{} / {} ms", ms(0.5), ms(0.99))),
+    );
+    rows.push(row(
+        "centroids, measured - labelled",
+        match report.totals.residual() {
+            Some(residual) => format!(
+                "rms {:.3} px, median {:.3} px ({} unsaturated, isolated objects)",
+                residual.rms_px, residual.median_px, residual.count
+            ),
+            None => "none".to_string(),
+        },
+    ));
+    rows.push(row(
+        "detections",
+        format!(
+            "{}, {} false, {} bright objects missed",
+            report.totals.detections, report.totals.false_detections, report.totals.missed
+        ),
+    ));
+    rows
+}

@@ -1,0 +1,58 @@
+//! The command line. A command is a file here and a line in [`Command`].
+
+mod loopback;
+mod render;
+mod run;
+
+use clap::{Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
+use tracing::level_filters::LevelFilter;
+
+/// Hardware-in-the-loop star-tracker emulator: attitude in, labelled frames out.
+#[derive(Parser)]
+#[command(version, arg_required_else_help = true)]
+pub struct Cli {
+    /// Log more (-v: what is refused, -vv: all)
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    pub verbose: u8,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run emulator and mock flight computer against each other; needs nothing
+    Loopback(loopback::Args),
+    /// Run the emulator alone and wait for a flight computer
+    Run(run::Args),
+    /// Render frames and labels into a folder, without a flight computer
+    Render(render::Args),
+}
+
+impl Cli {
+    /// Runs the command.
+    pub fn run(self) -> anyhow::Result<()> {
+        match self.command {
+            Command::Loopback(args) => loopback::run(args),
+            Command::Run(args) => run::run(args),
+            Command::Render(args) => render::run(args),
+        }
+    }
+}
+
+/// Starts the log on standard error.
+pub fn start_log(verbose: u8) {
+    let level = match verbose {
+        0 => LevelFilter::WARN,
+        1 => LevelFilter::DEBUG,
+        _ => LevelFilter::TRACE,
+    };
+    tracing_subscriber::fmt().with_writer(std::io::stderr).with_max_level(level).init();
+}
+
+/// A progress bar over `frames`; nothing where standard error is no terminal.
+fn progress(frames: u32) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} frames  {msg}");
+    ProgressBar::new(u64::from(frames))
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}

@@ -1,0 +1,178 @@
+//! `skyloop render`: frames and labels into a folder, without a flight computer.
+
+use super::progress;
+use anyhow::{Context, bail};
+use clap::Args as ClapArgs;
+use skyloop::attitude::Attitude;
+use skyloop::camera::Camera;
+use skyloop::config::{Config, Observer, Sequence, TimedAttitude, parse_utc};
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::load::{Folder, orbits};
+use skyloop::orbit::StateVector;
+use skyloop::output::Writer;
+use skyloop::stats::{RunStats, table};
+use std::path::PathBuf;
+
+/// Arguments of `skyloop render`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["camera", "epoch", "attitude", "rates", "state", "orbit", "rso"])]
+    scene: Option<PathBuf>,
+    /// Camera: fai-nir, fai-630, rigel-l, cots-wide, or a camera file
+    #[arg(long, value_name = "NAME|FILE", default_value = "fai-nir")]
+    camera: String,
+    /// Middle of the first exposure, such as 2019-06-15T23:35:50Z
+    #[arg(long, value_name = "UTC", required_unless_present = "scene")]
+    epoch: Option<String>,
+    /// Unit quaternion x,y,z,w from ICRF to body, scalar last
+    #[arg(long, value_name = "x,y,z,w", required_unless_present = "scene", allow_hyphen_values = true)]
+    attitude: Option<Numbers<4>>,
+    /// Body rates in deg/s, body axes
+    #[arg(long, value_name = "wx,wy,wz", allow_hyphen_values = true)]
+    rates: Option<Numbers<3>>,
+    /// Observer's state in km and km/s, GCRF, at the epoch; carried on by two-body motion and J2
+    #[arg(long, value_name = "x,y,z,vx,vy,vz", allow_hyphen_values = true, conflicts_with = "orbit")]
+    state: Option<Numbers<6>>,
+    /// Observer's orbit from a TLE, 3LE or OEM file
+    #[arg(long, value_name = "FILE[:NAME]")]
+    orbit: Option<String>,
+    /// Objects from a TLE, 3LE or OEM file; may be given more than once
+    #[arg(long, value_name = "FILE")]
+    rso: Vec<String>,
+    /// Number of frames [default: 1, or the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    frames: Option<u32>,
+    /// Seconds from one exposure to the next [default: 1, or the scene's]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    period: Option<f64>,
+    /// Seed of the noise [default: 1, or the scene's]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Draw no noise, and write the expected electrons too (*_electrons.fits)
+    #[arg(long)]
+    no_noise: bool,
+    /// List objects in the labels down to this signal-to-noise ratio [default: 1, or the scene's]
+    #[arg(long, value_name = "SNR", value_parser = not_negative)]
+    label_snr: Option<f64>,
+    /// Folder for frames and labels; made if it does not exist
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// Exactly N finite numbers, separated by commas.
+#[derive(Debug, Clone, Copy)]
+pub struct Numbers<const N: usize>([f64; N]);
+
+impl<const N: usize> std::str::FromStr for Numbers<N> {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|t| t.trim().parse()).collect();
+        let numbers = numbers.map_err(|_| format!("{N} numbers separated by commas are wanted"))?;
+        match <[f64; N]>::try_from(numbers) {
+            Ok(numbers) if numbers.iter().all(|n| n.is_finite()) => Ok(Numbers(numbers)),
+            Ok(_) => Err("every number must be finite".to_string()),
+            Err(numbers) => Err(format!("{N} numbers are wanted, not {}", numbers.len())),
+        }
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (1e-6..=1e6).contains(&value) => Ok(value),
+        _ => Err("a number of seconds from 1e-6 to 1e6 is wanted".to_string()),
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=1e9).contains(&value) => Ok(value),
+        _ => Err("a number from 0 to 1e9 is wanted".to_string()),
+    }
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let mut config = configure(&args)?;
+    for line in &config.rejected {
+        tracing::warn!("refused: {line}");
+    }
+    let mission = flight::mission(&config)?;
+    // Before anything is written: every frame has an attitude and a state.
+    for number in [0, mission.frames - 1] {
+        flight::vehicle(&mission, number)
+            .with_context(|| format!("frame {number} of {}", mission.frames))?;
+    }
+    let mut emulator = Emulator::new(&mut config);
+    emulator.noise = !args.no_noise;
+    emulator.keep_expected = args.no_noise;
+    let mut writer = Writer::create(&args.out, mission.frames)?;
+    let mut stats = RunStats::default();
+    let bar = progress(mission.frames);
+    for number in 0..mission.frames {
+        let vehicle = flight::vehicle(&mission, number)?;
+        let shot = emulator.shoot(&vehicle)?;
+        for error in &shot.unknown {
+            bar.suspend(|| tracing::warn!(frame = number, "not shown: {error}"));
+        }
+        stats.add(&shot);
+        writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
+        bar.inc(1);
+    }
+    writer.finish()?;
+    bar.finish_and_clear();
+    print!("{}", table(&stats.rows()));
+    println!("wrote {}", args.out.display());
+    Ok(())
+}
+
+fn configure(args: &Args) -> anyhow::Result<Config> {
+    let mut config = match &args.scene {
+        Some(scene) => Config::load(scene)?,
+        None => from_flags(args)?,
+    };
+    let Some(sequence) = &mut config.sequence else {
+        return Err(flight::FlightError::NoSequence.into());
+    };
+    sequence.frames = args.frames.unwrap_or(sequence.frames);
+    sequence.period_s = args.period.unwrap_or(sequence.period_s);
+    config.seed = args.seed.unwrap_or(config.seed);
+    config.label_snr = args.label_snr.unwrap_or(config.label_snr);
+    Ok(config)
+}
+
+fn from_flags(args: &Args) -> anyhow::Result<Config> {
+    let (Some(epoch), Some(Numbers(q))) = (&args.epoch, args.attitude) else {
+        bail!("give --scene FILE, or --epoch UTC and --attitude x,y,z,w");
+    };
+    let epoch = parse_utc(epoch)
+        .map_err(|wanted| anyhow::anyhow!("--epoch {epoch}: must be {wanted}"))?;
+    let attitude = Attitude::from_xyzw(q).context("--attitude")?;
+    let rates = args.rates.map_or([0.0; 3], |Numbers(rates)| rates.map(f64::to_radians));
+    let here = Folder::current();
+    let mut config = Config::defaults()?;
+    config.camera = Camera::load(&args.camera, &here)?;
+    config.observer = match (&args.orbit, args.state) {
+        (Some(selector), _) => Some(Observer::Object(Box::new(orbits::one(&here, selector)?))),
+        (None, Some(Numbers([x, y, z, vx, vy, vz]))) => Some(Observer::State(StateVector {
+            position_m: [x * 1e3, y * 1e3, z * 1e3].into(),
+            velocity_m_s: [vx * 1e3, vy * 1e3, vz * 1e3].into(),
+        })),
+        (None, None) => None,
+    };
+    for file in &args.rso {
+        let loaded = orbits::all(&here, file)?;
+        config.objects.extend(loaded.objects);
+        config.rejected.extend(loaded.rejected.iter().map(|r| r.to_string()));
+    }
+    config.sequence = Some(Sequence {
+        epoch,
+        frames: 1,
+        period_s: 1.0,
+        attitudes: vec![TimedAttitude { epoch, attitude }],
+        rates,
+    });
+    Ok(config)
+}

@@ -1,0 +1,103 @@
+//! `skyloop run`: the emulator alone, waiting for a flight computer.
+
+use anyhow::Context;
+use clap::Args as ClapArgs;
+use skyloop::config::{Clock, Config};
+use skyloop::engine::Emulator;
+use skyloop::link;
+use skyloop::serve::Server;
+use skyloop::stats::{row, table, times};
+use skyloop_protocols::personality::NATIVE;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Arguments of `skyloop run`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Configuration file (see configs/default.toml)
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+    /// Link to listen on, such as udp://127.0.0.1:4810 or serial:///dev/ttyUSB0?baud=921600 [default: the file's]
+    #[arg(long, value_name = "URL")]
+    link: Option<String>,
+    /// End after this many frames [default: at Ctrl-C]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let mut config = Config::load(&args.config)?;
+    for line in &config.rejected {
+        tracing::warn!("refused: {line}");
+    }
+    let idle = Duration::from_secs_f64(config.run.idle_s);
+    let options = link::Options { idle, personality: &NATIVE };
+    let wire = link::open(args.link.as_ref().unwrap_or(&config.run.link), &options)?;
+    let (objects, clock) = (config.objects.len(), config.run.clock);
+    let mut server = Server::new(Emulator::new(&mut config), wire, clock, &NATIVE);
+
+    let stop = Arc::new(AtomicBool::new(false));
+    stop_at_signal(stop.clone())?;
+    let pace = match clock {
+        Clock::Stepped => "a frame for each attitude".to_string(),
+        Clock::Wall => format!("{} frames a second by the wall clock", config.camera.rate_hz),
+    };
+    let camera = &config.camera;
+    println!(
+        "{} ({} x {}), {objects} objects, {pace}",
+        camera.name, camera.detector.width, camera.detector.height
+    );
+    println!("listening on {}; Ctrl-C ends the run", server.address());
+    let served = server.run(&stop, args.frames, |_| {});
+
+    let mut rows = server.stats.rows();
+    let answer = times(&server.stats.answer, &[0.5, 0.99]);
+    rows.insert(2, row("attitude to last block p50 / p99", answer));
+    let counts: Vec<String> = server
+        .counters()
+        .iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(name, count)| format!("{name} {count}"))
+        .collect();
+    rows.push(row("counters", if counts.is_empty() { "all 0".into() } else { counts.join(", ") }));
+    print!("\n{}", table(&rows));
+    served.map_err(Into::into)
+}
+
+/// Sets `stop` at Ctrl-C (and at SIGTERM on Unix); a second Ctrl-C ends the process at once.
+fn stop_at_signal(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_io()
+        .build()
+        .context("cannot watch for Ctrl-C")?;
+    std::thread::spawn(move || {
+        runtime.block_on(async {
+            wait_for_signal().await;
+            stop.store(true, Ordering::Relaxed);
+            wait_for_signal().await;
+            std::process::exit(130);
+        });
+    });
+    Ok(())
+}
+
+#[cfg(unix)]
+async fn wait_for_signal() {
+    use tokio::signal::unix::{SignalKind, signal};
+    let Ok(mut terminate) = signal(SignalKind::terminate()) else {
+        let _ = tokio::signal::ctrl_c().await;
+        return;
+    };
+    tokio::select! {
+        _ = tokio::signal::ctrl_c() => {}
+        _ = terminate.recv() => {}
+    }
+}
+
+#[cfg(not(unix))]
+async fn wait_for_signal() {
+    let _ = tokio::signal::ctrl_c().await;
+}

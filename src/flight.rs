@@ -1,0 +1,93 @@
+//! The vehicle's motion in runs that make their own attitudes: what a mock flight computer would send.
+
+use crate::attitude::{AttitudeError, VehicleState};
+use crate::config::{Config, Sequence, TimedAttitude};
+use hifitime::Epoch;
+use nalgebra::{UnitQuaternion, Vector3};
+use skyloop_firmware_sim::attitude_list::AttitudeList;
+use skyloop_firmware_sim::flight_computer::{Mission, Pace, RunError};
+use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
+use std::time::Duration;
+use thiserror::Error;
+
+/// Why a run cannot make its attitudes.
+#[derive(Debug, Error)]
+pub enum FlightError {
+    /// The scene has none.
+    #[error("the scene has no [sequence]: add one (see configs/default.toml), or use `skyloop run`")]
+    NoSequence,
+    /// Objects are seen from somewhere.
+    #[error(
+        "objects without an observer: from the Earth's centre they have no meaningful direction; \
+         give the observer's --state or --orbit ([observer] orbit in a scene)"
+    )]
+    NoObserver,
+    /// Attitude or orbit at a frame.
+    #[error(transparent)]
+    Profile(#[from] RunError),
+    /// A value of a frame.
+    #[error(transparent)]
+    Attitude(#[from] AttitudeError),
+}
+
+/// How long a flight computer waits for a frame.
+const TIMEOUT: Duration = Duration::from_secs(30);
+
+/// The mission that `config`'s sequence describes, in lock-step with the emulator.
+pub fn mission(config: &Config) -> Result<Mission, FlightError> {
+    let sequence = config.sequence.as_ref().ok_or(FlightError::NoSequence)?;
+    let orbit = config.observer.clone().map(|observer| match observer {
+        crate::config::Observer::Object(object) => orbit_of(*object),
+        crate::config::Observer::State(state) => drift(state, sequence.epoch),
+    });
+    if orbit.is_none() && !config.objects.is_empty() {
+        return Err(FlightError::NoObserver);
+    }
+    Ok(Mission {
+        start: sequence.epoch,
+        period_s: sequence.period_s,
+        frames: sequence.frames,
+        profile: profile(sequence),
+        orbit,
+        timeout: TIMEOUT,
+        pace: Pace::Stepped { most_hz: None },
+    })
+}
+
+/// The vehicle in the middle of exposure `number` of a mission.
+pub fn vehicle(mission: &Mission, number: u32) -> Result<VehicleState, FlightError> {
+    let epoch = mission.epoch(number);
+    let attitude = mission.attitude(number, epoch)?;
+    let orbit = attitude.state.map(|state| (state.position_m, state.velocity_m_s));
+    Ok(VehicleState::new(
+        number,
+        epoch,
+        attitude.q_icrf_to_body,
+        attitude.rates_rad_s,
+        orbit,
+    )?)
+}
+
+fn profile(sequence: &Sequence) -> Profile {
+    let unit = |timed: &TimedAttitude| {
+        let [x, y, z, w] = timed.attitude.xyzw();
+        UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
+    };
+    let list = sequence.attitudes.iter().map(|timed| (timed.epoch, unit(timed))).collect();
+    match (AttitudeList::new(list, "sequence.attitudes"), &sequence.attitudes[..]) {
+        (Ok(list), _) => Profile::List(list),
+        // One attitude: it turns with the sequence's rates. The configuration holds at least one, in order.
+        (Err(_), attitudes) => Profile::Slew {
+            start: attitudes.first().map_or(sequence.epoch, |timed| timed.epoch),
+            attitude: attitudes.first().map_or_else(UnitQuaternion::identity, unit),
+            rates_rad_s: Vector3::from(sequence.rates),
+        },
+    }
+}
+
+/// A state carried on by two-body motion and J2.
+fn drift(state: skyloop_orbit::StateVector, at: Epoch) -> OrbitSource {
+    std::sync::Arc::new(move |epoch| {
+        Ok(skyloop_orbit::two_body::propagate_j2(&state, (epoch - at).to_seconds()))
+    })
+}
