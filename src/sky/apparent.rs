@@ -20,7 +20,7 @@ use super::bodies::{AU_M, Bodies, EpochOutOfRange, LIGHT_M_S, aberrate, tt_days_
 
 /// Epoch of the Hipparcos catalogue, J1991.25 = JD 2448349.0625, in days since J2000.0. The catalogue counts TCB and this module TT:
 /// 7 s apart, 2 microarcsec of the fastest proper motion.
-const CATALOGUE_EPOCH_DAYS: f64 = 2_448_349.0625 - 2_451_545.0;
+const CATALOGUE_EPOCH_DAYS: f64 = 2_448_349.062_5 - 2_451_545.0;
 const DAYS_PER_YEAR: f64 = 365.25;
 /// Twice the Sun's gravitational parameter over c^2, m: its Schwarzschild radius.
 /// GM = 1.327 124 4e20 m^3/s^2 (IAU 2015 Resolution B3).
