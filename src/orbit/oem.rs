@@ -236,11 +236,9 @@ impl Meta {
             "TT" => Ok(TimeScale::TT),
             "GPS" => Ok(TimeScale::GPST),
             "TDB" => Ok(TimeScale::TDB),
-            "TCG" => Ok(TimeScale::TCG),
-            "TCB" => Ok(TimeScale::TCB),
             _ => Err((
                 line,
-                format!("TIME_SYSTEM '{name}'; read are UTC, TAI, TT, GPS, TDB, TCG and TCB"),
+                format!("TIME_SYSTEM '{name}'; read are UTC, TAI, TT, GPS and TDB"),
             )),
         }
     }

@@ -1,0 +1,419 @@
+//! CCSDS OEM files: what loads, what lies between the states, and what is refused.
+
+use hifitime::{Epoch, TimeScale, Unit};
+use proptest::prelude::*;
+use skyloop_orbit::frames::{eme2000_to_gcrf, teme_to_gcrf};
+use skyloop_orbit::{Loaded, Object, Orbit, OrbitError, StateVector, load, parse};
+use std::path::PathBuf;
+
+const NAMES: [&str; 4] = ["cassiope", "rcm-1", "rcm-2", "rcm-3"];
+
+/// The scene's files: four objects, states A and B.
+fn scene() -> Vec<PathBuf> {
+    let folder =
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../configs/scenes/rcm-2019-06-15");
+    (NAMES.iter())
+        .flat_map(|name| [format!("{name}-A.oem"), format!("{name}-B.oem")])
+        .map(|file| folder.join(file))
+        .collect()
+}
+
+fn utc(hour: u8, minute: u8, second: u8, nanos: u32) -> Epoch {
+    Epoch::from_gregorian_utc(2019, 6, 15, hour, minute, second, nanos)
+}
+
+/// A message with one segment; states run along x at 1 km/s.
+fn message(meta: &str, states: &[&str]) -> String {
+    let defaults = [
+        ("OBJECT_NAME", "MADE UP"),
+        ("OBJECT_ID", "2019-001A"),
+        ("CENTER_NAME", "EARTH"),
+        ("REF_FRAME", "GCRF"),
+        ("TIME_SYSTEM", "UTC"),
+        ("START_TIME", "2019-06-15T00:00:00"),
+        ("STOP_TIME", "2019-06-15T00:00:30"),
+    ];
+    let rest: String = (defaults.iter())
+        .filter(|(key, _)| !meta.lines().any(|line| line.starts_with(key)))
+        .map(|(key, value)| format!("{key} = {value}\n"))
+        .collect();
+    let states = states.join("\n");
+    format!("CCSDS_OEM_VERS = 2.0\n\nMETA_START\n{meta}{rest}META_STOP\n{states}\n")
+}
+
+const STATES: [&str; 4] = [
+    "2019-06-15T00:00:00 7000 0 0 1 0 0",
+    "2019-06-15T00:00:10.000 7010 0 0 1 0 0",
+    "2019-166T00:00:20.0Z 7020 0 0 1 0 0 0.1 0.2 0.3",
+    "2019-06-15T00:00:30 7030 0 0 1 0 0",
+];
+
+fn read(text: &str) -> Loaded {
+    parse(text, "test.oem").unwrap()
+}
+
+fn only(text: &str) -> Object {
+    let mut loaded = read(text);
+    assert_eq!(loaded.rejected, []);
+    assert_eq!(loaded.objects.len(), 1);
+    loaded.objects.remove(0)
+}
+
+fn distance(a: &StateVector, b: &StateVector) -> f64 {
+    (a.position_m - b.position_m).norm()
+}
+
+#[test]
+fn the_scene_loads_and_meets_its_own_states() {
+    for path in scene() {
+        let loaded = load(&path).unwrap();
+        assert_eq!(loaded.rejected, []);
+        let [object] = &loaded.objects[..] else {
+            panic!("{}: not one object", path.display())
+        };
+        let Orbit::Ephemeris(ephemeris) = &object.orbit else {
+            panic!("not an ephemeris")
+        };
+        let covered: Vec<_> = ephemeris.intervals().collect();
+        assert_eq!(covered, [(utc(23, 35, 30, 0), utc(23, 36, 30, 0))]);
+    }
+    let cassiope = load(&scene()[0]).unwrap().objects.remove(0);
+    assert_eq!(cassiope.label(), "2013-055A (CASSIOPE)");
+    // X-Val: third state line of cassiope-A.oem
+    let state = cassiope.state(utc(23, 35, 32, 0)).unwrap();
+    let written = [-4_439_732.948, 903_220.618, -5_282_553.351];
+    assert!((state.position_m - nalgebra::Vector3::from(written)).norm() < 1e-6);
+    let written = [5451.014509, -3004.102491, -4500.059537];
+    assert!((state.velocity_m_s - nalgebra::Vector3::from(written)).norm() < 1e-9);
+}
+
+#[test]
+fn odd_states_are_found_from_the_even_ones() {
+    let (mut worst_m, mut worst_m_s) = (0.0_f64, 0.0_f64);
+    for path in scene() {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let full = only(&text);
+        let is_state = |line: &str| line.starts_with("2019");
+        let (even, mut index) = (text.lines(), 0);
+        let even: Vec<&str> = even
+            .filter(|line| {
+                index += usize::from(is_state(line));
+                !is_state(line) || index % 2 == 1
+            })
+            .collect();
+        let thinned = only(&even.join("\n"));
+        for second in (1..60).step_by(2) {
+            let t = utc(23, 35, 30, 0) + f64::from(second) * Unit::Second;
+            let (a, b) = (full.state(t).unwrap(), thinned.state(t).unwrap());
+            worst_m = worst_m.max(distance(&a, &b));
+            worst_m_s = worst_m_s.max((a.velocity_m_s - b.velocity_m_s).norm());
+        }
+    }
+    println!("odd from even states: at most {worst_m:.2e} m, {worst_m_s:.2e} m/s");
+    // the files are written to 1 mm and 1 um/s; a window at an end amplifies the rounding
+    assert!(
+        worst_m < 5e-3 && worst_m_s < 5e-6,
+        "{worst_m} m, {worst_m_s} m/s"
+    );
+}
+
+#[test]
+fn comments_covariance_accelerations_and_both_date_forms_are_read() {
+    let text = message("COMMENT a remark = here\n", &STATES)
+        + "COVARIANCE_START\nEPOCH = 2019-06-15T00:00:00\nCX_X = 1\n1 2 3\nCOVARIANCE_STOP\n";
+    for text in [
+        text.clone(),
+        text.replace('\n', "\r\n"),
+        format!("\u{feff}{text}"),
+    ] {
+        let object = only(&text);
+        assert_eq!(
+            (object.id.as_str(), &object.names[..]),
+            ("2019-001A", &["MADE UP".to_owned()][..])
+        );
+        let state = object.state(utc(0, 0, 25, 500_000_000)).unwrap();
+        assert!((state.position_m.x - 7_025_500.0).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn asked_outside_it_names_object_epoch_and_interval() {
+    let object = only(&message(
+        "USEABLE_START_TIME = 2019-06-15T00:00:05\nUSEABLE_STOP_TIME = 2019-06-15T00:00:25\n",
+        &STATES,
+    ));
+    for t in [utc(0, 0, 5, 0), utc(0, 0, 25, 0)] {
+        assert!(object.state(t).is_ok());
+    }
+    for t in [utc(0, 0, 4, 999_999_999), utc(0, 0, 25, 1)] {
+        let error = object.state(t).unwrap_err();
+        let OrbitError::OutsideInterval {
+            epoch, start, stop, ..
+        } = &error
+        else {
+            panic!("{error}")
+        };
+        assert_eq!(
+            (*epoch, *start, *stop),
+            (t, utc(0, 0, 5, 0), utc(0, 0, 25, 0))
+        );
+    }
+    let message = object.state(utc(1, 0, 0, 0)).unwrap_err().to_string();
+    for part in [
+        "2019-001A (MADE UP)",
+        "2019-06-15T01:00:00 UTC",
+        "2019-06-15T00:00:05 UTC to 2019-06-15T00:00:25 UTC",
+    ] {
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn nothing_is_extrapolated_past_the_states() {
+    let stated = "START_TIME = 2019-06-14T00:00:00\nSTOP_TIME = 2019-06-16T00:00:00\n";
+    let object = only(&message(stated, &STATES));
+    assert!(object.state(utc(0, 0, 30, 0)).is_ok());
+    assert!(object.state(utc(0, 0, 30, 1)).is_err());
+}
+
+#[test]
+fn segments_answer_each_for_its_time_and_never_mix() {
+    let first = message("", &STATES);
+    let second = message(
+        "START_TIME = 2019-06-15T00:01:00\nSTOP_TIME = 2019-06-15T00:01:10\n",
+        &[
+            "2019-06-15T00:01:00 8000 0 0 2 0 0",
+            "2019-06-15T00:01:10 8020 0 0 2 0 0",
+        ],
+    );
+    let (_, second) = second.split_once("\n\n").unwrap();
+    let object = only(&(first + second));
+    let x = |t| object.state(t).map(|state| state.position_m.x);
+    assert!((x(utc(0, 0, 29, 0)).unwrap() - 7_029_000.0).abs() < 1e-6);
+    assert!((x(utc(0, 1, 5, 0)).unwrap() - 8_010_000.0).abs() < 1e-6);
+    // in the gap: the nearer interval is named
+    let Err(OrbitError::OutsideInterval { start, .. }) = object.state(utc(0, 0, 50, 0)) else {
+        panic!("the gap is not covered")
+    };
+    assert_eq!(start, utc(0, 1, 0, 0));
+}
+
+#[test]
+fn a_bad_segment_is_named_and_the_rest_loads() {
+    let bad = message("REF_FRAME = ITRF2000\n", &STATES);
+    let good = message("OBJECT_ID = 2019-002A\n", &STATES);
+    let (_, good) = good.split_once("\n\n").unwrap();
+    let loaded = read(&(bad + good));
+    assert_eq!(loaded.objects.len(), 1);
+    assert_eq!(loaded.objects[0].id, "2019-002A");
+    let shown: Vec<String> = loaded.rejected.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        shown,
+        ["test.oem:4: REF_FRAME 'ITRF2000'; read are GCRF, ICRF, EME2000 and TEME"]
+    );
+}
+
+#[test]
+fn every_kind_of_damage_says_what_and_where() {
+    let swapped = |line: &'static str| message("", &[STATES[0], line, STATES[3]]);
+    for (text, line, reason) in [
+        (
+            message("CENTER_NAME = MARS\n", &STATES),
+            4,
+            "CENTER_NAME 'MARS'",
+        ),
+        (
+            message("TIME_SYSTEM = MET\n", &STATES),
+            4,
+            "TIME_SYSTEM 'MET'",
+        ),
+        (
+            message("START_TIME = yesterday\n", &STATES),
+            4,
+            "START_TIME 'yesterday'",
+        ),
+        (message("OBJECT_ID =\n", &STATES), 3, "no OBJECT_ID"),
+        (
+            message("INTERPOLATION = SPLINE\n", &STATES),
+            4,
+            "INTERPOLATION 'SPLINE'",
+        ),
+        (
+            message("INTERPOLATION_DEGREE = 0\n", &STATES),
+            4,
+            "INTERPOLATION_DEGREE '0'",
+        ),
+        (message("what is this\n", &STATES), 4, "not KEY = VALUE"),
+        (message("", &[]), 3, "no states"),
+        (
+            message("START_TIME = 2019-06-16T00:00:00\n", &STATES),
+            3,
+            "no state lies between",
+        ),
+        (
+            swapped("2019-06-15T00:00:10 7000 0 0 1 0"),
+            13,
+            "not 6 values",
+        ),
+        (
+            swapped("2019-06-15T00:00:10 7000 0 0 1 0 x"),
+            13,
+            "not a number",
+        ),
+        (
+            swapped("2019-06-15T00:00:10 7000 0 0 1 0 NaN"),
+            13,
+            "not a number",
+        ),
+        (
+            swapped("2019-06-15T00:00:00 7000 0 0 1 0 0"),
+            13,
+            "not after the one before",
+        ),
+        (
+            swapped("2019-02-29T00:00:10 7000 0 0 1 0 0"),
+            13,
+            "no epoch",
+        ),
+        (
+            swapped("2019-06-15T24:00:00 7000 0 0 1 0 0"),
+            13,
+            "no epoch",
+        ),
+        (
+            swapped("2019-06-15T00:00:60 7000 0 0 1 0 0"),
+            13,
+            "no epoch",
+        ),
+        (
+            "CCSDS_OEM_VERS = 2.0\nMETA_START\n".to_owned(),
+            2,
+            "without META_STOP",
+        ),
+    ] {
+        let loaded = read(&text);
+        let shown: Vec<String> = loaded.rejected.iter().map(ToString::to_string).collect();
+        assert_eq!(shown.len(), 1, "{reason}: {shown:?}\n{text}");
+        let start = format!("test.oem:{line}: ");
+        assert!(
+            shown[0].starts_with(&start) && shown[0].contains(reason),
+            "{reason}: {shown:?}"
+        );
+        assert!(loaded.objects.is_empty());
+    }
+}
+
+#[test]
+fn time_systems_are_told_apart() {
+    // X-Val: 2019: TAI = UTC + 37 s, TT = TAI + 32.184 s, GPS = TAI - 19 s (IERS Bulletin C 57)
+    for (system, ahead_s) in [
+        ("UTC", 0.0),
+        ("TAI", 37.0),
+        ("TT", 69.184),
+        ("GPS", 18.0),
+        ("TDB", 69.184),
+    ] {
+        let object = only(&message(&format!("TIME_SYSTEM = {system}\n"), &STATES));
+        let state = object
+            .state(utc(0, 0, 20, 0) - ahead_s * Unit::Second)
+            .unwrap();
+        // TDB differs from TT by up to 1.7 ms
+        let tolerance_m = if system == "TDB" { 1.7 } else { 1e-6 };
+        assert!(
+            (state.position_m.x - 7_020_000.0).abs() < tolerance_m,
+            "{system}"
+        );
+    }
+}
+
+#[test]
+fn a_leap_second_inside_a_segment_is_a_second() {
+    let states = [
+        "2016-12-31T23:59:58 7000 0 0 1 0 0",
+        "2016-12-31T23:59:60 7002 0 0 1 0 0",
+        "2017-01-01T00:00:00.5 7003.5 0 0 1 0 0",
+        "2017-01-01T00:00:02 7005 0 0 1 0 0",
+    ];
+    let interval = "START_TIME = 2016-12-31T23:59:58\nSTOP_TIME = 2017-01-01T00:00:02\n";
+    let object = only(&message(interval, &states));
+    let start =
+        Epoch::from_gregorian_utc(2016, 12, 31, 23, 59, 58, 0).to_time_scale(TimeScale::TAI);
+    for half_seconds in 0..=10 {
+        let dt = f64::from(half_seconds) / 2.0;
+        let state = object.state(start + dt * Unit::Second).unwrap();
+        assert!(
+            (state.position_m.x - 7_000_000.0 - dt * 1000.0).abs() < 1e-6,
+            "{dt}"
+        );
+    }
+}
+
+#[test]
+fn frames_are_turned_to_gcrf() {
+    let t = utc(0, 0, 10, 0);
+    let gcrf = only(&message("", &STATES)).state(t).unwrap();
+    for (frame, rotation) in [
+        ("ICRF", nalgebra::Matrix3::identity()),
+        ("EME2000", eme2000_to_gcrf()),
+        ("TEME", teme_to_gcrf(t)),
+    ] {
+        let object = only(&message(&format!("REF_FRAME = {frame}\n"), &STATES));
+        assert!(
+            distance(&object.state(t).unwrap(), &gcrf.rotated(&rotation)) < 1e-6,
+            "{frame}"
+        );
+    }
+    // X-Val: the frame bias is 23 milliarcseconds (IERS Conventions 2010, section 5.4.4)
+    let bias = (eme2000_to_gcrf() - nalgebra::Matrix3::identity()).norm() / 2.0_f64.sqrt();
+    assert!((bias.to_degrees() * 3.6e6 - 23.0).abs() < 1.0);
+}
+
+#[test]
+fn each_degree_takes_that_many_states() {
+    // x = t^3: a cubic is exact from degree 3 on, and not before
+    let states: Vec<String> = (0..9)
+        .map(|k| format!("2019-06-15T00:00:0{k} {} 0 0 0 0 0", 7000 + k * k * k))
+        .collect();
+    let states: Vec<&str> = states.iter().map(String::as_str).collect();
+    for degree in 1..=9 {
+        let method = if degree == 1 { "LINEAR" } else { "LAGRANGE" };
+        let meta = format!("INTERPOLATION = {method}\nINTERPOLATION_DEGREE = {degree}\n");
+        let object = only(&message(&meta, &states));
+        for tenth in 0..=80_u32 {
+            let t = f64::from(tenth) / 10.0;
+            let at = utc(0, 0, 0, 0) + i64::from(tenth) * 100 * Unit::Millisecond;
+            let error = object.state(at).unwrap().position_m.x / 1e3 - 7000.0 - t.powi(3);
+            let exact = degree >= 3 || tenth % 10 == 0;
+            assert_eq!(
+                error.abs() < 1e-9,
+                exact,
+                "degree {degree} at {t} s: {error}"
+            );
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_text_in_a_message_is_read_without_panic(
+        meta in "([A-Z_]{1,20} = [ -~é]{0,20}\n){0,3}",
+        state in "[-0-9T:.Z]{0,24}( [-0-9.eE]{1,8}){0,9}[ -~é]{0,4}",
+        tail in "(?s).{0,80}",
+    ) {
+        let text = message(&meta, &[STATES[0], &state, STATES[3]]) + &tail;
+        for text in [text.clone(), text.replace("META_STOP\n", "META_STOP\nMETA_START\n")] {
+            if let Ok(loaded) = parse(&text, "any") {
+                for object in &loaded.objects {
+                    let _ = object.state(utc(0, 0, 10, 0));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn any_lines_behind_the_first_are_read_without_panic(
+        lines in prop::collection::vec("META_START|META_STOP|COVARIANCE_START|COVARIANCE_STOP|[ -~é]{0,40}", 0..12)
+    ) {
+        let _ = parse(&format!("CCSDS_OEM_VERS = 2.0\n{}", lines.join("\n")), "any");
+    }
+}
