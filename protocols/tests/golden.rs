@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Vector, golden};
+use common::{Vector, golden, hex};
 use skyloop_protocols::command::Opcode;
 use skyloop_protocols::pixels::{encode_pixel_block, pack12, pack16, packed_length};
 use skyloop_protocols::{
@@ -252,6 +252,29 @@ fn variant(error: &DecodeError) -> String {
         .next()
         .unwrap_or_default()
         .to_owned()
+}
+
+#[test]
+fn serial_vector_in_both_directions() {
+    let vectors = golden();
+    let v = vectors
+        .iter()
+        .find(|v| v.has("packet"))
+        .expect("a serial vector");
+    let packet = hex(v.text("packet"));
+    let mut line = Vec::new();
+    slip::encode(&packet, &mut |octet| line.push(octet));
+    assert_eq!(line, v.bytes);
+    let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
+    let frames: Vec<Vec<u8>> = line
+        .iter()
+        .filter_map(|octet| {
+            decoder
+                .push(*octet)
+                .map(|frame| frame.expect("good").to_vec())
+        })
+        .collect();
+    assert_eq!(frames, [packet]);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::golden;
+use common::{Vector, golden};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use skyloop_protocols::command::UNIT_TOLERANCE;
@@ -15,6 +15,9 @@ use skyloop_protocols::{
     Ack, Attitude, Command, Counters, DecodeError, FrameHeader, LabelPart, MAX_PACKET, Mode, Nack,
     OrbitState, Packing, Reason, Reply, Status, WireTime, apid, slip,
 };
+use std::sync::LazyLock;
+
+static GOLDEN: LazyLock<Vec<Vector>> = LazyLock::new(golden);
 
 /// Decodes at both ends; what is accepted must be written back to the very same octets.
 fn decode_both(bytes: &[u8]) {
@@ -210,7 +213,7 @@ fn status() -> impl Strategy<Value = Status> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn any_octets_decode_or_are_refused(bytes in vec(any::<u8>(), 0..1500)) {
@@ -235,7 +238,7 @@ proptest! {
         tail in vec(any::<u8>(), 0..4),
         fixed in any::<bool>(),
     ) {
-        let vectors = golden();
+        let vectors = &*GOLDEN;
         let mut bytes = vectors[pick.index(vectors.len())].bytes.clone();
         for (place, octet) in damage {
             if !bytes.is_empty() {

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes golden.txt: the wire formats once more, from docs/icd.md, in another language.
+"""Writes golden.txt: the wire formats once more, written down from docs/icd.md in another language.
 
 Nothing here is shared with the Rust code. CRC-16/CCITT-FALSE is binascii.crc_hqx with preset 0xFFFF,
 CRC-32 is binascii.crc32; both are checked against their published values first.
@@ -131,6 +131,11 @@ good("nack", "Nack", 3, pack(">HHB", 0x101, 16383, 5) + DETAIL.encode(), answers
      answers_sequence_count=16383, reason=5, detail=DETAIL)
 good("nack without detail", "Nack", 4, pack(">HHB", 0x101, 0, 7), answers_apid="0x101", answers_sequence_count=0,
      reason=7, detail="")
+
+# ---- on a serial line: RFC 1055 SLIP around packet and CRC-32 -------------------------------------------------------
+ping = packet("Command", 5, pack(">B", 6))
+escaped = (ping + pack(">I", crc32(ping))).replace(b"\xdb", b"\xdb\xdd").replace(b"\xc0", b"\xdb\xdc")
+print(f"[ping on a serial line]\npacket = {ping.hex()}\nhex = c0 | {escaped.hex()} | c0\n")
 
 # ---- refused --------------------------------------------------------------------------------------------------------
 ping, ack = pack(">B", 6), pack(">HH", 0x102, 5)

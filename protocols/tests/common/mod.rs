@@ -16,6 +16,10 @@ impl Vector {
         self.fields.contains_key(key)
     }
 
+    pub fn keys(&self) -> impl Iterator<Item = &str> {
+        self.fields.keys().map(String::as_str)
+    }
+
     pub fn text(&self, key: &str) -> &str {
         let value = self.fields.get(key);
         value.unwrap_or_else(|| panic!("golden.txt [{}]: no field {key}", self.name))
