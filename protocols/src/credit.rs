@@ -19,6 +19,8 @@ impl CreditAccount {
     }
 
     /// Takes a `Credit` command's number; one that lies behind an earlier one (a late datagram) is ignored.
+    ///
+    /// It must lie less than 2^31 ahead of the packets sent, or it counts as behind them.
     pub fn grant(&mut self, packets: u32) {
         let ahead = self
             .granted
@@ -48,4 +50,24 @@ impl CreditAccount {
 /// Whether `a` lies ahead of `b` on the circle of 2^32 numbers.
 const fn is_ahead(a: u32, b: u32) -> bool {
     a.wrapping_sub(b) as i32 > 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::CreditAccount;
+
+    #[test]
+    fn credit_goes_on_over_the_wrap() {
+        let mut account = CreditAccount {
+            granted: Some(u32::MAX),
+            sent: u32::MAX - 1,
+        };
+        account.spend();
+        assert!(!account.may_send());
+        account.grant(1);
+        account.spend();
+        assert_eq!((account.sent(), account.may_send()), (0, true));
+        account.spend();
+        assert_eq!((account.sent(), account.may_send()), (1, false));
+    }
 }

@@ -1,0 +1,311 @@
+//! `vectors/golden.txt` in both directions: decode(hex) is the fields, encode(fields) is the hex.
+
+mod common;
+
+use common::{Vector, golden, hex};
+use skyloop_protocols::command::Opcode;
+use skyloop_protocols::pixels::{encode_pixel_block, pack12, pack16, packed_length};
+use skyloop_protocols::{
+    Ack, Attitude, Command, Counters, DecodeError, FrameHeader, Header, LabelPart, MAX_PACKET,
+    Mode, Nack, OrbitState, PERSONALITIES, Packing, PixelBlock, Reason, Reply, Status, WireTime,
+    apid,
+};
+use std::collections::BTreeSet;
+
+fn command(v: &Vector) -> Command {
+    if v.text("message") == "Attitude" {
+        return Command::Attitude(Attitude {
+            sequence: v.integer("sequence"),
+            q_icrf_to_body: v.floats("q_icrf_to_body"),
+            rates_rad_s: v.floats("rates_rad_s"),
+            state: v.has("position_m").then(|| OrbitState {
+                position_m: v.floats("position_m"),
+                velocity_m_s: v.floats("velocity_m_s"),
+            }),
+        });
+    }
+    let opcode = v.text("opcode");
+    match Opcode::ALL
+        .iter()
+        .find(|known| known.name() == opcode)
+        .expect(opcode)
+    {
+        Opcode::Exposure => Command::Exposure {
+            seconds: v.float("value"),
+        },
+        Opcode::Gain => Command::Gain {
+            e_per_dn: v.float("value"),
+        },
+        Opcode::FrameRate => Command::FrameRate {
+            hz: v.float("value"),
+        },
+        Opcode::SingleShot => Command::SingleShot,
+        Opcode::Reset => Command::Reset,
+        Opcode::Ping => Command::Ping,
+        Opcode::Credit => Command::Credit {
+            packets: v.integer("packets"),
+        },
+    }
+}
+
+fn packing(v: &Vector) -> Packing {
+    Packing::from_code(v.integer("packing")).expect("packing")
+}
+
+fn pixels(v: &Vector) -> Vec<u16> {
+    v.integers("pixels")
+        .into_iter()
+        .map(|pixel| u16::try_from(pixel).expect("pixel"))
+        .collect()
+}
+
+/// The packed pixels of a block, from its listed pixels.
+fn block_data(v: &Vector) -> Vec<u8> {
+    let pixels = pixels(v);
+    let mut data = vec![0; packed_length(packing(v), pixels.len())];
+    match packing(v) {
+        Packing::Bits12 => pack12(&pixels, &mut data),
+        Packing::Bits16 => pack16(&pixels, &mut data),
+    }
+    .expect("pixels pack");
+    data
+}
+
+fn frame_header(v: &Vector) -> FrameHeader {
+    FrameHeader {
+        frame: v.integer("frame"),
+        attitude_sequence: v.integer("attitude_sequence"),
+        width: v.integer("width"),
+        height: v.integer("height"),
+        bits: v.integer("bits"),
+        packing: packing(v),
+        blocks: v.integer("blocks"),
+        label_parts: v.integer("label_parts"),
+        label_bytes: v.integer("label_bytes"),
+        exposure_start: WireTime(v.integer("exposure_start")),
+        exposure_end: WireTime(v.integer("exposure_end")),
+        seed: v.integer("seed"),
+        gain_e_per_dn: v.float("gain_e_per_dn"),
+        offset_dn: v.float("offset_dn"),
+        pixels_crc32: v.integer("pixels_crc32"),
+    }
+}
+
+fn counters(v: &Vector) -> Counters {
+    let n = |name| v.integer(name);
+    Counters {
+        attitudes: n("attitudes"),
+        commands: n("commands"),
+        frames_rendered: n("frames_rendered"),
+        frames_delivered: n("frames_delivered"),
+        frames_abandoned: n("frames_abandoned"),
+        bad_crc: n("bad_crc"),
+        bad_version: n("bad_version"),
+        bad_length: n("bad_length"),
+        unknown_type: n("unknown_type"),
+        bad_framing: n("bad_framing"),
+        bad_attitude: n("bad_attitude"),
+        time_backwards: n("time_backwards"),
+        foreign_packets: n("foreign_packets"),
+        dropped_inbound: n("dropped_inbound"),
+        bad_value: n("bad_value"),
+        refused: n("refused"),
+        sequence_gaps: n("sequence_gaps"),
+    }
+}
+
+fn status(v: &Vector) -> Status {
+    Status {
+        mode: Mode::from_code(v.integer("mode")).expect("mode"),
+        width: v.integer("width"),
+        height: v.integer("height"),
+        bits: v.integer("bits"),
+        packing: packing(v),
+        exposure_s: v.float("exposure_s"),
+        gain_e_per_dn: v.float("gain_e_per_dn"),
+        frame_rate_hz: v.float("frame_rate_hz"),
+        next_frame: v.integer("next_frame"),
+        packets_sent: v.integer("packets_sent"),
+        counters: counters(v),
+    }
+}
+
+fn reply<'a>(v: &'a Vector, data: &'a [u8]) -> Reply<'a> {
+    match v.text("message") {
+        "FrameHeader" => Reply::FrameHeader(frame_header(v)),
+        "PixelBlock" => Reply::PixelBlock(PixelBlock {
+            frame: v.integer("frame"),
+            index: v.integer("index"),
+            first_pixel: v.integer("first_pixel"),
+            count: v.integer("count"),
+            packing: packing(v),
+            data,
+        }),
+        "Labels" => Reply::Labels(LabelPart {
+            frame: v.integer("frame"),
+            part: v.integer("part"),
+            parts: v.integer("parts"),
+            text: v.text("text").as_bytes(),
+        }),
+        "Status" => Reply::Status(status(v)),
+        "Ack" => Reply::Ack(Ack {
+            apid: v.integer("answers_apid"),
+            sequence_count: v.integer("answers_sequence_count"),
+        }),
+        "Nack" => Reply::Nack(Nack {
+            apid: v.integer("answers_apid"),
+            sequence_count: v.integer("answers_sequence_count"),
+            reason: Reason::from_code(v.integer("reason")).expect("reason"),
+            detail: v.text("detail"),
+        }),
+        other => panic!("golden.txt [{}]: message {other}", v.name),
+    }
+}
+
+#[test]
+fn good_vectors_in_both_directions() {
+    let vectors = golden();
+    for v in vectors.iter().filter(|v| v.has("message")) {
+        let (count, time) = (v.integer("sequence_count"), WireTime(v.integer("time")));
+        let mut buffer = [0xAA; MAX_PACKET];
+        let kind = apid::ALL
+            .iter()
+            .find(|(_, name)| *name == v.text("message"))
+            .expect("kind");
+        let header = Header {
+            apid: kind.0,
+            sequence_count: count,
+            time,
+        };
+        let length = if apid::is_telecommand(kind.0) {
+            let command = command(v);
+            assert_eq!(
+                Command::decode(&v.bytes),
+                Ok((header, command)),
+                "{}",
+                v.name
+            );
+            command.encode(count, time, &mut buffer)
+        } else {
+            let data = if kind.0 == apid::PIXEL_BLOCK {
+                block_data(v)
+            } else {
+                Vec::new()
+            };
+            let reply = reply(v, &data);
+            assert_eq!(Reply::decode(&v.bytes), Ok((header, reply)), "{}", v.name);
+            reply.encode(count, time, &mut buffer)
+        };
+        assert_eq!(&buffer[..length.expect(&v.name)], v.bytes, "{}", v.name);
+    }
+}
+
+#[test]
+fn pixel_blocks_give_and_take_their_pixels() {
+    for v in golden().iter().filter(|v| v.has("pixels")) {
+        let (pixels, time) = (pixels(v), WireTime(v.integer("time")));
+        let (frame, index, first) = (
+            v.integer("frame"),
+            v.integer("index"),
+            v.integer("first_pixel"),
+        );
+        let mut buffer = [0xAA; MAX_PACKET];
+        let count = v.integer("sequence_count");
+        let length = encode_pixel_block(
+            frame,
+            index,
+            first,
+            &pixels,
+            packing(v),
+            count,
+            time,
+            &mut buffer,
+        );
+        assert_eq!(&buffer[..length.expect(&v.name)], v.bytes, "{}", v.name);
+        let Ok((_, Reply::PixelBlock(block))) = Reply::decode(&v.bytes) else {
+            panic!("{}", v.name)
+        };
+        assert!(block.pixels().eq(pixels), "{}", v.name);
+    }
+}
+
+#[test]
+fn bad_vectors_are_refused_for_their_reason() {
+    let mut seen = BTreeSet::new();
+    for v in golden().iter().filter(|v| v.has("error")) {
+        let error = match v.text("receiver") {
+            "emulator" => Command::decode(&v.bytes).err(),
+            "client" => Reply::decode(&v.bytes).err(),
+            other => panic!("golden.txt [{}]: receiver {other}", v.name),
+        };
+        let error = error.unwrap_or_else(|| panic!("{} was accepted", v.name));
+        assert_eq!(variant(&error), v.text("error"), "{}: {error}", v.name);
+        assert!(error.to_string().len() <= 200, "{}: {error}", v.name);
+        seen.insert(v.text("error").to_owned());
+    }
+    assert_eq!(seen.len(), 10, "every DecodeError: {seen:?}");
+}
+
+fn variant(error: &DecodeError) -> String {
+    format!("{error:?}")
+        .split([' ', '{'])
+        .next()
+        .unwrap_or_default()
+        .to_owned()
+}
+
+#[test]
+fn serial_vector_in_both_directions() {
+    let vectors = golden();
+    let v = vectors
+        .iter()
+        .find(|v| v.has("packet"))
+        .expect("a serial vector");
+    let packet = hex(v.text("packet"));
+    let mut line = Vec::new();
+    slip::encode(&packet, &mut |octet| line.push(octet));
+    assert_eq!(line, v.bytes);
+    let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
+    let frames: Vec<Vec<u8>> = line
+        .iter()
+        .filter_map(|octet| {
+            decoder
+                .push(*octet)
+                .map(|frame| frame.expect("good").to_vec())
+        })
+        .collect();
+    assert_eq!(frames, [packet]);
+}
+
+#[test]
+fn every_kind_and_every_opcode_has_a_vector() {
+    let vectors = golden();
+    let named = |key: &str, name: &str| vectors.iter().any(|v| v.has(key) && v.text(key) == name);
+    for (_, name) in apid::ALL {
+        assert!(named("message", name), "{name}");
+    }
+    for opcode in Opcode::ALL {
+        assert!(named("opcode", opcode.name()), "{opcode:?}");
+    }
+}
+
+#[test]
+fn the_native_personality_speaks_the_same_bytes() {
+    let native = PERSONALITIES
+        .iter()
+        .find(|personality| personality.name == "native")
+        .expect("native");
+    for v in golden().iter().filter(|v| v.has("message")) {
+        let mut buffer = [0; MAX_PACKET];
+        let length = match (native.decode_command)(&v.bytes) {
+            Ok((h, command)) => {
+                (native.encode_command)(&command, h.sequence_count, h.time, &mut buffer)
+            }
+            Err(_) => {
+                let (h, reply) = (native.decode_reply)(&v.bytes).expect(&v.name);
+                (native.encode_reply)(&reply, h.sequence_count, h.time, &mut buffer)
+            }
+        };
+        assert_eq!(&buffer[..length.expect(&v.name)], v.bytes, "{}", v.name);
+    }
+}
