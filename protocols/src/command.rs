@@ -138,7 +138,7 @@ pub enum Command {
         /// Electrons per digital number, above 0.
         e_per_dn: f64,
     },
-    /// Sets the cadence of the wall mode and lets frames run.
+    /// Wall mode: sets the cadence and lets frames run.
     FrameRate {
         /// Frames a second, above 0.
         hz: f64,

@@ -8,7 +8,7 @@ use skyloop_protocols::pixels::{encode_pixel_block, pack12, pack16, packed_lengt
 use skyloop_protocols::{
     Ack, Attitude, Command, Counters, DecodeError, FrameHeader, Header, LabelPart, MAX_PACKET,
     Mode, Nack, OrbitState, PERSONALITIES, Packing, PixelBlock, Reason, Reply, Status, WireTime,
-    apid,
+    apid, slip,
 };
 use std::collections::BTreeSet;
 
