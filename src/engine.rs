@@ -31,8 +31,6 @@ pub struct Emulator {
     /// Whether shots keep the expected electrons.
     pub keep_expected: bool,
     next_frame: u32,
-    /// Sequence number of the last attitude and how many frames were made of it.
-    last: Option<(u32, u32)>,
 }
 
 /// One exposure, rendered.
@@ -81,7 +79,6 @@ impl Emulator {
             noise: true,
             keep_expected: false,
             next_frame: 0,
-            last: None,
         }
     }
 
@@ -105,15 +102,12 @@ impl Emulator {
         self.next_frame
     }
 
-    /// The frame of an exposure whose middle is `vehicle`'s epoch.
+    /// The frame of an exposure whose middle is `vehicle`'s epoch. `repeat`: how many frames were made of the
+    /// same attitude message before; 0 gives the same noise again.
     ///
     /// Fails only where that lies outside the ephemerides of Earth and Sun.
-    pub fn shoot(&mut self, vehicle: &VehicleState) -> Result<Shot, EpochOutOfRange> {
+    pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, EpochOutOfRange> {
         let started = Instant::now();
-        let repeat = match self.last {
-            Some((sequence, frames)) if sequence == vehicle.sequence => frames,
-            _ => 0,
-        };
         let key = NoiseKey { seed: self.seed, sequence: vehicle.sequence, repeat };
         let exposure = Exposure::around(vehicle.epoch, self.camera.exposure_s);
         let scene = Scene::observe(
@@ -133,7 +127,6 @@ impl Emulator {
         let label = Label::new(number, &scene, &self.world, self.label_snr);
         let json = label.to_json();
         self.next_frame = self.next_frame.wrapping_add(1);
-        self.last = Some((vehicle.sequence, repeat + 1));
         Ok(Shot {
             number,
             frame,

@@ -113,7 +113,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let bar = progress(mission.frames);
     for number in 0..mission.frames {
         let vehicle = flight::vehicle(&mission, number)?;
-        let shot = emulator.shoot(&vehicle)?;
+        let shot = emulator.shoot(&vehicle, 0)?;
         for error in &shot.unknown {
             bar.suspend(|| tracing::warn!(frame = number, "not shown: {error}"));
         }

@@ -7,7 +7,7 @@ use serialport::SerialPort;
 use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
 use skyloop_protocols::slip;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -76,6 +76,11 @@ fn read(
         let length = match port.read(&mut buffer) {
             Ok(length) => length,
             Err(error) if is_passing(&error) => 0,
+            // A pseudo-terminal without a client: the next one may come.
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => {
+                std::thread::sleep(READ_TIMEOUT);
+                0
+            }
             Err(error) => {
                 tracing::error!(%error, "the serial line can no longer be read");
                 return;

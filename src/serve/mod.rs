@@ -10,7 +10,7 @@ mod receive;
 use crate::attitude::VehicleState;
 use crate::config::Clock;
 use crate::engine::{Emulator, Shot};
-use crate::link::{Wire, LinkError};
+use crate::link::{LinkError, Wire};
 use crate::stats::RunStats;
 use clock::WallClock;
 use skyloop_protocols::credit::CreditAccount;
@@ -43,6 +43,8 @@ struct Exchange {
     waiting: VecDeque<Latched>,
     /// The last attitude accepted.
     latest: Option<Latched>,
+    /// Frames made of it so far (wall clock).
+    repeat: u32,
     /// Counts Resets, so that a frame under way notices one.
     resets: u32,
 }
@@ -108,10 +110,12 @@ impl Server {
     ) -> Result<(), LinkError> {
         while !stop.load(Ordering::Relaxed) && limit.is_none_or(|n| self.stats.frames < n) {
             let due = match self.clock {
-                Clock::Stepped => self.exchange.waiting.pop_front().map(|l| (l.vehicle.clone(), l)),
+                Clock::Stepped => {
+                    self.exchange.waiting.pop_front().map(|latched| (latched.vehicle.clone(), latched, 0))
+                }
                 Clock::Wall => self.due_on_the_wall(),
             };
-            let Some((vehicle, latched)) = due else {
+            let Some((vehicle, latched, repeat)) = due else {
                 let pause = match self.clock {
                     Clock::Stepped => POLL,
                     Clock::Wall => self.wall.until_due().min(POLL),
@@ -121,7 +125,7 @@ impl Server {
                 }
                 continue;
             };
-            let shot = match self.emulator.shoot(&vehicle) {
+            let shot = match self.emulator.shoot(&vehicle, repeat) {
                 Ok(shot) => shot,
                 Err(error) => {
                     self.refuse_epoch(&latched.header, &error.to_string());
@@ -145,11 +149,13 @@ impl Server {
         Ok(())
     }
 
-    /// The vehicle carried to the exposure whose end has come.
-    fn due_on_the_wall(&mut self) -> Option<(VehicleState, Latched)> {
+    /// The vehicle carried to the exposure whose end has come, and how many frames its attitude made before.
+    fn due_on_the_wall(&mut self) -> Option<(VehicleState, Latched, u32)> {
         let latched = self.exchange.latest.clone()?;
         let mid = self.wall.take_due(self.emulator.camera().exposure_s)?;
-        Some((latched.vehicle.at(mid), latched))
+        let repeat = self.exchange.repeat;
+        self.exchange.repeat += 1;
+        Some((latched.vehicle.at(mid), latched, repeat))
     }
 
     fn report_unknown(&mut self, shot: &Shot) {

@@ -134,6 +134,7 @@ impl Server {
             Clock::Wall => self.wall.set(epoch),
         }
         self.exchange.latest = Some(latched);
+        self.exchange.repeat = 0;
         Ok(())
     }
 
