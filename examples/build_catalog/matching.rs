@@ -1,0 +1,188 @@
+//! Which Hipparcos entry is which Bright Star, and whose light it carries.
+
+use crate::photometry::{VFromHp, sum_mag};
+use crate::read::{Bsc, Hip, TO_J2000_YR};
+use nalgebra::Vector3;
+use std::collections::BTreeMap;
+
+const ARCSEC: f64 = std::f64::consts::PI / 648_000.0;
+
+/// Largest distance at which a Bright Star and an entry can be the same: 61 Cygni A stands 16 arcsec from
+/// its place in the BSC, the companion sigma Ori E 29 arcsec from the next entry.
+const SAME_ARCSEC: f64 = 20.0;
+/// Distance up to which a second Bright Star is a name of the entry.
+const NAME_ARCSEC: f64 = 25.0;
+/// From this distance on Hipparcos measured companions apart: they may lack in the entry's light.
+const APART_ARCSEC: f64 = 10.0;
+/// Distance up to which one entry's light can reach the photometer set on another (field of 38 arcsec).
+pub const PHOTOMETER_ARCSEC: f64 = 30.0;
+
+/// Entries in bands of declination: who is near?
+pub struct Neighbours {
+    directions: Vec<Vector3<f64>>,
+    bands: BTreeMap<i32, Vec<usize>>,
+}
+
+impl Neighbours {
+    const BAND: f64 = 40.0 * ARCSEC;
+
+    /// Entries at J2000.
+    pub fn new(stars: &[Hip]) -> Neighbours {
+        let directions: Vec<_> = stars.iter().map(|s| s.direction(TO_J2000_YR)).collect();
+        let mut bands: BTreeMap<i32, Vec<usize>> = BTreeMap::new();
+        for (k, u) in directions.iter().enumerate() {
+            bands.entry(band(u)).or_default().push(k);
+        }
+        Neighbours { directions, bands }
+    }
+
+    /// (distance in arcsec, index) of the entries within `radius` (arcsec, at most 40) of `u`, nearest first.
+    pub fn near(&self, u: &Vector3<f64>, radius: f64) -> Vec<(f64, usize)> {
+        let centre = band(u);
+        let mut found: Vec<(f64, usize)> = self
+            .bands
+            .range(centre - 1..=centre + 1)
+            .flat_map(|(_, members)| members)
+            .map(|&k| (arcsec(&self.directions[k], u), k))
+            .filter(|(distance, _)| *distance <= radius)
+            .collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        found
+    }
+
+    /// The entries within `radius` (arcsec) of entry `k`, without itself.
+    pub fn beside(&self, k: usize, radius: f64) -> Vec<usize> {
+        let near = self.near(&self.directions[k], radius);
+        near.into_iter().map(|n| n.1).filter(|&j| j != k).collect()
+    }
+}
+
+fn band(u: &Vector3<f64>) -> i32 {
+    (u.z.asin() / Neighbours::BAND).floor() as i32
+}
+
+/// The angle between two directions, arcsec (small angles).
+fn arcsec(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+    (a - b).norm() / ARCSEC
+}
+
+/// Entries whose Hp is mixed with that of a neighbouring entry.
+pub struct Blends {
+    /// For each entry, whether Hp holds light of a neighbour that has its own entry, or gives to it.
+    pub mixed: Vec<bool>,
+    /// The fainter of the two: nearly all its Hp may be the neighbour's.
+    pub shadow: Vec<bool>,
+}
+
+impl Blends {
+    /// A one-component entry under a double-star solution (15) was measured through the same photometer
+    /// field as its neighbour. Of such a pair, the one whose Hp scatters more from scan to scan is the
+    /// shadow: sigma Ori D is given as Hp 3.71 beside sigma Ori AB, 3.68, and is of magnitude 6.8.
+    pub fn new(stars: &[Hip], neighbours: &Neighbours) -> Blends {
+        let mut blends = Blends {
+            mixed: vec![false; stars.len()],
+            shadow: vec![false; stars.len()],
+        };
+        let joint = |s: &Hip| s.solution == 15 && s.components == 1;
+        for (k, star) in stars.iter().enumerate().filter(|(_, s)| s.hp <= 9.0) {
+            for j in neighbours.beside(k, PHOTOMETER_ARCSEC) {
+                let other = &stars[j];
+                let fainter = star.hp_scatter > other.hp_scatter.max(0.04);
+                if other.hp <= 9.0
+                    && (joint(star) || joint(other))
+                    && fainter
+                    && star.hp >= other.hp - 0.1
+                {
+                    blends.shadow[k] = true;
+                    blends.mixed[k] = true;
+                    blends.mixed[j] = true;
+                }
+            }
+        }
+        blends
+    }
+}
+
+/// Bright Stars by Hipparcos entry.
+pub struct Matching {
+    /// Entry to its Bright Stars, the principal one (brightest, then lowest HR) first.
+    pub groups: BTreeMap<usize, Vec<usize>>,
+    /// Bright Stars with light of their own and no entry: far from any entry, or excluded by its flux.
+    pub alone: Vec<(usize, Why)>,
+    /// Distance of each one-to-one pair, arcsec.
+    pub distances: Vec<f64>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+pub enum Why {
+    /// No entry within 25 arcsec.
+    NoEntry,
+    /// The entry beside it is too faint to hold its light.
+    FluxExcludesIt,
+}
+
+impl Matching {
+    /// Pairs one to one in order of distance and difference in magnitude, then names, then exclusions.
+    pub fn new(
+        stars: &[Hip],
+        bsc: &[Bsc],
+        neighbours: &Neighbours,
+        blends: &Blends,
+        to_v: &VFromHp,
+    ) -> Matching {
+        let mut pairs = Vec::new();
+        for (b, bright) in bsc.iter().enumerate() {
+            for (distance, k) in neighbours.near(&bright.direction, SAME_ARCSEC) {
+                // in units of the BSC's positional error and of a fair difference between close pairs
+                let cost = distance / 2.0 + (bright.v - to_v.v(&stars[k])).abs() / 0.3;
+                pairs.push((cost, b, k, distance));
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+
+        let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        let mut taken = vec![false; bsc.len()];
+        let mut distances = Vec::new();
+        for (_, b, k, distance) in pairs {
+            if !taken[b] && !groups.contains_key(&k) {
+                taken[b] = true;
+                groups.insert(k, vec![b]);
+                distances.push(distance);
+            }
+        }
+
+        let mut alone = Vec::new();
+        for b in (0..bsc.len()).filter(|&b| !taken[b]) {
+            let near = neighbours.near(&bsc[b].direction, NAME_ARCSEC);
+            match near.into_iter().find(|(_, k)| groups.contains_key(k)) {
+                Some((_, k)) => groups.entry(k).or_default().push(b),
+                None => alone.push((b, Why::NoEntry)),
+            }
+        }
+
+        for (&k, members) in &mut groups {
+            members.sort_by(|&a, &b| bsc[a].v.total_cmp(&bsc[b].v).then(a.cmp(&b)));
+            let principal = &bsc[members[0]];
+            let v = to_v.v(&stars[k]);
+            let excluded = |b: usize| {
+                let apart = arcsec(&principal.direction, &bsc[b].direction) >= APART_ARCSEC;
+                let like_the_principal = (principal.v - v).abs() <= to_v.tolerance(&stars[k]);
+                blends.mixed[k]
+                    || (apart
+                        && like_the_principal
+                        && v - sum_mag([principal.v, bsc[b].v]) >= to_v.tolerance(&stars[k]))
+            };
+            let (out, kept) = members[1..].iter().partition(|&&b| excluded(b));
+            let (out, kept): (Vec<usize>, Vec<usize>) = (out, kept);
+            members.truncate(1);
+            members.extend(kept);
+            alone.extend(out.into_iter().map(|b| (b, Why::FluxExcludesIt)));
+        }
+        alone.sort_by_key(|a| a.0);
+        Matching {
+            groups,
+            alone,
+            distances,
+        }
+    }
+}

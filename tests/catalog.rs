@@ -1,0 +1,347 @@
+//! The embedded catalogue against published values, and its promise that no light is counted twice.
+
+use skyloop::sky::catalog::{Catalog, Selection, Star};
+use std::f64::consts::PI;
+
+/// One milliarcsecond, rad.
+const MAS: f64 = PI / 648_000_000.0;
+
+fn hipparcos() -> Catalog {
+    Catalog::embedded(Selection::Hipparcos)
+}
+
+fn direction(star: &Star) -> [f64; 3] {
+    let ((sa, ca), (sd, cd)) = (star.ra_rad.sin_cos(), star.dec_rad.sin_cos());
+    [cd * ca, cd * sa, sd]
+}
+
+/// The angle between two close stars, arcsec.
+fn separation(a: &Star, b: &Star) -> f64 {
+    let (a, b) = (direction(a), direction(b));
+    let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+    square.sqrt() / (1000.0 * MAS)
+}
+
+/// The magnitude of all light within `radius` (arcsec) of `star`.
+fn light_around(catalog: &Catalog, star: &Star, radius: f64) -> f64 {
+    let near = catalog
+        .stars()
+        .iter()
+        .filter(|s| separation(s, star) <= radius);
+    -2.5 * near
+        .map(|s| 10f64.powf(-0.4 * s.v_mag))
+        .sum::<f64>()
+        .log10()
+}
+
+fn hr(catalog: &Catalog, hr: u16) -> Star {
+    *catalog.find_hr(hr).unwrap_or_else(|| panic!("HR {hr}"))
+}
+
+fn hip(catalog: &Catalog, hip: u32) -> Star {
+    *catalog.find_hip(hip).unwrap_or_else(|| panic!("HIP {hip}"))
+}
+
+#[test]
+fn as_many_entries_as_built() {
+    let all = hipparcos();
+    // statistics printed by the building tool
+    assert_eq!(all.stars().len(), 78_367);
+    assert_eq!(all.stars().iter().filter(|s| s.hip == 0).count(), 27);
+    let bsc = Catalog::embedded(Selection::Bsc);
+    assert_eq!(bsc.stars().len(), 9_025);
+    assert!(bsc.stars().iter().all(|s| s.hr != 0));
+}
+
+#[test]
+fn every_bright_star_is_found_in_both_selections() {
+    for catalog in [hipparcos(), Catalog::embedded(Selection::Bsc)] {
+        let found: Vec<u16> = (0..=u16::MAX)
+            .filter(|&n| catalog.find_hr(n).is_some())
+            .collect();
+        // X-Val: the Bright Star Catalogue holds 9,110 objects, 14 of them novae, clusters and galaxies
+        assert_eq!(found.len(), 9_096);
+        assert_eq!(*found.last().unwrap(), 9_110);
+        for n in found {
+            let star = hr(&catalog, n);
+            assert!(catalog.names(&star).contains(&format!("HR {n}")), "HR {n}");
+        }
+    }
+}
+
+#[test]
+fn principal_numbers_are_unique_and_lead_back() {
+    let catalog = hipparcos();
+    for star in catalog.stars() {
+        if star.hip != 0 {
+            assert_eq!(catalog.find_hip(star.hip), Some(star));
+        }
+        if star.hr != 0 {
+            assert_eq!(catalog.find_hr(star.hr), Some(star));
+        } else {
+            assert!(catalog.names(star).is_empty());
+        }
+    }
+}
+
+#[test]
+fn every_value_is_finite_and_possible() {
+    for star in hipparcos().stars() {
+        let id = (star.hip, star.hr);
+        assert!((0.0..2.0 * PI).contains(&star.ra_rad), "{id:?}");
+        assert!(star.dec_rad.abs() <= PI / 2.0, "{id:?}");
+        assert!((0.0..=800.0 * MAS).contains(&star.parallax_rad), "{id:?}");
+        let pm = star.pm_ra_cosdec_rad_yr.hypot(star.pm_dec_rad_yr);
+        assert!(pm <= 10_500.0 * MAS, "{id:?}");
+        assert!((-1.5..11.0).contains(&star.v_mag), "{id:?} {}", star.v_mag);
+        assert!((-0.4..=3.8).contains(&star.b_v), "{id:?} {}", star.b_v);
+    }
+}
+
+#[test]
+fn famous_stars_stand_where_they_should() {
+    let catalog = hipparcos();
+    // X-Val: SIMBAD, ICRS at J2000 (van Leeuwen 2007): RA, Dec (deg), parallax (mas), proper motion (mas/yr), V
+    let published = [
+        (
+            32_349,
+            101.287_155_33,
+            -16.716_115_86,
+            379.21,
+            -546.01,
+            -1223.07,
+            -1.46,
+        ),
+        (
+            91_262,
+            279.234_734_79,
+            38.783_688_96,
+            130.23,
+            200.94,
+            286.23,
+            0.03,
+        ),
+        (
+            69_673,
+            213.915_300_29,
+            19.182_409_16,
+            88.83,
+            -1093.39,
+            -2000.06,
+            -0.05,
+        ),
+    ];
+    for (n, ra, dec, parallax, pm_ra, pm_dec, v) in published {
+        let star = hip(&catalog, n);
+        let years = 8.75;
+        let dec_2000 = star.dec_rad + years * star.pm_dec_rad_yr;
+        let ra_2000 = star.ra_rad + years * star.pm_ra_cosdec_rad_yr / star.dec_rad.cos();
+        assert!((dec_2000.to_degrees() - dec).abs() * 3.6e6 < 5.0, "HIP {n}");
+        assert!((ra_2000.to_degrees() - ra).abs() * 3.6e6 < 5.0, "HIP {n}");
+        assert!((star.parallax_rad / MAS - parallax).abs() < 0.02, "HIP {n}");
+        assert!(
+            (star.pm_ra_cosdec_rad_yr / MAS - pm_ra).abs() < 0.02,
+            "HIP {n}"
+        );
+        assert!((star.pm_dec_rad_yr / MAS - pm_dec).abs() < 0.02, "HIP {n}");
+        assert!((star.v_mag - v).abs() < 0.05, "HIP {n} {}", star.v_mag);
+    }
+    // Barnard's star, Hp 9.49, carries no HR: beyond the embedded catalogue
+    assert!(catalog.find_hip(87_937).is_none());
+}
+
+#[test]
+fn rows_of_hipparcos_survive_the_quantisation() {
+    let catalog = hipparcos();
+    // X-Val: rows of hip2.dat: HIP, RA, Dec (rad, J1991.25), parallax (mas), proper motion (mas/yr), B-V
+    let rows = [
+        (
+            3,
+            0.000_087_405_1,
+            0.678_222_487_1,
+            2.26,
+            4.27,
+            -3.43,
+            -0.019,
+        ),
+        (
+            57_939,
+            3.110_745_146_7,
+            0.658_561_744_8,
+            109.99,
+            4003.98,
+            -5813.62,
+            0.754,
+        ),
+        (
+            71_683,
+            3.838_335_214_2,
+            -1.061_773_585_0,
+            754.81,
+            -3679.25,
+            473.67,
+            0.710,
+        ),
+        (
+            118_322,
+            6.282_815_151_5,
+            -1.144_535_918_9,
+            8.74,
+            47.93,
+            -22.95,
+            -0.075,
+        ),
+    ];
+    for (n, ra, dec, parallax, pm_ra, pm_dec, b_v) in rows {
+        let star = hip(&catalog, n);
+        // half a step of each field, and half the last printed digit of the row (0.01 mas)
+        assert!((star.ra_rad - ra).abs() < 0.17 * MAS, "HIP {n}");
+        assert!((star.dec_rad - dec).abs() < 0.17 * MAS, "HIP {n}");
+        assert!(
+            (star.parallax_rad / MAS - parallax).abs() < 0.0063,
+            "HIP {n}"
+        );
+        assert!(
+            (star.pm_ra_cosdec_rad_yr / MAS - pm_ra).abs() < 1e-6,
+            "HIP {n}"
+        );
+        assert!((star.pm_dec_rad_yr / MAS - pm_dec).abs() < 1e-6, "HIP {n}");
+        assert!((star.b_v - b_v).abs() < 1e-9, "HIP {n}");
+    }
+}
+
+#[test]
+fn variables_shine_as_hipparcos_saw_them() {
+    let catalog = hipparcos();
+    let t_crb = hr(&catalog, 5958);
+    assert_eq!(t_crb.hip, 78_322);
+    // X-Val: T CrB in quiescence, V 9.8 to 10.3 (AAVSO); the Bright Star Catalogue lists its outburst, 2.0
+    assert!((9.8..10.3).contains(&t_crb.v_mag), "{}", t_crb.v_mag);
+    // X-Val: Mira, V 2.0 to 10.1 (GCVS)
+    assert!((4.0..8.0).contains(&hr(&catalog, 681).v_mag));
+}
+
+#[test]
+fn doubles_in_one_entry_shine_once() {
+    let catalog = hipparcos();
+    let gamma_leo = hr(&catalog, 4057);
+    assert_eq!(hr(&catalog, 4058), gamma_leo);
+    assert_eq!(gamma_leo.hip, 50_583);
+    // X-Val: SIMBAD, gamma Leo A and B together V 2.01; counted twice it would be 1.3
+    let light = light_around(&catalog, &gamma_leo, 120.0);
+    assert!((light - 2.01).abs() < 0.05, "{light}");
+
+    // both lines of the Bright Star Catalogue give the combined magnitude: X-Val: delta Ser 3.80, epsilon Ari 4.63 (V/50)
+    for (a, b, v) in [(5788, 5789, 3.80), (887, 888, 4.63)] {
+        assert_eq!(hr(&catalog, a), hr(&catalog, b));
+        assert!((hr(&catalog, a).v_mag - v).abs() < 0.05);
+    }
+    // X-Val: zeta Ori A 1.77 (SIMBAD) with B 3.77 is 1.61; the entry holds both
+    assert_eq!(hr(&catalog, 1948), hr(&catalog, 1949));
+    assert!((hr(&catalog, 1948).v_mag - 1.7).abs() < 0.1);
+}
+
+#[test]
+fn stars_that_hipparcos_lacks_or_left_out_shine_alone() {
+    let catalog = hipparcos();
+    // X-Val: magnitudes together, SIMBAD: xi UMa 3.79, xi Sco AB 4.17, theta1 Ori A to D 4.6
+    for (n, radius, v) in [(4374, 10.0, 3.86), (5977, 10.0, 4.16), (1895, 30.0, 4.66)] {
+        let light = light_around(&catalog, &hr(&catalog, n), radius);
+        assert!((light - v).abs() < 0.1, "HR {n}: {light}");
+    }
+    for n in [4374, 4375, 5977, 5978, 5055, 486, 4210] {
+        let star = hr(&catalog, n);
+        assert_eq!((star.hip, star.hr), (0, n));
+        assert_eq!(catalog.id(&star), format!("HR {n}"));
+    }
+    // X-Val: SIMBAD: Mizar B V 3.88, 14.4 arcsec from A; p Eri 11.5 arcsec
+    let mizar = separation(&hr(&catalog, 5054), &hr(&catalog, 5055));
+    assert!((mizar - 14.4).abs() < 0.6, "{mizar}");
+    let p_eridani = separation(&hr(&catalog, 487), &hr(&catalog, 486));
+    assert!((p_eridani - 11.5).abs() < 0.6, "{p_eridani}");
+}
+
+#[test]
+fn light_mixed_by_the_photometer_is_not_counted_twice() {
+    let catalog = hipparcos();
+    // X-Val: SIMBAD: sigma Ori AB 3.80 with D 6.8 and E 6.6 is 3.66; with Hipparcos' two entries as printed, 3.0
+    let light = light_around(&catalog, &hip(&catalog, 26_549), 60.0);
+    assert!((light - 3.67).abs() < 0.06, "{light}");
+    // X-Val: SIMBAD: epsilon Equ AB 5.23 and C 7.35; 4.5 as printed
+    let light = light_around(&catalog, &hip(&catalog, 103_569), 60.0);
+    assert!((light - 5.08).abs() < 0.06, "{light}");
+    // X-Val: SIMBAD: alpha Cen A 0.01, B 1.33
+    assert!((hip(&catalog, 71_683).v_mag - 0.01).abs() < 0.02);
+    assert!((hip(&catalog, 71_681).v_mag - 1.33).abs() < 0.02);
+}
+
+#[test]
+fn the_fast_pairs_are_told_apart() {
+    let catalog = hipparcos();
+    // X-Val: SIMBAD: 61 Cyg A HR 8085 HIP 104214, B HR 8086 HIP 104217; alpha Cen A HR 5459 HIP 71683
+    for (n, number) in [
+        (8085, 104_214),
+        (8086, 104_217),
+        (5459, 71_683),
+        (5460, 71_681),
+    ] {
+        assert_eq!(hr(&catalog, n).hip, number);
+    }
+}
+
+#[test]
+fn stars_have_their_names() {
+    let catalog = hipparcos();
+    // X-Val: SIMBAD; the stars of the paper's Table A1
+    for (n, number, name) in [
+        (6111, 80_351, "21 Her"),
+        (6158, 0, "28 Her"),
+        (6195, 0, "37 Her"),
+    ] {
+        let star = hr(&catalog, n);
+        assert_eq!(catalog.names(&star), [format!("HR {n}"), name.to_owned()]);
+        if number != 0 {
+            assert_eq!(catalog.id(&star), format!("HIP {number}"));
+        }
+    }
+    assert_eq!(
+        catalog.names(&hr(&catalog, 2491)),
+        ["HR 2491", "alpha CMa", "9 CMa", "Sirius"]
+    );
+    assert_eq!(
+        catalog.names(&hr(&catalog, 4058)),
+        [
+            "HR 4057",
+            "HR 4058",
+            "gamma1 Leo",
+            "41 Leo",
+            "Algieba",
+            "gamma2 Leo"
+        ]
+    );
+}
+
+#[test]
+fn the_sky_is_as_bright_as_it_is() {
+    let catalog = hipparcos();
+    let brighter = |v: f64| catalog.stars().iter().filter(|s| s.v_mag < v).count();
+    // X-Val: Allen's Astrophysical Quantities, star counts: 4,800 to V 6.0, 14,000 to 7.0, 42,000 to 8.0; a tenth either way
+    assert!((4_400..5_400).contains(&brighter(6.0)), "{}", brighter(6.0));
+    assert!(
+        (12_800..15_800).contains(&brighter(7.0)),
+        "{}",
+        brighter(7.0)
+    );
+    assert!(
+        (38_000..46_000).contains(&brighter(8.0)),
+        "{}",
+        brighter(8.0)
+    );
+    // all light together, as the building tool prints it: magnitude -5.437
+    let flux: f64 = catalog
+        .stars()
+        .iter()
+        .map(|s| 10f64.powf(-0.4 * s.v_mag))
+        .sum();
+    assert!((-2.5 * flux.log10() + 5.437).abs() < 0.001);
+}
