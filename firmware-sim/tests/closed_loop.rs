@@ -58,7 +58,7 @@ fn mission(frames: u32) -> Mission {
                 velocity_m_s: Vector3::new(0.0, 7.5e3, 0.0),
             })
         })),
-        timeout: Duration::from_millis(600),
+        timeout: Duration::from_secs(10),
         pace: Pace::Stepped { most_hz: None },
     }
 }
@@ -159,7 +159,11 @@ fn a_bad_day_loses_frames_and_nothing_else() {
     });
     emulator.refuses = |attitude| attitude == 5;
     let (port, thread) = over_memory(emulator);
-    let (report, told) = fly(port, mission(9));
+    let impatient = Mission {
+        timeout: Duration::from_secs(1),
+        ..mission(9)
+    };
+    let (report, told) = fly(port, impatient);
     thread.join().unwrap();
     let short: Vec<&str> = told
         .iter()
@@ -214,7 +218,7 @@ fn credit_paces_frames_larger_than_the_window_and_recovers_when_a_window_is_lost
     let (report, told) = fly(
         port,
         Mission {
-            timeout: Duration::from_secs(2),
+            timeout: Duration::from_secs(4),
             ..mission(4)
         },
     );
@@ -249,7 +253,7 @@ fn udp_carries_the_loop() {
         timeout: Duration::from_secs(10),
         ..mission(3)
     };
-    let (report, told) = fly(UdpPort::connect(address).unwrap(), slow_machine);
+    let (report, told) = fly(UdpPort::connect(address).unwrap(), mission(3));
     thread.join().unwrap();
     assert_eq!(
         (report.frames, report.lost, report.missing_packets),
@@ -310,7 +314,10 @@ fn errors_that_end_a_run_say_what_to_do() {
             .run(|_| ControlFlow::Continue(()))
             .unwrap_err()
     };
-    let error = run(mission(1));
+    let error = run(Mission {
+        timeout: Duration::from_millis(300),
+        ..mission(1)
+    });
     assert!(
         matches!(error, RunError::NoAnswer { .. }) && error.to_string().contains("skyloop run"),
         "{error}"

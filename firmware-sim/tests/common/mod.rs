@@ -104,13 +104,22 @@ impl Field {
         }
     }
 
-    /// The label's signal to noise: sqrt(sum s^2 / (s + b + read^2)).
+    /// The label's signal to noise, sqrt(sum s^2 / (s + b + read^2)), of a star far from the frame's edge.
     pub fn snr(&self, star: Star) -> f64 {
-        let alone = Self {
+        let small = Self {
             background_e: 0.0,
+            width: 33,
+            height: 33,
             ..*self
-        }
-        .electrons(&[star], (0.0, 0.0));
+        };
+        let alone = small.electrons(
+            &[Star {
+                x: 16.0 + star.x.fract(),
+                y: 16.0 + star.y.fract(),
+                ..star
+            }],
+            (0.0, 0.0),
+        );
         let variance = |s: f64| s + self.background_e + self.read_noise_e.powi(2);
         alone
             .iter()
