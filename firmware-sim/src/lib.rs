@@ -1,1 +1,34 @@
-//! The mock flight computer.
+//! The other end of skyloop's cable: a mock flight computer.
+//!
+//! It knows what a flight computer knows: an orbit, an attitude profile, and what comes back on the wire. One frame goes
+//! through the modules in this order:
+//!
+//! ```text
+//! profile + orbit -> Attitude -> port ... port -> reassembly -> detector -> score
+//! ```
+//!
+//! The labels come on the same wire as the pixels, but stay sealed in [`received::ReceivedFrame`] until the detections
+//! of that frame are fixed: [`received::ReceivedFrame::labels`] asks for them.
+//!
+//! [`flight_computer`] runs the loop and counts; the binary `skyloop-fc` is its command line. Conventions are those of
+//! the wire: quaternions Hamilton, `[x, y, z, w]`, ICRF to body; pixel (0, 0) is the centre of the first pixel.
+
+pub mod attitude_list;
+mod background;
+mod blobs;
+pub mod detector;
+pub mod event;
+mod exchange;
+pub mod flight_computer;
+pub mod image;
+pub mod mission;
+mod pacing;
+pub mod port;
+pub mod profile;
+pub mod reassembly;
+pub mod received;
+pub mod report;
+pub mod score;
+pub mod serial;
+mod signal;
+pub mod time;

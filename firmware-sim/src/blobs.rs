@@ -1,0 +1,129 @@
+//! Blobs: 8-connected pixels above the threshold, parted where two stars have run together.
+
+use crate::signal::Signal;
+
+/// Noise of the smoothed image in units of a pixel's: the square root of the sum of the squared weights, 6/16.
+const SMOOTHED_NOISE: f32 = 0.375;
+/// More connected pixels than any star has: stray light or a damaged frame.
+const MOST_PIXELS: usize = 50_000;
+/// Most stars that one blob is parted into.
+const MOST_PEAKS: usize = 32;
+
+/// Pixels that belong together.
+pub(crate) struct Blob {
+    /// Its number, from 1.
+    id: u32,
+    /// Indices of its pixels.
+    pub(crate) pixels: Vec<usize>,
+}
+
+/// The blobs of an image.
+pub(crate) struct Blobs {
+    pub(crate) list: Vec<Blob>,
+    /// Per pixel the number of its blob, 0 for none.
+    owner: Vec<u32>,
+}
+
+impl Blobs {
+    /// Finds the pixels whose smoothed light is more than `threshold` times its noise.
+    pub(crate) fn find(signal: &Signal, threshold: f32) -> Self {
+        let smoothed = signal.smoothed();
+        let above =
+            |index: usize| smoothed[index] > threshold * SMOOTHED_NOISE * signal.sigma[index];
+        let mut blobs = Self {
+            list: Vec::new(),
+            owner: vec![0; smoothed.len()],
+        };
+        let mut seen = vec![false; smoothed.len()];
+        for seed in 0..smoothed.len() {
+            if seen[seed] || !above(seed) {
+                continue;
+            }
+            seen[seed] = true;
+            let mut connected = vec![seed];
+            let mut next = 0;
+            while let Some(&index) = connected.get(next) {
+                next += 1;
+                for neighbour in signal.around(index, 1) {
+                    if !seen[neighbour] && above(neighbour) {
+                        seen[neighbour] = true;
+                        connected.push(neighbour);
+                    }
+                }
+            }
+            if connected.len() <= MOST_PIXELS {
+                blobs.part(signal, &smoothed, connected);
+            }
+        }
+        blobs
+    }
+
+    /// Whether a pixel belongs to this blob or to none.
+    pub(crate) fn is_free_for(&self, index: usize, blob: &Blob) -> bool {
+        let owner = self.owner[index];
+        owner == 0 || owner == blob.id
+    }
+
+    /// Adds connected pixels as one blob for each peak, every pixel to the nearest.
+    fn part(&mut self, signal: &Signal, smoothed: &[f32], connected: Vec<usize>) {
+        let peaks = peaks(signal, smoothed, &connected);
+        if peaks.len() < 2 {
+            return self.add(connected);
+        }
+        let mut parts = vec![Vec::new(); peaks.len()];
+        for index in connected {
+            let distance = |peak: &usize| squared_distance(signal, index, *peak);
+            let nearest = (0..peaks.len())
+                .min_by_key(|part| distance(&peaks[*part]))
+                .unwrap_or(0);
+            parts[nearest].push(index);
+        }
+        parts.into_iter().for_each(|part| self.add(part));
+    }
+
+    fn add(&mut self, pixels: Vec<usize>) {
+        let id = self.list.len() as u32 + 1;
+        for index in &pixels {
+            self.owner[*index] = id;
+        }
+        self.list.push(Blob { id, pixels });
+    }
+}
+
+fn squared_distance(signal: &Signal, a: usize, b: usize) -> usize {
+    let (dx, dy) = (
+        (a % signal.width).abs_diff(b % signal.width),
+        (a / signal.width).abs_diff(b / signal.width),
+    );
+    dx * dx + dy * dy
+}
+
+/// The distinct peaks of connected pixels, highest first: between a peak and every higher one the light falls to less
+/// than three quarters of the lower, and by more than the noise explains.
+fn peaks(signal: &Signal, smoothed: &[f32], connected: &[usize]) -> Vec<usize> {
+    const VALLEY: f32 = 0.75;
+    const SIGNIFICANT: f32 = 4.0;
+    let is_top = |&index: &usize| {
+        signal
+            .around(index, 1)
+            .all(|other| smoothed[other] <= smoothed[index])
+    };
+    let mut tops: Vec<usize> = connected.iter().copied().filter(is_top).collect();
+    tops.sort_by(|a, b| smoothed[*b].total_cmp(&smoothed[*a]));
+    let mut peaks: Vec<usize> = Vec::new();
+    for top in tops {
+        let height = smoothed[top];
+        let noise = SMOOTHED_NOISE * (signal.sigma[top].powi(2) + height.max(0.0)).sqrt();
+        let stands_apart = |&peak: &usize| {
+            let lowest = signal
+                .between(top, peak)
+                .map(|index| smoothed[index])
+                .fold(height, f32::min);
+            lowest < VALLEY * height && height - lowest > SIGNIFICANT * noise
+        };
+        if peaks.len() < MOST_PEAKS && peaks.iter().all(stands_apart) {
+            peaks.push(top);
+        }
+    }
+    peaks
+}

@@ -1,0 +1,257 @@
+//! The star detector: threshold, connected pixels, moment centroid. It knows pixels, gain, offset and full scale only.
+//!
+//! 1. Background and noise by tiles (`background.rs`).
+//! 2. The difference is smoothed by the binomial kernel [1 2 1]/4 along both axes (close to the PSF, so faint stars
+//!    gain most) and compared with `threshold` times its noise; 8-connected pixels above it are one blob, unless they
+//!    have distinct peaks (`blobs.rs`).
+//! 3. A plain moment over thresholded pixels leans towards pixel centres and is noisy over more of them. So the
+//!    moment is weighted by a Gaussian window of the blob's own size that moves with the centroid until it rests.
+
+use crate::blobs::{Blob, Blobs};
+use crate::image::Image;
+use crate::signal::Signal;
+
+/// How to detect.
+#[derive(Clone, Copy, Debug)]
+pub struct DetectorSettings {
+    /// Threshold of the smoothed image in units of its noise.
+    pub threshold: f32,
+    /// Detections kept, brightest first.
+    pub most: usize,
+}
+
+impl Default for DetectorSettings {
+    fn default() -> Self {
+        Self {
+            threshold: 5.0,
+            most: 10_000,
+        }
+    }
+}
+
+/// One blob of light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detection {
+    /// Centroid along columns, px; 0 is the centre of the first.
+    pub x_px: f64,
+    /// Centroid along rows, px; 0 is the centre of the first.
+    pub y_px: f64,
+    /// Light above the background in the blob grown by two pixels, e-.
+    pub flux_e: f64,
+    /// Signal to noise under the Gaussian window.
+    pub snr: f64,
+    /// Pixels above the threshold.
+    pub pixels: usize,
+    /// The blob, grown by two pixels, leaves the frame.
+    pub edge: bool,
+    /// A pixel reached 95 % of full scale, so near it that the full well may have cut light off.
+    pub saturated: bool,
+}
+
+/// The detections of one frame. They come from [`detect`] only and do not change: holding them proves that the frame's
+/// labels played no part.
+#[derive(Debug)]
+pub struct Detections {
+    frame: u32,
+    list: Vec<Detection>,
+}
+
+impl Detections {
+    /// The frame they belong to.
+    #[must_use]
+    pub fn frame(&self) -> u32 {
+        self.frame
+    }
+
+    /// The detections, brightest first.
+    #[must_use]
+    pub fn list(&self) -> &[Detection] {
+        &self.list
+    }
+}
+
+/// Finds the blobs of light in an image. An image whose pixels do not fill it has none.
+#[must_use]
+pub fn detect(image: &Image<'_>, settings: &DetectorSettings) -> Detections {
+    let mut list = Vec::new();
+    if image.width > 0 && image.pixels.len() == image.width * image.height {
+        let signal = Signal::new(image);
+        let blobs = Blobs::find(&signal, settings.threshold);
+        list.extend(
+            blobs
+                .list
+                .iter()
+                .filter_map(|blob| signal.measure(image, blob, &blobs)),
+        );
+    }
+    list.sort_by(|a, b| b.flux_e.total_cmp(&a.flux_e));
+    list.truncate(settings.most);
+    Detections {
+        frame: image.frame,
+        list,
+    }
+}
+
+impl Signal {
+    /// The pixels of a blob grown by two, without those of other blobs, and whether the frame cuts it.
+    fn grown(&self, blob: &Blob, blobs: &Blobs) -> (Vec<usize>, bool) {
+        const GROWTH: usize = 2;
+        let mut grown: Vec<usize> = blob
+            .pixels
+            .iter()
+            .flat_map(|&index| self.around(index, GROWTH))
+            .filter(|&index| blobs.is_free_for(index, blob))
+            .collect();
+        grown.sort_unstable();
+        grown.dedup();
+        let edge = blob.pixels.iter().any(|&index| {
+            let (x, y) = (index % self.width, index / self.width);
+            x < GROWTH || y < GROWTH || x + GROWTH >= self.width || y + GROWTH >= self.height
+        });
+        (grown, edge)
+    }
+
+    fn measure(&self, image: &Image<'_>, blob: &Blob, blobs: &Blobs) -> Option<Detection> {
+        let (grown, edge) = self.grown(blob, blobs);
+        let start = Moments::of(blob.pixels.iter().map(|&index| self.sample(index)))?;
+        let brightest = blob
+            .pixels
+            .iter()
+            .copied()
+            .max_by(|a, b| self.electrons[*a].total_cmp(&self.electrons[*b]))?;
+        let (peak, variance) = (
+            self.electrons[brightest].max(0.0),
+            self.sigma[brightest].powi(2),
+        );
+        let window = Window::of_blob(&start, f64::from(peak / (peak + variance)));
+        let (x_px, y_px, snr) = self.windowed_centroid(&start, &window, blob, blobs);
+        let limit = u32::from(image.full_scale_dn) * 95 / 100;
+        Some(Detection {
+            x_px,
+            y_px,
+            flux_e: grown
+                .iter()
+                .map(|&index| f64::from(self.electrons[index]))
+                .sum(),
+            snr,
+            pixels: blob.pixels.len(),
+            edge,
+            saturated: blob
+                .pixels
+                .iter()
+                .any(|&index| u32::from(image.pixels[index]) >= limit),
+        })
+    }
+
+    /// The point where the window-weighted first moment of the light vanishes, and the signal to noise there.
+    ///
+    /// `c <- c + 2 sum(w s (r - c)) / sum(w s)`: with a window of the star's own size the product of the two has half
+    /// the variance of each, and the step 2 lands at once (the "windowed" centroid of Bertin's `SExtractor`).
+    fn windowed_centroid(
+        &self,
+        start: &Moments,
+        window: &Window,
+        blob: &Blob,
+        blobs: &Blobs,
+    ) -> (f64, f64, f64) {
+        const STEPS: usize = 20;
+        const RESTS_PX: f64 = 1e-4;
+        /// A centroid that leaves its blob's moment by more follows something else.
+        const LEASH_PX: f64 = 1.5;
+        let (mut x, mut y, mut snr) = (start.x, start.y, 0.0);
+        for _ in 0..STEPS {
+            let (mut sum, mut sum_x, mut sum_y, mut variance) = (0.0, 0.0, 0.0, 0.0);
+            for index in self.block(x.round() as isize, y.round() as isize, window.reach) {
+                if !blobs.is_free_for(index, blob) {
+                    continue;
+                }
+                let (column, row, electrons) = self.sample(index);
+                let (dx, dy) = (column - x, row - y);
+                let weight = window.weight(dx, dy);
+                sum += weight * electrons;
+                sum_x += weight * electrons * dx;
+                sum_y += weight * electrons * dy;
+                variance +=
+                    weight * weight * (f64::from(self.sigma[index]).powi(2) + electrons.max(0.0));
+            }
+            if sum <= 0.0 || variance <= 0.0 {
+                break;
+            }
+            snr = sum / variance.sqrt();
+            let (step_x, step_y) = (2.0 * sum_x / sum, 2.0 * sum_y / sum);
+            if (x + step_x - start.x).hypot(y + step_y - start.y) > LEASH_PX {
+                return (start.x, start.y, snr);
+            }
+            x += step_x;
+            y += step_y;
+            if step_x.hypot(step_y) < RESTS_PX {
+                break;
+            }
+        }
+        (x, y, snr)
+    }
+}
+
+/// Centre and covariance of the positive light of some pixels, px and px^2.
+struct Moments {
+    x: f64,
+    y: f64,
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Moments {
+    fn of(samples: impl Iterator<Item = (f64, f64, f64)> + Clone) -> Option<Self> {
+        let lit = samples.filter(|(_, _, e)| *e > 0.0);
+        let sum: f64 = lit.clone().map(|(_, _, e)| e).sum();
+        if sum <= 0.0 {
+            return None;
+        }
+        let mean = |f: &dyn Fn(f64, f64) -> f64| {
+            lit.clone().map(|(x, y, e)| e * f(x, y)).sum::<f64>() / sum
+        };
+        let (x, y) = (mean(&|x, _| x), mean(&|_, y| y));
+        Some(Self {
+            x,
+            y,
+            xx: mean(&|u, _| (u - x).powi(2)),
+            xy: mean(&|u, v| (u - x) * (v - y)),
+            yy: mean(&|_, v| (v - y).powi(2)),
+        })
+    }
+}
+
+/// A Gaussian window, `exp(-d' C^-1 d / 2)`.
+struct Window {
+    inverse: [f64; 3],
+    /// Half side of the square of pixels that matter, px.
+    reach: isize,
+}
+
+impl Window {
+    /// As large as the blob, and somewhat larger: the pixels above the threshold lack the wings.
+    ///
+    /// Against background noise the best window is as wide as the star; a star whose own shot noise rules (`shot`, the
+    /// fraction of the variance in its brightest pixel) is best weighted evenly. The wider window also samples better.
+    fn of_blob(blob: &Moments, shot: f64) -> Self {
+        /// Variance added, px^2: for the wings, and for bright stars.
+        const WINGS: f64 = 0.3;
+        const BRIGHT: f64 = 0.9;
+        /// Four sigma of the window, but no window is wider than this: a streak is cut rather than searched for ever.
+        const MOST_REACH: f64 = 60.0;
+        let wider = WINGS + BRIGHT * shot;
+        let (xx, xy, yy) = (blob.xx + wider, blob.xy, blob.yy + wider);
+        let determinant = xx * yy - xy * xy;
+        let reach = (4.0 * xx.max(yy).sqrt()).ceil().min(MOST_REACH) as isize;
+        Self {
+            inverse: [yy / determinant, -xy / determinant, xx / determinant],
+            reach,
+        }
+    }
+
+    fn weight(&self, dx: f64, dy: f64) -> f64 {
+        let [a, b, c] = self.inverse;
+        (-0.5 * (a * dx * dx + 2.0 * b * dx * dy + c * dy * dy)).exp()
+    }
+}

@@ -1,0 +1,225 @@
+//! `skyloop-fc`: a flight computer for an emulator on the other end of a UDP or serial link.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow, bail};
+use clap::{ArgGroup, Parser};
+use hifitime::Epoch;
+use nalgebra::{UnitQuaternion, Vector3};
+use skyloop_firmware_sim::attitude_list::{
+    AttitudeList, parse_numbers, parse_quaternion, parse_utc, quaternion,
+};
+use skyloop_firmware_sim::event::Event;
+use skyloop_firmware_sim::flight_computer::FlightComputer;
+use skyloop_firmware_sim::mission::{Mission, Pace};
+use skyloop_firmware_sim::port;
+use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
+
+/// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
+#[derive(Debug, Parser)]
+#[command(name = "skyloop-fc", version, group = ArgGroup::new("profile").required(true))]
+struct Args {
+    /// udp://127.0.0.1:PORT or serial:///dev/NAME?baud=115200
+    #[arg(long)]
+    link: String,
+    /// TLE, 3LE or CCSDS OEM file; NAME picks an object by name or identifier
+    #[arg(long, value_name = "FILE[:NAME]")]
+    orbit: Option<String>,
+    /// Middle of the first exposure, UTC; may be left out with --wall, and then is now
+    #[arg(long, value_name = "UTC", value_parser = parse_utc, required_unless_present = "wall")]
+    epoch: Option<Epoch>,
+    /// How many frames
+    #[arg(long, default_value_t = 10)]
+    frames: u32,
+    /// Time from frame to frame, s
+    #[arg(long, default_value_t = 0.5, value_name = "S")]
+    period: f64,
+    /// A file of lines "UTC x y z w": attitudes (ICRF to body, scalar last) to slerp between
+    #[arg(long, value_name = "FILE", group = "profile")]
+    attitudes: Option<PathBuf>,
+    /// One attitude for all frames
+    #[arg(long, value_name = "x,y,z,w", value_parser = parse_quaternion, allow_hyphen_values = true, group = "profile")]
+    hold: Option<UnitQuaternion<f64>>,
+    /// Attitude at the first epoch and constant body rates in deg/s
+    #[arg(long, value_name = "x,y,z,w,wx,wy,wz", value_parser = parse_slew, allow_hyphen_values = true, group = "profile")]
+    slew: Option<Slew>,
+    /// +Z to the Earth's centre, +X towards the velocity; needs --orbit
+    #[arg(long, requires = "orbit", group = "profile")]
+    nadir: bool,
+    /// Attitudes a second: at most (stepped), or by the clock (--wall, default 10)
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Send attitudes by the wall clock and take the frames that come
+    #[arg(long)]
+    wall: bool,
+    /// How long to wait for a frame, s
+    #[arg(long, default_value_t = 5.0, value_name = "S")]
+    timeout: f64,
+}
+
+/// Start attitude and body rates, rad/s.
+#[derive(Clone, Debug)]
+struct Slew(UnitQuaternion<f64>, Vector3<f64>);
+
+fn parse_slew(text: &str) -> Result<Slew, String> {
+    let [x, y, z, w, wx, wy, wz] = parse_numbers::<7>(text)?;
+    Ok(Slew(
+        quaternion([x, y, z, w])?,
+        Vector3::new(wx, wy, wz).map(f64::to_radians),
+    ))
+}
+
+fn main() -> ExitCode {
+    match run(Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("skyloop-fc: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: Args) -> Result<()> {
+    let mission = mission(&args)?;
+    let port = port::open(&args.link)?;
+    let report = FlightComputer::new(port, mission).run(|event| {
+        tell(&event);
+        ControlFlow::Continue(())
+    })?;
+    print!("{report}");
+    match report.frames {
+        0 if report.requested > 0 => {
+            bail!("no frame came: see the refusals above and the emulator's own messages")
+        }
+        _ => Ok(()),
+    }
+}
+
+fn mission(args: &Args) -> Result<Mission> {
+    let start = match args.epoch {
+        Some(epoch) => epoch,
+        None => Epoch::now().map_err(|error| anyhow!("no system time ({error}): give --epoch"))?,
+    };
+    let orbit = args.orbit.as_deref().map(orbit).transpose()?;
+    let timeout = Duration::try_from_secs_f64(args.timeout)
+        .ok()
+        .filter(|timeout| !timeout.is_zero());
+    let timeout =
+        timeout.with_context(|| format!("--timeout {} must be above 0 s", args.timeout))?;
+    let pace = match args.wall {
+        true => Pace::Wall {
+            rate_hz: args.rate.unwrap_or(10.0),
+        },
+        false => Pace::Stepped { most_hz: args.rate },
+    };
+    let profile = profile(args, start)?;
+    Ok(Mission {
+        start,
+        period_s: args.period,
+        frames: args.frames,
+        profile,
+        orbit,
+        timeout,
+        pace,
+    })
+}
+
+fn profile(args: &Args, start: Epoch) -> Result<Profile> {
+    if let Some(path) = &args.attitudes {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("cannot read the attitudes in {name}"))?;
+        Ok(Profile::List(AttitudeList::parse(&text, &name)?))
+    } else if let Some(attitude) = args.hold {
+        Ok(Profile::Hold(attitude))
+    } else if let Some(Slew(attitude, rates_rad_s)) = args.slew.clone() {
+        Ok(Profile::Slew {
+            start,
+            attitude,
+            rates_rad_s,
+        })
+    } else {
+        Ok(Profile::Nadir)
+    }
+}
+
+/// The object that `FILE[:NAME]` names.
+fn orbit(text: &str) -> Result<OrbitSource> {
+    let (file, name) = match text.rsplit_once(':') {
+        Some((file, name)) if !Path::new(text).exists() => (file, Some(name)),
+        _ => (text, None),
+    };
+    let loaded = skyloop_orbit::load(Path::new(file))?;
+    for rejected in loaded.rejected.iter().take(5) {
+        eprintln!("skyloop-fc: {rejected}");
+    }
+    if loaded.rejected.len() > 5 {
+        eprintln!(
+            "skyloop-fc: and {} more records of {file} are no use",
+            loaded.rejected.len() - 5
+        );
+    }
+    let is_meant = |object: &&skyloop_orbit::Object| match name {
+        Some(name) => {
+            let id = object.id.strip_prefix("NORAD ").unwrap_or(&object.id);
+            let mut names = object
+                .names
+                .iter()
+                .map(String::as_str)
+                .chain([object.id.as_str(), id]);
+            names.any(|known| known.eq_ignore_ascii_case(name))
+        }
+        None => true,
+    };
+    let mut meant = loaded.objects.iter().filter(is_meant);
+    match (meant.next(), meant.next()) {
+        (Some(object), None) => Ok(orbit_of(object.clone())),
+        (None, _) if name.is_none() => bail!("{file} holds no usable orbit"),
+        (first, _) => {
+            let labels: Vec<String> = loaded
+                .objects
+                .iter()
+                .take(8)
+                .map(skyloop_orbit::Object::label)
+                .collect();
+            let which = match (first, name) {
+                (Some(_), Some(name)) => format!("more than one object called \"{name}\""),
+                (None, Some(name)) => format!("no object called \"{name}\""),
+                (_, None) => format!("{} objects: pick one with FILE:NAME", loaded.objects.len()),
+            };
+            bail!(
+                "{file} holds {which}; it has {}{}",
+                labels.join(", "),
+                match loaded.objects.len() {
+                    0..=8 => "",
+                    _ => ", ...",
+                }
+            )
+        }
+    }
+}
+
+fn tell(event: &Event<'_>) {
+    match event {
+        Event::Frame {
+            frame,
+            detections,
+            score,
+            latency,
+            ..
+        } => {
+            let ms = latency.map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3);
+            let matched = score.map_or(0, |score| score.matches.len());
+            let (number, found) = (frame.header.attitude_sequence, detections.list().len());
+            println!(
+                "frame {number}: {found} detections, {matched} matched, last block after {ms:.1} ms"
+            );
+        }
+        Event::Lost { sequence, loss } => println!("attitude {sequence}: frame lost: {loss}"),
+        Event::Nack(nack) => println!("{nack}"),
+        Event::Problem(problem) => println!("{problem}"),
+    }
+}

@@ -1,0 +1,155 @@
+//! The client's side of pacing: how many frame packets it grants, so that no buffer on the way overflows.
+//!
+//! The grant is cumulative: frame packets that have left the emulator so far, plus a window. Packets that were lost
+//! have left it too: the gaps in their sequence counts say how many, and after a silence a `Status` does.
+
+use skyloop_protocols::packet::SEQUENCE_MODULUS;
+
+/// The APIDs that credit pays for.
+const PAID: [u16; 3] = {
+    use skyloop_protocols::apid::{FRAME_HEADER, LABELS, PIXEL_BLOCK};
+    [FRAME_HEADER, PIXEL_BLOCK, LABELS]
+};
+
+/// Credit granted against frame packets seen.
+#[derive(Clone, Debug)]
+pub(crate) struct Pacing {
+    window: u32,
+    /// Frame packets that have left the emulator, as far as arrivals and gaps tell, modulo 2^32.
+    left: u32,
+    granted: u32,
+    /// The next sequence count of each paid APID.
+    next: [Option<u16>; 3],
+    /// Packets lost on the way.
+    missing: u64,
+}
+
+impl Pacing {
+    pub(crate) fn new(window: u32) -> Self {
+        let window = window.max(1);
+        Self {
+            window,
+            left: 0,
+            granted: window,
+            next: [None; 3],
+            missing: 0,
+        }
+    }
+
+    /// Frame packets lost on the way so far.
+    pub(crate) fn missing(&self) -> u64 {
+        self.missing
+    }
+
+    /// Books an arrival. Says whether so much of the window is used up that a new grant should go out.
+    pub(crate) fn arrived(&mut self, apid: u16, sequence_count: u16) -> bool {
+        let Some(next) = PAID
+            .iter()
+            .position(|paid| *paid == apid)
+            .and_then(|row| self.next.get_mut(row))
+        else {
+            return false;
+        };
+        let ahead = next.map_or(0, |next| {
+            sequence_count.wrapping_sub(next) % SEQUENCE_MODULUS
+        });
+        if ahead >= SEQUENCE_MODULUS / 2 {
+            // Late or repeated: it was booked as a gap or as an arrival before.
+            return false;
+        }
+        *next = Some((sequence_count + 1) % SEQUENCE_MODULUS);
+        // The emulator cannot have sent more than was granted; a larger gap is a restarted count, not a loss.
+        let unused = self.granted.wrapping_sub(self.left);
+        let lost = if u32::from(ahead) < unused {
+            u32::from(ahead)
+        } else {
+            0
+        };
+        self.missing += u64::from(lost);
+        self.left = self.left.wrapping_add(lost + 1);
+        self.target().wrapping_sub(self.granted) >= (self.window / 4).max(1)
+    }
+
+    /// Takes the emulator's own count, from a `Status`: what left it and has not arrived by now is lost.
+    ///
+    /// This frees a link on which a whole window was lost, when no gap can show it.
+    pub(crate) fn rebase(&mut self, packets_sent: u32) {
+        let lost = packets_sent.wrapping_sub(self.left);
+        if (1..=self.granted.wrapping_sub(self.left)).contains(&lost) {
+            self.missing += u64::from(lost);
+            self.left = packets_sent;
+            self.next = [None; 3];
+        }
+    }
+
+    /// The cumulative grant to send now; it is booked as sent.
+    pub(crate) fn renew(&mut self) -> u32 {
+        self.granted = self.target();
+        self.granted
+    }
+
+    fn target(&self) -> u32 {
+        let target = self.left.wrapping_add(self.window);
+        // Never back: a grant once given stands.
+        if (target.wrapping_sub(self.granted) as i32) > 0 {
+            target
+        } else {
+            self.granted
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use skyloop_protocols::apid::{PIXEL_BLOCK, STATUS};
+
+    #[test]
+    fn the_window_follows_arrivals_and_losses() {
+        let mut pacing = Pacing::new(8);
+        assert_eq!(pacing.renew(), 8);
+        assert!(!pacing.arrived(PIXEL_BLOCK, 16_382));
+        assert!(pacing.arrived(PIXEL_BLOCK, 16_383));
+        assert_eq!(pacing.renew(), 10);
+        // Counts 0 to 2 are missing: five have left in all with this one; a late one changes nothing.
+        assert!(pacing.arrived(PIXEL_BLOCK, 3));
+        assert!(!pacing.arrived(PIXEL_BLOCK, 1));
+        assert_eq!((pacing.renew(), pacing.missing()), (14, 3));
+        assert!(!pacing.arrived(STATUS, 77));
+    }
+
+    #[test]
+    fn a_status_frees_a_link_that_lost_a_whole_window() {
+        let mut pacing = Pacing::new(8);
+        pacing.arrived(PIXEL_BLOCK, 0);
+        pacing.rebase(8);
+        assert_eq!((pacing.renew(), pacing.missing()), (16, 7));
+        // The losses are booked: they are no gap as well.
+        pacing.arrived(PIXEL_BLOCK, 8);
+        assert_eq!((pacing.renew(), pacing.missing()), (17, 7));
+        // Numbers beyond the grant, or behind, are no account of this exchange.
+        pacing.rebase(1000);
+        pacing.rebase(2);
+        assert_eq!((pacing.renew(), pacing.missing()), (17, 7));
+    }
+
+    #[test]
+    fn a_count_that_starts_again_is_no_loss() {
+        let mut pacing = Pacing::new(8);
+        pacing.arrived(PIXEL_BLOCK, 9_000);
+        pacing.arrived(PIXEL_BLOCK, 0);
+        assert_eq!((pacing.renew(), pacing.missing()), (10, 0));
+    }
+
+    #[test]
+    fn the_grant_goes_round_the_circle() {
+        let mut pacing = Pacing {
+            left: u32::MAX - 1,
+            granted: 6,
+            ..Pacing::new(8)
+        };
+        assert!(!pacing.arrived(PIXEL_BLOCK, 0));
+        assert!(pacing.arrived(PIXEL_BLOCK, 1));
+        assert_eq!(pacing.renew(), 8);
+    }
+}

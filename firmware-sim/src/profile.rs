@@ -1,0 +1,333 @@
+//! Attitude profiles: where the spacecraft points, and how fast it turns, at any instant.
+//!
+//! Quaternions are Hamilton's, ICRF to body: `v_body = q v_icrf q^-1`. Rates are the angular velocity of the body
+//! against ICRF in body axes, so that `dR/dt = -[w x] R`: over a time dt with constant w,
+//! `q(t + dt) = exp(-w dt) q(t)`, where `exp(v)` is the rotation by |v| about v.
+
+use std::error::Error;
+use std::sync::Arc;
+
+use hifitime::{Duration, Epoch};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use skyloop_orbit::{Object, StateVector};
+use thiserror::Error;
+
+use crate::attitude_list::AttitudeList;
+
+/// Any error that an orbit source may give.
+pub type OrbitSourceError = Box<dyn Error + Send + Sync>;
+
+/// Where the spacecraft is: epoch in, GCRF position and velocity out.
+pub type OrbitSource = Arc<dyn Fn(Epoch) -> Result<StateVector, OrbitSourceError> + Send + Sync>;
+
+/// The orbit of a catalogue object as an [`OrbitSource`].
+#[must_use]
+pub fn orbit_of(object: Object) -> OrbitSource {
+    Arc::new(move |epoch| Ok(object.state(epoch)?))
+}
+
+/// Attitude and turning rate at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pointing {
+    /// ICRF to body.
+    pub attitude: UnitQuaternion<f64>,
+    /// Angular velocity of the body against ICRF, body axes, rad/s.
+    pub rates_rad_s: Vector3<f64>,
+}
+
+/// How the attitude goes with time.
+#[derive(Clone, Debug)]
+pub enum Profile {
+    /// Slerp between the two neighbours of a list.
+    List(AttitudeList),
+    /// One attitude for ever.
+    Hold(UnitQuaternion<f64>),
+    /// A constant angular velocity from a start attitude.
+    Slew {
+        /// When `attitude` holds.
+        start: Epoch,
+        /// The attitude at `start`, ICRF to body.
+        attitude: UnitQuaternion<f64>,
+        /// Body axes, rad/s.
+        rates_rad_s: Vector3<f64>,
+    },
+    /// +Z to the Earth's centre, +X towards the velocity. Needs an orbit.
+    Nadir,
+}
+
+/// Why there is no attitude at an epoch.
+#[derive(Debug, Error)]
+pub enum ProfileError {
+    /// The epoch lies outside the attitude list.
+    #[error(
+        "no attitude at {epoch}: the list covers {first} to {last}; give attitudes on both sides of every frame"
+    )]
+    OutsideList {
+        /// The epoch asked for.
+        epoch: Epoch,
+        /// First epoch of the list.
+        first: Epoch,
+        /// Last epoch of the list.
+        last: Epoch,
+    },
+    /// Nadir pointing without an orbit.
+    #[error("nadir pointing needs an orbit: give one (--orbit FILE[:NAME])")]
+    NeedsOrbit,
+    /// The orbit gave no state.
+    #[error("no orbit state at {epoch}: {source}")]
+    Orbit {
+        /// The epoch asked for.
+        epoch: Epoch,
+        /// What the orbit said.
+        source: OrbitSourceError,
+    },
+    /// Position and velocity are parallel or not finite: no orbital plane.
+    #[error("no nadir attitude at {epoch}: position and velocity span no orbital plane")]
+    NoPlane {
+        /// The epoch asked for.
+        epoch: Epoch,
+    },
+}
+
+impl Profile {
+    /// Attitude and rates at `epoch`. `orbit` serves [`Profile::Nadir`] only.
+    ///
+    /// # Errors
+    /// [`ProfileError`]: outside the list, or no orbit where one is needed.
+    pub fn at(&self, epoch: Epoch, orbit: Option<&OrbitSource>) -> Result<Pointing, ProfileError> {
+        match self {
+            Self::List(list) => list.at(epoch),
+            Self::Hold(attitude) => Ok(Pointing {
+                attitude: *attitude,
+                rates_rad_s: Vector3::zeros(),
+            }),
+            Self::Slew {
+                start,
+                attitude,
+                rates_rad_s,
+            } => {
+                let elapsed_s = (epoch - *start).to_seconds();
+                let attitude = turn(*rates_rad_s * elapsed_s) * attitude;
+                Ok(Pointing {
+                    attitude,
+                    rates_rad_s: *rates_rad_s,
+                })
+            }
+            Self::Nadir => nadir(epoch, orbit.ok_or(ProfileError::NeedsOrbit)?),
+        }
+    }
+}
+
+/// `exp(-v)`: what turning the body by the rotation vector `v` (body axes, rad) does to the ICRF-to-body quaternion.
+pub(crate) fn turn(v: Vector3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_scaled_axis(-v)
+}
+
+/// The constant rate (body axes, rad/s) that leads from `before` to `after` in `seconds`, the shorter way round.
+pub(crate) fn rate_between(
+    before: &UnitQuaternion<f64>,
+    after: &UnitQuaternion<f64>,
+    seconds: f64,
+) -> Vector3<f64> {
+    // q1 = exp(-w dt) q0, so w = -log(q1 q0^-1) / dt.
+    -(after * before.inverse()).scaled_axis() / seconds
+}
+
+fn nadir(epoch: Epoch, orbit: &OrbitSource) -> Result<Pointing, ProfileError> {
+    /// Half the base of the numeric derivative, s: its error goes as the square, below 1e-9 of the orbital rate.
+    const STEP_S: f64 = 0.5;
+    let attitude = nadir_attitude(epoch, orbit)?;
+    let step = Duration::from_seconds(STEP_S);
+    // At the ends of an ephemeris one neighbour is missing: the derivative then is one-sided.
+    let (before, before_s) =
+        nadir_attitude(epoch - step, orbit).map_or((attitude, 0.0), |q| (q, STEP_S));
+    let (after, after_s) =
+        nadir_attitude(epoch + step, orbit).map_or((attitude, 0.0), |q| (q, STEP_S));
+    let base_s = before_s + after_s;
+    let rates_rad_s = if base_s > 0.0 {
+        rate_between(&before, &after, base_s)
+    } else {
+        Vector3::zeros()
+    };
+    Ok(Pointing {
+        attitude,
+        rates_rad_s,
+    })
+}
+
+fn nadir_attitude(epoch: Epoch, orbit: &OrbitSource) -> Result<UnitQuaternion<f64>, ProfileError> {
+    let state = orbit(epoch).map_err(|source| ProfileError::Orbit { epoch, source })?;
+    let z = -state.position_m;
+    let x = state.velocity_m_s - z * (z.dot(&state.velocity_m_s) / z.norm_squared());
+    let (Some(z), Some(x)) = (z.try_normalize(1.0), x.try_normalize(1e-3)) else {
+        return Err(ProfileError::NoPlane { epoch });
+    };
+    let y = z.cross(&x);
+    // The rows of R are the body axes in ICRF.
+    let rotation = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
+    Ok(UnitQuaternion::from_rotation_matrix(
+        &Rotation3::from_matrix_unchecked(rotation),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attitude_list::{parse_quaternion, parse_utc};
+
+    fn epoch() -> Epoch {
+        parse_utc("2019-06-15T23:35:50").unwrap()
+    }
+
+    fn after(seconds: f64) -> Epoch {
+        epoch() + Duration::from_seconds(seconds)
+    }
+
+    /// A circular orbit of 7000 km inclined by 0.7 rad.
+    fn circular() -> OrbitSource {
+        Arc::new(|t| {
+            let (radius, rate) = (7.0e6_f64, (3.986_004_418e14_f64 / 7.0e6_f64.powi(3)).sqrt());
+            let angle = rate * (t - epoch()).to_seconds();
+            let tilt = Rotation3::from_axis_angle(&Vector3::x_axis(), 0.7);
+            Ok(StateVector {
+                position_m: tilt * Vector3::new(radius * angle.cos(), radius * angle.sin(), 0.0),
+                velocity_m_s: tilt * Vector3::new(-angle.sin(), angle.cos(), 0.0) * (radius * rate),
+            })
+        })
+    }
+
+    /// dR/dt = -[w x] R, by a central difference of R.
+    fn assert_rates_belong_to_the_attitude(profile: &Profile, at: Epoch) {
+        let orbit = circular();
+        let h = 1e-3;
+        let r = |dt: f64| {
+            let t = at + Duration::from_seconds(dt);
+            profile
+                .at(t, Some(&orbit))
+                .unwrap()
+                .attitude
+                .to_rotation_matrix()
+                .into_inner()
+        };
+        let derivative = (r(h) - r(-h)) / (2.0 * h);
+        let law = -profile
+            .at(at, Some(&orbit))
+            .unwrap()
+            .rates_rad_s
+            .cross_matrix()
+            * r(0.0);
+        assert!(
+            (derivative - law).norm() < 1e-8,
+            "{profile:?}: {derivative} {law}"
+        );
+    }
+
+    fn list() -> AttitudeList {
+        // X-Val: the first three attitudes of the CASSIOPE scene (the data note's fit to Table A1).
+        let text = "# UTC x y z w\n2019-06-15T23:35:50 -0.070834 -0.644137 0.733522 -0.204975\n\n\
+                    2019-06-15T23:35:55Z,-0.071699,-0.643288,0.734777,-0.202834\n\
+                    2019-06-15T23:36:00 0.071539 0.642526 -0.735767 0.201716 # the sign does not matter\n";
+        AttitudeList::parse(text, "attitudes.txt").unwrap()
+    }
+
+    #[test]
+    fn rates_are_the_derivative_of_the_attitude() {
+        let attitude = parse_quaternion("-0.070834,-0.644137,0.733522,-0.204975").unwrap();
+        let slew = Profile::Slew {
+            start: epoch(),
+            attitude,
+            rates_rad_s: Vector3::new(0.01, -0.02, 0.03),
+        };
+        for profile in [
+            Profile::Hold(attitude),
+            slew,
+            Profile::Nadir,
+            Profile::List(list()),
+        ] {
+            for seconds in [0.5, 2.0, 7.3] {
+                assert_rates_belong_to_the_attitude(&profile, after(seconds));
+            }
+        }
+    }
+
+    #[test]
+    fn a_list_passes_through_its_entries_and_turns_the_short_way() {
+        let list = Profile::List(list());
+        let expected = [
+            "-0.070834 -0.644137 0.733522 -0.204975",
+            "-0.071699 -0.643288 0.734777 -0.202834",
+        ];
+        for (seconds, text) in [(0.0, expected[0]), (5.0, expected[1])] {
+            let angle = list
+                .at(after(seconds), None)
+                .unwrap()
+                .attitude
+                .angle_to(&parse_quaternion(text).unwrap());
+            assert!(angle < 1e-12, "{seconds}: {angle}");
+        }
+        assert!(list.at(after(9.0), None).unwrap().rates_rad_s.norm() < 1e-2);
+        assert!(list.at(after(10.0), None).is_ok());
+    }
+
+    #[test]
+    fn outside_the_list_the_error_says_what_it_covers() {
+        let list = Profile::List(list());
+        for seconds in [-0.1, 10.1] {
+            let error = list.at(after(seconds), None).unwrap_err().to_string();
+            assert!(
+                error.contains("23:35:50") && error.contains("23:36:00"),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_touchstone_points_z_where_the_conventions_say() {
+        let q = parse_quaternion("-0.070834 -0.644137 0.733522 -0.204975").unwrap();
+        let z = q.inverse() * Vector3::z();
+        // X-Val: the design's touchstone, RA 248.112 and Dec +9.215 degrees.
+        assert!((z.y.atan2(z.x).to_degrees().rem_euclid(360.0) - 248.112).abs() < 1e-3);
+        assert!((z.z.asin().to_degrees() - 9.215).abs() < 1e-3);
+    }
+
+    #[test]
+    fn nadir_looks_down_and_turns_once_an_orbit() {
+        let pointing = Profile::Nadir.at(after(100.0), Some(&circular())).unwrap();
+        let state = circular()(after(100.0)).unwrap();
+        assert!((pointing.attitude * -state.position_m.normalize() - Vector3::z()).norm() < 1e-12);
+        assert!((pointing.attitude * state.velocity_m_s.normalize() - Vector3::x()).norm() < 1e-12);
+        // X-Val: mean motion sqrt(mu / a^3) at 7000 km is 1.078007e-3 rad/s, about -Y (Z down, X ahead).
+        assert!((pointing.rates_rad_s - Vector3::new(0.0, -1.078_007e-3, 0.0)).norm() < 1e-8);
+        assert!(matches!(
+            Profile::Nadir.at(epoch(), None),
+            Err(ProfileError::NeedsOrbit)
+        ));
+    }
+
+    #[test]
+    fn nadir_rates_are_one_sided_at_the_end_of_an_ephemeris() {
+        let circular = circular();
+        let inner = circular.clone();
+        let bounded: OrbitSource = Arc::new(move |t| {
+            if t < epoch() {
+                Err("too early".into())
+            } else {
+                inner(t)
+            }
+        });
+        let error = Profile::Nadir
+            .at(epoch(), Some(&bounded))
+            .unwrap()
+            .rates_rad_s
+            - Profile::Nadir
+                .at(epoch(), Some(&circular))
+                .unwrap()
+                .rates_rad_s;
+        assert!(error.norm() < 1e-6);
+        let refused = Profile::Nadir
+            .at(after(-1.0), Some(&bounded))
+            .unwrap_err()
+            .to_string();
+        assert!(refused.contains("too early"), "{refused}");
+    }
+}

@@ -1,0 +1,431 @@
+//! Frame packets in, whole frames out, whatever got lost, came twice or came in another order on the way.
+//!
+//! Memory is bounded: two frames under way, each within [`Limits`], and a few early packets of a frame whose header
+//! has not come yet.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use skyloop_protocols::crc::Crc32;
+use skyloop_protocols::pixels::pixels_per_block;
+use skyloop_protocols::{FrameHeader, Header, LabelPart, PixelBlock, Reply, WireTime};
+use thiserror::Error;
+
+use crate::received::ReceivedFrame;
+
+/// Frames under way at once.
+const UNDER_WAY: usize = 2;
+/// Finished or given up frames remembered, so that late repeats of their packets are known as such.
+const REMEMBERED: usize = 16;
+
+/// What a header may ask for.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Most pixels of a frame.
+    pub pixels: usize,
+    /// Most octets of label text.
+    pub label_bytes: usize,
+    /// Most packets kept that came before their header.
+    pub early: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            pixels: 4096 * 4096,
+            label_bytes: 1 << 24,
+            early: 256,
+        }
+    }
+}
+
+/// What happened to frame packets that was not plain progress.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AssemblyCounts {
+    /// Packets that had come before.
+    pub duplicates: u64,
+    /// Packets that came after a later one of their kind.
+    pub out_of_order: u64,
+    /// Packets that contradict their frame's header, or ask for more than the limits.
+    pub refused: u64,
+    /// Whole frames whose pixels do not have the header's CRC-32.
+    pub bad_pixels: u64,
+    /// Frames given up incomplete.
+    pub incomplete: u64,
+}
+
+/// Why a frame packet is no use.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum AssemblyError {
+    /// More than the receiver has memory for.
+    #[error("frame {frame}: {what} is {asked}, at most {limit} are taken")]
+    TooLarge {
+        /// The frame's number.
+        frame: u32,
+        /// What is too large.
+        what: &'static str,
+        /// How large it is.
+        asked: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A packet that does not fit the header of its frame.
+    #[error("frame {frame}: {what} {number} does not fit the frame's header")]
+    Contradiction {
+        /// The frame's number.
+        frame: u32,
+        /// The packet's kind.
+        what: &'static str,
+        /// The packet's number within the frame.
+        number: u32,
+    },
+    /// All blocks came, but they are not the pixels that were sent.
+    #[error("frame {frame}: the pixels' CRC-32 is {found:#010x}, the header says {expected:#010x}")]
+    BadPixels {
+        /// The frame's number.
+        frame: u32,
+        /// CRC-32 of the received pixels.
+        found: u32,
+        /// CRC-32 in the header.
+        expected: u32,
+    },
+}
+
+/// What came so far of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// The frame's number.
+    pub frame: u32,
+    /// Pixel blocks that came, and how many there are.
+    pub blocks: (u32, u32),
+    /// Label parts that came, and how many there are.
+    pub label_parts: (u16, u16),
+}
+
+/// Puts frames together.
+#[derive(Debug, Default)]
+pub struct Assembler {
+    limits: Limits,
+    under_way: VecDeque<Partial>,
+    /// Packets whose header has not come yet, with their frame's number.
+    early: VecDeque<(u32, Vec<u8>)>,
+    done: VecDeque<u32>,
+    counts: AssemblyCounts,
+}
+
+impl Assembler {
+    /// Nothing received yet.
+    #[must_use]
+    pub fn new(limits: Limits) -> Self {
+        Self {
+            limits,
+            ..Self::default()
+        }
+    }
+
+    /// What went other than plainly so far.
+    #[must_use]
+    pub fn counts(&self) -> AssemblyCounts {
+        self.counts
+    }
+
+    /// Takes one packet and what it was decoded to; gives the frame that it completes. Replies that do not belong to a
+    /// frame change nothing.
+    ///
+    /// # Errors
+    /// [`AssemblyError`]: the packet, or the finished frame, is of no use. Both are counted; the next packet is welcome.
+    pub fn accept(
+        &mut self,
+        packet: &[u8],
+        header: &Header,
+        reply: &Reply<'_>,
+    ) -> Result<Option<ReceivedFrame>, AssemblyError> {
+        let frame = match reply {
+            Reply::FrameHeader(opening) => opening.frame,
+            Reply::PixelBlock(block) => block.frame,
+            Reply::Labels(part) => part.frame,
+            Reply::Status(_) | Reply::Ack(_) | Reply::Nack(_) => return Ok(None),
+        };
+        if self.done.contains(&frame) {
+            self.counts.duplicates += 1;
+            return Ok(None);
+        }
+        let known = self
+            .under_way
+            .iter_mut()
+            .find(|partial| partial.header.frame == frame);
+        let taken = match (known, reply) {
+            (Some(partial), Reply::PixelBlock(block)) => {
+                partial.take_block(block, &mut self.counts)
+            }
+            (Some(partial), Reply::Labels(part)) => partial.take_labels(part, &mut self.counts),
+            (Some(partial), Reply::FrameHeader(again)) if partial.header != *again => {
+                Err(AssemblyError::Contradiction {
+                    frame,
+                    what: "a second header",
+                    number: 0,
+                })
+            }
+            (Some(_), _) => {
+                self.counts.duplicates += 1;
+                Ok(())
+            }
+            (None, Reply::FrameHeader(opening)) => self.open(header.time, opening),
+            (None, _) => {
+                self.keep_early(frame, packet);
+                Ok(())
+            }
+        };
+        if taken.is_err() {
+            self.counts.refused += 1;
+        }
+        taken?;
+        self.finish(frame)
+    }
+
+    /// Gives up all frames under way, and says what had come of them.
+    pub fn abandon(&mut self) -> Vec<Progress> {
+        let given_up: Vec<Progress> = self
+            .under_way
+            .drain(..)
+            .map(|partial| partial.progress())
+            .collect();
+        for progress in &given_up {
+            self.counts.incomplete += 1;
+            self.remember(progress.frame);
+        }
+        self.early.clear();
+        given_up
+    }
+
+    fn open(&mut self, mid_exposure: WireTime, header: &FrameHeader) -> Result<(), AssemblyError> {
+        let frame = header.frame;
+        let within = |what, asked: usize, limit: usize| {
+            if asked <= limit {
+                Ok(())
+            } else {
+                Err(AssemblyError::TooLarge {
+                    frame,
+                    what,
+                    asked,
+                    limit,
+                })
+            }
+        };
+        let (width, height) = (usize::from(header.width), usize::from(header.height));
+        within(
+            "width * height",
+            width.saturating_mul(height),
+            self.limits.pixels,
+        )?;
+        within(
+            "label text",
+            header.label_bytes as usize,
+            self.limits.label_bytes,
+        )?;
+        if self.under_way.len() >= UNDER_WAY
+            && let Some(oldest) = self.under_way.pop_front()
+        {
+            self.counts.incomplete += 1;
+            self.remember(oldest.header.frame);
+        }
+        let mut partial = Partial::new(*header, mid_exposure);
+        let (early, others) = std::mem::take(&mut self.early)
+            .into_iter()
+            .partition(|(number, _)| *number == frame);
+        self.early = others;
+        for (_, packet) in early {
+            let taken = match Reply::decode(&packet) {
+                Ok((_, Reply::PixelBlock(block))) => partial.take_block(&block, &mut self.counts),
+                Ok((_, Reply::Labels(part))) => partial.take_labels(&part, &mut self.counts),
+                // Only packets that decoded to one of the two are kept.
+                _ => Ok(()),
+            };
+            self.counts.out_of_order += 1;
+            self.counts.refused += u64::from(taken.is_err());
+        }
+        self.under_way.push_back(partial);
+        Ok(())
+    }
+
+    fn keep_early(&mut self, frame: u32, packet: &[u8]) {
+        if self.early.len() >= self.limits.early {
+            self.early.pop_front();
+        }
+        self.early.push_back((frame, packet.to_vec()));
+    }
+
+    fn finish(&mut self, frame: u32) -> Result<Option<ReceivedFrame>, AssemblyError> {
+        let whole = |partial: &Partial| partial.header.frame == frame && partial.is_whole();
+        let Some(place) = self.under_way.iter().position(whole) else {
+            return Ok(None);
+        };
+        let Some(partial) = self.under_way.remove(place) else {
+            return Ok(None);
+        };
+        self.remember(frame);
+        let expected = partial.header.pixels_crc32;
+        let found = Crc32::new().update_pixels(&partial.pixels).finish();
+        if found != expected {
+            self.counts.bad_pixels += 1;
+            return Err(AssemblyError::BadPixels {
+                frame,
+                found,
+                expected,
+            });
+        }
+        Ok(Some(ReceivedFrame {
+            header: partial.header,
+            mid_exposure: partial.mid_exposure,
+            pixels: partial.pixels,
+            last_block: partial.last_block,
+            sealed_labels: partial.text,
+        }))
+    }
+
+    fn remember(&mut self, frame: u32) {
+        if self.done.len() >= REMEMBERED {
+            self.done.pop_front();
+        }
+        self.done.push_back(frame);
+    }
+}
+
+/// A frame under way.
+#[derive(Debug)]
+struct Partial {
+    header: FrameHeader,
+    mid_exposure: WireTime,
+    pixels: Vec<u16>,
+    text: Vec<u8>,
+    blocks: Arrivals,
+    parts: Arrivals,
+    last_block: Instant,
+}
+
+impl Partial {
+    /// The header has passed the decoder's checks and the limits.
+    fn new(header: FrameHeader, mid_exposure: WireTime) -> Self {
+        Self {
+            pixels: vec![0; usize::from(header.width) * usize::from(header.height)],
+            text: vec![0; header.label_bytes as usize],
+            blocks: Arrivals::of(header.blocks as usize),
+            parts: Arrivals::of(usize::from(header.label_parts)),
+            last_block: Instant::now(),
+            header,
+            mid_exposure,
+        }
+    }
+
+    fn take_block(
+        &mut self,
+        block: &PixelBlock<'_>,
+        counts: &mut AssemblyCounts,
+    ) -> Result<(), AssemblyError> {
+        let refused = AssemblyError::Contradiction {
+            frame: block.frame,
+            what: "pixel block",
+            number: block.index,
+        };
+        let left = self.pixels.len().saturating_sub(block.first_pixel as usize);
+        let expected = left.min(pixels_per_block(self.header.packing));
+        if block.packing != self.header.packing || usize::from(block.count) != expected {
+            return Err(refused);
+        }
+        match self.blocks.state(block.index as usize) {
+            None => Err(refused),
+            Some(true) => {
+                counts.duplicates += 1;
+                Ok(())
+            }
+            Some(false) if !block.place(&mut self.pixels) => Err(refused),
+            Some(false) => {
+                counts.out_of_order += u64::from(self.blocks.book(block.index as usize));
+                self.last_block = Instant::now();
+                Ok(())
+            }
+        }
+    }
+
+    fn take_labels(
+        &mut self,
+        part: &LabelPart<'_>,
+        counts: &mut AssemblyCounts,
+    ) -> Result<(), AssemblyError> {
+        let number = u32::from(part.part);
+        let refused = AssemblyError::Contradiction {
+            frame: part.frame,
+            what: "label part",
+            number,
+        };
+        let end = part.offset() + part.text.len();
+        let is_last = part.part.checked_add(1) == Some(part.parts);
+        if part.parts != self.header.label_parts || is_last != (end == self.text.len()) {
+            return Err(refused);
+        }
+        match (
+            self.parts.state(usize::from(part.part)),
+            self.text.get_mut(part.offset()..end),
+        ) {
+            (Some(true), _) => counts.duplicates += 1,
+            (Some(false), Some(place)) => {
+                place.copy_from_slice(part.text);
+                counts.out_of_order += u64::from(self.parts.book(usize::from(part.part)));
+            }
+            _ => return Err(refused),
+        }
+        Ok(())
+    }
+
+    fn is_whole(&self) -> bool {
+        self.blocks.missing == 0 && self.parts.missing == 0
+    }
+
+    fn progress(&self) -> Progress {
+        // Both come from fields of these widths.
+        let parts = self.header.label_parts;
+        Progress {
+            frame: self.header.frame,
+            blocks: (
+                self.header.blocks - self.blocks.missing as u32,
+                self.header.blocks,
+            ),
+            label_parts: (parts - self.parts.missing as u16, parts),
+        }
+    }
+}
+
+/// Which of a known number of pieces have come.
+#[derive(Debug)]
+struct Arrivals {
+    seen: Vec<bool>,
+    missing: usize,
+    /// One after the highest that came.
+    next: usize,
+}
+
+impl Arrivals {
+    fn of(pieces: usize) -> Self {
+        Self {
+            seen: vec![false; pieces],
+            missing: pieces,
+            next: 0,
+        }
+    }
+
+    /// Whether a piece has come; `None` if there is no such piece.
+    fn state(&self, piece: usize) -> Option<bool> {
+        self.seen.get(piece).copied()
+    }
+
+    /// Books a piece that had not come. Says whether a later one came before it.
+    fn book(&mut self, piece: usize) -> bool {
+        if let Some(seen) = self.seen.get_mut(piece) {
+            *seen = true;
+            self.missing = self.missing.saturating_sub(1);
+        }
+        let late = piece < self.next;
+        self.next = self.next.max(piece + 1);
+        late
+    }
+}

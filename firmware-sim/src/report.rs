@@ -1,0 +1,268 @@
+//! What a run amounts to: counts, latencies, centroid residuals, refusals.
+
+use std::fmt;
+use std::time::Duration;
+
+use skyloop_protocols::{Reason, Status};
+
+use crate::reassembly::AssemblyCounts;
+use crate::score::Score;
+
+/// Nacks kept with their details; the count goes on.
+const NACKS_KEPT: usize = 100;
+/// Residuals kept: 16 octets each, bounded for runs without end.
+const RESIDUALS_KEPT: usize = 1 << 20;
+
+/// A refusal by the emulator.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NackRecord {
+    /// APID of the refused packet.
+    pub apid: u16,
+    /// Sequence count of the refused packet.
+    pub sequence_count: u16,
+    /// Why.
+    pub reason: Reason,
+    /// What and where, in the emulator's words.
+    pub detail: String,
+}
+
+impl fmt::Display for NackRecord {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "packet {:#05x}/{} refused ({:?}): {}",
+            self.apid, self.sequence_count, self.reason, self.detail
+        )
+    }
+}
+
+/// The outcome of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// Frames asked for.
+    pub requested: u32,
+    /// Frames received whole.
+    pub frames: u32,
+    /// Frames that did not arrive in time, or damaged.
+    pub lost: u32,
+    /// Frames that the emulator refused to take (a `Nack` to the attitude).
+    pub refused: u32,
+    /// Whole frames that came too late to count.
+    pub late: u32,
+    /// Attitude sent to last pixel block received, in the order of the frames.
+    pub latencies: Vec<Duration>,
+    /// The scores of all frames added up.
+    pub totals: Totals,
+    /// How many Nacks came.
+    pub nack_count: u64,
+    /// The first hundred of them.
+    pub nacks: Vec<NackRecord>,
+    /// Packets that were none of ours: damaged or unknown.
+    pub undecodable: u64,
+    /// Packets that the link itself dropped.
+    pub dropped: u64,
+    /// Frame packets missing in the emulator's sequence counts.
+    pub missing_packets: u64,
+    /// What the reassembly met.
+    pub assembly: AssemblyCounts,
+    /// The emulator's settings and counters at the end, if it answered.
+    pub status: Option<Status>,
+}
+
+impl Report {
+    /// The latency that a fraction (0 to 1) of the frames stay within; `None` without frames.
+    #[must_use]
+    pub fn latency(&self, fraction: f64) -> Option<Duration> {
+        let mut sorted = self.latencies.clone();
+        sorted.sort_unstable();
+        quantile(&sorted, fraction)
+    }
+
+    pub(crate) fn nack(&mut self, nack: NackRecord) {
+        self.nack_count += 1;
+        if self.nacks.len() < NACKS_KEPT {
+            self.nacks.push(nack);
+        }
+    }
+}
+
+/// The nearest-rank quantile of sorted values.
+fn quantile<T: Copy>(sorted: &[T], fraction: f64) -> Option<T> {
+    let rank = (fraction.clamp(0.0, 1.0) * sorted.len() as f64).ceil() as usize;
+    sorted.get(rank.saturating_sub(1)).copied()
+}
+
+/// Scores of many frames added up.
+#[derive(Clone, Debug, Default)]
+pub struct Totals {
+    /// Visible labelled stars.
+    pub stars: u64,
+    /// Visible labelled RSOs.
+    pub rsos: u64,
+    /// Detections.
+    pub detections: u64,
+    /// Labels with a detection.
+    pub matched: u64,
+    /// Bright, visible, isolated labels without one.
+    pub missed: u64,
+    /// Detections without labelled light.
+    pub false_detections: u64,
+    /// Frames whose labels could not be read.
+    pub unscored: u32,
+    residuals_px: Vec<[f64; 2]>,
+}
+
+impl Totals {
+    /// Adds a frame.
+    pub fn add(&mut self, score: &Score) {
+        self.stars += score.stars as u64;
+        self.rsos += score.rsos as u64;
+        self.detections += score.detections as u64;
+        self.matched += score.matches.len() as u64;
+        self.missed += score.missed.len() as u64;
+        self.false_detections += score.false_detections as u64;
+        let counted = score
+            .matches
+            .iter()
+            .filter(|m| m.counts())
+            .map(|m| [m.dx_px, m.dy_px]);
+        self.residuals_px
+            .extend(counted.take(RESIDUALS_KEPT.saturating_sub(self.residuals_px.len())));
+    }
+
+    /// Residuals between detections and labels, over those that count ([`crate::score::Match::counts`]); `None` if there
+    /// are none.
+    #[must_use]
+    pub fn residual(&self) -> Option<Residual> {
+        let count = self.residuals_px.len();
+        let mean = |value: &dyn Fn(&[f64; 2]) -> f64| {
+            self.residuals_px.iter().map(value).sum::<f64>() / count as f64
+        };
+        let mut distances: Vec<f64> = self.residuals_px.iter().map(|[x, y]| x.hypot(*y)).collect();
+        distances.sort_by(f64::total_cmp);
+        Some(Residual {
+            count,
+            median_px: quantile(&distances, 0.5)?,
+            rms_px: mean(&|[x, y]| x * x + y * y).sqrt(),
+            bias_px: [mean(&|[x, _]| *x), mean(&|[_, y]| *y)],
+        })
+    }
+}
+
+/// Detected minus labelled centroids: unsaturated, isolated, whole objects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residual {
+    /// How many.
+    pub count: usize,
+    /// Root mean square of the distance, px.
+    pub rms_px: f64,
+    /// Median of the distance, px.
+    pub median_px: f64,
+    /// Mean along columns and rows, px.
+    pub bias_px: [f64; 2],
+}
+
+impl fmt::Display for Report {
+    /// A short table.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let totals = &self.totals;
+        write!(
+            f,
+            "frames           {} of {} whole, {} lost",
+            self.frames, self.requested, self.lost
+        )?;
+        writeln!(f, ", {} refused, {} late", self.refused, self.late)?;
+        if let (Some(p50), Some(p99), Some(max)) =
+            (self.latency(0.5), self.latency(0.99), self.latency(1.0))
+        {
+            let ms = |latency: Duration| latency.as_secs_f64() * 1e3;
+            writeln!(
+                f,
+                "last block after p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms",
+                ms(p50),
+                ms(p99),
+                ms(max)
+            )?;
+        }
+        writeln!(
+            f,
+            "visible labels   {} stars, {} RSOs",
+            totals.stars, totals.rsos
+        )?;
+        write!(
+            f,
+            "detections       {}: {} matched",
+            totals.detections, totals.matched
+        )?;
+        writeln!(
+            f,
+            ", {} false; {} bright labels missed",
+            totals.false_detections, totals.missed
+        )?;
+        match totals.residual() {
+            Some(Residual {
+                count,
+                rms_px,
+                median_px,
+                bias_px: [x, y],
+            }) => writeln!(
+                f,
+                "residual         rms {rms_px:.3} px, median {median_px:.3} px, bias {x:+.3} {y:+.3} px \
+                 ({count} isolated, unsaturated objects)"
+            )?,
+            None => writeln!(
+                f,
+                "residual         none: no isolated, unsaturated object was matched"
+            )?,
+        }
+        let AssemblyCounts {
+            duplicates,
+            out_of_order,
+            refused,
+            bad_pixels,
+            ..
+        } = self.assembly;
+        write!(
+            f,
+            "packets          {} missing, {duplicates} repeated, {out_of_order} out of order",
+            self.missing_packets
+        )?;
+        writeln!(
+            f,
+            ", {} damaged, {refused} contradictory; {bad_pixels} frames damaged",
+            self.undecodable + self.dropped
+        )?;
+        if totals.unscored > 0 {
+            writeln!(
+                f,
+                "labels           unreadable in {} frames",
+                totals.unscored
+            )?;
+        }
+        writeln!(f, "refusals         {}", self.nack_count)?;
+        for nack in self.nacks.iter().take(5) {
+            writeln!(f, "  {nack}")?;
+        }
+        let counters = self
+            .status
+            .iter()
+            .flat_map(|status| status.counters.iter())
+            .filter(|(_, value)| *value > 0);
+        for (index, (name, value)) in counters.enumerate() {
+            write!(
+                f,
+                "{}{name} {value}",
+                if index == 0 {
+                    "emulator counts  "
+                } else {
+                    ", "
+                }
+            )?;
+        }
+        if self.status.is_some() {
+            writeln!(f)
+        } else {
+            Ok(())
+        }
+    }
+}

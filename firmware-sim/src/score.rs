@@ -1,0 +1,213 @@
+//! Detections against labels, once the detections are fixed.
+
+use serde::Deserialize;
+use thiserror::Error;
+
+use crate::detector::Detections;
+use crate::received::{ReceivedFrame, SealError};
+
+/// A detection and a label farther apart than this are not the same thing, px.
+pub const MATCH_RADIUS_PX: f64 = 2.0;
+/// A label is isolated if the other labels within this distance, px, ...
+pub const ISOLATION_RADIUS_PX: f64 = 5.0;
+/// ... carry together less than this fraction of its light.
+pub const ISOLATION_LIGHT: f64 = 0.05;
+/// An isolated, visible label of at least this signal to noise should be detected.
+pub const BRIGHT_SNR: f64 = 10.0;
+
+/// What the score needs of a labelled object.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Label {
+    /// `star` or `rso`.
+    pub kind: String,
+    /// The object's identifier.
+    pub id: String,
+    /// Centroid along columns, px.
+    pub x_px: f64,
+    /// Centroid along rows, px.
+    pub y_px: f64,
+    /// All its light, e-.
+    pub electrons: f64,
+    /// Signal to noise by the label's definition.
+    pub snr: f64,
+    /// The centroid is in the frame.
+    pub in_frame: bool,
+    /// In frame, lit, not occulted, snr >= 3.
+    pub visible: bool,
+}
+
+/// A frame's labels; fields that the score has no use for are passed over.
+#[derive(Deserialize)]
+struct Labels {
+    objects: Vec<Label>,
+}
+
+/// Why a frame has no score.
+#[derive(Debug, Error)]
+pub enum ScoreError {
+    /// The labels did not open.
+    #[error(transparent)]
+    Sealed(#[from] SealError),
+    /// The labels are not what the contract says.
+    #[error("labels of frame {frame}: {reason}")]
+    BadLabels {
+        /// The frame's number.
+        frame: u32,
+        /// What the JSON reader says, with the column.
+        reason: serde_json::Error,
+    },
+}
+
+/// A label and its detection.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Match {
+    /// The label.
+    pub label: Label,
+    /// Detected minus labelled, along columns, px.
+    pub dx_px: f64,
+    /// Detected minus labelled, along rows, px.
+    pub dy_px: f64,
+    /// No other label disturbs it.
+    pub isolated: bool,
+    /// Its brightest pixel is near full scale.
+    pub saturated: bool,
+    /// The frame cuts its light.
+    pub edge: bool,
+}
+
+impl Match {
+    /// Whether it tells something about the centroid: isolated, not saturated, not cut by the frame.
+    #[must_use]
+    pub fn counts(&self) -> bool {
+        self.isolated && !self.saturated && !self.edge
+    }
+}
+
+/// How a frame's detections compare with its labels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Score {
+    /// Labelled stars that are visible.
+    pub stars: usize,
+    /// Labelled RSOs that are visible.
+    pub rsos: usize,
+    /// Detections.
+    pub detections: usize,
+    /// Labels with their detections.
+    pub matches: Vec<Match>,
+    /// Identifiers of visible, isolated labels of snr >= [`BRIGHT_SNR`] without a detection.
+    pub missed: Vec<String>,
+    /// Detections without any labelled light nearby.
+    pub false_detections: usize,
+}
+
+/// Opens the labels of a frame and compares its detections with them.
+///
+/// # Errors
+/// [`ScoreError`]: detections of another frame, or labels that cannot be read.
+pub fn score(frame: &ReceivedFrame, detections: &Detections) -> Result<Score, ScoreError> {
+    let text = frame.labels(detections)?;
+    let labels: Labels = serde_json::from_str(text).map_err(|reason| ScoreError::BadLabels {
+        frame: frame.header.frame,
+        reason,
+    })?;
+    Ok(compare(labels.objects, detections))
+}
+
+/// Matches nearest pairs first, each label and each detection once.
+fn compare(labels: Vec<Label>, detections: &Detections) -> Score {
+    let field = Field::new(labels);
+    let found = detections.list();
+    let visible = |kind: &str| {
+        field
+            .0
+            .iter()
+            .filter(|label| label.visible && label.kind == kind)
+            .count()
+    };
+    let mut score = Score {
+        stars: visible("star"),
+        rsos: visible("rso"),
+        detections: found.len(),
+        ..Score::default()
+    };
+
+    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+    for (detection, at) in found.iter().enumerate() {
+        let near = field.near(at.x_px, at.y_px, MATCH_RADIUS_PX);
+        pairs.extend(
+            near.filter(|(label, _)| field.0[*label].visible)
+                .map(|(label, d)| (d, detection, label)),
+        );
+    }
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+
+    let (mut used, mut labelled) = (vec![false; found.len()], vec![false; field.0.len()]);
+    for (_, detection, index) in pairs {
+        if used[detection] || labelled[index] {
+            continue;
+        }
+        (used[detection], labelled[index]) = (true, true);
+        let (at, label) = (&found[detection], &field.0[index]);
+        score.matches.push(Match {
+            dx_px: at.x_px - label.x_px,
+            dy_px: at.y_px - label.y_px,
+            isolated: field.is_isolated(index),
+            saturated: at.saturated,
+            edge: at.edge,
+            label: label.clone(),
+        });
+    }
+    score.false_detections = found
+        .iter()
+        .zip(&used)
+        .filter(|(at, used)| !**used && !field.is_lit(at.x_px, at.y_px))
+        .count();
+    score.missed = (0..field.0.len())
+        .filter(|&index| {
+            let label = &field.0[index];
+            label.visible && label.snr >= BRIGHT_SNR && !labelled[index] && field.is_isolated(index)
+        })
+        .map(|index| field.0[index].id.clone())
+        .collect();
+    score
+}
+
+/// Labels by increasing x, to find neighbours.
+struct Field(Vec<Label>);
+
+impl Field {
+    fn new(mut labels: Vec<Label>) -> Self {
+        labels.sort_by(|a, b| a.x_px.total_cmp(&b.x_px));
+        Self(labels)
+    }
+
+    /// Indices and distances of the labels within a radius.
+    fn near(&self, x: f64, y: f64, radius: f64) -> impl Iterator<Item = (usize, f64)> {
+        let first = self.0.partition_point(|label| label.x_px < x - radius);
+        let columns = self
+            .0
+            .iter()
+            .enumerate()
+            .skip(first)
+            .take_while(move |(_, label)| label.x_px <= x + radius);
+        columns
+            .map(move |(index, label)| (index, (label.x_px - x).hypot(label.y_px - y)))
+            .filter(move |(_, d)| *d <= radius)
+    }
+
+    fn is_isolated(&self, index: usize) -> bool {
+        let label = &self.0[index];
+        let neighbours = self
+            .near(label.x_px, label.y_px, ISOLATION_RADIUS_PX)
+            .filter(|(other, _)| *other != index);
+        neighbours
+            .map(|(other, _)| self.0[other].electrons)
+            .sum::<f64>()
+            < ISOLATION_LIGHT * label.electrons
+    }
+
+    fn is_lit(&self, x: f64, y: f64) -> bool {
+        self.near(x, y, MATCH_RADIUS_PX)
+            .any(|(label, _)| self.0[label].electrons > 0.0)
+    }
+}

@@ -1,0 +1,189 @@
+//! Packets over a serial line or a pseudo-terminal: SLIP frames, read by a thread of their own.
+//!
+//! The thread reads whatever comes at once, so that neither a UART's buffer nor a pseudo-terminal ever fills up while
+//! the flight computer thinks. Its queue is bounded: packets that find it full are dropped and counted.
+
+use std::io::{self, ErrorKind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use skyloop_protocols::slip;
+
+use crate::port::{Port, PortError};
+
+/// Packets that the queue holds: many credit windows.
+const QUEUE: usize = 1024;
+/// How long a read waits before the thread looks whether it should end.
+const READ_TIMEOUT: Duration = Duration::from_millis(20);
+/// How long a write may be stuck: a line whose other end does not read is gone.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// A serial port that carries packets.
+pub struct SerialPort {
+    link: String,
+    line: Box<dyn serialport::SerialPort>,
+    packets: Receiver<Vec<u8>>,
+    shared: Arc<Shared>,
+    reader: Option<JoinHandle<()>>,
+}
+
+/// What the port and its reader thread both see.
+#[derive(Default)]
+struct Shared {
+    stop: AtomicBool,
+    dropped: AtomicU64,
+}
+
+impl SerialPort {
+    /// Opens a serial device or pseudo-terminal: 8 bits, no parity, one stop bit, no flow control.
+    ///
+    /// # Errors
+    /// [`PortError::Io`] with the path.
+    pub fn open(path: &str, baud: u32) -> Result<Self, PortError> {
+        let line = serialport::new(path, baud).timeout(READ_TIMEOUT).open();
+        Self::over(line.map_err(|error| failed(path, "cannot open the serial port", error.into()))?)
+    }
+
+    /// Takes over an open serial port.
+    ///
+    /// # Errors
+    /// [`PortError::Io`] if its handle cannot be shared with the reader thread.
+    pub fn over(mut line: Box<dyn serialport::SerialPort>) -> Result<Self, PortError> {
+        let link = line.name().unwrap_or_else(|| "serial port".into());
+        let set_up =
+            |error: serialport::Error| failed(&link, "cannot set up the serial port", error.into());
+        let mut input = line.try_clone().map_err(set_up)?;
+        input.set_timeout(READ_TIMEOUT).map_err(set_up)?;
+        line.set_timeout(WRITE_TIMEOUT).map_err(set_up)?;
+        let shared = Arc::new(Shared::default());
+        let (queue, packets) = sync_channel(QUEUE);
+        let seen = Arc::clone(&shared);
+        let reader = std::thread::Builder::new()
+            .name("skyloop-fc serial".into())
+            .spawn(move || read(&mut *input, &queue, &seen))
+            .map_err(|error| failed(&link, "cannot start the reader thread", error))?;
+        Ok(Self {
+            link,
+            line,
+            packets,
+            shared,
+            reader: Some(reader),
+        })
+    }
+}
+
+fn failed(link: &str, what: &'static str, source: io::Error) -> PortError {
+    PortError::Io {
+        link: link.into(),
+        what,
+        source,
+    }
+}
+
+/// Octets in, packets into the queue, until told to stop or the line is gone.
+fn read(line: &mut dyn serialport::SerialPort, queue: &SyncSender<Vec<u8>>, shared: &Shared) {
+    let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
+    let mut chunk = [0; 4096];
+    while !shared.stop.load(Ordering::Relaxed) {
+        let count = match line.read(&mut chunk) {
+            Ok(count) => count,
+            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {
+                continue;
+            }
+            Err(_) => return,
+        };
+        for octet in chunk.iter().take(count) {
+            let kept = match decoder.push(*octet) {
+                None => continue,
+                Some(Err(_)) => false,
+                Some(Ok(packet)) => match queue.try_send(packet.to_vec()) {
+                    Ok(()) => true,
+                    Err(TrySendError::Full(_)) => false,
+                    Err(TrySendError::Disconnected(_)) => return,
+                },
+            };
+            if !kept {
+                shared.dropped.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    }
+}
+
+impl Port for SerialPort {
+    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
+        let mut octets = Vec::with_capacity(slip::max_encoded_length(packet.len()));
+        slip::encode(packet, &mut |octet| octets.push(octet));
+        self.line
+            .write_all(&octets)
+            .map_err(|error| failed(&self.link, "cannot send", error))
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
+        match self.packets.recv_timeout(timeout) {
+            Ok(packet) => Ok(Some(packet)),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => {
+                let source = io::Error::new(ErrorKind::BrokenPipe, "the line was closed");
+                Err(failed(&self.link, "cannot receive", source))
+            }
+        }
+    }
+
+    fn dropped(&self) -> u64 {
+        self.shared.dropped.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for SerialPort {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        if let Some(reader) = self.reader.take() {
+            // It ends within a read time-out; how it ended does not matter any more.
+            let _ = reader.join();
+        }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use serialport::TTYPort;
+    use std::io::{Read, Write};
+
+    #[test]
+    fn a_pseudo_terminal_carries_packets_and_garbage_is_counted() {
+        let (mut master, slave) = TTYPort::pair().unwrap();
+        serialport::SerialPort::set_timeout(&mut master, Duration::from_secs(5)).unwrap();
+        let mut port = SerialPort::over(Box::new(slave)).unwrap();
+
+        let packet: Vec<u8> = (0..=255).collect();
+        port.send(&packet).unwrap();
+        let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
+        let mut octet = [0; 1];
+        let received = (0..2000).find_map(|_| {
+            master.read_exact(&mut octet).unwrap();
+            decoder
+                .push(octet[0])
+                .map(|packet| packet.unwrap().to_vec())
+        });
+        assert_eq!(received.as_ref(), Some(&packet));
+
+        master.write_all(b"line noise\xC0").unwrap();
+        let mut line = Vec::new();
+        slip::encode(&packet, &mut |octet| line.push(octet));
+        // More than the 20,480 octets that a pseudo-terminal swallows before it blocks: the thread must read on.
+        for _ in 0..200 {
+            master.write_all(&line).unwrap();
+        }
+        for _ in 0..200 {
+            assert_eq!(
+                port.recv(Duration::from_secs(5)).unwrap().as_ref(),
+                Some(&packet)
+            );
+        }
+        assert_eq!(port.dropped(), 1);
+    }
+}

@@ -1,0 +1,172 @@
+//! `skyloop-fc` as a person runs it.
+
+mod common;
+
+use std::net::UdpSocket;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+use std::thread::spawn;
+use std::time::Duration;
+
+use common::emulator::Emulator;
+
+fn skyloop_fc(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_skyloop-fc"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn error_of(arguments: &[&str]) -> String {
+    let output = skyloop_fc(arguments);
+    assert!(!output.status.success(), "{arguments:?}");
+    String::from_utf8(output.stderr).unwrap()
+}
+
+/// A file for one test, named after it.
+fn file(name: &str, text: &str) -> String {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
+/// A circular equatorial orbit of 7000 km, a minute of it.
+fn oem(name: &str) -> String {
+    let mut text = String::from(
+        "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2019-06-15T00:00:00\nORIGINATOR = TEST\nMETA_START\n\
+         OBJECT_NAME = TESTSAT\nOBJECT_ID = 2019-001A\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\nTIME_SYSTEM = UTC\n\
+         START_TIME = 2019-06-15T23:35:30\nSTOP_TIME = 2019-06-15T23:36:30\nMETA_STOP\n",
+    );
+    // Mean motion at 7000 km, rad/s.
+    let rate = 1.078_007_6e-3_f64;
+    for second in 0..=60 {
+        let (minute, seconds) = (35 + (30 + second) / 60, (30 + second) % 60);
+        let (sin, cos) = (rate * f64::from(second)).sin_cos();
+        let (x, y, vx, vy) = (
+            7000.0 * cos,
+            7000.0 * sin,
+            -7000.0 * rate * sin,
+            7000.0 * rate * cos,
+        );
+        text += &format!(
+            "2019-06-15T23:{minute}:{seconds:02}.000 {x:.6} {y:.6} 0.0 {vx:.9} {vy:.9} 0.0\n"
+        );
+    }
+    file(name, &text)
+}
+
+#[test]
+fn a_run_over_udp_prints_its_table() {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let link = format!("udp://{}", socket.local_addr().unwrap());
+    socket
+        .set_read_timeout(Some(Duration::from_secs(4)))
+        .unwrap();
+    let thread = spawn(move || {
+        let mut emulator = Emulator::new(|_, _| {});
+        let mut buffer = [0; 2048];
+        // Ends when nothing has come for the time-out.
+        while let Ok((length, client)) = socket.recv_from(&mut buffer) {
+            for answer in emulator.answer(&buffer[..length]) {
+                socket.send_to(&answer, client).unwrap();
+            }
+        }
+        emulator
+    });
+    let orbit = format!("{}:testsat", oem("run.oem"));
+    let epoch = ["--epoch", "2019-06-15T23:35:50", "--frames", "3"];
+    let nadir =
+        skyloop_fc(&[&["--link", &link, "--orbit", &orbit, "--nadir"], &epoch[..]].concat());
+    let hold = [
+        "--hold",
+        "-0.070834,-0.644137,0.733522,-0.204975",
+        "--rate",
+        "100",
+    ];
+    let hold = skyloop_fc(&[&["--link", &link], &hold[..], &epoch[..]].concat());
+    for output in [&nadir, &hold] {
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(
+            output.status.success(),
+            "{text} {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        assert!(
+            text.contains("3 of 3 whole, 0 lost") && text.contains("residual         rms 0.0"),
+            "{text}"
+        );
+    }
+    let attitudes = thread.join().unwrap().attitudes;
+    assert_eq!(attitudes.len(), 6);
+    // Above the equator the nadir attitude turns about -Y once an orbit.
+    assert!(
+        (attitudes[0].1.rates_rad_s[1] + 1.078e-3).abs() < 1e-6,
+        "{:?}",
+        attitudes[0].1
+    );
+    assert!(attitudes[0].1.state.is_some() && attitudes[3].1.state.is_none());
+}
+
+#[test]
+fn errors_say_what_to_do() {
+    let base = [
+        "--link",
+        "udp://127.0.0.1:9",
+        "--epoch",
+        "2019-06-15T23:35:50",
+        "--timeout",
+        "0.2",
+    ];
+    let with = |more: &[&str]| error_of(&[&base[..], more].concat());
+    let hold = ["--hold", "0,0,0,1"];
+    let orbit = oem("errors.oem");
+    let pick = format!("{orbit}:OTHER");
+    let bad_list = file(
+        "attitudes.txt",
+        "2019-06-15T23:35:50 0 0 0 1\nnow 0 0 0 1\n",
+    );
+    let short_list = file(
+        "short.txt",
+        "2019-06-15T23:35:50 0 0 0 1\n2019-06-15T23:35:51 0 0 0 1\n",
+    );
+    for (arguments, part) in [
+        (&hold[..], "is an emulator (skyloop run) listening"),
+        (&["--hold", "0,0,0,2"], "norm is 2"),
+        (&["--slew", "0,0,0,1,5"], "5 numbers where 7 belong"),
+        (&["--nadir"], "--orbit"),
+        (
+            &["--nadir", "--orbit", "no-such-file.oem"],
+            "no-such-file.oem",
+        ),
+        (
+            &["--nadir", "--orbit", &pick],
+            "no object called \"OTHER\"; it has 2019-001A (TESTSAT)",
+        ),
+        (
+            &["--nadir", "--orbit", &orbit, "--period", "10"],
+            "outside its ephemeris",
+        ),
+        (&["--attitudes", &bad_list], "attitudes.txt:2: \"now\""),
+        (
+            &["--attitudes", &short_list],
+            "give attitudes on both sides of every frame",
+        ),
+        (&["--hold", "0,0,0,1", "--period=-1"], "the period is -1"),
+        (&["--hold", "0,0,0,1", "--nadir"], "cannot be used with"),
+        (&[], "required"),
+    ] {
+        let error = with(arguments);
+        assert!(error.contains(part), "{arguments:?}: {error}");
+    }
+    let error = error_of(&[
+        "--link",
+        "can0",
+        "--hold",
+        "0,0,0,1",
+        "--epoch",
+        "2019-06-15T23:35:50",
+    ]);
+    assert!(error.contains("names no link"), "{error}");
+    let error = error_of(&["--link", "udp://127.0.0.1:9", "--hold", "0,0,0,1"]);
+    assert!(error.contains("--epoch"), "{error}");
+}

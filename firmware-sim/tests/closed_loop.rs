@@ -1,0 +1,358 @@
+//! The whole flight computer against a small emulator in a thread, over memory and over UDP, on good and on bad days.
+
+mod common;
+
+use std::net::UdpSocket;
+use std::ops::ControlFlow;
+use std::sync::mpsc::{Receiver, Sender as Tx, channel};
+use std::thread::{JoinHandle, spawn};
+use std::time::Duration;
+
+use common::Field;
+use common::emulator::Emulator;
+use hifitime::Epoch;
+use nalgebra::{UnitQuaternion, Vector3};
+use skyloop_firmware_sim::event::{Event, Loss};
+use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
+use skyloop_firmware_sim::mission::{Mission, Pace};
+use skyloop_firmware_sim::port::{ChannelPort, Port, UdpPort};
+use skyloop_firmware_sim::profile::Profile;
+use skyloop_firmware_sim::report::Report;
+use skyloop_firmware_sim::time::to_epoch;
+use skyloop_orbit::StateVector;
+use skyloop_protocols::Reason;
+
+/// Runs an emulator in a thread until the flight computer hangs up; gives it back then.
+fn over_memory(mut emulator: Emulator) -> (ChannelPort, JoinHandle<Emulator>) {
+    let (to_emulator, inbound): (_, Receiver<Vec<u8>>) = channel();
+    let (outbound, from_emulator): (Tx<Vec<u8>>, _) = channel();
+    let thread = spawn(move || {
+        for packet in inbound {
+            for answer in emulator.answer(&packet) {
+                // The flight computer may have gone.
+                let _ = outbound.send(answer);
+            }
+        }
+        emulator
+    });
+    (ChannelPort::new(to_emulator, from_emulator), thread)
+}
+
+fn start() -> Epoch {
+    Epoch::from_gregorian_utc_at_midnight(2019, 6, 15)
+}
+
+fn mission(frames: u32) -> Mission {
+    Mission {
+        start: start(),
+        period_s: 0.5,
+        frames,
+        profile: Profile::Slew {
+            start: start(),
+            attitude: UnitQuaternion::identity(),
+            rates_rad_s: Vector3::new(0.0, 0.01, 0.0),
+        },
+        orbit: Some(std::sync::Arc::new(|_| {
+            Ok(StateVector {
+                position_m: Vector3::new(7.0e6, 0.0, 0.0),
+                velocity_m_s: Vector3::new(0.0, 7.5e3, 0.0),
+            })
+        })),
+        timeout: Duration::from_secs(10),
+        pace: Pace::Stepped { most_hz: None },
+    }
+}
+
+/// Runs a mission; gives the report and what happened, a word a piece.
+fn fly(port: impl Port, mission: Mission) -> (Report, Vec<String>) {
+    let mut told = Vec::new();
+    let report = FlightComputer::new(port, mission).run(|event| {
+        told.push(match event {
+            Event::Frame {
+                frame,
+                labels,
+                score,
+                ..
+            } => {
+                assert!(labels.is_some() && score.is_some());
+                format!("frame {}", frame.header.attitude_sequence)
+            }
+            Event::Lost {
+                sequence,
+                loss: Loss::Damaged(_),
+            } => format!("damaged {sequence}"),
+            Event::Lost { sequence, loss } => format!("lost {sequence}: {loss}"),
+            Event::Nack(nack) => format!("nack: {}", nack.detail),
+            Event::Problem(problem) => problem,
+        });
+        ControlFlow::Continue(())
+    });
+    (report.unwrap(), told)
+}
+
+#[test]
+fn a_good_day() {
+    let (port, thread) = over_memory(Emulator::new(|_, _| {}));
+    let (report, told) = fly(port, mission(6));
+    let emulator = thread.join().unwrap();
+    assert_eq!(
+        told,
+        (0..6).map(|n| format!("frame {n}")).collect::<Vec<_>>()
+    );
+    assert_eq!(
+        (report.frames, report.lost, report.refused, report.late),
+        (6, 0, 0, 0)
+    );
+    assert_eq!(report.latencies.len(), 6);
+    assert_eq!(
+        report.status.map(|status| status.counters.attitudes),
+        Some(6)
+    );
+    let residual = report.totals.residual().unwrap();
+    println!("{report}");
+    assert!(
+        residual.rms_px < 0.05 && residual.count > 150,
+        "{residual:?}"
+    );
+    assert_eq!(
+        (report.totals.missed, report.totals.matched),
+        (0, report.totals.stars)
+    );
+
+    for (number, (header, attitude)) in emulator.attitudes.iter().enumerate() {
+        let expected = start() + hifitime::Duration::from_seconds(0.5 * number as f64);
+        assert_eq!(
+            (to_epoch(header.time), attitude.sequence),
+            (expected, number as u32)
+        );
+        // X-Val: dR/dt = -[w x] R about +Y at 0.01 rad/s: q = [0, -sin(0.0025 n), 0, cos(0.0025 n)].
+        let half = 0.0025 * number as f64;
+        assert!((attitude.q_icrf_to_body[1] + half.sin()).abs() < 1e-12);
+        assert!((attitude.q_icrf_to_body[3] - half.cos()).abs() < 1e-12);
+        assert_eq!(attitude.rates_rad_s, [0.0, 0.01, 0.0]);
+        assert_eq!(attitude.state.unwrap().position_m, [7.0e6, 0.0, 0.0]);
+    }
+}
+
+#[test]
+fn a_bad_day_loses_frames_and_nothing_else() {
+    let mut emulator = Emulator::new(|attitude, packets| match attitude {
+        // A lost block, a lost header, nothing at all, one damaged bit.
+        1 => drop(packets.remove(5)),
+        2 => drop(packets.remove(0)),
+        3 => packets.clear(),
+        4 => packets[3][40] ^= 1,
+        // Everything twice and backwards, with rubbish between.
+        6 => {
+            packets.extend(packets.clone());
+            packets.reverse();
+            packets.insert(3, b"rubbish".to_vec());
+            packets.insert(7, vec![0xFF; 1400]);
+            packets.insert(9, Vec::new());
+        }
+        // A block whose pixels are not those of the header's checksum.
+        7 => {
+            packets[2][100] ^= 1;
+            skyloop_protocols::packet::reseal(&mut packets[2]);
+        }
+        _ => {}
+    });
+    emulator.refuses = |attitude| attitude == 5;
+    let (port, thread) = over_memory(emulator);
+    let impatient = Mission {
+        timeout: Duration::from_secs(1),
+        ..mission(9)
+    };
+    let (report, told) = fly(port, impatient);
+    thread.join().unwrap();
+    let short: Vec<&str> = told
+        .iter()
+        .map(|line| line.split(':').next().unwrap())
+        .collect();
+    let expected = [
+        "frame 0",
+        "lost 1",
+        "lost 2",
+        "lost 3",
+        "lost 4",
+        "nack",
+        "frame 6",
+        "damaged 7",
+        "frame 8",
+    ];
+    assert_eq!(short, expected, "{told:?}");
+    assert!(
+        told[1].contains("pixel blocks") && told[5].contains("as the test asks"),
+        "{told:?}"
+    );
+    assert_eq!((report.frames, report.lost, report.refused), (3, 5, 1));
+    assert_eq!(
+        (report.nack_count, report.nacks[0].reason),
+        (1, Reason::TimeBackwards)
+    );
+    assert_eq!(report.undecodable, 4);
+    assert!(
+        report.missing_packets > 0 && report.assembly.duplicates > 0,
+        "{report:?}"
+    );
+    assert_eq!(report.assembly.bad_pixels, 1);
+}
+
+#[test]
+fn credit_paces_frames_larger_than_the_window_and_recovers_when_a_window_is_lost() {
+    let mut emulator = Emulator::new(|attitude, packets| {
+        if attitude == 1 {
+            // More than a window vanishes: sent and paid for, but never seen.
+            for packet in packets.iter_mut().take(70) {
+                packet.clear();
+            }
+        }
+    });
+    // 131,072 pixels: some 140 blocks and the labels.
+    emulator.field = Field {
+        width: 512,
+        height: 256,
+        ..Field::default()
+    };
+    let (port, thread) = over_memory(emulator);
+    let (report, told) = fly(
+        port,
+        Mission {
+            timeout: Duration::from_secs(4),
+            ..mission(4)
+        },
+    );
+    thread.join().unwrap();
+    println!("{told:?}");
+    assert_eq!((report.frames, report.lost), (3, 1));
+}
+
+#[test]
+fn udp_carries_the_loop() {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = socket.local_addr().unwrap();
+    socket
+        .set_read_timeout(Some(Duration::from_secs(3)))
+        .unwrap();
+    let thread = spawn(move || {
+        let mut emulator = Emulator::new(|_, _| {});
+        emulator.field = Field {
+            width: 512,
+            height: 256,
+            ..Field::default()
+        };
+        let mut buffer = [0; 2048];
+        // Ends when the flight computer has been silent for the time-out.
+        while let Ok((length, client)) = socket.recv_from(&mut buffer) {
+            for answer in emulator.answer(&buffer[..length]) {
+                socket.send_to(&answer, client).unwrap();
+            }
+        }
+    });
+    let slow_machine = Mission {
+        timeout: Duration::from_secs(10),
+        ..mission(3)
+    };
+    let (report, told) = fly(UdpPort::connect(address).unwrap(), mission(3));
+    thread.join().unwrap();
+    assert_eq!(
+        (report.frames, report.lost, report.missing_packets),
+        (3, 0, 0),
+        "{told:?}"
+    );
+}
+
+#[test]
+fn by_the_wall_clock_attitudes_leave_at_their_rate_and_skipped_frames_are_counted() {
+    let mut emulator = Emulator::new(|attitude, packets| {
+        if attitude % 4 == 2 {
+            packets.clear();
+        }
+    });
+    emulator.field = Field {
+        width: 64,
+        height: 64,
+        ..Field::default()
+    };
+    let (port, thread) = over_memory(emulator);
+    let wall = Mission {
+        pace: Pace::Wall { rate_hz: 20.0 },
+        timeout: Duration::from_secs(5),
+        ..mission(8)
+    };
+    let (report, told) = fly(port, wall);
+    let emulator = thread.join().unwrap();
+    assert_eq!(report.frames + report.lost, 8, "{told:?}");
+    assert!(
+        report.lost >= 1 && told.iter().any(|line| line.contains("went on to the next")),
+        "{told:?}"
+    );
+    let times: Vec<Epoch> = emulator
+        .attitudes
+        .iter()
+        .map(|(header, _)| to_epoch(header.time))
+        .collect();
+    assert!(times.windows(2).all(|pair| pair[0] < pair[1]));
+    let first = (times[0] - start()).to_seconds();
+    assert!((0.0..1.0).contains(&first), "{first}");
+}
+
+#[test]
+fn errors_that_end_a_run_say_what_to_do() {
+    let silent = || {
+        let (to_emulator, inbound) = channel();
+        let (outbound, from_emulator) = channel();
+        (
+            ChannelPort::new(to_emulator, from_emulator),
+            inbound,
+            outbound,
+        )
+    };
+    let run = |mission: Mission| {
+        let (port, _inbound, _outbound) = silent();
+        FlightComputer::new(port, mission)
+            .run(|_| ControlFlow::Continue(()))
+            .unwrap_err()
+    };
+    let error = run(Mission {
+        timeout: Duration::from_millis(300),
+        ..mission(1)
+    });
+    assert!(
+        matches!(error, RunError::NoAnswer { .. }) && error.to_string().contains("skyloop run"),
+        "{error}"
+    );
+    let error = run(Mission {
+        period_s: f64::NAN,
+        ..mission(1)
+    });
+    assert!(error.to_string().contains("the period is NaN"), "{error}");
+    let error = run(Mission {
+        profile: Profile::Nadir,
+        orbit: None,
+        ..mission(1)
+    });
+    assert!(error.to_string().contains("--orbit"), "{error}");
+    let error = run(Mission {
+        orbit: Some(std::sync::Arc::new(|_| Err("decayed".into()))),
+        ..mission(1)
+    });
+    assert!(error.to_string().contains("decayed"), "{error}");
+
+    let (port, inbound, _outbound) = silent();
+    drop(inbound);
+    let error = FlightComputer::new(port, mission(1))
+        .run(|_| ControlFlow::Continue(()))
+        .unwrap_err();
+    assert!(matches!(error, RunError::Port(_)), "{error}");
+}
+
+#[test]
+fn a_watcher_may_break_the_run_off() {
+    let (port, thread) = over_memory(Emulator::new(|_, _| {}));
+    let report = FlightComputer::new(port, mission(50))
+        .run(|_| ControlFlow::Break(()))
+        .unwrap();
+    thread.join().unwrap();
+    assert_eq!((report.requested, report.frames), (50, 1));
+}

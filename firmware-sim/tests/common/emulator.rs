@@ -1,0 +1,124 @@
+//! A small emulator: a frame of synthetic stars for every attitude, paced by credit, with mischief on request.
+
+use skyloop_protocols::command::Attitude;
+use skyloop_protocols::credit::CreditAccount;
+use skyloop_protocols::reply::Mode;
+use skyloop_protocols::{Ack, Command, Counters, Header, Nack, Packing, Reason, Reply, Status};
+
+use super::wire::{Sender, header, labels, now};
+use super::{Field, Noise};
+
+/// What the small emulator does to the packets of the frame of one attitude.
+pub type Mischief = fn(attitude: u32, packets: &mut Vec<Vec<u8>>);
+
+/// Answers every attitude by a frame of stars, paced by credit.
+pub struct Emulator {
+    pub field: Field,
+    mischief: Mischief,
+    /// Attitudes that it refuses.
+    pub refuses: fn(u32) -> bool,
+    sender: Sender,
+    credit: CreditAccount,
+    /// Frames taken so far.
+    frames: u32,
+    waiting: Vec<Vec<u8>>,
+    pub attitudes: Vec<(Header, Attitude)>,
+}
+
+impl Emulator {
+    pub fn new(mischief: Mischief) -> Self {
+        Self {
+            field: Field {
+                width: 128,
+                height: 96,
+                ..Field::default()
+            },
+            mischief,
+            refuses: |_| false,
+            sender: Sender::default(),
+            credit: CreditAccount::new(),
+            frames: 0,
+            waiting: Vec::new(),
+            attitudes: Vec::new(),
+        }
+    }
+
+    /// What it sends in answer to one packet.
+    pub fn answer(&mut self, packet: &[u8]) -> Vec<Vec<u8>> {
+        let (header, command) =
+            Command::decode(packet).expect("the flight computer's packets are sound");
+        let mut out = Vec::new();
+        let ack = Reply::Ack(Ack {
+            apid: header.apid,
+            sequence_count: header.sequence_count,
+        });
+        match command {
+            Command::Attitude(attitude) if (self.refuses)(attitude.sequence) => {
+                let nack = Nack::new(
+                    header.apid,
+                    header.sequence_count,
+                    Reason::TimeBackwards,
+                    "as the test asks",
+                );
+                out.push(self.sender.reply(&Reply::Nack(nack), now()));
+            }
+            Command::Attitude(attitude) => {
+                self.attitudes.push((header, attitude));
+                let mut packets = self.frame(attitude.sequence);
+                (self.mischief)(attitude.sequence, &mut packets);
+                self.waiting.extend(packets);
+            }
+            Command::Reset => {
+                self.credit = CreditAccount::new();
+                self.waiting.clear();
+                out.push(self.sender.reply(&ack, now()));
+            }
+            Command::Credit { packets } => self.credit.grant(packets),
+            Command::Ping => {
+                out.push(self.sender.reply(&ack, now()));
+                let status = self.status();
+                out.push(self.sender.reply(&Reply::Status(status), now()));
+            }
+            _ => out.push(self.sender.reply(&ack, now())),
+        }
+        while !self.waiting.is_empty() && self.credit.may_send() {
+            self.credit.spend();
+            out.push(self.waiting.remove(0));
+        }
+        out
+    }
+
+    fn frame(&mut self, attitude: u32) -> Vec<Vec<u8>> {
+        let (field, frame) = (self.field, self.frames);
+        self.frames += 1;
+        let mut noise = Noise::new(u64::from(attitude) + 100);
+        let stars = field.grid(16, 4000.0, &mut noise);
+        let pixels = field.expose(&field.electrons(&stars, (0.0, 0.0)), &mut noise);
+        let text = labels(&field, frame, &stars);
+        self.sender.frame(
+            &header(&field, frame, attitude, &pixels, &text),
+            &pixels,
+            &text,
+            now(),
+        )
+    }
+
+    fn status(&self) -> Status {
+        Status {
+            mode: Mode::Stepped,
+            width: self.field.width as u16,
+            height: self.field.height as u16,
+            bits: 12,
+            packing: Packing::Bits12,
+            exposure_s: 0.1,
+            gain_e_per_dn: 4.0,
+            frame_rate_hz: 2.0,
+            next_frame: self.frames,
+            packets_sent: self.credit.sent(),
+            counters: Counters {
+                attitudes: self.attitudes.len() as u32,
+                ..Counters::default()
+            },
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! Synthetic star fields: pixel-integrated Gaussians with simple deterministic noise.
+
+#![allow(dead_code, reason = "each test file uses its share")]
+
+pub mod emulator;
+pub mod wire;
+
+use skyloop_firmware_sim::image::Image;
+
+/// A star: centre, px, and light, e-.
+#[derive(Clone, Copy, Debug)]
+pub struct Star {
+    pub x: f64,
+    pub y: f64,
+    pub electrons: f64,
+}
+
+/// A camera as simple as can be.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    pub width: usize,
+    pub height: usize,
+    pub psf_px: f64,
+    pub background_e: f64,
+    pub read_noise_e: f64,
+    pub gain_e_per_dn: f64,
+    pub offset_dn: f64,
+    pub bits: u8,
+}
+
+impl Default for Field {
+    fn default() -> Self {
+        Self {
+            width: 256,
+            height: 256,
+            psf_px: 0.7,
+            background_e: 40.0,
+            read_noise_e: 8.0,
+            gain_e_per_dn: 4.0,
+            offset_dn: 100.0,
+            bits: 12,
+        }
+    }
+}
+
+impl Field {
+    pub fn full_scale_dn(&self) -> u16 {
+        u16::MAX >> (16 - self.bits)
+    }
+
+    /// The expected electrons of stars that move by (dx, dy) px during the exposure.
+    pub fn electrons(&self, stars: &[Star], (dx, dy): (f64, f64)) -> Vec<f64> {
+        let mut electrons = vec![self.background_e; self.width * self.height];
+        let steps = (8.0 * dx.hypot(dy)).ceil().max(1.0);
+        for star in stars {
+            for step in 0..steps as usize {
+                let along = (step as f64 + 0.5) / steps - 0.5;
+                self.add(
+                    &mut electrons,
+                    star.x + along * dx,
+                    star.y + along * dy,
+                    star.electrons / steps,
+                );
+            }
+        }
+        electrons
+    }
+
+    fn add(&self, electrons: &mut [f64], x: f64, y: f64, light: f64) {
+        let reach = (8.0 * self.psf_px).ceil();
+        let range = |c: f64, end: usize| {
+            ((c - reach).max(0.0) as usize)
+                ..(((c + reach).max(-1.0) as isize + 1).clamp(0, end as isize) as usize)
+        };
+        for row in range(y, self.height) {
+            let share_y = pixel_share(row as f64 - y, self.psf_px);
+            for column in range(x, self.width) {
+                electrons[row * self.width + column] +=
+                    light * share_y * pixel_share(column as f64 - x, self.psf_px);
+            }
+        }
+    }
+
+    /// DN with shot noise (normal), read noise and rounding.
+    pub fn expose(&self, electrons: &[f64], noise: &mut Noise) -> Vec<u16> {
+        let dn = electrons.iter().map(|e| {
+            let e = e + noise.normal() * (e.max(0.0) + self.read_noise_e.powi(2)).sqrt();
+            (e / self.gain_e_per_dn + self.offset_dn)
+                .round()
+                .clamp(0.0, f64::from(self.full_scale_dn())) as u16
+        });
+        dn.collect()
+    }
+
+    pub fn image<'a>(&self, frame: u32, pixels: &'a [u16]) -> Image<'a> {
+        Image {
+            frame,
+            width: self.width,
+            height: self.height,
+            pixels,
+            gain_e_per_dn: self.gain_e_per_dn,
+            offset_dn: self.offset_dn,
+            full_scale_dn: self.full_scale_dn(),
+        }
+    }
+
+    /// The label's signal to noise, sqrt(sum s^2 / (s + b + read^2)), of a star far from the frame's edge.
+    pub fn snr(&self, star: Star) -> f64 {
+        let small = Self {
+            background_e: 0.0,
+            width: 33,
+            height: 33,
+            ..*self
+        };
+        let alone = small.electrons(
+            &[Star {
+                x: 16.0 + star.x.fract(),
+                y: 16.0 + star.y.fract(),
+                ..star
+            }],
+            (0.0, 0.0),
+        );
+        let variance = |s: f64| s + self.background_e + self.read_noise_e.powi(2);
+        alone
+            .iter()
+            .map(|s| s * s / variance(*s))
+            .sum::<f64>()
+            .sqrt()
+    }
+
+    /// Stars on a jittered grid, all of the same light: isolated from each other and from the frame's edge.
+    pub fn grid(&self, spacing: usize, electrons: f64, noise: &mut Noise) -> Vec<Star> {
+        let mut stars = Vec::new();
+        for row in (spacing..self.height - spacing / 2).step_by(spacing) {
+            for column in (spacing..self.width - spacing / 2).step_by(spacing) {
+                let (x, y) = (
+                    column as f64 + noise.uniform() - 0.5,
+                    row as f64 + noise.uniform() - 0.5,
+                );
+                stars.push(Star { x, y, electrons });
+            }
+        }
+        stars
+    }
+}
+
+/// Integral of a unit Gaussian over a pixel whose centre lies `d` from its mean, by Simpson's rule on 16 intervals.
+fn pixel_share(d: f64, sigma: f64) -> f64 {
+    const INTERVALS: usize = 16;
+    let density =
+        |t: f64| (-0.5 * (t / sigma).powi(2)).exp() / (sigma * (2.0 * std::f64::consts::PI).sqrt());
+    let h = 1.0 / INTERVALS as f64;
+    let sum: f64 = (0..=INTERVALS)
+        .map(|i| {
+            let weight = if i == 0 || i == INTERVALS {
+                1.0
+            } else {
+                2.0 + 2.0 * (i % 2) as f64
+            };
+            weight * density(d - 0.5 + i as f64 * h)
+        })
+        .sum();
+    sum * h / 3.0
+}
+
+/// Xorshift numbers: the same ones on every machine.
+#[derive(Clone, Debug)]
+pub struct Noise(u64);
+
+impl Noise {
+    pub fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
+    }
+
+    pub fn bits(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    /// In [0, 1).
+    pub fn uniform(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Standard normal, by Box and Muller.
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        radius * (2.0 * std::f64::consts::PI * self.uniform()).cos()
+    }
+}
