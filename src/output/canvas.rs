@@ -1,0 +1,120 @@
+//! A picture to draw on: smooth rings, and text by `embedded-graphics`.
+
+use embedded_graphics::mono_font::{MonoFont, MonoTextStyle};
+use embedded_graphics::pixelcolor::Rgb888;
+use embedded_graphics::prelude::*;
+use embedded_graphics::primitives::Rectangle;
+use embedded_graphics::text::{Baseline, Text};
+use image::{Rgb, RgbImage};
+use std::convert::Infallible;
+
+/// A colour picture.
+#[derive(Debug, Clone)]
+pub struct Canvas(pub RgbImage);
+
+/// Dashes of a broken ring.
+const DASHES: f64 = 8.0;
+
+impl Canvas {
+    /// Of one colour.
+    pub fn filled(width: u32, height: u32, color: Rgb888) -> Canvas {
+        let rgb = Rgb([color.r(), color.g(), color.b()]);
+        Canvas(RgbImage::from_pixel(width, height, rgb))
+    }
+
+    /// Puts a picture with its upper left corner at `at`.
+    pub fn place(&mut self, picture: &RgbImage, at: Point) {
+        image::imageops::replace(&mut self.0, picture, at.x.into(), at.y.into());
+    }
+
+    /// A ring with smooth edges; `weight` is its width, px, broken into dashes if so.
+    pub fn ring(
+        &mut self,
+        [x, y]: [f64; 2],
+        radius: f64,
+        weight: f64,
+        color: Rgb888,
+        broken: bool,
+    ) {
+        let reach = radius + weight;
+        let (left, top) = ((x - reach).floor() as i64, (y - reach).floor() as i64);
+        let side = (2.0 * reach).ceil() as i64 + 1;
+        for (px, py) in
+            (top..=top + side).flat_map(|py| (left..=left + side).map(move |px| (px, py)))
+        {
+            let (dx, dy) = (px as f64 - x, py as f64 - y);
+            let turn = dy.atan2(dx) / std::f64::consts::TAU;
+            if broken && (turn * DASHES).rem_euclid(1.0) > 0.6 {
+                continue;
+            }
+            let from_line = (dx.hypot(dy) - radius).abs();
+            self.blend(
+                px,
+                py,
+                color,
+                (0.5 + weight / 2.0 - from_line).clamp(0.0, 1.0),
+            );
+        }
+    }
+
+    /// Text with its upper left corner at `at`.
+    pub fn text(&mut self, text: &str, at: Point, font: &MonoFont<'_>, color: Rgb888) {
+        let style = MonoTextStyle::new(font, color);
+        let Ok(_) = Text::with_baseline(text, at, style, Baseline::Top).draw(self);
+    }
+
+    /// Text on a darkened box of its size, readable on any ground.
+    pub fn text_on_shade(
+        &mut self,
+        text: &str,
+        area: Rectangle,
+        font: &MonoFont<'_>,
+        color: Rgb888,
+    ) {
+        for point in area.points() {
+            self.blend(point.x.into(), point.y.into(), Rgb888::BLACK, 0.55);
+        }
+        self.text(text, area.top_left + Point::new(1, 0), font, color);
+    }
+
+    fn blend(&mut self, x: i64, y: i64, color: Rgb888, share: f64) {
+        let (Ok(x), Ok(y)) = (u32::try_from(x), u32::try_from(y)) else {
+            return;
+        };
+        if let Some(pixel) = self.0.get_pixel_mut_checked(x, y) {
+            for (old, new) in pixel.0.iter_mut().zip([color.r(), color.g(), color.b()]) {
+                *old = (f64::from(*old) * (1.0 - share) + f64::from(new) * share).round() as u8;
+            }
+        }
+    }
+}
+
+/// Size of one line of text on its shade.
+pub fn text_size(text: &str, font: &MonoFont<'_>) -> Size {
+    let advance = font.character_size.width + font.character_spacing;
+    Size::new(
+        text.chars().count() as u32 * advance + 2,
+        font.character_size.height,
+    )
+}
+
+impl OriginDimensions for Canvas {
+    fn size(&self) -> Size {
+        Size::new(self.0.width(), self.0.height())
+    }
+}
+
+impl DrawTarget for Canvas {
+    type Color = Rgb888;
+    type Error = Infallible;
+
+    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(
+        &mut self,
+        pixels: I,
+    ) -> Result<(), Infallible> {
+        for Pixel(at, color) in pixels {
+            self.blend(at.x.into(), at.y.into(), color, 1.0);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,253 @@
+//! FITS 4.0: one image in the primary header and data unit.
+
+use super::wcs::Tan;
+use crate::camera::Camera;
+use crate::label::Label;
+use nalgebra::Matrix3;
+use std::io::{self, Write};
+
+/// Headers and data are filled up to whole blocks.
+const BLOCK: usize = 2880;
+/// Characters of a card.
+const CARD: usize = 80;
+
+/// The cards of a header that describe the frame, after those that describe the array.
+#[derive(Debug, Clone, Default)]
+pub struct Header {
+    cards: Vec<String>,
+}
+
+impl Header {
+    /// Camera, times, attitude and world coordinates of a frame.
+    pub fn of_frame(camera: &Camera, label: &Label) -> Header {
+        let mut h = Header::default();
+        h.text("INSTRUME", &camera.name, "camera");
+        h.text("FILTER", camera.optics.band.name(), "band");
+        h.integer("FRAME", u64::from(label.frame), "number in the run, from 0");
+        h.integer("SEED", label.seed, "seed of the noise");
+        h.text("TIMESYS", "UTC", "of all times");
+        // FITS times carry no zone: TIMESYS does.
+        let time = |text: &str| text.trim_end_matches('Z').to_string();
+        h.text("DATE-BEG", &time(&label.epoch_start), "exposure start");
+        h.text("DATE-AVG", &time(&label.epoch_mid), "exposure middle");
+        h.text("DATE-END", &time(&label.epoch_end), "exposure end");
+        h.real("XPOSURE", label.exposure_s, "[s] exposure time");
+        h.real("EXPTIME", label.exposure_s, "[s] exposure time");
+        let detector = &camera.detector;
+        h.real("GAIN", detector.gain_e_per_dn, "[electron/adu] gain");
+        h.real("OFFSET", detector.offset_dn, "[adu] digits of no charge");
+        h.real("RDNOISE", detector.read_noise_e, "[electron] read noise");
+        h.integer("SATURATE", u64::from(detector.max_dn()), "[adu] full scale");
+        for (axis, q) in ["X", "Y", "Z", "W"].iter().zip(label.q_icrf_to_body) {
+            h.real(&format!("Q_{axis}"), q, "attitude, ICRF to body");
+        }
+        for (axis, q) in ["X", "Y", "Z", "W"].iter().zip(label.q_body_to_camera) {
+            h.real(&format!("QMOUNT_{axis}"), q, "mounting, body to camera");
+        }
+        h.world_coordinates(camera, label);
+        h.comment(
+            "Attitudes: unit quaternions, Hamilton, scalar last (W), v' = q v q^-1; they and",
+        );
+        h.comment("the WCS hold at DATE-AVG. The WCS gives apparent directions on ICRF axes.");
+        h.comment("Row 0 of the camera, the first in memory and the top one of the PNG, is row 1");
+        h.comment(
+            "here, which most viewers show at the bottom. Label pixel (x, y), counted from 0",
+        );
+        h.comment("at the centre of the first pixel, is FITS pixel (x + 1, y + 1).");
+        h
+    }
+
+    fn world_coordinates(&mut self, camera: &Camera, label: &Label) {
+        let [x, y, z] = label.r_icrf_to_camera;
+        let matrix = Matrix3::from_rows(&[x.into(), y.into(), z.into()]);
+        let tan = Tan::new(&camera.optics, &matrix);
+        self.integer("WCSAXES", 2, "world coordinate axes");
+        self.text("RADESYS", "ICRS", "axes of the coordinates");
+        self.text("CTYPE1", "RA---TAN", "right ascension, gnomonic");
+        self.text("CTYPE2", "DEC--TAN", "declination, gnomonic");
+        self.text("CUNIT1", "deg", "");
+        self.text("CUNIT2", "deg", "");
+        self.real("CRPIX1", tan.reference_px[0], "principal point, column + 1");
+        self.real("CRPIX2", tan.reference_px[1], "principal point, row + 1");
+        self.real("CRVAL1", tan.reference_deg[0], "[deg] boresight");
+        self.real("CRVAL2", tan.reference_deg[1], "[deg] boresight");
+        for (i, row) in (1..).zip(tan.cd_deg_px) {
+            for (j, value) in (1..).zip(row) {
+                self.real(&format!("CD{i}_{j}"), value, "[deg/pix]");
+            }
+        }
+        // The default would be 0 for a boresight exactly at the pole.
+        self.real("LONPOLE", 180.0, "[deg] native longitude of the pole");
+    }
+
+    /// A string card: quotes doubled, at least 8 characters, cut to what a card holds.
+    fn text(&mut self, keyword: &str, value: &str, comment: &str) {
+        let mut quoted = String::new();
+        for c in value.chars() {
+            let printable = if matches!(c, ' '..='~') { c } else { '?' };
+            let width = if printable == '\'' { 2 } else { 1 };
+            if quoted.len() + width > 68 {
+                break;
+            }
+            quoted.extend(std::iter::repeat_n(printable, width));
+        }
+        self.card(
+            keyword,
+            &format!("{:<20}", format!("'{quoted:<8}'")),
+            comment,
+        );
+    }
+
+    fn integer(&mut self, keyword: &str, value: u64, comment: &str) {
+        self.card(keyword, &format!("{value:>20}"), comment);
+    }
+
+    fn real(&mut self, keyword: &str, value: f64, comment: &str) {
+        self.card(keyword, &format!("{:>20}", real(value)), comment);
+    }
+
+    fn logical(&mut self, keyword: &str, comment: &str) {
+        self.card(keyword, &format!("{:>20}", "T"), comment);
+    }
+
+    fn card(&mut self, keyword: &str, value: &str, comment: &str) {
+        let slash = if comment.is_empty() { "" } else { " / " };
+        self.push(format!("{keyword:<8}= {value}{slash}{comment}"));
+    }
+
+    fn comment(&mut self, text: &str) {
+        self.push(format!("COMMENT {text}"));
+    }
+
+    /// Every character is ASCII, so that bytes are characters.
+    fn push(&mut self, mut card: String) {
+        card.truncate(CARD);
+        self.cards.push(format!("{card:<CARD$}"));
+    }
+}
+
+/// A number in at most 20 characters, the fixed format's width: as it is where that fits, else to 14
+/// significant digits; empty (FITS: undefined) where it is not a number.
+fn real(value: f64) -> String {
+    if !value.is_finite() {
+        return String::new();
+    }
+    let short = format!("{value:?}").replace('e', "E");
+    let text = if short.len() <= 20 {
+        short
+    } else {
+        format!("{value:.13E}")
+    };
+    // FITS wants a decimal point before an exponent too.
+    match text.split_once('E') {
+        Some((digits, exponent)) if !digits.contains('.') => format!("{digits}.0E{exponent}"),
+        _ => text,
+    }
+}
+
+/// Writes digital numbers as 16-bit unsigned integers; `size` is columns and rows.
+pub fn write_u16(
+    out: &mut impl Write,
+    frame: Header,
+    size: [usize; 2],
+    digits: &[u16],
+) -> io::Result<()> {
+    let mut array = array(16, size);
+    array.real("BZERO", 32768.0, "unsigned: stored + 32768");
+    array.real("BSCALE", 1.0, "");
+    array.text("BUNIT", "adu", "digital numbers, raw");
+    // FITS 4.0, 5.2.5: subtracting 32768 flips the highest bit.
+    let stored = digits.iter().map(|dn| (dn ^ 0x8000).to_be_bytes());
+    write(out, [array, frame], stored)
+}
+
+/// Writes expected electrons as 32-bit IEEE numbers; `size` is columns and rows.
+pub fn write_f32(
+    out: &mut impl Write,
+    frame: Header,
+    size: [usize; 2],
+    electrons: &[f32],
+) -> io::Result<()> {
+    let mut array = array(-32, size);
+    array.text("BUNIT", "electron", "expected, before any noise");
+    write(
+        out,
+        [array, frame],
+        electrons.iter().map(|e| e.to_be_bytes()),
+    )
+}
+
+fn array(bitpix: i64, [columns, rows]: [usize; 2]) -> Header {
+    let mut h = Header::default();
+    h.logical("SIMPLE", "FITS 4.0");
+    h.card("BITPIX", &format!("{bitpix:>20}"), "bits of a stored value");
+    h.integer("NAXIS", 2, "");
+    h.integer("NAXIS1", columns as u64, "columns");
+    h.integer("NAXIS2", rows as u64, "rows");
+    h
+}
+
+fn write<const N: usize>(
+    out: &mut impl Write,
+    headers: [Header; 2],
+    values: impl ExactSizeIterator<Item = [u8; N]>,
+) -> io::Result<()> {
+    let mut text: String = headers.iter().flat_map(|h| &h.cards).cloned().collect();
+    text.push_str(&format!("{:<CARD$}", "END"));
+    out.write_all(text.as_bytes())?;
+    fill(out, text.len(), b' ')?;
+    let bytes = values.len() * N;
+    for value in values {
+        out.write_all(&value)?;
+    }
+    fill(out, bytes, 0)
+}
+
+fn fill(out: &mut impl Write, written: usize, with: u8) -> io::Result<()> {
+    out.write_all(&vec![with; written.next_multiple_of(BLOCK) - written])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_fit_the_fixed_format_and_keep_fourteen_digits() {
+        assert_eq!(real(0.1), "0.1");
+        assert_eq!(real(180.0), "180.0");
+        assert_eq!(real(1e-7), "1.0E-7");
+        assert_eq!(real(-1e300), "-1.0E300");
+        assert_eq!(real(f64::NAN), "");
+        for value in [
+            -std::f64::consts::PI * 1e-5,
+            248.112_345_678_901_23,
+            -1.0 / 3.0,
+        ] {
+            let text = real(value);
+            assert!(text.len() <= 20, "{text}");
+            assert!((text.parse::<f64>().unwrap() / value - 1.0).abs() < 1e-13);
+        }
+    }
+
+    #[test]
+    fn odd_strings_stay_within_a_card() {
+        let mut h = Header::default();
+        h.text("INSTRUME", &"it's \u{fc}".repeat(30), "camera");
+        h.text("FILTER", "", "band");
+        h.integer("SEED", u64::MAX, "seed");
+        assert!(
+            h.cards
+                .iter()
+                .all(|card| card.len() == CARD && card.is_ascii())
+        );
+        assert!(h.cards[0].starts_with("INSTRUME= 'it''s ?it''s ?"));
+        let value = &h.cards[0][11..];
+        assert_eq!(
+            value.matches('\'').count() % 2,
+            1,
+            "every quote doubled, one that ends: {value}"
+        );
+        assert!(h.cards[1].starts_with("FILTER  = '        '           / band"));
+        assert!(h.cards[2].starts_with("SEED    = 18446744073709551615 / seed"));
+    }
+}

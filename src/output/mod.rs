@@ -1,0 +1,130 @@
+//! Output: the files of one run, in one folder.
+//!
+//! ```text
+//! frame_00000.fits            digital numbers, 16 bit, with times, attitude and WCS
+//! frame_00000.png             the same digits, 16-bit grey
+//! frame_00000_electrons.fits  expected electrons, float32, where the frame carries them
+//! labels.jsonl                one JSON object a line and frame
+//! contact_sheet.png           up to twelve annotated frames, spread over the run
+//! ```
+
+mod canvas;
+mod fits;
+mod folder;
+mod names;
+mod panel;
+mod png;
+mod sheet;
+mod stretch;
+mod wcs;
+
+pub use folder::OutputError;
+
+use crate::camera::Camera;
+use crate::frame::Frame;
+use crate::label::Label;
+use folder::Folder;
+use sheet::ContactSheet;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+const LABELS: &str = "labels.jsonl";
+const SHEET: &str = "contact_sheet.png";
+
+/// Writes the files of one run. Memory is bounded: no frame is kept, only the sheet's panels.
+#[derive(Debug)]
+pub struct Writer {
+    folder: Folder,
+    labels: File,
+    sheet: ContactSheet,
+    frames: u32,
+}
+
+/// What a run wrote.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Summary {
+    /// Frames.
+    pub frames: u32,
+    /// The folder.
+    pub folder: PathBuf,
+    /// One JSON object a line and frame.
+    pub labels: PathBuf,
+    /// The annotated overview; none where there was no frame.
+    pub contact_sheet: Option<PathBuf>,
+}
+
+impl Writer {
+    /// Opens `dir` for a run of `frames` frames (which choose the contact sheet's panels; more or fewer
+    /// may come), creating it if need be.
+    ///
+    /// Files of an earlier run, known by their exact names, are removed; no other file is touched.
+    ///
+    /// Errors: the folder cannot be created or is a file, an earlier file cannot be removed, the labels
+    /// cannot be created.
+    pub fn create(dir: &Path, frames: u32) -> Result<Writer, OutputError> {
+        let folder = Folder::open(dir)?;
+        let labels = folder.create(LABELS)?;
+        Ok(Writer {
+            folder,
+            labels,
+            sheet: ContactSheet::new(frames),
+            frames: 0,
+        })
+    }
+
+    /// Writes one frame: FITS, PNG, its expected electrons if it carries them, and its line of labels.
+    ///
+    /// `camera` is the camera as commanded for this frame (its gain counts); `label_json` is the line of
+    /// `labels.jsonl`, without the line's end, as it travels on the wire.
+    ///
+    /// Errors: a file cannot be written; what was written of it is removed.
+    pub fn write_frame(
+        &mut self,
+        camera: &Camera,
+        label: &Label,
+        label_json: &str,
+        frame: &Frame,
+    ) -> Result<(), OutputError> {
+        let name = folder::frame_name(label.frame);
+        let size = [frame.width, frame.height];
+        let header = || fits::Header::of_frame(camera, label);
+
+        self.folder.write(&format!("{name}.fits"), |out| {
+            fits::write_u16(out, header(), size, &frame.digits)
+        })?;
+        self.folder.write(&format!("{name}.png"), |out| {
+            png::write_grey16(out, size, &frame.digits)
+        })?;
+        if let Some(electrons) = &frame.expected_e {
+            self.folder
+                .write(&format!("{name}_electrons.fits"), |out| {
+                    fits::write_f32(out, header(), size, electrons)
+                })?;
+        }
+        // One call a line, unbuffered: a run that is cut short leaves whole lines.
+        self.labels
+            .write_all(format!("{label_json}\n").as_bytes())
+            .map_err(|error| self.folder.error("write", LABELS, error))?;
+        self.sheet.see(camera, label, frame);
+        self.frames += 1;
+        Ok(())
+    }
+
+    /// Ends the run with the contact sheet.
+    ///
+    /// Errors: the sheet cannot be written.
+    pub fn finish(self) -> Result<Summary, OutputError> {
+        let picture = self.sheet.draw();
+        if let Some(picture) = &picture {
+            self.folder
+                .write(SHEET, |out| png::write_rgb(out, picture))?;
+        }
+        Ok(Summary {
+            frames: self.frames,
+            labels: self.folder.path(LABELS),
+            contact_sheet: picture.map(|_| self.folder.path(SHEET)),
+            folder: self.folder.path(""),
+        })
+    }
+}

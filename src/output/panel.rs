@@ -1,0 +1,196 @@
+//! One panel of the contact sheet: a stretched frame with its stars and RSOs ringed and named.
+
+use super::canvas::{Canvas, text_size};
+use super::names::shown;
+use super::stretch::{grey, panel_size, scaled};
+use crate::camera::Camera;
+use crate::frame::Frame;
+use crate::label::{Label, ObjectLabel};
+use embedded_graphics::mono_font::MonoFont;
+use embedded_graphics::mono_font::iso_8859_1::{FONT_6X12, FONT_7X13_BOLD};
+use embedded_graphics::pixelcolor::Rgb888;
+use embedded_graphics::prelude::*;
+use embedded_graphics::primitives::Rectangle;
+use image::{Rgb, RgbImage};
+
+/// Stars.
+pub const STAR: Rgb888 = Rgb888::new(110, 190, 255);
+/// RSOs that show.
+pub const RSO: Rgb888 = Rgb888::new(255, 170, 50);
+/// RSOs that do not.
+pub const HIDDEN: Rgb888 = Rgb888::new(255, 110, 150);
+
+/// So many of the brightest stars are named ...
+const NAMED: usize = 12;
+/// ... and so many ringed.
+pub const RINGED: usize = 60;
+/// Room around an object's track in its ring, px of the panel.
+const ROOM: f64 = 7.0;
+
+/// A ring and the name beside it.
+struct Mark {
+    centre: [f64; 2],
+    radius: f64,
+    color: Rgb888,
+    broken: bool,
+    text: Option<String>,
+    /// Whether the name must stand even where it covers another.
+    must: bool,
+}
+
+impl Mark {
+    fn area(&self) -> Rectangle {
+        let centre = Point::new(self.centre[0].round() as i32, self.centre[1].round() as i32);
+        Rectangle::with_center(centre, Size::new_equal(2 * self.radius.ceil() as u32 + 1))
+    }
+
+    fn font(&self) -> &'static MonoFont<'static> {
+        if self.must {
+            &FONT_7X13_BOLD
+        } else {
+            &FONT_6X12
+        }
+    }
+}
+
+/// The frame's picture with its marks.
+pub fn draw(camera: &Camera, label: &Label, frame: &Frame) -> RgbImage {
+    let from = [frame.width, frame.height];
+    let to = panel_size(from);
+    let scale = [to[0] as f64 / from[0] as f64, to[1] as f64 / from[1] as f64];
+    let values = scaled(&frame.digits, from, to);
+    // The noise of a panel's pixel is that of the mean of the camera's pixels in it.
+    let sigma = background_sigma_dn(camera, label) * (scale[0] * scale[1]).sqrt().min(1.0);
+    let levels = grey(&values, sigma);
+    let image = RgbImage::from_fn(to[0] as u32, to[1] as u32, |x, y| {
+        Rgb([levels[y as usize * to[0] + x as usize]; 3])
+    });
+    let mut canvas = Canvas(image);
+    let marks = marks(label, scale);
+    for mark in &marks {
+        let weight = if mark.text.is_some() { 1.6 } else { 0.8 };
+        canvas.ring(mark.centre, mark.radius, weight, mark.color, mark.broken);
+    }
+    for (mark, area) in place_names(&marks, canvas.bounding_box()) {
+        let text = mark.text.as_deref().unwrap_or_default();
+        canvas.text_on_shade(text, area, mark.font(), mark.color);
+    }
+    canvas.0
+}
+
+/// Standard deviation of a pixel without objects, DN: shot noise of background and dark charge, read
+/// noise and rounding.
+fn background_sigma_dn(camera: &Camera, label: &Label) -> f64 {
+    let detector = &camera.detector;
+    let read = detector.read_noise_e * detector.read_noise_e;
+    let variance = label.background_e_px + read + detector.quantisation_variance();
+    variance.max(0.0).sqrt() / detector.gain_e_per_dn
+}
+
+/// RSOs first: their names are placed first.
+fn marks(label: &Label, scale: [f64; 2]) -> Vec<Mark> {
+    let in_frame = |kind| {
+        label
+            .objects
+            .iter()
+            .filter(move |object| object.kind == kind && object.in_frame)
+    };
+    let mut stars: Vec<&ObjectLabel> = in_frame("star").filter(|star| star.visible).collect();
+    stars.sort_by(|a, b| b.electrons.total_cmp(&a.electrons));
+    let rsos = in_frame("rso").map(|object| rso_mark(object, scale));
+    let stars = stars.iter().take(RINGED).enumerate().map(|(i, star)| Mark {
+        text: (i < NAMED).then(|| shown(star).to_string()),
+        ..mark(star, scale, STAR)
+    });
+    rsos.chain(stars).collect()
+}
+
+fn rso_mark(object: &ObjectLabel, scale: [f64; 2]) -> Mark {
+    let name = shown(object);
+    let text = match &object.reason {
+        Some(reason) => {
+            let short = reason.split(':').next().unwrap_or(reason);
+            format!("{name} ({short})")
+        }
+        None => name.to_string(),
+    };
+    let color = if object.visible { RSO } else { HIDDEN };
+    let plain = mark(object, scale, color);
+    Mark {
+        radius: plain.radius + 3.0,
+        broken: !object.visible,
+        text: Some(text),
+        must: true,
+        ..plain
+    }
+}
+
+fn mark(object: &ObjectLabel, scale: [f64; 2], color: Rgb888) -> Mark {
+    let track = [
+        (object.x1_px - object.x0_px) * scale[0],
+        (object.y1_px - object.y0_px) * scale[1],
+    ];
+    Mark {
+        // The centre of the first pixel is (0, 0) in both pictures.
+        centre: [
+            (object.x_px + 0.5) * scale[0] - 0.5,
+            (object.y_px + 0.5) * scale[1] - 0.5,
+        ],
+        radius: ROOM + (track[0].hypot(track[1]) / 2.0).min(200.0),
+        color,
+        broken: false,
+        text: None,
+        must: false,
+    }
+}
+
+/// Where names stand: on that side of their ring where they cover least; none where a star's name
+/// would cover another one.
+fn place_names(marks: &[Mark], panel: Rectangle) -> Vec<(&Mark, Rectangle)> {
+    let mut placed: Vec<(&Mark, Rectangle)> = Vec::new();
+    for mark in marks {
+        let Some(text) = &mark.text else { continue };
+        let names_under =
+            |area: &Rectangle| -> u32 { placed.iter().map(|(_, other)| common(area, other)).sum() };
+        let cost = |area: &Rectangle| {
+            let rings: u32 = marks
+                .iter()
+                .filter(|other| !std::ptr::eq(*other, mark))
+                .map(|other| common(area, &other.area()))
+                .sum();
+            10 * names_under(area) + rings
+        };
+        let best = sides(mark, text_size(text, mark.font()), panel)
+            .into_iter()
+            .min_by_key(cost);
+        if let Some(area) = best.filter(|area| mark.must || names_under(area) == 0) {
+            placed.push((mark, area));
+        }
+    }
+    placed
+}
+
+/// Right, left, above and below the ring, moved into the panel.
+fn sides(mark: &Mark, size: Size, panel: Rectangle) -> [Rectangle; 4] {
+    let (w, h) = (size.width as i32, size.height as i32);
+    let [x, y] = mark.centre.map(|c| c.round() as i32);
+    let gap = mark.radius.ceil() as i32 + 2;
+    let room = panel.size;
+    let last = Point::new(room.width as i32 - w, room.height as i32 - h);
+    [
+        Point::new(x + gap, y - h / 2),
+        Point::new(x - gap - w, y - h / 2),
+        Point::new(x - w / 2, y - gap - h),
+        Point::new(x - w / 2, y + gap),
+    ]
+    .map(|corner| {
+        let inside = corner.component_min(last).component_max(Point::zero());
+        Rectangle::new(inside, size)
+    })
+}
+
+/// Area that two rectangles share, px.
+fn common(a: &Rectangle, b: &Rectangle) -> u32 {
+    let size = a.intersection(b).size;
+    size.width * size.height
+}

@@ -1,0 +1,201 @@
+//! The contact sheet: up to twelve annotated frames of a run in one picture.
+
+use super::canvas::Canvas;
+use super::panel::{self, HIDDEN, RINGED, RSO, STAR};
+use crate::camera::Camera;
+use crate::frame::Frame;
+use crate::label::{Label, ObjectLabel};
+use embedded_graphics::mono_font::MonoFont;
+use embedded_graphics::mono_font::iso_8859_1::{FONT_7X13, FONT_7X13_BOLD, FONT_9X18_BOLD};
+use embedded_graphics::pixelcolor::Rgb888;
+use embedded_graphics::prelude::*;
+use image::RgbImage;
+
+/// Panels at most.
+const PANELS: u32 = 12;
+/// Columns at most.
+const COLUMNS: usize = 4;
+/// Space around a panel, px.
+const MARGIN: u32 = 12;
+/// Height of the title above all panels and of the caption below each, px.
+const TITLE: u32 = 64;
+const CAPTION: u32 = 38;
+/// A panel's place is at least so wide, for its caption, px.
+const CAPTION_WIDTH: u32 = 400;
+
+const PAPER: Rgb888 = Rgb888::new(16, 18, 24);
+const INK: Rgb888 = Rgb888::new(235, 238, 245);
+const PALE: Rgb888 = Rgb888::new(160, 168, 182);
+
+/// Collects the panels of a run: frames at equal distances, the first and the last one among them.
+#[derive(Debug)]
+pub struct ContactSheet {
+    /// Frames expected.
+    frames: u32,
+    seen: u32,
+    title: String,
+    panels: Vec<Panel>,
+}
+
+#[derive(Debug)]
+struct Panel {
+    picture: RgbImage,
+    heading: String,
+    content: String,
+}
+
+impl ContactSheet {
+    /// For a run of `frames` frames.
+    pub fn new(frames: u32) -> ContactSheet {
+        ContactSheet {
+            frames,
+            seen: 0,
+            title: String::new(),
+            panels: Vec::new(),
+        }
+    }
+
+    /// Sees the next frame of the run, and keeps a panel of it if it is one of those to show.
+    pub fn see(&mut self, camera: &Camera, label: &Label, frame: &Frame) {
+        if chosen(self.seen, self.frames) {
+            self.title = format!("skyloop   {}   seed {}", label.camera, label.seed);
+            self.panels.push(Panel {
+                picture: panel::draw(camera, label, frame),
+                heading: format!("frame {}   {}", label.frame, shown_time(&label.epoch_mid)),
+                content: content(&label.objects),
+            });
+        }
+        self.seen += 1;
+    }
+
+    /// The sheet; none without a panel.
+    pub fn draw(&self) -> Option<RgbImage> {
+        let widest = self.panels.iter().map(|p| p.picture.width()).max()?;
+        let highest = self.panels.iter().map(|p| p.picture.height()).max()?;
+        let columns = columns(self.panels.len());
+        let rows = self.panels.len().div_ceil(columns);
+        let cell = Size::new(
+            widest.max(CAPTION_WIDTH) + MARGIN,
+            highest + CAPTION + MARGIN,
+        );
+        let mut canvas = Canvas::filled(
+            columns as u32 * cell.width + MARGIN,
+            rows as u32 * cell.height + TITLE + MARGIN,
+            PAPER,
+        );
+        self.write_title(&mut canvas);
+        for (i, panel) in self.panels.iter().enumerate() {
+            let corner = Point::new(
+                (MARGIN + (i % columns) as u32 * cell.width) as i32,
+                (TITLE + (i / columns) as u32 * cell.height) as i32,
+            );
+            canvas.place(&panel.picture, corner);
+            let below = corner + Point::new(0, panel.picture.height() as i32 + 5);
+            canvas.text(&panel.heading, below, &FONT_7X13_BOLD, INK);
+            canvas.text(&panel.content, below + Point::new(0, 15), &FONT_7X13, PALE);
+        }
+        Some(canvas.0)
+    }
+
+    fn write_title(&self, canvas: &mut Canvas) {
+        let left = MARGIN as i32;
+        let title = format!(
+            "{}   {} of {} frames",
+            self.title,
+            self.panels.len(),
+            self.seen
+        );
+        canvas.text(&title, Point::new(left, 10), &FONT_9X18_BOLD, INK);
+        let stars = format!("star (the brightest {RINGED} of a frame)");
+        let legend = [
+            (STAR, false, stars.as_str()),
+            (RSO, false, "RSO"),
+            (HIDDEN, true, "RSO, not visible"),
+        ];
+        let font: &MonoFont = &FONT_7X13;
+        let mut x = left;
+        for (color, broken, text) in legend {
+            canvas.ring([f64::from(x) + 7.0, 45.0], 6.0, 1.6, color, broken);
+            canvas.text(text, Point::new(x + 20, 38), font, PALE);
+            x += 20 + (text.chars().count() as i32 + 3) * font.character_size.width as i32;
+        }
+    }
+}
+
+/// Whether frame `i` of `frames` is shown: the i that equal steps from the first to the last, rounded,
+/// fall on; all where there are no more than [`PANELS`].
+fn chosen(i: u32, frames: u32) -> bool {
+    if frames <= PANELS {
+        return i < PANELS;
+    }
+    let (i, last, steps) = (u64::from(i), u64::from(frames - 1), u64::from(PANELS - 1));
+    (0..=steps).any(|step| (step * last + steps / 2) / steps == i)
+}
+
+/// As square a grid as its columns' limit allows.
+fn columns(panels: usize) -> usize {
+    (1..COLUMNS)
+        .find(|columns| columns * columns >= panels)
+        .unwrap_or(COLUMNS)
+}
+
+/// `2019-06-15T23:35:50.000Z` with milliseconds.
+fn shown_time(utc: &str) -> String {
+    let (day, time) = utc
+        .trim_end_matches('Z')
+        .split_once('T')
+        .unwrap_or((utc, ""));
+    let time: String = time.chars().take(12).collect();
+    format!("{day} {time} UTC")
+}
+
+fn content(objects: &[ObjectLabel]) -> String {
+    let count = |kind, visible| {
+        let those = objects
+            .iter()
+            .filter(|o| o.kind == kind && o.in_frame && o.visible == visible);
+        those.count()
+    };
+    let (stars, rsos, hidden) = (count("star", true), count("rso", true), count("rso", false));
+    let plural = |n: usize, what| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let mut text = format!("{}, {} visible", plural(stars, "star"), plural(rsos, "RSO"));
+    if hidden > 0 {
+        text += &format!(", {} not", plural(hidden, "RSO"));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn panels_spread_over_the_run() {
+        let of = |frames: u32| -> Vec<u32> { (0..frames).filter(|i| chosen(*i, frames)).collect() };
+        assert_eq!(of(3), [0, 1, 2]);
+        assert_eq!(of(12).len(), 12);
+        assert_eq!(of(50), [0, 4, 9, 13, 18, 22, 27, 31, 36, 40, 45, 49]);
+        for frames in 1..400 {
+            let shown = of(frames);
+            assert_eq!(shown.len(), frames.min(PANELS) as usize);
+            assert_eq!((shown[0], shown[shown.len() - 1]), (0, frames - 1));
+        }
+        // More frames than announced.
+        assert!(!chosen(50, 50) && !chosen(12, 0) && chosen(11, 3));
+    }
+
+    #[test]
+    fn the_grid_is_as_square_as_four_columns_allow() {
+        let grids = [1, 2, 4, 5, 9, 10, 12].map(columns);
+        assert_eq!(grids, [1, 2, 2, 3, 3, 4, 4]);
+    }
+
+    #[test]
+    fn captions_count_and_shorten() {
+        assert_eq!(
+            shown_time("2019-06-15T23:35:50.123456789Z"),
+            "2019-06-15 23:35:50.123 UTC"
+        );
+        assert_eq!(content(&[]), "0 stars, 0 RSOs visible");
+    }
+}

@@ -1,0 +1,47 @@
+//! The world coordinates of a pinhole frame: a FITS TAN projection that gives the same directions.
+
+use crate::camera::Optics;
+use nalgebra::{Matrix3, Vector3};
+
+/// The numbers of a FITS TAN projection (Calabretta & Greisen 2002, A&A 395, 1077), LONPOLE = 180 deg.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tan {
+    /// `CRPIX`: the principal point; FITS counts pixels from 1.
+    pub reference_px: [f64; 2],
+    /// `CRVAL`: right ascension and declination of the boresight, deg.
+    pub reference_deg: [f64; 2],
+    /// `CD`, deg/px, by rows.
+    pub cd_deg_px: [[f64; 2]; 2],
+}
+
+impl Tan {
+    /// The projection of `optics` whose rotation ICRF to camera is `r`.
+    ///
+    /// With the boresight `B` at (a, d), east `E = (-sin a, cos a, 0)` and north
+    /// `N = (-sin d cos a, -sin d sin a, cos d)`, TAN maps a direction u to
+    /// `(xi, eta) = 180/pi (E.u / B.u, N.u / B.u)` (their Eqs. (54), (12), (13)). The pinhole sees at pixel (x, y)
+    /// `u ~ B + (x - cx)/f Xc + (y - cy)/f Yc`, where Xc, Yc and B are the rows of r. As E.B = N.B = 0,
+    ///
+    /// ```text
+    /// CD = 180 / (pi f)  [ E.Xc  E.Yc ]
+    ///                    [ N.Xc  N.Yc ]
+    /// ```
+    ///
+    /// exactly, at any roll and at the poles, where any right ascension serves for the boresight's.
+    pub fn new(optics: &Optics, r: &Matrix3<f64>) -> Tan {
+        let row = |i: usize| r.row(i).transpose();
+        let (column, line, boresight): (Vector3<f64>, _, _) = (row(0), row(1), row(2));
+        let ra = boresight.y.atan2(boresight.x);
+        let dec = boresight.z.atan2(boresight.x.hypot(boresight.y));
+        let ((sin_a, cos_a), (sin_d, cos_d)) = (ra.sin_cos(), dec.sin_cos());
+        let east = Vector3::new(-sin_a, cos_a, 0.0);
+        let north = Vector3::new(-sin_d * cos_a, -sin_d * sin_a, cos_d);
+        let scale = (1.0 / optics.focal_px).to_degrees();
+        let cd = |axis: &Vector3<f64>| [scale * axis.dot(&column), scale * axis.dot(&line)];
+        Tan {
+            reference_px: optics.principal_px.map(|px| px + 1.0),
+            reference_deg: [ra.to_degrees().rem_euclid(360.0), dec.to_degrees()],
+            cd_deg_px: [cd(&east), cd(&north)],
+        }
+    }
+}
