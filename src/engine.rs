@@ -108,7 +108,11 @@ impl Emulator {
     /// Fails only where that lies outside the ephemerides of Earth and Sun.
     pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, EpochOutOfRange> {
         let started = Instant::now();
-        let key = NoiseKey { seed: self.seed, sequence: vehicle.sequence, repeat };
+        let key = NoiseKey {
+            seed: self.seed,
+            sequence: vehicle.sequence,
+            repeat,
+        };
         let exposure = Exposure::around(vehicle.epoch, self.camera.exposure_s);
         let scene = Scene::observe(
             &self.world,

@@ -5,8 +5,8 @@ use crate::config::{Config, Sequence, TimedAttitude};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::AttitudeList;
-use skyloop_firmware_sim::flight_computer::{Mission, Pace, RunError};
-use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
+use skyloop_firmware_sim::mission::{Mission, Pace};
+use skyloop_firmware_sim::profile::{OrbitSource, Profile, ProfileError, orbit_of};
 use std::time::Duration;
 use thiserror::Error;
 
@@ -14,7 +14,9 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum FlightError {
     /// The scene has none.
-    #[error("the scene has no [sequence]: add one (see configs/default.toml), or use `skyloop run`")]
+    #[error(
+        "the scene has no [sequence]: add one (see configs/default.toml), or use `skyloop run`"
+    )]
     NoSequence,
     /// Objects are seen from somewhere.
     #[error(
@@ -24,7 +26,7 @@ pub enum FlightError {
     NoObserver,
     /// Attitude or orbit at a frame.
     #[error(transparent)]
-    Profile(#[from] RunError),
+    Profile(#[from] ProfileError),
     /// A value of a frame.
     #[error(transparent)]
     Attitude(#[from] AttitudeError),
@@ -58,7 +60,9 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
 pub fn vehicle(mission: &Mission, number: u32) -> Result<VehicleState, FlightError> {
     let epoch = mission.epoch(number);
     let attitude = mission.attitude(number, epoch)?;
-    let orbit = attitude.state.map(|state| (state.position_m, state.velocity_m_s));
+    let orbit = attitude
+        .state
+        .map(|state| (state.position_m, state.velocity_m_s));
     Ok(VehicleState::new(
         number,
         epoch,
@@ -73,13 +77,24 @@ fn profile(sequence: &Sequence) -> Profile {
         let [x, y, z, w] = timed.attitude.xyzw();
         UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
     };
-    let list = sequence.attitudes.iter().map(|timed| (timed.epoch, unit(timed))).collect();
-    match (AttitudeList::new(list, "sequence.attitudes"), &sequence.attitudes[..]) {
+    let list = sequence
+        .attitudes
+        .iter()
+        .map(|timed| (timed.epoch, unit(timed)))
+        .collect();
+    match (
+        AttitudeList::new(list, "sequence.attitudes"),
+        &sequence.attitudes[..],
+    ) {
         (Ok(list), _) => Profile::List(list),
         // One attitude: it turns with the sequence's rates. The configuration holds at least one, in order.
         (Err(_), attitudes) => Profile::Slew {
-            start: attitudes.first().map_or(sequence.epoch, |timed| timed.epoch),
-            attitude: attitudes.first().map_or_else(UnitQuaternion::identity, unit),
+            start: attitudes
+                .first()
+                .map_or(sequence.epoch, |timed| timed.epoch),
+            attitude: attitudes
+                .first()
+                .map_or_else(UnitQuaternion::identity, unit),
             rates_rad_s: Vector3::from(sequence.rates),
         },
     }
@@ -88,6 +103,9 @@ fn profile(sequence: &Sequence) -> Profile {
 /// A state carried on by two-body motion and J2.
 fn drift(state: skyloop_orbit::StateVector, at: Epoch) -> OrbitSource {
     std::sync::Arc::new(move |epoch| {
-        Ok(skyloop_orbit::two_body::propagate_j2(&state, (epoch - at).to_seconds()))
+        Ok(skyloop_orbit::two_body::propagate_j2(
+            &state,
+            (epoch - at).to_seconds(),
+        ))
     })
 }

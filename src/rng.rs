@@ -130,7 +130,11 @@ fn philox(mut c: [u32; 4], mut k: [u32; 2]) -> [u32; 4] {
 mod tests {
     use super::*;
 
-    const KEY: NoiseKey = NoiseKey { seed: 7, sequence: 3, repeat: 0 };
+    const KEY: NoiseKey = NoiseKey {
+        seed: 7,
+        sequence: 3,
+        repeat: 0,
+    };
 
     // X-Val: Random123 1.14 `kat_vectors`, lines "philox4x32 10".
     #[test]

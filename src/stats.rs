@@ -18,7 +18,9 @@ impl Times {
         let mut sorted = self.0.clone();
         sorted.sort_unstable();
         let rank = (p * sorted.len() as f64).ceil() as usize;
-        sorted.get(rank.max(1) - 1).map(|time| time.as_secs_f64() * 1e3)
+        sorted
+            .get(rank.max(1) - 1)
+            .map(|time| time.as_secs_f64() * 1e3)
     }
 }
 
@@ -59,7 +61,10 @@ impl RunStats {
         let per_frame = |n: usize| n as f64 / f64::from(self.frames.max(1));
         let mut rows = vec![
             row("frames", self.frames.to_string()),
-            row("render time p50 / p99 / max", times(&self.render, &[0.5, 0.99, 1.0])),
+            row(
+                "render time p50 / p99 / max",
+                times(&self.render, &[0.5, 0.99, 1.0]),
+            ),
         ];
         rows.push(row(
             "stars labelled",
@@ -80,15 +85,25 @@ pub fn row(name: &str, value: String) -> (String, String) {
 
 /// Quantiles as text: `1.23 / 4.56 ms`.
 pub fn times(times: &Times, quantiles: &[f64]) -> String {
-    let values: Option<Vec<String>> =
-        quantiles.iter().map(|p| times.quantile_ms(*p).map(|ms| format!("{ms:.2}"))).collect();
-    values.map_or("none".to_string(), |values| format!("{} ms", values.join(" / ")))
+    let values: Option<Vec<String>> = quantiles
+        .iter()
+        .map(|p| times.quantile_ms(*p).map(|ms| format!("{ms:.2}")))
+        .collect();
+    values.map_or("none".to_string(), |values| {
+        format!("{} ms", values.join(" / "))
+    })
 }
 
 /// Rows as text, the names in one column.
 pub fn table(rows: &[(String, String)]) -> String {
-    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
-    rows.iter().map(|(name, value)| format!("  {name:width$}  {value}\n")).collect()
+    let width = rows
+        .iter()
+        .map(|(name, _)| name.chars().count())
+        .max()
+        .unwrap_or(0);
+    rows.iter()
+        .map(|(name, value)| format!("  {name:width$}  {value}\n"))
+        .collect()
 }
 
 #[cfg(test)]
@@ -103,6 +118,9 @@ mod tests {
             times.add(Duration::from_millis(ms));
         }
         let at = |p| times.quantile_ms(p).unwrap();
-        assert_eq!((at(0.0), at(0.5), at(0.99), at(1.0)), (1.0, 50.0, 99.0, 100.0));
+        assert_eq!(
+            (at(0.0), at(0.5), at(0.99), at(1.0)),
+            (1.0, 50.0, 99.0, 100.0)
+        );
     }
 }

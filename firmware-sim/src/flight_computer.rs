@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use hifitime::Epoch;
-use skyloop_protocols::{Attitude, Command, OrbitState, apid};
+use skyloop_protocols::{Command, apid};
 use thiserror::Error;
 
 use crate::detector::{DetectorSettings, detect};
@@ -129,44 +129,23 @@ impl<P: Port> FlightComputer<P> {
             Pace::Stepped { most_hz } => {
                 positive("the period", self.mission.period_s)?;
                 positive("the rate", most_hz.unwrap_or(1.0))?;
-                self.attitude(0, self.epoch(0))?;
+                self.mission.attitude(0, self.mission.epoch(0))?;
                 let last = self.mission.frames.saturating_sub(1);
-                self.attitude(last, self.epoch(last)).map(drop)
+                self.mission.attitude(last, self.mission.epoch(last))?;
             }
             Pace::Wall { rate_hz } => {
                 positive("the rate", rate_hz)?;
-                self.attitude(0, self.mission.start).map(drop)
+                self.mission.attitude(0, self.mission.start)?;
             }
         }
-    }
-
-    fn epoch(&self, step: u32) -> Epoch {
-        self.mission.start
-            + hifitime::Duration::from_seconds(f64::from(step) * self.mission.period_s)
-    }
-
-    fn attitude(&self, sequence: u32, epoch: Epoch) -> Result<Attitude, RunError> {
-        let orbit = self.mission.orbit.as_ref();
-        let pointing = self.mission.profile.at(epoch, orbit)?;
-        let state = orbit.map(|orbit| orbit(epoch)).transpose();
-        let state = state.map_err(|source| ProfileError::Orbit { epoch, source })?;
-        let q = pointing.attitude.as_vector();
-        Ok(Attitude {
-            sequence,
-            q_icrf_to_body: [q.x, q.y, q.z, q.w],
-            rates_rad_s: pointing.rates_rad_s.into(),
-            state: state.map(|state| OrbitState {
-                position_m: state.position_m.into(),
-                velocity_m_s: state.velocity_m_s.into(),
-            }),
-        })
+        Ok(())
     }
 
     /// Sends the attitude at an epoch; gives its packet's sequence count.
     fn send_attitude(&mut self, sequence: u32, epoch: Epoch) -> Result<u16, RunError> {
         /// Attitudes whose frames may still be under way.
         const REMEMBERED: usize = 1024;
-        let attitude = self.attitude(sequence, epoch)?;
+        let attitude = self.mission.attitude(sequence, epoch)?;
         let time = time::to_wire(epoch).ok_or(RunError::Time { epoch })?;
         if self.sent.len() >= REMEMBERED {
             self.sent.pop_front();
@@ -186,7 +165,7 @@ impl<P: Port> FlightComputer<P> {
                 let due = Duration::try_from_secs_f64(f64::from(sequence) / hz).unwrap_or_default();
                 std::thread::sleep(due.saturating_sub(begin.elapsed()));
             }
-            let count = self.send_attitude(sequence, self.epoch(sequence))?;
+            let count = self.send_attitude(sequence, self.mission.epoch(sequence))?;
             if self.await_frame(sequence, count, watch)?.is_break() {
                 return Ok(ControlFlow::Break(()));
             }

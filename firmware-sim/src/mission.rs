@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use hifitime::Epoch;
 
-use crate::profile::{OrbitSource, Profile};
+use skyloop_protocols::{Attitude, OrbitState};
+
+use crate::profile::{OrbitSource, Profile, ProfileError};
 
 /// What the flight computer is to do.
 #[derive(Clone)]
@@ -23,6 +25,35 @@ pub struct Mission {
     pub timeout: Duration,
     /// What sets the pace.
     pub pace: Pace,
+}
+
+impl Mission {
+    /// The time of attitude number `step` in stepped mode.
+    #[must_use]
+    pub fn epoch(&self, step: u32) -> Epoch {
+        self.start + hifitime::Duration::from_seconds(f64::from(step) * self.period_s)
+    }
+
+    /// The attitude message for `epoch`.
+    ///
+    /// # Errors
+    /// [`ProfileError`]: no attitude, or no state.
+    pub fn attitude(&self, sequence: u32, epoch: Epoch) -> Result<Attitude, ProfileError> {
+        let orbit = self.orbit.as_ref();
+        let pointing = self.profile.at(epoch, orbit)?;
+        let state = orbit.map(|orbit| orbit(epoch)).transpose();
+        let state = state.map_err(|source| ProfileError::Orbit { epoch, source })?;
+        let q = pointing.attitude.as_vector();
+        Ok(Attitude {
+            sequence,
+            q_icrf_to_body: [q.x, q.y, q.z, q.w],
+            rates_rad_s: pointing.rates_rad_s.into(),
+            state: state.map(|state| OrbitState {
+                position_m: state.position_m.into(),
+                velocity_m_s: state.velocity_m_s.into(),
+            }),
+        })
+    }
 }
 
 /// What sets the pace of the attitudes.

@@ -10,7 +10,8 @@ use skyloop::link::{self, LINKS};
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::Server;
 use skyloop::stats::{RunStats, row, table};
-use skyloop_firmware_sim::flight_computer::{Event, FlightComputer};
+use skyloop_firmware_sim::event::Event;
+use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::report::Report;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
@@ -54,11 +55,18 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mission = flight::mission(&config)?;
     let frames = mission.frames;
     let idle = Duration::from_secs_f64(config.run.idle_s);
-    let options = link::Options { idle, personality: &NATIVE };
+    let options = link::Options {
+        idle,
+        personality: &NATIVE,
+    };
     let (wire, port) = link::loopback(&args.link, &options)?;
     let writer = Writer::create(&args.out, frames)?;
     let mut server = Server::new(Emulator::new(&mut config), wire, Clock::Stepped, &NATIVE);
-    println!("{frames} frames of {} over {}", config.camera.name, server.address());
+    println!(
+        "{frames} frames of {} over {}",
+        config.camera.name,
+        server.address()
+    );
 
     let stop = AtomicBool::new(false);
     let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
@@ -96,7 +104,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     print!("{}", table(&rows(&stats, &report)));
     println!("wrote {}", args.out.display());
     if report.frames != frames {
-        bail!("{} of {frames} frames did not arrive whole (see the log above)", frames - report.frames);
+        bail!(
+            "{} of {frames} frames did not arrive whole (see the log above)",
+            frames - report.frames
+        );
     }
     Ok(())
 }
@@ -109,11 +120,18 @@ fn write(mut writer: Writer, shots: Receiver<Shot>) -> Result<(), OutputError> {
 }
 
 fn rows(stats: &RunStats, report: &Report) -> Vec<(String, String)> {
-    let ms = |p| report.latency(p).map_or("none".into(), |t| format!("{:.2}", t.as_secs_f64() * 1e3));
+    let ms = |p| {
+        report
+            .latency(p)
+            .map_or("none".into(), |t| format!("{:.2}", t.as_secs_f64() * 1e3))
+    };
     let mut rows = stats.rows();
     rows.insert(
         2,
-        row("attitude to last block p50 / p99", format!("{} / {} ms", ms(0.5), ms(0.99))),
+        row(
+            "attitude to last block p50 / p99",
+            format!("{} / {} ms", ms(0.5), ms(0.99)),
+        ),
     );
     rows.push(row(
         "centroids, measured - labelled",

@@ -27,13 +27,23 @@ pub struct Args {
     #[arg(long, value_name = "UTC", required_unless_present = "scene")]
     epoch: Option<String>,
     /// Unit quaternion x,y,z,w from ICRF to body, scalar last
-    #[arg(long, value_name = "x,y,z,w", required_unless_present = "scene", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "x,y,z,w",
+        required_unless_present = "scene",
+        allow_hyphen_values = true
+    )]
     attitude: Option<Numbers<4>>,
     /// Body rates in deg/s, body axes
     #[arg(long, value_name = "wx,wy,wz", allow_hyphen_values = true)]
     rates: Option<Numbers<3>>,
     /// Observer's state in km and km/s, GCRF, at the epoch; carried on by two-body motion and J2
-    #[arg(long, value_name = "x,y,z,vx,vy,vz", allow_hyphen_values = true, conflicts_with = "orbit")]
+    #[arg(
+        long,
+        value_name = "x,y,z,vx,vy,vz",
+        allow_hyphen_values = true,
+        conflicts_with = "orbit"
+    )]
     state: Option<Numbers<6>>,
     /// Observer's orbit from a TLE, 3LE or OEM file
     #[arg(long, value_name = "FILE[:NAME]")]
@@ -147,10 +157,12 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     let (Some(epoch), Some(Numbers(q))) = (&args.epoch, args.attitude) else {
         bail!("give --scene FILE, or --epoch UTC and --attitude x,y,z,w");
     };
-    let epoch = parse_utc(epoch)
-        .map_err(|wanted| anyhow::anyhow!("--epoch {epoch}: must be {wanted}"))?;
+    let epoch =
+        parse_utc(epoch).map_err(|wanted| anyhow::anyhow!("--epoch {epoch}: must be {wanted}"))?;
     let attitude = Attitude::from_xyzw(q).context("--attitude")?;
-    let rates = args.rates.map_or([0.0; 3], |Numbers(rates)| rates.map(f64::to_radians));
+    let rates = args
+        .rates
+        .map_or([0.0; 3], |Numbers(rates)| rates.map(f64::to_radians));
     let here = Folder::current();
     let mut config = Config::defaults()?;
     config.camera = Camera::load(&args.camera, &here)?;
@@ -165,7 +177,9 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     for file in &args.rso {
         let loaded = orbits::all(&here, file)?;
         config.objects.extend(loaded.objects);
-        config.rejected.extend(loaded.rejected.iter().map(|r| r.to_string()));
+        config
+            .rejected
+            .extend(loaded.rejected.iter().map(|r| r.to_string()));
     }
     config.sequence = Some(Sequence {
         epoch,

@@ -34,7 +34,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         tracing::warn!("refused: {line}");
     }
     let idle = Duration::from_secs_f64(config.run.idle_s);
-    let options = link::Options { idle, personality: &NATIVE };
+    let options = link::Options {
+        idle,
+        personality: &NATIVE,
+    };
     let wire = link::open(args.link.as_ref().unwrap_or(&config.run.link), &options)?;
     let (objects, clock) = (config.objects.len(), config.run.clock);
     let mut server = Server::new(Emulator::new(&mut config), wire, clock, &NATIVE);
@@ -43,7 +46,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     stop_at_signal(stop.clone())?;
     let pace = match clock {
         Clock::Stepped => "a frame for each attitude".to_string(),
-        Clock::Wall => format!("{} frames a second by the wall clock", config.camera.rate_hz),
+        Clock::Wall => format!(
+            "{} frames a second by the wall clock",
+            config.camera.rate_hz
+        ),
     };
     let camera = &config.camera;
     println!(
@@ -62,7 +68,14 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         .filter(|(_, count)| *count > 0)
         .map(|(name, count)| format!("{name} {count}"))
         .collect();
-    rows.push(row("counters", if counts.is_empty() { "all 0".into() } else { counts.join(", ") }));
+    rows.push(row(
+        "counters",
+        if counts.is_empty() {
+            "all 0".into()
+        } else {
+            counts.join(", ")
+        },
+    ));
     print!("\n{}", table(&rows));
     served.map_err(Into::into)
 }

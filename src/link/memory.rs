@@ -1,6 +1,8 @@
 //! The in-process link: two queues.
 
-use super::{Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire, count};
+use super::{
+    Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire, count,
+};
 use bytes::Bytes;
 use skyloop_firmware_sim::port::{Port, PortError};
 use std::sync::Arc;
@@ -8,11 +10,17 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync
 use std::time::{Duration, Instant};
 
 /// The in-process link.
-pub const MEMORY: Link =
-    Link { scheme: "memory", example: "memory (loopback only)", open: no_outside, loopback };
+pub const MEMORY: Link = Link {
+    scheme: "memory",
+    example: "memory (loopback only)",
+    open: no_outside,
+    loopback,
+};
 
 fn no_outside(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
-    Err(url.refuse("the memory link joins two ends of one process: it works in `loopback` only".into()))
+    Err(url.refuse(
+        "the memory link joins two ends of one process: it works in `loopback` only".into(),
+    ))
 }
 
 fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
@@ -22,10 +30,20 @@ fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
     let wire = Wire {
         address: "memory".to_string(),
         inbox,
-        outbox: Box::new(QueueOutbox { queue: outbox, address: "memory".to_string() }),
+        outbox: Box::new(QueueOutbox {
+            queue: outbox,
+            address: "memory".to_string(),
+        }),
         tally: tally.clone(),
     };
-    Ok((wire, Box::new(MemoryPort { to_emulator, from_emulator, tally })))
+    Ok((
+        wire,
+        Box::new(MemoryPort {
+            to_emulator,
+            from_emulator,
+            tally,
+        }),
+    ))
 }
 
 /// An outbox that is a standard bounded queue.
@@ -54,7 +72,11 @@ struct MemoryPort {
 impl Port for MemoryPort {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
         let packet = Bytes::copy_from_slice(packet);
-        match self.to_emulator.try_send(Inbound { exchange: 0, packet, arrived: Instant::now() }) {
+        match self.to_emulator.try_send(Inbound {
+            exchange: 0,
+            packet,
+            arrived: Instant::now(),
+        }) {
             Ok(()) => Ok(()),
             Err(TrySendError::Full(_)) => {
                 count(&self.tally.dropped);

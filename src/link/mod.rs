@@ -159,18 +159,28 @@ pub fn open(url: &str, options: &Options) -> Result<Wire, LinkError> {
 }
 
 /// Opens both ends of the link called `scheme`.
-pub fn loopback(scheme: &str, options: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+pub fn loopback(
+    scheme: &str,
+    options: &Options,
+) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
     (by_scheme(scheme, scheme)?.loopback)(options)
 }
 
 fn by_scheme(scheme: &str, text: &str) -> Result<&'static Link, LinkError> {
-    LINKS.iter().find(|link| link.scheme == scheme).ok_or_else(|| LinkError::Url {
-        url: text.to_string(),
-        reason: format!("unknown scheme {scheme:?}"),
-        examples: examples(),
-    })
+    LINKS
+        .iter()
+        .find(|link| link.scheme == scheme)
+        .ok_or_else(|| LinkError::Url {
+            url: text.to_string(),
+            reason: format!("unknown scheme {scheme:?}"),
+            examples: examples(),
+        })
 }
 
 fn examples() -> String {
-    LINKS.iter().map(|link| link.example).collect::<Vec<_>>().join(" or ")
+    LINKS
+        .iter()
+        .map(|link| link.example)
+        .collect::<Vec<_>>()
+        .join(" or ")
 }

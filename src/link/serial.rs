@@ -14,8 +14,12 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 /// Serial lines.
-pub const SERIAL: Link =
-    Link { scheme: "serial", example: "serial:///dev/ttyUSB0?baud=921600", open, loopback };
+pub const SERIAL: Link = Link {
+    scheme: "serial",
+    example: "serial:///dev/ttyUSB0?baud=921600",
+    open,
+    loopback,
+};
 
 /// How long a read waits before it looks whether the link is still wanted.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
@@ -36,7 +40,12 @@ fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
 
 fn start(port: Box<dyn SerialPort>, address: &str) -> Result<Wire, LinkError> {
     let failed = |action, remedy| {
-        move |source| LinkError::Io { url: address.to_string(), action, source, remedy }
+        move |source| LinkError::Io {
+            url: address.to_string(),
+            action,
+            source,
+            remedy,
+        }
     };
     let writer = port.try_clone().map_err(|error| {
         failed("open it for two threads", "try again")(std::io::Error::from(error))
@@ -59,8 +68,16 @@ fn start(port: Box<dyn SerialPort>, address: &str) -> Result<Wire, LinkError> {
         })
         .map_err(failed("start its thread", LIMITS))?;
     let address = address.to_string();
-    let outbox = QueueOutbox { queue: outbox, address: address.clone() };
-    Ok(Wire { address, inbox, outbox: Box::new(outbox), tally })
+    let outbox = QueueOutbox {
+        queue: outbox,
+        address: address.clone(),
+    };
+    Ok(Wire {
+        address,
+        inbox,
+        outbox: Box::new(outbox),
+        tally,
+    })
 }
 
 /// Octets in, packets into the queue, until the writer has ended (the emulator dropped its end).
@@ -92,7 +109,11 @@ fn read(
                 Some(Err(_)) => count(&tally.bad_framing),
                 Some(Ok(packet)) => {
                     let packet = Bytes::copy_from_slice(packet);
-                    let inbound = Inbound { exchange: 0, packet, arrived: Instant::now() };
+                    let inbound = Inbound {
+                        exchange: 0,
+                        packet,
+                        arrived: Instant::now(),
+                    };
                     match arrivals.try_send(inbound) {
                         Ok(()) => {}
                         Err(TrySendError::Full(_)) => count(&tally.dropped),
@@ -108,7 +129,9 @@ fn read(
 fn write(mut port: Box<dyn SerialPort>, departures: &Receiver<Outbound>, tally: &Tally) {
     let mut line = Vec::with_capacity(slip::max_encoded_length(slip::BUFFER));
     while let Ok(departure) = departures.recv() {
-        let Outbound::Packet { packet, .. } = departure else { continue };
+        let Outbound::Packet { packet, .. } = departure else {
+            continue;
+        };
         line.clear();
         slip::encode(&packet, &mut |octet| line.push(octet));
         if let Err(error) = write_whole(port.as_mut(), &line) {
@@ -139,7 +162,10 @@ fn write_whole(port: &mut dyn SerialPort, mut line: &[u8]) -> std::io::Result<()
 }
 
 fn is_passing(error: &std::io::Error) -> bool {
-    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock)
+    matches!(
+        error.kind(),
+        ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock
+    )
 }
 
 #[cfg(unix)]
@@ -154,8 +180,12 @@ fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
         }
     };
     let (mut master, slave) = TTYPort::pair().map_err(failed("open a pseudo-terminal pair"))?;
-    let name = slave.name().unwrap_or_else(|| "pseudo-terminal".to_string());
-    master.set_timeout(READ_TIMEOUT).map_err(failed("set it up"))?;
+    let name = slave
+        .name()
+        .unwrap_or_else(|| "pseudo-terminal".to_string());
+    master
+        .set_timeout(READ_TIMEOUT)
+        .map_err(failed("set it up"))?;
     let wire = start(Box::new(master), &format!("serial://{name}"))?;
     let port = FlightComputerPort::over(Box::new(slave)).map_err(|error| LinkError::Io {
         url: name,

@@ -1,6 +1,8 @@
 //! UDP: one packet a datagram, answers only to the client of the exchange. One thread with its own runtime.
 
-use super::{Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire, count};
+use super::{
+    Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire, count,
+};
 use bytes::Bytes;
 use skyloop_firmware_sim::port::{Port, UdpPort};
 use skyloop_protocols::MAX_PACKET;
@@ -12,7 +14,12 @@ use tokio::net::UdpSocket;
 use tokio::sync::mpsc::{Receiver, Sender, channel, error::TrySendError as TryQueue};
 
 /// UDP.
-pub const UDP: Link = Link { scheme: "udp", example: "udp://127.0.0.1:4810", open, loopback };
+pub const UDP: Link = Link {
+    scheme: "udp",
+    example: "udp://127.0.0.1:4810",
+    open,
+    loopback,
+};
 
 fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
     url.only(&[])?;
@@ -41,23 +48,40 @@ fn listen(
     options: &Options,
 ) -> Result<(Wire, SocketAddr), LinkError> {
     let failed = |action, remedy| {
-        move |source| LinkError::Io { url: text.to_string(), action, source, remedy }
+        move |source| LinkError::Io {
+            url: text.to_string(),
+            action,
+            source,
+            remedy,
+        }
     };
     let socket = std::net::UdpSocket::bind(address).map_err(failed(
         "listen",
         "choose a free port and an address of this machine (port 0 takes any free port)",
     ))?;
-    let local = socket.local_addr().map_err(failed("read its address", "try again"))?;
-    socket.set_nonblocking(true).map_err(failed("set it up", "try again"))?;
+    let local = socket
+        .local_addr()
+        .map_err(failed("read its address", "try again"))?;
+    socket
+        .set_nonblocking(true)
+        .map_err(failed("set it up", "try again"))?;
 
     let (arrivals, inbox) = sync_channel(QUEUE);
     let (outbox, departures) = channel(QUEUE);
     let tally = Arc::new(Tally::default());
-    let exchange = Exchange { number: 0, client: None, options: *options, tally: tally.clone() };
+    let exchange = Exchange {
+        number: 0,
+        client: None,
+        options: *options,
+        tally: tally.clone(),
+    };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_io()
         .build()
-        .map_err(failed("start its thread", "check the limits of this process"))?;
+        .map_err(failed(
+            "start its thread",
+            "check the limits of this process",
+        ))?;
     std::thread::Builder::new()
         .name("udp".to_string())
         .spawn(move || {
@@ -66,10 +90,24 @@ fn listen(
                 tracing::error!(%error, "the udp link has ended");
             }
         })
-        .map_err(failed("start its thread", "check the limits of this process"))?;
+        .map_err(failed(
+            "start its thread",
+            "check the limits of this process",
+        ))?;
     let address = format!("udp://{local}");
-    let outbox = UdpOutbox { queue: outbox, address: address.clone() };
-    Ok((Wire { address, inbox, outbox: Box::new(outbox), tally }, local))
+    let outbox = UdpOutbox {
+        queue: outbox,
+        address: address.clone(),
+    };
+    Ok((
+        Wire {
+            address,
+            inbox,
+            outbox: Box::new(outbox),
+            tally,
+        },
+        local,
+    ))
 }
 
 struct UdpOutbox {
@@ -163,7 +201,11 @@ impl Exchange {
             }
         }
         self.number = self.number.wrapping_add(1);
-        self.client = Some(Client { address: from, proven: valid, heard: Instant::now() });
+        self.client = Some(Client {
+            address: from,
+            proven: valid,
+            heard: Instant::now(),
+        });
         true
     }
 
@@ -174,7 +216,10 @@ impl Exchange {
     }
 
     fn client_of(&self, number: u32) -> Option<SocketAddr> {
-        self.client.as_ref().filter(|_| number == self.number).map(|client| client.address)
+        self.client
+            .as_ref()
+            .filter(|_| number == self.number)
+            .map(|client| client.address)
     }
 }
 
@@ -191,16 +236,33 @@ mod tests {
 
     #[test]
     fn an_exchange_stands_until_it_is_idle_or_released() {
-        let options = Options { idle: Duration::from_millis(40), personality: &NATIVE };
+        let options = Options {
+            idle: Duration::from_millis(40),
+            personality: &NATIVE,
+        };
         let mut buffer = [0; MAX_PACKET];
         let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();
         let (good, bad) = (&buffer[..length], &buffer[..length - 1]);
         let tally = Arc::new(Tally::default());
-        let mut exchange = Exchange { number: 0, client: None, options, tally };
-        assert!(exchange.admit(at(1), bad), "anybody may be told that a first packet is bad");
-        assert!(!exchange.admit(at(2), bad), "but a bad packet takes nobody's place");
+        let mut exchange = Exchange {
+            number: 0,
+            client: None,
+            options,
+            tally,
+        };
+        assert!(
+            exchange.admit(at(1), bad),
+            "anybody may be told that a first packet is bad"
+        );
+        assert!(
+            !exchange.admit(at(2), bad),
+            "but a bad packet takes nobody's place"
+        );
         assert!(exchange.admit(at(2), good), "a good one does");
-        assert_eq!((exchange.client_of(1), exchange.client_of(2)), (None, Some(at(2))));
+        assert_eq!(
+            (exchange.client_of(1), exchange.client_of(2)),
+            (None, Some(at(2)))
+        );
         assert!(!exchange.admit(at(1), good), "and then stands");
         assert!(exchange.admit(at(2), bad));
         std::thread::sleep(Duration::from_millis(60));

@@ -51,10 +51,18 @@ impl LinkUrl {
 
     /// Refuses options that the link does not have.
     pub fn only(&self, known: &[&str]) -> Result<(), LinkError> {
-        match self.options.iter().find(|(key, _)| !known.contains(&key.as_str())) {
+        match self
+            .options
+            .iter()
+            .find(|(key, _)| !known.contains(&key.as_str()))
+        {
             None => Ok(()),
             Some((key, _)) => {
-                let has = if known.is_empty() { "none".to_string() } else { known.join(", ") };
+                let has = if known.is_empty() {
+                    "none".to_string()
+                } else {
+                    known.join(", ")
+                };
                 Err(self.refuse(format!("unknown option {key:?}; {} has {has}", self.scheme)))
             }
         }
@@ -62,6 +70,10 @@ impl LinkUrl {
 
     /// The error for this URL.
     pub fn refuse(&self, reason: String) -> LinkError {
-        LinkError::Url { url: self.text.clone(), reason, examples: examples() }
+        LinkError::Url {
+            url: self.text.clone(),
+            reason,
+            examples: examples(),
+        }
     }
 }

@@ -24,7 +24,13 @@ pub struct WallClock {
 impl WallClock {
     /// A clock that ticks `rate_hz` times a second once it is set.
     pub fn new(rate_hz: f64) -> WallClock {
-        WallClock { period: period(rate_hz), due: None, single: false, zero: None, missed: 0 }
+        WallClock {
+            period: period(rate_hz),
+            due: None,
+            single: false,
+            zero: None,
+            missed: 0,
+        }
     }
 
     /// Learns the scene's time from a client's first attitude; the first frame follows a period later.
@@ -35,14 +41,21 @@ impl WallClock {
         let now = Instant::now();
         let system = system_time();
         let apart_s = (attitude - system).to_seconds().abs();
-        let scene = if apart_s <= SAME_CLOCK_S { system } else { attitude };
+        let scene = if apart_s <= SAME_CLOCK_S {
+            system
+        } else {
+            attitude
+        };
         self.zero = Some((scene, now));
         self.due = Some(now + self.period);
     }
 
     /// Forgets the scene's time: the next client sets it anew.
     pub fn clear(&mut self, rate_hz: f64) {
-        *self = WallClock { missed: self.missed, ..WallClock::new(rate_hz) };
+        *self = WallClock {
+            missed: self.missed,
+            ..WallClock::new(rate_hz)
+        };
     }
 
     /// Lets frames run at another rate from now on.
@@ -61,7 +74,9 @@ impl WallClock {
     /// Time until the next exposure has ended; long while the cadence stands still.
     pub fn until_due(&self) -> Duration {
         const STANDING: Duration = Duration::from_secs(3600);
-        self.due.map_or(STANDING, |due| due.saturating_duration_since(Instant::now()))
+        self.due.map_or(STANDING, |due| {
+            due.saturating_duration_since(Instant::now())
+        })
     }
 
     /// If an exposure has ended: its middle in the scene's time. Exposures that were missed are passed over.
@@ -72,7 +87,11 @@ impl WallClock {
             return None;
         }
         let late = now.duration_since(due).as_nanos() / self.period.as_nanos().max(1);
-        let late = if self.single { 0 } else { u32::try_from(late).unwrap_or(u32::MAX) };
+        let late = if self.single {
+            0
+        } else {
+            u32::try_from(late).unwrap_or(u32::MAX)
+        };
         self.missed = self.missed.wrapping_add(late);
         let end = due + self.period.saturating_mul(late);
         self.due = (!self.single).then(|| end + self.period);
@@ -86,7 +105,9 @@ fn period(rate_hz: f64) -> Duration {
 }
 
 fn system_time() -> Epoch {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let since = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
     Epoch::from_unix_duration(hifitime::Duration::from(since))
 }
 
@@ -98,7 +119,10 @@ mod tests {
     fn frames_fall_due_at_the_period_and_carry_the_scenes_time() {
         let mut clock = WallClock::new(50.0);
         let scene = Epoch::from_gregorian_utc_hms(2019, 6, 15, 23, 35, 50);
-        assert!(clock.take_due(0.01).is_none(), "no frame before the first attitude");
+        assert!(
+            clock.take_due(0.01).is_none(),
+            "no frame before the first attitude"
+        );
         clock.set(scene);
         std::thread::sleep(Duration::from_millis(25));
         let mid = clock.take_due(0.01).unwrap();

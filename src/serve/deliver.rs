@@ -49,10 +49,19 @@ impl Server {
             offset_dn: detector.offset_dn,
             pixels_crc32: Crc32::new().update_pixels(&shot.frame.digits).finish(),
         };
-        let run = Delivery { exchange: self.exchange.number, resets: self.exchange.resets, stop };
+        let run = Delivery {
+            exchange: self.exchange.number,
+            resets: self.exchange.resets,
+            stop,
+        };
         self.send_in_frame(&run, &Reply::FrameHeader(header), time)?;
         let mut packed = [0; MAX_PACKET];
-        for BlockSlice { index, first_pixel, pixels } in blocks(&shot.frame.digits, packing) {
+        for BlockSlice {
+            index,
+            first_pixel,
+            pixels,
+        } in blocks(&shot.frame.digits, packing)
+        {
             let data = &mut packed[..packed_length(packing, pixels.len())];
             let done = match packing {
                 Packing::Bits12 => pack12(pixels, data),
@@ -60,11 +69,23 @@ impl Server {
             };
             done.map_err(unencodable)?;
             let count = pixels.len() as u16;
-            let block = PixelBlock { frame, index, first_pixel, count, packing, data };
+            let block = PixelBlock {
+                frame,
+                index,
+                first_pixel,
+                count,
+                packing,
+                data,
+            };
             self.send_in_frame(&run, &Reply::PixelBlock(block), time)?;
         }
         for (part, text) in label_texts(text).take(usize::from(parts)).enumerate() {
-            let label = LabelPart { frame, part: part as u16, parts, text };
+            let label = LabelPart {
+                frame,
+                part: part as u16,
+                parts,
+                text,
+            };
             self.send_in_frame(&run, &Reply::Labels(label), time)?;
         }
         Ok(())
@@ -90,7 +111,10 @@ impl Server {
         let length = (self.personality.encode_reply)(reply, count, time, &mut buffer)
             .map_err(unencodable)?;
         let packet = Bytes::copy_from_slice(&buffer[..length]);
-        let mut waiting = Some(Outbound::Packet { exchange: run.exchange, packet });
+        let mut waiting = Some(Outbound::Packet {
+            exchange: run.exchange,
+            packet,
+        });
         let since = Instant::now();
         while let Some(packet) = waiting.take() {
             waiting = self.wire.outbox.offer(packet).map_err(Undelivered::Link)?;
@@ -110,8 +134,7 @@ impl Server {
         since: Instant,
     ) -> Result<(), Undelivered> {
         let alive = self.receive(pause).map_err(Undelivered::Link)?;
-        let stands =
-            self.exchange.number == run.exchange && self.exchange.resets == run.resets;
+        let stands = self.exchange.number == run.exchange && self.exchange.resets == run.resets;
         if alive && stands && since.elapsed() < STALL && !run.stop.load(Ordering::Relaxed) {
             return Ok(());
         }

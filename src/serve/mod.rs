@@ -110,9 +110,11 @@ impl Server {
     ) -> Result<(), LinkError> {
         while !stop.load(Ordering::Relaxed) && limit.is_none_or(|n| self.stats.frames < n) {
             let due = match self.clock {
-                Clock::Stepped => {
-                    self.exchange.waiting.pop_front().map(|latched| (latched.vehicle.clone(), latched, 0))
-                }
+                Clock::Stepped => self
+                    .exchange
+                    .waiting
+                    .pop_front()
+                    .map(|latched| (latched.vehicle.clone(), latched, 0)),
                 Clock::Wall => self.due_on_the_wall(),
             };
             let Some((vehicle, latched, repeat)) = due else {

@@ -49,9 +49,11 @@ impl Server {
                 return self.nack(apid, count, error.reason(), &error.to_string());
             }
         };
-        let missing = self.exchange.gaps.missing(header.apid, header.sequence_count);
-        self.counters.sequence_gaps =
-            self.counters.sequence_gaps.wrapping_add(u32::from(missing));
+        let missing = self
+            .exchange
+            .gaps
+            .missing(header.apid, header.sequence_count);
+        self.counters.sequence_gaps = self.counters.sequence_gaps.wrapping_add(u32::from(missing));
         let done = match command {
             Command::Attitude(attitude) => self.latch(header, &attitude, &inbound),
             command => self.obey(header, command),
@@ -61,7 +63,9 @@ impl Server {
             return self.nack(header.apid, header.sequence_count, reason, &detail);
         }
         match command {
-            Command::Attitude(_) => self.counters.attitudes = self.counters.attitudes.wrapping_add(1),
+            Command::Attitude(_) => {
+                self.counters.attitudes = self.counters.attitudes.wrapping_add(1)
+            }
             _ => self.counters.commands = self.counters.commands.wrapping_add(1),
         }
         match command {
@@ -81,7 +85,10 @@ impl Server {
     /// Another client: nothing of the last one's is left.
     fn open_exchange(&mut self, number: u32) {
         self.abandon_waiting();
-        self.exchange = Exchange { number, ..Exchange::default() };
+        self.exchange = Exchange {
+            number,
+            ..Exchange::default()
+        };
         self.emulator.reset_camera();
         self.wall.clear(self.emulator.camera().rate_hz);
     }
@@ -92,7 +99,12 @@ impl Server {
     }
 
     /// Latches a vehicle state.
-    fn latch(&mut self, header: Header, attitude: &Attitude, inbound: &Inbound) -> Result<(), Refusal> {
+    fn latch(
+        &mut self,
+        header: Header,
+        attitude: &Attitude,
+        inbound: &Inbound,
+    ) -> Result<(), Refusal> {
         let epoch = to_epoch(header.time);
         if let Some(last) = &self.exchange.latest
             && epoch < last.vehicle.epoch
@@ -109,10 +121,14 @@ impl Server {
         if self.clock == Clock::Stepped && self.exchange.waiting.len() >= MAX_WAITING {
             return Err(Refusal {
                 reason: Reason::Busy,
-                detail: format!("{MAX_WAITING} attitudes already wait for their frames; wait for a frame"),
+                detail: format!(
+                    "{MAX_WAITING} attitudes already wait for their frames; wait for a frame"
+                ),
             });
         }
-        let orbit = attitude.state.map(|state| (state.position_m, state.velocity_m_s));
+        let orbit = attitude
+            .state
+            .map(|state| (state.position_m, state.velocity_m_s));
         let vehicle = VehicleState::new(
             attitude.sequence,
             epoch,
@@ -128,7 +144,11 @@ impl Server {
             },
             detail: format!("attitude {}: {error}", attitude.sequence),
         })?;
-        let latched = Latched { vehicle, header, arrived: inbound.arrived };
+        let latched = Latched {
+            vehicle,
+            header,
+            arrived: inbound.arrived,
+        };
         match self.clock {
             Clock::Stepped => self.exchange.waiting.push_back(latched.clone()),
             Clock::Wall => self.wall.set(epoch),
@@ -173,7 +193,9 @@ impl Server {
                     resets: self.exchange.resets.wrapping_add(1),
                     ..Exchange::default()
                 };
-                self.exchange.gaps.missing(header.apid, header.sequence_count);
+                self.exchange
+                    .gaps
+                    .missing(header.apid, header.sequence_count);
             }
             Command::Credit { packets } => self.exchange.credit.grant(packets),
             Command::Ping | Command::Attitude(_) => {}
@@ -194,21 +216,36 @@ impl Server {
     /// Refuses an attitude whose epoch the ephemerides do not reach.
     pub(super) fn refuse_epoch(&mut self, header: &Header, detail: &str) {
         self.counters.refuse(Reason::ValueOutOfRange);
-        if let Err(error) =
-            self.nack(header.apid, header.sequence_count, Reason::ValueOutOfRange, detail)
-        {
+        if let Err(error) = self.nack(
+            header.apid,
+            header.sequence_count,
+            Reason::ValueOutOfRange,
+            detail,
+        ) {
             tracing::error!(%error, "could not refuse an attitude");
         }
     }
 
     fn ack(&mut self, header: &Header) -> Result<(), LinkError> {
-        let ack = Ack { apid: header.apid, sequence_count: header.sequence_count };
+        let ack = Ack {
+            apid: header.apid,
+            sequence_count: header.sequence_count,
+        };
         self.send(&Reply::Ack(ack), header.time)
     }
 
-    fn nack(&mut self, apid: u16, count: u16, reason: Reason, detail: &str) -> Result<(), LinkError> {
+    fn nack(
+        &mut self,
+        apid: u16,
+        count: u16,
+        reason: Reason,
+        detail: &str,
+    ) -> Result<(), LinkError> {
         tracing::debug!(?reason, detail, "refused");
-        self.send(&Reply::Nack(Nack::new(apid, count, reason, detail)), self.now())
+        self.send(
+            &Reply::Nack(Nack::new(apid, count, reason, detail)),
+            self.now(),
+        )
     }
 
     /// Sends one answer.
@@ -218,7 +255,10 @@ impl Server {
         match (self.personality.encode_reply)(reply, count, time, &mut buffer) {
             Ok(length) => {
                 let packet = Bytes::copy_from_slice(&buffer[..length]);
-                self.offer(Outbound::Packet { exchange: self.exchange.number, packet })
+                self.offer(Outbound::Packet {
+                    exchange: self.exchange.number,
+                    packet,
+                })
             }
             Err(error) => {
                 tracing::error!(%error, apid = reply.apid(), "an answer could not be encoded");
@@ -272,6 +312,10 @@ fn within(field: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), Ref
     }
     Err(Refusal {
         reason: Reason::ValueOutOfRange,
-        detail: format!("{field} = {value}: must be {} to {}", range.start(), range.end()),
+        detail: format!(
+            "{field} = {value}: must be {} to {}",
+            range.start(),
+            range.end()
+        ),
     })
 }
