@@ -249,10 +249,6 @@ fn udp_carries_the_loop() {
             }
         }
     });
-    let slow_machine = Mission {
-        timeout: Duration::from_secs(10),
-        ..mission(3)
-    };
     let (report, told) = fly(UdpPort::connect(address).unwrap(), mission(3));
     thread.join().unwrap();
     assert_eq!(
