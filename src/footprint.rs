@@ -126,21 +126,21 @@ impl Footprint {
             .max()
             .unwrap_or(first_row);
 
-        let mut reached = vec![i64::MAX..0; (past_row - first_row) as usize];
+        let mut reached = vec![(i64::MAX, 0); (past_row - first_row) as usize];
         for (_, columns, rows) in boxes() {
             for row in
                 &mut reached[(rows.start - first_row) as usize..(rows.end - first_row) as usize]
             {
-                *row = row.start.min(columns.start)..row.end.max(columns.end);
+                *row = (row.0.min(columns.start), row.1.max(columns.end));
             }
         }
         let mut total = 0;
         let spans: Vec<Span> = reached
             .iter()
-            .map(|columns| {
-                let length = (columns.end - columns.start).max(0) as u32;
+            .map(|&(from, past)| {
+                let length = (past - from).max(0) as u32;
                 let span = Span {
-                    column: columns.start.min(width) as u32,
+                    column: from.min(width) as u32,
                     offset: total,
                     length,
                 };

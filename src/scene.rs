@@ -210,11 +210,7 @@ impl Motion<'_> {
         } = self.exposure;
         let at_mid = Observer::new(mid, self.vehicle.orbit.as_ref().unwrap_or(&centre))?;
         let at = |epoch: Epoch| {
-            let state = self
-                .vehicle
-                .at(epoch)
-                .orbit
-                .unwrap_or_else(|| centre.clone());
+            let state = self.vehicle.at(epoch).orbit.unwrap_or(centre);
             Observer {
                 epoch,
                 position_m: state.position_m,

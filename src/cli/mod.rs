@@ -26,7 +26,7 @@ enum Command {
     /// Run the emulator alone and wait for a flight computer
     Run(run::Args),
     /// Render frames and labels into a folder, without a flight computer
-    Render(render::Args),
+    Render(Box<render::Args>),
 }
 
 impl Cli {
@@ -35,7 +35,7 @@ impl Cli {
         match self.command {
             Command::Loopback(args) => loopback::run(args),
             Command::Run(args) => run::run(args),
-            Command::Render(args) => render::run(args),
+            Command::Render(args) => render::run(*args),
         }
     }
 }

@@ -1,7 +1,8 @@
 //! The in-process link: two queues.
 
 use super::{
-    Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire, count,
+    BothEnds, Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire,
+    count,
 };
 use bytes::Bytes;
 use skyloop_firmware_sim::port::{Port, PortError};
@@ -23,7 +24,7 @@ fn no_outside(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
     ))
 }
 
-fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
     let (to_emulator, inbox) = sync_channel(QUEUE);
     let (outbox, from_emulator) = sync_channel(QUEUE);
     let tally = Arc::new(Tally::default());

@@ -29,8 +29,11 @@ pub struct Link {
     /// Opens the emulator's end.
     pub open: fn(&LinkUrl, &Options) -> Result<Wire, LinkError>,
     /// Opens both ends on this machine.
-    pub loopback: fn(&Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError>,
+    pub loopback: fn(&Options) -> Result<BothEnds, LinkError>,
 }
+
+/// The emulator's end and the flight computer's.
+pub type BothEnds = (Wire, Box<dyn Port + Send>);
 
 /// What a link is told about packets.
 #[derive(Clone, Copy)]

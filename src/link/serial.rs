@@ -1,10 +1,11 @@
 //! Serial lines: SLIP frames with CRC-32, two threads a port.
 
 use super::memory::QueueOutbox;
-use super::{Inbound, Link, LinkError, LinkUrl, Options, Outbound, QUEUE, Tally, Wire, count};
+use super::{
+    BothEnds, Inbound, Link, LinkError, LinkUrl, Options, Outbound, QUEUE, Tally, Wire, count,
+};
 use bytes::Bytes;
 use serialport::SerialPort;
-use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
 use skyloop_protocols::slip;
 use std::io::{ErrorKind, Read};
@@ -169,7 +170,7 @@ fn is_passing(error: &std::io::Error) -> bool {
 }
 
 #[cfg(unix)]
-fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
     use serialport::TTYPort;
     let failed = |action| {
         move |error: serialport::Error| LinkError::Io {
@@ -197,7 +198,7 @@ fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
 }
 
 #[cfg(not(unix))]
-fn loopback(_: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
     Err(LinkError::Io {
         url: "serial (pseudo-terminal)".to_string(),
         action: "open a pseudo-terminal pair",

@@ -1,10 +1,11 @@
 //! UDP: one packet a datagram, answers only to the client of the exchange. One thread with its own runtime.
 
 use super::{
-    Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire, count,
+    BothEnds, Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire,
+    count,
 };
 use bytes::Bytes;
-use skyloop_firmware_sim::port::{Port, UdpPort};
+use skyloop_firmware_sim::port::UdpPort;
 use skyloop_protocols::MAX_PACKET;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -30,7 +31,7 @@ fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
     Ok(listen(address, &url.text, options)?.0)
 }
 
-fn loopback(options: &Options) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
+fn loopback(options: &Options) -> Result<BothEnds, LinkError> {
     const TEXT: &str = "udp://127.0.0.1:0";
     let (wire, address) = listen(SocketAddr::from(([127, 0, 0, 1], 0)), TEXT, options)?;
     let port = UdpPort::connect(address).map_err(|error| LinkError::Io {
