@@ -1,0 +1,131 @@
+//! Table A1 of Clark et al. 2021 (Sensors 21, 7868), reproduced row by row.
+
+use skyloop::config::Config;
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::label::{Label, ObjectLabel};
+use skyloop::load::{DEFAULT_SCENE, Folder};
+
+/// The table as printed: epoch, object, SBOIS pixel, STK pixel, SBOIS error, STK error. `error = simulated - FAI`.
+const PRINTED: &str = include_str!("../../configs/scenes/rcm-2019-06-15/table_a1.csv");
+/// From one image of the table to the next, s.
+const PERIOD_S: f64 = 5.0;
+
+/// A pixel, or what separates two.
+pub type Pixel = [f64; 2];
+
+/// One row.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// UTC time of day.
+    pub epoch: String,
+    /// `HR6111` or `RCM-1`.
+    pub object: String,
+    /// Where SBOIS has it; its misprint mended.
+    pub sbois: Option<Pixel>,
+    /// Where STK-EOIR has it.
+    pub stk: Pixel,
+    /// STK-EOIR minus FAI, as printed.
+    pub stk_error_printed: Pixel,
+    /// Where the real image has it: SBOIS minus its error, or STK minus its own where SBOIS has none.
+    pub fai: Pixel,
+    /// Where skyloop has it.
+    pub ours: Pixel,
+}
+
+impl Row {
+    /// Whether it is one of the reference stars.
+    pub fn is_star(&self) -> bool {
+        self.object.starts_with("HR")
+    }
+}
+
+/// Distance of two pixels, px.
+pub fn distance(a: Pixel, b: Pixel) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// Mean over the rows for which `value` is known.
+pub fn mean<'a>(
+    rows: impl IntoIterator<Item = &'a Row>,
+    value: impl Fn(&Row) -> Option<f64>,
+) -> f64 {
+    let values: Vec<f64> = rows.into_iter().filter_map(value).collect();
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The scene with state set `A` (public elements alone) or `B` (fitted to the table's SBOIS columns).
+pub fn scene(set: char) -> anyhow::Result<Config> {
+    let folder = Folder::Embedded(DEFAULT_SCENE.0);
+    let (file, text) = folder.read(DEFAULT_SCENE.1)?;
+    let text = text.replace("-B.oem", &format!("-{set}.oem"));
+    let mut config = Config::parse(&file, &text, &folder)?;
+    if let Some(sequence) = &mut config.sequence {
+        sequence.frames = sequence.attitudes.len() as u32;
+        sequence.period_s = PERIOD_S;
+    }
+    Ok(config)
+}
+
+/// The table with our pixels, from frames of the engine that `skyloop render` uses.
+pub fn reproduce(mut config: Config) -> anyhow::Result<Vec<Row>> {
+    let mission = flight::mission(&config)?;
+    let mut emulator = Emulator::new(&mut config);
+    let labels: Vec<Label> = (0..mission.frames)
+        .map(|number| {
+            anyhow::Ok(
+                emulator
+                    .shoot(&flight::vehicle(&mission, number)?, 0)?
+                    .label,
+            )
+        })
+        .collect::<Result<_, _>>()?;
+    PRINTED
+        .lines()
+        .skip(1)
+        .map(|line| row(line, &labels))
+        .collect()
+}
+
+fn row(line: &str, labels: &[Label]) -> anyhow::Result<Row> {
+    let fields: Vec<&str> = line.split(',').collect();
+    let [epoch, object, numbers @ ..] = &fields[..] else {
+        anyhow::bail!("table_a1.csv: {line:?} has no epoch and object");
+    };
+    let numbers: Vec<Option<f64>> = numbers.iter().map(|n| n.parse().ok()).collect();
+    let pixel = |at: usize| -> Option<Pixel> {
+        Some([numbers.get(at).copied()??, numbers.get(at + 1).copied()??])
+    };
+    let missing = || anyhow::anyhow!("table_a1.csv: {line:?} lacks a number");
+    let (stk, stk_error) = (pixel(2).ok_or_else(missing)?, pixel(6).ok_or_else(missing)?);
+    let fai = match (pixel(0), pixel(4)) {
+        (Some(sbois), Some(error)) => [sbois[0] - error[0], sbois[1] - error[1]],
+        // RCM-2 at 23:35:55, where STK's error in x is printed with the wrong sign, as in its neighbours' rows.
+        _ => [stk[0] + stk_error[0], stk[1] - stk_error[1]],
+    };
+    let mut sbois = pixel(0);
+    if (*epoch, *object) == ("23:36:00", "HR6195") {
+        // The row's error and its neighbours say 172.8 where 171.8 is printed.
+        sbois = sbois.map(|[x, y]| [x, y + 1.0]);
+    }
+    let label = labels
+        .iter()
+        .find(|label| label.epoch_mid.contains(epoch))
+        .ok_or_else(|| anyhow::anyhow!("no frame at {epoch}"))?;
+    let name = object.replace("HR", "HR ");
+    let named = |o: &&ObjectLabel| o.names.contains(&name) || o.id == name;
+    let ours = label
+        .objects
+        .iter()
+        .find(named)
+        .ok_or_else(|| anyhow::anyhow!("{name} is not in the label of {epoch}"))?;
+    Ok(Row {
+        epoch: epoch.to_string(),
+        object: object.to_string(),
+        sbois,
+        stk,
+        stk_error_printed: stk_error,
+        fai,
+        ours: [ours.x_px, ours.y_px],
+    })
+}
