@@ -31,6 +31,7 @@ pub struct Emulator {
     /// Whether shots keep the expected electrons.
     pub keep_expected: bool,
     next_frame: u32,
+    rejected_records: u32,
 }
 
 /// One exposure, rendered.
@@ -79,6 +80,7 @@ impl Emulator {
             noise: true,
             keep_expected: false,
             next_frame: 0,
+            rejected_records: config.rejected.len() as u32,
         }
     }
 
@@ -95,6 +97,11 @@ impl Emulator {
     /// Undoes what was commanded of the camera.
     pub fn reset_camera(&mut self) {
         self.camera = self.configured.clone();
+    }
+
+    /// Records of the configured orbit files that were refused.
+    pub fn rejected_records(&self) -> u32 {
+        self.rejected_records
     }
 
     /// Number of the next frame.

@@ -59,6 +59,10 @@ counters! {
     refused,
     /// Packets missing in the client's sequence counts.
     sequence_gaps,
+    /// Records of orbit files refused at the start.
+    rejected_records,
+    /// Times that an object could not be shown in a frame: its orbit had no state there.
+    objects_without_state,
 }
 
 impl Counters {

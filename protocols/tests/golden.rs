@@ -111,6 +111,8 @@ fn counters(v: &Vector) -> Counters {
         bad_value: n("bad_value"),
         refused: n("refused"),
         sequence_gaps: n("sequence_gaps"),
+        rejected_records: n("rejected_records"),
+        objects_without_state: n("objects_without_state"),
     }
 }
 

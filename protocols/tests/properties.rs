@@ -193,6 +193,8 @@ fn status() -> impl Strategy<Value = Status> {
             let counters = Counters {
                 attitudes: c,
                 sequence_gaps: d,
+                rejected_records: c ^ d,
+                objects_without_state: d,
                 ..Counters::default()
             };
             Status {

@@ -160,7 +160,10 @@ impl Server {
         Some((latched.vehicle.at(mid), latched, repeat))
     }
 
+    /// Counts the objects that could not be shown, and names each once.
     fn report_unknown(&mut self, shot: &Shot) {
+        let count = &mut self.counters.objects_without_state;
+        *count = count.wrapping_add(shot.unknown.len() as u32);
         for error in &shot.unknown {
             let object = error.object().to_string();
             if self.reported.insert(object) {
@@ -176,6 +179,7 @@ impl Server {
             foreign_packets: tally.foreign(),
             dropped_inbound: tally.dropped(),
             bad_framing: tally.bad_framing(),
+            rejected_records: self.emulator.rejected_records(),
             ..self.counters
         }
     }
