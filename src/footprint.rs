@@ -1,87 +1,8 @@
-//! Where the light of a point source falls: its track over the exposure and its share on each pixel.
+//! Where the light of a point source falls: its share on each pixel of the detector.
 
 use crate::camera::Camera;
 use crate::fidelity::Fidelity;
-
-/// The path of a source's image over the exposure on the unbounded detector plane, px.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Track {
-    /// At the exposure's start.
-    pub start: [f64; 2],
-    /// At the exposure's end.
-    pub end: [f64; 2],
-    /// Points of equal weight in time: the exposure's integral is their mean.
-    pub samples: Vec<[f64; 2]>,
-    /// How many points the exposure was sampled at; those behind the camera are not in `samples`.
-    pub sampled: usize,
-}
-
-/// Points (0..1) and equal weights of the two-point Gauss rule.
-const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
-/// Most panels of a track; one panel then spans 0.1 px of a track of 1e5 px.
-const MAX_PANELS: f64 = 1e6;
-
-impl Track {
-    /// Samples `at` (0: the exposure's start, 1: its end; none: behind the camera) finely enough for
-    /// `fidelity`. `bends`: how many straight pieces follow the curve's course well enough to measure
-    /// its length. None where the source is behind the camera at the start, mid or end.
-    pub fn sample(
-        at: impl Fn(f64) -> Option<[f64; 2]>,
-        bends: usize,
-        sigma_px: f64,
-        fidelity: &Fidelity,
-    ) -> Option<Track> {
-        let (start, mid, end) = (at(0.0)?, at(0.5)?, at(1.0)?);
-        let mut length = 0.0;
-        let mut last = start;
-        for i in 1..=bends {
-            let next = if i == bends {
-                end
-            } else {
-                at(i as f64 / bends as f64)?
-            };
-            length += (next[0] - last[0]).hypot(next[1] - last[1]);
-            last = next;
-        }
-        if length <= fidelity.static_px {
-            return Some(Track {
-                start,
-                end,
-                samples: vec![mid],
-                sampled: 1,
-            });
-        }
-        let panels = (length / (fidelity.track_step_sigma * sigma_px))
-            .ceil()
-            .clamp(1.0, MAX_PANELS) as usize;
-        let samples: Vec<_> = (0..panels)
-            .flat_map(|i| GAUSS.map(|g| (i as f64 + g) / panels as f64))
-            .filter_map(&at)
-            .collect();
-        Some(Track {
-            start,
-            end,
-            samples,
-            sampled: 2 * panels,
-        })
-    }
-
-    /// The flux-weighted centre of all the light, px.
-    pub fn centroid(&self) -> [f64; 2] {
-        // Relative to the start, so that digits survive far from the origin.
-        let n = self.samples.len().max(1) as f64;
-        let mean = |axis: usize| {
-            self.start[axis]
-                + self
-                    .samples
-                    .iter()
-                    .map(|p| p[axis] - self.start[axis])
-                    .sum::<f64>()
-                    / n
-        };
-        [mean(0), mean(1)]
-    }
-}
+use crate::track::{Sample, Track, Window};
 
 /// One row's pixels of a footprint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,6 +21,16 @@ pub struct Footprint {
 }
 
 impl Footprint {
+    /// The part of the detector plane from which light reaches the detector.
+    pub fn window(camera: &Camera, fidelity: &Fidelity) -> Window {
+        let reach = camera.optics.psf.reach_px(fidelity.psf_loss) + 0.5;
+        let (width, height) = (camera.detector.width as f64, camera.detector.height as f64);
+        Window {
+            low: [-reach; 2],
+            high: [width - 1.0 + reach, height - 1.0 + reach],
+        }
+    }
+
     /// Spreads the track with the camera's PSF; nothing outside of the detector is kept.
     pub fn new(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Footprint {
         let psf = &camera.optics.psf;
@@ -115,7 +46,7 @@ impl Footprint {
             track
                 .samples
                 .iter()
-                .map(|p| (p, touched(p[0], width), touched(p[1], height)))
+                .map(|s| (s, touched(s.at[0], width), touched(s.at[1], height)))
                 .filter(|(_, columns, rows)| !columns.is_empty() && !rows.is_empty())
         };
         let Some(first_row) = boxes().map(|(_, _, rows)| rows.start).min() else {
@@ -150,11 +81,10 @@ impl Footprint {
             .collect();
 
         let mut shares = vec![0.0f32; total as usize];
-        let weight = 1.0 / track.sampled as f64;
         let (mut across, mut down) = (Vec::new(), Vec::new());
-        for (p, columns, rows) in boxes() {
-            psf.shares(p[0], columns.clone(), &mut across);
-            psf.shares(p[1], rows.clone(), &mut down);
+        for (Sample { at, weight }, columns, rows) in boxes() {
+            psf.shares(at[0], columns.clone(), &mut across);
+            psf.shares(at[1], rows.clone(), &mut down);
             for (row, share) in rows.zip(&down) {
                 let span = spans[(row - first_row) as usize];
                 let from = span.offset as usize + (columns.start as usize - span.column as usize);
@@ -204,6 +134,13 @@ mod tests {
     use super::*;
     use crate::load::Folder;
 
+    fn window() -> Window {
+        Window {
+            low: [-10.0; 2],
+            high: [266.0; 2],
+        }
+    }
+
     fn line(from: [f64; 2], to: [f64; 2], fidelity: &Fidelity) -> Track {
         let at = |t: f64| {
             Some([
@@ -211,7 +148,7 @@ mod tests {
                 from[1] + (to[1] - from[1]) * t,
             ])
         };
-        Track::sample(at, 2, 0.7, fidelity).unwrap()
+        Track::sample(at, 2, 0.7, &window(), fidelity).unwrap()
     }
 
     fn moments(footprint: &Footprint) -> (f64, f64, f64) {

@@ -31,5 +31,6 @@ pub mod scene;
 pub mod serve;
 pub mod sky;
 pub mod stats;
+pub mod track;
 
 pub use skyloop_orbit as orbit;

@@ -3,7 +3,7 @@
 use crate::attitude::{Attitude, VehicleState};
 use crate::camera::Camera;
 use crate::fidelity::Fidelity;
-use crate::footprint::{Footprint, Track};
+use crate::footprint::Footprint;
 use crate::rng::NoiseKey;
 use crate::sky::apparent::Observer;
 use crate::sky::bodies::EpochOutOfRange;
@@ -12,6 +12,7 @@ use crate::sky::population::SeenObject;
 use crate::sky::shadow::Earth;
 use crate::sky::star_field::SeenStar;
 use crate::sky::{Corrections, Population, StarField};
+use crate::track::Track;
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -257,13 +258,15 @@ impl Motion<'_> {
         hidden: Option<Hidden>,
     ) -> Option<Source> {
         let optics = &self.camera.optics;
-        // Pieces that turn by less than 3 degrees each follow the track well enough to measure it.
-        let turn = self.vehicle.rates.norm() * self.exposure.duration_s;
-        let bends = (turn / 0.05).ceil().clamp(2.0, 1e4) as usize;
+        // Pieces that turn by less than 3 degrees each are nearly straight.
+        let swing = line(0.0).angle(&line(0.5)) + line(0.5).angle(&line(1.0));
+        let turn = self.vehicle.rates.norm() * self.exposure.duration_s + swing;
+        let pieces = (turn / 0.05).ceil().clamp(2.0, 1e4) as usize;
         let track = Track::sample(
             |part| optics.project(&self.pointing(part).rotate(&line(part))),
-            bends,
+            pieces,
             optics.psf.sigma_px,
+            &Footprint::window(self.camera, self.fidelity),
             self.fidelity,
         )?;
         let footprint = Footprint::new(&track, self.camera, self.fidelity);

@@ -87,7 +87,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                 Event::Lost { sequence, loss } => {
                     bar.suspend(|| tracing::warn!("frame {sequence} lost: {loss}"));
                 }
-                Event::Nack(nack) => bar.suspend(|| tracing::warn!("refused: {nack:?}")),
+                Event::Nack(nack) => bar.suspend(|| tracing::warn!("{nack}")),
                 Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
             }
             ControlFlow::Continue(())
