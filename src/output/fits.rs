@@ -11,6 +11,15 @@ const BLOCK: usize = 2880;
 /// Characters of a card.
 const CARD: usize = 80;
 
+/// What a reader of the header must know; at most 72 characters a line.
+const COMMENT: &str = "\
+Attitudes: unit quaternions, Hamilton, scalar last (W), v' = q v q^-1.
+They and the WCS hold at DATE-AVG. The WCS gives apparent directions on
+ICRF axes. Row 0 of the camera, the first in memory and the top one of
+the PNG, is row 1 here, which most viewers show at the bottom. Pixel
+(x, y) of a label, counted from 0 at the centre of the first pixel, is
+FITS pixel (x + 1, y + 1).";
+
 /// The cards of a header that describe the frame, after those that describe the array.
 #[derive(Debug, Clone, Default)]
 pub struct Header {
@@ -45,15 +54,9 @@ impl Header {
             h.real(&format!("QMOUNT_{axis}"), q, "mounting, body to camera");
         }
         h.world_coordinates(camera, label);
-        h.comment(
-            "Attitudes: unit quaternions, Hamilton, scalar last (W), v' = q v q^-1; they and",
-        );
-        h.comment("the WCS hold at DATE-AVG. The WCS gives apparent directions on ICRF axes.");
-        h.comment("Row 0 of the camera, the first in memory and the top one of the PNG, is row 1");
-        h.comment(
-            "here, which most viewers show at the bottom. Label pixel (x, y), counted from 0",
-        );
-        h.comment("at the centre of the first pixel, is FITS pixel (x + 1, y + 1).");
+        for line in COMMENT.lines() {
+            h.push(format!("COMMENT {line}"));
+        }
         h
     }
 
@@ -115,10 +118,6 @@ impl Header {
         self.push(format!("{keyword:<8}= {value}{slash}{comment}"));
     }
 
-    fn comment(&mut self, text: &str) {
-        self.push(format!("COMMENT {text}"));
-    }
-
     /// Every character is ASCII, so that bytes are characters.
     fn push(&mut self, mut card: String) {
         card.truncate(CARD);
@@ -153,8 +152,8 @@ pub fn write_u16(
     digits: &[u16],
 ) -> io::Result<()> {
     let mut array = array(16, size);
-    array.real("BZERO", 32768.0, "unsigned: stored + 32768");
-    array.real("BSCALE", 1.0, "");
+    array.integer("BZERO", 32768, "unsigned: stored + 32768");
+    array.integer("BSCALE", 1, "");
     array.text("BUNIT", "adu", "digital numbers, raw");
     // FITS 4.0, 5.2.5: subtracting 32768 flips the highest bit.
     let stored = digits.iter().map(|dn| (dn ^ 0x8000).to_be_bytes());
@@ -227,6 +226,12 @@ mod tests {
             assert!(text.len() <= 20, "{text}");
             assert!((text.parse::<f64>().unwrap() / value - 1.0).abs() < 1e-13);
         }
+    }
+
+    #[test]
+    fn the_comment_fits_its_cards() {
+        let fits = |line: &str| line.len() <= CARD - "COMMENT ".len();
+        assert!(COMMENT.is_ascii() && COMMENT.lines().all(fits));
     }
 
     #[test]

@@ -152,13 +152,10 @@ fn place_names(marks: &[Mark], panel: Rectangle) -> Vec<(&Mark, Rectangle)> {
         let Some(text) = &mark.text else { continue };
         let names_under =
             |area: &Rectangle| -> u32 { placed.iter().map(|(_, other)| common(area, other)).sum() };
+        // Its own ring counts too: at the panel's edge a name would be moved onto it.
         let cost = |area: &Rectangle| {
-            let rings: u32 = marks
-                .iter()
-                .filter(|other| !std::ptr::eq(*other, mark))
-                .map(|other| common(area, &other.area()))
-                .sum();
-            10 * names_under(area) + rings
+            let rings = marks.iter().map(|other| common(area, &other.area()));
+            10 * names_under(area) + rings.sum::<u32>()
         };
         let best = sides(mark, text_size(text, mark.font()), panel)
             .into_iter()

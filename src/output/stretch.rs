@@ -101,7 +101,9 @@ mod tests {
         // Half of the middle one each: (1 + 0.5 * 4) / 1.5 and (0.5 * 4 + 7) / 1.5.
         assert_eq!(scaled(&[1, 4, 7], [3, 1], [2, 1]), [2.0, 6.0]);
         let mean = |values: &[f32]| values.iter().sum::<f32>() / values.len() as f32;
-        let digits: Vec<u16> = (0..1280 * 1024).map(|i| (i * 7919 % 4096) as u16).collect();
+        let digits: Vec<u16> = (0..1280 * 1024u64)
+            .map(|i| (i * 7919 % 4096) as u16)
+            .collect();
         let small = scaled(&digits, [1280, 1024], [512, 410]);
         assert!((mean(&small) - 2047.5).abs() < 0.5);
     }

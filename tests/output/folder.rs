@@ -1,0 +1,167 @@
+//! The folder of a run: names, labels, what of earlier runs goes and what stays, errors.
+
+use crate::synthetic::{Numbers, camera, frame, label};
+use skyloop::attitude::Attitude;
+use skyloop::output::{OutputError, Summary, Writer};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+fn run(dir: &Path, frames: u32, electrons: bool) -> Result<Summary, OutputError> {
+    let camera = camera("fai-nir");
+    let mut numbers = Numbers(3);
+    let mut writer = Writer::create(dir, frames)?;
+    for i in 0..frames {
+        let label = label(&camera, i, &Attitude::identity());
+        let mut frame = frame(&camera, &label, &mut numbers);
+        if !electrons {
+            frame.expected_e = None;
+        }
+        writer.write_frame(&camera, &label, &label.to_json(), &frame)?;
+    }
+    writer.finish()
+}
+
+fn names(dir: &Path) -> BTreeSet<String> {
+    let entries = fs::read_dir(dir).unwrap();
+    entries
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect()
+}
+
+fn set(names: &[&str]) -> BTreeSet<String> {
+    names.iter().map(|name| name.to_string()).collect()
+}
+
+#[test]
+fn a_run_replaces_the_files_of_an_earlier_one_and_nothing_else() {
+    let temp = tempfile::tempdir().unwrap();
+    // Folders in between are created too.
+    let dir = temp.path().join("a/b");
+    run(&dir, 3, true).unwrap();
+    let foreign = [
+        "notes.txt",
+        "frame_1.fits",
+        "frame_00001.fits.bak",
+        "frame_00002.jpg",
+    ];
+    for name in foreign {
+        fs::write(dir.join(name), name).unwrap();
+    }
+
+    let summary = run(&dir, 1, false).unwrap();
+    let ours = [
+        "frame_00000.fits",
+        "frame_00000.png",
+        "labels.jsonl",
+        "contact_sheet.png",
+    ];
+    assert_eq!(names(&dir), set(&[&ours[..], &foreign[..]].concat()));
+    for name in foreign {
+        assert_eq!(fs::read_to_string(dir.join(name)).unwrap(), name);
+    }
+    assert_eq!(
+        summary,
+        Summary {
+            frames: 1,
+            folder: dir.clone(),
+            labels: dir.join("labels.jsonl"),
+            contact_sheet: Some(dir.join("contact_sheet.png")),
+        }
+    );
+}
+
+#[test]
+fn a_run_without_frames_leaves_no_sheet_and_no_labels() {
+    let dir = tempfile::tempdir().unwrap();
+    run(dir.path(), 2, false).unwrap();
+    let summary = run(dir.path(), 0, false).unwrap();
+    assert_eq!((summary.frames, summary.contact_sheet), (0, None));
+    assert_eq!(names(dir.path()), set(&["labels.jsonl"]));
+    assert_eq!(fs::read(dir.path().join("labels.jsonl")).unwrap(), b"");
+}
+
+#[test]
+fn labels_are_the_lines_given_byte_for_byte_and_whole_before_the_end() {
+    let dir = tempfile::tempdir().unwrap();
+    let camera = camera("fai-nir");
+    let mut writer = Writer::create(dir.path(), 2).unwrap();
+    let mut lines = String::new();
+    for i in 0..2 {
+        let label = label(&camera, i, &Attitude::identity());
+        let frame = frame(&camera, &label, &mut Numbers(4));
+        let json = label.to_json();
+        writer.write_frame(&camera, &label, &json, &frame).unwrap();
+        lines += &format!("{json}\n");
+        assert_eq!(
+            fs::read_to_string(dir.path().join("labels.jsonl")).unwrap(),
+            lines
+        );
+    }
+}
+
+#[test]
+fn a_file_in_place_of_the_folder_is_named_with_a_remedy() {
+    let temp = tempfile::tempdir().unwrap();
+    let file = temp.path().join("out");
+    fs::write(&file, "mine").unwrap();
+    for dir in [file.clone(), file.join("below")] {
+        let message = Writer::create(&dir, 1).unwrap_err().to_string();
+        assert!(message.contains(&dir.display().to_string()), "{message}");
+        assert!(
+            message.contains("choose another output folder"),
+            "{message}"
+        );
+    }
+    assert_eq!(fs::read_to_string(&file).unwrap(), "mine");
+}
+
+#[test]
+fn a_folder_in_place_of_a_file_is_named_and_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    fs::create_dir(dir.path().join("frame_00000.png")).unwrap();
+    let message = run(dir.path(), 1, false).unwrap_err().to_string();
+    assert!(
+        message.contains("frame_00000.png") && message.contains("folder"),
+        "{message}"
+    );
+    assert!(dir.path().join("frame_00000.png").is_dir());
+}
+
+/// What fits a buffer fails only when the buffer is flushed: `/dev/full` takes nothing.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_reported_and_leaves_no_part_of_a_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let camera = camera("fai-nir");
+    let label = label(&camera, 0, &Attitude::identity());
+    let frame = frame(&camera, &label, &mut Numbers(5));
+    for name in [
+        "frame_00000.fits",
+        "frame_00000.png",
+        "frame_00000_electrons.fits",
+    ] {
+        let mut writer = Writer::create(dir.path(), 1).unwrap();
+        std::os::unix::fs::symlink("/dev/full", dir.path().join(name)).unwrap();
+        let error = writer
+            .write_frame(&camera, &label, "{}", &frame)
+            .unwrap_err();
+        assert_eq!(error.source.kind(), std::io::ErrorKind::StorageFull);
+        assert!(error.path.ends_with(name) && error.to_string().contains("free some space"));
+        assert!(!names(dir.path()).contains(name));
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_reported_for_the_sheet_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let camera = camera("fai-nir");
+    let label = label(&camera, 0, &Attitude::identity());
+    let frame = frame(&camera, &label, &mut Numbers(6));
+    let mut writer = Writer::create(dir.path(), 1).unwrap();
+    writer.write_frame(&camera, &label, "{}", &frame).unwrap();
+    std::os::unix::fs::symlink("/dev/full", dir.path().join("contact_sheet.png")).unwrap();
+    let error = writer.finish().unwrap_err();
+    assert!(error.path.ends_with("contact_sheet.png"));
+}

@@ -1,0 +1,6 @@
+//! The files of a run, read back.
+
+mod fits;
+mod folder;
+mod pictures;
+mod synthetic;

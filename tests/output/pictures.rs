@@ -1,0 +1,150 @@
+//! PNG frames and the contact sheet, read back.
+
+use crate::synthetic::{Numbers, camera, field, frame, label, rso, star};
+use image::{DynamicImage, RgbImage};
+use skyloop::attitude::Attitude;
+use skyloop::camera::Camera;
+use skyloop::frame::Frame;
+use skyloop::label::ObjectLabel;
+use skyloop::output::Writer;
+
+/// As on the sheet.
+const STAR: [u8; 3] = [110, 190, 255];
+const RSO: [u8; 3] = [255, 170, 50];
+const HIDDEN: [u8; 3] = [255, 110, 150];
+
+fn sheet_of(camera: &Camera, frames: &[(Vec<ObjectLabel>, Frame)]) -> RgbImage {
+    let dir = tempfile::tempdir().unwrap();
+    let mut writer = Writer::create(dir.path(), frames.len() as u32).unwrap();
+    for (i, (objects, frame)) in frames.iter().enumerate() {
+        let mut label = label(camera, i as u32, &Attitude::identity());
+        label.objects = objects.clone();
+        writer.write_frame(camera, &label, "{}", frame).unwrap();
+    }
+    let path = writer.finish().unwrap().contact_sheet.unwrap();
+    image::open(path).unwrap().into_rgb8()
+}
+
+fn flat(camera: &Camera) -> Frame {
+    let (width, height) = (camera.detector.width, camera.detector.height);
+    Frame {
+        width,
+        height,
+        digits: vec![100; width * height],
+        expected_e: None,
+    }
+}
+
+/// Pixels of a colour in the square of `half` around a place of the picture's first panel.
+fn count(sheet: &RgbImage, color: [u8; 3], [x, y]: [f64; 2], half: i32) -> usize {
+    let (x, y) = (12 + x.round() as i32, 64 + y.round() as i32);
+    (y - half..=y + half)
+        .flat_map(|row| (x - half..=x + half).map(move |column| (column, row)))
+        .filter(|(column, row)| sheet.get_pixel(*column as u32, *row as u32).0 == color)
+        .count()
+}
+
+#[test]
+fn the_png_holds_the_digits_row_0_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut numbers = Numbers(10);
+    let camera = camera("cots-wide");
+    let mut label = label(&camera, 0, &numbers.attitude());
+    label.objects = field(&camera, 20, &mut numbers);
+    let mut frame = frame(&camera, &label, &mut numbers);
+    frame.digits[..2].copy_from_slice(&[0, 65535]);
+    let mut writer = Writer::create(dir.path(), 1).unwrap();
+    writer.write_frame(&camera, &label, "{}", &frame).unwrap();
+    let DynamicImage::ImageLuma16(picture) =
+        image::open(dir.path().join("frame_00000.png")).unwrap()
+    else {
+        panic!("not 16-bit grey");
+    };
+    assert_eq!((picture.width(), picture.height()), (1280, 1024));
+    assert_eq!(picture.as_raw(), &frame.digits);
+}
+
+#[test]
+fn every_kind_of_object_has_its_ring_and_its_name() {
+    let camera = camera("fai-nir");
+    let objects = vec![
+        star("HIP 1".into(), &["HR 1", "Sirrah"], [40.0, 40.0], 5000.0),
+        rso("RCM-1", [120.0, 60.0], 5000.0, None),
+        rso("RCM-2", [60.0, 200.0], 0.0, Some("in the Earth's shadow")),
+        // Below the limit: neither ring nor name.
+        star("HIP 2".into(), &[], [200.0, 200.0], 100.0),
+    ];
+    let sheet = sheet_of(&camera, &[(objects, flat(&camera))]);
+    // Two pixels of the panel a pixel; centres of first pixels coincide.
+    let at = |x: f64, y: f64| [2.0 * x + 0.5, 2.0 * y + 0.5];
+    assert!(count(&sheet, STAR, at(40.0, 40.0), 9) > 8);
+    let whole = count(&sheet, RSO, at(120.0, 60.0), 18);
+    let dashed = count(&sheet, HIDDEN, at(60.0, 200.0), 18);
+    assert!(
+        whole > 30 && dashed > 15 && dashed < whole,
+        "{dashed} of {whole}"
+    );
+    assert_eq!(count(&sheet, STAR, at(200.0, 200.0), 12), 0);
+    // Names on the right: six letters are about 36 px wide.
+    assert!(count(&sheet, STAR, at(60.0, 40.0), 18) > 40);
+}
+
+#[test]
+fn a_star_of_snr_5_stands_out_of_the_noise() {
+    let mut numbers = Numbers(11);
+    let camera = camera("fai-nir");
+    let mut label = label(&camera, 0, &Attitude::identity());
+    let (read, gain) = (camera.detector.read_noise_e, camera.detector.gain_e_per_dn);
+    // In a pixel; the light of a star lies on about four.
+    let noise_e = (label.background_e_px + read * read + gain * gain / 12.0).sqrt();
+    let places: Vec<[f64; 2]> = (0..16)
+        .map(|i| {
+            [
+                20.0 + 50.0 * f64::from(i % 4),
+                20.0 + 50.0 * f64::from(i / 4),
+            ]
+        })
+        .collect();
+    // Not labelled, so that no ring covers what is measured.
+    label.objects = places
+        .iter()
+        .map(|at| star("HIP 1".into(), &[], *at, 10.0 * noise_e))
+        .collect();
+    let frame = frame(&camera, &label, &mut numbers);
+    let sheet = sheet_of(&camera, &[(Vec::new(), frame)]);
+    let grey = |x: f64, y: f64| {
+        f64::from(
+            sheet
+                .get_pixel(12 + (2.0 * x) as u32, 64 + (2.0 * y) as u32)
+                .0[0],
+        )
+    };
+    let stars = places.iter().map(|[x, y]| grey(*x, *y)).sum::<f64>() / 16.0;
+    let sky = places
+        .iter()
+        .map(|[x, y]| grey(x + 20.0, y + 20.0))
+        .sum::<f64>()
+        / 16.0;
+    assert!(sky < 70.0 && stars > sky + 30.0, "sky {sky}, stars {stars}");
+}
+
+#[test]
+fn twelve_panels_at_most_and_odd_cameras_too() {
+    let mut camera = camera("fai-nir");
+    (camera.detector.width, camera.detector.height) = (640, 10);
+    let frames: Vec<_> = (0..30).map(|_| (Vec::new(), flat(&camera))).collect();
+    let sheet = sheet_of(&camera, &frames);
+    assert_eq!(
+        sheet.dimensions(),
+        (4 * 524 + 12, 3 * (8 + 38 + 12) + 64 + 12)
+    );
+    for (width, height) in [(1, 1), (1, 2000), (700, 3), (8192, 2)] {
+        (camera.detector.width, camera.detector.height) = (width, height);
+        let objects = vec![
+            rso("A", [0.0, 0.0], 100.0, None),
+            star("B".into(), &[], [0.0, 0.0], 1e9),
+        ];
+        let sheet = sheet_of(&camera, &[(objects, flat(&camera))]);
+        assert!(sheet.width() < 600 && sheet.height() < 700);
+    }
+}
