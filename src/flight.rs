@@ -35,7 +35,8 @@ pub enum FlightError {
 /// How long a flight computer waits for a frame.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// The mission that `config`'s sequence describes, in lock-step with the emulator.
+/// The mission that `config`'s sequence describes, in lock-step with the emulator. Its first and last frame have an
+/// attitude and a state.
 pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     let sequence = config.sequence.as_ref().ok_or(FlightError::NoSequence)?;
     let orbit = config.observer.clone().map(|observer| match observer {
@@ -45,7 +46,7 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     if orbit.is_none() && !config.objects.is_empty() {
         return Err(FlightError::NoObserver);
     }
-    Ok(Mission {
+    let mission = Mission {
         start: sequence.epoch,
         period_s: sequence.period_s,
         frames: sequence.frames,
@@ -53,7 +54,11 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         orbit,
         timeout: TIMEOUT,
         pace: Pace::Stepped { most_hz: None },
-    })
+    };
+    // Said before anything is opened or written.
+    vehicle(&mission, 0)?;
+    vehicle(&mission, mission.frames.saturating_sub(1))?;
+    Ok(mission)
 }
 
 /// The vehicle in the middle of exposure `number` of a mission.

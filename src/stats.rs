@@ -1,6 +1,7 @@
 //! What a run measured: times as percentiles, counts, and the table at its end.
 
 use crate::engine::Shot;
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 /// Durations of one kind.
@@ -75,6 +76,41 @@ impl RunStats {
             format!("{} ({} visible)", self.rsos, self.rsos_visible),
         ));
         rows
+    }
+}
+
+/// Objects that could not be shown because their orbit had no state at a frame.
+#[derive(Debug, Clone, Default)]
+pub struct Absent {
+    /// How many, summed over the frames.
+    pub count: u32,
+    named: BTreeSet<String>,
+}
+
+impl Absent {
+    /// Objects that are named in the log; of more, only their number.
+    const NAMED: usize = 5;
+
+    /// Counts those of a shot, and names each in the log once.
+    pub fn report(&mut self, shot: &Shot) {
+        self.count = self.count.wrapping_add(shot.unknown.len() as u32);
+        let mut more = 0;
+        for error in &shot.unknown {
+            if !self.named.insert(error.object().to_string()) {
+                continue;
+            }
+            if self.named.len() <= Self::NAMED {
+                tracing::warn!("frame {}: not shown: {error}", shot.number);
+            } else {
+                more += 1;
+            }
+        }
+        if more > 0 {
+            tracing::warn!(
+                "frame {}: {more} more objects have no state and are not shown",
+                shot.number
+            );
+        }
     }
 }
 

@@ -60,7 +60,7 @@ pub enum Profile {
 pub enum ProfileError {
     /// The epoch lies outside the attitude list.
     #[error(
-        "no attitude at {epoch}: the list covers {first} to {last}; give attitudes on both sides of every frame"
+        "no attitude at {epoch}: the list covers {first} to {last}; give attitudes on both sides of every frame, or ask for fewer frames"
     )]
     OutsideList {
         /// The epoch asked for.

@@ -6,6 +6,7 @@ mod run;
 
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
 use tracing::level_filters::LevelFilter;
 
 /// Hardware-in-the-loop star-tracker emulator: attitude in, labelled frames out.
@@ -49,7 +50,10 @@ pub fn start_log(verbose: u8) {
     };
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_max_level(level)
+        .with_target(false)
+        .without_time()
         .init();
 }
 

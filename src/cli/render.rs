@@ -11,7 +11,7 @@ use skyloop::flight;
 use skyloop::load::{Folder, orbits};
 use skyloop::orbit::StateVector;
 use skyloop::output::Writer;
-use skyloop::stats::{RunStats, table};
+use skyloop::stats::{Absent, RunStats, table};
 use std::path::PathBuf;
 
 /// Arguments of `skyloop render`.
@@ -110,23 +110,17 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         tracing::warn!("refused: {line}");
     }
     let mission = flight::mission(&config)?;
-    // Before anything is written: every frame has an attitude and a state.
-    for number in [0, mission.frames - 1] {
-        flight::vehicle(&mission, number)
-            .with_context(|| format!("frame {number} of {}", mission.frames))?;
-    }
     let mut emulator = Emulator::new(&mut config);
     emulator.noise = !args.no_noise;
     emulator.keep_expected = args.no_noise;
     let mut writer = Writer::create(&args.out, mission.frames)?;
     let mut stats = RunStats::default();
+    let mut absent = Absent::default();
     let bar = progress(mission.frames);
     for number in 0..mission.frames {
         let vehicle = flight::vehicle(&mission, number)?;
         let shot = emulator.shoot(&vehicle, 0)?;
-        for error in &shot.unknown {
-            bar.suspend(|| tracing::warn!(frame = number, "not shown: {error}"));
-        }
+        bar.suspend(|| absent.report(&shot));
         stats.add(&shot);
         writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
         bar.inc(1);

@@ -11,12 +11,12 @@ use crate::attitude::VehicleState;
 use crate::config::Clock;
 use crate::engine::{Emulator, Shot};
 use crate::link::{LinkError, Wire};
-use crate::stats::RunStats;
+use crate::stats::{Absent, RunStats};
 use clock::WallClock;
 use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
 use skyloop_protocols::{Counters, Header, Personality};
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -61,8 +61,8 @@ pub struct Server {
     counters: Counters,
     /// What the run measured.
     pub stats: RunStats,
-    /// Objects already reported as without an answer.
-    reported: BTreeSet<String>,
+    /// Objects that could not be shown.
+    absent: Absent,
 }
 
 /// Why a frame did not reach its client whole.
@@ -92,7 +92,7 @@ impl Server {
             counts: SequenceCounts::new(),
             counters: Counters::default(),
             stats: RunStats::default(),
-            reported: BTreeSet::new(),
+            absent: Absent::default(),
         }
     }
 
@@ -136,7 +136,7 @@ impl Server {
             };
             self.counters.frames_rendered = self.counters.frames_rendered.wrapping_add(1);
             self.stats.add(&shot);
-            self.report_unknown(&shot);
+            self.absent.report(&shot);
             let counter = match self.deliver(&shot, stop) {
                 Ok(()) => {
                     self.stats.answer.add(latched.arrived.elapsed());
@@ -160,18 +160,6 @@ impl Server {
         Some((latched.vehicle.at(mid), latched, repeat))
     }
 
-    /// Counts the objects that could not be shown, and names each once.
-    fn report_unknown(&mut self, shot: &Shot) {
-        let count = &mut self.counters.objects_without_state;
-        *count = count.wrapping_add(shot.unknown.len() as u32);
-        for error in &shot.unknown {
-            let object = error.object().to_string();
-            if self.reported.insert(object) {
-                tracing::warn!(frame = shot.number, "not shown: {error}");
-            }
-        }
-    }
-
     /// All counts, the link's among them.
     pub fn counters(&self) -> Counters {
         let tally = &self.wire.tally;
@@ -179,6 +167,7 @@ impl Server {
             foreign_packets: tally.foreign(),
             dropped_inbound: tally.dropped(),
             bad_framing: tally.bad_framing(),
+            objects_without_state: self.absent.count,
             rejected_records: self.emulator.rejected_records(),
             ..self.counters
         }
