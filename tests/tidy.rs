@@ -61,12 +61,20 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     paths.sort();
     let skipped = |path: &Path| {
         let name = path.file_name().unwrap_or_default();
-        ["target", ".git", "skyloop-out", "Cargo.lock"].iter().any(|n| name == *n)
+        ["target", ".git", "skyloop-out", "Cargo.lock"]
+            .iter()
+            .any(|n| name == *n)
     };
     paths.retain(|path| !skipped(path));
     paths
         .into_iter()
-        .flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] })
+        .flat_map(|path| {
+            if path.is_dir() {
+                files(&path)
+            } else {
+                vec![path]
+            }
+        })
         .collect()
 }
 
@@ -82,7 +90,9 @@ fn name(path: &Path) -> String {
 fn code(path: &Path) -> String {
     let text = std::fs::read_to_string(path).unwrap();
     let text = text.split("#[cfg(test)]").next().unwrap_or_default();
-    let lines = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+    let lines = text
+        .lines()
+        .filter(|line| !line.trim_start().starts_with("//"));
     lines.map(|line| format!("{line}\n")).collect()
 }
 
@@ -101,7 +111,10 @@ fn sources() -> Vec<(String, String)> {
 
 /// Whether file `sky/apparent` belongs to module or file `place`.
 fn belongs(file: &str, place: &str) -> bool {
-    file == place || file.strip_prefix(place).is_some_and(|rest| rest.starts_with('/'))
+    file == place
+        || file
+            .strip_prefix(place)
+            .is_some_and(|rest| rest.starts_with('/'))
 }
 
 #[test]
@@ -127,7 +140,10 @@ fn imports_point_down() {
                 wrong.push(format!("src/{file}.rs imports {used:?}"));
             }
         }
-        assert!(!code.contains("super::super::"), "src/{file}.rs climbs out of its family");
+        assert!(
+            !code.contains("super::super::"),
+            "src/{file}.rs climbs out of its family"
+        );
     }
     assert!(wrong.is_empty(), "not downwards:\n{}", wrong.join("\n"));
 }
@@ -139,7 +155,13 @@ fn every_module_has_its_layer() {
         .lines()
         .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'))
         .collect();
-    assert_eq!(modules, LAYERS.iter().flat_map(|layer| layer.iter().copied()).collect());
+    assert_eq!(
+        modules,
+        LAYERS
+            .iter()
+            .flat_map(|layer| layer.iter().copied())
+            .collect()
+    );
 }
 
 #[test]
@@ -152,11 +174,17 @@ fn dependencies_stay_in_their_rooms() {
             .collect();
         for file in &users {
             let allowed = places.iter().any(|place| belongs(file, place));
-            assert!(allowed, "src/{file}.rs uses {token}, which is for {places:?}");
+            assert!(
+                allowed,
+                "src/{file}.rs uses {token}, which is for {places:?}"
+            );
         }
         for place in *places {
             let used = users.iter().any(|file| belongs(file, place));
-            assert!(used, "the fence of {token} names {place}, which does not use it");
+            assert!(
+                used,
+                "the fence of {token} names {place}, which does not use it"
+            );
         }
     }
 }
@@ -183,25 +211,42 @@ fn the_registries_are_in_order() {
         let set: BTreeSet<&str> = names.iter().copied().collect();
         assert_eq!(set.len(), names.len(), "{names:?}");
     };
-    assert!(EFFECTS.is_sorted_by_key(|effect| effect.stage), "light, then charge, then digits");
+    assert!(
+        EFFECTS.is_sorted_by_key(|effect| effect.stage),
+        "light, then charge, then digits"
+    );
     unique(EFFECTS.iter().map(|effect| effect.name).collect());
     unique(LINKS.iter().map(|link| link.scheme).collect());
     for link in LINKS {
         assert!(link.example.starts_with(link.scheme), "{}", link.example);
     }
-    unique(PERSONALITIES.iter().map(|personality| personality.name).collect());
+    unique(
+        PERSONALITIES
+            .iter()
+            .map(|personality| personality.name)
+            .collect(),
+    );
 }
 
 /// Two effects of one stream would draw the same numbers.
 #[test]
 fn every_noise_stream_has_one_effect() {
     let mut owner = BTreeMap::new();
-    for (file, code) in sources().into_iter().filter(|(file, _)| belongs(file, "effect")) {
-        for line in code.lines().filter(|line| line.contains("const STREAM: u8 =")) {
+    for (file, code) in sources()
+        .into_iter()
+        .filter(|(file, _)| belongs(file, "effect"))
+    {
+        for line in code
+            .lines()
+            .filter(|line| line.contains("const STREAM: u8 ="))
+        {
             let other = owner.insert(line.trim().to_string(), file.clone());
             assert_eq!(other, None, "{file}: {line}");
         }
-        let (draws, own) = (code.contains("PixelStream::new"), code.contains("const STREAM: u8"));
+        let (draws, own) = (
+            code.contains("PixelStream::new"),
+            code.contains("const STREAM: u8"),
+        );
         assert_eq!(draws, own, "{file} keys its noise by a STREAM of its own");
     }
     assert!(owner.len() >= 2);
@@ -218,11 +263,21 @@ fn files_are_short() {
 /// Outside of tests nothing may stop the program: what comes from outside is refused with an error.
 #[test]
 fn nothing_panics_on_purpose() {
-    let panics = [".unwrap()", ".expect(", "panic!(", "unreachable!(", "todo!(", "unimplemented!("];
+    let panics = [
+        ".unwrap()",
+        ".expect(",
+        "panic!(",
+        "unreachable!(",
+        "todo!(",
+        "unimplemented!(",
+    ];
     for folder in ["src", "protocols/src", "firmware-sim/src"] {
         let tests = root().join("src/orbit/tests");
         let paths = files(&root().join(folder));
-        for path in paths.iter().filter(|path| is_rust(path) && !path.starts_with(&tests)) {
+        for path in paths
+            .iter()
+            .filter(|path| is_rust(path) && !path.starts_with(&tests))
+        {
             let code = code(path);
             for panic in panics {
                 assert!(!code.contains(panic), "{} has {panic}", name(path));
@@ -236,13 +291,19 @@ fn nothing_panics_on_purpose() {
 fn nothing_is_unsafe() {
     let lint = concat!("unsafe", "_code");
     for path in files(root()) {
-        let Ok(text) = std::fs::read_to_string(&path) else { continue };
+        let Ok(text) = std::fs::read_to_string(&path) else {
+            continue;
+        };
         if is_rust(&path) {
             let allowed = [format!("allow({lint})"), format!("expect({lint})")];
             assert!(!allowed.iter().any(|a| text.contains(a)), "{}", name(&path));
         }
         if path.ends_with("Cargo.toml") {
-            assert!(text.contains("[lints]\nworkspace = true"), "{}", name(&path));
+            assert!(
+                text.contains("[lints]\nworkspace = true"),
+                "{}",
+                name(&path)
+            );
         }
     }
     let manifest = std::fs::read_to_string(root().join("Cargo.toml")).unwrap();
@@ -255,7 +316,9 @@ fn no_machine_paths() {
     // In pieces, so that this file does not hold them.
     let folders = ["work", "tmp", "home", "root", "Users"].map(|folder| format!("/{folder}/"));
     for path in files(root()) {
-        let Ok(text) = std::fs::read_to_string(&path) else { continue };
+        let Ok(text) = std::fs::read_to_string(&path) else {
+            continue;
+        };
         for (number, line) in (1..).zip(text.lines()) {
             let starts = |folder: &String| {
                 line.match_indices(folder.as_str()).any(|(at, _)| {
@@ -263,7 +326,11 @@ fn no_machine_paths() {
                     !line[..at].ends_with(|c: char| c.is_alphanumeric() || "._-".contains(c))
                 })
             };
-            assert!(!folders.iter().any(starts), "{}:{number}: {line}", name(&path));
+            assert!(
+                !folders.iter().any(starts),
+                "{}:{number}: {line}",
+                name(&path)
+            );
         }
     }
 }
