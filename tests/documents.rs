@@ -1,0 +1,217 @@
+//! The documents say what the program does: labels, command line, configuration keys, cameras, rooms, dependencies.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Command;
+
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::load::{CAMERAS, DEFAULT_TOML, Folder};
+
+const README: &str = include_str!("../README.md");
+const ARCHITECTURE: &str = include_str!("../ARCHITECTURE.md");
+const MANIFEST: &str = include_str!("../Cargo.toml");
+
+type Names = BTreeSet<String>;
+
+/// The part of `document` below `heading`, up to the next one of its kind.
+fn section<'a>(document: &'a str, heading: &str) -> &'a str {
+    let (_, rest) = document
+        .split_once(&format!("\n{heading}\n"))
+        .unwrap_or_else(|| panic!("no {heading:?}"));
+    let level = heading.split(' ').next().unwrap();
+    let ends = ["\n# ", "\n## ", "\n### "];
+    let end = ends[..level.len()].iter().filter_map(|end| rest.find(end)).min();
+    &rest[..end.unwrap_or(rest.len())]
+}
+
+/// What stands in backquotes in the first column of a section's tables.
+fn first_column(section: &str) -> Names {
+    let rows = section.lines().filter_map(|line| line.strip_prefix("| "));
+    let cells = rows.filter_map(|row| row.split(" |").next());
+    cells
+        .flat_map(|cell| cell.split('`').skip(1).step_by(2))
+        .map(str::to_string)
+        .collect()
+}
+
+fn names<'a>(names: impl IntoIterator<Item = &'a str>) -> Names {
+    names.into_iter().map(str::to_string).collect()
+}
+
+#[test]
+fn the_readme_lists_the_labels_fields() {
+    let mut config = Config::builtin().unwrap();
+    let mission = flight::mission(&config).unwrap();
+    let mut emulator = Emulator::new(&mut config);
+    let shot = emulator.shoot(&flight::vehicle(&mission, 0).unwrap(), 0).unwrap();
+    let label: serde_json::Value = serde_json::from_str(&shot.json).unwrap();
+    let mut fields: Names = label.as_object().unwrap().keys().cloned().collect();
+    for object in label["objects"].as_array().unwrap() {
+        fields.extend(object.as_object().unwrap().keys().cloned());
+    }
+    // The frame holds stars and satellites, seen ones and (too faint) unseen ones.
+    assert!(fields.contains("range_km") && fields.contains("reason"));
+    assert_eq!(first_column(section(README, "## Labels")), fields);
+}
+
+/// The long options in a help text.
+fn options(help: &str) -> Names {
+    let words = help.lines().filter(|line| line.trim_start().starts_with('-')).flat_map(|line| {
+        let usage = line.trim_start().split("  ").next().unwrap_or_default();
+        usage.split([' ', ',', '.']).collect::<Vec<_>>()
+    });
+    names(words.filter(|word| word.starts_with("--")))
+}
+
+fn help(command: Option<&str>) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_skyloop"))
+        .args(command)
+        .arg("--help")
+        .output()
+        .unwrap();
+    assert!(output.status.success());
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The long options in a section of the README.
+fn documented(heading: &str) -> Names {
+    let cells = first_column(section(README, heading));
+    let option = |cell: &String| cell.split(' ').next().unwrap_or_default().to_string();
+    cells.iter().map(option).filter(|name| name.starts_with("--")).collect()
+}
+
+#[test]
+fn the_readme_lists_the_command_line() {
+    let global = documented("### `skyloop`");
+    assert_eq!(global, options(&help(None)));
+    let (_, listed) = help(None).split_once("Commands:\n").map(|(a, b)| (a.len(), b.to_string())).unwrap();
+    let commands = listed.lines().take_while(|line| !line.is_empty());
+    let commands: Vec<&str> = commands.filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(commands.len() >= 4, "{commands:?}");
+    for command in commands.into_iter().filter(|command| *command != "help") {
+        let options: Names = options(&help(Some(command))).difference(&global).cloned().collect();
+        assert_eq!(documented(&format!("### `skyloop {command}`")), options, "{command}");
+    }
+}
+
+#[test]
+fn the_readmes_commands_exist() {
+    assert!(README.contains("    cargo run --release -- loopback "));
+    assert!(README.contains("    tests/run "));
+    for file in ["tests/run", "configs/run.toml", "docs/loopback.png", "protocols/docs/icd.md"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
+        assert!(README.contains(file) && path.is_file(), "{file}");
+    }
+    assert!(include_str!("../.ci/run").contains("tests/run"));
+    Config::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/run.toml")).unwrap();
+}
+
+/// The keys that a table knows, as the refusal of an unknown one names them.
+fn known(refusal: impl std::fmt::Display, table: &str) -> Names {
+    let text = refusal.to_string();
+    let (_, list) = text.split_once("expected").unwrap_or_else(|| panic!("{text}"));
+    let list = list.lines().next().unwrap();
+    list.split('`').skip(1).step_by(2).map(|key| format!("{table}{key}")).collect()
+}
+
+#[test]
+fn the_default_file_has_every_key_and_no_other() {
+    let probe = |text: &str, table: &str| {
+        known(Config::parse("probe", text, &Folder::current()).unwrap_err(), table)
+    };
+    let mut wanted = probe("no_such_key = 1", "");
+    let tables = ["sky", "objects", "observer", "run", "sequence"];
+    for table in tables {
+        assert!(wanted.remove(table), "{table}");
+        wanted.extend(probe(&format!("[{table}]\nno_such_key = 1"), &format!("{table}.")));
+    }
+    assert!(wanted.contains("run.link") && wanted.contains("sequence.rates_deg_s"));
+
+    let mut found = Names::new();
+    let mut table = String::new();
+    for line in DEFAULT_TOML.lines() {
+        // Tables and keys without a default stand behind a comment mark.
+        let line = line.strip_prefix("# ").unwrap_or(line);
+        if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+            table = format!("{}.", name.0);
+        } else if let Some((key, _)) = line.split_once(" = ")
+            && key.chars().all(|c| c.is_ascii_lowercase() || c == '_')
+        {
+            found.insert(format!("{table}{key}"));
+        }
+    }
+    assert_eq!(found, wanted);
+
+    let attitude = "[sequence]\nepoch = \"2019-06-15T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\n\
+                    attitudes = [{ q = [0.0, 0.0, 0.0, 1.0], no_such_key = 1 }]";
+    for key in probe(attitude, "") {
+        assert!(DEFAULT_TOML.contains(&format!(" {key} = ")), "attitudes: {key}");
+    }
+}
+
+#[test]
+fn the_default_files_values_are_the_defaults() {
+    let written = Config::parse("default.toml", DEFAULT_TOML, &Folder::current()).unwrap();
+    let built = Config::defaults().unwrap();
+    assert_eq!(format!("{written:?}"), format!("{built:?}"));
+}
+
+#[test]
+fn the_cameras_are_listed_and_sourced() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/cameras");
+    let files: Names = std::fs::read_dir(&folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned())
+        .collect();
+    assert_eq!(files, names(CAMERAS.iter().copied()), "built in");
+    let listed = first_column(section(README, "## Cameras"));
+    for name in CAMERAS {
+        assert!(listed.contains(*name), "{name} is not in the README");
+        assert_eq!(Camera::load(name, &Folder::current()).unwrap().name, *name);
+        let text = std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();
+        for line in text.lines().filter(|line| line.contains(" = ") && !line.starts_with("name")) {
+            let (_, comment) = line.split_once('#').unwrap_or_else(|| panic!("{name}: {line}"));
+            assert!(comment.contains('[') && comment.contains(']'), "{name}: source of {line}");
+        }
+    }
+}
+
+#[test]
+fn the_readme_lists_the_cameras_keys() {
+    let folder = tempfile::tempdir().unwrap();
+    let probe = |text: &str, table: &str| {
+        let file = folder.path().join("probe.toml");
+        std::fs::write(&file, text).unwrap();
+        let refused = Camera::load("probe.toml", &Folder::of(&file)).unwrap_err();
+        known(refused, table)
+    };
+    let mut wanted = probe("no_such_key = 1", "");
+    for table in ["optics", "detector", "timing", "mounting"] {
+        assert!(wanted.remove(table), "{table}");
+        wanted.extend(probe(&format!("[{table}]\nno_such_key = 1"), &format!("{table}.")));
+    }
+    let listed = first_column(section(README, "## Cameras"));
+    let keys = listed.into_iter().filter(|key| !CAMERAS.contains(&key.as_str()));
+    assert_eq!(keys.collect::<Names>(), wanted);
+}
+
+#[test]
+fn the_architecture_has_every_room_and_dependency() {
+    let lib = include_str!("../src/lib.rs");
+    let modules = lib.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
+    let rooms = first_column(section(ARCHITECTURE, "## Rooms"));
+    for module in modules.chain(["cli", "main"]) {
+        assert!(rooms.contains(module), "no room for {module}");
+    }
+    let manifest: toml::Table = MANIFEST.parse().unwrap();
+    let mut wanted = Names::new();
+    for table in ["dependencies", "dev-dependencies"] {
+        wanted.extend(manifest[table].as_table().unwrap().keys().cloned());
+    }
+    wanted.retain(|name| !name.starts_with("skyloop-"));
+    wanted.insert("sgp4".to_string()); // of src/orbit
+    assert_eq!(first_column(section(ARCHITECTURE, "## Dependencies")), wanted);
+}

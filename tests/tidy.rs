@@ -1,0 +1,336 @@
+//! What the code promises about itself: imports point down, dependencies stay in their rooms, the registries are in
+//! order, files are short, nothing panics.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use skyloop::effect::EFFECTS;
+use skyloop::link::LINKS;
+use skyloop_protocols::personality::PERSONALITIES;
+
+/// The modules of `src/`; each imports from lines above its own only.
+const LAYERS: &[&[&str]] = &[
+    &["attitude", "fidelity", "link", "load", "rng"],
+    &["camera", "frame"],
+    &["footprint", "sky"],
+    &["config", "scene"],
+    &["effect", "flight", "label"],
+    &["output", "plan"],
+    &["render"],
+    &["engine"],
+    &["stats"],
+    &["serve"],
+];
+
+/// Who may name what: a path, and the files or modules below `src/` that it is for.
+const FENCES: &[(&str, &[&str])] = &[
+    // Only the ends of the corridor know the wire.
+    ("skyloop_protocols::", &["attitude", "cli", "link", "serve"]),
+    (
+        "skyloop_firmware_sim::",
+        &["cli", "flight", "link", "serve"],
+    ),
+    ("tokio::", &["cli/run", "link/udp"]),
+    ("serialport::", &["link/serial"]),
+    ("rayon::", &["render", "scene", "sky/population"]),
+    ("sofars::", &["sky/bodies"]),
+    ("serde_json::", &["label"]),
+    ("toml::", &["load"]),
+    ("image::", &["output"]),
+    ("embedded_graphics::", &["output"]),
+    ("std::fs::", &["load/folder", "output"]),
+    ("std::net::", &["link/udp"]),
+    // The binary alone reports; the library says what is wrong in types.
+    ("anyhow::", &["cli", "main"]),
+    ("clap::", &["cli", "main"]),
+    ("indicatif::", &["cli"]),
+    ("println!", &["cli", "main"]),
+];
+
+/// Lines that a file may have.
+const MOST_LINES: usize = 500;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every file below `folder`, without what is built or written by runs.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let skipped = |path: &Path| {
+        let name = path.file_name().unwrap_or_default();
+        ["target", ".git", "skyloop-out", "Cargo.lock"]
+            .iter()
+            .any(|n| name == *n)
+    };
+    paths.retain(|path| !skipped(path));
+    paths
+        .into_iter()
+        .flat_map(|path| {
+            if path.is_dir() {
+                files(&path)
+            } else {
+                vec![path]
+            }
+        })
+        .collect()
+}
+
+fn is_rust(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end == "rs")
+}
+
+fn name(path: &Path) -> String {
+    path.strip_prefix(root()).unwrap().display().to_string()
+}
+
+/// The code of a source file: no comments, nothing from its unit tests on.
+fn code(path: &Path) -> String {
+    let text = std::fs::read_to_string(path).unwrap();
+    let text = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let lines = text
+        .lines()
+        .filter(|line| !line.trim_start().starts_with("//"));
+    lines.map(|line| format!("{line}\n")).collect()
+}
+
+/// The sources of the root package: `sky/apparent` and its code.
+fn sources() -> Vec<(String, String)> {
+    let src = root().join("src");
+    files(&src)
+        .iter()
+        .filter(|path| is_rust(path) && !path.starts_with(src.join("orbit")))
+        .map(|path| {
+            let inside = path.strip_prefix(&src).unwrap().with_extension("");
+            (inside.display().to_string().replace('\\', "/"), code(path))
+        })
+        .collect()
+}
+
+/// Whether file `sky/apparent` belongs to module or file `place`.
+fn belongs(file: &str, place: &str) -> bool {
+    file == place
+        || file
+            .strip_prefix(place)
+            .is_some_and(|rest| rest.starts_with('/'))
+}
+
+#[test]
+fn imports_point_down() {
+    let layer: BTreeMap<&str, usize> = LAYERS
+        .iter()
+        .enumerate()
+        .flat_map(|(depth, modules)| modules.iter().map(move |module| (*module, depth)))
+        .collect();
+    let mut wrong = Vec::new();
+    for (file, code) in sources() {
+        let module = file.split('/').next().unwrap();
+        if ["cli", "lib", "main"].contains(&module) {
+            continue; // the front door sees all
+        }
+        for piece in code.split("crate::").skip(1) {
+            let used: String = piece
+                .chars()
+                .take_while(|c| c.is_alphanumeric() || *c == '_')
+                .collect();
+            let down = layer.get(used.as_str()) < layer.get(module);
+            if used != module && !down {
+                wrong.push(format!("src/{file}.rs imports {used:?}"));
+            }
+        }
+        assert!(
+            !code.contains("super::super::"),
+            "src/{file}.rs climbs out of its family"
+        );
+    }
+    assert!(wrong.is_empty(), "not downwards:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn every_module_has_its_layer() {
+    let lib = code(&root().join("src/lib.rs"));
+    let modules: BTreeSet<&str> = lib
+        .lines()
+        .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'))
+        .collect();
+    assert_eq!(
+        modules,
+        LAYERS
+            .iter()
+            .flat_map(|layer| layer.iter().copied())
+            .collect()
+    );
+}
+
+#[test]
+fn dependencies_stay_in_their_rooms() {
+    for (token, places) in FENCES {
+        let users: Vec<String> = sources()
+            .into_iter()
+            .filter(|(_, code)| code.contains(token))
+            .map(|(file, _)| file)
+            .collect();
+        for file in &users {
+            let allowed = places.iter().any(|place| belongs(file, place));
+            assert!(
+                allowed,
+                "src/{file}.rs uses {token}, which is for {places:?}"
+            );
+        }
+        for place in *places {
+            let used = users.iter().any(|file| belongs(file, place));
+            assert!(
+                used,
+                "the fence of {token} names {place}, which does not use it"
+            );
+        }
+    }
+}
+
+/// The crates of this repository that a manifest depends on.
+fn own_dependencies(manifest: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(root().join(manifest)).unwrap();
+    let table: toml::Table = text.parse().unwrap();
+    let own = |(name, value): (&String, &toml::Value)| value.get("path").map(|_| name.clone());
+    let dependencies = table["dependencies"].as_table().unwrap();
+    dependencies.iter().filter_map(own).collect()
+}
+
+#[test]
+fn the_flight_computer_shares_the_wire_and_the_orbits_only() {
+    let shared = ["skyloop-orbit", "skyloop-protocols"];
+    assert_eq!(own_dependencies("firmware-sim/Cargo.toml"), shared);
+    assert!(own_dependencies("src/orbit/Cargo.toml").is_empty());
+}
+
+#[test]
+fn the_registries_are_in_order() {
+    let unique = |names: Vec<&str>| {
+        let set: BTreeSet<&str> = names.iter().copied().collect();
+        assert_eq!(set.len(), names.len(), "{names:?}");
+    };
+    assert!(
+        EFFECTS.is_sorted_by_key(|effect| effect.stage),
+        "light, then charge, then digits"
+    );
+    unique(EFFECTS.iter().map(|effect| effect.name).collect());
+    unique(LINKS.iter().map(|link| link.scheme).collect());
+    for link in LINKS {
+        assert!(link.example.starts_with(link.scheme), "{}", link.example);
+    }
+    unique(
+        PERSONALITIES
+            .iter()
+            .map(|personality| personality.name)
+            .collect(),
+    );
+}
+
+/// Two effects of one stream would draw the same numbers.
+#[test]
+fn every_noise_stream_has_one_effect() {
+    let mut owner = BTreeMap::new();
+    for (file, code) in sources()
+        .into_iter()
+        .filter(|(file, _)| belongs(file, "effect"))
+    {
+        for line in code
+            .lines()
+            .filter(|line| line.contains("const STREAM: u8 ="))
+        {
+            let other = owner.insert(line.trim().to_string(), file.clone());
+            assert_eq!(other, None, "{file}: {line}");
+        }
+        let (draws, own) = (
+            code.contains("PixelStream::new"),
+            code.contains("const STREAM: u8"),
+        );
+        assert_eq!(draws, own, "{file} keys its noise by a STREAM of its own");
+    }
+    assert!(owner.len() >= 2);
+}
+
+#[test]
+fn files_are_short() {
+    for path in files(root()).iter().filter(|path| is_rust(path)) {
+        let lines = std::fs::read_to_string(path).unwrap().lines().count();
+        assert!(lines <= MOST_LINES, "{}: {lines} lines", name(path));
+    }
+}
+
+/// Outside of tests nothing may stop the program: what comes from outside is refused with an error.
+#[test]
+fn nothing_panics_on_purpose() {
+    let panics = [
+        ".unwrap()",
+        ".expect(",
+        "panic!(",
+        "unreachable!(",
+        "todo!(",
+        "unimplemented!(",
+    ];
+    for folder in ["src", "protocols/src", "firmware-sim/src"] {
+        let tests = root().join("src/orbit/tests");
+        let paths = files(&root().join(folder));
+        for path in paths
+            .iter()
+            .filter(|path| is_rust(path) && !path.starts_with(&tests))
+        {
+            let code = code(path);
+            for panic in panics {
+                assert!(!code.contains(panic), "{} has {panic}", name(path));
+            }
+        }
+    }
+}
+
+/// The compiler refuses unsafe code; this keeps it told to.
+#[test]
+fn nothing_is_unsafe() {
+    let lint = concat!("unsafe", "_code");
+    for path in files(root()) {
+        let Ok(text) = std::fs::read_to_string(&path) else {
+            continue;
+        };
+        if is_rust(&path) {
+            let allowed = [format!("allow({lint})"), format!("expect({lint})")];
+            assert!(!allowed.iter().any(|a| text.contains(a)), "{}", name(&path));
+        }
+        if path.ends_with("Cargo.toml") {
+            assert!(
+                text.contains("[lints]\nworkspace = true"),
+                "{}",
+                name(&path)
+            );
+        }
+    }
+    let manifest = std::fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    assert!(manifest.contains(&format!("{lint} = \"deny\"")));
+}
+
+/// No file may name a folder of the machine that it was written on.
+#[test]
+fn no_machine_paths() {
+    // In pieces, so that this file does not hold them.
+    let folders = ["work", "tmp", "home", "root", "Users"].map(|folder| format!("/{folder}/"));
+    for path in files(root()) {
+        let Ok(text) = std::fs::read_to_string(&path) else {
+            continue;
+        };
+        for (number, line) in (1..).zip(text.lines()) {
+            let starts = |folder: &String| {
+                line.match_indices(folder.as_str()).any(|(at, _)| {
+                    // `a/home/b` is a path below a, not one of the machine.
+                    !line[..at].ends_with(|c: char| c.is_alphanumeric() || "._-".contains(c))
+                })
+            };
+            assert!(
+                !folders.iter().any(starts),
+                "{}:{number}: {line}",
+                name(&path)
+            );
+        }
+    }
+}
