@@ -23,7 +23,10 @@ fn section<'a>(document: &'a str, heading: &str) -> &'a str {
         .unwrap_or_else(|| panic!("no {heading:?}"));
     let level = heading.split(' ').next().unwrap();
     let ends = ["\n# ", "\n## ", "\n### "];
-    let end = ends[..level.len()].iter().filter_map(|end| rest.find(end)).min();
+    let end = ends[..level.len()]
+        .iter()
+        .filter_map(|end| rest.find(end))
+        .min();
     &rest[..end.unwrap_or(rest.len())]
 }
 
@@ -46,7 +49,9 @@ fn the_readme_lists_the_labels_fields() {
     let mut config = Config::builtin().unwrap();
     let mission = flight::mission(&config).unwrap();
     let mut emulator = Emulator::new(&mut config);
-    let shot = emulator.shoot(&flight::vehicle(&mission, 0).unwrap(), 0).unwrap();
+    let shot = emulator
+        .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
+        .unwrap();
     let label: serde_json::Value = serde_json::from_str(&shot.json).unwrap();
     let mut fields: Names = label.as_object().unwrap().keys().cloned().collect();
     for object in label["objects"].as_array().unwrap() {
@@ -59,10 +64,13 @@ fn the_readme_lists_the_labels_fields() {
 
 /// The long options in a help text.
 fn options(help: &str) -> Names {
-    let words = help.lines().filter(|line| line.trim_start().starts_with('-')).flat_map(|line| {
-        let usage = line.trim_start().split("  ").next().unwrap_or_default();
-        usage.split([' ', ',', '.']).collect::<Vec<_>>()
-    });
+    let words = help
+        .lines()
+        .filter(|line| line.trim_start().starts_with('-'))
+        .flat_map(|line| {
+            let usage = line.trim_start().split("  ").next().unwrap_or_default();
+            usage.split([' ', ',', '.']).collect::<Vec<_>>()
+        });
     names(words.filter(|word| word.starts_with("--")))
 }
 
@@ -80,20 +88,36 @@ fn help(command: Option<&str>) -> String {
 fn documented(heading: &str) -> Names {
     let cells = first_column(section(README, heading));
     let option = |cell: &String| cell.split(' ').next().unwrap_or_default().to_string();
-    cells.iter().map(option).filter(|name| name.starts_with("--")).collect()
+    cells
+        .iter()
+        .map(option)
+        .filter(|name| name.starts_with("--"))
+        .collect()
 }
 
 #[test]
 fn the_readme_lists_the_command_line() {
     let global = documented("### `skyloop`");
     assert_eq!(global, options(&help(None)));
-    let (_, listed) = help(None).split_once("Commands:\n").map(|(a, b)| (a.len(), b.to_string())).unwrap();
+    let (_, listed) = help(None)
+        .split_once("Commands:\n")
+        .map(|(a, b)| (a.len(), b.to_string()))
+        .unwrap();
     let commands = listed.lines().take_while(|line| !line.is_empty());
-    let commands: Vec<&str> = commands.filter_map(|line| line.split_whitespace().next()).collect();
+    let commands: Vec<&str> = commands
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
     assert!(commands.len() >= 4, "{commands:?}");
     for command in commands.into_iter().filter(|command| *command != "help") {
-        let options: Names = options(&help(Some(command))).difference(&global).cloned().collect();
-        assert_eq!(documented(&format!("### `skyloop {command}`")), options, "{command}");
+        let options: Names = options(&help(Some(command)))
+            .difference(&global)
+            .cloned()
+            .collect();
+        assert_eq!(
+            documented(&format!("### `skyloop {command}`")),
+            options,
+            "{command}"
+        );
     }
 }
 
@@ -101,7 +125,12 @@ fn the_readme_lists_the_command_line() {
 fn the_readmes_commands_exist() {
     assert!(README.contains("    cargo run --release -- loopback "));
     assert!(README.contains("    tests/run "));
-    for file in ["tests/run", "configs/run.toml", "docs/loopback.png", "protocols/docs/icd.md"] {
+    for file in [
+        "tests/run",
+        "configs/run.toml",
+        "docs/loopback.png",
+        "protocols/docs/icd.md",
+    ] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
         assert!(README.contains(file) && path.is_file(), "{file}");
     }
@@ -112,21 +141,33 @@ fn the_readmes_commands_exist() {
 /// The keys that a table knows, as the refusal of an unknown one names them.
 fn known(refusal: impl std::fmt::Display, table: &str) -> Names {
     let text = refusal.to_string();
-    let (_, list) = text.split_once("expected").unwrap_or_else(|| panic!("{text}"));
+    let (_, list) = text
+        .split_once("expected")
+        .unwrap_or_else(|| panic!("{text}"));
     let list = list.lines().next().unwrap();
-    list.split('`').skip(1).step_by(2).map(|key| format!("{table}{key}")).collect()
+    list.split('`')
+        .skip(1)
+        .step_by(2)
+        .map(|key| format!("{table}{key}"))
+        .collect()
 }
 
 #[test]
 fn the_default_file_has_every_key_and_no_other() {
     let probe = |text: &str, table: &str| {
-        known(Config::parse("probe", text, &Folder::current()).unwrap_err(), table)
+        known(
+            Config::parse("probe", text, &Folder::current()).unwrap_err(),
+            table,
+        )
     };
     let mut wanted = probe("no_such_key = 1", "");
     let tables = ["sky", "objects", "observer", "run", "sequence"];
     for table in tables {
         assert!(wanted.remove(table), "{table}");
-        wanted.extend(probe(&format!("[{table}]\nno_such_key = 1"), &format!("{table}.")));
+        wanted.extend(probe(
+            &format!("[{table}]\nno_such_key = 1"),
+            &format!("{table}."),
+        ));
     }
     assert!(wanted.contains("run.link") && wanted.contains("sequence.rates_deg_s"));
 
@@ -148,7 +189,10 @@ fn the_default_file_has_every_key_and_no_other() {
     let attitude = "[sequence]\nepoch = \"2019-06-15T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\n\
                     attitudes = [{ q = [0.0, 0.0, 0.0, 1.0], no_such_key = 1 }]";
     for key in probe(attitude, "") {
-        assert!(DEFAULT_TOML.contains(&format!(" {key} = ")), "attitudes: {key}");
+        assert!(
+            DEFAULT_TOML.contains(&format!(" {key} = ")),
+            "attitudes: {key}"
+        );
     }
 }
 
@@ -164,7 +208,15 @@ fn the_cameras_are_listed_and_sourced() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/cameras");
     let files: Names = std::fs::read_dir(&folder)
         .unwrap()
-        .map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned())
+        .map(|entry| {
+            entry
+                .unwrap()
+                .path()
+                .file_stem()
+                .unwrap()
+                .to_string_lossy()
+                .into_owned()
+        })
         .collect();
     assert_eq!(files, names(CAMERAS.iter().copied()), "built in");
     let listed = first_column(section(README, "## Cameras"));
@@ -172,9 +224,17 @@ fn the_cameras_are_listed_and_sourced() {
         assert!(listed.contains(*name), "{name} is not in the README");
         assert_eq!(Camera::load(name, &Folder::current()).unwrap().name, *name);
         let text = std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();
-        for line in text.lines().filter(|line| line.contains(" = ") && !line.starts_with("name")) {
-            let (_, comment) = line.split_once('#').unwrap_or_else(|| panic!("{name}: {line}"));
-            assert!(comment.contains('[') && comment.contains(']'), "{name}: source of {line}");
+        for line in text
+            .lines()
+            .filter(|line| line.contains(" = ") && !line.starts_with("name"))
+        {
+            let (_, comment) = line
+                .split_once('#')
+                .unwrap_or_else(|| panic!("{name}: {line}"));
+            assert!(
+                comment.contains('[') && comment.contains(']'),
+                "{name}: source of {line}"
+            );
         }
     }
 }
@@ -191,17 +251,24 @@ fn the_readme_lists_the_cameras_keys() {
     let mut wanted = probe("no_such_key = 1", "");
     for table in ["optics", "detector", "timing", "mounting"] {
         assert!(wanted.remove(table), "{table}");
-        wanted.extend(probe(&format!("[{table}]\nno_such_key = 1"), &format!("{table}.")));
+        wanted.extend(probe(
+            &format!("[{table}]\nno_such_key = 1"),
+            &format!("{table}."),
+        ));
     }
     let listed = first_column(section(README, "## Cameras"));
-    let keys = listed.into_iter().filter(|key| !CAMERAS.contains(&key.as_str()));
+    let keys = listed
+        .into_iter()
+        .filter(|key| !CAMERAS.contains(&key.as_str()));
     assert_eq!(keys.collect::<Names>(), wanted);
 }
 
 #[test]
 fn the_architecture_has_every_room_and_dependency() {
     let lib = include_str!("../src/lib.rs");
-    let modules = lib.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
+    let modules = lib
+        .lines()
+        .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
     let rooms = first_column(section(ARCHITECTURE, "## Rooms"));
     for module in modules.chain(["cli", "main"]) {
         assert!(rooms.contains(module), "no room for {module}");
@@ -213,5 +280,8 @@ fn the_architecture_has_every_room_and_dependency() {
     }
     wanted.retain(|name| !name.starts_with("skyloop-"));
     wanted.insert("sgp4".to_string()); // of src/orbit
-    assert_eq!(first_column(section(ARCHITECTURE, "## Dependencies")), wanted);
+    assert_eq!(
+        first_column(section(ARCHITECTURE, "## Dependencies")),
+        wanted
+    );
 }
