@@ -89,7 +89,9 @@ fn name(path: &Path) -> String {
 /// The code of a source file: no comments, nothing from its unit tests on.
 fn code(path: &Path) -> String {
     let text = std::fs::read_to_string(path).unwrap();
-    let ends = ["#[cfg(test)]", "#[cfg(all(test"].into_iter().filter_map(|mark| text.find(mark));
+    let ends = ["#[cfg(test)]", "#[cfg(all(test"]
+        .into_iter()
+        .filter_map(|mark| text.find(mark));
     let text = &text[..ends.min().unwrap_or(text.len())];
     let lines = text
         .lines()
