@@ -41,7 +41,7 @@ const FENCES: &[(&str, &[&str])] = &[
     ("std::fs::", &["load/folder", "output"]),
     ("std::net::", &["link/udp"]),
     // The binary alone reports; the library says what is wrong in types.
-    ("anyhow::", &["cli"]),
+    ("anyhow::", &["cli", "main"]),
     ("clap::", &["cli", "main"]),
     ("indicatif::", &["cli"]),
     ("println!", &["cli", "main"]),
