@@ -1,0 +1,7 @@
+//! The emulator at the wire, with a client that knows nothing but `skyloop-protocols`.
+
+mod content;
+mod exchange;
+mod refusals;
+#[path = "../support/mod.rs"]
+mod support;
