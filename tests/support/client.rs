@@ -144,6 +144,11 @@ impl<L: Line> Client<L> {
         self.early.is_empty() && self.recv(Duration::from_millis(5)).is_none()
     }
 
+    /// Forgets the frame packets that have come.
+    pub fn forget(&mut self) {
+        self.early.clear();
+    }
+
     /// Takes what is still on its way, and starts as in a new exchange.
     pub fn start_anew(&mut self) {
         self.window = None;

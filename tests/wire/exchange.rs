@@ -28,11 +28,14 @@ fn a_second_client_is_ignored_until_the_first_falls_silent() {
     let (_emulator, line) = on_udp(scene(), Clock::Stepped, IDLE_S);
     let mut second = Client::new(line.another());
     let mut first = Client::new(line);
+    // The first answer waits for the emulator to start; after the second one the client has just been heard.
+    first.status();
     let before = first.status().counters;
     second.send(Command::Ping);
     second.point(attitude(5), EPOCH);
+    // A Ping, and an Attitude with the Credit that goes before it.
     await_that("foreign packets are counted", || {
-        first.status().counters.foreign_packets == before.foreign_packets + 2
+        first.status().counters.foreign_packets == before.foreign_packets + 3
     });
     let after = first.status().counters;
     assert_eq!(after.attitudes, before.attitudes, "nothing of it was taken");

@@ -2,6 +2,8 @@
 
 mod content;
 mod exchange;
+mod pacing;
 mod refusals;
 #[path = "../support/mod.rs"]
 mod support;
+mod wall_clock;
