@@ -77,6 +77,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         },
     ));
     print!("\n{}", table(&rows));
+    server.close();
     served.map_err(Into::into)
 }
 

@@ -36,6 +36,7 @@ fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
             address: "memory".to_string(),
         }),
         tally: tally.clone(),
+        sender: None,
     };
     Ok((
         wire,

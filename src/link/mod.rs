@@ -14,6 +14,7 @@ use skyloop_protocols::Personality;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Receiver;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
@@ -45,7 +46,7 @@ pub struct Options {
 }
 
 /// Packets in a queue; beyond this the sender waits and the receiver drops (and counts).
-const QUEUE: usize = 256;
+pub(crate) const QUEUE: usize = 256;
 
 /// A packet from a client.
 #[derive(Debug, Clone)]
@@ -86,13 +87,32 @@ pub struct Wire {
     pub inbox: Receiver<Inbound>,
     /// What leaves.
     pub outbox: Box<dyn Outbox>,
-    /// What the link had to drop.
+    /// What the link counts.
     pub tally: Arc<Tally>,
+    /// The thread that sends, if the link has one; it ends when the outbox is gone and its queue empty.
+    pub sender: Option<JoinHandle<()>>,
+}
+
+impl Wire {
+    /// Lets what is queued leave; gives up when nothing moves for a second: nobody takes it.
+    pub fn close(self) {
+        const STALL: Duration = Duration::from_secs(1);
+        drop(self.outbox);
+        let Some(sender) = self.sender else { return };
+        let (mut sent, mut moved) = (self.tally.sent(), Instant::now());
+        while !sender.is_finished() && moved.elapsed() < STALL {
+            std::thread::sleep(Duration::from_millis(2));
+            if self.tally.sent() != sent {
+                (sent, moved) = (self.tally.sent(), Instant::now());
+            }
+        }
+    }
 }
 
 /// What a link counts.
 #[derive(Debug, Default)]
 pub struct Tally {
+    sent: AtomicU32,
     foreign: AtomicU32,
     dropped: AtomicU32,
     bad_framing: AtomicU32,
@@ -100,6 +120,11 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// Packets sent.
+    pub fn sent(&self) -> u32 {
+        self.sent.load(Ordering::Relaxed)
+    }
+
     /// Packets from others than the client.
     pub fn foreign(&self) -> u32 {
         self.foreign.load(Ordering::Relaxed)

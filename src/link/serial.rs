@@ -62,7 +62,7 @@ fn start(port: Box<dyn SerialPort>, address: &str) -> Result<Wire, LinkError> {
     thread("serial-read")
         .spawn(move || read(port, &arrivals, &reading, &stop))
         .map_err(failed("start its thread", LIMITS))?;
-    thread("serial-write")
+    let sender = thread("serial-write")
         .spawn(move || {
             write(writer, &departures, &writing);
             ended.store(true, Ordering::Relaxed);
@@ -78,6 +78,7 @@ fn start(port: Box<dyn SerialPort>, address: &str) -> Result<Wire, LinkError> {
         inbox,
         outbox: Box::new(outbox),
         tally,
+        sender: Some(sender),
     })
 }
 
@@ -136,26 +137,21 @@ fn write(mut port: Box<dyn SerialPort>, departures: &Receiver<Outbound>, tally: 
         line.clear();
         slip::encode(&packet, &mut |octet| line.push(octet));
         if let Err(error) = write_whole(port.as_mut(), &line) {
-            count(&tally.stale);
-            if !is_passing(&error) {
-                tracing::error!(%error, "the serial line can no longer be written");
-                return;
-            }
+            tracing::error!(%error, "the serial line can no longer be written");
+            return;
         }
+        count(&tally.sent);
     }
 }
 
-/// Writes all of `line`; gives up when nothing moves for a second: nobody reads.
+/// Writes all of `line`, however long its other end takes: then the queue stays full, and it is the emulator
+/// that gives frames up, whole. Ends with an error when the line does.
 fn write_whole(port: &mut dyn SerialPort, mut line: &[u8]) -> std::io::Result<()> {
-    let mut moved = Instant::now();
     while !line.is_empty() {
         match port.write(line) {
             Ok(0) => return Err(ErrorKind::WriteZero.into()),
-            Ok(length) => {
-                line = &line[length..];
-                moved = Instant::now();
-            }
-            Err(error) if is_passing(&error) && moved.elapsed() < Duration::from_secs(1) => {}
+            Ok(length) => line = &line[length..],
+            Err(error) if is_passing(&error) => {}
             Err(error) => return Err(error),
         }
     }

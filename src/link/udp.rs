@@ -83,7 +83,7 @@ fn listen(
             "start its thread",
             "check the limits of this process",
         ))?;
-    std::thread::Builder::new()
+    let sender = std::thread::Builder::new()
         .name("udp".to_string())
         .spawn(move || {
             let ended = runtime.block_on(carry(socket, arrivals, departures, exchange));
@@ -106,6 +106,7 @@ fn listen(
             inbox,
             outbox: Box::new(outbox),
             tally,
+            sender: Some(sender),
         },
         local,
     ))
@@ -162,9 +163,7 @@ async fn carry(
                         Some(client) => socket.send_to(&packet, client).await.is_ok(),
                         None => false,
                     };
-                    if !sent {
-                        count(&exchange.tally.stale);
-                    }
+                    count(if sent { &exchange.tally.sent } else { &exchange.tally.stale });
                 }
             }
         }

@@ -109,6 +109,8 @@ impl Server {
         mut on_shot: impl FnMut(Shot),
     ) -> Result<(), LinkError> {
         while !stop.load(Ordering::Relaxed) && limit.is_none_or(|n| self.stats.frames < n) {
+            // Frames may fall due without a pause: commands and attitudes still come first.
+            self.receive_waiting()?;
             let due = match self.clock {
                 Clock::Stepped => self
                     .exchange
@@ -139,7 +141,10 @@ impl Server {
             self.absent.report(&shot);
             let counter = match self.deliver(&shot, stop) {
                 Ok(()) => {
-                    self.stats.answer.add(latched.arrived.elapsed());
+                    // Later frames of one attitude answer the clock.
+                    if repeat == 0 {
+                        self.stats.answer.add(latched.arrived.elapsed());
+                    }
                     &mut self.counters.frames_delivered
                 }
                 Err(Undelivered::Abandoned) => &mut self.counters.frames_abandoned,
@@ -158,6 +163,11 @@ impl Server {
         let repeat = self.exchange.repeat;
         self.exchange.repeat += 1;
         Some((latched.vehicle.at(mid), latched, repeat))
+    }
+
+    /// Ends the link when everything queued has left.
+    pub fn close(self) {
+        self.wire.close();
     }
 
     /// All counts, the link's among them.

@@ -3,7 +3,7 @@
 use super::{Exchange, Latched, MAX_WAITING, Server};
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::Clock;
-use crate::link::{Inbound, LinkError, Outbound};
+use crate::link::{Inbound, LinkError, Outbound, QUEUE};
 use bytes::Bytes;
 use skyloop_firmware_sim::time::{to_epoch, to_wire};
 use skyloop_protocols::{
@@ -37,6 +37,17 @@ impl Server {
         }
     }
 
+    /// Acts on the packets that have come. As many as a full queue holds: a flood does not stop the frames.
+    pub(super) fn receive_waiting(&mut self) -> Result<(), LinkError> {
+        for _ in 0..QUEUE {
+            let Ok(inbound) = self.wire.inbox.try_recv() else {
+                break;
+            };
+            self.handle(inbound)?;
+        }
+        Ok(())
+    }
+
     fn handle(&mut self, inbound: Inbound) -> Result<(), LinkError> {
         if inbound.exchange != self.exchange.number {
             self.open_exchange(inbound.exchange);
@@ -46,6 +57,7 @@ impl Server {
             Err(error) => {
                 self.counters.refuse(error.reason());
                 let (apid, count) = packet::identify(&inbound.packet).unwrap_or((0, 0));
+                self.see_refused(apid, count);
                 return self.nack(apid, count, error.reason(), &error.to_string());
             }
         };
@@ -79,6 +91,15 @@ impl Server {
                 self.offer(Outbound::Release)
             }
             _ => self.ack(&header),
+        }
+    }
+
+    /// A refused packet that states the expected count is not missing; what else a damaged header states is
+    /// not believed.
+    fn see_refused(&mut self, apid: u16, count: u16) {
+        let mut gaps = self.exchange.gaps.clone();
+        if gaps.missing(apid, count) == 0 {
+            self.exchange.gaps = gaps;
         }
     }
 

@@ -1,0 +1,268 @@
+//! A flight computer written by hand against the ICD.
+
+use super::line::Line;
+use super::{EPOCH, PATIENCE, attitude};
+use skyloop_protocols::crc::Crc32;
+use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
+use skyloop_protocols::{
+    Attitude, Command, Counters, FrameHeader, Header, MAX_PACKET, Reason, Reply, Status, WireTime,
+};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// A client at one end of a line.
+pub struct Client<L> {
+    pub line: L,
+    /// Sequence counts of the next packets.
+    pub counts: SequenceCounts,
+    gaps: GapDetector,
+    /// Frame packets that it takes at once; none: it never grants credit of its own accord.
+    pub window: Option<u32>,
+    granted: bool,
+    /// Frame packets taken in this exchange.
+    pub taken: u32,
+    /// Packets that came while another was waited for.
+    early: VecDeque<Vec<u8>>,
+}
+
+/// A frame, put together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Received {
+    pub time: WireTime,
+    pub header: FrameHeader,
+    pub pixels: Vec<u16>,
+    pub labels: String,
+    /// Packets that it came in.
+    pub packets: u32,
+}
+
+impl Received {
+    /// The labels, parsed.
+    pub fn label(&self) -> serde_json::Value {
+        serde_json::from_str(&self.labels).expect("labels are JSON")
+    }
+}
+
+/// A refusal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refused {
+    pub apid: u16,
+    pub sequence_count: u16,
+    pub reason: Reason,
+    pub detail: String,
+}
+
+/// A packet's octets.
+pub fn packet(command: &Command, count: u16, time: WireTime) -> Vec<u8> {
+    let mut buffer = [0; MAX_PACKET];
+    let length = command.encode(count, time, &mut buffer).unwrap();
+    buffer[..length].to_vec()
+}
+
+impl<L: Line> Client<L> {
+    pub fn new(line: L) -> Client<L> {
+        Client {
+            line,
+            counts: SequenceCounts::new(),
+            gaps: GapDetector::new(),
+            window: Some(32),
+            granted: false,
+            taken: 0,
+            early: VecDeque::new(),
+        }
+    }
+
+    /// The next packet of this command, not sent yet, and its sequence count.
+    pub fn prepare(&mut self, command: &Command, time: WireTime) -> (Vec<u8>, u16) {
+        let count = self.counts.next(command.apid());
+        (packet(command, count, time), count)
+    }
+
+    /// Sends a command; its sequence count.
+    pub fn send(&mut self, command: Command) -> u16 {
+        self.send_at(command, EPOCH)
+    }
+
+    /// Sends an attitude that holds at `time`.
+    pub fn point(&mut self, attitude: Attitude, time: WireTime) -> u16 {
+        if let (Some(window), false) = (self.window, self.granted) {
+            self.granted = true;
+            self.send(Command::Credit { packets: window });
+        }
+        self.send_at(Command::Attitude(attitude), time)
+    }
+
+    fn send_at(&mut self, command: Command, time: WireTime) -> u16 {
+        let (packet, count) = self.prepare(&command, time);
+        self.line.send(&packet);
+        count
+    }
+
+    /// The next packet within `timeout`.
+    pub fn recv(&mut self, timeout: Duration) -> Option<Vec<u8>> {
+        let packet = self.line.recv(timeout)?;
+        let (header, reply) = Reply::decode(&packet).expect("the emulator sends packets only");
+        if reply.takes_credit() {
+            self.taken += 1;
+            if let Some(window) = self
+                .window
+                .filter(|window| self.taken.is_multiple_of(window / 4))
+            {
+                self.send(Command::Credit {
+                    packets: self.taken + window,
+                });
+            }
+        }
+        let missing = self.gaps.missing(header.apid, header.sequence_count);
+        assert_eq!(
+            missing, 0,
+            "packets of {:#05x} lost on the way",
+            header.apid
+        );
+        Some(packet)
+    }
+
+    /// The next packet that is an answer (`frame` false) or part of a frame (`frame` true); others are kept.
+    fn next(&mut self, frame: bool) -> Vec<u8> {
+        let wanted = |packet: &[u8]| {
+            Reply::decode(packet).is_ok_and(|(_, reply)| reply.takes_credit() == frame)
+        };
+        if let Some(place) = self.early.iter().position(|packet| wanted(packet)) {
+            return self.early.remove(place).unwrap();
+        }
+        loop {
+            let packet = self.recv(PATIENCE).expect("a packet comes");
+            if wanted(&packet) {
+                return packet;
+            }
+            self.early.push_back(packet);
+        }
+    }
+
+    /// Whether nothing has come but what was asked for.
+    pub fn has_nothing_left(&mut self) -> bool {
+        self.early.is_empty() && self.recv(Duration::from_millis(5)).is_none()
+    }
+
+    /// Forgets the frame packets that have come.
+    pub fn forget(&mut self) {
+        self.early.clear();
+    }
+
+    /// Takes what is still on its way, and starts as in a new exchange.
+    pub fn start_anew(&mut self) {
+        self.window = None;
+        while self.recv(Duration::from_millis(50)).is_some() {}
+        (self.window, self.granted, self.taken) = (Some(32), false, 0);
+        self.early.clear();
+    }
+
+    /// Sends `command` and takes its Ack.
+    pub fn done(&mut self, command: Command) {
+        let count = self.send(command);
+        let packet = self.next(false);
+        if command == Command::Reset {
+            (self.granted, self.taken) = (false, 0);
+        }
+        match Reply::decode(&packet).unwrap().1 {
+            Reply::Ack(ack) => assert_eq!((ack.apid, ack.sequence_count), (command.apid(), count)),
+            other => panic!("{command:?} was answered with {other:?}"),
+        }
+    }
+
+    /// Ping: Ack, then Status.
+    pub fn status(&mut self) -> Status {
+        self.done(Command::Ping);
+        let packet = self.next(false);
+        match Reply::decode(&packet).unwrap().1 {
+            Reply::Status(status) => status,
+            other => panic!("a Ping was answered with {other:?}"),
+        }
+    }
+
+    /// The next answer, a Nack.
+    pub fn nack(&mut self) -> Refused {
+        let packet = self.next(false);
+        match Reply::decode(&packet).unwrap().1 {
+            Reply::Nack(nack) => Refused {
+                apid: nack.apid,
+                sequence_count: nack.sequence_count,
+                reason: nack.reason,
+                detail: nack.detail.to_string(),
+            },
+            other => panic!("a refusal was expected, not {other:?}"),
+        }
+    }
+
+    /// The next whole frame. Its packets come in order, hold together and fit their CRC-32.
+    pub fn frame(&mut self) -> Received {
+        self.frame_granting(|_, _| {})
+    }
+
+    /// The next whole frame; `grant` sees the number of its packets after each of them.
+    pub fn frame_granting(&mut self, mut grant: impl FnMut(&mut Self, u32)) -> Received {
+        let packet = self.next(true);
+        let (Header { time, .. }, reply) = Reply::decode(&packet).unwrap();
+        let Reply::FrameHeader(header) = reply else {
+            panic!("a frame starts with its header, not with {reply:?}");
+        };
+        let mut packets = 1;
+        grant(self, packets);
+        let mut pixels = vec![0; header.pixels() as usize];
+        for index in 0..header.blocks {
+            let packet = self.next(true);
+            let Ok((_, Reply::PixelBlock(block))) = Reply::decode(&packet) else {
+                panic!("block {index} was expected");
+            };
+            assert_eq!((block.frame, block.index), (header.frame, index));
+            assert!(block.place(&mut pixels));
+            packets += 1;
+            grant(self, packets);
+        }
+        let mut labels = Vec::new();
+        for part in 0..header.label_parts {
+            let packet = self.next(true);
+            let Ok((_, Reply::Labels(label))) = Reply::decode(&packet) else {
+                panic!("label part {part} was expected");
+            };
+            assert_eq!(
+                (label.frame, label.part, label.parts),
+                (header.frame, part, header.label_parts)
+            );
+            labels.extend_from_slice(label.text);
+            packets += 1;
+            grant(self, packets);
+        }
+        assert_eq!(labels.len(), header.label_bytes as usize);
+        assert_eq!(
+            Crc32::new().update_pixels(&pixels).finish(),
+            header.pixels_crc32
+        );
+        let labels = String::from_utf8(labels).expect("labels are UTF-8");
+        Received {
+            time,
+            header,
+            pixels,
+            labels,
+            packets,
+        }
+    }
+
+    /// A frame of the usual attitude, in stepped mode.
+    pub fn good_frame(&mut self, sequence: u32) -> Received {
+        self.point(attitude(sequence), EPOCH);
+        let frame = self.frame();
+        assert_eq!(frame.header.attitude_sequence, sequence);
+        frame
+    }
+}
+
+/// The counters that differ, and by how much; `commands` left out, since Ping and Credit move it too.
+pub fn moved(before: &Counters, after: &Counters) -> Vec<(&'static str, u32)> {
+    before
+        .iter()
+        .zip(after.iter())
+        .filter(|((name, before), (_, after))| *name != "commands" && before != after)
+        .map(|((name, before), (_, after))| (name, after.wrapping_sub(before)))
+        .collect()
+}

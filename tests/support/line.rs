@@ -1,0 +1,135 @@
+//! A client's end of each link: octets out, packets in.
+
+use serialport::{SerialPort, TTYPort};
+use skyloop_firmware_sim::port::Port;
+use skyloop_protocols::slip;
+use std::collections::VecDeque;
+use std::io::{Read, Write};
+use std::net::UdpSocket;
+use std::time::{Duration, Instant};
+
+/// A client's end.
+pub trait Line {
+    /// Sends one packet, or what pretends to be one.
+    fn send(&mut self, packet: &[u8]);
+    /// The next packet, or none within `timeout`.
+    fn recv(&mut self, timeout: Duration) -> Option<Vec<u8>>;
+}
+
+impl<L: Line + ?Sized> Line for Box<L> {
+    fn send(&mut self, packet: &[u8]) {
+        (**self).send(packet);
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Option<Vec<u8>> {
+        (**self).recv(timeout)
+    }
+}
+
+/// One packet a datagram.
+pub struct UdpLine(pub UdpSocket);
+
+impl UdpLine {
+    /// A socket that speaks with `udp://ADDRESS:PORT`.
+    pub fn to(address: &str) -> UdpLine {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket
+            .connect(address.strip_prefix("udp://").unwrap())
+            .unwrap();
+        UdpLine(socket)
+    }
+
+    /// Another client of the same emulator.
+    pub fn another(&self) -> UdpLine {
+        UdpLine::to(&format!("udp://{}", self.0.peer_addr().unwrap()))
+    }
+}
+
+impl Line for UdpLine {
+    fn send(&mut self, packet: &[u8]) {
+        self.0.send(packet).unwrap();
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Option<Vec<u8>> {
+        self.0
+            .set_read_timeout(Some(timeout.max(Duration::from_millis(1))))
+            .unwrap();
+        let mut buffer = [0; 2048];
+        let length = self.0.recv(&mut buffer).ok()?;
+        Some(buffer[..length].to_vec())
+    }
+}
+
+/// The in-process link's own port.
+pub struct MemoryLine(pub Box<dyn Port + Send>);
+
+impl Line for MemoryLine {
+    fn send(&mut self, packet: &[u8]) {
+        self.0.send(packet).unwrap();
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Option<Vec<u8>> {
+        self.0.recv(timeout).unwrap()
+    }
+}
+
+/// The near end of a pseudo-terminal, in SLIP.
+pub struct PtyLine {
+    near: TTYPort,
+    /// Keeps the far end's device alive while the emulator opens it by its path.
+    _far: TTYPort,
+    decoder: slip::Decoder<{ slip::BUFFER }>,
+    packets: VecDeque<Vec<u8>>,
+}
+
+impl PtyLine {
+    /// With the path of the far end.
+    pub fn new() -> (PtyLine, String) {
+        let (near, far) = TTYPort::pair().unwrap();
+        let device = far.name().unwrap();
+        let decoder = slip::Decoder::new();
+        (
+            PtyLine {
+                near,
+                _far: far,
+                decoder,
+                packets: VecDeque::new(),
+            },
+            device,
+        )
+    }
+
+    /// Sends octets as they are.
+    pub fn raw(&mut self, octets: &[u8]) {
+        self.near.write_all(octets).unwrap();
+    }
+}
+
+impl Line for PtyLine {
+    fn send(&mut self, packet: &[u8]) {
+        let mut line = Vec::new();
+        slip::encode(packet, &mut |octet| line.push(octet));
+        self.raw(&line);
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Option<Vec<u8>> {
+        let deadline = Instant::now() + timeout;
+        self.near.set_timeout(Duration::from_millis(10)).unwrap();
+        let mut buffer = [0; 4096];
+        while self.packets.is_empty() {
+            match self.near.read(&mut buffer) {
+                Ok(length) => {
+                    for octet in &buffer[..length] {
+                        if let Some(packet) = self.decoder.push(*octet) {
+                            self.packets
+                                .push_back(packet.expect("a good serial frame").to_vec());
+                        }
+                    }
+                }
+                Err(_) if Instant::now() < deadline => {}
+                Err(_) => return None,
+            }
+        }
+        self.packets.pop_front()
+    }
+}

@@ -1,0 +1,151 @@
+//! A real emulator in a thread, and a client that knows nothing but `skyloop-protocols`.
+#![allow(dead_code, reason = "each test program uses its own part of this")]
+
+pub mod client;
+pub mod line;
+
+use line::{Line, MemoryLine, PtyLine, UdpLine};
+use skyloop::config::{Clock, Config};
+use skyloop::engine::{Emulator, Shot};
+use skyloop::link::{self, LinkError, Wire};
+use skyloop::serve::Server;
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Attitude, OrbitState, WireTime};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Longest wait for anything; nothing should come near it.
+pub const PATIENCE: Duration = Duration::from_secs(20);
+
+/// 2019-06-15T23:35:50 UTC, the first epoch of the built-in scene.
+// X-Val: the worked example of protocols/docs/icd.md, octets 6-13.
+pub const EPOCH: WireTime = WireTime(0x7397_df7b_0000_0000);
+/// Attitude at that epoch.
+// X-Val: the touchstone of the conventions, RA 248.112 Dec +9.215 degrees.
+pub const Q: [f64; 4] = [-0.070834, -0.644137, 0.733522, -0.204975];
+
+/// `s` seconds after `time`.
+pub fn later(time: WireTime, s: f64) -> WireTime {
+    WireTime(
+        time.0
+            .wrapping_add_signed((s * 2f64.powi(32)).round() as i64),
+    )
+}
+
+/// The vehicle at [`EPOCH`], at rest, with CASSIOPE's state.
+pub fn attitude(sequence: u32) -> Attitude {
+    Attitude {
+        sequence,
+        q_icrf_to_body: Q,
+        rates_rad_s: [0.0; 3],
+        // X-Val: the worked example of protocols/docs/icd.md, octets 76-123.
+        state: Some(OrbitState {
+            position_m: [-4340768.444, 848975.278, -5362534.303],
+            velocity_m_s: [5544.406469, -3022.740430, -4386.550226],
+        }),
+    }
+}
+
+/// An emulator that serves in a thread of its own.
+pub struct Running {
+    pub shots: Receiver<Shot>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<Result<(), LinkError>>>,
+}
+
+impl Running {
+    /// Puts the emulator that `config` describes at `wire`.
+    pub fn start(mut config: Config, clock: Clock, wire: Wire) -> Running {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (to_test, shots) = channel();
+        let stopped = stop.clone();
+        let thread = std::thread::spawn(move || {
+            let mut server = Server::new(Emulator::new(&mut config), wire, clock, &NATIVE);
+            server.run(&stopped, None, |shot| {
+                let _ = to_test.send(shot);
+            })
+        });
+        Running {
+            shots,
+            stop,
+            thread: Some(thread),
+        }
+    }
+
+    /// The next frame that was delivered or abandoned.
+    pub fn shot(&self) -> Shot {
+        self.shots
+            .recv_timeout(PATIENCE)
+            .expect("the emulator makes the frame")
+    }
+}
+
+impl Drop for Running {
+    /// The emulator ends when told to, without an error.
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let ended = self.thread.take().unwrap().join();
+        if !std::thread::panicking() {
+            match ended.expect("no panic") {
+                // The client of an in-process link was dropped first.
+                Ok(()) | Err(LinkError::Closed(_)) => {}
+                Err(error) => panic!("{error}"),
+            }
+        }
+    }
+}
+
+/// The built-in scene.
+pub fn scene() -> Config {
+    Config::builtin().unwrap()
+}
+
+pub fn options(idle_s: f64) -> link::Options {
+    link::Options {
+        idle: Duration::from_secs_f64(idle_s),
+        personality: &NATIVE,
+    }
+}
+
+/// An emulator on each of the links with a client's end, by name.
+pub fn on_every_link(clock: Clock) -> Vec<(&'static str, Running, Box<dyn Line>)> {
+    let (udp, line) = on_udp(scene(), clock, 5.0);
+    let (memory, memory_line) = on_memory(scene(), clock);
+    let (serial, serial_line) = on_serial(scene(), clock);
+    vec![
+        ("udp", udp, Box::new(line)),
+        ("memory", memory, Box::new(memory_line)),
+        ("serial", serial, Box::new(serial_line)),
+    ]
+}
+
+/// An emulator at a free UDP port.
+pub fn on_udp(config: Config, clock: Clock, idle_s: f64) -> (Running, UdpLine) {
+    let wire = link::open("udp://127.0.0.1:0", &options(idle_s)).unwrap();
+    let line = UdpLine::to(&wire.address);
+    (Running::start(config, clock, wire), line)
+}
+
+/// An emulator at the in-process link.
+pub fn on_memory(config: Config, clock: Clock) -> (Running, MemoryLine) {
+    let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
+    (Running::start(config, clock, wire), MemoryLine(port))
+}
+
+/// An emulator at one end of a pseudo-terminal, opened by its path.
+pub fn on_serial(config: Config, clock: Clock) -> (Running, PtyLine) {
+    let (line, device) = PtyLine::new();
+    let wire = link::open(&format!("serial://{device}?baud=921600"), &options(5.0)).unwrap();
+    (Running::start(config, clock, wire), line)
+}
+
+/// Waits until `done`, polling `what` at most [`PATIENCE`].
+pub fn await_that(what: &str, mut done: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !done() {
+        assert!(started.elapsed() < PATIENCE, "waited too long for: {what}");
+    }
+}

@@ -1,0 +1,90 @@
+//! What a frame holds, and what commands and repetition do to it.
+
+use crate::support::client::{Client, Received};
+use crate::support::{EPOCH, later, on_every_link};
+use skyloop::config::Clock;
+use skyloop_protocols::Command;
+
+#[test]
+fn an_attitude_sent_twice_gives_the_same_octets() {
+    for (link, _emulator, line) in on_every_link(Clock::Stepped) {
+        let mut client = Client::new(line);
+        let (first, second) = (client.good_frame(7), client.good_frame(7));
+        assert_eq!((first.header.frame, second.header.frame), (0, 1), "{link}");
+        assert!(first.pixels == second.pixels, "{link}: pixels");
+        let numbered =
+            |labels: &str, n| labels.replacen(&format!("\"frame\":{n}"), "\"frame\":N", 1);
+        assert_eq!(
+            numbered(&first.labels, 0),
+            numbered(&second.labels, 1),
+            "{link}"
+        );
+        assert!(
+            client.good_frame(8).pixels != first.pixels,
+            "{link}: another sequence, other noise"
+        );
+    }
+}
+
+#[test]
+fn labels_over_the_wire_are_the_json_of_the_frame_split_over_packets() {
+    for (link, emulator, line) in on_every_link(Clock::Stepped) {
+        let mut client = Client::new(line);
+        let frame = client.good_frame(1);
+        let shot = emulator.shot();
+        assert!(frame.labels == shot.json, "{link}: byte for byte");
+        assert!(frame.pixels == shot.frame.digits, "{link}");
+        assert!(
+            frame.header.label_parts > 1,
+            "{link}: {} octets",
+            frame.header.label_bytes
+        );
+        assert_eq!(
+            frame.label()["epoch_mid"],
+            "2019-06-15T23:35:50.000Z",
+            "{link}"
+        );
+        assert_eq!(frame.time, EPOCH);
+        // X-Val: exposure of 0.1 s around the epoch.
+        assert_eq!(frame.header.exposure_start, later(EPOCH, -0.05));
+        assert_eq!(frame.header.exposure_end, later(EPOCH, 0.05));
+    }
+}
+
+#[test]
+fn commands_change_header_labels_and_pixels_and_reset_restores_them() {
+    for (link, _emulator, line) in on_every_link(Clock::Stepped) {
+        let mut client = Client::new(line);
+        let plain = client.good_frame(3);
+        client.done(Command::Exposure { seconds: 0.4 });
+        client.done(Command::Gain { e_per_dn: 6.0 });
+        let status = client.status();
+        assert_eq!(
+            (status.exposure_s, status.gain_e_per_dn),
+            (0.4, 6.0),
+            "{link}"
+        );
+        let changed = client.good_frame(3);
+        assert_eq!(changed.header.gain_e_per_dn, 6.0, "{link}");
+        assert_eq!(changed.header.exposure_start, later(EPOCH, -0.2), "{link}");
+        assert_eq!(changed.label()["exposure_s"], 0.4, "{link}");
+        let level = |frame: &Received| {
+            let sum: f64 = frame.pixels.iter().map(|dn| f64::from(*dn)).sum();
+            sum / frame.pixels.len() as f64 - frame.header.offset_dn
+        };
+        // Four times the light at half the electrons a digit: eight times the signal.
+        let ratio = level(&changed) / level(&plain);
+        assert!((7.5..8.5).contains(&ratio), "{link}: {ratio}");
+        client.done(Command::Reset);
+        let status = client.status();
+        // X-Val: configs/cameras/fai-nir.toml.
+        assert_eq!(
+            (status.exposure_s, status.gain_e_per_dn),
+            (0.1, 12.0),
+            "{link}"
+        );
+        let again = client.good_frame(3);
+        assert!(again.pixels == plain.pixels, "{link}");
+        assert_eq!(again.header.gain_e_per_dn, plain.header.gain_e_per_dn);
+    }
+}

@@ -1,0 +1,9 @@
+//! The emulator at the wire, with a client that knows nothing but `skyloop-protocols`.
+
+mod content;
+mod exchange;
+mod pacing;
+mod refusals;
+#[path = "../support/mod.rs"]
+mod support;
+mod wall_clock;

@@ -1,0 +1,197 @@
+//! Credit: as many packets as the client grants, and clients that grant or take nothing.
+
+use crate::support::client::Client;
+use crate::support::line::Line;
+use crate::support::{EPOCH, Running, attitude, await_that, on_memory, on_serial, on_udp, scene};
+use skyloop::camera::Camera;
+use skyloop::config::{Clock, Config};
+use skyloop::load::Folder;
+use skyloop_protocols::Command;
+use std::time::Duration;
+
+/// The built-in scene with the camera that has most pixels: 1280 x 1024 in some 1,400 packets.
+fn large() -> Config {
+    let camera = Camera::load("cots-wide", &Folder::current()).unwrap();
+    Config { camera, ..scene() }
+}
+
+/// A whole frame through a window of `window` packets; the emulator never sends more than was granted.
+fn through_a_window(client: &mut Client<impl Line>, window: u32, sequence: u32) {
+    client.window = None;
+    let start = client.taken;
+    assert_eq!(client.status().packets_sent, start);
+    client.send(Command::Credit {
+        packets: start + window,
+    });
+    client.point(attitude(sequence), EPOCH);
+    let frame = client.frame_granting(|client, taken| {
+        // All that was granted is here and nothing else can come: now, and only now, more is granted.
+        if taken % window == 0 {
+            if taken < 4 * window || taken % (128 * window) == 0 {
+                assert_eq!(
+                    client.status().packets_sent,
+                    start + taken,
+                    "no more than granted"
+                );
+            }
+            client.send(Command::Credit {
+                packets: start + taken + window,
+            });
+        }
+    });
+    assert_eq!((frame.header.width, frame.header.height), (1280, 1024));
+    assert_eq!(frame.header.attitude_sequence, sequence);
+    assert!(frame.packets > 1400, "{}", frame.packets);
+    assert_eq!(client.status().packets_sent, start + frame.packets);
+    assert_eq!(client.taken, start + frame.packets);
+}
+
+#[test]
+fn a_window_of_any_size_carries_the_largest_frame_over_udp() {
+    let (_emulator, line) = on_udp(large(), Clock::Stepped, 5.0);
+    let mut client = Client::new(line);
+    for (sequence, window) in [1, 3, 64].into_iter().enumerate() {
+        through_a_window(&mut client, window, sequence as u32);
+    }
+    let counters = client.status().counters;
+    assert_eq!(
+        (counters.frames_delivered, counters.frames_abandoned),
+        (3, 0)
+    );
+}
+
+#[test]
+fn a_window_of_any_size_carries_the_largest_frame_in_memory() {
+    let (_emulator, line) = on_memory(large(), Clock::Stepped);
+    let mut client = Client::new(line);
+    for (sequence, window) in [1, 64].into_iter().enumerate() {
+        through_a_window(&mut client, window, sequence as u32);
+    }
+}
+
+#[test]
+fn a_client_that_stops_granting_loses_its_frame_and_nothing_else() {
+    let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.send(Command::Credit { packets: 5 });
+    client.point(attitude(1), EPOCH);
+    await_that("the frame is abandoned", || {
+        let status = client.status();
+        assert!(
+            status.packets_sent <= 5,
+            "no more than granted: {}",
+            status.packets_sent
+        );
+        status.counters.frames_abandoned == 1
+    });
+    let before = client.status();
+    assert_eq!(
+        (before.packets_sent, before.counters.frames_delivered),
+        (5, 0)
+    );
+    // A late Credit that lies behind is ignored; one that goes on lets the next frame through.
+    client.send(Command::Credit { packets: 2 });
+    assert_eq!(client.taken, 5);
+    client.forget();
+    client.window = Some(32);
+    client.send(Command::Credit { packets: 5 + 32 });
+    client.good_frame(2);
+    let after = client.status().counters;
+    assert_eq!((after.frames_delivered, after.frames_abandoned), (1, 1));
+}
+
+/// Sends attitudes and reads nothing until the emulator is through with all of them.
+fn without_reading(emulator: &Running, client: &mut Client<impl Line>, frames: u32) {
+    client.window = None;
+    for sequence in 0..frames {
+        client.send(Command::Attitude(attitude(sequence)));
+    }
+    for sequence in 0..frames {
+        assert_eq!(emulator.shot().key.sequence, sequence);
+    }
+}
+
+#[test]
+fn a_client_that_never_reads_its_socket_does_not_hold_the_emulator() {
+    let (emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
+    let mut client = Client::new(line);
+    without_reading(&emulator, &mut client, 4);
+    // Datagrams that nobody reads are lost; the socket's queue holds the first ones.
+    while client.line.recv(Duration::from_millis(50)).is_some() {}
+    let mut client = Client::new(client.line);
+    client.done(Command::Reset);
+    assert_eq!(client.good_frame(9).header.frame, 4);
+}
+
+#[test]
+fn a_client_that_never_reads_its_serial_line_does_not_hold_the_emulator() {
+    let (emulator, line) = on_serial(scene(), Clock::Stepped);
+    let mut client = Client::new(line);
+    // A frame has more packets than the queue and the line can hold: each one stands still and is given up.
+    without_reading(&emulator, &mut client, 3);
+    // What is in the queue still comes, in good frames of the line.
+    while client.line.recv(Duration::from_millis(200)).is_some() {}
+    let mut client = Client::new(client.line);
+    client.done(Command::Reset);
+    let counters = client.status().counters;
+    assert_eq!(
+        (
+            counters.frames_rendered,
+            counters.frames_delivered,
+            counters.frames_abandoned
+        ),
+        (3, 0, 3)
+    );
+    client.good_frame(9);
+}
+
+#[test]
+fn reset_abandons_the_frame_under_way_and_those_that_wait() {
+    let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.send(Command::Credit { packets: 3 });
+    for sequence in 0..4 {
+        client.send(Command::Attitude(attitude(sequence)));
+    }
+    await_that("the first frame is under way", || {
+        client.status().packets_sent == 3
+    });
+    client.done(Command::Reset);
+    client.forget();
+    client.window = Some(32);
+    let frame = client.good_frame(7);
+    assert_eq!(frame.header.frame, 1, "those that waited were never made");
+    let counters = client.status().counters;
+    assert_eq!(
+        (counters.frames_abandoned, counters.frames_delivered),
+        (4, 1)
+    );
+}
+
+#[test]
+fn attitudes_sent_ahead_wait_their_turn_and_too_many_are_refused() {
+    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
+    let mut client = Client::new(line);
+    client.window = None;
+    // No credit: the first frame stands still, 64 more attitudes wait (ICD, 5.4), and one is too many.
+    client.send(Command::Credit { packets: 0 });
+    client.send(Command::Attitude(attitude(0)));
+    await_that("the first frame is made", || {
+        client.status().next_frame == 1
+    });
+    for sequence in 1..=65 {
+        client.send(Command::Attitude(attitude(sequence)));
+    }
+    let nack = client.nack();
+    assert_eq!(
+        nack.reason,
+        skyloop_protocols::Reason::Busy,
+        "{}",
+        nack.detail
+    );
+    assert!(nack.detail.contains("64 attitudes"), "{}", nack.detail);
+    let counters = client.status().counters;
+    assert_eq!((counters.attitudes, counters.refused), (65, 1));
+}

@@ -1,0 +1,209 @@
+//! The wall clock: the emulator's own cadence.
+
+use crate::support::client::Client;
+use crate::support::{EPOCH, Q, attitude, await_that, later, on_memory, on_udp, scene};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use skyloop::config::{Clock, Config};
+use skyloop_protocols::{Attitude, Command, Mode, Reason, WireTime};
+use std::time::{Duration, Instant};
+
+/// The built-in scene with a camera of 64 x 64 pixels that exposes for 10 ms, `rate_hz` times a second.
+fn quick(rate_hz: f64) -> Config {
+    let mut config = scene();
+    config.camera.detector.width = 64;
+    config.camera.detector.height = 64;
+    config.camera.exposure_s = 0.01;
+    config.camera.rate_hz = rate_hz;
+    config
+}
+
+fn seconds(from: WireTime, to: WireTime) -> f64 {
+    to.0.wrapping_sub(from.0) as i64 as f64 / 2f64.powi(32)
+}
+
+#[test]
+fn frames_come_at_the_rate_and_show_the_attitude_carried_on_by_its_rates() {
+    const RATE_HZ: f64 = 20.0;
+    let rates_rad_s = [0.02, -0.01, 0.03];
+    let (_emulator, line) = on_udp(quick(RATE_HZ), Clock::Wall, 60.0);
+    let mut client = Client::new(line);
+    let status = client.status();
+    assert_eq!((status.mode, status.frame_rate_hz), (Mode::Wall, RATE_HZ));
+    client.point(
+        Attitude {
+            rates_rad_s,
+            ..attitude(1)
+        },
+        EPOCH,
+    );
+    let started = Instant::now();
+    let frames: Vec<_> = (0..20).map(|_| client.frame()).collect();
+    let took = started.elapsed();
+    // Never early; how late is the machine's affair. X-Val: 20 frames at 20 Hz are 19 periods apart, and the
+    // first ends one period after the attitude.
+    assert!(took >= Duration::from_secs_f64(19.5 / RATE_HZ), "{took:?}");
+    let unit =
+        |q: [f64; 4]| UnitQuaternion::from_quaternion(Quaternion::new(q[3], q[0], q[1], q[2]));
+    for (number, frame) in frames.iter().enumerate() {
+        assert_eq!(
+            (frame.header.frame, frame.header.attitude_sequence),
+            (number as u32, 1)
+        );
+        let mid_s = seconds(EPOCH, frame.time);
+        // The first exposure ends one period after the attitude; all end on the grid of periods.
+        let period = (mid_s + 0.005) * RATE_HZ;
+        assert!(
+            (period - period.round()).abs() < 1e-6 && period > 0.5,
+            "{period}"
+        );
+        // X-Val: half of 10 ms; whole nanoseconds behind both times.
+        assert!((seconds(frame.time, frame.header.exposure_end) - 0.005).abs() < 2e-9);
+        // dR/dt = -[w x] R: q(t) = exp(-w t / 2) q(0).
+        let expected =
+            UnitQuaternion::from_scaled_axis(Vector3::from(rates_rad_s) * -mid_s) * unit(Q);
+        let label: [f64; 4] =
+            serde_json::from_value(frame.label()["q_icrf_to_body"].clone()).unwrap();
+        assert!(
+            unit(label).angle_to(&expected) < 1e-9,
+            "frame {number}: {label:?}"
+        );
+    }
+    // Another noise in each frame of one attitude, and times that grow.
+    assert!(
+        frames
+            .windows(2)
+            .all(|two| two[0].pixels != two[1].pixels && two[0].time < two[1].time)
+    );
+}
+
+#[test]
+fn there_is_silence_before_the_first_attitude() {
+    let (_emulator, line) = on_memory(quick(200.0), Clock::Wall);
+    let mut client = Client::new(line);
+    let (shot, count) = client.prepare(&Command::SingleShot, EPOCH);
+    crate::support::line::Line::send(&mut client.line, &shot);
+    let nack = client.nack();
+    assert_eq!((nack.reason, nack.sequence_count), (Reason::Busy, count));
+    assert!(nack.detail.contains("no attitude yet"), "{}", nack.detail);
+    // X-Val: 20 periods.
+    assert!(client.recv(Duration::from_millis(100)).is_none());
+    assert_eq!(client.status().counters.frames_rendered, 0);
+    client.point(attitude(1), EPOCH);
+    client.frame();
+}
+
+#[test]
+fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
+    // So slow that no frame comes of itself.
+    let (_emulator, line) = on_memory(quick(1e-3), Clock::Wall);
+    let mut client = Client::new(line);
+    client.point(attitude(1), EPOCH);
+    client.done(Command::SingleShot);
+    assert_eq!(client.frame().header.frame, 0);
+    client.point(attitude(2), later(EPOCH, 60.0));
+    client.done(Command::SingleShot);
+    assert_eq!(client.frame().header.attitude_sequence, 2);
+    assert!(
+        client.recv(Duration::from_millis(100)).is_none(),
+        "and no more"
+    );
+    assert_eq!(client.status().next_frame, 2);
+    client.done(Command::FrameRate { hz: 50.0 });
+    assert_eq!(client.status().frame_rate_hz, 50.0);
+    for frame in 2..6 {
+        assert_eq!(client.frame().header.frame, frame);
+    }
+    for (hz, words) in [(0.0, "above 0"), (1e9, "10000"), (f64::NAN, "above 0")] {
+        let (packet, _) = client.prepare(&Command::FrameRate { hz }, EPOCH);
+        crate::support::line::Line::send(&mut client.line, &packet);
+        let nack = client.nack();
+        assert_eq!(nack.reason, Reason::ValueOutOfRange, "{hz}");
+        assert!(
+            nack.detail.contains("FrameRate.hz") && nack.detail.contains(words),
+            "{}",
+            nack.detail
+        );
+    }
+}
+
+#[test]
+fn commands_are_heard_at_a_cadence_that_the_machine_cannot_hold() {
+    let (_emulator, line) = on_memory(quick(1e4), Clock::Wall);
+    let mut client = Client::new(line);
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    for _ in 0..3 {
+        client.status();
+    }
+    client.done(Command::FrameRate { hz: 1e-3 });
+    await_that("the frames under way are in", || {
+        client.recv(Duration::from_millis(100)).is_none()
+    });
+    let counters = client.status().counters;
+    assert_eq!(
+        counters.frames_rendered,
+        counters.frames_delivered + counters.frames_abandoned
+    );
+}
+
+#[test]
+fn reset_brings_back_silence_and_the_cadence() {
+    let (_emulator, line) = on_memory(quick(50.0), Clock::Wall);
+    let mut client = Client::new(line);
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    client.done(Command::FrameRate { hz: 25.0 });
+    client.done(Command::Exposure { seconds: 0.02 });
+    client.done(Command::Reset);
+    client.forget();
+    let status = client.status();
+    assert_eq!(
+        (status.frame_rate_hz, status.exposure_s, status.packets_sent),
+        (50.0, 0.01, 0)
+    );
+    assert!(
+        client.recv(Duration::from_millis(100)).is_none(),
+        "no attitude, no frame"
+    );
+    // Its time is set anew by the next attitude.
+    client.point(attitude(2), later(EPOCH, -5000.0));
+    let frame = client.frame();
+    let since = seconds(later(EPOCH, -5000.0), frame.time);
+    assert!(
+        (since - 0.015).abs() < 1e-6,
+        "one period less half an exposure: {since}"
+    );
+}
+
+#[test]
+fn a_client_on_the_systems_own_time_gets_frames_of_that_time() {
+    let (_emulator, line) = on_memory(quick(20.0), Clock::Wall);
+    let mut client = Client::new(line);
+    let since_1970 = std::time::SystemTime::now()
+        .duration_since(std::time::UNIX_EPOCH)
+        .unwrap();
+    // X-Val: 4,383 days from 1958 to 1970 (as in the ICD), and TAI - UTC = 37 s since 2017.
+    let tai = since_1970 + Duration::from_secs(4_383 * 86_400 + 37);
+    let now = WireTime::from_tai_nanoseconds(tai.as_nanos() as u64).unwrap();
+    // Three seconds off: the frames still carry the system's time.
+    client.point(attitude(1), later(now, -3.0));
+    let after = seconds(now, client.frame().time);
+    // At 20 Hz the first exposure ends 50 ms after the attitude's arrival; a slow machine skips frames.
+    assert!((0.04..15.0).contains(&after), "{after}");
+}
+
+#[test]
+fn the_latest_attitude_counts() {
+    let (_emulator, line) = on_memory(quick(50.0), Clock::Wall);
+    let mut client = Client::new(line);
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    client.point(attitude(2), later(EPOCH, 0.001));
+    await_that("a frame of the new attitude", || {
+        client.frame().header.attitude_sequence == 2
+    });
+    let (packet, _) = client.prepare(&Command::Attitude(attitude(3)), EPOCH);
+    crate::support::line::Line::send(&mut client.line, &packet);
+    assert_eq!(client.nack().reason, Reason::TimeBackwards);
+    assert_eq!(client.frame().header.attitude_sequence, 2);
+}
