@@ -3,6 +3,8 @@
 //! Generator: Philox 4x32-10, Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3", SC11.
 //! All functions of floats go through `libm`, so the draws are the same on every platform.
 
+use std::sync::LazyLock;
+
 /// What the noise of one frame is keyed by: `(seed, attitude sequence number)`; effect and pixel follow. A
 /// second frame of the same attitude message gets draws of its own by its `repeat`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,10 +52,36 @@ impl PixelStream {
         (bits as f64 + 0.5) * (1.0 / (1u64 << 52) as f64)
     }
 
-    /// Standard normal (Box and Muller 1958).
+    /// Standard normal, exact: the ziggurat of Marsaglia and Tsang 2000, J. Stat. Software 5(8), with the layer drawn
+    /// from bits of its own (Doornik 2005).
     pub fn normal(&mut self) -> f64 {
-        let radius = libm::sqrt(-2.0 * libm::log(self.uniform()));
-        radius * libm::cos(std::f64::consts::TAU * self.uniform())
+        let Ziggurat { x, height } = &*ZIGGURAT;
+        loop {
+            let bits = u64::from(self.next_u32()) << 32 | u64::from(self.next_u32());
+            let layer = (bits % LAYERS as u64) as usize;
+            let u = ((bits >> 12) as f64 + 0.5) * (1.0 / (1u64 << 51) as f64) - 1.0;
+            let at = u * x[layer];
+            if at.abs() < x[layer + 1] {
+                return at;
+            }
+            if layer == 0 {
+                return self.normal_beyond(x[1]).copysign(u);
+            }
+            let up = height[layer] + self.uniform() * (height[layer + 1] - height[layer]);
+            if up < density(at) {
+                return at;
+            }
+        }
+    }
+
+    /// A normal draw, given that it exceeds `start` (Marsaglia 1964).
+    fn normal_beyond(&mut self, start: f64) -> f64 {
+        loop {
+            let over = -libm::log(self.uniform()) / start;
+            if -2.0 * libm::log(self.uniform()) > over * over {
+                return start + over;
+            }
+        }
     }
 
     /// Poisson, exact at every mean; 0 for a mean that is not positive.
@@ -104,6 +132,97 @@ impl PixelStream {
                 return k;
             }
         }
+    }
+}
+
+/// Layers of the ziggurat; a power of two of at most 2^12.
+const LAYERS: usize = 128;
+/// Where the lowest layer's tail begins, and the area of every layer under `exp(-x^2 / 2)` (Doornik 2005, for 128 layers).
+const TAIL: f64 = 3.442_619_855_899;
+const AREA: f64 = 9.912_563_035_262_17e-3;
+
+static ZIGGURAT: LazyLock<Ziggurat> = LazyLock::new(Ziggurat::new);
+
+/// Layers of equal area that cover the half bell: layer `i` spans `0..x[i]` and `height[i]..height[i + 1]`; layer 0 is
+/// as wide as a rectangle of its area, tail included, would be.
+struct Ziggurat {
+    x: [f64; LAYERS + 1],
+    height: [f64; LAYERS + 1],
+}
+
+impl Ziggurat {
+    fn new() -> Self {
+        let (mut x, mut height) = ([0.0; LAYERS + 1], [0.0; LAYERS + 1]);
+        x[0] = AREA / density(TAIL);
+        x[1] = TAIL;
+        height[1] = density(TAIL);
+        for i in 1..LAYERS {
+            height[i + 1] = (height[i] + AREA / x[i]).min(1.0);
+            x[i + 1] = libm::sqrt(-2.0 * libm::log(height[i + 1]));
+        }
+        // The top closes at 1 but for the rounding of the two constants.
+        x[LAYERS] = 0.0;
+        height[LAYERS] = 1.0;
+        Ziggurat { x, height }
+    }
+}
+
+/// The normal density, 1 at its top.
+fn density(x: f64) -> f64 {
+    libm::exp(-0.5 * x * x)
+}
+
+/// Poisson at one mean, tabulated, for the many pixels of a frame that share it. Exact.
+pub struct PoissonTable {
+    first: usize,
+    /// `P(k <= first + i)`.
+    cumulative: Vec<f64>,
+    /// Where the search for a uniform in `j / n .. (j + 1) / n` begins.
+    guide: Vec<u32>,
+}
+
+impl PoissonTable {
+    /// Means up to this (e-) are tabulated; the table then has 650 entries, and rejection is as fast beyond.
+    const LARGEST_MEAN: f64 = 1000.0;
+
+    /// None for a mean beyond the largest or not above 0.
+    pub fn new(mean: f64) -> Option<Self> {
+        if !(mean > 0.0 && mean <= Self::LARGEST_MEAN) {
+            return None;
+        }
+        // Ten sigma and ten: what lies outside is rarer than the smallest uniform.
+        let reach = 10.0 * libm::sqrt(mean) + 10.0;
+        let first = libm::floor(mean - reach).max(0.0) as usize;
+        let last = libm::ceil(mean + reach) as usize;
+        let log_mean = libm::log(mean);
+        let mut sum = 0.0;
+        let cumulative: Vec<f64> = (first..=last)
+            .map(|k| {
+                let k = k as f64;
+                sum += libm::exp(k * log_mean - mean - libm::lgamma(k + 1.0));
+                sum
+            })
+            .collect();
+        let n = cumulative.len();
+        let guide = (0..n)
+            .map(|j| cumulative.partition_point(|c| c * n as f64 <= j as f64) as u32)
+            .collect();
+        Some(PoissonTable {
+            first,
+            cumulative,
+            guide,
+        })
+    }
+
+    /// The draw that `uniform` of (0, 1) stands for: indexed search (Chen and Asau 1974; Devroye 1986, III.2.4).
+    pub fn draw(&self, uniform: f64) -> f64 {
+        let last = self.cumulative.len() - 1;
+        let slot = (uniform * self.guide.len() as f64) as usize;
+        let mut i = self.guide.get(slot).map_or(last, |&i| i as usize).min(last);
+        while i < last && self.cumulative[i] <= uniform {
+            i += 1;
+        }
+        (self.first + i) as f64
     }
 }
 
@@ -195,9 +314,46 @@ mod tests {
         assert!(moment(1).abs() < 5.0 / n.sqrt());
         assert!((moment(2) - 1.0).abs() < 5.0 * (2.0 / n).sqrt());
         assert!((moment(4) - 3.0).abs() < 5.0 * (96.0 / n).sqrt());
+        // The whole shape: chi-square over 60 bins of 0.1 sigma from -3 to 3.
+        let phi = |x: f64| 0.5 * libm::erfc(-x / std::f64::consts::SQRT_2);
+        let mut bins = [0.0; 60];
+        for x in draws.iter().filter(|x| x.abs() < 3.0) {
+            bins[(((x + 3.0) * 10.0) as usize).min(59)] += 1.0;
+        }
+        let chi2: f64 = (0..60)
+            .map(|i| {
+                let from = -3.0 + 0.1 * i as f64;
+                let expected = n * (phi(from + 0.1) - phi(from));
+                (bins[i] - expected) * (bins[i] - expected) / expected
+            })
+            .sum();
+        assert!(chi2 < 60.0 + 4.0 * 120f64.sqrt(), "{chi2}");
         let beyond_3 = draws.iter().filter(|x| x.abs() > 3.0).count() as f64;
         // X-Val: 2 (1 - Phi(3)) = 0.0026997961.
         let expected = 0.0026997961 * n;
         assert!((beyond_3 - expected).abs() < 5.0 * expected.sqrt());
+    }
+
+    #[test]
+    fn the_table_is_the_inverse_of_poissons_distribution() {
+        for mean in [1e-3, 0.4, 9.9, 132.0, 1000.0] {
+            let table = PoissonTable::new(mean).unwrap();
+            // Exactly one step of the distribution separates two neighbouring draws.
+            let (mut k, mut p, mut sum) = (0.0, libm::exp(-mean), 0.0);
+            if p < 1e-280 {
+                continue;
+            }
+            while sum < 1.0 - 1e-9 {
+                let (low, high) = (sum + 1e-12, sum + p - 1e-12);
+                if high > low && high < 1.0 {
+                    assert_eq!((table.draw(low), table.draw(high)), (k, k), "mean {mean}");
+                }
+                sum += p;
+                k += 1.0;
+                p *= mean / k;
+            }
+            assert!(table.draw(1.0 - f64::EPSILON) > mean && table.draw(f64::MIN_POSITIVE) < mean);
+        }
+        assert!(PoissonTable::new(0.0).is_none() && PoissonTable::new(f64::NAN).is_none());
     }
 }

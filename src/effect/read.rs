@@ -31,7 +31,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
     }
     Verdict::Run {
         because: "the detector has read noise",
-        price_ms: per_pixel(scene, 30.0),
+        price_ms: per_pixel(scene, 20.0),
         pass: Box::new(move |tile| {
             let first = tile.first_pixel();
             for (i, e) in tile.electrons.iter_mut().enumerate() {

@@ -4,6 +4,7 @@ use super::apparent::{Corrections, Observer, StarPlace, catalogue_direction, sta
 use super::catalog::{Catalog, Star};
 use crate::camera::Band;
 use nalgebra::Vector3;
+use std::collections::HashMap;
 
 /// How far (rad) a star may stand from its catalogue direction: Barnard's star moves 0.32 degrees in the 110
 /// years to 2100; aberration adds 21 arcsec, deflection at most 2 arcsec.
@@ -34,8 +35,15 @@ impl StarField {
     /// Prepares `catalog` for `band`; without `colour` the band magnitude is V.
     pub fn new(catalog: Catalog, band: &Band, colour: bool) -> StarField {
         let v_band = Band::named("v");
-        let band_mag = |star: &Star| match &v_band {
-            Some(v_band) if colour => star.v_mag + band.colour_term(star.b_v, v_band),
+        // Colours are given to a thousandth or so: far fewer than stars.
+        let mut terms = HashMap::new();
+        let mut band_mag = |star: &Star| match &v_band {
+            Some(v_band) if colour => {
+                star.v_mag
+                    + *terms
+                        .entry(star.b_v.to_bits())
+                        .or_insert_with(|| band.colour_term(star.b_v, v_band))
+            }
             _ => star.v_mag,
         };
         StarField {
@@ -44,7 +52,7 @@ impl StarField {
                 .iter()
                 .map(|s| catalogue_direction(&place(s)))
                 .collect(),
-            band_mags: catalog.stars().iter().map(band_mag).collect(),
+            band_mags: catalog.stars().iter().map(&mut band_mag).collect(),
             catalog,
         }
     }

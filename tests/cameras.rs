@@ -1,0 +1,294 @@
+//! The cameras and files that come with skyloop: their figures, and what a wrong value is answered.
+
+use std::collections::BTreeMap;
+
+use skyloop::camera::Camera;
+use skyloop::config::{Clock, Config};
+use skyloop::load::{CAMERAS, ConfigError, DEFAULT_TOML, Folder};
+
+fn camera(name: &str) -> Camera {
+    Camera::load(name, &Folder::current()).unwrap()
+}
+
+fn near(a: f64, b: f64, what: &str) {
+    assert!((a - b).abs() <= 1e-6 * b.abs(), "{what}: {a} against {b}");
+}
+
+/// Name, columns, rows, pitch (um), focal length (mm), aperture (mm), exposure (s).
+// X-Val: Clark et al. 2021, Table 1 (FAI), the issue's figures (rigel-l, cots-wide); f/1.4 gives their apertures.
+const FIGURES: [(&str, usize, usize, f64, f64, f64, f64); 4] = [
+    ("fai-nir", 256, 256, 26.0, 13.8, 17.0, 0.1),
+    ("fai-630", 256, 256, 26.0, 13.8, 17.0, 0.1),
+    ("rigel-l", 1024, 1024, 18.0, 47.7, 47.7 / 1.4, 0.066),
+    ("cots-wide", 1280, 1024, 4.73, 16.0, 16.0 / 1.4, 0.1),
+];
+
+#[test]
+fn the_shipped_cameras_have_their_published_figures() {
+    assert_eq!(CAMERAS, FIGURES.map(|figures| figures.0));
+    for (name, width, height, pitch_um, focal_mm, aperture_mm, exposure_s) in FIGURES {
+        let camera = camera(name);
+        assert_eq!(camera.name, name);
+        assert_eq!(
+            (camera.detector.width, camera.detector.height),
+            (width, height)
+        );
+        near(camera.detector.pitch_m * 1e6, pitch_um, "pitch");
+        near(
+            camera.optics.focal_px,
+            focal_mm * 1e3 / pitch_um,
+            "focal length in pixels",
+        );
+        assert!((camera.optics.aperture_m * 1e3 / aperture_mm - 1.0).abs() < 1e-4);
+        near(camera.exposure_s, exposure_s, "exposure");
+        let centre = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
+        assert_eq!(camera.optics.principal_px, centre);
+    }
+    for (name, band) in [("fai-nir", "650-1100 nm"), ("fai-630", "629-631 nm")] {
+        let camera = camera(name);
+        near(camera.detector.quantum_efficiency, 0.66, "QE of Table 1");
+        near(camera.optics.transmission, 0.9, "transmission of Table 1");
+        assert_eq!(camera.optics.band.name(), band);
+        // X-Val: the design note's working field of view, 27.1 degrees.
+        let half = (128.0 / camera.optics.focal_px).atan().to_degrees();
+        assert!((2.0 * half - 27.1).abs() < 0.05, "{half}");
+    }
+    let cots = camera("cots-wide");
+    let arcsec = (1.0 / cots.optics.focal_px).atan().to_degrees() * 3600.0;
+    assert!((arcsec - 61.0).abs() < 0.1, "{arcsec}");
+}
+
+#[test]
+fn every_value_of_a_shipped_camera_says_where_it_comes_from() {
+    for name in CAMERAS {
+        let file = format!("{name}.toml");
+        let (_, text) = Folder::Embedded("cameras").read(&file).unwrap();
+        let lines = text.lines().filter(|l| l.contains(" = "));
+        for line in lines.filter(|l| !l.starts_with("name")) {
+            let note = line.split_once('#').unwrap_or_default().1;
+            let source = ["[T1", "[spec", "[assumed", "[section", "[paper"];
+            assert!(
+                source.iter().any(|tag| note.contains(tag)),
+                "{name}: {line}"
+            );
+        }
+    }
+}
+
+/// The embedded file with every commented key in force: `# key = value` becomes `key = value`.
+fn uncommented() -> String {
+    let is_key = |rest: &str| {
+        let (head, _) = rest.split_once(['=', ']']).unwrap_or_default();
+        rest.starts_with('[') || (rest.contains('=') && !head.trim().contains(' '))
+    };
+    let line = |line: &str| match line.strip_prefix("# ") {
+        Some(rest) if is_key(rest) => rest.to_string(),
+        _ => line.to_string(),
+    };
+    DEFAULT_TOML.lines().map(|l| line(l) + "\n").collect()
+}
+
+/// What of a configuration can be compared.
+fn shown(config: &Config) -> String {
+    format!(
+        "{} {:?} {:?} {} {:?} {:?} {:?} {:?}",
+        config.seed,
+        config.camera,
+        config.fidelity,
+        config.label_snr,
+        config.sky,
+        config.objects.len(),
+        config.sphere,
+        config.run
+    )
+}
+
+#[test]
+fn default_toml_says_the_true_defaults() {
+    let defaults = Config::defaults().unwrap();
+    let written = Config::parse("default.toml", DEFAULT_TOML, &Folder::current()).unwrap();
+    assert_eq!(shown(&written), shown(&defaults));
+    assert!(defaults.sequence.is_none() && defaults.observer.is_none());
+    assert_eq!((defaults.seed, defaults.run.clock), (1, Clock::Stepped));
+}
+
+#[test]
+fn default_toml_holds_with_every_commented_key_in_force() {
+    let folder = tempfile::tempdir().unwrap();
+    // X-Val: Spacetrack Report 3, first test case, as a three-line element set.
+    let elements = "NAME\n\
+        1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+        2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
+    std::fs::write(folder.path().join("FILE"), elements).unwrap();
+    let text = uncommented();
+    let config = Config::parse(
+        "default.toml",
+        &text,
+        &Folder::Disk(folder.path().to_path_buf()),
+    )
+    .unwrap();
+    let sequence = config.sequence.as_ref().unwrap();
+    assert_eq!((sequence.frames, sequence.period_s), (50, 0.5));
+    assert!(config.observer.is_some());
+    assert_eq!(shown(&config), shown(&Config::defaults().unwrap()));
+}
+
+/// Every key of the file that the library knows is in default.toml: the error about an unknown key lists those known.
+#[test]
+fn default_toml_names_every_key() {
+    let text = uncommented();
+    for table in [
+        "",
+        "[sky]",
+        "[objects]",
+        "[observer]",
+        "[sequence]",
+        "[run]",
+    ] {
+        let error = Config::parse(
+            "x.toml",
+            &format!("{table}\nnonsense = 1\n"),
+            &Folder::current(),
+        )
+        .unwrap_err();
+        let message = error.to_string();
+        let known = message.rsplit("expected").next().unwrap();
+        let keys: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
+        assert!(!keys.is_empty(), "{message}");
+        for key in keys {
+            let present = text.lines().any(|line| {
+                line.starts_with(&format!("{key} =")) || line.starts_with(&format!("[{key}]"))
+            });
+            assert!(present, "{key} of {table:?}");
+        }
+    }
+}
+
+#[test]
+fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
+    let refused = |text: &str| {
+        Config::parse("run.toml", text, &Folder::current())
+            .unwrap_err()
+            .to_string()
+    };
+    let error = refused("[sky]\naberation = false\n");
+    for part in ["run.toml", "aberation", "aberration", "line 2"] {
+        assert!(error.contains(part), "{error}");
+    }
+    for (text, parts) in [
+        ("label_snr = -1.0", ["label_snr = -1", "0 to 1000000000"]),
+        ("label_snr = nan", ["label_snr = NaN", "0 to 1000000000"]),
+        (
+            "fidelity = \"best\"",
+            ["fidelity = best", "one of realtime, reference"],
+        ),
+        (
+            "[sky]\ncatalog = \"gaia\"",
+            ["sky.catalog = gaia", "hipparcos"],
+        ),
+        (
+            "[objects]\nreflectance = 1.5",
+            ["objects.reflectance = 1.5", "0 to 1"],
+        ),
+        (
+            "[objects]\ndiameter_m = 0.0",
+            ["objects.diameter_m = 0", "0.000001 to 1000000"],
+        ),
+        ("[run]\nidle_s = -2.0", ["run.idle_s = -2", "0 to 1000000"]),
+        (
+            "[run]\nclock = \"sundial\"",
+            ["sundial", "`stepped` or `wall`"],
+        ),
+        (
+            "camera = \"hubble\"",
+            ["hubble", "fai-nir, fai-630, rigel-l, cots-wide"],
+        ),
+        (
+            "[sequence]\nepoch = \"today\"\nframes = 1\nperiod_s = 1.0\nattitudes = []",
+            ["sequence.epoch = today", "UTC instant"],
+        ),
+        (
+            "[sequence]\nepoch = \"2020-01-01T00:00:00Z\"\nframes = 0\nperiod_s = 1.0\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]",
+            ["sequence.frames = 0", "1 to 1000000"],
+        ),
+        (
+            "[sequence]\nepoch = \"2020-01-01T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.1] }]",
+            ["sequence.attitudes[0]", "norm 1.1"],
+        ),
+        (
+            "[objects]\nfiles = [\"none.tle\"]",
+            ["none.tle", "check the path"],
+        ),
+        (
+            "[observer]\norbit = \"none.oem\"",
+            ["none.oem", "check the path"],
+        ),
+    ] {
+        let error = refused(text);
+        if !text.contains("none.") && !text.contains("hubble") {
+            assert!(error.contains("run.toml"), "{error}");
+        }
+        for part in parts {
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}
+
+/// Every number of a camera file, made absurd, is refused by its own name.
+#[test]
+fn a_camera_value_out_of_range_is_refused_by_name() {
+    let (_, text) = Folder::Embedded("cameras").read("rigel-l.toml").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let load = |text: &str| {
+        std::fs::write(folder.path().join("mine.toml"), text).unwrap();
+        Camera::load("mine.toml", &Folder::Disk(folder.path().to_path_buf()))
+    };
+    load(&text).unwrap();
+    let mut table = String::new();
+    let mut tried = BTreeMap::new();
+    for line in text.lines() {
+        if let Some(name) = line.strip_prefix('[') {
+            table = name.trim_end_matches(']').to_string();
+        }
+        let Some((key, value)) = line.split_once(" = ") else {
+            continue;
+        };
+        let value = value.split('#').next().unwrap_or_default().trim();
+        if table.is_empty() || value.parse::<f64>().is_err() {
+            continue;
+        }
+        let absurd = if value.contains('.') {
+            "-1.0"
+        } else if key == "adc_bits" {
+            "17"
+        } else {
+            "100000"
+        };
+        let error = load(&text.replace(line, &format!("{key} = {absurd}"))).unwrap_err();
+        assert!(matches!(error, ConfigError::Value { .. }), "{error}");
+        let message = error.to_string();
+        for part in [
+            "mine.toml",
+            &format!("{table}.{key} = {}", absurd.trim_end_matches(".0")),
+            " to ",
+        ] {
+            assert!(message.contains(part), "{message}");
+        }
+        tried.insert(key.to_string(), ());
+    }
+    assert_eq!(tried.len(), 16, "{tried:?}");
+    let missing = load(&text.replace("pixel_um", "# pixel_um"))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        missing.contains("mine.toml") && missing.contains("pixel_um"),
+        "{missing}"
+    );
+    let unknown = load(&text.replace("[timing]", "[timing]\nshutter = 1"))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        unknown.contains("mine.toml") && unknown.contains("shutter"),
+        "{unknown}"
+    );
+}

@@ -1,0 +1,107 @@
+//! The same seed and inputs give the same pixels and labels, whatever carries and computes them.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use skyloop::camera::Camera;
+use skyloop::config::{Clock, Config};
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::link::{self, LINKS, Options};
+use skyloop::load::Folder;
+use skyloop::serve::Server;
+use skyloop_firmware_sim::event::Event;
+use skyloop_firmware_sim::flight_computer::FlightComputer;
+use skyloop_protocols::personality::NATIVE;
+
+const FRAMES: u32 = 3;
+
+/// Pixels and label text of a frame.
+type Seen = (Vec<u16>, String);
+
+/// The built-in scene, turning, with every correction, through `camera`.
+fn config(camera: &str) -> Config {
+    let mut config = Config::builtin().unwrap();
+    config.camera = Camera::load(camera, &Folder::current()).unwrap();
+    config.sky.corrections = skyloop::sky::Corrections::default();
+    if let Some(sequence) = &mut config.sequence {
+        sequence.frames = FRAMES;
+    }
+    config
+}
+
+fn offline(camera: &str) -> Vec<Seen> {
+    let mut config = config(camera);
+    let mission = flight::mission(&config).unwrap();
+    let mut emulator = Emulator::new(&mut config);
+    (0..FRAMES)
+        .map(|number| {
+            let shot = emulator
+                .shoot(&flight::vehicle(&mission, number).unwrap(), 0)
+                .unwrap();
+            (shot.frame.digits, shot.json)
+        })
+        .collect()
+}
+
+#[test]
+fn one_two_and_four_threads_give_the_same_frames() {
+    for camera in ["fai-nir", "rigel-l"] {
+        let [one, two, four] = [1, 2, 4].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| {
+                assert_eq!(rayon::current_num_threads(), threads);
+                offline(camera)
+            })
+        });
+        assert!(one == two && one == four, "{camera}");
+        assert!(one[0].0 != one[1].0 && one[0].1.contains("RCM"));
+    }
+}
+
+/// What a flight computer receives over `scheme`.
+fn over(scheme: &str, camera: &str) -> Vec<Seen> {
+    let mut config = config(camera);
+    let mission = flight::mission(&config).unwrap();
+    let options = Options {
+        idle: Duration::from_secs(5),
+        personality: &NATIVE,
+    };
+    let (wire, port) = link::loopback(scheme, &options).unwrap();
+    let mut server = Server::new(Emulator::new(&mut config), wire, Clock::Stepped, &NATIVE);
+    let stop = AtomicBool::new(false);
+    let mut seen = Vec::new();
+    std::thread::scope(|scope| {
+        let serving = scope.spawn(|| server.run(&stop, None, |_| ()));
+        let report = FlightComputer::new(port, mission).run(|event| {
+            match event {
+                Event::Frame { frame, labels, .. } => {
+                    seen.push((frame.pixels.clone(), labels.unwrap_or_default().to_string()));
+                }
+                other => println!("{scheme}: {other:?}"),
+            }
+            ControlFlow::Continue(())
+        });
+        stop.store(true, Ordering::Relaxed);
+        serving.join().unwrap().unwrap();
+        assert_eq!(report.unwrap().frames, FRAMES, "{scheme}");
+    });
+    seen
+}
+
+#[test]
+fn every_link_carries_what_is_rendered_offline() {
+    let expected = offline("fai-nir");
+    for link in LINKS {
+        let received = over(link.scheme, "fai-nir");
+        for (number, (a, b)) in received.iter().zip(&expected).enumerate() {
+            assert_eq!(a.1, b.1, "label of frame {number} over {}", link.scheme);
+            assert!(a.0 == b.0, "pixels of frame {number} over {}", link.scheme);
+        }
+        assert_eq!(received.len(), expected.len());
+    }
+}

@@ -1,0 +1,354 @@
+//! Noise against theory: flat fields made of dark charge, and what the draws may and may not depend on.
+
+use std::str::FromStr;
+
+use hifitime::Epoch;
+use skyloop::attitude::VehicleState;
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::load::Folder;
+use skyloop::sky::catalog::Selection;
+
+/// A blind camera: exposure 1 s, so that the dark current is the mean charge.
+#[derive(Clone, Copy)]
+struct Flat {
+    mean_e: f64,
+    gain: f64,
+    read_e: f64,
+    offset_dn: f64,
+    full_well_e: f64,
+    bits: u32,
+}
+
+const FLAT: Flat = Flat {
+    mean_e: 20.0,
+    gain: 1.0,
+    read_e: 0.0,
+    offset_dn: 100.0,
+    full_well_e: 1e5,
+    bits: 16,
+};
+
+impl Flat {
+    fn emulator(&self, seed: u64) -> Emulator {
+        let folder = tempfile::tempdir().unwrap();
+        let text = format!(
+            r#"name = "flat"
+[optics]
+focal_length_mm = 20.0
+aperture_mm = 10.0
+transmission = 0.0
+band = "v"
+psf_sigma_px = 0.7
+[detector]
+width_px = 512
+height_px = 400
+pixel_um = 10.0
+quantum_efficiency = 0.5
+dark_e_s = {:?}
+read_noise_e = {:?}
+full_well_e = {:?}
+gain_e_per_dn = {:?}
+offset_dn = {:?}
+adc_bits = {}
+[timing]
+exposure_s = 1.0
+rate_hz = 1.0
+"#,
+            self.mean_e, self.read_e, self.full_well_e, self.gain, self.offset_dn, self.bits
+        );
+        std::fs::write(folder.path().join("flat.toml"), text).unwrap();
+        let mut config = Config::defaults().unwrap();
+        config.camera =
+            Camera::load("flat.toml", &Folder::Disk(folder.path().to_path_buf())).unwrap();
+        config.seed = seed;
+        config.sky.selection = Selection::Bsc;
+        Emulator::new(&mut config)
+    }
+
+    /// The probability of every digit: Poisson charge, clipped at the full well, with normal read noise, rounded and
+    /// clipped by the converter.
+    fn theory(&self) -> Vec<f64> {
+        let top = (1usize << self.bits) - 1;
+        let mut digits = vec![0.0; top + 1];
+        let reach = 12.0 * self.mean_e.sqrt() + 12.0;
+        let first = (self.mean_e - reach).max(0.0).floor() as u64;
+        for k in first..=(self.mean_e + reach) as u64 {
+            let k = k as f64;
+            let p = (k * self.mean_e.ln() - self.mean_e - libm::lgamma(k + 1.0)).exp();
+            let charge = k.min(self.full_well_e);
+            let at = charge / self.gain + self.offset_dn;
+            if self.read_e == 0.0 {
+                digits[((at + 0.5).floor() as usize).min(top)] += p;
+                continue;
+            }
+            let sigma = self.read_e / self.gain;
+            let below = |edge: f64| 0.5 * libm::erfc((at - edge) / sigma / 2f64.sqrt());
+            let low = (at - 12.0 * sigma).floor().max(0.0) as usize;
+            let high = ((at + 12.0 * sigma).ceil().max(0.0) as usize).min(top);
+            for (dn, digit) in digits.iter_mut().enumerate().take(high + 1).skip(low) {
+                let from = if dn == 0 { 0.0 } else { below(dn as f64 - 0.5) };
+                let to = if dn == top {
+                    1.0
+                } else {
+                    below(dn as f64 + 0.5)
+                };
+                *digit += p * (to - from);
+            }
+            // All of it above the top, or below zero.
+            if low > top {
+                digits[top] += p;
+            } else if at + 12.0 * sigma < 0.0 {
+                digits[0] += p;
+            }
+        }
+        digits
+    }
+}
+
+fn vehicle(sequence: u32) -> VehicleState {
+    let epoch = Epoch::from_str("2020-02-03T04:05:06 UTC").unwrap();
+    VehicleState::new(sequence, epoch, [0.0, 0.0, 0.0, 1.0], [0.0; 3], None).unwrap()
+}
+
+fn digits(emulator: &mut Emulator, sequence: u32) -> Vec<u16> {
+    emulator.shoot(&vehicle(sequence), 0).unwrap().frame.digits
+}
+
+/// Mean and variance of `pixels`, each as (measured, theory, standard error).
+fn moments(pixels: &[u16], theory: &[f64]) -> [(f64, f64, f64); 2] {
+    let n = pixels.len() as f64;
+    let mean = pixels.iter().map(|p| f64::from(*p)).sum::<f64>() / n;
+    let variance = pixels
+        .iter()
+        .map(|p| (f64::from(*p) - mean).powi(2))
+        .sum::<f64>()
+        / (n - 1.0);
+    let total: f64 = theory.iter().sum();
+    assert!((total - 1.0).abs() < 1e-9, "{total}");
+    let moment = |f: &dyn Fn(f64) -> f64| -> f64 {
+        theory
+            .iter()
+            .enumerate()
+            .map(|(dn, p)| p * f(dn as f64))
+            .sum()
+    };
+    let mu = moment(&|dn| dn);
+    let sigma2 = moment(&|dn| (dn - mu).powi(2));
+    let fourth = moment(&|dn| (dn - mu).powi(4));
+    [
+        (mean, mu, (sigma2 / n).sqrt()),
+        (variance, sigma2, ((fourth - sigma2 * sigma2) / n).sqrt()),
+    ]
+}
+
+#[test]
+fn flat_fields_have_the_mean_and_variance_of_theory() {
+    let mut worst = 0.0f64;
+    for mean_e in [0.5, 20.0, 2000.0] {
+        for gain in [1.0, 2.5] {
+            for read_e in [0.0, 5.0] {
+                for offset_dn in [100.0, 0.0] {
+                    let flat = Flat {
+                        mean_e,
+                        gain,
+                        read_e,
+                        offset_dn,
+                        ..FLAT
+                    };
+                    let pixels = digits(&mut flat.emulator(11), 3);
+                    for (measured, theory, error) in moments(&pixels, &flat.theory()) {
+                        let off = (measured - theory) / error;
+                        worst = worst.max(off.abs());
+                        assert!(
+                            off.abs() < 4.0,
+                            "{mean_e} e-, {gain} e-/DN, read {read_e}, offset {offset_dn}: {measured} against {theory}, \
+                             {off:.1} standard errors"
+                        );
+                    }
+                }
+            }
+        }
+    }
+    println!("worst {worst:.2} standard errors");
+}
+
+/// Where the noise is wide against a digit, theory is short: mean / gain + offset, and
+/// (mean + read^2 + gain^2 / 12) / gain^2.
+#[test]
+fn wide_noise_follows_the_textbook_formula() {
+    for (mean_e, gain, read_e) in [
+        (20.0, 1.0, 5.0),
+        (2000.0, 1.0, 5.0),
+        (2000.0, 12.5, 30.0),
+        (20.0, 10.0, 12.0),
+    ] {
+        let flat = Flat {
+            mean_e,
+            gain,
+            read_e,
+            ..FLAT
+        };
+        let pixels = digits(&mut flat.emulator(4), 9);
+        let [(mean, _, error), (variance, _, error2)] = moments(&pixels, &flat.theory());
+        assert!((mean - mean_e / gain - 100.0).abs() < 4.0 * error);
+        let formula = (mean_e + read_e * read_e + gain * gain / 12.0) / (gain * gain);
+        assert!(
+            (variance - formula).abs() < 4.0 * error2,
+            "{variance} {formula} {error2}"
+        );
+    }
+}
+
+#[test]
+fn full_well_and_converter_clip() {
+    // Half of the draws of 2000 lie above a well of 2000; read noise comes after it.
+    let well = Flat {
+        mean_e: 2000.0,
+        full_well_e: 2000.0,
+        ..FLAT
+    };
+    let pixels = digits(&mut well.emulator(1), 0);
+    assert_eq!(pixels.iter().max(), Some(&2100));
+    let full = pixels.iter().filter(|dn| **dn == 2100).count() as f64 / pixels.len() as f64;
+    assert!((0.49..0.53).contains(&full), "{full}");
+    let read = Flat {
+        read_e: 5.0,
+        ..well
+    };
+    let pixels = digits(&mut read.emulator(1), 0);
+    assert!(*pixels.iter().max().unwrap() > 2110);
+    for (measured, theory, error) in moments(&pixels, &read.theory()) {
+        assert!((measured - theory).abs() < 4.0 * error);
+    }
+    // 8 bits; and an offset of 0 leaves no negative digits.
+    let top = digits(
+        &mut Flat {
+            mean_e: 400.0,
+            bits: 8,
+            ..FLAT
+        }
+        .emulator(1),
+        0,
+    );
+    assert!(top.iter().all(|dn| *dn == 255));
+    let low = Flat {
+        mean_e: 0.5,
+        read_e: 5.0,
+        offset_dn: 0.0,
+        ..FLAT
+    };
+    let pixels = digits(&mut low.emulator(1), 0);
+    assert!(pixels.iter().all(|dn| *dn < 60) && pixels.contains(&0));
+}
+
+#[test]
+fn without_noise_every_digit_is_the_rounded_mean() {
+    let flat = Flat {
+        mean_e: 1234.0,
+        gain: 2.5,
+        read_e: 5.0,
+        ..FLAT
+    };
+    let mut emulator = flat.emulator(1);
+    emulator.noise = false;
+    // 1234 / 2.5 + 100 = 593.6.
+    assert!(digits(&mut emulator, 0).iter().all(|dn| *dn == 594));
+}
+
+/// Correlation of two frames' noise, in its standard errors.
+fn correlation(a: &[u16], b: &[u16]) -> f64 {
+    let n = a.len() as f64;
+    let mean = |x: &[u16]| x.iter().map(|p| f64::from(*p)).sum::<f64>() / n;
+    let (ma, mb) = (mean(a), mean(b));
+    let sum = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
+        a.iter()
+            .zip(b)
+            .map(|(a, b)| f(f64::from(*a) - ma, f64::from(*b) - mb))
+            .sum()
+    };
+    sum(&|a, b| a * b) / (sum(&|a, _| a * a) * sum(&|_, b| b * b)).sqrt() * n.sqrt()
+}
+
+#[test]
+fn frames_seeds_and_neighbouring_pixels_are_independent() {
+    let flat = Flat {
+        read_e: 5.0,
+        ..FLAT
+    };
+    let mut emulator = flat.emulator(7);
+    let first = digits(&mut emulator, 10);
+    let again = emulator.shoot(&vehicle(10), 1).unwrap().frame.digits;
+    for (what, other) in [
+        ("the next sequence number", digits(&mut emulator, 11)),
+        ("a repeat", again),
+        ("the next seed", digits(&mut flat.emulator(8), 10)),
+        (
+            "a seed's upper half",
+            digits(&mut flat.emulator(7 + (1 << 32)), 10),
+        ),
+    ] {
+        let r = correlation(&first, &other);
+        assert!(
+            r.abs() < 4.0 && first != other,
+            "{what}: {r:.1} standard errors"
+        );
+    }
+    for shift in [1, 2, 4, 512] {
+        let r = correlation(&first[shift..], &first[..first.len() - shift]);
+        assert!(
+            r.abs() < 4.0,
+            "pixels {shift} apart: {r:.1} standard errors"
+        );
+    }
+}
+
+#[test]
+fn the_sequence_number_decides_never_a_count() {
+    let flat = Flat {
+        read_e: 5.0,
+        ..FLAT
+    };
+    let alone = digits(&mut flat.emulator(7), 42);
+    let mut busy = flat.emulator(7);
+    for sequence in [3, 41, 42, 7] {
+        digits(&mut busy, sequence);
+    }
+    assert_eq!(digits(&mut busy, 42), alone);
+    assert_eq!(busy.next_frame(), 5);
+}
+
+/// The built-in scene with and without its objects' light.
+#[test]
+fn an_objects_light_changes_only_the_pixels_that_it_lights() {
+    let shot = |reflectance: f64| {
+        let mut config = Config::builtin().unwrap();
+        config.sphere.reflectance = reflectance;
+        let mission = flight::mission(&config).unwrap();
+        let mut emulator = Emulator::new(&mut config);
+        emulator.keep_expected = true;
+        emulator
+            .shoot(&flight::vehicle(&mission, 20).unwrap(), 0)
+            .unwrap()
+    };
+    let (lit, dark) = (shot(0.2), shot(0.0));
+    let (a, b) = (
+        lit.frame.expected_e.unwrap(),
+        dark.frame.expected_e.unwrap(),
+    );
+    let (mut touched, mut changed) = (0, 0);
+    for i in 0..a.len() {
+        if a[i] == b[i] {
+            assert_eq!(lit.frame.digits[i], dark.frame.digits[i], "pixel {i}");
+        } else {
+            touched += 1;
+            changed += usize::from(lit.frame.digits[i] != dark.frame.digits[i]);
+        }
+    }
+    assert!(
+        (100..1000).contains(&touched) && changed > 20,
+        "{touched} {changed}"
+    );
+}

@@ -1,0 +1,330 @@
+//! What a frame must hold, reckoned from its label and the camera's figures alone, the slow and obvious way. Nothing
+//! here calls the renderer's projection, point spread function, tracks or footprints.
+
+use std::str::FromStr;
+
+use hifitime::Epoch;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use skyloop::attitude::VehicleState;
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::engine::{Emulator, Shot};
+use skyloop::fidelity::Fidelity;
+use skyloop::label::{Label, ObjectLabel};
+use skyloop::load::Folder;
+use skyloop::orbit::Object;
+use skyloop::sky::catalog::Selection;
+
+/// Speed of light, km/s (exact).
+const LIGHT_KM_S: f64 = 299_792.458;
+/// Gravitational parameter of the Earth, km^3/s^2 (WGS84).
+const GM: f64 = 398_600.441_8;
+
+pub fn epoch(text: &str) -> Epoch {
+    Epoch::from_str(&format!("{text} UTC")).unwrap()
+}
+
+/// An emulator without noise that labels everything and keeps the expected electrons.
+pub fn emulator(
+    camera: &str,
+    stars: Selection,
+    objects: Vec<Object>,
+    fidelity: Fidelity,
+) -> Emulator {
+    let mut config = Config::defaults().unwrap();
+    config.camera = Camera::load(camera, &Folder::current()).unwrap();
+    config.sky.selection = stars;
+    config.objects = objects;
+    config.fidelity = fidelity;
+    config.label_snr = 0.0;
+    let mut emulator = Emulator::new(&mut config);
+    emulator.noise = false;
+    emulator.keep_expected = true;
+    emulator
+}
+
+/// One frame: attitude `[x, y, z, w]` of any length but 0, rates in deg/s.
+pub fn shoot(
+    emulator: &mut Emulator,
+    at: Epoch,
+    q: [f64; 4],
+    rates_deg_s: [f64; 3],
+    orbit: Option<([f64; 3], [f64; 3])>,
+) -> Shot {
+    let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let rates = rates_deg_s.map(f64::to_radians);
+    let vehicle = VehicleState::new(5, at, q.map(|c| c / norm), rates, orbit).unwrap();
+    emulator.shoot(&vehicle, 0).unwrap()
+}
+
+/// The attitude that turns +Z to `direction`, rolled by `roll` rad.
+pub fn look_at(direction: Vector3<f64>, roll: f64) -> [f64; 4] {
+    let z = direction.normalize();
+    let aside = z.cross(&Vector3::new(0.3, -0.5, 0.81)).normalize();
+    let x = aside * roll.cos() + z.cross(&aside) * roll.sin();
+    let matrix = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
+    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+    [q.i, q.j, q.k, q.w]
+}
+
+/// `R(q)` written out.
+pub fn matrix([x, y, z, w]: [f64; 4]) -> Matrix3<f64> {
+    Matrix3::new(
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - z * w),
+        2.0 * (x * z + y * w),
+        2.0 * (x * y + z * w),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - x * w),
+        2.0 * (x * z - y * w),
+        2.0 * (y * z + x * w),
+        1.0 - 2.0 * (x * x + y * y),
+    )
+}
+
+/// ICRF to camera, `t` seconds after mid-exposure, as the label has it: `M exp(-[w x] t) R(q)`.
+pub fn pointing(label: &Label, t: f64) -> Matrix3<f64> {
+    let w = Vector3::from(label.rates_rad_s);
+    let angle = w.norm() * t;
+    let turn = w.try_normalize(0.0).map_or(Matrix3::identity(), |axis| {
+        // Rodrigues' formula.
+        let k = axis.cross_matrix();
+        Matrix3::identity() - k * angle.sin() + k * k * (1.0 - angle.cos())
+    });
+    matrix(label.q_body_to_camera) * turn * matrix(label.q_icrf_to_body)
+}
+
+/// Unit vector of the label's apparent right ascension and declination.
+pub fn apparent(object: &ObjectLabel) -> Vector3<f64> {
+    let (sin_ra, cos_ra) = object.ra_deg.to_radians().sin_cos();
+    let (sin_dec, cos_dec) = object.dec_deg.to_radians().sin_cos();
+    Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
+}
+
+/// Where an object stands `t` seconds after mid-exposure, unit vector: light time and first-order aberration by the
+/// geocentric velocity for objects in orbit, from the label's states and the Earth's pull.
+fn direction(label: &Label, object: &ObjectLabel, t: f64) -> Vector3<f64> {
+    let Some(rso) = &object.rso else {
+        return apparent(object);
+    };
+    let fall = |r: Vector3<f64>, v: Vector3<f64>, t: f64| {
+        r + v * t - r * (GM / r.norm().powi(3) * t * t / 2.0)
+    };
+    let [x, y, z, vx, vy, vz] = label.state_gcrf_km;
+    let (r, v) = (Vector3::new(x, y, z), Vector3::new(vx, vy, vz));
+    let velocity = v - r * (GM / r.norm().powi(3) * t);
+    let target = |t| {
+        fall(
+            rso.position_gcrf_km.into(),
+            rso.velocity_gcrf_km_s.into(),
+            t,
+        )
+    };
+    let here = fall(r, v, t);
+    let light_time = (target(t) - here).norm() / LIGHT_KM_S;
+    let line = target(t - light_time) - here;
+    (line.normalize() + velocity / LIGHT_KM_S).normalize()
+}
+
+/// Where its image is `t` seconds after mid-exposure, px.
+pub fn pixel(label: &Label, object: &ObjectLabel, camera: &Camera, t: f64) -> [f64; 2] {
+    let seen = pointing(label, t) * direction(label, object, t);
+    let [cx, cy] = camera.optics.principal_px;
+    let f = camera.optics.focal_px;
+    [cx + f * seen.x / seen.z, cy + f * seen.y / seen.z]
+}
+
+/// An image of electrons.
+pub struct Image {
+    pub width: usize,
+    pub height: usize,
+    pub e: Vec<f64>,
+}
+
+/// Columns (or rows) `from..past`.
+#[derive(Clone, Copy, Debug)]
+pub struct Box2 {
+    pub low: [i64; 2],
+    pub past: [i64; 2],
+}
+
+impl Box2 {
+    /// Where nearly all light of `object` falls: its track, widened by 6 sigma.
+    pub fn of(object: &ObjectLabel, camera: &Camera) -> Box2 {
+        let pad = 6.0 * camera.optics.psf.sigma_px + 0.5;
+        let ends = [
+            [object.x0_px, object.x1_px, object.x_px],
+            [object.y0_px, object.y1_px, object.y_px],
+        ];
+        Box2 {
+            low: ends.map(|at| (at.iter().fold(f64::MAX, |a, b| a.min(*b)) - pad).floor() as i64),
+            past: ends
+                .map(|at| (at.iter().fold(f64::MIN, |a, b| a.max(*b)) + pad).ceil() as i64 + 1),
+        }
+    }
+
+    pub fn meets(&self, other: &Box2) -> bool {
+        (0..2).all(|k| self.low[k] < other.past[k] && other.low[k] < self.past[k])
+    }
+
+    pub fn within(&self, image: &Image) -> bool {
+        self.low.iter().all(|low| *low >= 0)
+            && self.past[0] <= image.width as i64
+            && self.past[1] <= image.height as i64
+    }
+
+    /// The part on a detector.
+    pub fn clipped(&self, width: usize, height: usize) -> Box2 {
+        let size = [width as i64, height as i64];
+        Box2 {
+            low: [0, 1].map(|k| self.low[k].clamp(0, size[k])),
+            past: [0, 1].map(|k| self.past[k].clamp(0, size[k])),
+        }
+    }
+}
+
+impl Image {
+    /// The frame's expected electrons without the label's background.
+    pub fn light_of(shot: &Shot) -> Image {
+        let background = shot.label.background_e_px;
+        let expected = shot.frame.expected_e.as_ref().unwrap();
+        Image {
+            width: shot.frame.width,
+            height: shot.frame.height,
+            e: expected
+                .iter()
+                .map(|e| f64::from(*e) - background)
+                .collect(),
+        }
+    }
+
+    /// Light, and its centre (px), inside a box.
+    pub fn moments(&self, region: &Box2) -> (f64, [f64; 2]) {
+        let region = region.clipped(self.width, self.height);
+        let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
+        for row in region.low[1]..region.past[1] {
+            for column in region.low[0]..region.past[0] {
+                let e = self.e[row as usize * self.width + column as usize];
+                sum += e;
+                x += e * column as f64;
+                y += e * row as f64;
+            }
+        }
+        (sum, [x / sum, y / sum])
+    }
+}
+
+/// `electrons` of `object` on each pixel of the part of its box that lies on the detector, row by row: the Gaussian
+/// integrated over every pixel and over time by Simpson's rule.
+pub fn stamp(label: &Label, object: &ObjectLabel, camera: &Camera) -> (Box2, Vec<f64>) {
+    let size = [camera.detector.width, camera.detector.height];
+    let region = Box2::of(object, camera).clipped(size[0], size[1]);
+    let columns = (region.past[0] - region.low[0]).max(0) as usize;
+    let rows = (region.past[1] - region.low[1]).max(0) as usize;
+    let mut e = vec![0.0; columns * rows];
+    let length = (object.x1_px - object.x0_px).hypot(object.y1_px - object.y0_px);
+    // A tenth of a pixel a step: an error of some 2e-6 of the peak.
+    let steps = 2 * ((5.0 * length).ceil() as usize).max(2);
+    for i in 0..=steps {
+        let t = (i as f64 / steps as f64 - 0.5) * label.exposure_s;
+        let at = pixel(label, object, camera, t);
+        let weight = simpson(i, steps) / steps as f64 * object.electrons;
+        let [across, down] = [0, 1].map(|k| {
+            (region.low[k]..region.past[k])
+                .map(|pixel| share(pixel as f64 - at[k], camera.optics.psf.sigma_px))
+                .collect::<Vec<f64>>()
+        });
+        for (line, down) in e.chunks_mut(columns.max(1)).zip(&down) {
+            for (e, across) in line.iter_mut().zip(&across) {
+                *e += weight * down * across;
+            }
+        }
+    }
+    (region, e)
+}
+
+/// The light of all the label's objects.
+pub fn image(label: &Label, camera: &Camera) -> Image {
+    let (width, height) = (camera.detector.width, camera.detector.height);
+    let mut e = vec![0.0; width * height];
+    for object in label.objects.iter().filter(|o| o.electrons > 0.0) {
+        let (region, light) = stamp(label, object, camera);
+        let columns = (region.past[0] - region.low[0]) as usize;
+        for (i, light) in light.iter().enumerate() {
+            let (row, column) = (i / columns, i % columns);
+            e[(region.low[1] as usize + row) * width + region.low[0] as usize + column] += light;
+        }
+    }
+    Image { width, height, e }
+}
+
+/// A normal density of width `sigma` around 0, integrated over the pixel whose centre is at `x`.
+fn share(x: f64, sigma: f64) -> f64 {
+    const STEPS: usize = 12;
+    let peak = 1.0 / (sigma * std::f64::consts::TAU.sqrt());
+    (0..=STEPS)
+        .map(|i| {
+            let at = (x - 0.5 + i as f64 / STEPS as f64) / sigma;
+            simpson(i, STEPS) / STEPS as f64 * peak * (-0.5 * at * at).exp()
+        })
+        .sum()
+}
+
+/// Weight of node `i` of `n` (even) steps in Simpson's rule, for a step of 1.
+fn simpson(i: usize, n: usize) -> f64 {
+    match i {
+        0 => 1.0 / 3.0,
+        i if i == n => 1.0 / 3.0,
+        i if i % 2 == 1 => 4.0 / 3.0,
+        _ => 2.0 / 3.0,
+    }
+}
+
+/// An OEM of 21 s around `mid`; `state` gives km and km/s at a time (s) from there.
+pub fn oem(
+    id: &str,
+    mid: Epoch,
+    state: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>),
+) -> Vec<Object> {
+    let utc = |s: f64| {
+        let text = skyloop::label::utc(mid + hifitime::Duration::from_seconds(s));
+        text.trim_end_matches('Z').to_string()
+    };
+    let mut text = format!(
+        "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-01-01T00:00:00\nORIGINATOR = TEST\n\nMETA_START\nOBJECT_NAME = {id}\n\
+         OBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = {}\nSTOP_TIME = {}\n\
+         INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = 5\nMETA_STOP\n\n",
+        utc(-10.0),
+        utc(10.0)
+    );
+    for s in -10..=10 {
+        let (r, v) = state(f64::from(s));
+        text += &format!(
+            "{} {:.9} {:.9} {:.9} {:.12} {:.12} {:.12}\n",
+            utc(f64::from(s)),
+            r.x,
+            r.y,
+            r.z,
+            v.x,
+            v.y,
+            v.z
+        );
+    }
+    skyloop::orbit::parse(&text, "test.oem").unwrap().objects
+}
+
+/// A state that falls freely from `r` (km), `v` (km/s), to second order in time.
+pub fn falling(
+    r: Vector3<f64>,
+    v: Vector3<f64>,
+) -> impl Fn(f64) -> (Vector3<f64>, Vector3<f64>) + Clone {
+    move |t| {
+        let pull = r * (-GM / r.norm().powi(3));
+        (r + v * t + pull * (t * t / 2.0), v + pull * t)
+    }
+}
+
+/// `(position m, velocity m/s)` as a vehicle state takes it, from km and km/s.
+pub fn orbit(r: Vector3<f64>, v: Vector3<f64>) -> Option<([f64; 3], [f64; 3])> {
+    Some(((r * 1e3).into(), (v * 1e3).into()))
+}

@@ -1,0 +1,275 @@
+//! The label's fields: their names, and each against what it is defined by.
+
+use std::f64::consts::PI;
+
+use nalgebra::Vector3;
+use serde_json::Value;
+use skyloop::attitude::VehicleState;
+use skyloop::config::Config;
+use skyloop::engine::{Emulator, Shot};
+use skyloop::fidelity::Fidelity;
+use skyloop::flight;
+use skyloop::label::ObjectLabel;
+use skyloop::sky::bodies::Bodies;
+use skyloop::sky::catalog::Selection;
+
+use super::brute::{apparent, emulator, epoch, matrix, pointing, shoot, stamp};
+
+// The contract: the names of the issue and the README.
+const FRAME_KEYS: &str = "frame seed camera epoch_start epoch_mid epoch_end exposure_s q_icrf_to_body q_body_to_camera \
+    rates_rad_s state_gcrf_km r_icrf_to_camera background_e_px objects";
+const OBJECT_KEYS: &str = "kind id names x_px y_px x0_px y0_px x1_px y1_px vx_px_s vy_px_s mag band_mag electrons snr \
+    ra_deg dec_deg in_frame visible";
+const RSO_KEYS: &str =
+    "range_km range_rate_km_s phase_deg illumination position_gcrf_km velocity_gcrf_km_s";
+
+fn near(a: f64, b: f64, bound: f64, what: &str) {
+    assert!((a - b).abs() <= bound, "{what}: {a} against {b}");
+}
+
+/// Every rule that holds for every object of every frame.
+fn check(shot: &Shot) {
+    let (label, camera) = (&shot.label, &shot.camera);
+    near(
+        label.background_e_px,
+        camera.detector.dark_e_s * label.exposure_s,
+        1e-9,
+        "background",
+    );
+    let turned = matrix(label.q_body_to_camera) * matrix(label.q_icrf_to_body);
+    for (i, row) in label.r_icrf_to_camera.iter().enumerate() {
+        assert!((turned.row(i).transpose() - Vector3::from(*row)).norm() < 1e-14);
+    }
+    assert!((turned - pointing(label, 0.0)).norm() < 1e-14);
+    for object in &label.objects {
+        check_object(shot, object);
+    }
+    check_json(shot);
+}
+
+fn check_object(shot: &Shot, o: &ObjectLabel) {
+    let (label, camera) = (&shot.label, &shot.camera);
+    near(
+        o.vx_px_s,
+        (o.x1_px - o.x0_px) / label.exposure_s,
+        1e-9,
+        "vx",
+    );
+    near(
+        o.vy_px_s,
+        (o.y1_px - o.y0_px) / label.exposure_s,
+        1e-9,
+        "vy",
+    );
+    let length = (o.x1_px - o.x0_px).hypot(o.y1_px - o.y0_px);
+    let pad = 1e-3 + 0.01 * length;
+    assert!(o.x_px > o.x0_px.min(o.x1_px) - pad && o.x_px < o.x0_px.max(o.x1_px) + pad);
+    assert!(o.y_px > o.y0_px.min(o.y1_px) - pad && o.y_px < o.y0_px.max(o.y1_px) + pad);
+
+    // E = electrons / (QE tau A t), E_zero of the band (Clark et al. 2021, Eqs. (1), (2)).
+    let area = PI * camera.optics.aperture_m.powi(2) / 4.0;
+    let gathered = camera.detector.quantum_efficiency * camera.optics.transmission * area;
+    let irradiance = o.electrons / (gathered * label.exposure_s);
+    match o.band_mag {
+        Some(band_mag) => {
+            let expected = -2.5 * (irradiance / camera.optics.band.zero_point()).log10();
+            near(band_mag, expected, 1e-9, "band_mag");
+        }
+        None => assert_eq!(o.electrons, 0.0),
+    }
+
+    // sqrt(sum s^2 / (s + b + read^2)) over the detector.
+    let floor = label.background_e_px + camera.detector.read_noise_e.powi(2);
+    let (_, light) = stamp(label, o, camera);
+    let sum: f64 = light.iter().map(|s| s * s / (s + floor)).sum();
+    near(o.snr, sum.sqrt(), 1e-4 * sum.sqrt() + 1e-5, &o.id);
+
+    let (w, h) = (camera.detector.width as f64, camera.detector.height as f64);
+    let in_frame = o.x_px >= -0.5 && o.x_px < w - 0.5 && o.y_px >= -0.5 && o.y_px < h - 0.5;
+    assert_eq!(o.in_frame, in_frame);
+    let shines = o.electrons > 0.0;
+    assert_eq!(o.visible, in_frame && shines && o.snr >= 3.0, "{o:?}");
+    assert_eq!(o.reason.is_none(), o.visible);
+    if let Some(reason) = &o.reason {
+        let fits = match reason.as_str() {
+            "its centroid is outside the frame" => !in_frame,
+            "behind the Earth" | "in the Earth's shadow" => !shines,
+            faint => faint.starts_with("too faint") && shines && o.snr < 3.0,
+        };
+        assert!(fits, "{o:?}");
+    }
+
+    // The apparent direction at mid-exposure, projected by the label's own matrix.
+    let d = apparent(o);
+    let seen = label.r_icrf_to_camera.map(|row| Vector3::from(row).dot(&d));
+    let at =
+        [0, 1].map(|k| camera.optics.principal_px[k] + camera.optics.focal_px * seen[k] / seen[2]);
+    // At rest it is the centroid; on a track it lies off the mean by what the track bends.
+    near(at[0], o.x_px, 1e-6 + 1e-2 * length, "x of ra, dec");
+    near(at[1], o.y_px, 1e-6 + 1e-2 * length, "y of ra, dec");
+    assert!((0.0..360.0).contains(&o.ra_deg) && o.dec_deg.abs() <= 90.0);
+
+    let Some(rso) = &o.rso else { return };
+    let [x, y, z, vx, vy, vz] = label.state_gcrf_km;
+    let line = Vector3::from(rso.position_gcrf_km) - Vector3::new(x, y, z);
+    let relative = Vector3::from(rso.velocity_gcrf_km_s) - Vector3::new(vx, vy, vz);
+    near(rso.range_km, line.norm(), 1e-9, "range");
+    near(
+        rso.range_rate_km_s,
+        line.dot(&relative) / line.norm(),
+        1e-9,
+        "range rate",
+    );
+    // Eqs. (7), (9) with the paper's sphere. Light time moves the object by metres.
+    let sun = Bodies::at(shot.exposure.mid).unwrap().sun_apparent_m() * 1e-3;
+    let to_sun = sun - Vector3::from(rso.position_gcrf_km);
+    let phi = to_sun.angle(&-line);
+    near(rso.phase_deg, phi.to_degrees(), 2e-3, "phase");
+    let f = 2.0 / (3.0 * PI * PI) * ((PI - phi) * phi.cos() + phi.sin());
+    let reflected = 0.2 * PI * 25.0 * f;
+    // 1 au^2 of the two distances cancels the reflector's: m = -26.73 - 2.5 log10(rho A F / d^2) + 5 log10(D / au).
+    let d2 = (line.norm() * 1e3).powi(2);
+    let au = 149_597_870.7;
+    let mag = -26.73 - 2.5 * (reflected / d2).log10() + 5.0 * (to_sun.norm() / au).log10();
+    near(o.mag, mag, 1e-4, "mag by Eq. 9");
+    if rso.illumination == 1.0 && shines {
+        near(o.band_mag.unwrap(), o.mag, 1e-9, "in full light");
+    }
+}
+
+/// The line of text has the contract's names, and the values but for their last decimals.
+fn check_json(shot: &Shot) {
+    let json: Value = serde_json::from_str(&shot.json).unwrap();
+    let keys = |value: &Value| {
+        let mut keys: Vec<String> = value.as_object().unwrap().keys().cloned().collect();
+        keys.sort();
+        keys
+    };
+    let wanted = |lists: &[&str]| {
+        let mut keys: Vec<String> = lists
+            .iter()
+            .flat_map(|list| list.split_whitespace().map(String::from))
+            .collect();
+        keys.sort();
+        keys
+    };
+    assert_eq!(keys(&json), wanted(&[FRAME_KEYS]));
+    let listed = json["objects"].as_array().unwrap();
+    assert_eq!(listed.len(), shot.label.objects.len());
+    for (text, o) in listed.iter().zip(&shot.label.objects) {
+        let reason = if o.visible { "" } else { "reason" };
+        let rso = if o.rso.is_some() { RSO_KEYS } else { "" };
+        assert_eq!(keys(text), wanted(&[OBJECT_KEYS, reason, rso]));
+        let number = |key: &str| text[key].as_f64().unwrap();
+        assert_eq!(text["kind"], o.kind);
+        assert_eq!(text["id"], o.id.as_str());
+        near(number("x_px"), o.x_px, 1e-6, "x_px");
+        near(
+            number("electrons"),
+            o.electrons,
+            1e-4 * (1.0 + o.electrons),
+            "electrons",
+        );
+        near(number("snr"), o.snr, 1e-4, "snr");
+        near(number("ra_deg"), o.ra_deg, 1e-8, "ra_deg");
+        assert_eq!(text["band_mag"].as_f64().is_some(), o.band_mag.is_some());
+    }
+}
+
+#[test]
+fn every_field_is_what_it_is_defined_to_be() {
+    let orbit = Some(([2.1e6, -5.4e6, 3.9e6], [6.3e3, 3.7e3, 1.8e3]));
+    for camera in ["fai-nir", "fai-630", "rigel-l", "cots-wide"] {
+        let mut emulator = emulator(camera, Selection::Bsc, Vec::new(), Fidelity::REALTIME);
+        for (i, rates) in [[0.0; 3], [-1.0, 2.0, 3.0]].into_iter().enumerate() {
+            let q = [0.1, 0.2 + i as f64, -0.3, 0.9];
+            let shot = shoot(
+                &mut emulator,
+                epoch("2026-02-11T18:22:41.25"),
+                q,
+                rates,
+                orbit,
+            );
+            assert!(shot.label.objects.len() > 10);
+            check(&shot);
+        }
+    }
+}
+
+#[test]
+fn objects_in_orbit_are_geometric_at_mid_exposure_and_their_range_rate_is_a_derivative() {
+    let mut config = Config::builtin().unwrap();
+    config.sky.selection = Selection::Bsc;
+    config.sky.corrections.aberration = true;
+    config.label_snr = 0.0;
+    let objects = config.objects.clone();
+    let mission = flight::mission(&config).unwrap();
+    let mut emulator = Emulator::new(&mut config);
+    for number in [1, 30] {
+        let vehicle = flight::vehicle(&mission, number).unwrap();
+        let shot = emulator.shoot(&vehicle, 0).unwrap();
+        check(&shot);
+        let state = vehicle.orbit.as_ref().unwrap();
+        let label = &shot.label;
+        assert_eq!(label.state_gcrf_km[0], state.position_m.x * 1e-3);
+        assert_eq!(label.state_gcrf_km[5], state.velocity_m_s.z * 1e-3);
+        let half = label.exposure_s / 2.0;
+        for (text, dt) in [
+            (&label.epoch_start, -half),
+            (&label.epoch_mid, 0.0),
+            (&label.epoch_end, half),
+        ] {
+            let off = epoch(text.trim_end_matches('Z')) - vehicle.epoch;
+            near(off.to_seconds(), dt, 1e-9, "epochs");
+        }
+        // A tenth of a second to either side: an error of h^2/6 of the third derivative, and of digits.
+        let step = hifitime::Duration::from_seconds(0.1);
+        let [before, after] = [-step, step].map(|dt| {
+            let mut moved: VehicleState = vehicle.at(vehicle.epoch + dt);
+            moved.sequence += 1000;
+            emulator.shoot(&moved, 0).unwrap()
+        });
+        let range = |shot: &Shot, id: &str| {
+            let found = shot.label.objects.iter().find(|o| o.id == id);
+            found.and_then(|o| o.rso.as_ref()).unwrap().range_km
+        };
+        let mut compared = 0;
+        for o in label.objects.iter().filter(|o| o.kind == "rso") {
+            let rso = o.rso.as_ref().unwrap();
+            let object = objects.iter().find(|object| object.id == o.id).unwrap();
+            let there = object.state(vehicle.epoch).unwrap();
+            assert!((there.position_m * 1e-3 - Vector3::from(rso.position_gcrf_km)).norm() < 1e-12);
+            assert!(
+                (there.velocity_m_s * 1e-3 - Vector3::from(rso.velocity_gcrf_km_s)).norm() < 1e-12
+            );
+            let rate = (range(&after, &o.id) - range(&before, &o.id)) / 0.2;
+            near(rso.range_rate_km_s, rate, 3e-5, "range rate");
+            compared += 1;
+        }
+        assert_eq!(compared, 3);
+    }
+}
+
+#[test]
+fn the_list_ends_at_the_asked_signal_to_noise_ratio() {
+    assert_eq!(Config::defaults().unwrap().label_snr, 1.0);
+    let list = |snr: f64| {
+        let mut config = Config {
+            label_snr: snr,
+            ..Config::defaults().unwrap()
+        };
+        let mut emulator = Emulator::new(&mut config);
+        let shot = shoot(
+            &mut emulator,
+            epoch("2026-02-11T18:22:41.25"),
+            [0.1, 0.2, -0.3, 0.9],
+            [0.0; 3],
+            None,
+        );
+        shot.label.objects
+    };
+    let (all, some) = (list(0.0), list(5.0));
+    let bright: Vec<_> = all.iter().filter(|o| o.snr >= 5.0).cloned().collect();
+    assert!(!some.is_empty() && some.len() < all.len());
+    assert_eq!(some, bright);
+}
