@@ -69,7 +69,7 @@ pub struct Sequence {
     pub frames: u32,
     /// From one exposure's middle to the next, s.
     pub period_s: f64,
-    /// At least one; between them slerp, outside of them the nearest.
+    /// At least one; slerp between them. Of several, the exposures must lie within their span.
     pub attitudes: Vec<TimedAttitude>,
     /// Body rates (rad/s) of a single attitude.
     pub rates: [f64; 3],

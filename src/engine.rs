@@ -99,6 +99,11 @@ impl Emulator {
         self.camera = self.configured.clone();
     }
 
+    /// Whether there are objects to see, and so a position to see them from is needed.
+    pub fn has_objects(&self) -> bool {
+        !self.world.population.objects.is_empty()
+    }
+
     /// Records of the configured orbit files that were refused.
     pub fn rejected_records(&self) -> u32 {
         self.rejected_records

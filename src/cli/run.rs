@@ -1,11 +1,11 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
 use skyloop::link;
-use skyloop::serve::Server;
+use skyloop::serve::{Ended, Server};
 use skyloop::stats::{row, table, times};
 use skyloop_protocols::personality::NATIVE;
 use std::path::PathBuf;
@@ -77,8 +77,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         },
     ));
     print!("\n{}", table(&rows));
+    let address = server.address().to_string();
     server.close();
-    served.map_err(Into::into)
+    match served? {
+        Ended::AsAsked => Ok(()),
+        Ended::LinkGone => bail!("link {address}: it has gone (see the log above); open it again"),
+    }
 }
 
 /// Sets `stop` at Ctrl-C (and at SIGTERM on Unix); a second Ctrl-C ends the process at once.

@@ -65,6 +65,15 @@ pub struct Server {
     absent: Absent,
 }
 
+/// How a run came to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// It was stopped, or has made its frames.
+    AsAsked,
+    /// The other end of the link has gone for good.
+    LinkGone,
+}
+
 /// Why a frame did not reach its client whole.
 enum Undelivered {
     /// Reset, another client, the run's end, or a client that takes nothing any more.
@@ -107,7 +116,7 @@ impl Server {
         stop: &AtomicBool,
         limit: Option<u32>,
         mut on_shot: impl FnMut(Shot),
-    ) -> Result<(), LinkError> {
+    ) -> Result<Ended, LinkError> {
         while !stop.load(Ordering::Relaxed) && limit.is_none_or(|n| self.stats.frames < n) {
             // Frames may fall due without a pause: commands and attitudes still come first.
             self.receive_waiting()?;
@@ -125,7 +134,7 @@ impl Server {
                     Clock::Wall => self.wall.until_due().min(POLL),
                 };
                 if !self.receive(pause)? {
-                    return Ok(());
+                    return Ok(Ended::LinkGone);
                 }
                 continue;
             };
@@ -153,7 +162,7 @@ impl Server {
             *counter = counter.wrapping_add(1);
             on_shot(shot);
         }
-        Ok(())
+        Ok(Ended::AsAsked)
     }
 
     /// The vehicle carried to the exposure whose end has come, and how many frames its attitude made before.

@@ -147,6 +147,15 @@ impl Server {
                 ),
             });
         }
+        if attitude.state.is_none() && self.emulator.has_objects() {
+            return Err(Refusal {
+                reason: Reason::ValueOutOfRange,
+                detail: format!(
+                    "attitude {} carries no position, and objects are configured: send the state it sees them from",
+                    attitude.sequence
+                ),
+            });
+        }
         let orbit = attitude
             .state
             .map(|state| (state.position_m, state.velocity_m_s));

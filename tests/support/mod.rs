@@ -8,7 +8,7 @@ use line::{Line, MemoryLine, PtyLine, UdpLine};
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, LinkError, Wire};
-use skyloop::serve::Server;
+use skyloop::serve::{Ended, Server};
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Attitude, OrbitState, WireTime};
 use std::sync::Arc;
@@ -53,7 +53,7 @@ pub fn attitude(sequence: u32) -> Attitude {
 pub struct Running {
     pub shots: Receiver<Shot>,
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<Result<(), LinkError>>>,
+    thread: Option<JoinHandle<Result<Ended, LinkError>>>,
 }
 
 impl Running {
