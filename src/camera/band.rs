@@ -21,6 +21,8 @@ pub struct Band {
     step_m: f64,
     /// The band's and the V band's photon rate of a black body with the Sun's colour, for the ratio.
     sun_photons: f64,
+    /// ph/s/m^2 of magnitude 0.
+    zero_point: f64,
 }
 
 /// Johnson V, energy response as Bessell 1990 (PASP 102, 1181, Table 2), 470 to 700 nm each 10 nm.
@@ -75,8 +77,10 @@ impl Band {
             samples,
             step_m,
             sun_photons: 1.0,
+            zero_point: 0.0,
         };
         band.sun_photons = band.black_body_photons(temperature(SUN_B_V));
+        band.zero_point = band.solar_photons() * 10f64.powf(0.4 * SUN_MAGNITUDE);
         band
     }
 
@@ -88,12 +92,13 @@ impl Band {
     /// `E_zero` of Clark et al. 2021, Eq. (1): photon irradiance of magnitude 0, ph/s/m^2, from the solar
     /// spectrum over the band and the Sun's magnitude: `E_sun 10^(0.4 m_sun)`.
     pub fn zero_point(&self) -> f64 {
-        let sun: f64 = self
-            .samples
-            .iter()
-            .map(|(w, r)| r * solar_irradiance(*w) * w / H_C * self.step_m)
-            .sum();
-        sun * 10f64.powf(0.4 * SUN_MAGNITUDE)
+        self.zero_point
+    }
+
+    /// `E_sun`: photon irradiance of the Sun in the band, ph/s/m^2.
+    fn solar_photons(&self) -> f64 {
+        let photons = |(w, r): &(f64, f64)| r * solar_irradiance(*w) * w / H_C * self.step_m;
+        self.samples.iter().map(photons).sum()
     }
 
     /// Band magnitude minus V of a star of colour B-V, relative to the Sun: black bodies at the
