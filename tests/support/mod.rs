@@ -91,7 +91,7 @@ impl Drop for Running {
         if !std::thread::panicking() {
             match ended.expect("no panic") {
                 // The client of an in-process link was dropped first.
-                Ok(()) | Err(LinkError::Closed(_)) => {}
+                Ok(_) | Err(LinkError::Closed(_)) => {}
                 Err(error) => panic!("{error}"),
             }
         }
