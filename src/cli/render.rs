@@ -55,7 +55,7 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: Option<u32>,
     /// Seconds from one exposure to the next [default: 1, or the scene's]
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, allow_hyphen_values = true)]
     period: Option<f64>,
     /// Seed of the noise [default: 1, or the scene's]
     #[arg(long, value_name = "N")]
@@ -64,7 +64,7 @@ pub struct Args {
     #[arg(long)]
     no_noise: bool,
     /// List objects in the labels down to this signal-to-noise ratio [default: 1, or the scene's]
-    #[arg(long, value_name = "SNR", value_parser = not_negative)]
+    #[arg(long, value_name = "SNR", value_parser = not_negative, allow_hyphen_values = true)]
     label_snr: Option<f64>,
     /// Folder for frames and labels; made if it does not exist
     #[arg(long, value_name = "DIR")]

@@ -12,6 +12,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+#[cfg(unix)]
+use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// Arguments of `skyloop run`.
 #[derive(ClapArgs)]
@@ -91,31 +93,57 @@ fn stop_at_signal(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
         .enable_io()
         .build()
         .context("cannot watch for Ctrl-C")?;
+    // Watched from here on, not only once the thread has started.
+    let mut signals = {
+        let _inside = runtime.enter();
+        Signals::watch().context("cannot watch for Ctrl-C")?
+    };
     std::thread::spawn(move || {
         runtime.block_on(async {
-            wait_for_signal().await;
+            signals.next().await;
             stop.store(true, Ordering::Relaxed);
-            wait_for_signal().await;
+            signals.next().await;
             std::process::exit(130);
         });
     });
     Ok(())
 }
 
+/// The signals that end a run.
 #[cfg(unix)]
-async fn wait_for_signal() {
-    use tokio::signal::unix::{SignalKind, signal};
-    let Ok(mut terminate) = signal(SignalKind::terminate()) else {
-        let _ = tokio::signal::ctrl_c().await;
-        return;
-    };
-    tokio::select! {
-        _ = tokio::signal::ctrl_c() => {}
-        _ = terminate.recv() => {}
+struct Signals {
+    interrupt: Signal,
+    terminate: Signal,
+}
+
+#[cfg(unix)]
+impl Signals {
+    fn watch() -> std::io::Result<Signals> {
+        Ok(Signals {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+        })
+    }
+
+    async fn next(&mut self) {
+        tokio::select! {
+            _ = self.interrupt.recv() => {}
+            _ = self.terminate.recv() => {}
+        }
     }
 }
 
+/// The signals that end a run.
 #[cfg(not(unix))]
-async fn wait_for_signal() {
-    let _ = tokio::signal::ctrl_c().await;
+struct Signals;
+
+#[cfg(not(unix))]
+impl Signals {
+    fn watch() -> std::io::Result<Signals> {
+        Ok(Signals)
+    }
+
+    async fn next(&mut self) {
+        let _ = tokio::signal::ctrl_c().await;
+    }
 }

@@ -4,7 +4,7 @@ use serialport::{SerialPort, TTYPort};
 use skyloop_firmware_sim::port::Port;
 use skyloop_protocols::slip;
 use std::collections::VecDeque;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
@@ -55,8 +55,14 @@ impl Line for UdpLine {
             .set_read_timeout(Some(timeout.max(Duration::from_millis(1))))
             .unwrap();
         let mut buffer = [0; 2048];
-        let length = self.0.recv(&mut buffer).ok()?;
-        Some(buffer[..length].to_vec())
+        loop {
+            match self.0.recv(&mut buffer) {
+                Ok(length) => return Some(buffer[..length].to_vec()),
+                // Our last Credit found the emulator gone; what it had sent is still here.
+                Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
+                Err(_) => return None,
+            }
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The emulator at the wire, with a client that knows nothing but `skyloop-protocols`.
 
+mod bad_packets;
 mod content;
 mod exchange;
 mod pacing;

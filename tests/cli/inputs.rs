@@ -1,0 +1,241 @@
+//! Wrong inputs: one clear line each, that names what, where and the remedy; nothing is written.
+
+use crate::{EPOCH, Q, STATE, repository, skyloop};
+use std::net::UdpSocket;
+
+/// The first line on standard error of a command that fails; `words` must be in it.
+fn refuses(flags: &[&str], words: &[&str]) {
+    let here = tempfile::tempdir().unwrap();
+    for (name, text) in [
+        ("key.toml", "seed = 1\nsead = 3\n"),
+        ("range.toml", "label_snr = -3\n"),
+        ("seed.toml", "seed = 1\n"),
+        ("clock.toml", "[run]\nclock = \"sundial\"\n"),
+        ("camera.toml", "camera = \"nope\"\n"),
+        ("file", ""),
+    ] {
+        std::fs::write(here.path().join(name), text).unwrap();
+    }
+    let failed = skyloop(here.path()).args(flags).assert().failure();
+    let log = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
+    let line = log.lines().next().unwrap_or_default();
+    assert!(line.starts_with("error: "), "{flags:?}: {log}");
+    for word in words {
+        assert!(log.contains(word), "{flags:?}: no {word:?} in {log}");
+    }
+    // A syntax error shows the line of the file, and a wrong flag names the help; all else is one line.
+    if !log.contains("TOML") && !log.contains("--help") {
+        assert_eq!(log.lines().count(), 1, "{flags:?}: {log}");
+    }
+    let half = line.len() / 2;
+    let (_, end) = line.split_at(line.ceil_char_boundary(half));
+    assert!(
+        end.len() < 20 || line.matches(end).count() == 1,
+        "told twice: {line}"
+    );
+    assert!(
+        !here.path().join("o").exists(),
+        "{flags:?}: nothing may be written"
+    );
+}
+
+/// `render` with the usual epoch and attitude, and `flags`.
+fn render(flags: &[&str], words: &[&str]) {
+    let usual = ["render", "--epoch", EPOCH, "--attitude", Q, "--out", "o"];
+    refuses(&[&usual[..], flags].concat(), words);
+}
+
+#[test]
+fn attitudes() {
+    let with = |q, words: &[&str]| {
+        refuses(
+            &["render", "--epoch", EPOCH, "--out", "o", "--attitude", q],
+            words,
+        );
+    };
+    with(
+        "0,0,0,1.1",
+        &[
+            "--attitude",
+            "[0.0, 0.0, 0.0, 1.1]",
+            "norm 1.100000",
+            "unit quaternion",
+        ],
+    );
+    with(
+        "0,0,0,1.0011",
+        &["--attitude", "norm 1.001100", "unit quaternion"],
+    );
+    with("0,0,0,nan", &["--attitude", "0,0,0,nan", "finite"]);
+    with("0,0,1", &["--attitude", "4 numbers", "not 3"]);
+    with("0,0,0,1,0", &["--attitude", "4 numbers", "not 5"]);
+    with("0,0,zero,1", &["--attitude", "4 numbers"]);
+}
+
+#[test]
+fn epochs() {
+    for epoch in ["yesterday", "2019-13-45T00:00:00Z", "", "2019"] {
+        refuses(
+            &["render", "--attitude", Q, "--out", "o", "--epoch", epoch],
+            &["--epoch", epoch, "UTC", "2019-06-15T23:35:50"],
+        );
+    }
+    refuses(&["render", "--attitude", Q, "--out", "o"], &["--epoch"]);
+}
+
+#[test]
+fn rates_and_states() {
+    render(&["--rates", "1,2"], &["--rates", "3 numbers", "not 2"]);
+    render(&["--rates", "1,2,inf"], &["--rates", "finite"]);
+    render(&["--rates", "1,2,1e9"], &["rates", "628.4 rad/s"]);
+    render(
+        &["--state", "7000,0,0,0,7.5"],
+        &["--state", "6 numbers", "not 5"],
+    );
+    render(
+        &["--state", "100,0,0,0,7.5,0"],
+        &["position", "outside of the Earth"],
+    );
+    render(
+        &["--state", STATE, "--orbit", "x.tle"],
+        &["--state", "--orbit"],
+    );
+}
+
+#[test]
+fn cameras_numbers_and_folders() {
+    render(
+        &["--camera", "nope"],
+        &[
+            "nope",
+            "No such file",
+            "fai-nir, fai-630, rigel-l, cots-wide",
+        ],
+    );
+    render(&["--frames", "0"], &["--frames", "0", "1..=1000000"]);
+    render(&["--period", "-1"], &["--period", "seconds"]);
+    render(&["--label-snr", "nan"], &["--label-snr", "0 to 1e9"]);
+    for out in ["file", "file/inside"] {
+        refuses(
+            &["render", "--epoch", EPOCH, "--attitude", Q, "--out", out],
+            &[out, "choose another output folder"],
+        );
+    }
+    refuses(
+        &["loopback", "--frames", "1", "--out", "file"],
+        &["file", "choose another output folder"],
+    );
+}
+
+#[test]
+fn objects_and_orbits() {
+    let oem = |name: &str| repository(&format!("configs/scenes/rcm-2019-06-15/{name}-B.oem"));
+    render(
+        &["--rso", &oem("rcm-1")],
+        &["observer", "--state or --orbit"],
+    );
+    render(
+        &["--rso", "none.tle", "--state", STATE],
+        &["none.tle", "No such file", "check the path"],
+    );
+    render(
+        &["--orbit", "none.tle"],
+        &["none.tle", "No such file", "check the path"],
+    );
+    render(
+        &["--orbit", &format!("{}:IKAROS", oem("cassiope"))],
+        &["cassiope-B.oem", "IKAROS", "2013-055A"],
+    );
+    refuses(
+        &[
+            "render",
+            "--epoch",
+            "2020-06-15T23:35:50Z",
+            "--attitude",
+            Q,
+            "--out",
+            "o",
+            "--orbit",
+            &oem("cassiope"),
+        ],
+        &[
+            "CASSIOPE",
+            "2020-06-15T23:35:50 UTC",
+            "outside its ephemeris",
+            "covers 2019-06-15T23:35:30",
+        ],
+    );
+}
+
+#[test]
+fn scenes() {
+    let scene = |file, words: &[&str]| refuses(&["render", "--out", "o", "--scene", file], words);
+    scene("key.toml", &["key.toml", "line 2", "sead", "seed"]);
+    scene(
+        "range.toml",
+        &["range.toml", "label_snr = -3", "must be 0 to"],
+    );
+    scene(
+        "clock.toml",
+        &["clock.toml", "line 2", "sundial", "`stepped` or `wall`"],
+    );
+    scene("camera.toml", &["nope", "fai-nir"]);
+    scene("none.toml", &["none.toml", "No such file"]);
+    scene("seed.toml", &["[sequence]", "configs/default.toml"]);
+    // The attitudes of the scene cover 25 s: 51 frames at 2 Hz.
+    let known = repository("configs/scenes/rcm-2019-06-15/scene.toml");
+    let beyond = [
+        "2019-06-15T23:36:15.5",
+        "covers 2019-06-15T23:35:50 UTC to 2019-06-15T23:36:15 UTC",
+    ];
+    refuses(
+        &["render", "--out", "o", "--frames", "52", "--scene", &known],
+        &beyond,
+    );
+    refuses(&["loopback", "--out", "o", "--frames", "52"], &beyond);
+}
+
+#[test]
+fn links() {
+    let link = |url: &str, words: &[&str]| {
+        refuses(&["run", "--config", "seed.toml", "--link", url], words);
+    };
+    link(
+        "tcp://127.0.0.1:1",
+        &[
+            "tcp://127.0.0.1:1",
+            "unknown scheme",
+            "udp://127.0.0.1:4810",
+        ],
+    );
+    link(
+        "nonsense",
+        &["nonsense", "no scheme", "udp://127.0.0.1:4810"],
+    );
+    link("udp://nohost", &["udp://nohost", "address and a port"]);
+    link("udp://127.0.0.1:0?rate=1", &["unknown option \"rate\""]);
+    link(
+        "serial:///dev/nosuch",
+        &[
+            "serial:///dev/nosuch",
+            "No such file",
+            "check that the device exists",
+        ],
+    );
+    link(
+        "serial:///dev/nosuch?baud=fast",
+        &["baud", "fast", "whole number"],
+    );
+    link("memory://", &["memory", "loopback"]);
+    let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let url = format!("udp://{}", taken.local_addr().unwrap());
+    link(&url, &[&url, "in use", "choose a free port"]);
+    refuses(
+        &["loopback", "--link", "pigeon"],
+        &["pigeon", "memory, udp, serial"],
+    );
+    refuses(
+        &["run", "--config", "none.toml"],
+        &["none.toml", "No such file"],
+    );
+}

@@ -1,0 +1,168 @@
+//! `loopback` and `render`: files and tables.
+
+use crate::{EPOCH, Q, STATE, contents, names, repository, skyloop};
+
+#[test]
+fn loopback_over_each_link_writes_the_same_frames_and_a_table() {
+    let here = tempfile::tempdir().unwrap();
+    let mut made = Vec::new();
+    for link in ["memory", "udp", "serial"] {
+        let done = skyloop(here.path())
+            .args(["loopback", "--link", link, "--frames", "2", "--out", link])
+            .assert()
+            .success();
+        let table = String::from_utf8(done.get_output().stdout.clone()).unwrap();
+        for row in [
+            "2 frames of fai-nir over ",
+            "frames                            2",
+            "render time p50 / p99 / max",
+            "attitude to last block p50 / p99",
+            "stars labelled",
+            "RSOs labelled                     6",
+            "centroids, measured - labelled    rms 0.",
+        ] {
+            assert!(table.contains(row), "{link}: no {row:?} in\n{table}");
+        }
+        made.push(contents(&here.path().join(link)));
+    }
+    let files = names(&here.path().join("memory"));
+    let expected = [
+        "contact_sheet.png",
+        "frame_00000.fits",
+        "frame_00000.png",
+        "frame_00001.fits",
+        "frame_00001.png",
+        "labels.jsonl",
+    ];
+    assert_eq!(files, expected);
+    assert!(
+        made[0] == made[1] && made[0] == made[2],
+        "the same octets over each link"
+    );
+}
+
+#[test]
+fn render_twice_gives_the_same_octets_and_those_of_loopback() {
+    let here = tempfile::tempdir().unwrap();
+    let scene = repository("configs/scenes/rcm-2019-06-15/scene.toml");
+    for out in ["one", "two"] {
+        skyloop(here.path())
+            .args(["render", "--frames", "2", "--scene", &scene, "--out", out])
+            .assert()
+            .success();
+    }
+    skyloop(here.path())
+        .args(["loopback", "--frames", "2", "--out", "wire"])
+        .assert()
+        .success();
+    let one = contents(&here.path().join("one"));
+    assert!(one == contents(&here.path().join("two")));
+    assert!(
+        one == contents(&here.path().join("wire")),
+        "offline and over a wire"
+    );
+    skyloop(here.path())
+        .args([
+            "render", "--frames", "2", "--seed", "2", "--scene", &scene, "--out", "seed",
+        ])
+        .assert()
+        .success();
+    let other = contents(&here.path().join("seed"));
+    let frame = |files: &[(String, Vec<u8>)]| files[1].clone();
+    assert!(frame(&one) != frame(&other), "another seed, other noise");
+}
+
+#[test]
+fn without_noise_the_expected_electrons_are_written_too() {
+    let here = tempfile::tempdir().unwrap();
+    skyloop(here.path())
+        .args([
+            "render",
+            "--epoch",
+            EPOCH,
+            "--attitude",
+            Q,
+            "--no-noise",
+            "--out",
+            "o",
+        ])
+        .assert()
+        .success();
+    let electrons = std::fs::read(here.path().join("o/frame_00000_electrons.fits")).unwrap();
+    let header = String::from_utf8_lossy(&electrons[..2880]).into_owned();
+    // X-Val: FITS standard 4.0, table 8: BITPIX -32 is IEEE single precision.
+    assert!(
+        header.contains("BITPIX  =                  -32"),
+        "{header}"
+    );
+    assert!(!names(&here.path().join("o")).is_empty());
+}
+
+/// A made-up element set, with its checksums.
+fn elements(number: u32) -> [String; 2] {
+    [
+        format!("1 {number}U 19001A   19166.50000000  .00000100  00000-0  10000-4 0  999"),
+        format!("2 {number}  97.5000 120.0000 0010000  90.0000 270.0000 15.20000000  100"),
+    ]
+    .map(|line| {
+        // The checksum: digits, a minus counting one, modulo ten.
+        let sum: u32 = line
+            .chars()
+            .map(|c| c.to_digit(10).unwrap_or((c == '-').into()))
+            .sum();
+        format!("{line:<68}{}", sum % 10)
+    })
+}
+
+#[test]
+fn a_bad_checksum_is_reported_with_file_and_line_and_the_rest_loads() {
+    let here = tempfile::tempdir().unwrap();
+    let ([a1, a2], [b1, b2]) = (elements(90001), elements(90002));
+    let damaged = a2.replace("97.5000", "98.5000");
+    std::fs::write(
+        here.path().join("sky.tle"),
+        format!("{a1}\n{damaged}\n{b1}\n{b2}\n"),
+    )
+    .unwrap();
+    let flags = [
+        "render",
+        "--epoch",
+        EPOCH,
+        "--attitude",
+        Q,
+        "--state",
+        STATE,
+        "--rso",
+        "sky.tle",
+    ];
+    let done = skyloop(here.path())
+        .args(flags)
+        .args(["--out", "o"])
+        .assert()
+        .success();
+    let log = String::from_utf8(done.get_output().stderr.clone()).unwrap();
+    assert!(
+        log.contains("sky.tle:2: ") && log.contains("checksum"),
+        "{log}"
+    );
+    assert!(!log.contains("90002"), "the other one is sound: {log}");
+
+    std::fs::write(here.path().join("sky.tle"), format!("{a1}\n{damaged}\n")).unwrap();
+    let flags = [
+        "render",
+        "--epoch",
+        EPOCH,
+        "--attitude",
+        Q,
+        "--orbit",
+        "sky.tle",
+        "--out",
+        "o",
+    ];
+    let failed = skyloop(here.path()).args(flags).assert().failure();
+    let log = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
+    assert!(
+        log.contains("sky.tle:2: ") && log.contains("checksum"),
+        "{log}"
+    );
+}

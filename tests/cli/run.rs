@@ -1,0 +1,144 @@
+//! `skyloop run`: a process of its own, a client, and the signal that ends it.
+#![cfg(unix)]
+
+use crate::repository;
+use crate::support::client::Client;
+use crate::support::line::{Line, PtyLine, UdpLine};
+use crate::support::{PATIENCE, await_that};
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, ChildStdout, Command, Stdio};
+
+/// The emulator as a process, listening.
+struct Process {
+    child: Child,
+    stdout: BufReader<ChildStdout>,
+    /// Where it listens.
+    address: String,
+}
+
+impl Process {
+    fn start(flags: &[&str]) -> Process {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_skyloop"))
+            .args(["run", "--config", &repository("configs/run.toml")])
+            .args(flags)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        let mut line = String::new();
+        while !line.starts_with("listening on ") {
+            line.clear();
+            assert!(
+                stdout.read_line(&mut line).unwrap() > 0,
+                "it ends before it listens"
+            );
+        }
+        let address = line["listening on ".len()..]
+            .split(';')
+            .next()
+            .unwrap()
+            .to_string();
+        Process {
+            child,
+            stdout,
+            address,
+        }
+    }
+
+    fn signal(&self, name: &str) {
+        let id = self.child.id().to_string();
+        assert!(
+            Command::new("kill")
+                .args([name, &id])
+                .status()
+                .unwrap()
+                .success()
+        );
+    }
+
+    /// Exit code and the rest of what it printed.
+    fn end(mut self) -> (Option<i32>, String) {
+        await_that("the process ends", || {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+            self.child.try_wait().unwrap().is_some()
+        });
+        let mut table = String::new();
+        self.stdout.read_to_string(&mut table).unwrap();
+        (self.child.wait().unwrap().code(), table)
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Two frames and a refusal, then `signal`: exit code 0 and the table.
+fn serves_until(signal: &str, process: Process, line: impl Line) {
+    let mut client = Client::new(line);
+    client.good_frame(1);
+    client.good_frame(2);
+    client.line.send(b"not a packet");
+    client.nack();
+    process.signal(signal);
+    let (code, table) = process.end();
+    assert_eq!(code, Some(0), "{table}");
+    for row in [
+        "frames                            2",
+        "render time p50 / p99 / max",
+        "stars labelled",
+        "RSOs labelled",
+        "attitudes 2",
+        "frames_delivered 2",
+        "bad_length 1",
+    ] {
+        assert!(table.contains(row), "no {row:?} in\n{table}");
+    }
+}
+
+#[test]
+fn a_client_over_udp_is_served_until_ctrl_c() {
+    let process = Process::start(&["--link", "udp://127.0.0.1:0"]);
+    let line = UdpLine::to(&process.address);
+    serves_until("-INT", process, line);
+}
+
+#[test]
+fn a_client_over_a_serial_line_is_served_until_it_is_told_to_end() {
+    let (line, device) = PtyLine::new();
+    let process = Process::start(&["--link", &format!("serial://{device}?baud=921600")]);
+    assert!(process.address.contains(&device));
+    serves_until("-TERM", process, line);
+}
+
+#[test]
+fn ctrl_c_ends_a_run_that_never_had_a_client() {
+    let process = Process::start(&["--link", "udp://127.0.0.1:0"]);
+    process.signal("-INT");
+    let (code, table) = process.end();
+    assert_eq!(code, Some(0), "{table}");
+    assert!(table.contains("all 0"), "{table}");
+}
+
+#[test]
+fn the_last_frame_of_a_limited_run_arrives_whole() {
+    let process = Process::start(&["--link", "udp://127.0.0.1:0", "--frames", "2"]);
+    let mut client = Client::new(UdpLine::to(&process.address));
+    client.good_frame(1);
+    client.good_frame(2);
+    let (code, table) = process.end();
+    assert_eq!(code, Some(0), "{table}");
+    assert!(client.line.recv(PATIENCE / 1000).is_none());
+}
+
+#[test]
+fn a_serial_client_that_reads_late_still_gets_the_last_frame() {
+    let (line, device) = PtyLine::new();
+    let link = format!("serial://{device}?baud=921600");
+    let process = Process::start(&["--link", &link, "--frames", "1"]);
+    let mut client = Client::new(line);
+    assert_eq!(client.good_frame(1).header.frame, 0);
+    assert_eq!(process.end().0, Some(0));
+}
