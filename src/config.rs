@@ -9,9 +9,9 @@ use crate::sky::catalog::Selection;
 use crate::sky::photometry::Sphere;
 use hifitime::Epoch;
 use serde::Deserialize;
+use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Object, StateVector};
 use std::path::Path;
-use std::str::FromStr;
 
 /// A validated configuration.
 #[derive(Debug)]
@@ -370,17 +370,7 @@ impl RawSequence {
     }
 }
 
-/// A UTC instant from text such as `2019-06-15T23:35:50.5Z`.
-pub fn parse_utc(text: &str) -> Result<Epoch, String> {
-    const WANTED: &str = "a UTC instant such as 2019-06-15T23:35:50.500Z";
-    let plain = text.trim().trim_end_matches('Z').trim_end_matches(" UTC");
-    let date_first = plain.len() >= 10 && plain.is_ascii() && plain.as_bytes()[4] == b'-';
-    if !date_first {
-        return Err(WANTED.to_string());
-    }
-    Epoch::from_str(&format!("{plain} UTC")).map_err(|_| WANTED.to_string())
-}
-
 fn utc(check: &Check, key: &str, text: &str) -> Result<Epoch, ConfigError> {
-    parse_utc(text).map_err(|allowed| check.refuse(key, text, allowed))
+    parse_utc(text)
+        .map_err(|_| check.refuse(key, text, "a UTC time such as 2019-06-15T23:35:50.500Z"))
 }

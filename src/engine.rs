@@ -9,8 +9,7 @@ use crate::label::Label;
 use crate::plan::Plan;
 use crate::render::render;
 use crate::rng::NoiseKey;
-use crate::scene::{Exposure, Scene, World};
-use crate::sky::bodies::EpochOutOfRange;
+use crate::scene::{Exposure, Scene, Unobservable, World};
 use crate::sky::catalog::Catalog;
 use crate::sky::{Population, StarField};
 use skyloop_orbit::OrbitError;
@@ -117,8 +116,8 @@ impl Emulator {
     /// The frame of an exposure whose middle is `vehicle`'s epoch. `repeat`: how many frames were made of the
     /// same attitude message before; 0 gives the same noise again.
     ///
-    /// Fails only where that lies outside the ephemerides of Earth and Sun.
-    pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, EpochOutOfRange> {
+    /// Fails only where [`Scene::observe`] does.
+    pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, Unobservable> {
         let started = Instant::now();
         let key = NoiseKey {
             seed: self.seed,

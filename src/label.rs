@@ -3,10 +3,10 @@
 use crate::camera::Camera;
 use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
-use hifitime::Epoch;
 use nalgebra::Vector3;
 use serde::{Serialize, Serializer};
 use skyloop_orbit::StateVector;
+use skyloop_orbit::time::utc_text;
 
 /// Objects of a lower signal-to-noise ratio count as not visible.
 pub const VISIBLE_SNR: f64 = 3.0;
@@ -143,9 +143,9 @@ impl Label {
             frame,
             seed: scene.key.seed,
             camera: name.clone(),
-            epoch_start: utc(scene.exposure.start),
-            epoch_mid: utc(scene.exposure.mid),
-            epoch_end: utc(scene.exposure.end),
+            epoch_start: utc_text(scene.exposure.start),
+            epoch_mid: utc_text(scene.exposure.mid),
+            epoch_end: utc_text(scene.exposure.end),
             exposure_s: scene.exposure.duration_s,
             q_icrf_to_body: vehicle.attitude.xyzw(),
             q_body_to_camera: mounting.xyzw(),
@@ -269,17 +269,6 @@ fn rso_label(seen: &SeenObject) -> RsoLabel {
 
 fn km(v: &Vector3<f64>) -> [f64; 3] {
     (v * 1e-3).into()
-}
-
-/// UTC text with as many decimals as the instant has, at least milliseconds.
-pub fn utc(epoch: Epoch) -> String {
-    let (year, month, day, hour, minute, second, ns) = epoch.to_gregorian_utc();
-    let fraction = format!("{ns:09}");
-    let kept = fraction.trim_end_matches('0').len().max(3);
-    format!(
-        "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{}Z",
-        &fraction[..kept]
-    )
 }
 
 /// Rounds to a number of decimals that lies well below any error of the value, for shorter lines.

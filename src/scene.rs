@@ -18,6 +18,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::{OrbitError, StateVector};
 use std::sync::Arc;
+use thiserror::Error;
 
 /// What does not change from frame to frame.
 #[derive(Debug)]
@@ -74,6 +75,43 @@ pub enum Hidden {
     InShadow,
 }
 
+/// Furthest that the body may turn during one exposure, rad: a streak then crosses most fields. It bounds the
+/// time and memory of a frame.
+pub const MAX_TURN: f64 = 1.0;
+
+/// Why there is no scene.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Unobservable {
+    /// The ephemerides do not reach the epoch.
+    #[error(transparent)]
+    Epoch(#[from] EpochOutOfRange),
+    /// The body turns too far.
+    #[error(
+        "the body turns {turn_deg:.1} deg during the exposure of {exposure_s} s: at most {:.1} deg are shown; \
+         lower the rates or the exposure",
+        MAX_TURN.to_degrees()
+    )]
+    Turn {
+        /// How far, deg.
+        turn_deg: f64,
+        /// The exposure time, s.
+        exposure_s: f64,
+    },
+}
+
+/// How far (rad) the body turns during an exposure of `exposure_s`, if that can be shown.
+pub fn turn_during(vehicle: &VehicleState, exposure_s: f64) -> Result<f64, Unobservable> {
+    let turn = vehicle.rates.norm() * exposure_s;
+    if turn > MAX_TURN {
+        let turn_deg = turn.to_degrees();
+        return Err(Unobservable::Turn {
+            turn_deg,
+            exposure_s,
+        });
+    }
+    Ok(turn)
+}
+
 /// A point source in the field.
 #[derive(Debug, Clone)]
 pub struct Source {
@@ -117,7 +155,7 @@ pub struct Scene {
 impl Scene {
     /// What `camera` on `vehicle` sees during `exposure`.
     ///
-    /// Fails only where the epoch lies outside the ephemerides.
+    /// Fails only where the epoch lies outside the ephemerides, or the body turns further than [`MAX_TURN`].
     pub fn observe(
         world: &World,
         camera: &Arc<Camera>,
@@ -126,7 +164,8 @@ impl Scene {
         fidelity: &Fidelity,
         key: NoiseKey,
         noise: bool,
-    ) -> Result<Scene, EpochOutOfRange> {
+    ) -> Result<Scene, Unobservable> {
+        let turn = turn_during(vehicle, exposure.duration_s)?;
         let motion = Motion {
             vehicle: vehicle.at(exposure.mid),
             camera,
@@ -137,8 +176,7 @@ impl Scene {
         let pointing = motion.pointing(0.5);
         let axis = pointing.matrix().transpose() * Vector3::z();
         let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);
-        let turn = vehicle.rates.norm() * exposure.duration_s / 2.0;
-        let cone = camera.cone_rad(reach_px) + turn;
+        let cone = camera.cone_rad(reach_px) + turn / 2.0;
 
         let stars = world
             .stars
@@ -301,6 +339,7 @@ impl Motion<'_> {
             .filter(|s| *s > 0.0)
             .map(|s| s * s / (s + floor))
             .sum();
-        sum.sqrt()
+        // An empty sum is -0.
+        sum.abs().sqrt()
     }
 }

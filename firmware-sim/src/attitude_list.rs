@@ -2,6 +2,7 @@
 
 use hifitime::Epoch;
 use nalgebra::{Quaternion, UnitQuaternion};
+use skyloop_orbit::time::{parse_utc, utc_text};
 use thiserror::Error;
 
 use crate::profile::{Pointing, ProfileError, rate_between, turn};
@@ -35,7 +36,8 @@ pub enum ListError {
     },
     /// Epochs do not increase.
     #[error(
-        "{name}: the attitude at {epoch} does not come after the one before it; sort the list by time"
+        "{name}: the attitude at {} does not come after the one before it; sort the list by time",
+        utc_text(*epoch)
     )]
     NotIncreasing {
         /// The file or other origin.
@@ -124,15 +126,6 @@ fn parse_line(content: &str) -> Result<(Epoch, UnitQuaternion<f64>), String> {
         .ok_or("only one field")?;
     let epoch = parse_utc(time)?;
     Ok((epoch, parse_quaternion(numbers)?))
-}
-
-/// An epoch from ISO 8601 text, UTC unless the text names another scale.
-///
-/// # Errors
-/// Says which text is no epoch, and gives an example.
-pub fn parse_utc(text: &str) -> Result<Epoch, String> {
-    Epoch::from_gregorian_str(text.trim().trim_end_matches('Z'))
-        .map_err(|_| format!("\"{text}\" is no UTC time such as 2019-06-15T23:35:50.000"))
 }
 
 /// Numbers from text, with commas or blanks between.

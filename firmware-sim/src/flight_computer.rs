@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use hifitime::Epoch;
+use skyloop_orbit::time::utc_text;
 use skyloop_protocols::{Command, apid};
 use thiserror::Error;
 
@@ -43,7 +44,7 @@ pub enum RunError {
     #[error(transparent)]
     Profile(#[from] ProfileError),
     /// An epoch that the wire's time field does not hold.
-    #[error("{epoch} is outside the wire's time, 1958 to 2094: choose another epoch")]
+    #[error("{} is outside the wire's time, 1958 to 2094: choose another epoch", utc_text(*epoch))]
     Time {
         /// The epoch.
         epoch: Epoch,

@@ -10,13 +10,14 @@ use clap::{ArgGroup, Parser};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::{
-    AttitudeList, parse_numbers, parse_quaternion, parse_utc, quaternion,
+    AttitudeList, parse_numbers, parse_quaternion, quaternion,
 };
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::port;
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
+use skyloop_orbit::time::parse_utc;
 
 /// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
 #[derive(Debug, Parser)]

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use hifitime::{Duration, Epoch};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{Object, StateVector};
 use thiserror::Error;
 
@@ -60,7 +61,8 @@ pub enum Profile {
 pub enum ProfileError {
     /// The epoch lies outside the attitude list.
     #[error(
-        "no attitude at {epoch}: the list covers {first} to {last}; give attitudes on both sides of every frame, or ask for fewer frames"
+        "no attitude at {}: the list covers {} to {}; give attitudes on both sides of every frame, or ask for fewer frames",
+ utc_text(*epoch), utc_text(*first), utc_text(*last)
     )]
     OutsideList {
         /// The epoch asked for.
@@ -74,7 +76,7 @@ pub enum ProfileError {
     #[error("nadir pointing needs an orbit: give one (--orbit FILE[:NAME])")]
     NeedsOrbit,
     /// The orbit gave no state.
-    #[error("no orbit state at {epoch}: {source}")]
+    #[error("no orbit state at {}: {source}", utc_text(*epoch))]
     Orbit {
         /// The epoch asked for.
         epoch: Epoch,
@@ -82,7 +84,7 @@ pub enum ProfileError {
         source: OrbitSourceError,
     },
     /// Position and velocity are parallel or not finite: no orbital plane.
-    #[error("no nadir attitude at {epoch}: position and velocity span no orbital plane")]
+    #[error("no nadir attitude at {}: position and velocity span no orbital plane", utc_text(*epoch))]
     NoPlane {
         /// The epoch asked for.
         epoch: Epoch,
@@ -173,7 +175,8 @@ fn nadir_attitude(epoch: Epoch, orbit: &OrbitSource) -> Result<UnitQuaternion<f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude_list::{parse_quaternion, parse_utc};
+    use crate::attitude_list::parse_quaternion;
+    use skyloop_orbit::time::parse_utc;
 
     fn epoch() -> Epoch {
         parse_utc("2019-06-15T23:35:50").unwrap()

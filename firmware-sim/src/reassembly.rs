@@ -32,7 +32,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            pixels: 4096 * 4096,
+            pixels: 8192 * 8192,
             label_bytes: 1 << 24,
             early: 256,
         }

@@ -63,6 +63,8 @@ counters! {
     rejected_records,
     /// Times that an object could not be shown in a frame: its orbit had no state there.
     objects_without_state,
+    /// Packets that left the emulator but not the link: their client had gone, or the system refused to send.
+    lost_outbound,
 }
 
 impl Counters {

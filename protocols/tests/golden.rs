@@ -113,6 +113,7 @@ fn counters(v: &Vector) -> Counters {
         sequence_gaps: n("sequence_gaps"),
         rejected_records: n("rejected_records"),
         objects_without_state: n("objects_without_state"),
+        lost_outbound: n("lost_outbound"),
     }
 }
 

@@ -195,6 +195,7 @@ fn status() -> impl Strategy<Value = Status> {
                 sequence_gaps: d,
                 rejected_records: c ^ d,
                 objects_without_state: d,
+                lost_outbound: c,
                 ..Counters::default()
             };
             Status {

@@ -125,7 +125,7 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
         transmission: check.range("optics.transmission", o.transmission, 0.0..=1.0)?,
         band: band(&o.band, check)?,
         psf: GaussianPsf {
-            sigma_px: check.range("optics.psf_sigma_px", o.psf_sigma_px, 0.01..=100.0)?,
+            sigma_px: check.range("optics.psf_sigma_px", o.psf_sigma_px, 0.01..=10.0)?,
         },
     };
     let mounting = match raw.mounting.q_body_to_camera {
@@ -139,7 +139,7 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
         mounting,
         optics,
         detector,
-        exposure_s: check.range("timing.exposure_s", t.exposure_s, 0.0..=1e4)?,
+        exposure_s: check.range("timing.exposure_s", t.exposure_s, 1e-9..=1e4)?,
         rate_hz: check.range("timing.rate_hz", t.rate_hz, 1e-4..=1e4)?,
     })
 }

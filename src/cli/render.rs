@@ -5,11 +5,12 @@ use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::attitude::Attitude;
 use skyloop::camera::Camera;
-use skyloop::config::{Config, Observer, Sequence, TimedAttitude, parse_utc};
+use skyloop::config::{Config, Observer, Sequence, TimedAttitude};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::load::{Folder, orbits};
 use skyloop::orbit::StateVector;
+use skyloop::orbit::time::parse_utc;
 use skyloop::output::Writer;
 use skyloop::stats::{Absent, RunStats, table};
 use std::path::PathBuf;
@@ -151,8 +152,7 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     let (Some(epoch), Some(Numbers(q))) = (&args.epoch, args.attitude) else {
         bail!("give --scene FILE, or --epoch UTC and --attitude x,y,z,w");
     };
-    let epoch =
-        parse_utc(epoch).map_err(|wanted| anyhow::anyhow!("--epoch {epoch}: must be {wanted}"))?;
+    let epoch = parse_utc(epoch).map_err(|error| anyhow::anyhow!("--epoch: {error}"))?;
     let attitude = Attitude::from_xyzw(q).context("--attitude")?;
     let rates = args
         .rates

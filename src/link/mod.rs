@@ -116,7 +116,7 @@ pub struct Tally {
     foreign: AtomicU32,
     dropped: AtomicU32,
     bad_framing: AtomicU32,
-    stale: AtomicU32,
+    lost: AtomicU32,
 }
 
 impl Tally {
@@ -141,8 +141,8 @@ impl Tally {
     }
 
     /// Answers whose client had gone, or that the system refused to send.
-    pub fn stale(&self) -> u32 {
-        self.stale.load(Ordering::Relaxed)
+    pub fn lost(&self) -> u32 {
+        self.lost.load(Ordering::Relaxed)
     }
 }
 

@@ -163,7 +163,7 @@ async fn carry(
                         Some(client) => socket.send_to(&packet, client).await.is_ok(),
                         None => false,
                     };
-                    count(if sent { &exchange.tally.sent } else { &exchange.tally.stale });
+                    count(if sent { &exchange.tally.sent } else { &exchange.tally.lost });
                 }
             }
         }

@@ -36,8 +36,9 @@ impl Folder {
             Folder::Disk(folder) => {
                 let path = folder.join(name);
                 let shown = path.display().to_string();
-                match std::fs::read_to_string(&path) {
-                    Ok(text) => Ok((shown, text)),
+                match std::fs::read(&path) {
+                    // Names in orbit files may be in any encoding; all that is read as numbers is ASCII.
+                    Ok(bytes) => Ok((shown, String::from_utf8_lossy(&bytes).into_owned())),
                     Err(source) => Err(failed(shown, source)),
                 }
             }

@@ -45,13 +45,8 @@ pub enum ConfigError {
         allowed: String,
     },
     /// An orbit file that cannot be used.
-    #[error("{file}: {reason}")]
-    Orbit {
-        /// As named by the user.
-        file: String,
-        /// What is wrong and what to do.
-        reason: String,
-    },
+    #[error("{0}")]
+    Orbit(String),
 }
 
 /// Checks values of one file, so that each check is one line.

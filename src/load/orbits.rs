@@ -6,13 +6,10 @@ use skyloop_orbit::{Loaded, Object};
 /// Every object of a file.
 pub fn all(folder: &Folder, name: &str) -> Result<Loaded, ConfigError> {
     let (file, text) = folder.read(name)?;
-    skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit {
-        file,
-        reason: e.to_string(),
-    })
+    skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit(e.to_string()))
 }
 
-/// The object that `FILE` or `FILE:NAME` selects; NAME is an id or a name of it.
+/// The object that `FILE` or `FILE:NAME` selects; NAME is an id, the number in it, or a name of it.
 pub fn one(folder: &Folder, selector: &str) -> Result<Object, ConfigError> {
     let (file, wanted) = match (folder.read(selector), selector.rsplit_once(':')) {
         (Err(_), Some((file, wanted))) => (file, Some(wanted)),
@@ -22,12 +19,9 @@ pub fn one(folder: &Folder, selector: &str) -> Result<Object, ConfigError> {
         mut objects,
         rejected,
     } = all(folder, file)?;
-    let refuse = |reason: String| ConfigError::Orbit {
-        file: file.to_string(),
-        reason,
-    };
+    let refuse = |reason: String| ConfigError::Orbit(format!("{file}: {reason}"));
     if let (true, Some(first)) = (objects.is_empty(), rejected.first()) {
-        return Err(refuse(first.to_string()));
+        return Err(ConfigError::Orbit(first.to_string()));
     }
     let known = objects
         .iter()
@@ -43,7 +37,10 @@ pub fn one(folder: &Folder, selector: &str) -> Result<Object, ConfigError> {
         ))),
         Some(wanted) => objects
             .into_iter()
-            .find(|o| o.id == wanted || o.names.iter().any(|n| n == wanted))
+            .find(|o| {
+                let number = o.id.strip_prefix("NORAD ");
+                o.id == wanted || number == Some(wanted) || o.names.iter().any(|n| n == wanted)
+            })
             .ok_or_else(|| refuse(format!("no object {wanted:?}; it has {known}"))),
     }
 }

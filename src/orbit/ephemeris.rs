@@ -1,7 +1,7 @@
 //! Tabulated states and the states between them.
 
 use crate::{StateVector, time};
-use hifitime::{Epoch, TimeScale};
+use hifitime::Epoch;
 use nalgebra::Vector3;
 
 /// The states of one object in one or more segments, GCRF.
@@ -59,15 +59,15 @@ impl Ephemeris {
     pub fn intervals(&self) -> impl Iterator<Item = (Epoch, Epoch)> + '_ {
         self.segments
             .iter()
-            .map(|s| (utc(s.start_ns), utc(s.stop_ns)))
+            .map(|s| (time::from_tai_ns(s.start_ns), time::from_tai_ns(s.stop_ns)))
     }
 
     fn nearest(&self, ns: i128) -> NotCovered {
         let nearest = self.segments.iter().min_by_key(|s| s.distance_ns(ns));
         let (start, stop) = nearest.map_or((ns, ns), |s| (s.start_ns, s.stop_ns));
         NotCovered {
-            start: utc(start),
-            stop: utc(stop),
+            start: time::from_tai_ns(start),
+            stop: time::from_tai_ns(stop),
         }
     }
 }
@@ -113,8 +113,4 @@ impl Segment {
             .min(self.nodes.len() - count);
         &self.nodes[first..first + count]
     }
-}
-
-fn utc(ns: i128) -> Epoch {
-    time::from_tai_ns(ns).to_time_scale(TimeScale::UTC)
 }

@@ -51,6 +51,14 @@ pub enum LoadError {
         /// The source's name.
         source_name: String,
     },
+    /// An OEM with a header and no segment.
+    #[error(
+        "{source_name}: an OEM without a segment; a segment is META_START ... META_STOP and its states"
+    )]
+    NoSegment {
+        /// The source's name.
+        source_name: String,
+    },
 }
 
 /// Reads the orbits of a TLE, 3LE or CCSDS OEM (KVN) file; the format is found from the text.
@@ -73,7 +81,14 @@ pub fn load(path: &Path) -> Result<Loaded, LoadError> {
 pub fn parse(text: &str, source: &str) -> Result<Loaded, LoadError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     if oem::looks_like(text) {
-        Ok(oem::parse(text, source))
+        match oem::parse(text, source) {
+            loaded if loaded.objects.is_empty() && loaded.rejected.is_empty() => {
+                Err(LoadError::NoSegment {
+                    source_name: source.to_owned(),
+                })
+            }
+            loaded => Ok(loaded),
+        }
     } else if tle::looks_like(text) {
         Ok(tle::parse(text, source))
     } else {

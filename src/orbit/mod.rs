@@ -23,15 +23,16 @@ pub mod two_body;
 
 mod load;
 mod oem;
-mod time;
+pub mod time;
 mod tle;
 
 pub use load::{LoadError, Loaded, Rejected, load, parse};
 
 use elements::{Elements, PropagationError};
 use ephemeris::Ephemeris;
-use hifitime::{Epoch, TimeScale};
+use hifitime::Epoch;
 use nalgebra::{Matrix3, Vector3};
+use time::utc_text;
 
 /// Position and velocity of a point, geocentric, GCRF axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,7 +109,7 @@ impl Object {
                 .map(|state| state.rotated(teme_to_gcrf))
                 .map_err(|reason| OrbitError::Propagation {
                     object: self.label(),
-                    epoch: t.to_time_scale(TimeScale::UTC),
+                    epoch: t,
                     reason,
                 })?,
             Orbit::Ephemeris(ephemeris) => {
@@ -116,7 +117,7 @@ impl Object {
                     .state(t)
                     .map_err(|gap| OrbitError::OutsideInterval {
                         object: self.label(),
-                        epoch: t.to_time_scale(TimeScale::UTC),
+                        epoch: t,
                         start: gap.start,
                         stop: gap.stop,
                     })?
@@ -139,25 +140,26 @@ impl Object {
 pub enum OrbitError {
     /// The epoch lies outside what an ephemeris covers.
     #[error(
-        "{object}: {epoch} is outside its ephemeris, which covers {start} to {stop}; \
-         ask inside it or load an ephemeris that covers the epoch"
+        "{object}: {} is outside its ephemeris, which covers {} to {}; \
+         ask inside it or load an ephemeris that covers the epoch",
+        utc_text(*epoch), utc_text(*start), utc_text(*stop)
     )]
     OutsideInterval {
         /// The object's label.
         object: String,
-        /// The epoch asked for, UTC.
+        /// The epoch asked for.
         epoch: Epoch,
-        /// Start of the covered interval nearest to the epoch, UTC.
+        /// Start of the covered interval nearest to the epoch.
         start: Epoch,
-        /// End of that interval, UTC.
+        /// End of that interval.
         stop: Epoch,
     },
     /// The orbit model has no answer at the epoch.
-    #[error("{object}: no state at {epoch}: {reason}; use elements nearer to the epoch")]
+    #[error("{object}: no state at {}: {reason}; use elements nearer to the epoch", utc_text(*epoch))]
     Propagation {
         /// The object's label.
         object: String,
-        /// The epoch asked for, UTC.
+        /// The epoch asked for.
         epoch: Epoch,
         /// What went wrong.
         reason: PropagationError,

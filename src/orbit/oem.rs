@@ -41,6 +41,16 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
     reader.loaded
 }
 
+/// Whether a line is `KEYWORD = value`, as the header's are.
+fn is_header(line: &str) -> bool {
+    line.split_once('=').is_some_and(|(keyword, _)| {
+        keyword
+            .trim()
+            .bytes()
+            .all(|b| b.is_ascii_uppercase() || b == b'_')
+    })
+}
+
 struct Reader<'a> {
     source: &'a str,
     loaded: Loaded,
@@ -102,7 +112,13 @@ impl Reader<'_> {
             ("META_STOP", Section::Meta(meta)) => meta.finish().map(Section::Data),
             ("COVARIANCE_START", Section::Data(data)) => Ok(Section::Covariance(data)),
             ("COVARIANCE_STOP", Section::Covariance(data)) => Ok(Section::Data(data)),
-            (_, Section::Outside) => Ok(Section::Outside),
+            // The rest of a segment that was rejected is passed over: one record, one reason.
+            (_, Section::Outside) if !self.loaded.rejected.is_empty() => Ok(Section::Outside),
+            (line, Section::Outside) if is_header(line) => Ok(Section::Outside),
+            (_, Section::Outside) => Err((
+                number,
+                "a line outside of every segment; a segment starts with META_START".to_owned(),
+            )),
             (_, Section::Covariance(data)) => Ok(Section::Covariance(data)),
             (_, Section::Meta(mut meta)) => meta.pair(number, line).map(|()| Section::Meta(meta)),
             (_, Section::Data(mut data)) => data.state(number, line).map(|()| Section::Data(data)),

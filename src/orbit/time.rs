@@ -1,4 +1,4 @@
-//! Epochs as orbit files write them, exact to the nanosecond.
+//! Epochs as text, exact to the nanosecond.
 
 use crate::frames::DAY_NS;
 use hifitime::{Duration, Epoch, TimeScale, Unit};
@@ -34,6 +34,31 @@ pub(crate) fn parse_ccsds(text: &str, scale: TimeScale) -> Option<Epoch> {
     // hifitime gives 23:59:60 the instant of 23:59:59
     let leap = if second == 60 { 1 } else { 0 };
     Some(epoch + leap * Unit::Second)
+}
+
+/// Reads a UTC time such as `2019-06-15T23:35:50.500Z`, leap seconds included.
+///
+/// Errors: says what is wanted.
+pub fn parse_utc(text: &str) -> Result<Epoch, String> {
+    parse_ccsds(text.trim(), TimeScale::UTC)
+        .ok_or_else(|| format!("{text:?} is no UTC time such as 2019-06-15T23:35:50.500Z"))
+}
+
+/// UTC text of an epoch, with as many decimals as it has, at least milliseconds; a leap second is 60.
+pub fn utc_text(epoch: Epoch) -> String {
+    let (year, month, day, hour, minute, second, nanoseconds) = epoch.to_gregorian_utc();
+    let shown =
+        Epoch::maybe_from_gregorian_utc(year, month, day, hour, minute, second, nanoseconds);
+    // hifitime shows a leap second as the second before it
+    let leap =
+        shown.is_ok_and(|shown| epoch - shown.to_time_scale(TimeScale::TAI) >= Unit::Second * 1);
+    let second = second + u8::from(leap);
+    let fraction = format!("{nanoseconds:09}");
+    let kept = fraction.trim_end_matches('0').len().max(3);
+    format!(
+        "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{}Z",
+        &fraction[..kept]
+    )
 }
 
 /// The UTC epoch of a TLE: two-digit year (57 to 99 are 19xx) and day of the
@@ -83,4 +108,27 @@ fn month_and_day(year: i32, day_of_year: u16) -> Option<(u8, u8)> {
 fn digits<T: std::str::FromStr>(text: &str, count: usize) -> Option<T> {
     let all_digits = text.len() == count && text.bytes().all(|b| b.is_ascii_digit());
     if all_digits { text.parse().ok() } else { None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn leap_seconds_survive_both_ways() {
+        for text in [
+            "2016-12-31T23:59:59.000Z",
+            "2016-12-31T23:59:60.000Z",
+            "2016-12-31T23:59:60.250Z",
+            "2017-01-01T00:00:00.000Z",
+            "2019-06-15T23:35:49.950Z",
+            "1999-01-01T00:00:00.123456789Z",
+        ] {
+            assert_eq!(utc_text(parse_utc(text).unwrap()), text);
+        }
+        let at = |text| parse_utc(text).unwrap();
+        // X-Val: IERS Bulletin C 52: a leap second at the end of 2016.
+        let long = at("2017-01-01T00:00:00Z") - at("2016-12-31T23:59:59Z");
+        assert_eq!(long, Unit::Second * 2);
+    }
 }

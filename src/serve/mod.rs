@@ -141,7 +141,7 @@ impl Server {
             let shot = match self.emulator.shoot(&vehicle, repeat) {
                 Ok(shot) => shot,
                 Err(error) => {
-                    self.refuse_epoch(&latched.header, &error.to_string());
+                    self.refuse_exposure(&latched.header, &error.to_string());
                     continue;
                 }
             };
@@ -186,6 +186,7 @@ impl Server {
             foreign_packets: tally.foreign(),
             dropped_inbound: tally.dropped(),
             bad_framing: tally.bad_framing(),
+            lost_outbound: tally.lost(),
             objects_without_state: self.absent.count,
             rejected_records: self.emulator.rejected_records(),
             ..self.counters

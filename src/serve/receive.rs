@@ -4,6 +4,7 @@ use super::{Exchange, Latched, MAX_WAITING, Server};
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::Clock;
 use crate::link::{Inbound, LinkError, Outbound, QUEUE};
+use crate::scene::turn_during;
 use bytes::Bytes;
 use skyloop_firmware_sim::time::{to_epoch, to_wire};
 use skyloop_protocols::{
@@ -174,6 +175,10 @@ impl Server {
             },
             detail: format!("attitude {}: {error}", attitude.sequence),
         })?;
+        turn_during(&vehicle, self.emulator.camera().exposure_s).map_err(|error| Refusal {
+            reason: Reason::ValueOutOfRange,
+            detail: format!("attitude {}: {error}", attitude.sequence),
+        })?;
         let latched = Latched {
             vehicle,
             header,
@@ -243,8 +248,8 @@ impl Server {
         })
     }
 
-    /// Refuses an attitude whose epoch the ephemerides do not reach.
-    pub(super) fn refuse_epoch(&mut self, header: &Header, detail: &str) {
+    /// Refuses an attitude that gives no scene: an epoch beyond the ephemerides, a turn too far.
+    pub(super) fn refuse_exposure(&mut self, header: &Header, detail: &str) {
         self.counters.refuse(Reason::ValueOutOfRange);
         if let Err(error) = self.nack(
             header.apid,

@@ -6,6 +6,7 @@
 
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
+use skyloop_orbit::time::utc_text;
 use thiserror::Error;
 
 /// Astronomical unit, m (IAU 2012 Resolution B2, exact).
@@ -21,7 +22,8 @@ const J2000_JD: f64 = 2_451_545.0;
 /// The epoch lies outside the years for which the series of the Earth's motion hold.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error(
-    "no Earth and Sun positions for {epoch}: the series hold from 1900 to 2100; choose an epoch inside"
+    "no Earth and Sun positions for {}: the series hold from 1900 to 2100; choose an epoch inside",
+    utc_text(*epoch)
 )]
 pub struct EpochOutOfRange {
     /// The epoch that was asked for.

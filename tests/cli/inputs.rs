@@ -27,10 +27,9 @@ fn refuses(flags: &[&str], words: &[&str]) {
     if !log.contains("TOML") && !log.contains("--help") {
         assert_eq!(log.lines().count(), 1, "{flags:?}: {log}");
     }
-    let half = line.len() / 2;
-    let (_, end) = line.split_at(line.ceil_char_boundary(half));
+    let half: String = line.chars().skip(line.chars().count() / 2).collect();
     assert!(
-        end.len() < 20 || line.matches(end).count() == 1,
+        half.len() < 20 || line.matches(&half).count() == 1,
         "told twice: {line}"
     );
     assert!(
@@ -160,7 +159,7 @@ fn objects_and_orbits() {
         ],
         &[
             "CASSIOPE",
-            "2020-06-15T23:35:50 UTC",
+            "2020-06-15T23:35:50.000Z",
             "outside its ephemeris",
             "covers 2019-06-15T23:35:30",
         ],
@@ -186,7 +185,7 @@ fn scenes() {
     let known = repository("configs/scenes/rcm-2019-06-15/scene.toml");
     let beyond = [
         "2019-06-15T23:36:15.5",
-        "covers 2019-06-15T23:35:50 UTC to 2019-06-15T23:36:15 UTC",
+        "covers 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:15.000Z",
     ];
     refuses(
         &["render", "--out", "o", "--frames", "52", "--scene", &known],

@@ -287,7 +287,7 @@ pub fn oem(
     state: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>),
 ) -> Vec<Object> {
     let utc = |s: f64| {
-        let text = skyloop::label::utc(mid + hifitime::Duration::from_seconds(s));
+        let text = skyloop::orbit::time::utc_text(mid + hifitime::Duration::from_seconds(s));
         text.trim_end_matches('Z').to_string()
     };
     let mut text = format!(

@@ -174,6 +174,27 @@ pub fn cases() -> Vec<Case> {
             "bad_value",
             &["attitude 904", "rates", "628.4"],
         ),
+        case(
+            "turning too far during the exposure",
+            Command::Attitude(Attitude {
+                // 20 rad/s for 0.1 s: 114.6 degrees.
+                rates_rad_s: [0.0, 20.0, 0.0],
+                ..attitude(905)
+            }),
+            ValueOutOfRange,
+            "bad_value",
+            &["attitude 905", "114.6 deg", "57.3 deg", "lower the rates"],
+        ),
+        case(
+            "no position to see the objects from",
+            Command::Attitude(Attitude {
+                state: None,
+                ..attitude(906)
+            }),
+            ValueOutOfRange,
+            "bad_value",
+            &["attitude 906", "no position", "send the state"],
+        ),
         back,
         case(
             "exposure of zero",

@@ -214,6 +214,21 @@ fn a_bad_segment_is_named_and_the_rest_loads() {
 }
 
 #[test]
+fn a_message_that_gives_nothing_says_so() {
+    let header = "CCSDS_OEM_VERS = 2.0\nORIGINATOR = TEST\n";
+    let error = parse(header, "test.oem").unwrap_err().to_string();
+    assert!(
+        error.contains("test.oem") && error.contains("META_START"),
+        "{error}"
+    );
+    let misspelt = message("", &STATES).replace("META_START", "META_BEGIN");
+    let loaded = read(&misspelt);
+    assert!(loaded.objects.is_empty());
+    let reason = loaded.rejected[0].to_string();
+    assert!(reason.contains("outside of every segment"), "{reason}");
+}
+
+#[test]
 fn every_kind_of_damage_says_what_and_where() {
     let swapped = |line: &'static str| message("", &[STATES[0], line, STATES[3]]);
     for (text, line, reason) in [
