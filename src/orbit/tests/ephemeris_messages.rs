@@ -161,8 +161,8 @@ fn asked_outside_it_names_object_epoch_and_interval() {
     let message = object.state(utc(1, 0, 0, 0)).unwrap_err().to_string();
     for part in [
         "2019-001A (MADE UP)",
-        "2019-06-15T01:00:00 UTC",
-        "2019-06-15T00:00:05 UTC to 2019-06-15T00:00:25 UTC",
+        "2019-06-15T01:00:00.000Z",
+        "2019-06-15T00:00:05.000Z to 2019-06-15T00:00:25.000Z",
     ] {
         assert!(message.contains(part), "{message}");
     }
