@@ -113,6 +113,8 @@ impl<P: Port> FlightComputer<P> {
             Pace::Wall { rate_hz } => self.run_wall(rate_hz, &mut watch)?,
         };
         let _ = self.ask_status();
+        // Frees the emulator: the next client need not wait until this one counts as silent.
+        let _ = self.exchange.command(&Command::Reset);
         self.exchange.account(&mut self.report);
         Ok(self.report)
     }

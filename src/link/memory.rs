@@ -31,9 +31,9 @@ fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
     let wire = Wire {
         address: "memory".to_string(),
         inbox,
-        outbox: Box::new(QueueOutbox {
+        outbox: Box::new(MemoryOutbox {
             queue: outbox,
-            address: "memory".to_string(),
+            tally: tally.clone(),
         }),
         tally: tally.clone(),
         sender: None,
@@ -48,19 +48,21 @@ fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
     ))
 }
 
-/// An outbox that is a standard bounded queue.
-pub(super) struct QueueOutbox {
-    pub queue: SyncSender<Outbound>,
-    pub address: String,
+/// The emulator's end.
+struct MemoryOutbox {
+    queue: SyncSender<Outbound>,
+    tally: Arc<Tally>,
 }
 
-impl Outbox for QueueOutbox {
+impl Outbox for MemoryOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
         match self.queue.try_send(what) {
-            Ok(()) => Ok(None),
-            Err(TrySendError::Full(what)) => Ok(Some(what)),
-            Err(TrySendError::Disconnected(_)) => Err(LinkError::Closed(self.address.clone())),
+            Ok(()) => count(&self.tally.sent),
+            Err(TrySendError::Full(what)) => return Ok(Some(what)),
+            // The client has left, as it may; the inbox says so too.
+            Err(TrySendError::Disconnected(_)) => count(&self.tally.lost),
         }
+        Ok(None)
     }
 }
 

@@ -1,8 +1,8 @@
 //! Serial lines: SLIP frames with CRC-32, two threads a port.
 
-use super::memory::QueueOutbox;
 use super::{
-    BothEnds, Inbound, Link, LinkError, LinkUrl, Options, Outbound, QUEUE, Tally, Wire, count,
+    BothEnds, Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire,
+    count,
 };
 use bytes::Bytes;
 use serialport::SerialPort;
@@ -69,7 +69,7 @@ fn start(port: Box<dyn SerialPort>, address: &str) -> Result<Wire, LinkError> {
         })
         .map_err(failed("start its thread", LIMITS))?;
     let address = address.to_string();
-    let outbox = QueueOutbox {
+    let outbox = LineOutbox {
         queue: outbox,
         address: address.clone(),
     };
@@ -80,6 +80,22 @@ fn start(port: Box<dyn SerialPort>, address: &str) -> Result<Wire, LinkError> {
         tally,
         sender: Some(sender),
     })
+}
+
+/// The queue to the writer.
+struct LineOutbox {
+    queue: SyncSender<Outbound>,
+    address: String,
+}
+
+impl Outbox for LineOutbox {
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        match self.queue.try_send(what) {
+            Ok(()) => Ok(None),
+            Err(TrySendError::Full(what)) => Ok(Some(what)),
+            Err(TrySendError::Disconnected(_)) => Err(LinkError::Closed(self.address.clone())),
+        }
+    }
 }
 
 /// Octets in, packets into the queue, until the writer has ended (the emulator dropped its end).

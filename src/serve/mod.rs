@@ -119,7 +119,9 @@ impl Server {
     ) -> Result<Ended, LinkError> {
         while !stop.load(Ordering::Relaxed) && limit.is_none_or(|n| self.stats.frames < n) {
             // Frames may fall due without a pause: commands and attitudes still come first.
-            self.receive_waiting()?;
+            if !self.receive_waiting()? {
+                return Ok(Ended::LinkGone);
+            }
             let due = match self.clock {
                 Clock::Stepped => self
                     .exchange

@@ -12,7 +12,7 @@ use skyloop_protocols::{
     WireTime, packet,
 };
 use std::ops::RangeInclusive;
-use std::sync::mpsc::RecvTimeoutError;
+use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::time::Duration;
 
 /// Exposure times (s) that can be commanded.
@@ -38,15 +38,17 @@ impl Server {
         }
     }
 
-    /// Acts on the packets that have come. As many as a full queue holds: a flood does not stop the frames.
-    pub(super) fn receive_waiting(&mut self) -> Result<(), LinkError> {
+    /// Acts on the packets that have come; false when the link has ended. As many as a full queue holds: a
+    /// flood does not stop the frames.
+    pub(super) fn receive_waiting(&mut self) -> Result<bool, LinkError> {
         for _ in 0..QUEUE {
-            let Ok(inbound) = self.wire.inbox.try_recv() else {
-                break;
-            };
-            self.handle(inbound)?;
+            match self.wire.inbox.try_recv() {
+                Ok(inbound) => self.handle(inbound)?,
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => return Ok(false),
+            }
         }
-        Ok(())
+        Ok(true)
     }
 
     fn handle(&mut self, inbound: Inbound) -> Result<(), LinkError> {

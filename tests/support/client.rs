@@ -8,7 +8,7 @@ use skyloop_protocols::{
     Attitude, Command, Counters, FrameHeader, Header, MAX_PACKET, Reason, Reply, Status, WireTime,
 };
 use std::collections::VecDeque;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A client at one end of a line.
 pub struct Client<L> {
@@ -130,8 +130,11 @@ impl<L: Line> Client<L> {
         if let Some(place) = self.early.iter().position(|packet| wanted(packet)) {
             return self.early.remove(place).unwrap();
         }
+        let started = Instant::now();
         loop {
-            let packet = self.recv(PATIENCE).expect("a packet comes");
+            let left = PATIENCE.saturating_sub(started.elapsed());
+            let packet = self.recv(left).expect("the packet comes");
+            assert!(!left.is_zero(), "only other packets come");
             if wanted(&packet) {
                 return packet;
             }
