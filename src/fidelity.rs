@@ -11,8 +11,6 @@ pub struct Fidelity {
     pub track_step_sigma: f64,
     /// A motion over the exposure below this (px) is drawn at its centroid without smear.
     pub static_px: f64,
-    /// Point sources whose signal-to-noise ratio lies below this are not drawn (sigma).
-    pub star_cutoff_snr: f64,
 }
 
 impl Fidelity {
@@ -21,14 +19,12 @@ impl Fidelity {
         psf_loss: 1e-6,
         track_step_sigma: 0.5,
         static_px: 1e-3,
-        star_cutoff_snr: 0.0,
     };
     /// The slow, obvious path that also serves the tests as truth.
     pub const REFERENCE: Fidelity = Fidelity {
         psf_loss: 1e-12,
         track_step_sigma: 0.1,
         static_px: 0.0,
-        star_cutoff_snr: 0.0,
     };
 
     /// The preset called `name`.

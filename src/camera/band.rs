@@ -19,7 +19,7 @@ pub struct Band {
     /// Wavelength (m) and response at equal steps.
     samples: Vec<(f64, f64)>,
     step_m: f64,
-    /// The band's and the V band's photon rate of a black body with the Sun's colour, for the ratio.
+    /// The band's photon rate of a black body of the Sun's colour.
     sun_photons: f64,
     /// ph/s/m^2 of magnitude 0.
     zero_point: f64,

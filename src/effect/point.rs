@@ -21,20 +21,18 @@ pub const RSOS: Effect = Effect {
     judge: judge_rsos,
 };
 
-fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> Verdict<'s> {
+fn judge_stars<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
     judge(
         scene,
-        fidelity,
         "no star touches the detector",
         "stars in the field",
         |body| matches!(body, Body::Star(_)),
     )
 }
 
-fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> Verdict<'s> {
+fn judge_rsos<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
     judge(
         scene,
-        fidelity,
         "no lit object touches the detector",
         "objects in the field",
         |body| matches!(body, Body::Rso(_)),
@@ -43,17 +41,12 @@ fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> Verdict<'s> {
 
 fn judge<'s>(
     scene: &'s Scene,
-    fidelity: &Fidelity,
     why: &'static str,
     because: &'static str,
     kind: impl Fn(&Body) -> bool,
 ) -> Verdict<'s> {
-    let cutoff = fidelity.star_cutoff_snr;
-    let drawn: Vec<&Source> = scene
-        .sources
-        .iter()
-        .filter(|s| kind(&s.body) && s.electrons > 0.0 && s.snr >= cutoff)
-        .collect();
+    let lit = |s: &&Source| kind(&s.body) && s.electrons > 0.0;
+    let drawn: Vec<&Source> = scene.sources.iter().filter(lit).collect();
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
     if pixels == 0 {
         return Verdict::Skip { why, error_e: 0.0 };
