@@ -33,7 +33,7 @@ counters! {
     frames_rendered,
     /// Frames whose last packet was handed to the link.
     frames_delivered,
-    /// Frames given up before their last packet: Reset, a client that went away, a cadence too fast.
+    /// Frames given up before their last packet: Reset, or a client that went away or takes nothing.
     frames_abandoned,
     /// Packets with a wrong CRC-16.
     bad_crc,
@@ -63,7 +63,7 @@ counters! {
     rejected_records,
     /// Times that an object could not be shown in a frame: its orbit had no state there.
     objects_without_state,
-    /// Packets that left the emulator but not the link: their client had gone, or the system refused to send.
+    /// Packets that never left: their client had gone or read nothing, or the system refused to send.
     lost_outbound,
 }
 

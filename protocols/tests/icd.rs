@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::collections::BTreeSet;
+
 use common::{golden, hex};
 use skyloop_protocols::command::Opcode;
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH, MAX_PAYLOAD, VERSION};
@@ -140,6 +142,31 @@ fn offsets_and_sizes_add_up() {
             assert!(at + CRC_LENGTH <= shortest, "{name}");
         } else {
             assert_eq!(at + CRC_LENGTH, longest, "{name}");
+        }
+    }
+}
+
+/// The table of messages gives the length of every golden packet, and no length that none has.
+#[test]
+fn lengths_are_those_of_the_golden_packets() {
+    let vectors = golden();
+    for (apid, name) in apid::ALL {
+        let code = format!("{apid:#05x}");
+        let row = rows(ICD)
+            .find(|row| row.starts_with(&[&code, name]))
+            .expect(name);
+        let said = row[4].replace(" or ", ", ");
+        let lengths: BTreeSet<usize> = vectors
+            .iter()
+            .filter(|v| v.has("message") && v.text("message") == name)
+            .map(|v| v.bytes.len())
+            .collect();
+        if let Some((least, most)) = said.split_once(" to ") {
+            let range = least.parse().unwrap()..=most.parse().unwrap();
+            assert!(lengths.iter().all(|n| range.contains(n)), "{name}: {said}");
+        } else {
+            let said: BTreeSet<usize> = said.split(", ").map(|n| n.parse().unwrap()).collect();
+            assert_eq!(lengths, said, "{name}");
         }
     }
 }

@@ -19,8 +19,8 @@ use std::time::{Duration, Instant};
 const STALL: Duration = Duration::from_secs(2);
 /// How long to listen while a frame waits for credit.
 const LISTEN: Duration = Duration::from_millis(5);
-/// How long to listen while a frame waits for room in the link's queue.
-const BREATH: Duration = Duration::from_micros(200);
+/// How long to listen while packets wait for room in the link's queue.
+pub(super) const BREATH: Duration = Duration::from_micros(200);
 
 impl Server {
     /// Sends all packets of a shot.
@@ -117,7 +117,12 @@ impl Server {
         });
         let since = Instant::now();
         while let Some(packet) = waiting.take() {
-            waiting = self.wire.outbox.offer(packet).map_err(Undelivered::Link)?;
+            waiting = match self.flush() {
+                Ok(true) => self.wire.outbox.offer(packet),
+                Ok(false) => Ok(Some(packet)),
+                Err(error) => Err(error),
+            }
+            .map_err(Undelivered::Link)?;
             if waiting.is_some() {
                 self.listen(run, BREATH, since)?;
             }

@@ -3,6 +3,7 @@
 //! One thread: receive, latch, shoot, deliver. While a frame waits for credit or room in the link's queue,
 //! packets are still received, so commands and attitudes are never left lying.
 
+mod answer;
 mod clock;
 mod deliver;
 mod receive;
@@ -10,7 +11,7 @@ mod receive;
 use crate::attitude::VehicleState;
 use crate::config::Clock;
 use crate::engine::{Emulator, Shot};
-use crate::link::{LinkError, Wire};
+use crate::link::{LinkError, Outbound, Wire};
 use crate::stats::{Absent, RunStats};
 use clock::WallClock;
 use skyloop_protocols::credit::CreditAccount;
@@ -47,6 +48,10 @@ struct Exchange {
     repeat: u32,
     /// Counts Resets, so that a frame under way notices one.
     resets: u32,
+    /// Answers for which the link has no room yet, oldest first.
+    answers: VecDeque<Outbound>,
+    /// Whether answers had to be dropped.
+    overrun: bool,
 }
 
 /// The emulator at a wire.
@@ -176,8 +181,18 @@ impl Server {
         Some((latched.vehicle.at(mid), latched, repeat))
     }
 
-    /// Ends the link when everything queued has left.
-    pub fn close(self) {
+    /// Ends the link when everything queued has left, or nothing moves for a second.
+    pub fn close(mut self) {
+        let (mut left, mut moved) = (usize::MAX, Instant::now());
+        while let Ok(false) = self.flush()
+            && moved.elapsed() < Duration::from_secs(1)
+        {
+            let now = self.exchange.answers.len();
+            if now != left {
+                (left, moved) = (now, Instant::now());
+            }
+            std::thread::sleep(deliver::BREATH);
+        }
         self.wire.close();
     }
 
@@ -188,7 +203,7 @@ impl Server {
             foreign_packets: tally.foreign(),
             dropped_inbound: tally.dropped(),
             bad_framing: tally.bad_framing(),
-            lost_outbound: tally.lost(),
+            lost_outbound: tally.lost().wrapping_add(self.counters.lost_outbound),
             objects_without_state: self.absent.count,
             rejected_records: self.emulator.rejected_records(),
             ..self.counters

@@ -1,16 +1,13 @@
 //! From the wire: packets to commands to the emulator's settings and the latched vehicle state.
 
+use super::deliver::BREATH;
 use super::{Exchange, Latched, MAX_WAITING, Server};
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::Clock;
 use crate::link::{Inbound, LinkError, Outbound, QUEUE};
 use crate::scene::turn_during;
-use bytes::Bytes;
-use skyloop_firmware_sim::time::{to_epoch, to_wire};
-use skyloop_protocols::{
-    Ack, Attitude, Command, Header, MAX_PACKET, Mode, Nack, Packing, Reason, Reply, Status,
-    WireTime, packet,
-};
+use skyloop_firmware_sim::time::to_epoch;
+use skyloop_protocols::{Attitude, Command, Header, Reason, Reply, packet};
 use std::ops::RangeInclusive;
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::time::Duration;
@@ -31,6 +28,11 @@ struct Refusal {
 impl Server {
     /// Waits up to `timeout` for a packet and acts on it; false when the link has ended.
     pub(super) fn receive(&mut self, timeout: Duration) -> Result<bool, LinkError> {
+        let timeout = if self.flush()? {
+            timeout
+        } else {
+            timeout.min(BREATH)
+        };
         match self.wire.inbox.recv_timeout(timeout) {
             Ok(inbound) => self.handle(inbound).map(|()| true),
             Err(RecvTimeoutError::Timeout) => Ok(true),
@@ -41,6 +43,7 @@ impl Server {
     /// Acts on the packets that have come; false when the link has ended. As many as a full queue holds: a
     /// flood does not stop the frames.
     pub(super) fn receive_waiting(&mut self) -> Result<bool, LinkError> {
+        self.flush()?;
         for _ in 0..QUEUE {
             match self.wire.inbox.try_recv() {
                 Ok(inbound) => self.handle(inbound)?,
@@ -109,6 +112,8 @@ impl Server {
     /// Another client: nothing of the last one's is left.
     fn open_exchange(&mut self, number: u32) {
         self.abandon_waiting();
+        let unsent = self.exchange.answers.len() as u32;
+        self.counters.lost_outbound = self.counters.lost_outbound.wrapping_add(unsent);
         self.exchange = Exchange {
             number,
             ..Exchange::default()
@@ -228,6 +233,8 @@ impl Server {
                 self.exchange = Exchange {
                     number: self.exchange.number,
                     resets: self.exchange.resets.wrapping_add(1),
+                    answers: std::mem::take(&mut self.exchange.answers),
+                    overrun: self.exchange.overrun,
                     ..Exchange::default()
                 };
                 self.exchange
@@ -261,85 +268,6 @@ impl Server {
         ) {
             tracing::error!(%error, "could not refuse an attitude");
         }
-    }
-
-    fn ack(&mut self, header: &Header) -> Result<(), LinkError> {
-        let ack = Ack {
-            apid: header.apid,
-            sequence_count: header.sequence_count,
-        };
-        self.send(&Reply::Ack(ack), header.time)
-    }
-
-    fn nack(
-        &mut self,
-        apid: u16,
-        count: u16,
-        reason: Reason,
-        detail: &str,
-    ) -> Result<(), LinkError> {
-        tracing::debug!(?reason, detail, "refused");
-        self.send(
-            &Reply::Nack(Nack::new(apid, count, reason, detail)),
-            self.now(),
-        )
-    }
-
-    /// Sends one answer.
-    fn send(&mut self, reply: &Reply<'_>, time: WireTime) -> Result<(), LinkError> {
-        let mut buffer = [0; MAX_PACKET];
-        let count = self.counts.next(reply.apid());
-        match (self.personality.encode_reply)(reply, count, time, &mut buffer) {
-            Ok(length) => {
-                let packet = Bytes::copy_from_slice(&buffer[..length]);
-                self.offer(Outbound::Packet {
-                    exchange: self.exchange.number,
-                    packet,
-                })
-            }
-            Err(error) => {
-                tracing::error!(%error, apid = reply.apid(), "an answer could not be encoded");
-                Ok(())
-            }
-        }
-    }
-
-    /// Queues an answer; where the queue is full nobody reads, and the answer is dropped.
-    fn offer(&mut self, what: Outbound) -> Result<(), LinkError> {
-        if self.wire.outbox.offer(what)?.is_some() {
-            tracing::warn!("an answer was dropped: the link's queue is full, nobody reads");
-        }
-        Ok(())
-    }
-
-    fn status(&self) -> Status {
-        let camera = self.emulator.camera();
-        let detector = &camera.detector;
-        Status {
-            mode: match self.clock {
-                Clock::Stepped => Mode::Stepped,
-                Clock::Wall => Mode::Wall,
-            },
-            width: detector.width as u16,
-            height: detector.height as u16,
-            bits: detector.bits,
-            packing: Packing::for_bits(detector.bits),
-            exposure_s: camera.exposure_s,
-            gain_e_per_dn: detector.gain_e_per_dn,
-            frame_rate_hz: camera.rate_hz,
-            next_frame: self.emulator.next_frame(),
-            packets_sent: self.exchange.credit.sent(),
-            counters: self.counters(),
-        }
-    }
-
-    /// The emulator's present time: that of the last attitude.
-    fn now(&self) -> WireTime {
-        self.exchange
-            .latest
-            .as_ref()
-            .and_then(|latched| to_wire(latched.vehicle.epoch))
-            .unwrap_or_default()
     }
 }
 

@@ -6,7 +6,7 @@ use crate::support::{EPOCH, Running, attitude, await_that, on_memory, on_serial,
 use skyloop::camera::Camera;
 use skyloop::config::{Clock, Config};
 use skyloop::load::Folder;
-use skyloop_protocols::Command;
+use skyloop_protocols::{Command, Reply};
 use std::time::Duration;
 
 /// The built-in scene with the camera that has most pixels: 1280 x 1024 in some 1,400 packets.
@@ -144,6 +144,55 @@ fn a_client_that_never_reads_its_serial_line_does_not_hold_the_emulator() {
         (3, 0, 3)
     );
     client.good_frame(9);
+}
+
+/// Acks and Statuses that come until nothing more does.
+fn answers(client: &mut Client<impl Line>) -> (u32, u32) {
+    let (mut acks, mut statuses) = (0, 0);
+    while let Some(packet) = client.line.recv(Duration::from_millis(300)) {
+        match Reply::decode(&packet).unwrap().1 {
+            Reply::Ack(_) => acks += 1,
+            Reply::Status(_) => statuses += 1,
+            _ => {}
+        }
+    }
+    (acks, statuses)
+}
+
+#[test]
+fn answers_wait_for_room_behind_an_unpaced_frame() {
+    let (_emulator, line) = on_memory(large(), Clock::Stepped);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.point(attitude(0), EPOCH);
+    // The frame fills the link's queue of 256 packets; 200 answers find no room there.
+    for _ in 0..100 {
+        client.send(Command::Ping);
+    }
+    assert_eq!(answers(&mut client), (100, 100));
+    let counters = client.status().counters;
+    assert_eq!((counters.frames_delivered, counters.lost_outbound), (1, 0));
+}
+
+#[test]
+fn answers_that_nobody_reads_are_counted() {
+    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
+    let mut client = Client::new(line);
+    for _ in 0..20 {
+        for _ in 0..100 {
+            client.send(Command::Ping);
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let (acks, statuses) = answers(&mut client);
+    let counters = client.status().counters;
+    assert_eq!(
+        acks + statuses + counters.lost_outbound,
+        2 * (counters.commands - 1)
+    );
+    // 256 of the queue and 1024 that wait (ICD, 5.2), of 4000.
+    let lost_commands = counters.dropped_inbound;
+    assert!(counters.lost_outbound + 2 * lost_commands >= 4000 - 1280 - 2);
 }
 
 #[test]
