@@ -269,13 +269,15 @@ impl Config {
         };
         let (mut objects, mut rejected) = (Vec::new(), Vec::new());
         for name in &raw.objects.files {
-            let loaded = orbits::all(folder, name)?;
-            objects.extend(loaded.objects);
-            rejected.extend(loaded.rejected.iter().map(|r| r.to_string()));
+            objects.extend(orbits::all(folder, name, &mut rejected)?);
         }
         let observer = match &raw.observer.orbit {
             None => None,
-            Some(selector) => Some(Observer::Object(Box::new(orbits::one(folder, selector)?))),
+            Some(selector) => Some(Observer::Object(Box::new(orbits::one(
+                folder,
+                selector,
+                &mut rejected,
+            )?))),
         };
         Ok(Config {
             seed: raw.seed,

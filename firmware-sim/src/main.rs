@@ -154,53 +154,19 @@ fn orbit(text: &str) -> Result<OrbitSource> {
         _ => (text, None),
     };
     let loaded = skyloop_orbit::load(Path::new(file))?;
-    for rejected in loaded.rejected.iter().take(5) {
+    let (object, rejected) = loaded
+        .pick(name)
+        .map_err(|why| anyhow::anyhow!("{file}: {why}"))?;
+    for rejected in rejected.iter().take(5) {
         eprintln!("skyloop-fc: {rejected}");
     }
-    if loaded.rejected.len() > 5 {
+    if rejected.len() > 5 {
         eprintln!(
             "skyloop-fc: and {} more records of {file} are no use",
-            loaded.rejected.len() - 5
+            rejected.len() - 5
         );
     }
-    let is_meant = |object: &&skyloop_orbit::Object| match name {
-        Some(name) => {
-            let id = object.id.strip_prefix("NORAD ").unwrap_or(&object.id);
-            let mut names = object
-                .names
-                .iter()
-                .map(String::as_str)
-                .chain([object.id.as_str(), id]);
-            names.any(|known| known.eq_ignore_ascii_case(name))
-        }
-        None => true,
-    };
-    let mut meant = loaded.objects.iter().filter(is_meant);
-    match (meant.next(), meant.next()) {
-        (Some(object), None) => Ok(orbit_of(object.clone())),
-        (None, _) if name.is_none() => bail!("{file} holds no usable orbit"),
-        (first, _) => {
-            let labels: Vec<String> = loaded
-                .objects
-                .iter()
-                .take(8)
-                .map(skyloop_orbit::Object::label)
-                .collect();
-            let which = match (first, name) {
-                (Some(_), Some(name)) => format!("more than one object called \"{name}\""),
-                (None, Some(name)) => format!("no object called \"{name}\""),
-                (_, None) => format!("{} objects: pick one with FILE:NAME", loaded.objects.len()),
-            };
-            bail!(
-                "{file} holds {which}; it has {}{}",
-                labels.join(", "),
-                match loaded.objects.len() {
-                    0..=8 => "",
-                    _ => ", ...",
-                }
-            )
-        }
-    }
+    Ok(orbit_of(object))
 }
 
 fn tell(event: &Event<'_>) {

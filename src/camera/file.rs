@@ -134,13 +134,22 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
             check.refuse("mounting.q_body_to_camera", format!("{q:?}"), e.to_string())
         })?,
     };
+    let exposure_s = check.range("timing.exposure_s", t.exposure_s, 1e-9..=1e4)?;
+    let rate_hz = check.range("timing.rate_hz", t.rate_hz, 1e-4..=1e4)?;
+    if rate_hz * exposure_s > 1.0 {
+        let most = format!(
+            "at most 1 / timing.exposure_s = {}: exposures do not overlap",
+            1.0 / exposure_s
+        );
+        return Err(check.refuse("timing.rate_hz", rate_hz, most));
+    }
     Ok(Camera {
         name: raw.name,
         mounting,
         optics,
         detector,
-        exposure_s: check.range("timing.exposure_s", t.exposure_s, 1e-9..=1e4)?,
-        rate_hz: check.range("timing.rate_hz", t.rate_hz, 1e-4..=1e4)?,
+        exposure_s,
+        rate_hz,
     })
 }
 

@@ -161,7 +161,11 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     let mut config = Config::defaults()?;
     config.camera = Camera::load(&args.camera, &here)?;
     config.observer = match (&args.orbit, args.state) {
-        (Some(selector), _) => Some(Observer::Object(Box::new(orbits::one(&here, selector)?))),
+        (Some(selector), _) => Some(Observer::Object(Box::new(orbits::one(
+            &here,
+            selector,
+            &mut config.rejected,
+        )?))),
         (None, Some(Numbers([x, y, z, vx, vy, vz]))) => Some(Observer::State(StateVector {
             position_m: [x * 1e3, y * 1e3, z * 1e3].into(),
             velocity_m_s: [vx * 1e3, vy * 1e3, vz * 1e3].into(),
@@ -169,11 +173,8 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
         (None, None) => None,
     };
     for file in &args.rso {
-        let loaded = orbits::all(&here, file)?;
-        config.objects.extend(loaded.objects);
-        config
-            .rejected
-            .extend(loaded.rejected.iter().map(|r| r.to_string()));
+        let objects = orbits::all(&here, file, &mut config.rejected)?;
+        config.objects.extend(objects);
     }
     config.sequence = Some(Sequence {
         epoch,

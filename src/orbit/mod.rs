@@ -23,6 +23,7 @@ pub mod two_body;
 
 mod load;
 mod oem;
+mod pick;
 pub mod time;
 mod tle;
 

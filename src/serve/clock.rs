@@ -65,10 +65,10 @@ impl WallClock {
         self.due = self.zero.map(|_| Instant::now() + self.period);
     }
 
-    /// One frame as soon as may be, then none until a rate is set.
-    pub fn single_shot(&mut self) {
+    /// One frame whose exposure starts now, then none until a rate is set.
+    pub fn single_shot(&mut self, exposure_s: f64) {
         self.single = true;
-        self.due = Some(Instant::now());
+        self.due = Some(Instant::now() + Duration::from_secs_f64(exposure_s));
     }
 
     /// Time until the next exposure has ended; long while the cadence stands still.

@@ -204,6 +204,13 @@ impl Server {
         match command {
             Command::Exposure { seconds } => {
                 within("Exposure.seconds", seconds, EXPOSURE_S)?;
+                let (_, rate_hz) = self.timing();
+                self.do_not_overlap(
+                    "Exposure.seconds",
+                    seconds,
+                    1.0 / rate_hz,
+                    "lower FrameRate",
+                )?;
                 self.emulator.camera_mut().exposure_s = seconds;
             }
             Command::Gain { e_per_dn } => {
@@ -213,6 +220,8 @@ impl Server {
             Command::FrameRate { hz } => {
                 self.on_the_wall_only("FrameRate", "each attitude gives its frame")?;
                 within("FrameRate.hz", hz, RATE_HZ)?;
+                let (exposure_s, _) = self.timing();
+                self.do_not_overlap("FrameRate.hz", hz, 1.0 / exposure_s, "shorten Exposure")?;
                 self.emulator.camera_mut().rate_hz = hz;
                 self.wall.set_rate(hz);
             }
@@ -224,7 +233,7 @@ impl Server {
                         detail: "SingleShot: no attitude yet; send one first".to_string(),
                     });
                 }
-                self.wall.single_shot();
+                self.wall.single_shot(self.emulator.camera().exposure_s);
             }
             Command::Reset => {
                 self.abandon_waiting();
@@ -245,6 +254,31 @@ impl Server {
             Command::Ping | Command::Attitude(_) => {}
         }
         Ok(())
+    }
+
+    /// Exposure time (s) and rate (Hz) in force.
+    fn timing(&self) -> (f64, f64) {
+        let camera = self.emulator.camera();
+        (camera.exposure_s, camera.rate_hz)
+    }
+
+    /// By the wall clock, one exposure ends before the next begins.
+    fn do_not_overlap(
+        &self,
+        field: &str,
+        value: f64,
+        most: f64,
+        remedy: &str,
+    ) -> Result<(), Refusal> {
+        if self.clock == Clock::Stepped || value <= most {
+            return Ok(());
+        }
+        Err(Refusal {
+            reason: Reason::ValueOutOfRange,
+            detail: format!(
+                "{field} = {value}: exposures would overlap; at most {most}, or {remedy} first"
+            ),
+        })
     }
 
     fn on_the_wall_only(&self, command: &str, instead: &str) -> Result<(), Refusal> {

@@ -98,8 +98,13 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     let (_emulator, line) = on_memory(quick(1e-3), Clock::Wall);
     let mut client = Client::new(line);
     client.point(attitude(1), EPOCH);
+    client.done(Command::Exposure { seconds: 0.2 });
+    let asked = Instant::now();
     client.done(Command::SingleShot);
     assert_eq!(client.frame().header.frame, 0);
+    // The exposure starts with the command, not before it.
+    assert!(asked.elapsed() >= Duration::from_secs_f64(0.2));
+    client.done(Command::Exposure { seconds: 0.01 });
     client.point(attitude(2), later(EPOCH, 60.0));
     client.done(Command::SingleShot);
     assert_eq!(client.frame().header.attitude_sequence, 2);

@@ -1,0 +1,108 @@
+//! One object out of a file, by name.
+
+use crate::{Loaded, Object, Rejected};
+
+/// Objects that a message names at most.
+const SHOWN: usize = 8;
+
+impl Loaded {
+    /// The object called `name` (its id, the number in it, or one of its names, in any case of letters), and what
+    /// was refused beside it. Without a name the file must hold one object and nothing refused, which could be
+    /// the one that is meant.
+    ///
+    /// Errors: says what there is, and what was refused.
+    pub fn pick(mut self, name: Option<&str>) -> Result<(Object, Vec<Rejected>), String> {
+        let meant: Vec<usize> = (0..self.objects.len())
+            .filter(|i| name.is_none_or(|name| self.objects[*i].is_called(name)))
+            .collect();
+        let why = match (meant.as_slice(), name) {
+            ([one], Some(_)) => return Ok((self.objects.swap_remove(*one), self.rejected)),
+            ([one], None) if self.rejected.is_empty() => {
+                return Ok((self.objects.swap_remove(*one), self.rejected));
+            }
+            ([], Some(name)) => format!("no object called {name:?}"),
+            (_, Some(name)) => format!("{} objects called {name:?}", meant.len()),
+            ([], None) => "no usable object".to_string(),
+            (_, None) => format!("{} usable objects: pick one as FILE:NAME", meant.len()),
+        };
+        let shown = self.objects.iter().take(SHOWN).map(Object::label);
+        let mut has = shown.collect::<Vec<_>>().join(", ");
+        if self.objects.len() > SHOWN {
+            has.push_str(", ...");
+        }
+        let has = match has.as_str() {
+            "" => String::new(),
+            has => format!("; it has {has}"),
+        };
+        let refused = match self.rejected.as_slice() {
+            [] => String::new(),
+            [one] => format!("; refused is {one}"),
+            [first, ..] => format!("; refused are {}, the first: {first}", self.rejected.len()),
+        };
+        Err(format!("{why}{has}{refused}"))
+    }
+}
+
+impl Object {
+    fn is_called(&self, name: &str) -> bool {
+        let number = self.id.strip_prefix("NORAD ");
+        let known = self.names.iter().map(String::as_str);
+        let mut known = known.chain([self.id.as_str()]).chain(number);
+        known.any(|known| known.eq_ignore_ascii_case(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    /// X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251; the last digits of the
+    /// third set's lines are wrong.
+    const SETS: &str = "VANGUARD 1\n\
+        1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+        2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n\
+        DELTA 1 DEB\n\
+        1 06251U 62025E   06176.82412014  .00008885  00000-0  12808-3 0  3985\n\
+        2 06251  58.0579  54.0425 0030035 139.1568 221.1854 15.56387291  6774\n\
+        SPOILT\n\
+        1 06251U 62025E   06176.82412014  .00008885  00000-0  12808-3 0  3986\n\
+        2 06251  58.0579  54.0425 0030035 139.1568 221.1854 15.56387291  6774\n";
+
+    fn pick(lines: std::ops::Range<usize>, name: Option<&str>) -> Result<String, String> {
+        let text: Vec<&str> = SETS.lines().skip(lines.start).take(lines.len()).collect();
+        let loaded = crate::parse(&text.join("\n"), "sets.tle").unwrap();
+        loaded
+            .pick(name)
+            .map(|(object, refused)| format!("{} {}", object.id, refused.len()))
+    }
+
+    #[test]
+    fn by_id_number_or_name() {
+        for name in ["NORAD 5", "5", "Vanguard 1"] {
+            assert_eq!(pick(0..9, Some(name)).unwrap(), "NORAD 5 1", "{name}");
+        }
+        assert_eq!(pick(3..6, None).unwrap(), "NORAD 6251 0");
+    }
+
+    #[test]
+    fn what_is_not_clear_is_refused_with_what_there_is() {
+        let has = |error: Result<String, String>, words: &[&str]| {
+            let error = error.unwrap_err();
+            assert!(words.iter().all(|word| error.contains(word)), "{error}");
+        };
+        has(
+            pick(0..6, None),
+            &[
+                "2 usable objects",
+                "FILE:NAME",
+                "NORAD 5 (VANGUARD 1)",
+                "6251",
+            ],
+        );
+        has(pick(3..9, None), &["1 usable", "sets.tle", "checksum"]);
+        has(pick(6..9, None), &["no usable object", "checksum"]);
+        has(
+            pick(0..9, Some("ISS")),
+            &["no object called \"ISS\"", "VANGUARD", "checksum"],
+        );
+        has(pick(0..3, Some("ISS")), &["it has NORAD 5"]);
+    }
+}
