@@ -163,7 +163,12 @@ impl VehicleState {
             "at most 628.4 rad/s",
         )?;
         if let Some((position, velocity)) = &orbit {
-            bounded("position (m)", position, MAX_POSITION, "at most 4e9 m")?;
+            bounded(
+                "position (m)",
+                position,
+                MAX_POSITION,
+                "at most 4e9 m from the Earth's centre",
+            )?;
             if length(position) < MIN_POSITION {
                 return Err(AttitudeError::OutOfRange {
                     what: "position (m)",

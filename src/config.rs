@@ -267,17 +267,22 @@ impl Config {
             diffuse: check.range("objects.diffuse", raw.objects.diffuse, 0.0..=1.0)?,
             specular: check.range("objects.specular", raw.objects.specular, 0.0..=1.0)?,
         };
+        if sphere.diffuse + sphere.specular > 1.0 + 1e-9 {
+            let more = "objects.diffuse + objects.specular is above 1: the sphere would return more light than it takes";
+            return Err(check.explain("objects", more));
+        }
         let (mut objects, mut rejected) = (Vec::new(), Vec::new());
         for name in &raw.objects.files {
-            objects.extend(orbits::all(folder, name, &mut rejected)?);
+            let loaded = orbits::all(folder, name, &mut rejected);
+            objects.extend(loaded.map_err(|error| check.explain("objects.files", error))?);
         }
         let observer = match &raw.observer.orbit {
             None => None,
-            Some(selector) => Some(Observer::Object(Box::new(orbits::one(
-                folder,
-                selector,
-                &mut rejected,
-            )?))),
+            Some(selector) => {
+                let object = orbits::one(folder, selector, &mut rejected);
+                let object = object.map_err(|error| check.explain("observer.orbit", error))?;
+                Some(Observer::Object(Box::new(object)))
+            }
         };
         Ok(Config {
             seed: raw.seed,
@@ -334,16 +339,17 @@ impl RawSequence {
         let mut attitudes = Vec::new();
         for (i, raw) in self.attitudes.iter().enumerate() {
             let key = format!("sequence.attitudes[{i}]");
-            let refused = |e: &dyn std::fmt::Display| {
-                check.refuse(&key, format!("{:?}", raw.q), e.to_string())
-            };
             attitudes.push(TimedAttitude {
                 epoch: match &raw.utc {
                     Some(text) => utc(check, &format!("{key}.utc"), text)?,
                     None if self.attitudes.len() == 1 => epoch,
-                    None => return Err(refused(&"given with `utc` when there is more than one")),
+                    None => {
+                        let reason = "no utc; each of several attitudes needs one";
+                        return Err(check.explain(&key, reason));
+                    }
                 },
-                attitude: Attitude::from_xyzw(raw.q).map_err(|e| refused(&e))?,
+                attitude: Attitude::from_xyzw(raw.q)
+                    .map_err(|error| check.explain(&format!("{key}.q"), error))?,
             });
         }
         if attitudes.is_empty() {
@@ -354,7 +360,14 @@ impl RawSequence {
             ));
         }
         if attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
-            return Err(check.refuse("sequence.attitudes", "utc", "in increasing order of time"));
+            let reason =
+                "the utc of an attitude is not after that of the one before it: sort them by time";
+            return Err(check.explain("sequence.attitudes", reason));
+        }
+        if attitudes.len() > 1 && self.rates_deg_s != [0.0; 3] {
+            let reason =
+                "given beside several attitudes, whose slerp has its own rates: leave it out";
+            return Err(check.explain("sequence.rates_deg_s", reason));
         }
         let mut rates = [0.0; 3];
         for (rate, given) in rates.iter_mut().zip(self.rates_deg_s) {

@@ -2,11 +2,14 @@
 
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::{Config, Sequence, TimedAttitude};
+use crate::scene::{Unobservable, turn_during};
+use crate::sky::bodies::Bodies;
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::AttitudeList;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, ProfileError, orbit_of};
+use skyloop_orbit::time::utc_text;
 use std::time::Duration;
 use thiserror::Error;
 
@@ -28,15 +31,23 @@ pub enum FlightError {
     #[error(transparent)]
     Profile(#[from] ProfileError),
     /// A value of a frame.
+    #[error("at {}: {source}", utc_text(*epoch))]
+    Attitude {
+        /// Middle of the exposure.
+        epoch: Epoch,
+        /// What is wrong.
+        source: AttitudeError,
+    },
+    /// A frame that cannot be shown.
     #[error(transparent)]
-    Attitude(#[from] AttitudeError),
+    Unobservable(#[from] Unobservable),
 }
 
 /// How long a flight computer waits for a frame.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// The mission that `config`'s sequence describes, in lock-step with the emulator. Its first and last frame have an
-/// attitude and a state.
+/// The mission that `config`'s sequence describes, in lock-step with the emulator. Every frame has an attitude and a
+/// state that can be shown.
 pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     let sequence = config.sequence.as_ref().ok_or(FlightError::NoSequence)?;
     let orbit = config.observer.clone().map(|observer| match observer {
@@ -56,8 +67,12 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         pace: Pace::Stepped { most_hz: None },
     };
     // Said before anything is opened or written.
-    vehicle(&mission, 0)?;
-    vehicle(&mission, mission.frames.saturating_sub(1))?;
+    for number in [0, mission.frames.saturating_sub(1)] {
+        Bodies::at(mission.epoch(number)).map_err(Unobservable::from)?;
+    }
+    for number in 0..mission.frames {
+        turn_during(&vehicle(&mission, number)?, config.camera.exposure_s)?;
+    }
     Ok(mission)
 }
 
@@ -68,13 +83,14 @@ pub fn vehicle(mission: &Mission, number: u32) -> Result<VehicleState, FlightErr
     let orbit = attitude
         .state
         .map(|state| (state.position_m, state.velocity_m_s));
-    Ok(VehicleState::new(
+    VehicleState::new(
         number,
         epoch,
         attitude.q_icrf_to_body,
         attitude.rates_rad_s,
         orbit,
-    )?)
+    )
+    .map_err(|source| FlightError::Attitude { epoch, source })
 }
 
 fn profile(sequence: &Sequence) -> Profile {

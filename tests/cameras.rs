@@ -216,6 +216,16 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
             ["sequence.attitudes[0]", "norm 1.1"],
         ),
         (
+            "[sequence]\nepoch = \"2020-01-01T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\nrates_deg_s = [0.0, 0.1, 0.0]\n\
+             attitudes = [{ utc = \"2020-01-01T00:00:00Z\", q = [0.0, 0.0, 0.0, 1.0] }, \
+             { utc = \"2020-01-01T00:00:01Z\", q = [0.0, 0.0, 0.0, 1.0] }]",
+            ["sequence.rates_deg_s", "leave it out"],
+        ),
+        (
+            "[objects]\ndiffuse = 0.9\nspecular = 0.2",
+            ["objects.diffuse + objects.specular", "above 1"],
+        ),
+        (
             "[objects]\nfiles = [\"none.tle\"]",
             ["none.tle", "check the path"],
         ),
@@ -277,6 +287,45 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
         tried.insert(key.to_string(), ());
     }
     assert_eq!(tried.len(), 16, "{tried:?}");
+    // What only two keys together make wrong.
+    for (line, other, parts) in [
+        (
+            "rate_hz = 10.0",
+            "rate_hz = 15.2",
+            ["timing.rate_hz = 15.2", "timing.exposure_s"],
+        ),
+        (
+            "offset_dn = 64.0",
+            "offset_dn = 4096.0",
+            ["detector.offset_dn = 4096", "0 to 4095"],
+        ),
+        (
+            "name = \"rigel-l\"",
+            "name = \" \"",
+            ["name = \"\"", "a name"],
+        ),
+        (
+            "transmission",
+            "principal_px = [512.0, 2048.1]\ntransmission",
+            ["optics.principal_px = 2048.1", "-1024 to 2048"],
+        ),
+        (
+            "band = \"silicon\"",
+            "band = \"r\"",
+            ["optics.band = \"r\"", "\"silicon\""],
+        ),
+        (
+            "band = \"silicon\"",
+            "band = [700.0, 600.0]",
+            ["optics.band = [700, 600]", "from < to"],
+        ),
+    ] {
+        assert!(text.contains(line), "{line}");
+        let error = load(&text.replacen(line, other, 1))
+            .unwrap_err()
+            .to_string();
+        assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+    }
     let missing = load(&text.replace("pixel_um", "# pixel_um"))
         .unwrap_err()
         .to_string();

@@ -136,7 +136,7 @@ impl fmt::Display for DecodeError {
                 expected,
             } => write!(
                 f,
-                "{what} has {found} octets, its layout asks for {} {expected}",
+                "{what} has {found} octets, its length field or layout asks for {} {expected}",
                 if found < expected {
                     "at least"
                 } else {
@@ -153,7 +153,7 @@ impl fmt::Display for DecodeError {
             ),
             Self::BadHeader { field } => write!(
                 f,
-                "{field} is not the only value in use: see the ICD's primary header"
+                "{field} has a value that is not in use: see the primary header in the ICD"
             ),
             Self::UnknownOpcode { opcode } => {
                 write!(

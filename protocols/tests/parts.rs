@@ -398,6 +398,13 @@ fn credit_is_cumulative() {
     account.grant(3);
     assert!(account.may_send());
     assert_eq!(account.sent(), 2);
+    account.grant(6);
+    account.grant(4); // late, and still ahead of what was sent
+    for _ in 2..6 {
+        assert!(account.may_send());
+        account.spend();
+    }
+    assert!(!account.may_send());
 
     let mut account = CreditAccount::new();
     account.grant(0);

@@ -47,3 +47,20 @@ impl Detector {
             && (-0.5..self.height as f64 - 0.5).contains(&y)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::camera::Camera;
+    use crate::load::Folder;
+
+    #[test]
+    fn a_frame_holds_its_lower_edges_and_not_its_upper_ones() {
+        // 1280 x 1024 pixels; a pixel reaches half its width beyond its centre.
+        let camera = Camera::load("cots-wide", &Folder::current()).unwrap();
+        let inside = |x, y| camera.detector.contains([x, y]);
+        assert!(inside(-0.5, -0.5) && inside(1279.499, 1023.499));
+        assert!(!inside(-0.501, 0.0) && !inside(0.0, -0.501));
+        assert!(!inside(1279.5, 0.0) && !inside(0.0, 1023.5));
+        assert!(!inside(f64::NAN, 0.0));
+    }
+}

@@ -46,7 +46,7 @@ struct RawDetector {
     full_well_e: f64,
     gain_e_per_dn: f64,
     offset_dn: f64,
-    adc_bits: u8,
+    adc_bits: u32,
 }
 
 #[derive(Deserialize)]
@@ -92,16 +92,20 @@ fn name_the_cameras(error: ConfigError, name: &str) -> ConfigError {
 
 fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
     let (o, d, t) = (&raw.optics, &raw.detector, &raw.timing);
+    if raw.name.trim().is_empty() {
+        return Err(check.refuse("name", "\"\"", "a name: labels and FITS headers give it"));
+    }
     let focal_m = check.range("optics.focal_length_mm", o.focal_length_mm, 0.01..=1e6)? * 1e-3;
     let pitch_m = check.range("detector.pixel_um", d.pixel_um, 0.1..=1e4)? * 1e-6;
     let width = check.range("detector.width_px", f64::from(d.width_px), 1.0..=8192.0)? as usize;
     let height = check.range("detector.height_px", f64::from(d.height_px), 1.0..=8192.0)? as usize;
     let centre = [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0];
     let principal_px = o.principal_px.unwrap_or(centre);
-    for value in principal_px {
-        check.range("optics.principal_px", value, -1e5..=1e5)?;
+    for (value, pixels) in principal_px.into_iter().zip([width as f64, height as f64]) {
+        check.range("optics.principal_px", value, -pixels..=2.0 * pixels)?;
     }
     let bits = check.range("detector.adc_bits", f64::from(d.adc_bits), 1.0..=16.0)? as u8;
+    let full_scale = 2f64.powi(i32::from(bits)) - 1.0;
     let detector = Detector {
         width,
         height,
@@ -115,7 +119,7 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
         read_noise_e: check.range("detector.read_noise_e", d.read_noise_e, 0.0..=1e6)?,
         full_well_e: check.range("detector.full_well_e", d.full_well_e, 1.0..=1e9)?,
         gain_e_per_dn: check.range("detector.gain_e_per_dn", d.gain_e_per_dn, 1e-4..=1e6)?,
-        offset_dn: check.range("detector.offset_dn", d.offset_dn, 0.0..=65535.0)?,
+        offset_dn: check.range("detector.offset_dn", d.offset_dn, 0.0..=full_scale)?,
         bits,
     };
     let optics = Optics {
@@ -130,9 +134,8 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
     };
     let mounting = match raw.mounting.q_body_to_camera {
         None => Attitude::identity(),
-        Some(q) => Attitude::from_xyzw(q).map_err(|e| {
-            check.refuse("mounting.q_body_to_camera", format!("{q:?}"), e.to_string())
-        })?,
+        Some(q) => Attitude::from_xyzw(q)
+            .map_err(|error| check.explain("mounting.q_body_to_camera", error))?,
     };
     let exposure_s = check.range("timing.exposure_s", t.exposure_s, 1e-9..=1e4)?;
     let rate_hz = check.range("timing.rate_hz", t.rate_hz, 1e-4..=1e4)?;
@@ -155,10 +158,13 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
 
 fn band(raw: &RawBand, check: &Check) -> Result<Band, ConfigError> {
     const ALLOWED: &str = "\"v\", \"silicon\" or [from, to] in nm with 300 <= from < to <= 1200";
-    match raw {
-        RawBand::Named(name) => Band::named(name),
-        RawBand::Nanometres([from, to]) => (*from >= 300.0 && from < to && *to <= 1200.0)
-            .then(|| Band::top_hat(from * 1e-9, to * 1e-9)),
-    }
-    .ok_or_else(|| check.refuse("optics.band", format!("{raw:?}"), ALLOWED))
+    let (band, given) = match raw {
+        RawBand::Named(name) => (Band::named(name), format!("{name:?}")),
+        RawBand::Nanometres([from, to]) => {
+            let inside = *from >= 300.0 && from < to && *to <= 1200.0;
+            let band = inside.then(|| Band::top_hat(from * 1e-9, to * 1e-9));
+            (band, format!("[{from}, {to}]"))
+        }
+    };
+    band.ok_or_else(|| check.refuse("optics.band", given, ALLOWED))
 }

@@ -3,7 +3,7 @@
 use super::progress;
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
-use skyloop::attitude::Attitude;
+use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
 use skyloop::config::{Config, Observer, Sequence, TimedAttitude};
 use skyloop::engine::Emulator;
@@ -18,7 +18,7 @@ use std::path::PathBuf;
 /// Arguments of `skyloop render`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude
+    /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude, --rates, --state, --orbit, --rso
     #[arg(long, value_name = "FILE", conflicts_with_all = ["camera", "epoch", "attitude", "rates", "state", "orbit", "rso"])]
     scene: Option<PathBuf>,
     /// Camera: fai-nir, fai-630, rigel-l, cots-wide, or a camera file
@@ -53,13 +53,13 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     rso: Vec<String>,
     /// Number of frames [default: 1, or the scene's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_hyphen_values = true)]
     frames: Option<u32>,
     /// Seconds from one exposure to the next [default: 1, or the scene's]
     #[arg(long, value_name = "S", value_parser = positive, allow_hyphen_values = true)]
     period: Option<f64>,
     /// Seed of the noise [default: 1, or the scene's]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
     seed: Option<u64>,
     /// Draw no noise, and write the expected electrons too (*_electrons.fits)
     #[arg(long)]
@@ -157,18 +157,24 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     let rates = args
         .rates
         .map_or([0.0; 3], |Numbers(rates)| rates.map(f64::to_radians));
+    VehicleState::new(0, epoch, q, rates, None).context("--rates (deg/s)")?;
+    let state = args.state.map(|Numbers([x, y, z, vx, vy, vz])| {
+        let si = |axes: [f64; 3]| axes.map(|value| value * 1e3);
+        (si([x, y, z]), si([vx, vy, vz]))
+    });
+    VehicleState::new(0, epoch, q, rates, state).context("--state (km, km/s)")?;
     let here = Folder::current();
     let mut config = Config::defaults()?;
     config.camera = Camera::load(&args.camera, &here)?;
-    config.observer = match (&args.orbit, args.state) {
+    config.observer = match (&args.orbit, state) {
         (Some(selector), _) => Some(Observer::Object(Box::new(orbits::one(
             &here,
             selector,
             &mut config.rejected,
         )?))),
-        (None, Some(Numbers([x, y, z, vx, vy, vz]))) => Some(Observer::State(StateVector {
-            position_m: [x * 1e3, y * 1e3, z * 1e3].into(),
-            velocity_m_s: [vx * 1e3, vy * 1e3, vz * 1e3].into(),
+        (None, Some((position, velocity))) => Some(Observer::State(StateVector {
+            position_m: position.into(),
+            velocity_m_s: velocity.into(),
         })),
         (None, None) => None,
     };

@@ -209,6 +209,7 @@ fn examples() -> String {
     LINKS
         .iter()
         .map(|link| link.example)
+        .filter(|example| example.contains("://"))
         .collect::<Vec<_>>()
         .join(" or ")
 }

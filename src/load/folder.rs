@@ -28,15 +28,22 @@ impl Folder {
         let failed = |file: String, source: std::io::Error| ConfigError::Read {
             file,
             source,
-            remedy:
-                "check the path; relative paths start at the folder of the file that names them"
-                    .to_string(),
+            remedy: match self {
+                Folder::Disk(folder) if folder.as_os_str().is_empty() => "check the path",
+                _ => {
+                    "check the path; relative paths start at the folder of the file that names them"
+                }
+            }
+            .to_string(),
         };
         match self {
             Folder::Disk(folder) => {
                 let path = folder.join(name);
                 let shown = path.display().to_string();
                 match std::fs::read(&path) {
+                    Ok(bytes) if bytes.contains(&0) => {
+                        Err(failed(shown, std::io::Error::other("not a text file")))
+                    }
                     // Names in orbit files may be in any encoding; all that is read as numbers is ASCII.
                     Ok(bytes) => Ok((shown, String::from_utf8_lossy(&bytes).into_owned())),
                     Err(source) => Err(failed(shown, source)),

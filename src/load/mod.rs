@@ -44,6 +44,16 @@ pub enum ConfigError {
         /// Range or choice.
         allowed: String,
     },
+    /// A key that cannot be used as it is.
+    #[error("{file}: {key}: {reason}")]
+    Key {
+        /// As named by the user.
+        file: String,
+        /// Table and key.
+        key: String,
+        /// What is wrong, and the remedy.
+        reason: String,
+    },
     /// An orbit file that cannot be used.
     #[error("{0}")]
     Orbit(String),
@@ -66,6 +76,15 @@ impl Check<'_> {
             return Ok(value);
         }
         Err(self.refuse(key, value, format!("{} to {}", range.start(), range.end())))
+    }
+
+    /// The error of `key` where another message says what is wrong.
+    pub fn explain(&self, key: &str, reason: impl std::fmt::Display) -> ConfigError {
+        ConfigError::Key {
+            file: self.file.to_string(),
+            key: key.to_string(),
+            reason: reason.to_string(),
+        }
     }
 
     /// The error for `key = value`.

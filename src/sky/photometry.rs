@@ -122,6 +122,19 @@ mod tests {
         assert!((near - large.magnitude(1.0, AU_M, 500e3) - 5.0).abs() < 1e-12);
         // X-Val: by hand for phase 0, 1000 km: -26.73 - 2.5 log10(0.2 * 78.5398 * 0.212207) + 5 log10(1e6).
         assert!((sphere.magnitude(0.0, AU_M, 1e6) - 1.9631).abs() < 1e-3);
+        // X-Val: by hand, the same with F = 1 / (4 pi) = 0.0795775 at any phase, and with half of each: 0.1458922.
+        let mix = |diffuse, specular| Sphere {
+            diffuse,
+            specular,
+            ..sphere
+        };
+        let mirror = mix(0.0, 1.0);
+        assert!((mirror.magnitude(0.0, AU_M, 1e6) - 3.0277).abs() < 1e-3);
+        assert_eq!(
+            mirror.magnitude(2.0, AU_M, 1e6),
+            mirror.magnitude(0.0, AU_M, 1e6)
+        );
+        assert!((mix(0.5, 0.5).magnitude(0.0, AU_M, 1e6) - 2.3696).abs() < 1e-3);
     }
 
     #[test]

@@ -16,6 +16,7 @@ fn refuses(flags: &[&str], words: &[&str]) {
     ] {
         std::fs::write(here.path().join(name), text).unwrap();
     }
+    std::fs::write(here.path().join("binary"), b"\x7fELF\0\x01\xff").unwrap();
     let failed = skyloop(here.path()).args(flags).assert().failure();
     let log = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
     let line = log.lines().next().unwrap_or_default();
@@ -67,6 +68,19 @@ fn attitudes() {
     );
     with("0,0,0,nan", &["--attitude", "0,0,0,nan", "finite"]);
     with("0,0,1", &["--attitude", "4 numbers", "not 3"]);
+    render(
+        &["--rates", "0,0,1e9"],
+        &["--rates (deg/s)", "at most 628.4 rad/s"],
+    );
+    // Refused before the folder is touched, though only the camera's exposure of 0.1 s makes it too much.
+    render(
+        &["--rates", "9000,0,0"],
+        &["turns 900.0 deg", "57.3 deg", "lower the rates"],
+    );
+    render(
+        &["--state", "7e6,0,0,0,7.5,0"],
+        &["--state (km, km/s)", "at most 4e9 m"],
+    );
     with("0,0,0,1,0", &["--attitude", "4 numbers", "not 5"]);
     with("0,0,zero,1", &["--attitude", "4 numbers"]);
 }
@@ -167,6 +181,22 @@ fn objects_and_orbits() {
 }
 
 #[test]
+fn epochs_beyond_the_series() {
+    refuses(
+        &[
+            "render",
+            "--attitude",
+            Q,
+            "--out",
+            "o",
+            "--epoch",
+            "1850-01-01T00:00:00Z",
+        ],
+        &["1850-01-01", "1900 to 2100", "choose an epoch inside"],
+    );
+}
+
+#[test]
 fn scenes() {
     let scene = |file, words: &[&str]| refuses(&["render", "--out", "o", "--scene", file], words);
     scene("key.toml", &["key.toml", "line 2", "sead", "seed"]);
@@ -180,6 +210,7 @@ fn scenes() {
     );
     scene("camera.toml", &["nope", "fai-nir"]);
     scene("none.toml", &["none.toml", "No such file"]);
+    scene("binary", &["binary", "not a text file"]);
     scene("seed.toml", &["[sequence]", "configs/default.toml"]);
     // The attitudes of the scene cover 25 s: 51 frames at 2 Hz.
     let known = repository("configs/scenes/rcm-2019-06-15/scene.toml");

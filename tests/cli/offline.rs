@@ -83,6 +83,8 @@ fn without_noise_the_expected_electrons_are_written_too() {
             "--attitude",
             Q,
             "--no-noise",
+            "--rates",
+            "0.5,-1,2",
             "--out",
             "o",
         ])
@@ -95,7 +97,12 @@ fn without_noise_the_expected_electrons_are_written_too() {
         header.contains("BITPIX  =                  -32"),
         "{header}"
     );
-    assert!(!names(&here.path().join("o")).is_empty());
+    let labels = std::fs::read_to_string(here.path().join("o/labels.jsonl")).unwrap();
+    let label: serde_json::Value = serde_json::from_str(&labels).unwrap();
+    for (axis, degrees) in [0.5_f64, -1.0, 2.0].into_iter().enumerate() {
+        let rate = label["rates_rad_s"][axis].as_f64().unwrap();
+        assert!((rate - degrees.to_radians()).abs() < 1e-8, "{rate}");
+    }
 }
 
 /// A made-up element set, with its checksums.

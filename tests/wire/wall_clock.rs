@@ -118,13 +118,24 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     for frame in 2..6 {
         assert_eq!(client.frame().header.frame, frame);
     }
-    for (hz, words) in [(0.0, "above 0"), (1e9, "10000"), (f64::NAN, "above 0")] {
-        let (packet, _) = client.prepare(&Command::FrameRate { hz }, EPOCH);
+    let rate = |hz| Command::FrameRate { hz };
+    for (command, words) in [
+        (rate(0.0), ["FrameRate.hz", "above 0"]),
+        (rate(1e9), ["FrameRate.hz", "10000"]),
+        (rate(f64::NAN), ["FrameRate.hz", "above 0"]),
+        // 10 ms exposures, 50 of them a second.
+        (rate(100.1), ["overlap; at most 100", "Exposure"]),
+        (
+            Command::Exposure { seconds: 0.0201 },
+            ["overlap; at most 0.02", "FrameRate"],
+        ),
+    ] {
+        let (packet, _) = client.prepare(&command, EPOCH);
         crate::support::line::Line::send(&mut client.line, &packet);
         let nack = client.nack();
-        assert_eq!(nack.reason, Reason::ValueOutOfRange, "{hz}");
+        assert_eq!(nack.reason, Reason::ValueOutOfRange, "{command:?}");
         assert!(
-            nack.detail.contains("FrameRate.hz") && nack.detail.contains(words),
+            words.iter().all(|word| nack.detail.contains(word)),
             "{}",
             nack.detail
         );
@@ -201,14 +212,26 @@ fn a_client_on_the_systems_own_time_gets_frames_of_that_time() {
 
 #[test]
 fn the_latest_attitude_counts() {
-    let (_emulator, line) = on_memory(quick(50.0), Clock::Wall);
+    let (emulator, line) = on_memory(quick(50.0), Clock::Wall);
     let mut client = Client::new(line);
     client.point(attitude(1), EPOCH);
+    client.frame();
     client.frame();
     client.point(attitude(2), later(EPOCH, 0.001));
     await_that("a frame of the new attitude", || {
         client.frame().header.attitude_sequence == 2
     });
+    // Noise counts the frames of each attitude, whatever came before.
+    let mut key = emulator.shot().key;
+    for repeat in 0.. {
+        assert_eq!((key.sequence, key.repeat), (1, repeat));
+        key = emulator.shot().key;
+        if key.sequence == 2 {
+            assert!(repeat >= 1);
+            break;
+        }
+    }
+    assert_eq!(key.repeat, 0);
     let (packet, _) = client.prepare(&Command::Attitude(attitude(3)), EPOCH);
     crate::support::line::Line::send(&mut client.line, &packet);
     assert_eq!(client.nack().reason, Reason::TimeBackwards);
