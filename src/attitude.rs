@@ -103,23 +103,6 @@ impl Attitude {
     pub fn turned(&self, rates: &Vector3<f64>, dt_s: f64) -> Attitude {
         Attitude(UnitQuaternion::from_scaled_axis(-rates * dt_s) * self.0)
     }
-
-    /// Spherical linear interpolation along the shorter arc, `t` in 0..1.
-    pub fn slerp(&self, to: &Attitude, t: f64) -> Attitude {
-        let relative = self.rotation_to(to);
-        Attitude(UnitQuaternion::from_scaled_axis(relative * t) * self.0)
-    }
-
-    /// The rotation vector (rad) that takes this attitude to `to` along the shorter arc.
-    pub fn rotation_to(&self, to: &Attitude) -> Vector3<f64> {
-        let relative = to.0 * self.0.inverse();
-        let shorter = if relative.w < 0.0 {
-            UnitQuaternion::new_unchecked(-relative.into_inner())
-        } else {
-            relative
-        };
-        shorter.scaled_axis()
-    }
 }
 
 /// What the vehicle says of itself at one instant: the latched command that a frame is made from.
@@ -275,18 +258,6 @@ mod tests {
         for bad in [f64::NAN, f64::INFINITY] {
             let refused = Attitude::from_xyzw([0.0, bad, 0.0, 1.0]).unwrap_err();
             assert!(matches!(refused, AttitudeError::NotFinite { .. }));
-        }
-    }
-
-    #[test]
-    fn slerp_takes_the_shorter_arc_whatever_the_signs() {
-        let a = Attitude::from_xyzw(TOUCHSTONE).unwrap();
-        let b = a.turned(&Vector3::new(0.0, 0.3, 0.1), 1.0);
-        let flipped = Attitude::from_xyzw(b.xyzw().map(|c| -c)).unwrap();
-        let half = a.turned(&Vector3::new(0.0, 0.3, 0.1), 0.5);
-        for end in [b, flipped] {
-            assert!(a.slerp(&end, 0.5).rotation_to(&half).norm() < 1e-15);
-            assert!(a.slerp(&end, 1.0).rotation_to(&b).norm() < 1e-15);
         }
     }
 }

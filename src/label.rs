@@ -247,10 +247,17 @@ fn why_not_visible(source: &Source, in_frame: bool) -> Option<String> {
     match source.hidden {
         Some(Hidden::ByEarth) => Some("behind the Earth".to_string()),
         Some(Hidden::InShadow) => Some("in the Earth's shadow".to_string()),
-        None if source.snr < VISIBLE_SNR => Some(format!(
-            "too faint: snr {:.2} is below {VISIBLE_SNR}",
-            source.snr
-        )),
+        None if source.snr < VISIBLE_SNR => {
+            let dimmed = match &source.body {
+                Body::Rso(seen) if seen.illumination < 1.0 => ", in the Earth's penumbra",
+                _ => "",
+            };
+            // Rounded down, so that it never reads as the limit itself.
+            let snr = (source.snr * 100.0).floor() / 100.0;
+            Some(format!(
+                "too faint{dimmed}: snr {snr} is below {VISIBLE_SNR}"
+            ))
+        }
         None => None,
     }
 }
@@ -277,7 +284,8 @@ fn rounded(value: f64, decimals: i32) -> f64 {
     let scaled = value * scale;
     // Beyond 2^53 there are no decimals to drop.
     if scaled.abs() < 9e15 {
-        scaled.round() / scale
+        // No negative zero.
+        scaled.round() / scale + 0.0
     } else {
         value
     }

@@ -85,13 +85,6 @@ impl<P: Port> FlightComputer<P> {
         }
     }
 
-    /// Another detector threshold or limit.
-    #[must_use]
-    pub fn with_detector(mut self, settings: DetectorSettings) -> Self {
-        self.detector = settings;
-        self
-    }
-
     /// Opens the exchange by a Reset and flies the mission. `watch` sees all that happens and may break the run off.
     ///
     /// # Errors

@@ -45,10 +45,3 @@ pub const NATIVE: Personality = Personality {
 
 /// All of them: a new language is one file and one row here.
 pub const PERSONALITIES: &[Personality] = &[NATIVE];
-
-/// The personality of this name.
-pub fn by_name(name: &str) -> Option<&'static Personality> {
-    PERSONALITIES
-        .iter()
-        .find(|personality| personality.name == name)
-}

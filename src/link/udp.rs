@@ -6,7 +6,6 @@ use super::{
 };
 use bytes::Bytes;
 use skyloop_firmware_sim::port::UdpPort;
-use skyloop_protocols::MAX_PACKET;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
@@ -135,8 +134,8 @@ async fn carry(
     mut exchange: Exchange,
 ) -> std::io::Result<()> {
     let socket = UdpSocket::from_std(socket)?;
-    // One octet more than a packet may have, so that a longer datagram is refused for its length.
-    let mut buffer = [0; MAX_PACKET + 1];
+    // Longer than any packet: a longer datagram is refused for its length.
+    let mut buffer = vec![0; 1 << 16];
     loop {
         tokio::select! {
             received = socket.recv_from(&mut buffer) => {
@@ -226,6 +225,7 @@ impl Exchange {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use skyloop_protocols::MAX_PACKET;
     use skyloop_protocols::personality::NATIVE;
     use skyloop_protocols::{Command, WireTime};
     use std::time::Duration;

@@ -21,8 +21,6 @@ const EARTH_RADIUS_M: f64 = 6_378_135.0;
 pub struct Elements {
     /// Catalogue number; Alpha-5 numbers are decoded (`A0000` is 100000).
     pub norad: u32,
-    /// International designator as written (`98067A`); may be empty.
-    pub designator: String,
     /// Epoch of the elements.
     pub epoch: Epoch,
     // boxed: the deep-space constants are large, and catalogues are long
@@ -165,7 +163,6 @@ impl Elements {
 
         Ok(Self {
             norad,
-            designator: first.text(10..18).trim().to_owned(),
             epoch,
             constants: Box::new(constants),
         })

@@ -130,12 +130,16 @@ fn in_the_penumbra_the_light_is_a_part_of_the_whole() {
     let (sun, across) = sun();
     let velocity = sun.cross(&across) * 7.5;
     let (mut partial, mut last) = (0, 1.0);
-    // The penumbra is 23 km wide there.
-    for step in 0..14 {
-        let offset = 6400.0 - 5.0 * f64::from(step);
+    let at = |offset: f64| {
         let place = -sun * 2500.0 + across * offset;
         let from = (place + (across - sun).normalize() * 300.0, velocity);
         let (shot, o) = look(from, (place, velocity), 0.4);
+        (place, shot, o)
+    };
+    // The penumbra is 23 km wide there.
+    for step in 0..14 {
+        let offset = 6400.0 - 5.0 * f64::from(step);
+        let (place, shot, o) = at(offset);
         let rso = o.rso.as_ref().unwrap();
         assert!(
             (rso.illumination - sunlit_part(place)).abs() < 5e-3,
@@ -155,6 +159,25 @@ fn in_the_penumbra_the_light_is_a_part_of_the_whole() {
         }
     }
     assert!(partial >= 2 && last == 0.0, "{partial} {last}");
+
+    // Almost in the umbra it is too faint, and the label says why.
+    let (mut dark, mut lit) = (6335.0, 6400.0);
+    let faint = (0..40).find_map(|_| {
+        let middle = 0.5 * (dark + lit);
+        let o = at(middle).2;
+        let illumination = o.rso.as_ref().unwrap().illumination;
+        *(if illumination > 0.0 {
+            &mut lit
+        } else {
+            &mut dark
+        }) = middle;
+        (illumination > 0.0).then_some(o).filter(|o| o.snr < 3.0)
+    });
+    let reason = faint.expect("some light remains").reason.unwrap();
+    assert!(
+        reason.starts_with("too faint, in the Earth's penumbra: snr "),
+        "{reason}"
+    );
 }
 
 #[test]

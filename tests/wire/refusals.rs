@@ -102,8 +102,7 @@ fn an_oversize_or_empty_datagram_is_refused_for_its_length() {
         let nack = client.nack();
         assert_eq!(nack.reason, Reason::BadLength, "{length}: {}", nack.detail);
         assert!(
-            nack.detail
-                .contains(&format!("{} octets", length.min(1401))),
+            nack.detail.contains(&format!(" {length} octets")),
             "{}",
             nack.detail
         );
