@@ -9,6 +9,7 @@ use serialport::SerialPort;
 use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
 use skyloop_protocols::slip;
 use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -36,10 +37,15 @@ fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
             remedy: "check that the device exists, is not in use and may be read and written by you",
         }
     })?;
-    start(port, &url.text)
+    start(port, &url.text, Some(PathBuf::from(&url.target)))
 }
 
-fn start(port: Box<dyn SerialPort>, address: &str) -> Result<Wire, LinkError> {
+/// `device` is where the port was opened, if it has such a place.
+fn start(
+    port: Box<dyn SerialPort>,
+    address: &str,
+    device: Option<PathBuf>,
+) -> Result<Wire, LinkError> {
     let failed = |action, remedy| {
         move |source| LinkError::Io {
             url: address.to_string(),
@@ -60,7 +66,7 @@ fn start(port: Box<dyn SerialPort>, address: &str) -> Result<Wire, LinkError> {
     let thread = |name: &str| std::thread::Builder::new().name(name.to_string());
     const LIMITS: &str = "check the limits of this process";
     thread("serial-read")
-        .spawn(move || read(port, &arrivals, &reading, &stop))
+        .spawn(move || read(port, device.as_deref(), &arrivals, &reading, &stop))
         .map_err(failed("start its thread", LIMITS))?;
     let sender = thread("serial-write")
         .spawn(move || {
@@ -101,26 +107,38 @@ impl Outbox for LineOutbox {
 /// Octets in, packets into the queue, until the writer has ended (the emulator dropped its end).
 fn read(
     mut port: Box<dyn SerialPort>,
+    device: Option<&Path>,
     arrivals: &SyncSender<Inbound>,
     tally: &Tally,
     stop: &AtomicBool,
 ) {
     let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
     let mut buffer = [0; 4096];
+    let mut hung_up = false;
     while !stop.load(Ordering::Relaxed) {
         let length = match port.read(&mut buffer) {
             Ok(length) => length,
             Err(error) if is_passing(&error) => 0,
-            // A pseudo-terminal without a client: the next one may come.
+            // Hung up: an adapter that was unplugged takes its device along, but a pseudo-terminal may get
+            // its next client.
             Err(error) if error.kind() == ErrorKind::BrokenPipe => {
+                if let Some(device) = device.filter(|device| !device.exists()) {
+                    tracing::error!("the serial line has gone: {} is no more", device.display());
+                    return;
+                }
+                if device.is_some() && !hung_up {
+                    tracing::warn!("nobody holds the other end of the serial line: waiting");
+                }
+                hung_up = true;
                 std::thread::sleep(READ_TIMEOUT);
-                0
+                continue;
             }
             Err(error) => {
                 tracing::error!(%error, "the serial line can no longer be read");
                 return;
             }
         };
+        hung_up &= length == 0;
         for octet in &buffer[..length] {
             match decoder.push(*octet) {
                 None => {}
@@ -199,7 +217,7 @@ fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
     master
         .set_timeout(READ_TIMEOUT)
         .map_err(failed("set it up"))?;
-    let wire = start(Box::new(master), &format!("serial://{name}"))?;
+    let wire = start(Box::new(master), &format!("serial://{name}"), None)?;
     let port = FlightComputerPort::over(Box::new(slave)).map_err(|error| LinkError::Io {
         url: name,
         action: "open the client's end",
@@ -217,4 +235,25 @@ fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
         source: ErrorKind::Unsupported.into(),
         remedy: "this system has none: use --link udp or memory",
     })
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use serialport::TTYPort;
+    use std::sync::mpsc::RecvTimeoutError;
+
+    #[test]
+    fn a_device_that_is_no_more_ends_the_link() {
+        let (master, slave) = TTYPort::pair().unwrap();
+        let device = slave.name().unwrap();
+        let port = serialport::new(&device, 115_200).timeout(READ_TIMEOUT);
+        let wire = start(port.open().unwrap(), &device, Some(device.clone().into())).unwrap();
+        let quiet = wire.inbox.recv_timeout(3 * READ_TIMEOUT).unwrap_err();
+        assert_eq!(quiet, RecvTimeoutError::Timeout);
+        // With both ends closed here the pseudo-terminal goes, as an adapter that is unplugged.
+        drop((master, slave));
+        let gone = wire.inbox.recv_timeout(100 * READ_TIMEOUT).unwrap_err();
+        assert_eq!(gone, RecvTimeoutError::Disconnected);
+    }
 }
