@@ -147,7 +147,7 @@ fn rows(stats: &RunStats, report: &Report) -> Vec<(String, String)> {
     rows.push(row(
         "detections",
         format!(
-            "{}, {} false, {} bright objects missed",
+            "{}, of them false: {}; missed above snr 10: {}",
             report.totals.detections, report.totals.false_detections, report.totals.missed
         ),
     ));
