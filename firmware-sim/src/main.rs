@@ -1,5 +1,6 @@
 //! `skyloop-fc`: a flight computer for an emulator on the other end of a UDP or serial link.
 
+use std::cmp::Ordering;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -61,6 +62,9 @@ struct Args {
     timeout: f64,
 }
 
+/// Refusals that are told as they come.
+const TOLD: u32 = 5;
+
 /// Start attitude and body rates, rad/s.
 #[derive(Clone, Debug)]
 struct Slew(UnitQuaternion<f64>, Vector3<f64>);
@@ -86,8 +90,14 @@ fn main() -> ExitCode {
 fn run(args: Args) -> Result<()> {
     let mission = mission(&args)?;
     let port = port::open(&args.link)?;
+    let mut refusals = 0;
     let report = FlightComputer::new(port, mission).run(|event| {
-        tell(&event);
+        refusals += u32::from(matches!(event, Event::Nack(_)));
+        match (&event, refusals.cmp(&TOLD)) {
+            (Event::Nack(_), Ordering::Greater) => {}
+            (Event::Nack(nack), Ordering::Equal) => println!("{nack}; further ones are counted"),
+            _ => tell(&event),
+        }
         ControlFlow::Continue(())
     })?;
     print!("{report}");
