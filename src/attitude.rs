@@ -129,6 +129,31 @@ const MAX_POSITION: f64 = 4e9;
 /// Geocentric speeds beyond this (m/s) are refused.
 const MAX_SPEED: f64 = 1e5;
 
+/// Whether an observer may be there, moving so.
+pub fn check_orbit(state: &StateVector) -> Result<(), AttitudeError> {
+    let position: [f64; 3] = state.position_m.into();
+    let velocity: [f64; 3] = state.velocity_m_s.into();
+    bounded(
+        "position (m)",
+        &position,
+        MAX_POSITION,
+        "must lie at most 4e9 m from the Earth's centre",
+    )?;
+    if length(&position) < MIN_POSITION {
+        return Err(AttitudeError::OutOfRange {
+            what: "position (m)",
+            value: position.to_vec(),
+            allowed: "must lie at least 6356 km from the Earth's centre; give no state for an observer there",
+        });
+    }
+    bounded(
+        "velocity (m/s)",
+        &velocity,
+        MAX_SPEED,
+        "must be at most 1e5 m/s",
+    )
+}
+
 impl VehicleState {
     /// Checked, as everything that comes from outside must be.
     pub fn new(
@@ -143,33 +168,19 @@ impl VehicleState {
             "body rates (rad/s)",
             &rates,
             MAX_RATE,
-            "at most 628.4 rad/s",
+            "must be at most 628.4 rad/s",
         )?;
-        if let Some((position, velocity)) = &orbit {
-            bounded(
-                "position (m)",
-                position,
-                MAX_POSITION,
-                "at most 4e9 m from the Earth's centre",
-            )?;
-            if length(position) < MIN_POSITION {
-                return Err(AttitudeError::OutOfRange {
-                    what: "position (m)",
-                    value: position.to_vec(),
-                    allowed: "outside of the Earth; give no state for an observer at its centre",
-                });
-            }
-            bounded("velocity (m/s)", velocity, MAX_SPEED, "at most 1e5 m/s")?;
-        }
+        let orbit = orbit.map(|(position, velocity)| StateVector {
+            position_m: position.into(),
+            velocity_m_s: velocity.into(),
+        });
+        orbit.as_ref().map_or(Ok(()), check_orbit)?;
         Ok(VehicleState {
             sequence,
             epoch,
             attitude,
             rates: rates.into(),
-            orbit: orbit.map(|(position, velocity)| StateVector {
-                position_m: position.into(),
-                velocity_m_s: velocity.into(),
-            }),
+            orbit,
         })
     }
 

@@ -273,8 +273,8 @@ impl Config {
         }
         let (mut objects, mut rejected) = (Vec::new(), Vec::new());
         for name in &raw.objects.files {
-            let loaded = orbits::all(folder, name, &mut rejected);
-            objects.extend(loaded.map_err(|error| check.explain("objects.files", error))?);
+            orbits::add(folder, name, &mut objects, &mut rejected)
+                .map_err(|error| check.explain("objects.files", error))?;
         }
         let observer = match &raw.observer.orbit {
             None => None,

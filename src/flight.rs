@@ -2,7 +2,7 @@
 
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::{Config, Sequence, TimedAttitude};
-use crate::scene::{Unobservable, turn_during};
+use crate::scene::{Unobservable, turn_at};
 use crate::sky::bodies::Bodies;
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -70,8 +70,11 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     for number in [0, mission.frames.saturating_sub(1)] {
         Bodies::at(mission.epoch(number)).map_err(Unobservable::from)?;
     }
+    vehicle(&mission, 0)?;
+    vehicle(&mission, mission.frames.saturating_sub(1))?;
     for number in 0..mission.frames {
-        turn_during(&vehicle(&mission, number)?, config.camera.exposure_s)?;
+        let pointing = mission.profile.at(mission.epoch(number), None)?;
+        turn_at(pointing.rates_rad_s, config.camera.exposure_s)?;
     }
     Ok(mission)
 }

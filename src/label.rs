@@ -169,8 +169,8 @@ impl Label {
 }
 
 fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
-    let [x_px, y_px] = source.track.centroid();
-    let ([x0_px, y0_px], [x1_px, y1_px]) = (source.track.start, source.track.end);
+    let [x_px, y_px] = source.centroid;
+    let ([x0_px, y0_px], [x1_px, y1_px]) = (source.start, source.end);
     let exposure_s = scene.exposure.duration_s;
     let rate = |a: f64, b: f64| {
         if exposure_s > 0.0 {

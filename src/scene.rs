@@ -1,12 +1,12 @@
 //! The scene: everything that one exposure sees, worked out once and only read afterwards.
 
-use crate::attitude::{Attitude, VehicleState};
+use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
 use crate::camera::Camera;
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::rng::NoiseKey;
 use crate::sky::apparent::Observer;
-use crate::sky::bodies::EpochOutOfRange;
+use crate::sky::bodies::{Bodies, EpochOutOfRange};
 use crate::sky::photometry::photon_irradiance;
 use crate::sky::population::SeenObject;
 use crate::sky::shadow::Earth;
@@ -16,6 +16,7 @@ use crate::track::Track;
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{OrbitError, StateVector};
 use std::sync::Arc;
 use thiserror::Error;
@@ -75,8 +76,8 @@ pub enum Hidden {
     InShadow,
 }
 
-/// Furthest that the body may turn during one exposure, rad: a streak then crosses most fields. It bounds the
-/// time and memory of a frame.
+/// Furthest that the body may turn during one exposure, rad: a streak then crosses most fields. Time grows with
+/// the streaks' length: at the limit a frame of 256 x 256 pixels takes over a second.
 pub const MAX_TURN: f64 = 1.0;
 
 /// Why there is no scene.
@@ -97,11 +98,19 @@ pub enum Unobservable {
         /// The exposure time, s.
         exposure_s: f64,
     },
+    /// The state, carried on by its orbit, has left the range of observers.
+    #[error("the observer's state carried on to {}: {source}", utc_text(*epoch))]
+    State {
+        /// An instant of the exposure.
+        epoch: Epoch,
+        /// What is wrong with it there.
+        source: AttitudeError,
+    },
 }
 
-/// How far (rad) the body turns during an exposure of `exposure_s`, if that can be shown.
-pub fn turn_during(vehicle: &VehicleState, exposure_s: f64) -> Result<f64, Unobservable> {
-    let turn = vehicle.rates.norm() * exposure_s;
+/// How far (rad) a body of these rates (rad/s) turns during an exposure of `exposure_s`, if that can be shown.
+pub fn turn_at(rates: Vector3<f64>, exposure_s: f64) -> Result<f64, Unobservable> {
+    let turn = rates.norm() * exposure_s;
     if turn > MAX_TURN {
         let turn_deg = turn.to_degrees();
         return Err(Unobservable::Turn {
@@ -117,8 +126,12 @@ pub fn turn_during(vehicle: &VehicleState, exposure_s: f64) -> Result<f64, Unobs
 pub struct Source {
     /// What it is.
     pub body: Body,
-    /// Its image's path.
-    pub track: Track,
+    /// Its image at the exposure's start (or where it comes before the camera), px.
+    pub start: [f64; 2],
+    /// Its image at the exposure's end (or where it goes behind the camera), px.
+    pub end: [f64; 2],
+    /// Flux-weighted centre of all its light, px.
+    pub centroid: [f64; 2],
     /// Its share on each pixel.
     pub footprint: Footprint,
     /// Expected electrons of the whole exposure, on and off the detector.
@@ -165,7 +178,7 @@ impl Scene {
         key: NoiseKey,
         noise: bool,
     ) -> Result<Scene, Unobservable> {
-        let turn = turn_during(vehicle, exposure.duration_s)?;
+        let turn = turn_at(vehicle.rates, exposure.duration_s)?;
         let motion = Motion {
             vehicle: vehicle.at(exposure.mid),
             camera,
@@ -207,15 +220,15 @@ impl Scene {
         })
     }
 
-    /// Expected dark charge of a pixel, e-.
-    pub fn dark_e(&self) -> f64 {
-        self.camera.detector.dark_e_s * self.exposure.duration_s
-    }
-
-    /// Expected background of a pixel from everything but the listed sources, averaged over the frame, e-.
+    /// Expected background of a pixel, from no star and no object, averaged over the frame, e-.
     pub fn background_e(&self) -> f64 {
-        self.dark_e()
+        background_e(&self.camera, &self.exposure)
     }
+}
+
+/// So far the dark charge alone, e-.
+fn background_e(camera: &Camera, exposure: &Exposure) -> f64 {
+    camera.detector.dark_e(exposure.duration_s)
 }
 
 /// The vehicle and the camera on it while the shutter is open.
@@ -237,9 +250,8 @@ impl Motion<'_> {
             .then(&self.camera.mounting)
     }
 
-    /// The observer at start, mid and end. The Earth and the Sun are taken at mid: in an exposure the Sun
-    /// moves less than its position's error.
-    fn shutter(&self) -> Result<[Observer; 3], EpochOutOfRange> {
+    /// The observer at start, mid and end. The Earth and the Sun are taken at mid, for which they are asked.
+    fn shutter(&self) -> Result<[Observer; 3], Unobservable> {
         let centre = StateVector {
             position_m: Vector3::zeros(),
             velocity_m_s: Vector3::zeros(),
@@ -247,17 +259,21 @@ impl Motion<'_> {
         let Exposure {
             start, mid, end, ..
         } = self.exposure;
-        let at_mid = Observer::new(mid, self.vehicle.orbit.as_ref().unwrap_or(&centre))?;
-        let at = |epoch: Epoch| {
-            let state = self.vehicle.at(epoch).orbit.unwrap_or(centre);
-            Observer {
+        let bodies = Bodies::at(mid)?;
+        let at = |epoch: Epoch| -> Result<Observer, Unobservable> {
+            let orbit = self.vehicle.at(epoch).orbit;
+            if let Some(state) = &orbit {
+                check_orbit(state).map_err(|source| Unobservable::State { epoch, source })?;
+            }
+            let state = orbit.unwrap_or(centre);
+            Ok(Observer {
                 epoch,
                 position_m: state.position_m,
                 velocity_m_s: state.velocity_m_s,
-                bodies: at_mid.bodies,
-            }
+                bodies,
+            })
         };
-        Ok([at(start), at_mid, at(end)])
+        Ok([at(start)?, at(mid)?, at(end)?])
     }
 
     fn star(&self, star: SeenStar, earth: &Earth, observer: &Observer) -> Option<Source> {
@@ -308,7 +324,8 @@ impl Motion<'_> {
             self.fidelity,
         )?;
         let footprint = Footprint::new(&track, self.camera, self.fidelity);
-        if footprint.shares().is_empty() && !self.camera.detector.contains(track.centroid()) {
+        let centroid = track.centroid();
+        if footprint.shares().is_empty() && !self.camera.detector.contains(centroid) {
             return None;
         }
         // Clark et al. 2021, Eqs. (2), (11), before the division by the gain:
@@ -320,7 +337,9 @@ impl Motion<'_> {
             snr: self.snr(&footprint, electrons),
             clear_snr: self.snr(&footprint, clear),
             body,
-            track,
+            start: track.start,
+            end: track.end,
+            centroid,
             footprint,
             electrons,
             hidden,
@@ -331,7 +350,7 @@ impl Motion<'_> {
     fn snr(&self, footprint: &Footprint, electrons: f64) -> f64 {
         let detector = &self.camera.detector;
         let read = detector.read_noise_e;
-        let floor = detector.dark_e_s * self.exposure.duration_s + read * read;
+        let floor = background_e(self.camera, &self.exposure) + read * read;
         let sum: f64 = footprint
             .shares()
             .iter()

@@ -31,6 +31,11 @@ impl Detector {
         self.width * self.height
     }
 
+    /// Expected dark charge of a pixel in an exposure, e-.
+    pub fn dark_e(&self, exposure_s: f64) -> f64 {
+        self.dark_e_s * exposure_s
+    }
+
     /// The largest digital number, `2^bits - 1`.
     pub fn max_dn(&self) -> u16 {
         (u32::from(u16::MAX) >> (16 - u32::from(self.bits.min(16)))) as u16

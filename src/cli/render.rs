@@ -179,8 +179,7 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
         (None, None) => None,
     };
     for file in &args.rso {
-        let objects = orbits::all(&here, file, &mut config.rejected)?;
-        config.objects.extend(objects);
+        orbits::add(&here, file, &mut config.objects, &mut config.rejected)?;
     }
     config.sequence = Some(Sequence {
         epoch,

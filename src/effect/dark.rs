@@ -12,7 +12,7 @@ pub const DARK_CURRENT: Effect = Effect {
 };
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
-    let dark_e = scene.dark_e();
+    let dark_e = scene.camera.detector.dark_e(scene.exposure.duration_s);
     if dark_e == 0.0 {
         return Verdict::Skip {
             why: "the detector has no dark current",

@@ -14,7 +14,7 @@ pub const FULL_WELL: Effect = Effect {
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
     let full = scene.camera.detector.full_well_e;
     // The brightest pixel that could be: all sources' light on one. Ten sigma above it nothing is drawn.
-    let light: f64 = scene.sources.iter().map(|s| s.electrons).sum::<f64>() + scene.dark_e();
+    let light: f64 = scene.sources.iter().map(|s| s.electrons).sum::<f64>() + scene.background_e();
     if light + 10.0 * light.sqrt() + 10.0 < full {
         return Verdict::Skip {
             why: "all light together does not fill one pixel",

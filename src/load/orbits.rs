@@ -1,17 +1,32 @@
 //! Orbit files (TLE, 3LE, OEM) by name.
 
 use super::{ConfigError, Folder};
+use std::collections::HashSet;
+
 use skyloop_orbit::{Loaded, Object, Rejected};
 
-/// Every object of a file; what is wrong with its other records goes to `rejected`.
-pub fn all(
+/// Adds every object of a file to `objects`. What is wrong with its other records goes to `rejected`, and so
+/// does an object that an earlier file gave: shown twice, it would send its light twice.
+pub fn add(
     folder: &Folder,
     name: &str,
+    objects: &mut Vec<Object>,
     rejected: &mut Vec<String>,
-) -> Result<Vec<Object>, ConfigError> {
+) -> Result<(), ConfigError> {
     let loaded = load(folder, name)?;
     rejected.extend(loaded.rejected.iter().map(Rejected::to_string));
-    Ok(loaded.objects)
+    let known: HashSet<String> = objects.iter().map(|object| object.id.clone()).collect();
+    for object in loaded.objects {
+        if known.contains(&object.id) {
+            let label = object.label();
+            rejected.push(format!(
+                "{name}: {label} is in an earlier file: keep one of the two"
+            ));
+        } else {
+            objects.push(object);
+        }
+    }
+    Ok(())
 }
 
 /// The object that `FILE` or `FILE:NAME` selects, see [`Loaded::pick`].

@@ -80,8 +80,8 @@ pub struct Object {
 /// How an object's motion is given.
 #[derive(Clone, Debug)]
 pub enum Orbit {
-    /// Mean elements, propagated by SGP4/SDP4.
-    Elements(Elements),
+    /// Mean elements, propagated by SGP4/SDP4: a set, and further ones. The one nearest in time counts.
+    Elements(Elements, Vec<Elements>),
     /// Tabulated states, interpolated.
     Ephemeris(Ephemeris),
 }
@@ -92,7 +92,7 @@ impl Object {
     /// Errors: [`OrbitError`], which names the object and the epoch.
     pub fn state(&self, t: Epoch) -> Result<StateVector, OrbitError> {
         match &self.orbit {
-            Orbit::Elements(_) => self.state_with(t, &frames::teme_to_gcrf(t)),
+            Orbit::Elements(..) => self.state_with(t, &frames::teme_to_gcrf(t)),
             Orbit::Ephemeris(_) => self.state_with(t, &Matrix3::identity()),
         }
     }
@@ -105,7 +105,7 @@ impl Object {
         teme_to_gcrf: &Matrix3<f64>,
     ) -> Result<StateVector, OrbitError> {
         let state = match &self.orbit {
-            Orbit::Elements(elements) => elements
+            Orbit::Elements(set, others) => nearest(set, others, t)
                 .state_teme(t)
                 .map(|state| state.rotated(teme_to_gcrf))
                 .map_err(|reason| OrbitError::Propagation {
@@ -134,6 +134,17 @@ impl Object {
             None => self.id.clone(),
         }
     }
+}
+
+/// The set whose epoch is nearest to `t`.
+fn nearest<'a>(set: &'a Elements, others: &'a [Elements], t: Epoch) -> &'a Elements {
+    others.iter().fold(set, |best, other| {
+        if (other.epoch - t).abs() < (best.epoch - t).abs() {
+            other
+        } else {
+            best
+        }
+    })
 }
 
 /// Why an object has no state at an epoch.

@@ -3,11 +3,12 @@
 use crate::elements::{Checksum, Elements};
 use crate::load::{Loaded, Rejected};
 use crate::{Object, Orbit};
+use std::collections::HashMap;
 
 /// Name lines have at most 24 characters behind a `0 `; element lines have 69.
 const LONGEST_NAME: usize = 26;
 
-/// Reads every set in `text`; `source` names the file in rejections.
+/// Reads every set in `text`; `source` names the file in rejections. Sets of one catalogue number are one object.
 ///
 /// A record is an optional name line (with or without a leading `0 `), then
 /// lines 1 and 2. Blank lines and lines that begin with `#` are passed over.
@@ -15,6 +16,7 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
     let mut loaded = Loaded::default();
     let mut name: Option<(usize, &str)> = None;
     let mut first: Option<(usize, &str)> = None;
+    let mut places = HashMap::new();
 
     let reject = |loaded: &mut Loaded, line: usize, reason: String| {
         loaded.rejected.push(Rejected {
@@ -42,7 +44,14 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
                 let named = name.take().map(|(_, name)| name);
                 match first.take() {
                     Some((at, line1)) => match Elements::parse(line1, line, Checksum::Required) {
-                        Ok(elements) => loaded.objects.push(object(elements, named)),
+                        Ok(elements) => {
+                            let place =
+                                places.entry(elements.norad).or_insert(loaded.objects.len());
+                            match loaded.objects.get_mut(*place) {
+                                Some(known) => add_set(known, elements, named),
+                                None => loaded.objects.push(object(elements, named)),
+                            }
+                        }
                         Err(error) => {
                             let line = if error.line() == 1 { at } else { number };
                             let who = named.map(|n| format!(" ({n})")).unwrap_or_default();
@@ -101,7 +110,19 @@ fn object(elements: Elements, name: Option<&str>) -> Object {
             .map(str::to_owned)
             .into_iter()
             .collect(),
-        orbit: Orbit::Elements(elements),
+        orbit: Orbit::Elements(elements, Vec::new()),
+    }
+}
+
+/// Another set of an object that is known.
+fn add_set(object: &mut Object, elements: Elements, name: Option<&str>) {
+    if let Orbit::Elements(_, others) = &mut object.orbit {
+        others.push(elements);
+    }
+    if let Some(name) =
+        name.filter(|name| !name.is_empty() && !object.names.iter().any(|known| known == name))
+    {
+        object.names.push(name.to_owned());
     }
 }
 

@@ -5,7 +5,7 @@ use super::{Exchange, Latched, MAX_WAITING, Server};
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::Clock;
 use crate::link::{Inbound, LinkError, Outbound, QUEUE};
-use crate::scene::turn_during;
+use crate::scene::turn_at;
 use skyloop_firmware_sim::time::to_epoch;
 use skyloop_protocols::{Attitude, Command, Header, Reason, Reply, packet};
 use std::ops::RangeInclusive;
@@ -182,7 +182,7 @@ impl Server {
             },
             detail: format!("attitude {}: {error}", attitude.sequence),
         })?;
-        turn_during(&vehicle, self.emulator.camera().exposure_s).map_err(|error| Refusal {
+        turn_at(vehicle.rates, self.emulator.camera().exposure_s).map_err(|error| Refusal {
             reason: Reason::ValueOutOfRange,
             detail: format!("attitude {}: {error}", attitude.sequence),
         })?;

@@ -107,7 +107,7 @@ fn rates_and_states() {
     );
     render(
         &["--state", "100,0,0,0,7.5,0"],
-        &["position", "outside of the Earth"],
+        &["position", "at least 6356 km"],
     );
     render(
         &["--state", STATE, "--orbit", "x.tle"],

@@ -44,9 +44,31 @@ fn rejections(loaded: &Loaded) -> Vec<String> {
 
 fn epoch_of(object: &Object) -> Epoch {
     match &object.orbit {
-        Orbit::Elements(elements) => elements.epoch,
+        Orbit::Elements(elements, _) => elements.epoch,
         Orbit::Ephemeris(_) => panic!("not an element set"),
     }
+}
+
+#[test]
+fn sets_of_one_object_are_one_object_and_the_nearest_counts() {
+    // Two days later, another place along the orbit.
+    let later = LOW_1.replace("19166.5", "19168.5");
+    let second = format!("{}\n{}\n", sealed(&later), sealed(LOW_2));
+    let loaded = read(&format!("FIRST\n{}{}OTHER\n{second}", low(), geo()));
+    assert_eq!(
+        ids(&loaded),
+        [
+            ("NORAD 90001", vec!["FIRST", "OTHER"]),
+            ("NORAD 100007", vec![])
+        ]
+    );
+    let (both, one, two) = (&loaded.objects[0], read(&low()), read(&second));
+    let noon = Epoch::from_gregorian_utc_hms(2019, 6, 16, 12, 0, 0);
+    for (hours, nearest) in [(-60, &one), (-1, &one), (1, &two), (60, &two)] {
+        let t = noon + Unit::Hour * hours;
+        assert_eq!(both.state(t), nearest.objects[0].state(t), "{hours}");
+    }
+    assert_ne!(one.objects[0].state(noon), two.objects[0].state(noon));
 }
 
 #[test]
@@ -64,12 +86,11 @@ fn names_line_ends_blank_lines_and_alpha_5() {
     assert_eq!(
         ids(&loaded),
         [
-            ("NORAD 90001", vec![]),
             ("NORAD 90001", vec!["LOW ONE"]),
             ("NORAD 100007", vec!["GEO ONE"]),
         ]
     );
-    assert_eq!(loaded.objects[2].label(), "NORAD 100007 (GEO ONE)");
+    assert_eq!(loaded.objects[1].label(), "NORAD 100007 (GEO ONE)");
 }
 
 #[test]
@@ -177,7 +198,7 @@ fn epochs_are_exact_and_elapsed_time_counts_leap_seconds() {
 
     // the leap second 2016-12-31T23:59:60 lies between: one minute of UTC label is 61 s
     let after = Epoch::from_gregorian_utc(2017, 1, 1, 0, 0, 59, 999_136_000);
-    let Orbit::Elements(elements) = &object.orbit else {
+    let Orbit::Elements(elements, _) = &object.orbit else {
         panic!("not an element set")
     };
     let uniform = elements.state_teme_after(61.0 / 60.0).unwrap();
