@@ -84,8 +84,8 @@ impl Emulator {
     }
 
     /// The camera, as it is set now.
-    pub fn camera(&self) -> &Camera {
-        &self.camera
+    pub fn camera(&self) -> Arc<Camera> {
+        self.camera.clone()
     }
 
     /// The camera's settings, to be commanded.
@@ -118,16 +118,26 @@ impl Emulator {
     ///
     /// Fails only where [`Scene::observe`] does.
     pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, Unobservable> {
+        self.shoot_with(&self.camera(), vehicle, repeat)
+    }
+
+    /// [`Emulator::shoot`] with the camera as it was set at another time.
+    pub fn shoot_with(
+        &mut self,
+        camera: &Arc<Camera>,
+        vehicle: &VehicleState,
+        repeat: u32,
+    ) -> Result<Shot, Unobservable> {
         let started = Instant::now();
         let key = NoiseKey {
             seed: self.seed,
             sequence: vehicle.sequence,
             repeat,
         };
-        let exposure = Exposure::around(vehicle.epoch, self.camera.exposure_s);
+        let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
         let scene = Scene::observe(
             &self.world,
-            &self.camera,
+            camera,
             vehicle,
             exposure,
             &self.fidelity,
@@ -148,7 +158,7 @@ impl Emulator {
             label,
             json,
             exposure,
-            camera: self.camera.clone(),
+            camera: camera.clone(),
             key,
             unknown: scene.unknown,
             render_time: started.elapsed(),

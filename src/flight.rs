@@ -2,8 +2,7 @@
 
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::{Config, Sequence, TimedAttitude};
-use crate::scene::{Unobservable, turn_at};
-use crate::sky::bodies::Bodies;
+use crate::scene::{Exposure, Unobservable, shutter, turn_at};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::AttitudeList;
@@ -46,8 +45,8 @@ pub enum FlightError {
 /// How long a flight computer waits for a frame.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// The mission that `config`'s sequence describes, in lock-step with the emulator. Every frame has an attitude and a
-/// state that can be shown.
+/// The mission that `config`'s sequence describes, in lock-step with the emulator. Its attitudes can be shown, and
+/// so can the states of its first and last frame.
 pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     let sequence = config.sequence.as_ref().ok_or(FlightError::NoSequence)?;
     let orbit = config.observer.clone().map(|observer| match observer {
@@ -67,14 +66,14 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         pace: Pace::Stepped { most_hz: None },
     };
     // Said before anything is opened or written.
+    let exposure_s = config.camera.exposure_s;
     for number in [0, mission.frames.saturating_sub(1)] {
-        Bodies::at(mission.epoch(number)).map_err(Unobservable::from)?;
+        let vehicle = vehicle(&mission, number)?;
+        shutter(&vehicle, &Exposure::around(vehicle.epoch, exposure_s))?;
     }
-    vehicle(&mission, 0)?;
-    vehicle(&mission, mission.frames.saturating_sub(1))?;
     for number in 0..mission.frames {
         let pointing = mission.profile.at(mission.epoch(number), None)?;
-        turn_at(pointing.rates_rad_s, config.camera.exposure_s)?;
+        turn_at(pointing.rates_rad_s, exposure_s)?;
     }
     Ok(mission)
 }

@@ -121,6 +121,29 @@ pub fn turn_at(rates: Vector3<f64>, exposure_s: f64) -> Result<f64, Unobservable
     Ok(turn)
 }
 
+/// The observer at start, mid and end of an exposure. The Earth and the Sun are taken at mid, for which they are asked.
+pub fn shutter(vehicle: &VehicleState, exposure: &Exposure) -> Result<[Observer; 3], Unobservable> {
+    let centre = StateVector {
+        position_m: Vector3::zeros(),
+        velocity_m_s: Vector3::zeros(),
+    };
+    let bodies = Bodies::at(exposure.mid)?;
+    let at = |epoch: Epoch| -> Result<Observer, Unobservable> {
+        let orbit = vehicle.at(epoch).orbit;
+        if let Some(state) = &orbit {
+            check_orbit(state).map_err(|source| Unobservable::State { epoch, source })?;
+        }
+        let state = orbit.unwrap_or(centre);
+        Ok(Observer {
+            epoch,
+            position_m: state.position_m,
+            velocity_m_s: state.velocity_m_s,
+            bodies,
+        })
+    };
+    Ok([at(exposure.start)?, at(exposure.mid)?, at(exposure.end)?])
+}
+
 /// A point source in the field.
 #[derive(Debug, Clone)]
 pub struct Source {
@@ -185,7 +208,7 @@ impl Scene {
             exposure,
             fidelity,
         };
-        let shutter = motion.shutter()?;
+        let shutter = shutter(vehicle, &exposure)?;
         let pointing = motion.pointing(0.5);
         let axis = pointing.matrix().transpose() * Vector3::z();
         let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);
@@ -248,32 +271,6 @@ impl Motion<'_> {
             .attitude
             .turned(&self.vehicle.rates, dt_s)
             .then(&self.camera.mounting)
-    }
-
-    /// The observer at start, mid and end. The Earth and the Sun are taken at mid, for which they are asked.
-    fn shutter(&self) -> Result<[Observer; 3], Unobservable> {
-        let centre = StateVector {
-            position_m: Vector3::zeros(),
-            velocity_m_s: Vector3::zeros(),
-        };
-        let Exposure {
-            start, mid, end, ..
-        } = self.exposure;
-        let bodies = Bodies::at(mid)?;
-        let at = |epoch: Epoch| -> Result<Observer, Unobservable> {
-            let orbit = self.vehicle.at(epoch).orbit;
-            if let Some(state) = &orbit {
-                check_orbit(state).map_err(|source| Unobservable::State { epoch, source })?;
-            }
-            let state = orbit.unwrap_or(centre);
-            Ok(Observer {
-                epoch,
-                position_m: state.position_m,
-                velocity_m_s: state.velocity_m_s,
-                bodies,
-            })
-        };
-        Ok([at(start)?, at(mid)?, at(end)?])
     }
 
     fn star(&self, star: SeenStar, earth: &Earth, observer: &Observer) -> Option<Source> {

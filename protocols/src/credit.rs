@@ -20,14 +20,15 @@ impl CreditAccount {
 
     /// Takes a `Credit` command's number; one that lies behind an earlier one (a late datagram) is ignored.
     ///
-    /// It must lie less than 2^31 ahead of the packets sent, or it counts as behind them.
-    pub fn grant(&mut self, packets: u32) {
-        let ahead = self
-            .granted
-            .is_none_or(|granted| is_ahead(packets, granted));
-        if ahead {
-            self.granted = Some(packets);
+    /// False for a first one that lies behind the packets sent, or 2^31 ahead of them, which is the same: it is
+    /// not taken.
+    pub fn grant(&mut self, packets: u32) -> bool {
+        match self.granted {
+            None if packets != self.sent && !is_ahead(packets, self.sent) => return false,
+            Some(granted) if !is_ahead(packets, granted) => {}
+            _ => self.granted = Some(packets),
         }
+        true
     }
 
     /// Whether one more frame packet may be sent. Always, until the first `Credit`.

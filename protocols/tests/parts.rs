@@ -398,6 +398,13 @@ fn credit_is_cumulative() {
     account.grant(3);
     assert!(account.may_send());
     assert_eq!(account.sent(), 2);
+    let mut astray = CreditAccount::new();
+    astray.spend();
+    for behind in [0, 1 + (1 << 31), u32::MAX] {
+        assert!(!astray.grant(behind), "{behind}");
+        assert!(astray.may_send(), "not taken");
+    }
+    assert!(astray.grant(1) && !astray.may_send());
     account.grant(6);
     account.grant(4); // late, and still ahead of what was sent
     for _ in 2..6 {

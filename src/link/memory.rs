@@ -96,7 +96,7 @@ impl Port for MemoryPort {
             let left = deadline.saturating_duration_since(Instant::now());
             match self.from_emulator.recv_timeout(left) {
                 Ok(Outbound::Packet { packet, .. }) => return Ok(Some(packet.to_vec())),
-                Ok(Outbound::Release) => {}
+                Ok(Outbound::Release { .. }) => {}
                 Err(RecvTimeoutError::Timeout) => return Ok(None),
                 Err(RecvTimeoutError::Disconnected) => return Err(PortError::Closed),
             }

@@ -69,8 +69,13 @@ pub enum Outbound {
         /// The packet.
         packet: Bytes,
     },
-    /// End the exchange: the next client may come at once.
-    Release,
+    /// End the exchange, unless its client has sent something since: the next client may come at once.
+    Release {
+        /// Which exchange.
+        exchange: u32,
+        /// When the client asked for it.
+        asked: Instant,
+    },
 }
 
 /// The queue to a link.

@@ -156,7 +156,7 @@ async fn carry(
             }
             departure = departures.recv() => match departure {
                 None => return Ok(()),
-                Some(Outbound::Release) => exchange.release(),
+                Some(Outbound::Release { exchange: number, asked }) => exchange.release(number, asked),
                 Some(Outbound::Packet { exchange: number, packet }) => {
                     let sent = match exchange.client_of(number) {
                         Some(client) => socket.send_to(&packet, client).await.is_ok(),
@@ -208,8 +208,11 @@ impl Exchange {
         true
     }
 
-    fn release(&mut self) {
-        if let Some(client) = &mut self.client {
+    fn release(&mut self, number: u32, asked: Instant) {
+        if let Some(client) = &mut self.client
+            && number == self.number
+            && client.heard <= asked
+        {
             client.proven = false;
         }
     }
@@ -268,7 +271,16 @@ mod tests {
         std::thread::sleep(Duration::from_millis(60));
         assert!(!exchange.admit(at(1), bad));
         assert!(exchange.admit(at(1), good), "until it is idle");
-        exchange.release();
+        let asked = Instant::now();
+        exchange.release(2, asked);
+        assert!(!exchange.admit(at(2), good), "another's release is none");
+        assert!(exchange.admit(at(1), good));
+        exchange.release(3, asked);
+        assert!(
+            !exchange.admit(at(2), good),
+            "nor one that its client has gone on from"
+        );
+        exchange.release(3, Instant::now());
         assert!(exchange.admit(at(2), good), "or released");
         assert_eq!(exchange.client_of(4), Some(at(2)));
     }

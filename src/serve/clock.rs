@@ -34,20 +34,20 @@ impl WallClock {
     }
 
     /// Learns the scene's time from a client's first attitude; the first frame follows a period later.
-    pub fn set(&mut self, attitude: Epoch) {
+    pub fn set(&mut self, attitude: Epoch, arrived: Instant) {
         if self.zero.is_some() {
             return;
         }
-        let now = Instant::now();
-        let system = system_time();
+        let since = hifitime::Duration::from(arrived.elapsed());
+        let system = system_time() - since;
         let apart_s = (attitude - system).to_seconds().abs();
         let scene = if apart_s <= SAME_CLOCK_S {
             system
         } else {
             attitude
         };
-        self.zero = Some((scene, now));
-        self.due = Some(now + self.period);
+        self.zero = Some((scene, arrived));
+        self.due = Some(arrived + self.period);
     }
 
     /// Forgets the scene's time: the next client sets it anew.
@@ -58,17 +58,27 @@ impl WallClock {
         };
     }
 
-    /// Lets frames run at another rate from now on.
-    pub fn set_rate(&mut self, rate_hz: f64) {
-        self.period = period(rate_hz);
-        self.single = false;
-        self.due = self.zero.map(|_| Instant::now() + self.period);
+    /// Lets frames run at another rate: from the end of the last exposure, or of the single shot under way, or
+    /// from now on where the cadence rests.
+    pub fn set_rate(&mut self, rate_hz: f64, arrived: Instant) {
+        let before = std::mem::replace(&mut self.period, period(rate_hz));
+        let single = std::mem::take(&mut self.single);
+        self.due = match self.due {
+            Some(due) if single => Some(due),
+            Some(due) => Some(due.checked_sub(before).unwrap_or(arrived) + self.period),
+            None => self.zero.map(|_| arrived + self.period),
+        };
     }
 
-    /// One frame whose exposure starts now, then none until a rate is set.
-    pub fn single_shot(&mut self, exposure_s: f64) {
+    /// One frame whose exposure starts at `arrived`, then none until a rate is set.
+    pub fn single_shot(&mut self, exposure_s: f64, arrived: Instant) {
         self.single = true;
-        self.due = Some(Instant::now() + Duration::from_secs_f64(exposure_s));
+        self.due = Some(arrived + Duration::from_secs_f64(exposure_s));
+    }
+
+    /// Whether a single shot is being exposed.
+    pub fn single_shot_is_open(&self) -> bool {
+        self.single && self.due.is_some()
     }
 
     /// Time until the next exposure has ended; long while the cadence stands still.
@@ -123,7 +133,7 @@ mod tests {
             clock.take_due(0.01).is_none(),
             "no frame before the first attitude"
         );
-        clock.set(scene);
+        clock.set(scene, Instant::now());
         std::thread::sleep(Duration::from_millis(25));
         let mid = clock.take_due(0.01).unwrap();
         // End of the first exposure: one period of 20 ms after the attitude; its middle 5 ms earlier.

@@ -9,16 +9,14 @@ use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::pixels::{
     BlockSlice, blocks, blocks_in_frame, label_parts, label_texts, pack12, pack16, packed_length,
 };
-use skyloop_protocols::{
-    EncodeError, FrameHeader, LabelPart, MAX_PACKET, Packing, PixelBlock, Reply, WireTime,
-};
+use skyloop_protocols::{FrameHeader, LabelPart, MAX_PACKET, Packing, PixelBlock, Reply, WireTime};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// A client that takes nothing for this long has gone: its frame is abandoned.
 const STALL: Duration = Duration::from_secs(2);
 /// How long to listen while a frame waits for credit.
-const LISTEN: Duration = Duration::from_millis(5);
+pub(super) const LISTEN: Duration = Duration::from_millis(5);
 /// How long to listen while packets wait for room in the link's queue.
 pub(super) const BREATH: Duration = Duration::from_micros(200);
 
@@ -28,10 +26,12 @@ impl Server {
         let detector = &shot.camera.detector;
         let packing = Packing::for_bits(detector.bits);
         let text = shot.json.as_bytes();
-        let instant = |epoch| to_wire(epoch).unwrap_or_default();
-        let time = instant(shot.exposure.mid);
+        let instant =
+            |epoch| to_wire(epoch).ok_or_else(|| unencodable("a time beyond the time code"));
+        let time = instant(shot.exposure.mid)?;
         let frame = shot.number;
-        let parts = label_parts(text.len() as u32).unwrap_or(u16::MAX);
+        let parts = u32::try_from(text.len()).ok().and_then(label_parts);
+        let parts = parts.ok_or_else(|| unencodable("more labels than packets can number"))?;
         let header = FrameHeader {
             frame,
             attitude_sequence: shot.key.sequence,
@@ -42,8 +42,8 @@ impl Server {
             blocks: blocks_in_frame(detector.pixels() as u32, packing),
             label_parts: parts,
             label_bytes: text.len() as u32,
-            exposure_start: instant(shot.exposure.start),
-            exposure_end: instant(shot.exposure.end),
+            exposure_start: instant(shot.exposure.start)?,
+            exposure_end: instant(shot.exposure.end)?,
             seed: shot.key.seed,
             gain_e_per_dn: detector.gain_e_per_dn,
             offset_dn: detector.offset_dn,
@@ -124,7 +124,9 @@ impl Server {
             }
             .map_err(Undelivered::Link)?;
             if waiting.is_some() {
-                self.listen(run, BREATH, since)?;
+                self.listen(run, BREATH, since).inspect_err(|_| {
+                    self.counters.lost_outbound = self.counters.lost_outbound.wrapping_add(1);
+                })?;
             }
         }
         self.exchange.credit.spend();
@@ -155,7 +157,7 @@ struct Delivery<'a> {
 }
 
 /// A packet that the wire language cannot hold: the frame is given up, and the log says why.
-fn unencodable(error: EncodeError) -> Undelivered {
+fn unencodable(error: impl std::fmt::Display) -> Undelivered {
     tracing::error!(%error, "a packet of a frame could not be encoded");
     Undelivered::Abandoned
 }

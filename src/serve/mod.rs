@@ -9,6 +9,7 @@ mod deliver;
 mod receive;
 
 use crate::attitude::VehicleState;
+use crate::camera::Camera;
 use crate::config::Clock;
 use crate::engine::{Emulator, Shot};
 use crate::link::{LinkError, Outbound, Wire};
@@ -18,6 +19,7 @@ use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
 use skyloop_protocols::{Counters, Header, Personality};
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -30,6 +32,8 @@ const POLL: Duration = Duration::from_millis(50);
 #[derive(Debug, Clone)]
 struct Latched {
     vehicle: VehicleState,
+    /// As it was set when the attitude came (stepped), or as it is now (wall clock).
+    camera: Arc<Camera>,
     header: Header,
     arrived: Instant,
 }
@@ -120,6 +124,17 @@ impl Server {
         &mut self,
         stop: &AtomicBool,
         limit: Option<u32>,
+        on_shot: impl FnMut(Shot),
+    ) -> Result<Ended, LinkError> {
+        let ended = self.serve(stop, limit, on_shot);
+        self.abandon_waiting();
+        ended
+    }
+
+    fn serve(
+        &mut self,
+        stop: &AtomicBool,
+        limit: Option<u32>,
         mut on_shot: impl FnMut(Shot),
     ) -> Result<Ended, LinkError> {
         while !stop.load(Ordering::Relaxed) && limit.is_none_or(|n| self.stats.frames < n) {
@@ -145,7 +160,7 @@ impl Server {
                 }
                 continue;
             };
-            let shot = match self.emulator.shoot(&vehicle, repeat) {
+            let shot = match self.emulator.shoot_with(&latched.camera, &vehicle, repeat) {
                 Ok(shot) => shot,
                 Err(error) => {
                     self.refuse_exposure(&latched.header, &error.to_string());
@@ -164,7 +179,11 @@ impl Server {
                     &mut self.counters.frames_delivered
                 }
                 Err(Undelivered::Abandoned) => &mut self.counters.frames_abandoned,
-                Err(Undelivered::Link(error)) => return Err(error),
+                Err(Undelivered::Link(error)) => {
+                    let counter = &mut self.counters.frames_abandoned;
+                    *counter = counter.wrapping_add(1);
+                    return Err(error);
+                }
             };
             *counter = counter.wrapping_add(1);
             on_shot(shot);
@@ -174,7 +193,8 @@ impl Server {
 
     /// The vehicle carried to the exposure whose end has come, and how many frames its attitude made before.
     fn due_on_the_wall(&mut self) -> Option<(VehicleState, Latched, u32)> {
-        let latched = self.exchange.latest.clone()?;
+        let mut latched = self.exchange.latest.clone()?;
+        latched.camera = self.emulator.camera();
         let mid = self.wall.take_due(self.emulator.camera().exposure_s)?;
         let repeat = self.exchange.repeat;
         self.exchange.repeat += 1;

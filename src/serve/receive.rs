@@ -1,16 +1,16 @@
 //! From the wire: packets to commands to the emulator's settings and the latched vehicle state.
 
-use super::deliver::BREATH;
+use super::deliver::LISTEN;
 use super::{Exchange, Latched, MAX_WAITING, Server};
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::Clock;
 use crate::link::{Inbound, LinkError, Outbound, QUEUE};
-use crate::scene::turn_at;
-use skyloop_firmware_sim::time::to_epoch;
+use crate::scene::{Exposure, turn_at};
+use skyloop_firmware_sim::time::{to_epoch, to_wire};
 use skyloop_protocols::{Attitude, Command, Header, Reason, Reply, packet};
 use std::ops::RangeInclusive;
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Exposure times (s) that can be commanded.
 const EXPOSURE_S: RangeInclusive<f64> = 1e-9..=1e4;
@@ -31,7 +31,7 @@ impl Server {
         let timeout = if self.flush()? {
             timeout
         } else {
-            timeout.min(BREATH)
+            timeout.min(LISTEN)
         };
         match self.wire.inbox.recv_timeout(timeout) {
             Ok(inbound) => self.handle(inbound).map(|()| true),
@@ -74,7 +74,7 @@ impl Server {
         self.counters.sequence_gaps = self.counters.sequence_gaps.wrapping_add(u32::from(missing));
         let done = match command {
             Command::Attitude(attitude) => self.latch(header, &attitude, &inbound),
-            command => self.obey(header, command),
+            command => self.obey(header, command, inbound.arrived),
         };
         if let Err(Refusal { reason, detail }) = done {
             self.counters.refuse(reason);
@@ -94,7 +94,10 @@ impl Server {
             }
             Command::Reset => {
                 self.ack(&header)?;
-                self.offer(Outbound::Release)
+                self.offer(Outbound::Release {
+                    exchange: inbound.exchange,
+                    asked: inbound.arrived,
+                })
             }
             _ => self.ack(&header),
         }
@@ -122,8 +125,9 @@ impl Server {
         self.wall.clear(self.emulator.camera().rate_hz);
     }
 
-    fn abandon_waiting(&mut self) {
-        let waiting = self.exchange.waiting.len() as u32;
+    /// Counts the attitudes that will have no frame.
+    pub(super) fn abandon_waiting(&mut self) {
+        let waiting = self.exchange.waiting.drain(..).count() as u32;
         self.counters.frames_abandoned = self.counters.frames_abandoned.wrapping_add(waiting);
     }
 
@@ -182,25 +186,37 @@ impl Server {
             },
             detail: format!("attitude {}: {error}", attitude.sequence),
         })?;
-        turn_at(vehicle.rates, self.emulator.camera().exposure_s).map_err(|error| Refusal {
+        let camera = self.emulator.camera();
+        turn_at(vehicle.rates, camera.exposure_s).map_err(|error| Refusal {
             reason: Reason::ValueOutOfRange,
             detail: format!("attitude {}: {error}", attitude.sequence),
         })?;
+        let exposure = Exposure::around(epoch, camera.exposure_s);
+        if to_wire(exposure.start).is_none() || to_wire(exposure.end).is_none() {
+            return Err(Refusal {
+                reason: Reason::ValueOutOfRange,
+                detail: format!(
+                    "attitude {}: its exposure reaches beyond the time code, 1958 to 2094",
+                    attitude.sequence
+                ),
+            });
+        }
         let latched = Latched {
             vehicle,
+            camera,
             header,
             arrived: inbound.arrived,
         };
         match self.clock {
             Clock::Stepped => self.exchange.waiting.push_back(latched.clone()),
-            Clock::Wall => self.wall.set(epoch),
+            Clock::Wall => self.wall.set(epoch, inbound.arrived),
         }
         self.exchange.latest = Some(latched);
         self.exchange.repeat = 0;
         Ok(())
     }
 
-    fn obey(&mut self, header: Header, command: Command) -> Result<(), Refusal> {
+    fn obey(&mut self, header: Header, command: Command, arrived: Instant) -> Result<(), Refusal> {
         match command {
             Command::Exposure { seconds } => {
                 within("Exposure.seconds", seconds, EXPOSURE_S)?;
@@ -211,6 +227,13 @@ impl Server {
                     1.0 / rate_hz,
                     "lower FrameRate",
                 )?;
+                self.must_rest("Exposure")?;
+                if let (Clock::Wall, Some(latest)) = (self.clock, &self.exchange.latest) {
+                    turn_at(latest.vehicle.rates, seconds).map_err(|error| Refusal {
+                        reason: Reason::ValueOutOfRange,
+                        detail: format!("Exposure.seconds = {seconds}: {error}"),
+                    })?;
+                }
                 self.emulator.camera_mut().exposure_s = seconds;
             }
             Command::Gain { e_per_dn } => {
@@ -223,7 +246,7 @@ impl Server {
                 let (exposure_s, _) = self.timing();
                 self.do_not_overlap("FrameRate.hz", hz, 1.0 / exposure_s, "shorten Exposure")?;
                 self.emulator.camera_mut().rate_hz = hz;
-                self.wall.set_rate(hz);
+                self.wall.set_rate(hz, arrived);
             }
             Command::SingleShot => {
                 self.on_the_wall_only("SingleShot", "send an Attitude for each frame")?;
@@ -233,7 +256,9 @@ impl Server {
                         detail: "SingleShot: no attitude yet; send one first".to_string(),
                     });
                 }
-                self.wall.single_shot(self.emulator.camera().exposure_s);
+                self.must_rest("SingleShot")?;
+                let exposure_s = self.emulator.camera().exposure_s;
+                self.wall.single_shot(exposure_s, arrived);
             }
             Command::Reset => {
                 self.abandon_waiting();
@@ -250,10 +275,31 @@ impl Server {
                     .gaps
                     .missing(header.apid, header.sequence_count);
             }
-            Command::Credit { packets } => self.exchange.credit.grant(packets),
+            Command::Credit { packets } => {
+                let sent = self.exchange.credit.sent();
+                if !self.exchange.credit.grant(packets) {
+                    return Err(Refusal {
+                        reason: Reason::ValueOutOfRange,
+                        detail: format!(
+                            "Credit.packets = {packets}: the first lies behind the {sent} packets sent, or 2^31 ahead"
+                        ),
+                    });
+                }
+            }
             Command::Ping | Command::Attitude(_) => {}
         }
         Ok(())
+    }
+
+    /// Refuses `command` while a single shot is exposed.
+    fn must_rest(&self, command: &str) -> Result<(), Refusal> {
+        if !self.wall.single_shot_is_open() {
+            return Ok(());
+        }
+        Err(Refusal {
+            reason: Reason::Busy,
+            detail: format!("{command}: a single shot is being exposed; wait for its frame"),
+        })
     }
 
     /// Exposure time (s) and rate (Hz) in force.

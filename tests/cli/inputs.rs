@@ -16,6 +16,11 @@ fn refuses(flags: &[&str], words: &[&str]) {
     ] {
         std::fs::write(here.path().join(name), text).unwrap();
     }
+    let slow = std::fs::read_to_string(repository("configs/cameras/fai-nir.toml")).unwrap();
+    let slow = slow
+        .replace("exposure_s = 0.1", "exposure_s = 3400.0")
+        .replace("rate_hz = 1.0", "rate_hz = 0.0002");
+    std::fs::write(here.path().join("slow.toml"), slow).unwrap();
     std::fs::write(here.path().join("binary"), b"\x7fELF\0\x01\xff").unwrap();
     let failed = skyloop(here.path()).args(flags).assert().failure();
     let log = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
@@ -80,6 +85,11 @@ fn attitudes() {
     render(
         &["--state", "7e6,0,0,0,7.5,0"],
         &["--state (km, km/s)", "at most 4e9 m"],
+    );
+    // At rest at mid-exposure it has come through the ground within the 1700 s before.
+    render(
+        &["--camera", "slow.toml", "--state", "6400,0,0,0,0,0"],
+        &["carried on to 2019-06-15T23:07:30", "out of range"],
     );
     with("0,0,0,1,0", &["--attitude", "4 numbers", "not 5"]);
     with("0,0,zero,1", &["--attitude", "4 numbers"]);

@@ -73,6 +73,34 @@ fn render_twice_gives_the_same_octets_and_those_of_loopback() {
 }
 
 #[test]
+fn an_object_in_two_files_is_shown_once_and_said_so() {
+    let here = tempfile::tempdir().unwrap();
+    let oem = |name: &str| repository(&format!("configs/scenes/rcm-2019-06-15/{name}-B.oem"));
+    let done = skyloop(here.path())
+        .args(["render", "--epoch", EPOCH, "--attitude", Q, "--out", "o"])
+        .args([
+            "--orbit",
+            &oem("cassiope"),
+            "--rso",
+            &oem("rcm-2"),
+            "--rso",
+            &oem("rcm-2"),
+        ])
+        .assert()
+        .success();
+    let output = done.get_output();
+    let (table, log) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    assert!(table.contains("1 (1 visible)"), "{table}");
+    assert!(
+        log.contains("rcm-2-B.oem") && log.contains("is in an earlier file"),
+        "{log}"
+    );
+}
+
+#[test]
 fn without_noise_the_expected_electrons_are_written_too() {
     let here = tempfile::tempdir().unwrap();
     skyloop(here.path())

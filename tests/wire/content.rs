@@ -1,7 +1,7 @@
 //! What a frame holds, and what commands and repetition do to it.
 
 use crate::support::client::{Client, Received};
-use crate::support::{EPOCH, later, on_every_link};
+use crate::support::{EPOCH, attitude, later, on_every_link, on_memory, scene};
 use skyloop::config::Clock;
 use skyloop_protocols::Command;
 
@@ -48,6 +48,23 @@ fn labels_over_the_wire_are_the_json_of_the_frame_split_over_packets() {
         // X-Val: exposure of 0.1 s around the epoch.
         assert_eq!(frame.header.exposure_start, later(EPOCH, -0.05));
         assert_eq!(frame.header.exposure_end, later(EPOCH, 0.05));
+    }
+}
+
+#[test]
+fn attitudes_are_exposed_with_the_settings_of_their_time() {
+    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
+    let mut client = Client::new(line);
+    // All of it arrives before the first frame is made.
+    for _ in 0..5 {
+        for (sequence, seconds) in [(1, 0.1), (2, 0.5), (3, 0.2)] {
+            client.send(Command::Exposure { seconds });
+            client.point(attitude(sequence), EPOCH);
+        }
+        for seconds in [0.1, 0.5, 0.2] {
+            let frame = client.frame();
+            assert_eq!(frame.label()["exposure_s"], seconds);
+        }
     }
 }
 

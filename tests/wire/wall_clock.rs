@@ -98,12 +98,23 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     let (_emulator, line) = on_memory(quick(1e-3), Clock::Wall);
     let mut client = Client::new(line);
     client.point(attitude(1), EPOCH);
-    client.done(Command::Exposure { seconds: 0.2 });
+    client.done(Command::Exposure { seconds: 0.5 });
     let asked = Instant::now();
     client.done(Command::SingleShot);
+    // One at a time, and as it was asked for.
+    for command in [Command::SingleShot, Command::Exposure { seconds: 0.3 }] {
+        client.send(command);
+        let nack = client.nack();
+        assert_eq!(nack.reason, Reason::Busy);
+        assert!(
+            nack.detail.contains("wait for its frame"),
+            "{}",
+            nack.detail
+        );
+    }
     assert_eq!(client.frame().header.frame, 0);
     // The exposure starts with the command, not before it.
-    assert!(asked.elapsed() >= Duration::from_secs_f64(0.2));
+    assert!(asked.elapsed() >= Duration::from_secs_f64(0.5));
     client.done(Command::Exposure { seconds: 0.01 });
     client.point(attitude(2), later(EPOCH, 60.0));
     client.done(Command::SingleShot);
@@ -140,6 +151,22 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
             nack.detail
         );
     }
+}
+
+#[test]
+fn a_rate_told_again_does_not_hold_the_frames_back() {
+    let (emulator, line) = on_memory(quick(10.0), Clock::Wall);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.point(attitude(1), EPOCH);
+    // Every 20 ms, with a period of 100 ms.
+    let asked = Instant::now();
+    while asked.elapsed() < Duration::from_millis(500) {
+        client.done(Command::FrameRate { hz: 10.0 });
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(emulator.shot().number, 0);
+    assert_eq!(emulator.shot().number, 1);
 }
 
 #[test]

@@ -73,7 +73,7 @@ impl Emulator {
                 self.waiting.clear();
                 out.push(self.sender.reply(&ack, now()));
             }
-            Command::Credit { packets } => self.credit.grant(packets),
+            Command::Credit { packets } => assert!(self.credit.grant(packets)),
             Command::Ping => {
                 out.push(self.sender.reply(&ack, now()));
                 let status = self.status();
