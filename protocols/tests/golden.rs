@@ -114,6 +114,7 @@ fn counters(v: &Vector) -> Counters {
         rejected_records: n("rejected_records"),
         objects_without_state: n("objects_without_state"),
         lost_outbound: n("lost_outbound"),
+        exposures_missed: n("exposures_missed"),
     }
 }
 

@@ -196,6 +196,7 @@ fn status() -> impl Strategy<Value = Status> {
                 rejected_records: c ^ d,
                 objects_without_state: d,
                 lost_outbound: c,
+                exposures_missed: d,
                 ..Counters::default()
             };
             Status {

@@ -120,10 +120,10 @@ good("labels", "Labels", 0, pack(">IHH", 3, 0, 1) + TEXT.encode(), frame=3, part
 NAMES = ["attitudes", "commands", "frames_rendered", "frames_delivered", "frames_abandoned", "bad_crc", "bad_version",
          "bad_length", "unknown_type", "bad_framing", "bad_attitude", "time_backwards", "foreign_packets",
          "dropped_inbound", "bad_value", "refused", "sequence_gaps", "rejected_records", "objects_without_state",
-         "lost_outbound"]
+         "lost_outbound", "exposures_missed"]
 COUNTS = [101 + n for n in range(len(NAMES))]
 good("status", "Status", 9,
-     pack(">BHHBBdddII20I", 1, 256, 256, 14, 16, 0.1, 2.5, 2.0, 51, 4949, *COUNTS),
+     pack(">BHHBBdddII21I", 1, 256, 256, 14, 16, 0.1, 2.5, 2.0, 51, 4949, *COUNTS),
      mode=1, width=256, height=256, bits=14, packing=16, exposure_s=0.1, gain_e_per_dn=2.5, frame_rate_hz=2.0,
      next_frame=51, packets_sent=4949, **dict(zip(NAMES, COUNTS)))
 good("ack", "Ack", 2, pack(">HH", 0x102, 5), answers_apid="0x102", answers_sequence_count=5)
@@ -186,7 +186,7 @@ bad("pixel block, unknown packing", "client", "BadValue", packet("PixelBlock", 0
 bad("labels, part beyond parts", "client", "BadValue", packet("Labels", 0, pack(">IHH", 3, 1, 1) + b"{}"))
 bad("labels, short part before the last", "client", "BadValue", packet("Labels", 0, pack(">IHH", 3, 0, 2) + b"{}"))
 bad("status, unknown mode", "client", "BadValue",
-    packet("Status", 9, pack(">BHHBBdddII20I", 2, 256, 256, 14, 16, 0.1, 2.5, 2.0, 51, 4949, *COUNTS)))
+    packet("Status", 9, pack(">BHHBBdddII21I", 2, 256, 256, 14, 16, 0.1, 2.5, 2.0, 51, 4949, *COUNTS)))
 bad("nack, unknown reason", "client", "BadValue", packet("Nack", 0, pack(">HHB", 0x101, 0, 200)))
 bad("nack, detail not UTF-8", "client", "BadValue", packet("Nack", 0, pack(">HHB", 0x101, 0, 1) + b"\xff"))
 bad("nack, detail too long", "client", "BadValue", packet("Nack", 0, pack(">HHB", 0x101, 0, 1) + b"x" * 201))

@@ -224,6 +224,7 @@ impl Server {
             dropped_inbound: tally.dropped(),
             bad_framing: tally.bad_framing(),
             lost_outbound: tally.lost().wrapping_add(self.counters.lost_outbound),
+            exposures_missed: self.wall.missed,
             objects_without_state: self.absent.count,
             rejected_records: self.emulator.rejected_records(),
             ..self.counters
