@@ -145,8 +145,10 @@ impl Emulator {
             self.noise,
         )?;
         let plan = Plan::new(&scene, &self.fidelity);
-        let mut frame = Frame::default();
-        render(&plan, &scene, self.keep_expected, &mut frame);
+        if self.next_frame == 0 {
+            plan.log();
+        }
+        let frame = render(&plan, &scene, self.keep_expected);
         drop(plan);
         let number = self.next_frame;
         let label = Label::new(number, &scene, &self.world, self.label_snr);

@@ -30,4 +30,24 @@ impl<'s> Plan<'s> {
             .collect();
         Plan { steps }
     }
+
+    /// Logs what runs and what does not, and why.
+    pub fn log(&self) {
+        for Step { effect, verdict } in &self.steps {
+            match verdict {
+                Verdict::Skip { why, error_e } => {
+                    tracing::debug!(
+                        "{}: skipped, {why}; leaves out {error_e} e- a pixel",
+                        effect.name
+                    );
+                }
+                Verdict::Run {
+                    because, price_ms, ..
+                } => tracing::debug!(
+                    "{}: runs, {because}; some {price_ms:.2} ms of a core",
+                    effect.name
+                ),
+            }
+        }
+    }
 }

@@ -9,20 +9,18 @@ use rayon::prelude::*;
 /// Rows of a tile: a tile of 1024 columns then keeps its charge in a core's second-level cache.
 const TILE_ROWS: usize = 32;
 
-/// Renders `scene` into `frame`, whose memory is used again. Pixels depend neither on the number of
-/// threads nor on the tiles. `keep_expected` keeps the expected electrons too.
-pub fn render(plan: &Plan<'_>, scene: &Scene, keep_expected: bool, frame: &mut Frame) {
+/// Renders `scene`. Pixels depend neither on the number of threads nor on the tiles. `keep_expected` keeps the
+/// expected electrons too.
+pub fn render(plan: &Plan<'_>, scene: &Scene, keep_expected: bool) -> Frame {
     let (width, height) = (scene.camera.detector.width, scene.camera.detector.height);
-    frame.width = width;
-    frame.height = height;
-    frame.digits.resize(width * height, 0);
+    let mut digits = vec![0; width * height];
     let mut electrons = vec![0.0f32; width * height];
     let mut expected = vec![0.0f32; if keep_expected { width * height } else { 0 }];
     let in_tile = width * TILE_ROWS;
 
     let tiles = electrons
         .par_chunks_mut(in_tile)
-        .zip(frame.digits.par_chunks_mut(in_tile));
+        .zip(digits.par_chunks_mut(in_tile));
     let work = |(index, (electrons, digits)): (usize, (&mut [f32], &mut [u16])),
                 kept: &mut [f32]| {
         let rows = digits.len() / width;
@@ -47,7 +45,12 @@ pub fn render(plan: &Plan<'_>, scene: &Scene, keep_expected: bool, frame: &mut F
     } else {
         tiles.enumerate().for_each(|tile| work(tile, &mut []));
     }
-    frame.expected_e = keep_expected.then_some(expected);
+    Frame {
+        width,
+        height,
+        digits,
+        expected_e: keep_expected.then_some(expected),
+    }
 }
 
 fn run(plan: &Plan<'_>, wanted: impl Fn(Stage) -> bool, tile: &mut Tile<'_>) {

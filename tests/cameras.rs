@@ -15,7 +15,7 @@ fn near(a: f64, b: f64, what: &str) {
 }
 
 /// Name, columns, rows, pitch (um), focal length (mm), aperture (mm), exposure (s).
-// X-Val: Clark et al. 2021, Table 1 (FAI), the figures (rigel-l, cots-wide); f/1.4 gives their apertures.
+// X-Val: Clark et al. 2021, Table 1 (FAI), README's table (rigel-l, cots-wide); f/1.4 gives their apertures.
 const FIGURES: [(&str, usize, usize, f64, f64, f64, f64); 4] = [
     ("fai-nir", 256, 256, 26.0, 13.8, 17.0, 0.1),
     ("fai-630", 256, 256, 26.0, 13.8, 17.0, 0.1),
@@ -49,7 +49,7 @@ fn the_shipped_cameras_have_their_published_figures() {
         near(camera.detector.quantum_efficiency, 0.66, "QE of Table 1");
         near(camera.optics.transmission, 0.9, "transmission of Table 1");
         assert_eq!(camera.optics.band.name(), band);
-        // X-Val: the design note's working field of view, 27.1 degrees.
+        // X-Val: the field of view that the README states, 27.1 degrees.
         let half = (128.0 / camera.optics.focal_px).atan().to_degrees();
         assert!((2.0 * half - 27.1).abs() < 0.05, "{half}");
     }
@@ -66,7 +66,7 @@ fn every_value_of_a_shipped_camera_says_where_it_comes_from() {
         let lines = text.lines().filter(|l| l.contains(" = "));
         for line in lines.filter(|l| !l.starts_with("name")) {
             let note = line.split_once('#').unwrap_or_default().1;
-            let source = ["[T1", "[spec", "[assumed", "[section", "[paper"];
+            let source = ["[T1", "[class", "[assumed", "[section", "[paper"];
             assert!(
                 source.iter().any(|tag| note.contains(tag)),
                 "{name}: {line}"

@@ -226,7 +226,7 @@ mod tests {
     }
 
     fn list() -> AttitudeList {
-        // X-Val: the first three attitudes of the CASSIOPE scene (the data note's fit to Table A1).
+        // X-Val: the first three attitudes of the CASSIOPE scene (fitted to Table A1 of Clark et al. 2021).
         let text = "# UTC x y z w\n2019-06-15T23:35:50 -0.070834 -0.644137 0.733522 -0.204975\n\n\
                     2019-06-15T23:35:55Z,-0.071699,-0.643288,0.734777,-0.202834\n\
                     2019-06-15T23:36:00 0.071539 0.642526 -0.735767 0.201716 # the sign does not matter\n";
@@ -288,7 +288,7 @@ mod tests {
     fn the_touchstone_points_z_where_the_conventions_say() {
         let q = parse_quaternion("-0.070834 -0.644137 0.733522 -0.204975").unwrap();
         let z = q.inverse() * Vector3::z();
-        // X-Val: the design's touchstone, RA 248.112 and Dec +9.215 degrees.
+        // X-Val: the conventions' touchstone, RA 248.112 and Dec +9.215 degrees.
         assert!((z.y.atan2(z.x).to_degrees().rem_euclid(360.0) - 248.112).abs() < 1e-3);
         assert!((z.z.asin().to_degrees() - 9.215).abs() < 1e-3);
     }

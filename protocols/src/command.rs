@@ -22,7 +22,7 @@ pub struct Attitude {
     pub q_icrf_to_body: [f64; 4],
     /// Angular velocity of the body against ICRF in body axes, rad/s.
     pub rates_rad_s: [f64; 3],
-    /// Position and velocity of the body; without it the emulator uses its own orbit.
+    /// Position and velocity of the body; without it the observer is at the Earth's centre.
     pub state: Option<OrbitState>,
 }
 

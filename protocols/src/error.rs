@@ -128,7 +128,10 @@ impl fmt::Display for DecodeError {
                 found,
                 expected,
             } => {
-                write!(f, "{field} is {found}, only {expected} is spoken here")
+                write!(
+                    f,
+                    "{field} is {found}, only {expected} is spoken here: send that"
+                )
             }
             Self::BadLength {
                 what,

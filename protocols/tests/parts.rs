@@ -150,7 +150,7 @@ fn blocks_are_full_and_fit_a_packet() {
         (1368, 1368)
     );
     assert_eq!(packed_length(Packing::Bits12, 3), 5);
-    // The cameras: 256 x 256 and 1280 x 1024.
+    // Built-in cameras: 256 x 256 and 1280 x 1024.
     assert_eq!(blocks_in_frame(256 * 256, Packing::Bits16), 96);
     assert_eq!(blocks_in_frame(1280 * 1024, Packing::Bits12), 1438);
     assert_eq!(blocks_in_frame(u32::MAX, Packing::Bits16), 6_279_192);

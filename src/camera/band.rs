@@ -8,8 +8,7 @@ pub const SUN_MAGNITUDE: f64 = -26.73;
 const H_C: f64 = 6.626_070_15e-34 * 299_792_458.0;
 /// Second radiation constant `h c / k`, m K.
 const C2: f64 = 1.438_776_877e-2;
-/// Colour temperature of the Sun from its B-V = 0.653 (Ramirez et al. 2012) by Eq. (14) of
-/// Ballesteros 2012, so that a star of the Sun's colour has the Sun's band magnitude.
+/// The Sun's B-V (Ramirez et al. 2012): a star of this colour has the Sun's band magnitude less its V.
 const SUN_B_V: f64 = 0.653;
 
 /// Response to photons against wavelength, normalised to a peak of 1 (quantum efficiency and transmission are apart).
@@ -42,7 +41,7 @@ impl Band {
         Band::sampled(name, from_m, to_m, |_| 1.0)
     }
 
-    /// `"v"` (Bessell 1990) or `"silicon"` (400 to 1000 nm, a typical sensor).
+    /// `"v"` (Bessell 1990) or `"silicon"` (350 to 1050 nm, a typical sensor).
     pub fn named(name: &str) -> Option<Band> {
         let table = |table: &'static [f64], from_nm: f64, step_nm: f64| {
             move |m: f64| linear(table, (m * 1e9 - from_nm) / step_nm)

@@ -41,6 +41,12 @@ impl Detector {
         (u32::from(u16::MAX) >> (16 - u32::from(self.bits.min(16)))) as u16
     }
 
+    /// The digital number at which a pixel saturates: its full well, or full scale where that comes first.
+    pub fn saturation_dn(&self) -> u16 {
+        let full_well = self.full_well_e / self.gain_e_per_dn + self.offset_dn;
+        (full_well.round() as u16).min(self.max_dn())
+    }
+
     /// Variance that rounding to whole digits adds, e-^2: `gain^2 / 12`.
     pub fn quantisation_variance(&self) -> f64 {
         self.gain_e_per_dn * self.gain_e_per_dn / 12.0

@@ -29,6 +29,9 @@ const READ_TIMEOUT: Duration = Duration::from_millis(100);
 fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
     url.only(&["baud"])?;
     let baud = url.number("baud", 115_200)?;
+    if baud == 0 {
+        return Err(url.refuse("baud = 0 must be above 0".to_string()));
+    }
     let port = serialport::new(&url.target, baud).timeout(READ_TIMEOUT).open().map_err(|error| {
         LinkError::Io {
             url: url.text.clone(),

@@ -46,7 +46,8 @@ impl Header {
         h.real("GAIN", detector.gain_e_per_dn, "[electron/adu] gain");
         h.real("OFFSET", detector.offset_dn, "[adu] digits of no charge");
         h.real("RDNOISE", detector.read_noise_e, "[electron] read noise");
-        h.integer("SATURATE", u64::from(detector.max_dn()), "[adu] full scale");
+        let saturate = u64::from(detector.saturation_dn());
+        h.integer("SATURATE", saturate, "[adu] full well or full scale");
         for (axis, q) in ["X", "Y", "Z", "W"].iter().zip(label.q_icrf_to_body) {
             h.real(&format!("Q_{axis}"), q, "attitude, ICRF to body");
         }

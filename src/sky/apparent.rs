@@ -132,7 +132,7 @@ impl Observer {
 
 /// The direction in which `observer` sees a star: unit vector, axes of the ICRF.
 ///
-/// Within 1 milliarcsec of independent libraries for stars without radial velocity (see the module's notes on what is left out).
+/// Within 2 milliarcsec of independent libraries for stars without radial velocity (see the module's notes on what is left out).
 pub fn star_direction(
     place: &StarPlace,
     observer: &Observer,
@@ -213,7 +213,7 @@ pub struct ApparentObject {
 
 /// The direction in which `observer` sees an object in Earth orbit whose geocentric GCRF state at any epoch is `state_at`.
 ///
-/// The object is asked for at the observer's epoch and a light time earlier, at most four times. Its errors are passed on. Within 3
+/// The object is asked for at the observer's epoch and a light time earlier, at most four times. Its errors are passed on. Within 5
 /// milliarcsec of a fully barycentric reckoning: the second order of the Earth's velocity over c.
 pub fn object_direction<E>(
     state_at: impl Fn(Epoch) -> Result<StateVector, E>,

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use std::collections::HashMap;
 
 /// How far (rad) a star may stand from its catalogue direction: Barnard's star moves 0.32 degrees in the 110
-/// years to 2100; aberration adds 21 arcsec, deflection at most 2 arcsec.
+/// years to 2100; aberration adds up to 26 arcsec, deflection at most 6 (close behind the Sun), parallax at most 0.8.
 const WANDER: f64 = 0.35 * std::f64::consts::PI / 180.0;
 
 /// Stars with what does not change from frame to frame.

@@ -241,7 +241,7 @@ fn the_wcs_gives_every_pixel_the_direction_that_the_camera_does() {
             let (sin_d, cos_d) = lonlat.lat().sin_cos();
             let (sin_a, cos_a) = lonlat.lon().sin_cos();
             let theirs = Vector3::new(cos_d * cos_a, cos_d * sin_a, sin_d);
-            // The issue asks for 1e-9 rad; a latitude near the pole loses half its digits.
+            // The bound is 1e-9 rad; a latitude near the pole loses half its digits.
             assert!(
                 (theirs - truth).norm() < 1e-7,
                 "{i} {pixel:?} {:e}",
