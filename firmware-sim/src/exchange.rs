@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use hifitime::Epoch;
 use skyloop_protocols::sequence::SequenceCounts;
-use skyloop_protocols::{Ack, Command, MAX_PACKET, Reply, Status, WireTime};
+use skyloop_protocols::{Ack, Command, MAX_PACKET, Reply, Status, WireTime, apid};
 
 use crate::pacing::Pacing;
 use crate::port::{Port, PortError};
@@ -66,9 +66,13 @@ impl<P: Port> Exchange<P> {
                     break;
                 }
                 let answered = match self.receive(left)? {
-                    Some(Incoming::Ack(ack)) => ack.sequence_count == count,
+                    Some(Incoming::Ack(ack)) => {
+                        (ack.apid, ack.sequence_count) == (apid::COMMAND, count)
+                    }
                     // An emulator that does not reset is there all the same.
-                    Some(Incoming::Nack(nack)) => nack.sequence_count == count,
+                    Some(Incoming::Nack(nack)) => {
+                        (nack.apid, nack.sequence_count) == (apid::COMMAND, count)
+                    }
                     _ => false,
                 };
                 if answered {

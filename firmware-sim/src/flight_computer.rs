@@ -158,7 +158,8 @@ impl<P: Port> FlightComputer<P> {
         let begin = Instant::now();
         for sequence in 0..self.mission.frames {
             if let Some(hz) = most_hz {
-                let due = Duration::try_from_secs_f64(f64::from(sequence) / hz).unwrap_or_default();
+                let due =
+                    Duration::try_from_secs_f64(f64::from(sequence) / hz).unwrap_or(Duration::MAX);
                 std::thread::sleep(due.saturating_sub(begin.elapsed()));
             }
             let count = self.send_attitude(sequence, self.mission.epoch(sequence))?;

@@ -109,7 +109,8 @@ pub struct Assembler {
     under_way: VecDeque<Partial>,
     /// Packets whose header has not come yet, with their frame's number.
     early: VecDeque<(u32, Vec<u8>)>,
-    done: VecDeque<u32>,
+    /// Frames that are finished or given up, with their exposure: an emulator started anew counts anew.
+    done: VecDeque<(u32, WireTime)>,
     counts: AssemblyCounts,
 }
 
@@ -146,7 +147,7 @@ impl Assembler {
             Reply::Labels(part) => part.frame,
             Reply::Status(_) | Reply::Ack(_) | Reply::Nack(_) => return Ok(None),
         };
-        if self.done.contains(&frame) {
+        if self.done.contains(&(frame, header.time)) {
             self.counts.duplicates += 1;
             return Ok(None);
         }
@@ -185,14 +186,11 @@ impl Assembler {
 
     /// Gives up all frames under way, and says what had come of them.
     pub fn abandon(&mut self) -> Vec<Progress> {
-        let given_up: Vec<Progress> = self
-            .under_way
-            .drain(..)
-            .map(|partial| partial.progress())
-            .collect();
-        for progress in &given_up {
+        let mut given_up = Vec::new();
+        while let Some(partial) = self.under_way.pop_front() {
             self.counts.incomplete += 1;
-            self.remember(progress.frame);
+            self.remember(&partial);
+            given_up.push(partial.progress());
         }
         self.early.clear();
         given_up
@@ -227,7 +225,7 @@ impl Assembler {
             && let Some(oldest) = self.under_way.pop_front()
         {
             self.counts.incomplete += 1;
-            self.remember(oldest.header.frame);
+            self.remember(&oldest);
         }
         let mut partial = Partial::new(*header, mid_exposure);
         let (early, others) = std::mem::take(&mut self.early)
@@ -251,6 +249,7 @@ impl Assembler {
     fn keep_early(&mut self, frame: u32, packet: &[u8]) {
         if self.early.len() >= self.limits.early {
             self.early.pop_front();
+            self.counts.refused += 1;
         }
         self.early.push_back((frame, packet.to_vec()));
     }
@@ -263,7 +262,7 @@ impl Assembler {
         let Some(partial) = self.under_way.remove(place) else {
             return Ok(None);
         };
-        self.remember(frame);
+        self.remember(&partial);
         let expected = partial.header.pixels_crc32;
         let found = Crc32::new().update_pixels(&partial.pixels).finish();
         if found != expected {
@@ -283,11 +282,12 @@ impl Assembler {
         }))
     }
 
-    fn remember(&mut self, frame: u32) {
+    fn remember(&mut self, partial: &Partial) {
         if self.done.len() >= REMEMBERED {
             self.done.pop_front();
         }
-        self.done.push_back(frame);
+        self.done
+            .push_back((partial.header.frame, partial.mid_exposure));
     }
 }
 

@@ -220,6 +220,7 @@ impl fmt::Display for Report {
             out_of_order,
             refused,
             bad_pixels,
+            incomplete,
             ..
         } = self.assembly;
         write!(
@@ -229,7 +230,7 @@ impl fmt::Display for Report {
         )?;
         writeln!(
             f,
-            ", {} damaged, {refused} contradictory; {bad_pixels} frames damaged",
+            ", {} damaged, {refused} contradictory or early; {bad_pixels} frames damaged, {incomplete} incomplete",
             self.undecodable + self.dropped
         )?;
         if totals.unscored > 0 {

@@ -45,10 +45,13 @@ impl Loaded {
 
 impl Object {
     fn is_called(&self, name: &str) -> bool {
-        let number = self.id.strip_prefix("NORAD ");
-        let known = self.names.iter().map(String::as_str);
-        let mut known = known.chain([self.id.as_str()]).chain(number);
+        // As a number, so that the `00005` of the element lines is 5.
+        let number = |text: &str| text.parse::<u32>().ok();
+        let norad = self.id.strip_prefix("NORAD ").and_then(number);
+        let names = self.names.iter().map(String::as_str);
+        let mut known = names.chain([self.id.as_str()]);
         known.any(|known| known.eq_ignore_ascii_case(name))
+            || norad.is_some_and(|norad| number(name) == Some(norad))
     }
 }
 
@@ -76,7 +79,7 @@ mod tests {
 
     #[test]
     fn by_id_number_or_name() {
-        for name in ["NORAD 5", "5", "Vanguard 1"] {
+        for name in ["NORAD 5", "5", "00005", "Vanguard 1"] {
             assert_eq!(pick(0..9, Some(name)).unwrap(), "NORAD 5 1", "{name}");
         }
         assert_eq!(pick(3..6, None).unwrap(), "NORAD 6251 0");
