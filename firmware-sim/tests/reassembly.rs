@@ -70,6 +70,17 @@ fn packets_in_order_make_a_frame() {
 }
 
 #[test]
+fn an_emulator_that_counts_anew_is_heard() {
+    let mut assembler = Assembler::new(Limits::default());
+    let (header, pixels, text) = material(3);
+    for time in [7, 8] {
+        let packets = Sender::default().frame(&header, &pixels, &text, WireTime(time));
+        assert_eq!(feed(&mut assembler, &packets).0.len(), 1, "{time}");
+    }
+    assert_eq!(assembler.counts(), AssemblyCounts::default());
+}
+
+#[test]
 fn any_order_and_any_repetition_make_the_same_frame() {
     let mut noise = Noise::new(21);
     for round in 0..20 {

@@ -92,8 +92,9 @@ fn name_the_cameras(error: ConfigError, name: &str) -> ConfigError {
 
 fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
     let (o, d, t) = (&raw.optics, &raw.detector, &raw.timing);
-    if raw.name.trim().is_empty() {
-        return Err(check.refuse("name", "\"\"", "a name: labels and FITS headers give it"));
+    if !(1..=60).contains(&raw.name.trim().chars().count()) {
+        let allowed = "a name of 1 to 60 characters: labels and FITS headers give it";
+        return Err(check.refuse("name", format!("{:?}", raw.name.trim()), allowed));
     }
     let focal_m = check.range("optics.focal_length_mm", o.focal_length_mm, 0.01..=1e6)? * 1e-3;
     let pitch_m = check.range("detector.pixel_um", d.pixel_um, 0.1..=1e4)? * 1e-6;

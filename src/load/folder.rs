@@ -1,7 +1,11 @@
 //! Where configuration and orbit files are read from: a folder on disk, or the files built into the binary.
 
 use super::{ConfigError, embedded};
+use std::io::Read;
 use std::path::{Path, PathBuf};
+
+/// Octets that a file may have: an OEM of a day at a state a second has 10 million.
+const LARGEST: u64 = 256 << 20;
 
 /// The folder that relative file names in a configuration refer to.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +44,7 @@ impl Folder {
             Folder::Disk(folder) => {
                 let path = folder.join(name);
                 let shown = path.display().to_string();
-                match std::fs::read(&path) {
+                match read_bounded(&path) {
                     Ok(bytes) if bytes.contains(&0) => {
                         Err(failed(shown, std::io::Error::other("not a text file")))
                     }
@@ -58,4 +62,15 @@ impl Folder {
             }
         }
     }
+}
+
+/// A file of at most [`LARGEST`] octets.
+fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let file = std::fs::File::open(path)?;
+    file.take(LARGEST + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > LARGEST {
+        return Err(std::io::Error::other("longer than 256 MiB"));
+    }
+    Ok(bytes)
 }

@@ -136,6 +136,11 @@ impl Object {
     }
 }
 
+/// A name as it goes into every label: its first 100 characters.
+fn bounded_name(name: &str) -> String {
+    name.chars().take(100).collect()
+}
+
 /// The set whose epoch is nearest to `t`.
 fn nearest<'a>(set: &'a Elements, others: &'a [Elements], t: Epoch) -> &'a Elements {
     others.iter().fold(set, |best, other| {

@@ -2,7 +2,7 @@
 
 use crate::ephemeris::{Ephemeris, Node, Segment};
 use crate::load::{Loaded, Rejected};
-use crate::{Object, Orbit, StateVector, frames, time};
+use crate::{Object, Orbit, StateVector, bounded_name, frames, time};
 use hifitime::{Epoch, TimeScale};
 use nalgebra::{Matrix3, Vector3};
 
@@ -220,8 +220,8 @@ impl Meta {
         let stop = epoch("USEABLE_STOP_TIME")?.or(stop).ok_or_else(missing)?;
         Ok(Data {
             line: self.line,
-            id: self.need("OBJECT_ID")?.0.to_owned(),
-            name: self.need("OBJECT_NAME")?.0.to_owned(),
+            id: bounded_name(self.need("OBJECT_ID")?.0),
+            name: bounded_name(self.need("OBJECT_NAME")?.0),
             axes: self.axes()?,
             scale,
             degree: self.degree()?,
@@ -262,16 +262,18 @@ impl Meta {
     /// All methods are carried out as Lagrange's of the stated degree.
     fn degree(&self) -> At<usize> {
         let method = self.find("INTERPOLATION");
-        match method.map(|(name, line)| (name.to_ascii_uppercase(), line)) {
-            None => Ok(()),
-            Some((name, _)) if matches!(name.as_str(), "LAGRANGE" | "HERMITE" | "LINEAR") => Ok(()),
-            Some((name, line)) => Err((
-                line,
-                format!("INTERPOLATION '{name}'; read are LAGRANGE, HERMITE and LINEAR"),
-            )),
-        }?;
+        let by_default = match method.map(|(name, line)| (name.to_ascii_uppercase(), line)) {
+            None => DEFAULT_DEGREE,
+            Some((name, _)) if name == "LINEAR" => 1,
+            Some((name, _)) if matches!(name.as_str(), "LAGRANGE" | "HERMITE") => DEFAULT_DEGREE,
+            Some((name, line)) => {
+                let reason =
+                    format!("INTERPOLATION '{name}'; read are LAGRANGE, HERMITE and LINEAR");
+                return Err((line, reason));
+            }
+        };
         let Some((text, line)) = self.find("INTERPOLATION_DEGREE") else {
-            return Ok(DEFAULT_DEGREE);
+            return Ok(by_default);
         };
         let degree = text.parse().ok();
         degree

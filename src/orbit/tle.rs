@@ -2,7 +2,7 @@
 
 use crate::elements::{Checksum, Elements};
 use crate::load::{Loaded, Rejected};
-use crate::{Object, Orbit};
+use crate::{Object, Orbit, bounded_name};
 use std::collections::HashMap;
 
 /// Name lines have at most 24 characters behind a `0 `; element lines have 69.
@@ -107,7 +107,7 @@ fn object(elements: Elements, name: Option<&str>) -> Object {
         id: format!("NORAD {}", elements.norad),
         names: name
             .filter(|name| !name.is_empty())
-            .map(str::to_owned)
+            .map(bounded_name)
             .into_iter()
             .collect(),
         orbit: Orbit::Elements(elements, Vec::new()),
@@ -119,10 +119,9 @@ fn add_set(object: &mut Object, elements: Elements, name: Option<&str>) {
     if let Orbit::Elements(_, others) = &mut object.orbit {
         others.push(elements);
     }
-    if let Some(name) =
-        name.filter(|name| !name.is_empty() && !object.names.iter().any(|known| known == name))
-    {
-        object.names.push(name.to_owned());
+    let name = name.filter(|name| !name.is_empty()).map(bounded_name);
+    if let Some(name) = name.filter(|name| !object.names.contains(name)) {
+        object.names.push(name);
     }
 }
 
