@@ -5,7 +5,7 @@ use crate::config::{Config, Sequence, TimedAttitude};
 use crate::scene::{Exposure, Unobservable, shutter, turn_at};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
-use skyloop_firmware_sim::attitude_list::AttitudeList;
+use skyloop_firmware_sim::attitude_list::{AttitudeList, ListError};
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, ProfileError, orbit_of};
 use skyloop_orbit::time::utc_text;
@@ -37,6 +37,9 @@ pub enum FlightError {
         /// What is wrong.
         source: AttitudeError,
     },
+    /// The attitudes do not make a list.
+    #[error(transparent)]
+    List(#[from] ListError),
     /// A frame that cannot be shown.
     #[error(transparent)]
     Unobservable(#[from] Unobservable),
@@ -60,7 +63,7 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         start: sequence.epoch,
         period_s: sequence.period_s,
         frames: sequence.frames,
-        profile: profile(sequence),
+        profile: profile(sequence)?,
         orbit,
         timeout: TIMEOUT,
         pace: Pace::Stepped { most_hz: None },
@@ -95,32 +98,25 @@ pub fn vehicle(mission: &Mission, number: u32) -> Result<VehicleState, FlightErr
     .map_err(|source| FlightError::Attitude { epoch, source })
 }
 
-fn profile(sequence: &Sequence) -> Profile {
+/// One attitude turns with the sequence's rates; several are slerped.
+fn profile(sequence: &Sequence) -> Result<Profile, FlightError> {
     let unit = |timed: &TimedAttitude| {
         let [x, y, z, w] = timed.attitude.xyzw();
         UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
     };
-    let list = sequence
-        .attitudes
-        .iter()
-        .map(|timed| (timed.epoch, unit(timed)))
-        .collect();
-    match (
-        AttitudeList::new(list, "sequence.attitudes"),
-        &sequence.attitudes[..],
-    ) {
-        (Ok(list), _) => Profile::List(list),
-        // One attitude: it turns with the sequence's rates. The configuration holds at least one, in order.
-        (Err(_), attitudes) => Profile::Slew {
-            start: attitudes
-                .first()
-                .map_or(sequence.epoch, |timed| timed.epoch),
-            attitude: attitudes
-                .first()
-                .map_or_else(UnitQuaternion::identity, unit),
+    if let [one] = &sequence.attitudes[..] {
+        return Ok(Profile::Slew {
+            start: one.epoch,
+            attitude: unit(one),
             rates_rad_s: Vector3::from(sequence.rates),
-        },
+        });
     }
+    let timed = sequence.attitudes.iter();
+    let list = timed.map(|timed| (timed.epoch, unit(timed))).collect();
+    Ok(Profile::List(AttitudeList::new(
+        list,
+        "sequence.attitudes",
+    )?))
 }
 
 /// A state carried on by two-body motion and J2.

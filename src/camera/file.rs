@@ -1,6 +1,6 @@
 //! The camera file: TOML keys with units to a validated [`Camera`].
 
-use super::{Band, Camera, Detector, GaussianPsf, Optics};
+use super::{Band, Camera, Detector, EXPOSURE_S, GAIN_E_PER_DN, GaussianPsf, Optics, RATE_HZ};
 use crate::attitude::Attitude;
 use crate::load::{CAMERAS, Check, ConfigError, Folder, parse};
 use serde::Deserialize;
@@ -119,7 +119,7 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
         dark_e_s: check.range("detector.dark_e_s", d.dark_e_s, 0.0..=1e9)?,
         read_noise_e: check.range("detector.read_noise_e", d.read_noise_e, 0.0..=1e6)?,
         full_well_e: check.range("detector.full_well_e", d.full_well_e, 1.0..=1e9)?,
-        gain_e_per_dn: check.range("detector.gain_e_per_dn", d.gain_e_per_dn, 1e-4..=1e6)?,
+        gain_e_per_dn: check.range("detector.gain_e_per_dn", d.gain_e_per_dn, GAIN_E_PER_DN)?,
         offset_dn: check.range("detector.offset_dn", d.offset_dn, 0.0..=full_scale)?,
         bits,
     };
@@ -138,8 +138,8 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
         Some(q) => Attitude::from_xyzw(q)
             .map_err(|error| check.explain("mounting.q_body_to_camera", error))?,
     };
-    let exposure_s = check.range("timing.exposure_s", t.exposure_s, 1e-9..=1e4)?;
-    let rate_hz = check.range("timing.rate_hz", t.rate_hz, 1e-4..=1e4)?;
+    let exposure_s = check.range("timing.exposure_s", t.exposure_s, EXPOSURE_S)?;
+    let rate_hz = check.range("timing.rate_hz", t.rate_hz, RATE_HZ)?;
     if rate_hz * exposure_s > 1.0 {
         let most = format!(
             "at most 1 / timing.exposure_s = {}: exposures do not overlap",

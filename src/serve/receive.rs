@@ -3,6 +3,7 @@
 use super::deliver::LISTEN;
 use super::{Exchange, Latched, MAX_WAITING, Server};
 use crate::attitude::{AttitudeError, VehicleState};
+use crate::camera::{EXPOSURE_S, GAIN_E_PER_DN, RATE_HZ};
 use crate::config::Clock;
 use crate::link::{Inbound, LinkError, Outbound, QUEUE};
 use crate::scene::{Exposure, turn_at};
@@ -11,13 +12,6 @@ use skyloop_protocols::{Attitude, Command, Header, Reason, Reply, packet};
 use std::ops::RangeInclusive;
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant};
-
-/// Exposure times (s) that can be commanded.
-const EXPOSURE_S: RangeInclusive<f64> = 1e-9..=1e4;
-/// Gains (e-/DN) that can be commanded.
-const GAIN: RangeInclusive<f64> = 1e-4..=1e6;
-/// Rates (Hz) that can be commanded.
-const RATE_HZ: RangeInclusive<f64> = 1e-4..=1e4;
 
 /// Why a valid packet is refused.
 struct Refusal {
@@ -237,7 +231,7 @@ impl Server {
                 self.emulator.camera_mut().exposure_s = seconds;
             }
             Command::Gain { e_per_dn } => {
-                within("Gain.e_per_dn", e_per_dn, GAIN)?;
+                within("Gain.e_per_dn", e_per_dn, GAIN_E_PER_DN)?;
                 self.emulator.camera_mut().detector.gain_e_per_dn = e_per_dn;
             }
             Command::FrameRate { hz } => {
