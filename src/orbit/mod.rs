@@ -33,6 +33,7 @@ use elements::{Elements, PropagationError};
 use ephemeris::Ephemeris;
 use hifitime::Epoch;
 use nalgebra::{Matrix3, Vector3};
+use std::borrow::Cow;
 use time::utc_text;
 
 /// Position and velocity of a point, geocentric, GCRF axes.
@@ -125,6 +126,18 @@ impl Object {
             }
         };
         Ok(state)
+    }
+
+    /// The object with the one element set that counts at `t`: within an exposure it must not change.
+    pub fn settled(&self, t: Epoch) -> Cow<'_, Object> {
+        match &self.orbit {
+            Orbit::Elements(set, others) if !others.is_empty() => Cow::Owned(Object {
+                id: self.id.clone(),
+                names: self.names.clone(),
+                orbit: Orbit::Elements(nearest(set, others, t).clone(), Vec::new()),
+            }),
+            _ => Cow::Borrowed(self),
+        }
     }
 
     /// Identifier and first name, for messages: `NORAD 39265 (CASSIOPE)`.

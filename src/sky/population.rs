@@ -95,6 +95,7 @@ impl Population {
         shutter: &Shutter,
         corrections: &Corrections,
     ) -> Result<SeenObject, OrbitError> {
+        let object = object.settled(shutter[1].epoch);
         let at = |observer: &Observer| object_direction(|t| object.state(t), observer, corrections);
         let line = |seen: &ApparentObject| seen.direction * seen.range_m;
         let apparent = at(&shutter[1])?;
