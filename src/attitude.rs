@@ -45,7 +45,7 @@ pub enum AttitudeError {
         value: Vec<f64>,
     },
     /// A component is finite but beyond what the emulator works with.
-    #[error("{what} {value:?} is out of range: {allowed}")]
+    #[error("{what} {}: must be {allowed}", short(value))]
     OutOfRange {
         /// Which quantity.
         what: &'static str,
@@ -137,21 +137,16 @@ pub fn check_orbit(state: &StateVector) -> Result<(), AttitudeError> {
         "position (m)",
         &position,
         MAX_POSITION,
-        "must lie at most 4e9 m from the Earth's centre",
+        "at most 4e9 m from the Earth's centre",
     )?;
     if length(&position) < MIN_POSITION {
         return Err(AttitudeError::OutOfRange {
             what: "position (m)",
             value: position.to_vec(),
-            allowed: "must lie at least 6356 km from the Earth's centre; give no state for an observer there",
+            allowed: "at least 6356 km from the Earth's centre, or left out",
         });
     }
-    bounded(
-        "velocity (m/s)",
-        &velocity,
-        MAX_SPEED,
-        "must be at most 1e5 m/s",
-    )
+    bounded("velocity (m/s)", &velocity, MAX_SPEED, "at most 1e5 m/s")
 }
 
 impl VehicleState {
@@ -168,7 +163,7 @@ impl VehicleState {
             "body rates (rad/s)",
             &rates,
             MAX_RATE,
-            "must be at most 628.4 rad/s",
+            "at most 628.4 rad/s",
         )?;
         let orbit = orbit.map(|(position, velocity)| StateVector {
             position_m: position.into(),
@@ -205,6 +200,15 @@ fn finite(what: &'static str, value: &[f64]) -> Result<(), AttitudeError> {
         what,
         value: value.to_vec(),
     })
+}
+
+/// Numbers short enough for a `Nack`.
+fn short(value: &[f64]) -> String {
+    let numbers = value.iter().map(|v| match v.to_string() {
+        short if short.len() <= 12 => short,
+        _ => format!("{v:.6e}"),
+    });
+    format!("[{}]", numbers.collect::<Vec<_>>().join(", "))
 }
 
 fn length(value: &[f64]) -> f64 {

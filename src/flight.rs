@@ -48,8 +48,8 @@ pub enum FlightError {
 /// How long a flight computer waits for a frame.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// The mission that `config`'s sequence describes, in lock-step with the emulator. Its attitudes can be shown, and
-/// so can the states of its first and last frame.
+/// The mission that `config`'s sequence describes, in lock-step with the emulator. It has an attitude
+/// and a state for every frame, and those of the first and last can be shown.
 pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     let sequence = config.sequence.as_ref().ok_or(FlightError::NoSequence)?;
     let orbit = config.observer.clone().map(|observer| match observer {
@@ -75,8 +75,7 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         shutter(&vehicle, &Exposure::around(vehicle.epoch, exposure_s))?;
     }
     for number in 0..mission.frames {
-        let pointing = mission.profile.at(mission.epoch(number), None)?;
-        turn_at(pointing.rates_rad_s, exposure_s)?;
+        turn_at(vehicle(&mission, number)?.rates, exposure_s)?;
     }
     Ok(mission)
 }

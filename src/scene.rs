@@ -99,7 +99,7 @@ pub enum Unobservable {
         exposure_s: f64,
     },
     /// The state, carried on by its orbit, has left the range of observers.
-    #[error("the observer's state carried on to {}: {source}", utc_text(*epoch))]
+    #[error("state carried on to {}: {source}", utc_text(*epoch))]
     State {
         /// An instant of the exposure.
         epoch: Epoch,
@@ -191,7 +191,8 @@ pub struct Scene {
 impl Scene {
     /// What `camera` on `vehicle` sees during `exposure`.
     ///
-    /// Fails only where the epoch lies outside the ephemerides, or the body turns further than [`MAX_TURN`].
+    /// Fails only where the epoch lies outside the ephemerides, the body turns further than [`MAX_TURN`], or the
+    /// observer's state, carried through the exposure, leaves its range.
     pub fn observe(
         world: &World,
         camera: &Arc<Camera>,

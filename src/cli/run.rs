@@ -61,11 +61,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     println!("listening on {}; Ctrl-C ends the run", server.address());
     let served = server.run(&stop, args.frames, |_| {});
 
-    let mut rows = server.stats.rows();
-    let answer = times(&server.stats.answer, &[0.5, 0.99]);
+    let address = server.address().to_string();
+    let (stats, counters) = server.close();
+    let mut rows = stats.rows();
+    let answer = times(&stats.answer, &[0.5, 0.99]);
     rows.insert(2, row("attitude to last block p50 / p99", answer));
-    let counts: Vec<String> = server
-        .counters()
+    let counts: Vec<String> = counters
         .iter()
         .filter(|(_, count)| *count > 0)
         .map(|(name, count)| format!("{name} {count}"))
@@ -79,8 +80,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         },
     ));
     print!("\n{}", table(&rows));
-    let address = server.address().to_string();
-    server.close();
     match served? {
         Ended::AsAsked => Ok(()),
         Ended::LinkGone => bail!("link {address}: it has gone (see the log above); open it again"),

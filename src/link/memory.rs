@@ -57,7 +57,7 @@ struct MemoryOutbox {
 impl Outbox for MemoryOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
         match self.queue.try_send(what) {
-            Ok(()) => count(&self.tally.sent),
+            Ok(()) => {}
             Err(TrySendError::Full(what)) => return Ok(Some(what)),
             // The client has left, as it may; the inbox says so too.
             Err(TrySendError::Disconnected(_)) => count(&self.tally.lost),

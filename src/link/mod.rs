@@ -1,5 +1,5 @@
-//! The links. Each carries whole packets both ways between its own threads and two bounded queues; no link
-//! knows what a packet means. Adding one is a file here and a line in [`LINKS`].
+//! The links. Each carries whole packets both ways between its own threads and two bounded queues; of what a
+//! packet means a link knows at most whether it is valid. Adding one is a file here and a line in [`LINKS`].
 
 mod memory;
 mod serial;
@@ -60,7 +60,7 @@ pub struct Inbound {
 }
 
 /// Something for the link to do.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub enum Outbound {
     /// Send this packet, if its exchange still stands.
     Packet {
@@ -99,25 +99,38 @@ pub struct Wire {
 }
 
 impl Wire {
-    /// Lets what is queued leave; gives up when nothing moves for a second: nobody takes it.
-    pub fn close(self) {
-        const STALL: Duration = Duration::from_secs(1);
+    /// Lets what is queued leave; gives up when nothing moves for `patience`: nobody takes it. Gives the number
+    /// of packets that are lost then.
+    pub fn close(self, patience: Duration) -> u32 {
         drop(self.outbox);
-        let Some(sender) = self.sender else { return };
-        let (mut sent, mut moved) = (self.tally.sent(), Instant::now());
-        while !sender.is_finished() && moved.elapsed() < STALL {
+        let Some(sender) = self.sender else { return 0 };
+        const SOON: Duration = Duration::from_millis(500);
+        let read = |number: &AtomicU32| number.load(Ordering::Relaxed);
+        let (mut octets, mut since, mut told) = (read(&self.tally.moved), Instant::now(), false);
+        while !sender.is_finished() && since.elapsed() < patience {
             std::thread::sleep(Duration::from_millis(2));
-            if self.tally.sent() != sent {
-                (sent, moved) = (self.tally.sent(), Instant::now());
+            if read(&self.tally.moved) != octets {
+                (octets, since) = (read(&self.tally.moved), Instant::now());
+            } else if since.elapsed() > SOON && !std::mem::replace(&mut told, true) {
+                let waiting = read(&self.tally.waiting);
+                tracing::warn!("waiting for the client to read {waiting} packets");
             }
         }
+        let left = read(&self.tally.waiting);
+        if left > 0 {
+            tracing::warn!("{left} packets for the client could not be sent: they are lost");
+        }
+        left
     }
 }
 
 /// What a link counts.
 #[derive(Debug, Default)]
 pub struct Tally {
-    sent: AtomicU32,
+    /// What is in the outbound queue, or on its way out of it.
+    waiting: AtomicU32,
+    /// Octets that have left, modulo 2^32.
+    moved: AtomicU32,
     foreign: AtomicU32,
     dropped: AtomicU32,
     bad_framing: AtomicU32,
@@ -125,11 +138,6 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Packets sent.
-    pub fn sent(&self) -> u32 {
-        self.sent.load(Ordering::Relaxed)
-    }
-
     /// Packets from others than the client.
     pub fn foreign(&self) -> u32 {
         self.foreign.load(Ordering::Relaxed)
@@ -145,9 +153,24 @@ impl Tally {
         self.bad_framing.load(Ordering::Relaxed)
     }
 
-    /// Answers whose client had gone, or that the system refused to send.
+    /// Packets whose client had gone or did not read, or that the system refused to send.
     pub fn lost(&self) -> u32 {
         self.lost.load(Ordering::Relaxed)
+    }
+
+    /// Books something put into the outbound queue.
+    fn queued(&self) {
+        count(&self.waiting);
+    }
+
+    /// Books something that needs the queue no more.
+    fn done(&self) {
+        self.waiting.fetch_sub(1, Ordering::Relaxed);
+    }
+
+    /// Books octets that have left.
+    fn moved(&self, octets: usize) {
+        self.moved.fetch_add(octets as u32, Ordering::Relaxed);
     }
 }
 

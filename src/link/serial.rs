@@ -80,6 +80,7 @@ fn start(
     let address = address.to_string();
     let outbox = LineOutbox {
         queue: outbox,
+        tally: tally.clone(),
         address: address.clone(),
     };
     Ok(Wire {
@@ -94,16 +95,20 @@ fn start(
 /// The queue to the writer.
 struct LineOutbox {
     queue: SyncSender<Outbound>,
+    tally: Arc<Tally>,
     address: String,
 }
 
 impl Outbox for LineOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
         match self.queue.try_send(what) {
-            Ok(()) => Ok(None),
-            Err(TrySendError::Full(what)) => Ok(Some(what)),
-            Err(TrySendError::Disconnected(_)) => Err(LinkError::Closed(self.address.clone())),
+            Ok(()) => self.tally.queued(),
+            Err(TrySendError::Full(what)) => return Ok(Some(what)),
+            Err(TrySendError::Disconnected(_)) => {
+                return Err(LinkError::Closed(self.address.clone()));
+            }
         }
+        Ok(None)
     }
 }
 
@@ -168,26 +173,29 @@ fn read(
 fn write(mut port: Box<dyn SerialPort>, departures: &Receiver<Outbound>, tally: &Tally) {
     let mut line = Vec::with_capacity(slip::max_encoded_length(slip::BUFFER));
     while let Ok(departure) = departures.recv() {
-        let Outbound::Packet { packet, .. } = departure else {
-            continue;
-        };
         line.clear();
-        slip::encode(&packet, &mut |octet| line.push(octet));
-        if let Err(error) = write_whole(port.as_mut(), &line) {
+        // The line has one client: there is nothing to release.
+        if let Outbound::Packet { packet, .. } = departure {
+            slip::encode(&packet, &mut |octet| line.push(octet));
+        }
+        if let Err(error) = write_whole(port.as_mut(), &line, tally) {
             tracing::error!(%error, "the serial line can no longer be written");
             return;
         }
-        count(&tally.sent);
+        tally.done();
     }
 }
 
 /// Writes all of `line`, however long its other end takes: then the queue stays full, and it is the emulator
 /// that gives frames up, whole. Ends with an error when the line does.
-fn write_whole(port: &mut dyn SerialPort, mut line: &[u8]) -> std::io::Result<()> {
+fn write_whole(port: &mut dyn SerialPort, mut line: &[u8], tally: &Tally) -> std::io::Result<()> {
     while !line.is_empty() {
         match port.write(line) {
             Ok(0) => return Err(ErrorKind::WriteZero.into()),
-            Ok(length) => line = &line[length..],
+            Ok(length) => {
+                tally.moved(length);
+                line = &line[length..];
+            }
             Err(error) if is_passing(&error) => {}
             Err(error) => return Err(error),
         }
@@ -258,5 +266,42 @@ mod tests {
         drop((master, slave));
         let gone = wire.inbox.recv_timeout(100 * READ_TIMEOUT).unwrap_err();
         assert_eq!(gone, RecvTimeoutError::Disconnected);
+    }
+
+    /// Both ends of a pseudo-terminal: the emulator's with `packets` of 1400 octets queued, and the client's.
+    fn with_queued(packets: usize) -> (Wire, TTYPort) {
+        let (master, client) = TTYPort::pair().unwrap();
+        let mut wire = start(Box::new(master), "serial", None).unwrap();
+        for _ in 0..packets {
+            let packet = Bytes::from(vec![1; 1400]);
+            let full = wire.outbox.offer(Outbound::Packet {
+                exchange: 0,
+                packet,
+            });
+            assert!(full.unwrap().is_none());
+        }
+        (wire, client)
+    }
+
+    #[test]
+    fn closing_waits_for_a_slow_reader() {
+        let (wire, mut client) = with_queued(40);
+        let closing = std::thread::spawn(move || wire.close(Duration::from_secs(30)));
+        // At first 2 kB/s; the pseudo-terminal lets 4 KiB pass at once.
+        let mut pauses = [Duration::from_millis(100); 30].into_iter();
+        let mut buffer = [0; 200];
+        while !closing.is_finished() {
+            let _ = client.read(&mut buffer);
+            std::thread::sleep(pauses.next().unwrap_or_default());
+        }
+        assert_eq!(closing.join().unwrap(), 0);
+    }
+
+    #[test]
+    fn what_nobody_reads_is_lost_and_counted() {
+        let (wire, _client) = with_queued(40);
+        let lost = wire.close(Duration::from_millis(500));
+        // 40 packets of 1400 octets; a pseudo-terminal holds some 4 to 20 KiB of them.
+        assert!((20..40).contains(&lost), "{lost}");
     }
 }

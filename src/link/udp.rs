@@ -97,6 +97,7 @@ fn listen(
     let address = format!("udp://{local}");
     let outbox = UdpOutbox {
         queue: outbox,
+        tally: tally.clone(),
         address: address.clone(),
     };
     Ok((
@@ -113,16 +114,18 @@ fn listen(
 
 struct UdpOutbox {
     queue: Sender<Outbound>,
+    tally: Arc<Tally>,
     address: String,
 }
 
 impl Outbox for UdpOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
         match self.queue.try_send(what) {
-            Ok(()) => Ok(None),
-            Err(TryQueue::Full(what)) => Ok(Some(what)),
-            Err(TryQueue::Closed(_)) => Err(LinkError::Closed(self.address.clone())),
+            Ok(()) => self.tally.queued(),
+            Err(TryQueue::Full(what)) => return Ok(Some(what)),
+            Err(TryQueue::Closed(_)) => return Err(LinkError::Closed(self.address.clone())),
         }
+        Ok(None)
     }
 }
 
@@ -154,16 +157,23 @@ async fn carry(
                     Err(TrySendError::Disconnected(_)) => return Ok(()),
                 }
             }
-            departure = departures.recv() => match departure {
-                None => return Ok(()),
-                Some(Outbound::Release { exchange: number, asked }) => exchange.release(number, asked),
-                Some(Outbound::Packet { exchange: number, packet }) => {
-                    let sent = match exchange.client_of(number) {
-                        Some(client) => socket.send_to(&packet, client).await.is_ok(),
-                        None => false,
-                    };
-                    count(if sent { &exchange.tally.sent } else { &exchange.tally.lost });
+            departure = departures.recv() => {
+                match departure {
+                    None => return Ok(()),
+                    Some(Outbound::Release { exchange: number, asked }) => exchange.release(number, asked),
+                    Some(Outbound::Packet { exchange: number, packet }) => {
+                        let sent = match exchange.client_of(number) {
+                            Some(client) => socket.send_to(&packet, client).await.is_ok(),
+                            None => false,
+                        };
+                        if sent {
+                            exchange.tally.moved(packet.len());
+                        } else {
+                            count(&exchange.tally.lost);
+                        }
+                    }
                 }
+                exchange.tally.done();
             }
         }
     }

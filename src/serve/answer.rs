@@ -40,13 +40,7 @@ impl Server {
         let mut buffer = [0; MAX_PACKET];
         let count = self.counts.next(reply.apid());
         match (self.personality.encode_reply)(reply, count, time, &mut buffer) {
-            Ok(length) => {
-                let packet = Bytes::copy_from_slice(&buffer[..length]);
-                self.offer(Outbound::Packet {
-                    exchange: self.exchange.number,
-                    packet,
-                })
-            }
+            Ok(length) => self.queue(Bytes::copy_from_slice(&buffer[..length])),
             Err(error) => {
                 tracing::error!(%error, apid = reply.apid(), "an answer could not be encoded");
                 Ok(())
@@ -55,9 +49,8 @@ impl Server {
     }
 
     /// Queues an answer behind those that wait. A client that takes nothing loses answers beyond [`MAX_ANSWERS`].
-    pub(super) fn offer(&mut self, what: Outbound) -> Result<(), LinkError> {
-        let is_packet = matches!(what, Outbound::Packet { .. });
-        if is_packet && self.exchange.answers.len() >= MAX_ANSWERS {
+    fn queue(&mut self, answer: Bytes) -> Result<(), LinkError> {
+        if self.exchange.answers.len() >= MAX_ANSWERS {
             self.counters.lost_outbound = self.counters.lost_outbound.wrapping_add(1);
             if !std::mem::replace(&mut self.exchange.overrun, true) {
                 tracing::warn!(
@@ -66,19 +59,41 @@ impl Server {
             }
             return Ok(());
         }
-        self.exchange.answers.push_back(what);
+        self.exchange.answers.push_back(answer);
         self.flush().map(|_| ())
     }
 
-    /// Hands waiting answers to the link while it has room; true when none waits any more.
+    /// Hands waiting answers to the link while it has room; true when nothing waits any more.
     pub(super) fn flush(&mut self) -> Result<bool, LinkError> {
-        while let Some(answer) = self.exchange.answers.pop_front() {
-            if let Some(back) = self.wire.outbox.offer(answer)? {
-                self.exchange.answers.push_front(back);
+        let exchange = self.exchange.number;
+        while let Some(packet) = self.exchange.answers.front() {
+            let packet = packet.clone();
+            let back = self
+                .wire
+                .outbox
+                .offer(Outbound::Packet { exchange, packet })?;
+            if back.is_some() {
                 return Ok(false);
             }
+            self.exchange.answers.pop_front();
+        }
+        if let Some(asked) = self.exchange.release {
+            let back = self
+                .wire
+                .outbox
+                .offer(Outbound::Release { exchange, asked })?;
+            if back.is_some() {
+                return Ok(false);
+            }
+            self.exchange.release = None;
         }
         Ok(true)
+    }
+
+    /// Counts the answers that wait as lost.
+    pub(super) fn lose_answers(&mut self) {
+        let waiting = self.exchange.answers.drain(..).count() as u32;
+        self.counters.lost_outbound = self.counters.lost_outbound.wrapping_add(waiting);
     }
 
     pub(super) fn status(&self) -> Status {

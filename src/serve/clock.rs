@@ -7,17 +7,21 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// time; frames then carry its time, running at the wall's pace.
 const SAME_CLOCK_S: f64 = 10.0;
 
-/// When the next frame is due, and what time it then is in the scene.
+/// Which exposure ends when, and what time it then is in the scene.
 #[derive(Debug)]
 pub struct WallClock {
     period: Duration,
-    /// End of the next exposure; none while the cadence stands still.
-    due: Option<Instant>,
-    /// Whether the cadence stops after the next frame.
-    single: bool,
+    /// End of the exposure under way; none while the cadence rests.
+    next: Option<Instant>,
+    /// Whether the cadence rests after it.
+    rests: bool,
+    /// End of an exposure that waits for its frame.
+    ended: Option<Instant>,
+    /// End of the single shot that was commanded, until its frame is taken.
+    shot: Option<Instant>,
     /// Scene time and the instant that it was read at.
     zero: Option<(Epoch, Instant)>,
-    /// Exposures that nobody could take because the emulator was late.
+    /// Exposures without a frame.
     pub missed: u32,
 }
 
@@ -26,14 +30,16 @@ impl WallClock {
     pub fn new(rate_hz: f64) -> WallClock {
         WallClock {
             period: period(rate_hz),
-            due: None,
-            single: false,
+            next: None,
+            rests: false,
+            ended: None,
+            shot: None,
             zero: None,
             missed: 0,
         }
     }
 
-    /// Learns the scene's time from a client's first attitude; the first frame follows a period later.
+    /// Learns the scene's time from a client's first attitude; the first exposure ends a period later.
     pub fn set(&mut self, attitude: Epoch, arrived: Instant) {
         if self.zero.is_some() {
             return;
@@ -47,66 +53,86 @@ impl WallClock {
             attitude
         };
         self.zero = Some((scene, arrived));
-        self.due = Some(arrived + self.period);
+        self.next = Some(arrived + self.period);
     }
 
     /// Forgets the scene's time: the next client sets it anew.
-    pub fn clear(&mut self, rate_hz: f64) {
+    pub fn clear(&mut self, rate_hz: f64, now: Instant) {
+        self.advance(now);
         *self = WallClock {
             missed: self.missed,
             ..WallClock::new(rate_hz)
         };
     }
 
-    /// Lets frames run at another rate: from the end of the last exposure, or of the single shot under way, or
-    /// from now on where the cadence rests.
+    /// Lets frames run at another rate: a period after the last exposure, or after `arrived` where that is past
+    /// or the cadence rests. A single shot under way is that last exposure.
     pub fn set_rate(&mut self, rate_hz: f64, arrived: Instant) {
+        self.advance(arrived);
         let before = std::mem::replace(&mut self.period, period(rate_hz));
-        let single = std::mem::take(&mut self.single);
-        self.due = match self.due {
-            Some(due) if single => Some(due),
-            Some(due) => Some(due.checked_sub(before).unwrap_or(arrived) + self.period),
+        self.rests = false;
+        self.next = match self.next {
             None => self.zero.map(|_| arrived + self.period),
+            shot if shot == self.shot => shot,
+            Some(end) => {
+                let last = end.checked_sub(before).unwrap_or(arrived);
+                let next = last + self.period;
+                Some(if next < arrived {
+                    arrived + self.period
+                } else {
+                    next
+                })
+            }
         };
     }
 
     /// One frame whose exposure starts at `arrived`, then none until a rate is set.
     pub fn single_shot(&mut self, exposure_s: f64, arrived: Instant) {
-        self.single = true;
-        self.due = Some(arrived + Duration::from_secs_f64(exposure_s));
+        self.advance(arrived);
+        self.next = Some(arrived + Duration::from_secs_f64(exposure_s));
+        self.shot = self.next;
+        self.rests = true;
     }
 
-    /// Whether a single shot is being exposed.
+    /// Whether a single shot is being exposed, or waits for its frame.
     pub fn single_shot_is_open(&self) -> bool {
-        self.single && self.due.is_some()
+        self.shot.is_some()
     }
 
-    /// Time until the next exposure has ended; long while the cadence stands still.
-    pub fn until_due(&self) -> Duration {
-        const STANDING: Duration = Duration::from_secs(3600);
-        self.due.map_or(STANDING, |due| {
-            due.saturating_duration_since(Instant::now())
-        })
+    /// Time until the next exposure has ended; long while the cadence rests.
+    pub fn until_due(&self, now: Instant) -> Duration {
+        const RESTING: Duration = Duration::from_secs(3600);
+        let due = self.ended.or(self.next);
+        due.map_or(RESTING, |due| due.saturating_duration_since(now))
     }
 
-    /// If an exposure has ended: its middle in the scene's time. Exposures that were missed are passed over.
-    pub fn take_due(&mut self, exposure_s: f64) -> Option<Epoch> {
-        let (due, (scene, zero)) = (self.due?, self.zero?);
-        let now = Instant::now();
-        if now < due {
-            return None;
-        }
-        let late = now.duration_since(due).as_nanos() / self.period.as_nanos().max(1);
-        let late = if self.single {
-            0
-        } else {
-            u32::try_from(late).unwrap_or(u32::MAX)
-        };
-        self.missed = self.missed.wrapping_add(late);
-        let end = due + self.period.saturating_mul(late);
-        self.due = (!self.single).then(|| end + self.period);
+    /// If an exposure has ended: its middle in the scene's time.
+    pub fn take_due(&mut self, exposure_s: f64, now: Instant) -> Option<Epoch> {
+        let (scene, zero) = self.zero?;
+        self.advance(now);
+        let end = self.ended.take()?;
+        self.shot = self.shot.filter(|shot| *shot != end);
         let since = end.duration_since(zero).as_secs_f64();
         Some(scene + Unit::Second * (since - exposure_s / 2.0))
+    }
+
+    /// Ends the exposures whose end has come by `now`. One of them waits for its frame: a single shot before
+    /// all, else the newest. The others are missed.
+    fn advance(&mut self, now: Instant) {
+        let Some(end) = self.next.filter(|end| *end <= now) else {
+            return;
+        };
+        let more = if self.rests {
+            0
+        } else {
+            let periods = now.duration_since(end).as_nanos() / self.period.as_nanos().max(1);
+            u32::try_from(periods).unwrap_or(u32::MAX)
+        };
+        let newest = end + self.period.saturating_mul(more);
+        self.next = (!self.rests).then(|| newest + self.period);
+        let waited = u32::from(self.ended.is_some());
+        self.missed = self.missed.wrapping_add(more).wrapping_add(waited);
+        self.ended = self.shot.or(Some(newest));
     }
 }
 
@@ -125,23 +151,90 @@ fn system_time() -> Epoch {
 mod tests {
     use super::*;
 
+    /// A clock of `rate_hz` set at some instant, and that instant.
+    fn set(rate_hz: f64) -> (WallClock, Instant) {
+        let (mut clock, zero) = (WallClock::new(rate_hz), Instant::now());
+        clock.set(scene(), zero);
+        (clock, zero)
+    }
+
+    fn scene() -> Epoch {
+        Epoch::from_gregorian_utc_hms(2019, 6, 15, 23, 35, 50)
+    }
+
+    fn ms(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    /// When the exposure that is taken at `now` has ended, ms after the first attitude.
+    fn taken(clock: &mut WallClock, now: Instant) -> Option<i64> {
+        let end = clock.take_due(0.0, now)?;
+        Some(((end - scene()).to_seconds() * 1e3).round() as i64)
+    }
+
     #[test]
-    fn frames_fall_due_at_the_period_and_carry_the_scenes_time() {
-        let mut clock = WallClock::new(50.0);
-        let scene = Epoch::from_gregorian_utc_hms(2019, 6, 15, 23, 35, 50);
+    fn exposures_end_at_the_period_and_carry_the_scenes_time() {
         assert!(
-            clock.take_due(0.01).is_none(),
-            "no frame before the first attitude"
+            WallClock::new(50.0)
+                .take_due(0.01, Instant::now())
+                .is_none()
         );
-        clock.set(scene, Instant::now());
-        std::thread::sleep(Duration::from_millis(25));
-        let mid = clock.take_due(0.01).unwrap();
+        let (mut clock, zero) = set(50.0);
+        assert!(clock.take_due(0.01, zero + ms(19)).is_none());
+        let mid = clock.take_due(0.01, zero + ms(25)).unwrap();
         // End of the first exposure: one period of 20 ms after the attitude; its middle 5 ms earlier.
-        assert!(((mid - scene).to_seconds() - 0.015).abs() < 1e-9);
-        std::thread::sleep(Duration::from_millis(50));
-        let later = clock.take_due(0.01).unwrap();
-        let periods = (later - mid).to_seconds() / 0.02;
-        assert!((periods - periods.round()).abs() < 1e-6 && periods > 1.5);
-        assert_eq!(f64::from(clock.missed), periods.round() - 1.0);
+        assert!(((mid - scene()).to_seconds() - 0.015).abs() < 1e-9);
+        assert_eq!(clock.until_due(zero + ms(25)), ms(15));
+        assert_eq!(taken(&mut clock, zero + ms(95)), Some(80), "the newest");
+        assert_eq!(clock.missed, 2, "those that ended at 40 and at 60 ms");
+        clock.clear(50.0, zero + ms(145));
+        assert_eq!((clock.missed, taken(&mut clock, zero + ms(200))), (4, None));
+    }
+
+    #[test]
+    fn another_rate_counts_from_the_last_exposure_and_invents_no_missed_ones() {
+        let (mut clock, zero) = set(10.0);
+        assert_eq!(taken(&mut clock, zero + ms(100)), Some(100));
+        clock.set_rate(20.0, zero + ms(130));
+        assert_eq!(taken(&mut clock, zero + ms(150)), Some(150));
+        clock.set_rate(1.0, zero + ms(160));
+        assert_eq!(taken(&mut clock, zero + ms(1150)), Some(1150));
+        clock.set_rate(100.0, zero + ms(1850));
+        assert_eq!(
+            taken(&mut clock, zero + ms(1860)),
+            Some(1860),
+            "from the command"
+        );
+        assert_eq!(clock.missed, 0);
+        // Those of 1870 to 1890 ms; that of 1900 still waits for its frame.
+        clock.set_rate(1.0, zero + ms(1905));
+        assert_eq!(clock.missed, 3);
+        assert_eq!(taken(&mut clock, zero + ms(1906)), Some(1900));
+        assert_eq!(taken(&mut clock, zero + ms(2900)), Some(2900));
+    }
+
+    #[test]
+    fn a_single_shot_is_passed_over_for_nothing() {
+        let (mut clock, zero) = set(10.0);
+        clock.single_shot(0.25, zero + ms(350));
+        assert_eq!(clock.missed, 2, "those that ended at 100 and at 200 ms");
+        assert_eq!(taken(&mut clock, zero + ms(360)), Some(300));
+        assert!(clock.single_shot_is_open() && taken(&mut clock, zero + ms(599)).is_none());
+        clock.set_rate(20.0, zero + ms(500));
+        assert!(clock.single_shot_is_open(), "a rate does not end it");
+        assert_eq!(taken(&mut clock, zero + ms(725)), Some(600));
+        assert!(!clock.single_shot_is_open());
+        assert_eq!(clock.missed, 4, "and those that ended at 650 and at 700 ms");
+        assert_eq!(taken(&mut clock, zero + ms(750)), Some(750));
+        clock.single_shot(0.1, zero + ms(760));
+        assert_eq!(taken(&mut clock, zero + ms(5000)), Some(860));
+        assert_eq!(
+            taken(&mut clock, zero + ms(9000)),
+            None,
+            "the cadence rests"
+        );
+        clock.set_rate(10.0, zero + ms(9000));
+        assert_eq!(taken(&mut clock, zero + ms(9100)), Some(9100));
+        assert_eq!(clock.missed, 4);
     }
 }

@@ -6,15 +6,19 @@
 mod answer;
 mod clock;
 mod deliver;
+mod latch;
+mod obey;
 mod receive;
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::config::Clock;
 use crate::engine::{Emulator, Shot};
-use crate::link::{LinkError, Outbound, Wire};
+use crate::link::{LinkError, Wire};
 use crate::stats::{Absent, RunStats};
+use bytes::Bytes;
 use clock::WallClock;
+use latch::exposable;
 use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
 use skyloop_protocols::{Counters, Header, Personality};
@@ -27,6 +31,9 @@ use std::time::{Duration, Instant};
 const MAX_WAITING: usize = 64;
 /// How long a pause lasts in which nothing is due but a packet may come.
 const POLL: Duration = Duration::from_millis(50);
+/// How long the end of a run waits for a client that takes nothing. A pseudo-terminal lets 4 KiB pass at once:
+/// 4.3 s for a client that reads at the pace of 9600 baud.
+const GIVE_UP: Duration = Duration::from_secs(5);
 
 /// An attitude that has been accepted.
 #[derive(Debug, Clone)]
@@ -50,12 +57,16 @@ struct Exchange {
     latest: Option<Latched>,
     /// Frames made of it so far (wall clock).
     repeat: u32,
+    /// Whether it has been refused since (wall clock).
+    refused: bool,
     /// Counts Resets, so that a frame under way notices one.
     resets: u32,
     /// Answers for which the link has no room yet, oldest first.
-    answers: VecDeque<Outbound>,
+    answers: VecDeque<Bytes>,
     /// Whether answers had to be dropped.
     overrun: bool,
+    /// When the client asked to be released, until the link has been told.
+    release: Option<Instant>,
 }
 
 /// The emulator at a wire.
@@ -153,17 +164,17 @@ impl Server {
             let Some((vehicle, latched, repeat)) = due else {
                 let pause = match self.clock {
                     Clock::Stepped => POLL,
-                    Clock::Wall => self.wall.until_due().min(POLL),
+                    Clock::Wall => self.wall.until_due(Instant::now()).min(POLL),
                 };
                 if !self.receive(pause)? {
                     return Ok(Ended::LinkGone);
                 }
                 continue;
             };
-            let shot = match self.emulator.shoot_with(&latched.camera, &vehicle, repeat) {
+            let shot = match self.shoot(&latched, &vehicle, repeat) {
                 Ok(shot) => shot,
-                Err(error) => {
-                    self.refuse_exposure(&latched.header, &error.to_string());
+                Err(why) => {
+                    self.refuse_later(&latched.header, &why)?;
                     continue;
                 }
             };
@@ -191,29 +202,47 @@ impl Server {
         Ok(Ended::AsAsked)
     }
 
+    fn shoot(&mut self, latched: &Latched, vehicle: &VehicleState, n: u32) -> Result<Shot, String> {
+        if self.clock == Clock::Wall {
+            exposable(vehicle, latched.camera.exposure_s)?;
+        }
+        let shot = self.emulator.shoot_with(&latched.camera, vehicle, n);
+        shot.map_err(|error| error.to_string())
+    }
+
     /// The vehicle carried to the exposure whose end has come, and how many frames its attitude made before.
     fn due_on_the_wall(&mut self) -> Option<(VehicleState, Latched, u32)> {
         let mut latched = self.exchange.latest.clone()?;
         latched.camera = self.emulator.camera();
-        let mid = self.wall.take_due(self.emulator.camera().exposure_s)?;
+        let mid = self
+            .wall
+            .take_due(latched.camera.exposure_s, Instant::now())?;
         let repeat = self.exchange.repeat;
-        self.exchange.repeat += 1;
+        self.exchange.repeat = repeat.wrapping_add(1);
         Some((latched.vehicle.at(mid), latched, repeat))
     }
 
-    /// Ends the link when everything queued has left, or nothing moves for a second.
-    pub fn close(mut self) {
-        let (mut left, mut moved) = (usize::MAX, Instant::now());
+    /// Ends the link when everything queued has left, or nothing moves for 5 s; then tells what the run measured
+    /// and counted.
+    pub fn close(mut self) -> (RunStats, Counters) {
+        let mut patience = GIVE_UP;
+        let (mut left, mut moved) = (self.exchange.answers.len(), Instant::now());
         while let Ok(false) = self.flush()
-            && moved.elapsed() < Duration::from_secs(1)
+            && !patience.is_zero()
         {
             let now = self.exchange.answers.len();
             if now != left {
                 (left, moved) = (now, Instant::now());
             }
+            patience = GIVE_UP.saturating_sub(moved.elapsed());
             std::thread::sleep(deliver::BREATH);
         }
-        self.wire.close();
+        self.lose_answers();
+        let mut counters = self.counters();
+        counters.lost_outbound = counters
+            .lost_outbound
+            .wrapping_add(self.wire.close(patience));
+        (self.stats, counters)
     }
 
     /// All counts, the link's among them.

@@ -196,6 +196,23 @@ fn answers_that_nobody_reads_are_counted() {
 }
 
 #[test]
+fn resets_that_nobody_reads_are_bounded_too() {
+    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
+    let mut client = Client::new(line);
+    for _ in 0..50 {
+        for _ in 0..100 {
+            client.send(Command::Reset);
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let (acks, _) = answers(&mut client);
+    // 256 of the queue and 1024 that wait (ICD, 5.2); the link may have been told of some Resets.
+    assert!((1024..=1280).contains(&acks), "{acks}");
+    let counters = client.status().counters;
+    assert_eq!(acks + counters.lost_outbound, counters.commands - 1);
+}
+
+#[test]
 fn reset_abandons_the_frame_under_way_and_those_that_wait() {
     let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
     let mut client = Client::new(line);

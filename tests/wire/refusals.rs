@@ -3,10 +3,10 @@
 use crate::bad_packets::{Case, cases, q_times};
 use crate::support::client::{Client, moved};
 use crate::support::line::{Line, PtyLine};
-use crate::support::{EPOCH, Q, on_every_link, on_serial, on_udp, scene};
+use crate::support::{EPOCH, Q, attitude, later, on_every_link, on_serial, on_udp, scene};
 use skyloop::config::Clock;
 use skyloop_protocols::slip::{self, END, ESC};
-use skyloop_protocols::{Attitude, Command, Reason};
+use skyloop_protocols::{Attitude, Command, OrbitState, Reason};
 
 #[test]
 fn a_bad_packet_is_refused_by_name_counted_once_and_costs_nothing_else() {
@@ -154,4 +154,27 @@ fn garbage_and_damaged_frames_on_a_serial_line_are_counted_and_passed_over() {
     let before = client.status().counters;
     client.line.raw(&[END, END, END]);
     assert_eq!(moved(&before, &client.status().counters), []);
+}
+
+#[test]
+fn a_state_that_leaves_its_range_within_the_exposure_is_refused_as_if_it_had_never_come() {
+    let (_emulator, line) = on_udp(scene(), Clock::Stepped, 5.0);
+    let mut client = Client::new(line);
+    client.done(Command::Exposure { seconds: 600.0 });
+    let falling = OrbitState {
+        position_m: [6_600_000.0, 0.0, 0.0],
+        velocity_m_s: [0.0, 1000.0, 0.0],
+    };
+    let falling = Attitude {
+        state: Some(falling),
+        ..attitude(1)
+    };
+    client.point(falling, later(EPOCH, 10_000.0));
+    let nack = client.nack();
+    assert_eq!(nack.reason, Reason::ValueOutOfRange);
+    assert!(nack.detail.contains("carried on to"), "{}", nack.detail);
+    let counters = client.status().counters;
+    assert_eq!((counters.attitudes, counters.bad_value), (0, 1));
+    client.done(Command::Exposure { seconds: 0.1 });
+    client.good_frame(2);
 }

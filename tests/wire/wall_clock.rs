@@ -4,7 +4,7 @@ use crate::support::client::Client;
 use crate::support::{EPOCH, Q, attitude, await_that, later, on_memory, on_udp, scene};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use skyloop::config::{Clock, Config};
-use skyloop_protocols::{Attitude, Command, Mode, Reason, WireTime};
+use skyloop_protocols::{Attitude, Command, Mode, OrbitState, Reason, WireTime};
 use std::time::{Duration, Instant};
 
 /// The built-in scene with a camera of 64 x 64 pixels that exposes for 10 ms, `rate_hz` times a second.
@@ -101,7 +101,8 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     client.done(Command::Exposure { seconds: 0.5 });
     let asked = Instant::now();
     client.done(Command::SingleShot);
-    // One at a time, and as it was asked for.
+    // One at a time, and as it was asked for, whatever rate follows it.
+    client.done(Command::FrameRate { hz: 1e-3 });
     for command in [Command::SingleShot, Command::Exposure { seconds: 0.3 }] {
         client.send(command);
         let nack = client.nack();
@@ -220,6 +221,37 @@ fn reset_brings_back_silence_and_the_cadence() {
         (since - 0.015).abs() < 1e-6,
         "one period less half an exposure: {since}"
     );
+}
+
+#[test]
+fn an_attitude_that_is_carried_below_the_ground_is_refused_once() {
+    let (_emulator, line) = on_memory(quick(50.0), Clock::Wall);
+    let mut client = Client::new(line);
+    let falling = Attitude {
+        state: Some(OrbitState {
+            position_m: [6_360_000.0, 0.0, 0.0],
+            velocity_m_s: [-90_000.0, 0.0, 0.0],
+        }),
+        ..attitude(1)
+    };
+    // After 44 ms it is 4 km lower: at 50 Hz the third exposure cannot be shown.
+    let count = client.point(falling, EPOCH);
+    let nack = client.nack();
+    assert_eq!(
+        (nack.sequence_count, nack.reason),
+        (count, Reason::ValueOutOfRange)
+    );
+    assert!(nack.detail.contains("carried on to 2019-06-15T23:35:50."));
+    assert!(nack.detail.ends_with("or left out"), "{}", nack.detail);
+    await_that("more exposures have passed", || {
+        client.status().counters.exposures_missed >= 3
+    });
+    let counters = client.status().counters;
+    assert_eq!((counters.attitudes, counters.bad_value), (1, 1));
+    assert!(counters.frames_rendered <= 2);
+    client.forget();
+    client.point(attitude(2), later(EPOCH, 10.0));
+    assert_eq!(client.frame().header.attitude_sequence, 2);
 }
 
 #[test]
