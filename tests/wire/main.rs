@@ -2,6 +2,7 @@
 
 mod bad_packets;
 mod content;
+mod counted;
 mod exchange;
 mod pacing;
 mod refusals;

@@ -1,0 +1,69 @@
+//! What `Status` counts without a refusal: objects without a state, records refused at the start, packets lost on the way.
+
+use crate::support::client::Client;
+use crate::support::{EPOCH, attitude, on_memory, scene};
+use skyloop::config::{Clock, Config};
+use skyloop::load::Folder;
+use skyloop_protocols::Command;
+
+/// The defaults, with the objects of one orbit file.
+fn showing(orbits: &str) -> Config {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("orbits"), orbits).unwrap();
+    let folder = Folder::Disk(folder.path().to_path_buf());
+    Config::parse("run.toml", "[objects]\nfiles = [\"orbits\"]", &folder).unwrap()
+}
+
+#[test]
+fn an_object_without_a_state_is_left_out_and_counted_in_every_frame() {
+    let whole = include_str!("../../configs/scenes/rcm-2019-06-15/rcm-2-B.oem");
+    // The same ephemeris, ending a second before the first epoch.
+    let (before, _) = whole.split_once("\n2019-06-15T23:35:50.000 ").unwrap();
+    let ended = before.replace(
+        "STOP_TIME = 2019-06-15T23:36:30.000",
+        "STOP_TIME = 2019-06-15T23:35:49.000",
+    );
+    for (oem, shown, counted) in [(whole, 1, [0, 0]), (&ended, 0, [1, 2])] {
+        let (_emulator, line) = on_memory(showing(oem), Clock::Stepped);
+        let mut client = Client::new(line);
+        for count in counted {
+            let label = client.good_frame(1).label();
+            let objects = label["objects"].as_array().unwrap();
+            let rsos = objects.iter().filter(|object| object["kind"] == "rso");
+            assert_eq!(rsos.count(), shown);
+            assert!(objects.len() > 100, "the stars are there");
+            assert_eq!(client.status().counters.objects_without_state, count);
+        }
+    }
+}
+
+#[test]
+fn a_record_refused_at_the_start_is_counted() {
+    // X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251; the second set's first
+    // checksum is 5 there.
+    let elements = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+        2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n\
+        1 06251U 62025E   06176.82412014  .00008885  00000-0  12808-3 0  3986\n\
+        2 06251  58.0579  54.0425 0030035 139.1568 221.1854 15.56387291  6774\n";
+    for (config, count) in [(showing(elements), 1), (scene(), 0)] {
+        let (_emulator, line) = on_memory(config, Clock::Stepped);
+        let mut client = Client::new(line);
+        assert_eq!(client.status().counters.rejected_records, count);
+    }
+}
+
+#[test]
+fn a_packet_lost_on_the_way_is_counted_and_the_next_one_obeyed() {
+    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
+    let mut client = Client::new(line);
+    assert_eq!(client.status().counters.sequence_gaps, 0);
+    client.prepare(&Command::Ping, EPOCH);
+    assert_eq!(client.status().counters.sequence_gaps, 1);
+    // Each kind of packet has its own counts.
+    client.good_frame(1);
+    for sequence in [2, 3] {
+        client.prepare(&Command::Attitude(attitude(sequence)), EPOCH);
+    }
+    client.good_frame(4);
+    assert_eq!(client.status().counters.sequence_gaps, 3);
+}
