@@ -5,23 +5,24 @@ mod table;
 
 use skyloop::attitude::Attitude;
 use skyloop::config::Config;
-use table::{Row, distance, mean, reproduce, scene};
-
-fn to_sbois(rows: &[Row], stars: bool) -> f64 {
-    mean(rows.iter().filter(|row| row.is_star() == stars), |row| {
-        row.sbois.map(|sbois| distance(row.ours, sbois))
-    })
-}
+use table::{distance, mean, mean_distances, reproduce, scene};
 
 #[test]
-fn the_rows_lie_where_sbois_has_them() {
+fn the_rows_lie_where_sbois_has_them_as_far_as_the_readme_says() {
     let fitted = reproduce(scene('B').unwrap()).unwrap();
     assert_eq!(fitted.len(), 36);
-    let (stars, rsos) = (to_sbois(&fitted, true), to_sbois(&fitted, false));
+    let distances = mean_distances(&fitted, &reproduce(scene('A').unwrap()).unwrap());
+    let [(_, [stars, rsos]), (_, [_, predicted]), ..] = distances;
     assert!(stars <= 0.2, "stars: {stars} px");
     assert!(rsos <= 0.5, "RSOs, set B: {rsos} px");
-    let predicted = to_sbois(&reproduce(scene('A').unwrap()).unwrap(), false);
     assert!(predicted <= 4.2, "RSOs, set A: {predicted} px");
+    for (name, [stars, rsos]) in distances {
+        let row = format!("| {name} | {stars:.2} | {rsos:.2} |");
+        assert!(
+            include_str!("../README.md").lines().any(|line| line == row),
+            "README.md, 'Accuracy', lacks the row, as it is now: {row}"
+        );
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod table;
 
-use table::{Pixel, Row, distance, mean, reproduce, scene};
+use table::{Pixel, Row, distance, mean, mean_distances, reproduce, scene};
 
 fn main() -> anyhow::Result<()> {
     let fitted = reproduce(scene('B')?)?;
@@ -25,30 +25,10 @@ fn main() -> anyhow::Result<()> {
         );
     }
     let predicted = reproduce(scene('A')?)?;
-    println!("\nmean distance, px          stars   RSOs");
-    let to_sbois = |row: &Row| row.sbois.map(|sbois| distance(row.ours, sbois));
-    by_kind("ours (set B) to SBOIS", &fitted, to_sbois);
-    by_kind("ours (set A) to SBOIS", &predicted, to_sbois);
-    by_kind("ours (set B) to FAI", &fitted, |row| {
-        Some(distance(row.ours, row.fai))
-    });
-    by_kind("ours (set A) to FAI", &predicted, |row| {
-        Some(distance(row.ours, row.fai))
-    });
-    // The misprint of HR6195 moved both its pixel and its distance: undone for the printed comparison.
-    by_kind("SBOIS to FAI", &fitted, |row| {
-        let printed = row.sbois.map(|[x, y]| {
-            if is_misprint(row) {
-                [x, y - 1.0]
-            } else {
-                [x, y]
-            }
-        });
-        printed.map(|sbois| distance(sbois, row.fai))
-    });
-    by_kind("STK-EOIR to FAI", &fitted, |row| {
-        Some(distance(row.stk, row.fai))
-    });
+    println!("\nmean distance, px               stars   RSOs");
+    for (name, [stars, rsos]) in mean_distances(&fitted, &predicted) {
+        println!("{name:30}  {stars:5.2}  {rsos:5.2}");
+    }
     let all = |value: &dyn Fn(&Row) -> f64| mean(&fitted, |row| Some(value(row)));
     println!(
         "\nSTK-EOIR to FAI, all rows: {:.2} by the errors as printed, {:.2} by the pixels (misprints mended)",
@@ -63,16 +43,6 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-fn is_misprint(row: &Row) -> bool {
-    row.epoch == "23:36:00" && row.object == "HR6195"
-}
-
 fn pixel(pixel: Option<Pixel>) -> String {
     pixel.map_or(format!("{:^14}", "-"), |[x, y]| format!("{x:6.2}, {y:6.2}"))
-}
-
-fn by_kind(name: &str, rows: &[Row], value: impl Fn(&Row) -> Option<f64>) {
-    let stars = mean(rows.iter().filter(|row| row.is_star()), &value);
-    let rsos = mean(rows.iter().filter(|row| !row.is_star()), &value);
-    println!("{name:25}  {stars:5.2}  {rsos:5.2}");
 }

@@ -54,6 +54,38 @@ pub fn mean<'a>(
     values.iter().sum::<f64>() / values.len() as f64
 }
 
+/// Mean distances of stars and of RSOs, px, with state sets B (`fitted`) and A (`predicted`): the README's accuracy table.
+pub fn mean_distances(fitted: &[Row], predicted: &[Row]) -> [(&'static str, [f64; 2]); 6] {
+    let to_sbois = |row: &Row| row.sbois.map(|sbois| distance(row.ours, sbois));
+    let to_fai = |row: &Row| Some(distance(row.ours, row.fai));
+    // The misprint moved both its pixel and its distance: undone for the printed comparison.
+    let sbois_to_fai = |row: &Row| {
+        let undone = f64::from(is_misprint(&row.epoch, &row.object));
+        row.sbois.map(|[x, y]| distance([x, y - undone], row.fai))
+    };
+    let stk_to_fai = |row: &Row| Some(distance(row.stk, row.fai));
+    [
+        ("skyloop, state set B, to SBOIS", by_kind(fitted, to_sbois)),
+        (
+            "skyloop, state set A, to SBOIS",
+            by_kind(predicted, to_sbois),
+        ),
+        ("skyloop, set B, to FAI", by_kind(fitted, to_fai)),
+        ("skyloop, set A, to FAI", by_kind(predicted, to_fai)),
+        ("SBOIS to FAI", by_kind(fitted, sbois_to_fai)),
+        ("STK-EOIR to FAI", by_kind(fitted, stk_to_fai)),
+    ]
+}
+
+fn by_kind(rows: &[Row], value: impl Fn(&Row) -> Option<f64>) -> [f64; 2] {
+    [true, false].map(|stars| mean(rows.iter().filter(|row| row.is_star() == stars), &value))
+}
+
+/// Whether SBOIS's y is printed one pixel low here: the row's error and its neighbours say 172.8 where 171.8 is printed.
+fn is_misprint(epoch: &str, object: &str) -> bool {
+    (epoch, object) == ("23:36:00", "HR6195")
+}
+
 /// The scene with state set `A` (public elements alone) or `B` (fitted to the table's SBOIS columns).
 pub fn scene(set: char) -> anyhow::Result<Config> {
     let folder = Folder::Embedded(DEFAULT_SCENE.0);
@@ -104,8 +136,7 @@ fn row(line: &str, labels: &[Label]) -> anyhow::Result<Row> {
         _ => [stk[0] + stk_error[0], stk[1] - stk_error[1]],
     };
     let mut sbois = pixel(0);
-    if (*epoch, *object) == ("23:36:00", "HR6195") {
-        // The row's error and its neighbours say 172.8 where 171.8 is printed.
+    if is_misprint(epoch, object) {
         sbois = sbois.map(|[x, y]| [x, y + 1.0]);
     }
     let label = labels
