@@ -13,9 +13,9 @@ use tracing::level_filters::LevelFilter;
 #[derive(Parser)]
 #[command(version, arg_required_else_help = true)]
 pub struct Cli {
-    /// Log more (-v: what is refused, -vv: all)
-    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
-    pub verbose: u8,
+    /// Log what is refused, and which effects the first frame needs and why
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -42,11 +42,11 @@ impl Cli {
 }
 
 /// Starts the log on standard error.
-pub fn start_log(verbose: u8) {
-    let level = match verbose {
-        0 => LevelFilter::WARN,
-        1 => LevelFilter::DEBUG,
-        _ => LevelFilter::TRACE,
+pub fn start_log(verbose: bool) {
+    let level = if verbose {
+        LevelFilter::DEBUG
+    } else {
+        LevelFilter::WARN
     };
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
