@@ -117,7 +117,7 @@ fn write(mut writer: Writer, shots: Receiver<Shot>) -> Result<(), OutputError> {
     for shot in shots {
         writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
     }
-    writer.finish().map(|_| ())
+    writer.finish()
 }
 
 fn rows(stats: &RunStats, report: &Report) -> Vec<(String, String)> {

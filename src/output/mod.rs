@@ -27,7 +27,7 @@ use folder::Folder;
 use sheet::ContactSheet;
 use std::fs::File;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const LABELS: &str = "labels.jsonl";
 const SHEET: &str = "contact_sheet.png";
@@ -38,20 +38,6 @@ pub struct Writer {
     folder: Folder,
     labels: File,
     sheet: ContactSheet,
-    frames: u32,
-}
-
-/// What a run wrote.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Summary {
-    /// Frames.
-    pub frames: u32,
-    /// The folder.
-    pub folder: PathBuf,
-    /// One JSON object a line and frame.
-    pub labels: PathBuf,
-    /// The annotated overview; none where there was no frame.
-    pub contact_sheet: Option<PathBuf>,
 }
 
 impl Writer {
@@ -69,7 +55,6 @@ impl Writer {
             folder,
             labels,
             sheet: ContactSheet::new(frames),
-            frames: 0,
         })
     }
 
@@ -107,24 +92,18 @@ impl Writer {
             .write_all(format!("{label_json}\n").as_bytes())
             .map_err(|error| self.folder.error("write", LABELS, error))?;
         self.sheet.see(camera, label, frame);
-        self.frames += 1;
         Ok(())
     }
 
-    /// Ends the run with the contact sheet.
+    /// Ends the run with the contact sheet; without a frame there is none.
     ///
     /// Errors: the sheet cannot be written.
-    pub fn finish(self) -> Result<Summary, OutputError> {
-        let picture = self.sheet.draw();
-        if let Some(picture) = &picture {
-            self.folder
-                .write(SHEET, |out| png::write_rgb(out, picture))?;
+    pub fn finish(self) -> Result<(), OutputError> {
+        match self.sheet.draw() {
+            None => Ok(()),
+            Some(picture) => self
+                .folder
+                .write(SHEET, |out| png::write_rgb(out, &picture)),
         }
-        Ok(Summary {
-            frames: self.frames,
-            labels: self.folder.path(LABELS),
-            contact_sheet: picture.map(|_| self.folder.path(SHEET)),
-            folder: self.folder.path(""),
-        })
     }
 }

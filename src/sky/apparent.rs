@@ -16,7 +16,7 @@ use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use skyloop_orbit::StateVector;
 
-use super::bodies::{AU_M, Bodies, EpochOutOfRange, LIGHT_M_S, aberrate, tt_days_since_j2000};
+use super::bodies::{AU_M, Bodies, LIGHT_M_S, aberrate, tt_days_since_j2000};
 
 /// Epoch of the Hipparcos catalogue, J1991.25 = JD 2448349.0625, in days since J2000.0. The catalogue counts TCB and this module TT:
 /// 7 s apart, 2 microarcsec of the fastest proper motion.
@@ -92,33 +92,11 @@ pub struct Observer {
     pub position_m: Vector3<f64>,
     /// Geocentric velocity, GCRF, m/s.
     pub velocity_m_s: Vector3<f64>,
-    /// The Earth and the Sun at `epoch`.
+    /// The Earth and the Sun at `epoch`, or at another instant of the same exposure.
     pub bodies: Bodies,
 }
 
 impl Observer {
-    /// An observer in Earth orbit. Works out the bodies at `epoch`: make it once a frame, not once a star.
-    pub fn new(epoch: Epoch, state: &StateVector) -> Result<Self, EpochOutOfRange> {
-        let bodies = Bodies::at(epoch)?;
-        Ok(Self {
-            epoch,
-            position_m: state.position_m,
-            velocity_m_s: state.velocity_m_s,
-            bodies,
-        })
-    }
-
-    /// An observer at the Earth's centre.
-    pub fn geocentre(epoch: Epoch) -> Result<Self, EpochOutOfRange> {
-        let bodies = Bodies::at(epoch)?;
-        Ok(Self {
-            epoch,
-            position_m: Vector3::zeros(),
-            velocity_m_s: Vector3::zeros(),
-            bodies,
-        })
-    }
-
     /// Barycentric position, m.
     pub fn barycentric_m(&self) -> Vector3<f64> {
         self.bodies.earth_barycentric_m + self.position_m
@@ -203,8 +181,6 @@ pub struct ApparentObject {
     pub range_m: f64,
     /// Rate of `range_m`, m/s; positive when receding.
     pub range_rate_m_s: f64,
-    /// How long the light was under way, s; zero when light time is switched off.
-    pub light_time_s: f64,
     /// The object's geometric state at the observer's epoch, GCRF.
     pub state: StateVector,
     /// Where the object was when the light left it, GCRF, m: the place that decides illumination, phase and occultation.
@@ -231,10 +207,9 @@ pub fn object_direction<E>(
 
     // Light time: tau = |r(t - tau) - r_observer(t)| / c, by iteration.
     let mut seen_at_m = state.position_m;
-    let mut light_time_s = 0.0;
     if corrections.light_time {
         for _ in 0..LIGHT_TIME_STEPS {
-            light_time_s = (seen_at_m - observer.position_m).norm() / LIGHT_M_S;
+            let light_time_s = (seen_at_m - observer.position_m).norm() / LIGHT_M_S;
             seen_at_m = state_at(observer.epoch - Unit::Second * light_time_s)?.position_m;
         }
     }
@@ -249,7 +224,6 @@ pub fn object_direction<E>(
         direction,
         range_m,
         range_rate_m_s,
-        light_time_s,
         state,
         seen_at_m,
     })

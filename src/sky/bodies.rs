@@ -1,8 +1,7 @@
-//! Where the Earth, the Sun and the Moon are.
+//! Where the Earth and the Sun are.
 //!
 //! Frames: axes of the ICRF throughout. Positions are geometric (no light time) and in metres, velocities in metres a second.
-//! The series are those of SOFA: `epv00` (Earth, Sun) and `moon98` (Moon). They want TDB; TT stands in for it, which differs by
-//! less than 2 ms, in which the Earth moves 60 m.
+//! The series is SOFA's `epv00`. It wants TDB; TT stands in for it, which differs by less than 2 ms, in which the Earth moves 60 m.
 
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
@@ -70,12 +69,6 @@ impl Bodies {
             self.earth_barycentric_velocity_m_s,
         ) * distance
     }
-}
-
-/// Earth's centre to the Moon's centre at `t`, m, geometric. Against JPL DE440 over 1990 to 2060 the direction is 2.9 arcsec off
-/// (root mean square; at most 13) and the distance at most 10 km.
-pub fn moon_geocentric_m(t: Epoch) -> Vector3<f64> {
-    Vector3::from(sofars::eph::moon98(J2000_JD, tt_days_since_j2000(t))[0]) * AU_M
 }
 
 /// The direction in which an observer who moves at `velocity` (m/s) sees light whose source a resting observer sees along the

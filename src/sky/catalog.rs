@@ -81,9 +81,6 @@ pub enum Selection {
 pub struct Catalog {
     /// By HIP, then, for those without, by HR.
     stars: Vec<Star>,
-    by_hip: HashMap<u32, usize>,
-    /// Every HR, principal or not.
-    by_hr: HashMap<u16, usize>,
     /// All names of the entry with this principal HR, ready for labels.
     names: HashMap<u16, Vec<String>>,
 }
@@ -91,41 +88,22 @@ pub struct Catalog {
 impl Catalog {
     /// The catalogue that is part of the program.
     pub fn embedded(selection: Selection) -> Catalog {
-        let stars: Vec<Star> = STARS
+        let stars = STARS
             .get(HEADER..)
             .unwrap_or_default()
             .chunks_exact(RECORD)
             .map(decode)
             .filter(|star| selection == Selection::Hipparcos || star.hr != 0)
             .collect();
-        let numbered = |(k, star): (usize, &Star)| (star.hip != 0).then_some((star.hip, k));
-        let by_hip = stars.iter().enumerate().filter_map(numbered).collect();
-        let mut by_hr: HashMap<u16, usize> = HashMap::new();
-        for (k, star) in stars.iter().enumerate().filter(|(_, s)| s.hr != 0) {
-            by_hr.insert(star.hr, k);
-        }
-        let names = read_names(&mut by_hr);
         Catalog {
             stars,
-            by_hip,
-            by_hr,
-            names,
+            names: read_names(),
         }
     }
 
     /// All entries, by HIP; those without a HIP follow, by HR.
     pub fn stars(&self) -> &[Star] {
         &self.stars
-    }
-
-    /// The entry with this HR number, be it the principal one or a further name.
-    pub fn find_hr(&self, hr: u16) -> Option<&Star> {
-        self.stars.get(*self.by_hr.get(&hr)?)
-    }
-
-    /// The entry with this Hipparcos number.
-    pub fn find_hip(&self, hip: u32) -> Option<&Star> {
-        self.stars.get(*self.by_hip.get(&hip)?)
     }
 
     /// `HIP 80351`, or `HR 4375` where there is no Hipparcos number.
@@ -147,8 +125,8 @@ impl Catalog {
     }
 }
 
-/// Gathers the names by principal HR, and adds the further HR to `by_hr`.
-fn read_names(by_hr: &mut HashMap<u16, usize>) -> HashMap<u16, Vec<String>> {
+/// The names by principal HR.
+fn read_names() -> HashMap<u16, Vec<String>> {
     let rows: Vec<(u16, u16, &str)> = NAMES.lines().filter_map(name_row).collect();
     let mut names: HashMap<u16, Vec<String>> = HashMap::new();
     for &(_, entry, _) in &rows {
@@ -158,9 +136,6 @@ fn read_names(by_hr: &mut HashMap<u16, usize>) -> HashMap<u16, Vec<String>> {
     }
     for &(hr, entry, _) in rows.iter().filter(|(hr, entry, _)| hr != entry) {
         names.entry(entry).or_default().push(format!("HR {hr}"));
-        if let Some(&k) = by_hr.get(&entry) {
-            by_hr.insert(hr, k);
-        }
     }
     // the principal star's designations first
     let (principal, further): (Vec<_>, Vec<_>) =

@@ -21,8 +21,9 @@ fn sheet_of(camera: &Camera, frames: &[(Vec<ObjectLabel>, Frame)]) -> RgbImage {
         label.objects = objects.clone();
         writer.write_frame(camera, &label, "{}", frame).unwrap();
     }
-    let path = writer.finish().unwrap().contact_sheet.unwrap();
-    image::open(path).unwrap().into_rgb8()
+    writer.finish().unwrap();
+    let sheet = image::open(dir.path().join("contact_sheet.png"));
+    sheet.unwrap().into_rgb8()
 }
 
 fn flat(camera: &Camera) -> Frame {
