@@ -203,6 +203,37 @@ fn the_default_files_values_are_the_defaults() {
     assert_eq!(format!("{written:?}"), format!("{built:?}"));
 }
 
+/// The embedded file with every commented key in force: `# key = value` becomes `key = value`.
+fn uncommented() -> String {
+    let is_key = |rest: &str| {
+        let (head, _) = rest.split_once(['=', ']']).unwrap_or_default();
+        rest.starts_with('[') || (rest.contains('=') && !head.trim().contains(' '))
+    };
+    let line = |line: &str| match line.strip_prefix("# ") {
+        Some(rest) if is_key(rest) => rest.to_string(),
+        _ => line.to_string(),
+    };
+    DEFAULT_TOML.lines().map(|l| line(l) + "\n").collect()
+}
+
+#[test]
+fn the_default_file_holds_with_every_commented_key_in_force() {
+    let folder = tempfile::tempdir().unwrap();
+    // X-Val: Spacetrack Report 3, first test case, as a three-line element set.
+    let elements = "NAME\n\
+        1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+        2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
+    std::fs::write(folder.path().join("FILE"), elements).unwrap();
+    let folder = Folder::Disk(folder.path().to_path_buf());
+    let mut config = Config::parse("default.toml", &uncommented(), &folder).unwrap();
+    let sequence = config.sequence.take().unwrap();
+    assert_eq!((sequence.frames, sequence.period_s), (50, 0.5));
+    assert!(config.observer.take().is_some());
+    // All else is as without a file.
+    let built = Config::defaults().unwrap();
+    assert_eq!(format!("{config:?}"), format!("{built:?}"));
+}
+
 #[test]
 fn the_cameras_are_listed_and_sourced() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/cameras");
@@ -231,8 +262,9 @@ fn the_cameras_are_listed_and_sourced() {
             let (_, comment) = line
                 .split_once('#')
                 .unwrap_or_else(|| panic!("{name}: {line}"));
+            let sources = ["[T1", "[class", "[assumed", "[section", "[paper"];
             assert!(
-                comment.contains('[') && comment.contains(']'),
+                sources.iter().any(|source| comment.contains(source)),
                 "{name}: source of {line}"
             );
         }
