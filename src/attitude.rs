@@ -143,7 +143,7 @@ pub fn check_orbit(state: &StateVector) -> Result<(), AttitudeError> {
         return Err(AttitudeError::OutOfRange {
             what: "position (m)",
             value: position.to_vec(),
-            allowed: "at least 6356 km from the Earth's centre, or left out",
+            allowed: "at least 6356000 m from the Earth's centre, or left out",
         });
     }
     bounded("velocity (m/s)", &velocity, MAX_SPEED, "at most 1e5 m/s")

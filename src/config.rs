@@ -158,7 +158,7 @@ struct RawObserver {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawSequence {
-    epoch: String,
+    epoch: RawTime,
     frames: u32,
     period_s: f64,
     attitudes: Vec<RawAttitude>,
@@ -169,8 +169,19 @@ struct RawSequence {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawAttitude {
-    utc: Option<String>,
+    utc: Option<RawTime>,
     q: [f64; 4],
+}
+
+/// UTC as a string, or as TOML's own date and time.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a UTC time such as 2019-06-15T23:35:50.500Z"
+)]
+enum RawTime {
+    Text(String),
+    Date(toml::value::Datetime),
 }
 
 #[derive(Deserialize)]
@@ -341,7 +352,7 @@ impl RawSequence {
             let key = format!("sequence.attitudes[{i}]");
             attitudes.push(TimedAttitude {
                 epoch: match &raw.utc {
-                    Some(text) => utc(check, &format!("{key}.utc"), text)?,
+                    Some(time) => utc(check, &format!("{key}.utc"), time)?,
                     None if self.attitudes.len() == 1 => epoch,
                     None => {
                         let reason = "no utc; each of several attitudes needs one";
@@ -385,7 +396,11 @@ impl RawSequence {
     }
 }
 
-fn utc(check: &Check, key: &str, text: &str) -> Result<Epoch, ConfigError> {
-    parse_utc(text)
-        .map_err(|_| check.refuse(key, text, "a UTC time such as 2019-06-15T23:35:50.500Z"))
+fn utc(check: &Check, key: &str, time: &RawTime) -> Result<Epoch, ConfigError> {
+    let text = match time {
+        RawTime::Text(text) => text.clone(),
+        RawTime::Date(date) => date.to_string(),
+    };
+    parse_utc(&text)
+        .map_err(|_| check.refuse(key, &text, "a UTC time such as 2019-06-15T23:35:50.500Z"))
 }

@@ -199,6 +199,16 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
             ["name = \"\"", "a name"],
         ),
         (
+            "name = \"rigel-l\"",
+            "name = \"\\u001b[31m\"",
+            ["name = \"\\u{1b}[31m\"", "printable"],
+        ),
+        (
+            "band = \"silicon\"",
+            "band = 5",
+            ["mine.toml", "two wavelengths [from, to] in nm"],
+        ),
+        (
             "transmission",
             "principal_px = [512.0, 2048.1]\ntransmission",
             ["optics.principal_px = 2048.1", "-1024 to 2048"],

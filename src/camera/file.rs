@@ -28,7 +28,10 @@ struct RawOptics {
 }
 
 #[derive(Deserialize, Debug)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "band must be \"v\", \"silicon\" or two wavelengths [from, to] in nm"
+)]
 enum RawBand {
     Named(String),
     Nanometres([f64; 2]),
@@ -92,8 +95,9 @@ fn name_the_cameras(error: ConfigError, name: &str) -> ConfigError {
 
 fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
     let (o, d, t) = (&raw.optics, &raw.detector, &raw.timing);
-    if !(1..=60).contains(&raw.name.trim().chars().count()) {
-        let allowed = "a name of 1 to 60 characters: labels and FITS headers give it";
+    let length = raw.name.trim().chars().count();
+    if !(1..=60).contains(&length) || raw.name.contains(char::is_control) {
+        let allowed = "a name of 1 to 60 printable characters: labels and FITS headers give it";
         return Err(check.refuse("name", format!("{:?}", raw.name.trim()), allowed));
     }
     let focal_m = check.range("optics.focal_length_mm", o.focal_length_mm, 0.01..=1e6)? * 1e-3;

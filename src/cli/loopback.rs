@@ -1,11 +1,10 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
-use super::progress;
+use super::{mission, progress};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
-use skyloop::flight;
 use skyloop::link::{self, LINKS};
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::Server;
@@ -52,7 +51,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if let (Some(sequence), Some(frames)) = (&mut config.sequence, args.frames) {
         sequence.frames = frames;
     }
-    let mission = flight::mission(&config)?;
+    let mission = mission(&config, args.scene.as_deref())?;
     let frames = mission.frames;
     let idle = Duration::from_secs_f64(config.run.idle_s);
     let options = link::Options {

@@ -4,9 +4,14 @@ mod loopback;
 mod render;
 mod run;
 
+use anyhow::Context;
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
+use skyloop::config::Config;
+use skyloop::flight;
+use skyloop_firmware_sim::mission::Mission;
 use std::io::IsTerminal;
+use std::path::Path;
 use tracing::level_filters::LevelFilter;
 
 /// Hardware-in-the-loop star-tracker emulator: attitude in, labelled frames out.
@@ -55,6 +60,15 @@ pub fn start_log(verbose: bool) {
         .with_target(false)
         .without_time()
         .init();
+}
+
+/// The mission of a configuration; an error names the scene file that it comes from.
+fn mission(config: &Config, scene: Option<&Path>) -> anyhow::Result<Mission> {
+    let mission = flight::mission(config);
+    match scene {
+        Some(scene) => mission.with_context(|| scene.display().to_string()),
+        None => Ok(mission?),
+    }
 }
 
 /// A progress bar over `frames`; nothing where standard error is no terminal.

@@ -1,6 +1,6 @@
 //! `skyloop render`: frames and labels into a folder, without a flight computer.
 
-use super::progress;
+use super::{mission, progress};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::attitude::{Attitude, VehicleState};
@@ -110,7 +110,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     for line in &config.rejected {
         tracing::warn!("refused: {line}");
     }
-    let mission = flight::mission(&config)?;
+    let mission = mission(&config, args.scene.as_deref())?;
     let mut emulator = Emulator::new(&mut config);
     emulator.noise = !args.no_noise;
     emulator.keep_expected = args.no_noise;
@@ -138,11 +138,10 @@ fn configure(args: &Args) -> anyhow::Result<Config> {
         Some(scene) => Config::load(scene)?,
         None => from_flags(args)?,
     };
-    let Some(sequence) = &mut config.sequence else {
-        return Err(flight::FlightError::NoSequence.into());
-    };
-    sequence.frames = args.frames.unwrap_or(sequence.frames);
-    sequence.period_s = args.period.unwrap_or(sequence.period_s);
+    if let Some(sequence) = &mut config.sequence {
+        sequence.frames = args.frames.unwrap_or(sequence.frames);
+        sequence.period_s = args.period.unwrap_or(sequence.period_s);
+    }
     config.seed = args.seed.unwrap_or(config.seed);
     config.label_snr = args.label_snr.unwrap_or(config.label_snr);
     Ok(config)

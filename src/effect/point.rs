@@ -24,7 +24,7 @@ pub const RSOS: Effect = Effect {
 fn judge_stars<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
     judge(
         scene,
-        "no star touches the detector",
+        "no star's light falls on the detector",
         "stars in the field",
         |body| matches!(body, Body::Star(_)),
     )
@@ -33,7 +33,7 @@ fn judge_stars<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
 fn judge_rsos<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
     judge(
         scene,
-        "no lit object touches the detector",
+        "no object's light falls on the detector",
         "objects in the field",
         |body| matches!(body, Body::Rso(_)),
     )

@@ -122,6 +122,8 @@ fn read(
 ) {
     let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
     let mut buffer = [0; 4096];
+    // Frames without a packet since the last packet, and whether there ever was one.
+    let (mut bad, mut heard) = (0_u32, false);
     let mut hung_up = false;
     while !stop.load(Ordering::Relaxed) {
         let length = match port.read(&mut buffer) {
@@ -150,8 +152,17 @@ fn read(
         for octet in &buffer[..length] {
             match decoder.push(*octet) {
                 None => {}
-                Some(Err(_)) => count(&tally.bad_framing),
+                Some(Err(_)) => {
+                    count(&tally.bad_framing);
+                    bad = bad.saturating_add(1);
+                    if bad == 8 || (bad == 1 && !heard) {
+                        tracing::warn!(
+                            "octets come that hold no packet: check the baud rate of both ends, and the framing (SLIP)"
+                        );
+                    }
+                }
                 Some(Ok(packet)) => {
+                    (bad, heard) = (0, true);
                     let packet = Bytes::copy_from_slice(packet);
                     let inbound = Inbound {
                         exchange: 0,

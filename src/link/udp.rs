@@ -72,6 +72,7 @@ fn listen(
     let exchange = Exchange {
         number: 0,
         client: None,
+        told: false,
         options: *options,
         tally: tally.clone(),
     };
@@ -146,7 +147,7 @@ async fn carry(
                 let Ok((length, from)) = received else { continue };
                 let packet = &buffer[..length];
                 if !exchange.admit(from, packet) {
-                    count(&exchange.tally.foreign);
+                    exchange.ignore(from);
                     continue;
                 }
                 let packet = Bytes::copy_from_slice(packet);
@@ -183,13 +184,15 @@ async fn carry(
 struct Exchange {
     number: u32,
     client: Option<Client>,
+    /// Whether the log names a stranger already.
+    told: bool,
     options: Options,
     tally: Arc<Tally>,
 }
 
 struct Client {
     address: SocketAddr,
-    /// Whether it has sent a valid packet. Until then anybody may take its place.
+    /// Whether it has sent a valid packet, and no Reset since. Without, anybody may take its place.
     proven: bool,
     heard: Instant,
 }
@@ -204,18 +207,33 @@ impl Exchange {
                 client.heard = Instant::now();
                 return true;
             }
-            let stands = client.proven && client.heard.elapsed() < self.options.idle;
-            if stands || !valid {
+            let idle = client.heard.elapsed() >= self.options.idle;
+            if client.proven && !(idle && valid) {
                 return false;
             }
         }
         self.number = self.number.wrapping_add(1);
+        self.told = false;
         self.client = Some(Client {
             address: from,
             proven: valid,
             heard: Instant::now(),
         });
         true
+    }
+
+    /// Counts a packet of a stranger, and says why it is not answered.
+    fn ignore(&mut self, from: SocketAddr) {
+        count(&self.tally.foreign);
+        if let Some(client) = &self.client
+            && !std::mem::replace(&mut self.told, true)
+        {
+            tracing::warn!(
+                "packets from {from} are ignored: {} is the client until it sends Reset or nothing for {} s",
+                client.address,
+                self.options.idle.as_secs_f64()
+            );
+        }
     }
 
     fn release(&mut self, number: u32, asked: Instant) {
@@ -260,6 +278,7 @@ mod tests {
         let mut exchange = Exchange {
             number: 0,
             client: None,
+            told: false,
             options,
             tally,
         };
@@ -267,16 +286,13 @@ mod tests {
             exchange.admit(at(1), bad),
             "anybody may be told that a first packet is bad"
         );
-        assert!(
-            !exchange.admit(at(2), bad),
-            "but a bad packet takes nobody's place"
-        );
-        assert!(exchange.admit(at(2), good), "a good one does");
+        assert!(exchange.admit(at(2), bad), "and the next one too");
+        assert!(exchange.admit(at(2), good));
         assert_eq!(
             (exchange.client_of(1), exchange.client_of(2)),
             (None, Some(at(2)))
         );
-        assert!(!exchange.admit(at(1), good), "and then stands");
+        assert!(!exchange.admit(at(1), good), "a good one makes it stand");
         assert!(exchange.admit(at(2), bad));
         std::thread::sleep(Duration::from_millis(60));
         assert!(!exchange.admit(at(1), bad));
@@ -291,7 +307,8 @@ mod tests {
             "nor one that its client has gone on from"
         );
         exchange.release(3, Instant::now());
-        assert!(exchange.admit(at(2), good), "or released");
-        assert_eq!(exchange.client_of(4), Some(at(2)));
+        assert!(exchange.admit(at(2), bad), "or released");
+        assert!(exchange.admit(at(3), good));
+        assert_eq!(exchange.client_of(5), Some(at(3)));
     }
 }

@@ -149,9 +149,9 @@ impl Object {
     }
 }
 
-/// A name as it goes into every label: its first 100 characters.
+/// A name as it goes into every label: its first 100 printable characters.
 fn bounded_name(name: &str) -> String {
-    name.chars().take(100).collect()
+    name.chars().filter(|c| !c.is_control()).take(100).collect()
 }
 
 /// The set whose epoch is nearest to `t`.

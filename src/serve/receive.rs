@@ -55,10 +55,14 @@ impl Server {
                 return self.nack(apid, count, error.reason(), &error.to_string());
             }
         };
-        let missing = self
-            .exchange
-            .gaps
-            .missing(header.apid, header.sequence_count);
+        // A Reset begins the counts anew.
+        let missing = match command {
+            Command::Reset => 0,
+            _ => {
+                let gaps = &mut self.exchange.gaps;
+                gaps.missing(header.apid, header.sequence_count)
+            }
+        };
         self.counters.sequence_gaps = self.counters.sequence_gaps.wrapping_add(u32::from(missing));
         let done = match command {
             Command::Attitude(attitude) => self.latch(header, &attitude, &inbound),

@@ -12,6 +12,7 @@ fn refuses(flags: &[&str], words: &[&str]) {
         ("seed.toml", "seed = 1\n"),
         ("clock.toml", "[run]\nclock = \"sundial\"\n"),
         ("camera.toml", "camera = \"nope\"\n"),
+        ("time.toml", "[sequence]\nepoch = 5\n"),
         ("file", ""),
     ] {
         std::fs::write(here.path().join(name), text).unwrap();
@@ -120,7 +121,7 @@ fn rates_and_states() {
     );
     render(
         &["--state", "100,0,0,0,7.5,0"],
-        &["position", "at least 6356 km"],
+        &["position", "at least 6356000 m"],
     );
     render(
         &["--state", STATE, "--orbit", "x.tle"],
@@ -224,10 +225,15 @@ fn scenes() {
     scene("camera.toml", &["nope", "fai-nir"]);
     scene("none.toml", &["none.toml", "No such file"]);
     scene("binary", &["binary", "not a text file"]);
-    scene("seed.toml", &["[sequence]", "configs/default.toml"]);
+    scene(
+        "seed.toml",
+        &["seed.toml", "[sequence]", "configs/default.toml"],
+    );
+    scene("time.toml", &["time.toml", "line 2", "2019-06-15T23:35:50"]);
     // The attitudes of the scene cover 25 s: 51 frames at 2 Hz.
     let known = repository("configs/scenes/rcm-2019-06-15/scene.toml");
     let beyond = [
+        "scene.toml: ",
         "2019-06-15T23:36:15.5",
         "covers 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:15.000Z",
     ];
@@ -235,7 +241,7 @@ fn scenes() {
         &["render", "--out", "o", "--frames", "52", "--scene", &known],
         &beyond,
     );
-    refuses(&["loopback", "--out", "o", "--frames", "52"], &beyond);
+    refuses(&["loopback", "--out", "o", "--frames", "52"], &beyond[1..]);
 }
 
 #[test]
