@@ -1,6 +1,6 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
-use super::{mission, progress};
+use super::{mission, progress, say};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -61,11 +61,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let (wire, port) = link::loopback(&args.link, &options)?;
     let writer = Writer::create(&args.out, frames)?;
     let mut server = Server::new(Emulator::new(&mut config), wire, Clock::Stepped, &NATIVE);
-    println!(
-        "{frames} frames of {} over {}",
+    say(format_args!(
+        "{frames} frames of {} over {}\n",
         config.camera.name,
         server.address()
-    );
+    ))?;
 
     let stop = AtomicBool::new(false);
     let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
@@ -101,8 +101,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     written.context("writing the frames")?;
     let (stats, report) = (served?, report?);
-    print!("{}", table(&rows(&stats, &report)));
-    println!("wrote {}", args.out.display());
+    let table = table(&rows(&stats, &report));
+    say(format_args!("{table}wrote {}\n", args.out.display()))?;
     if report.frames != frames {
         bail!(
             "{} of {frames} frames did not arrive whole (see the log above)",

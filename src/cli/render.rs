@@ -1,6 +1,6 @@
 //! `skyloop render`: frames and labels into a folder, without a flight computer.
 
-use super::{mission, progress};
+use super::{mission, progress, say};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::attitude::{Attitude, VehicleState};
@@ -128,9 +128,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     writer.finish()?;
     bar.finish_and_clear();
-    print!("{}", table(&stats.rows()));
-    println!("wrote {}", args.out.display());
-    Ok(())
+    let table = table(&stats.rows());
+    say(format_args!("{table}wrote {}\n", args.out.display()))
 }
 
 fn configure(args: &Args) -> anyhow::Result<Config> {

@@ -1,5 +1,6 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
+use super::say;
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -54,11 +55,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         ),
     };
     let camera = &config.camera;
-    println!(
-        "{} ({} x {}), {objects} objects, {pace}",
-        camera.name, camera.detector.width, camera.detector.height
-    );
-    println!("listening on {}; Ctrl-C ends the run", server.address());
+    say(format_args!(
+        "{} ({} x {}), {objects} objects, {pace}\nlistening on {}; Ctrl-C ends the run\n",
+        camera.name,
+        camera.detector.width,
+        camera.detector.height,
+        server.address()
+    ))?;
     let served = server.run(&stop, args.frames, |_| {});
 
     let address = server.address().to_string();
@@ -79,7 +82,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             counts.join(", ")
         },
     ));
-    print!("\n{}", table(&rows));
+    say(format_args!("\n{}", table(&rows)))?;
     match served? {
         Ended::AsAsked => Ok(()),
         Ended::LinkGone => bail!("link {address}: it has gone (see the log above); open it again"),

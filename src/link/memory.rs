@@ -60,7 +60,8 @@ impl Outbox for MemoryOutbox {
             Ok(()) => {}
             Err(TrySendError::Full(what)) => return Ok(Some(what)),
             // The client has left, as it may; the inbox says so too.
-            Err(TrySendError::Disconnected(_)) => count(&self.tally.lost),
+            Err(TrySendError::Disconnected(Outbound::Packet { .. })) => count(&self.tally.lost),
+            Err(TrySendError::Disconnected(Outbound::Release { .. })) => {}
         }
         Ok(None)
     }

@@ -205,3 +205,20 @@ fn a_bad_checksum_is_reported_with_file_and_line_and_the_rest_loads() {
         "{log}"
     );
 }
+
+#[test]
+fn a_reader_of_the_table_that_leaves_early_is_no_error() {
+    let here = tempfile::tempdir().unwrap();
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_skyloop"))
+        .args(["loopback", "--frames", "1"])
+        .current_dir(here.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let ended = child.wait_with_output().unwrap();
+    let log = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.success() && log.is_empty(), "{log}");
+    assert_eq!(names(&here.path().join("skyloop-out")).len(), 4);
+}
