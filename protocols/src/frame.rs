@@ -2,7 +2,7 @@
 
 use crate::command::positive;
 use crate::error::{DecodeError, EncodeError};
-use crate::pixels::{self, LABEL_TEXT_PER_PART, Pixels, packed_length, pixels_per_block};
+use crate::pixels::{self, LABEL_TEXT_PER_PART, packed_length, pixels_per_block, unpack};
 use crate::time::WireTime;
 use crate::wire::{Reader, Writer, wire_enum};
 
@@ -168,11 +168,6 @@ impl FrameHeader {
 }
 
 impl<'a> PixelBlock<'a> {
-    /// Its pixels, DN.
-    pub fn pixels(&self) -> Pixels<'a> {
-        Pixels::new(self.data, self.packing, usize::from(self.count))
-    }
-
     /// Writes its pixels to their place in `frame` (row by row, all pixels of the frame); false, and nothing written, if
     /// they lie beyond it.
     #[must_use]
@@ -187,11 +182,7 @@ impl<'a> PixelBlock<'a> {
         if self.data.len() != packed_length(self.packing, count) {
             return false;
         }
-        match self.packing {
-            Packing::Bits12 => pixels::unpack12(self.data, pixels),
-            Packing::Bits16 => pixels::unpack16(self.data, pixels),
-        };
-        true
+        unpack(self.packing, self.data, pixels) == count
     }
 
     pub(crate) fn read(reader: &mut Reader<'a>) -> Result<Self, DecodeError> {
@@ -230,8 +221,12 @@ impl<'a> PixelBlock<'a> {
         })
     }
 
-    /// Everything before the pixels.
-    pub(crate) fn write_fields(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+    pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+        if self.data.len() != packed_length(self.packing, usize::from(self.count)) {
+            return Err(EncodeError::Inconsistent {
+                what: "PixelBlock.count and length of its data",
+            });
+        }
         let place = u64::from(self.index) * pixels_per_block(self.packing) as u64;
         if self.count == 0 || u64::from(self.first_pixel) != place {
             return Err(EncodeError::Inconsistent {
@@ -242,16 +237,7 @@ impl<'a> PixelBlock<'a> {
         writer.u32(self.index)?;
         writer.u32(self.first_pixel)?;
         writer.u16(self.count)?;
-        writer.u8(self.packing.code())
-    }
-
-    pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
-        if self.data.len() != packed_length(self.packing, usize::from(self.count)) {
-            return Err(EncodeError::Inconsistent {
-                what: "PixelBlock.count and length of its data",
-            });
-        }
-        self.write_fields(writer)?;
+        writer.u8(self.packing.code())?;
         writer.bytes(self.data)
     }
 }

@@ -4,9 +4,8 @@
 //! holds [`LABEL_TEXT_PER_PART`] octets. Pixels run row by row from pixel (0, 0).
 
 use crate::error::EncodeError;
-use crate::frame::{Packing, PixelBlock};
-use crate::packet::{self, MAX_PAYLOAD, apid};
-use crate::time::WireTime;
+use crate::frame::Packing;
+use crate::packet::MAX_PAYLOAD;
 
 /// Octets of a `PixelBlock` payload before the pixels.
 pub const BLOCK_FIELDS_LENGTH: usize = 15;
@@ -79,71 +78,41 @@ pub fn label_texts(text: &[u8]) -> impl ExactSizeIterator<Item = &[u8]> {
     text.chunks(LABEL_TEXT_PER_PART)
 }
 
-/// Writes the packet of one block straight from the frame's pixels; the short way of
-/// [`Reply::encode`](crate::Reply::encode) with a [`PixelBlock`].
+/// Packs pixels into `data`: two octets each, big-endian, or 12 bits each, first bit first
+/// (`AAAAAAAA AAAABBBB BBBBBBBB`), the four bits after an odd last pixel being 0.
 ///
 /// # Errors
-/// Too many pixels for a packet, none at all, a buffer too small, or a pixel above 4095 in 12-bit packing.
-#[expect(
-    clippy::too_many_arguments,
-    reason = "the fields of one packet, in the order of its bytes"
-)]
-pub fn encode_pixel_block(
-    frame: u32,
-    index: u32,
-    first_pixel: u32,
-    pixels: &[u16],
-    packing: Packing,
-    header_seq_count: u16,
-    time: WireTime,
-    buf: &mut [u8],
-) -> Result<usize, EncodeError> {
-    let (found, limit) = (pixels.len(), pixels_per_block(packing));
-    if found > limit {
-        return Err(EncodeError::TooLong {
-            what: "PixelBlock",
-            found,
-            limit,
+/// `data` is not [`packed_length`] octets long, or a pixel is above 4095 in 12-bit packing.
+pub fn pack(packing: Packing, pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {
+    if data.len() != packed_length(packing, pixels.len()) {
+        return Err(EncodeError::Inconsistent {
+            what: "number of pixels and length of their octets",
         });
     }
-    // At most `limit`: the cast loses nothing.
-    let block = PixelBlock {
-        frame,
-        index,
-        first_pixel,
-        count: found as u16,
-        packing,
-        data: &[],
-    };
-    packet::write(apid::PIXEL_BLOCK, header_seq_count, time, buf, |writer| {
-        block.write_fields(writer)?;
-        let data = writer.reserve(packed_length(packing, found))?;
-        match packing {
-            Packing::Bits12 => pack12(pixels, data),
-            Packing::Bits16 => pack16(pixels, data),
+    match packing {
+        Packing::Bits12 => pack12(pixels, data),
+        Packing::Bits16 => {
+            pack16(pixels, data);
+            Ok(())
         }
-    })
+    }
 }
 
-/// Packs pixels into `data`, big-endian, two octets each.
-///
-/// # Errors
-/// `data` is not [`packed_length`] octets long.
-pub fn pack16(pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {
-    expect_length(Packing::Bits16, pixels.len(), data.len())?;
+/// Unpacks pixels: fills `pixels` as far as `data` goes and returns how many it filled.
+pub fn unpack(packing: Packing, data: &[u8], pixels: &mut [u16]) -> usize {
+    match packing {
+        Packing::Bits12 => unpack12(data, pixels),
+        Packing::Bits16 => unpack16(data, pixels),
+    }
+}
+
+fn pack16(pixels: &[u16], data: &mut [u8]) {
     for (octets, pixel) in data.as_chunks_mut::<2>().0.iter_mut().zip(pixels) {
         *octets = pixel.to_be_bytes();
     }
-    Ok(())
 }
 
-/// Packs pixels into `data`, 12 bits each, first bit first: `AAAAAAAA AAAABBBB BBBBBBBB`. The four bits after an odd
-/// last pixel are 0.
-///
-/// # Errors
-/// `data` is not [`packed_length`] octets long, or a pixel is above 4095.
-pub fn pack12(pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {
-    expect_length(Packing::Bits12, pixels.len(), data.len())?;
+fn pack12(pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {
     if pixels.iter().fold(0, |all, pixel| all | pixel) > MAX_12_BIT {
         return Err(EncodeError::PixelTooLarge);
     }
@@ -158,18 +127,7 @@ pub fn pack12(pixels: &[u16], data: &mut [u8]) -> Result<(), EncodeError> {
     Ok(())
 }
 
-fn expect_length(packing: Packing, pixels: usize, octets: usize) -> Result<(), EncodeError> {
-    if octets == packed_length(packing, pixels) {
-        Ok(())
-    } else {
-        Err(EncodeError::Inconsistent {
-            what: "number of pixels and length of their octets",
-        })
-    }
-}
-
-/// Unpacks 16-bit pixels: fills `pixels` as far as `data` goes and returns how many it filled.
-pub fn unpack16(data: &[u8], pixels: &mut [u16]) -> usize {
+fn unpack16(data: &[u8], pixels: &mut [u16]) -> usize {
     let octets = data.as_chunks::<2>().0;
     for (pixel, octets) in pixels.iter_mut().zip(octets) {
         *pixel = u16::from_be_bytes(*octets);
@@ -177,8 +135,7 @@ pub fn unpack16(data: &[u8], pixels: &mut [u16]) -> usize {
     octets.len().min(pixels.len())
 }
 
-/// Unpacks 12-bit pixels: fills `pixels` as far as `data` goes and returns how many it filled.
-pub fn unpack12(data: &[u8], pixels: &mut [u16]) -> usize {
+fn unpack12(data: &[u8], pixels: &mut [u16]) -> usize {
     let (triples, tail) = data.as_chunks::<3>();
     let (pairs, last) = pixels.as_chunks_mut::<2>();
     for (pair, [a, b, c]) in pairs.iter_mut().zip(triples) {
@@ -202,57 +159,3 @@ pub fn unpack12(data: &[u8], pixels: &mut [u16]) -> usize {
         _ => whole,
     }
 }
-
-/// The pixels of one block, DN, in the order of the frame.
-#[derive(Debug, Clone)]
-pub struct Pixels<'a> {
-    data: &'a [u8],
-    packing: Packing,
-    next: usize,
-    count: usize,
-}
-
-impl<'a> Pixels<'a> {
-    /// `count` pixels, or as many as `data` holds.
-    pub(crate) fn new(data: &'a [u8], packing: Packing, count: usize) -> Self {
-        let held = match packing {
-            Packing::Bits12 => data.len() / 3 * 2 + usize::from(data.len() % 3 == 2),
-            Packing::Bits16 => data.len() / 2,
-        };
-        Self {
-            data,
-            packing,
-            next: 0,
-            count: count.min(held),
-        }
-    }
-}
-
-impl Iterator for Pixels<'_> {
-    type Item = u16;
-
-    fn next(&mut self) -> Option<u16> {
-        if self.next >= self.count {
-            return None;
-        }
-        let (pixel, odd) = (self.next, self.next % 2);
-        let at = match self.packing {
-            Packing::Bits12 => pixel / 2 * 3 + odd,
-            Packing::Bits16 => pixel * 2,
-        };
-        let octets = u16::from_be_bytes(*self.data.get(at..)?.first_chunk()?);
-        self.next += 1;
-        Some(match (self.packing, odd) {
-            (Packing::Bits16, _) => octets,
-            (Packing::Bits12, 0) => octets >> 4,
-            (Packing::Bits12, _) => octets & MAX_12_BIT,
-        })
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = self.count - self.next;
-        (left, Some(left))
-    }
-}
-
-impl ExactSizeIterator for Pixels<'_> {}

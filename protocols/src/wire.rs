@@ -140,9 +140,8 @@ impl<'b> Writer<'b> {
         }
     }
 
-    /// The next `count` octets, for the caller to fill.
-    pub fn reserve(&mut self, count: usize) -> Result<&mut [u8], EncodeError> {
-        let end = self.at.saturating_add(count);
+    pub fn bytes(&mut self, bytes: &[u8]) -> Result<(), EncodeError> {
+        let end = self.at.saturating_add(bytes.len());
         if end > self.limit {
             return Err(EncodeError::TooLong {
                 what: "packet",
@@ -152,15 +151,12 @@ impl<'b> Writer<'b> {
         }
         let available = self.buffer.len();
         let field = self.buffer.get_mut(self.at..end);
-        self.at = end;
-        field.ok_or(EncodeError::BufferTooSmall {
+        let field = field.ok_or(EncodeError::BufferTooSmall {
             needed: end,
             available,
-        })
-    }
-
-    pub fn bytes(&mut self, bytes: &[u8]) -> Result<(), EncodeError> {
-        self.reserve(bytes.len())?.copy_from_slice(bytes);
+        })?;
+        field.copy_from_slice(bytes);
+        self.at = end;
         Ok(())
     }
 

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::pixels::{
-    BlockSlice, blocks, blocks_in_frame, label_parts, label_texts, pack12, pack16, packed_length,
+    BlockSlice, blocks, blocks_in_frame, label_parts, label_texts, pack, packed_length,
 };
 use skyloop_protocols::{FrameHeader, LabelPart, MAX_PACKET, Packing, PixelBlock, Reply, WireTime};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -63,11 +63,7 @@ impl Server {
         } in blocks(&shot.frame.digits, packing)
         {
             let data = &mut packed[..packed_length(packing, pixels.len())];
-            let done = match packing {
-                Packing::Bits12 => pack12(pixels, data),
-                Packing::Bits16 => pack16(pixels, data),
-            };
-            done.map_err(unencodable)?;
+            pack(packing, pixels, data).map_err(unencodable)?;
             let count = pixels.len() as u16;
             let block = PixelBlock {
                 frame,

@@ -3,10 +3,10 @@
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::pixels::{
-    blocks, blocks_in_frame, encode_pixel_block, label_parts, label_texts,
+    blocks, blocks_in_frame, label_parts, label_texts, pack, packed_length,
 };
 use skyloop_protocols::sequence::SequenceCounts;
-use skyloop_protocols::{FrameHeader, LabelPart, MAX_PACKET, Packing, Reply, WireTime, apid};
+use skyloop_protocols::{FrameHeader, LabelPart, MAX_PACKET, Packing, PixelBlock, Reply, WireTime};
 
 use super::{Field, Star};
 
@@ -35,20 +35,17 @@ impl Sender {
     ) -> Vec<Vec<u8>> {
         let mut packets = vec![self.reply(&Reply::FrameHeader(*header), time)];
         for block in blocks(pixels, header.packing) {
-            let mut buffer = [0; MAX_PACKET];
-            let count = self.counts.next(apid::PIXEL_BLOCK);
-            let (frame, packing) = (header.frame, header.packing);
-            let sealed = encode_pixel_block(
-                frame,
-                block.index,
-                block.first_pixel,
-                block.pixels,
-                packing,
-                count,
-                time,
-                &mut buffer,
-            );
-            packets.push(buffer[..sealed.unwrap()].to_vec());
+            let mut data = vec![0; packed_length(header.packing, block.pixels.len())];
+            pack(header.packing, block.pixels, &mut data).unwrap();
+            let block = PixelBlock {
+                frame: header.frame,
+                index: block.index,
+                first_pixel: block.first_pixel,
+                count: block.pixels.len() as u16,
+                packing: header.packing,
+                data: &data,
+            };
+            packets.push(self.reply(&Reply::PixelBlock(block), time));
         }
         for (part, text) in (0..).zip(label_texts(labels.as_bytes())) {
             let part = LabelPart {
