@@ -100,8 +100,6 @@ pub struct Decoder<const N: usize> {
     escaped: bool,
     /// What went wrong in the present frame; its other octets are skipped.
     error: Option<FrameError>,
-    good: u32,
-    bad: u32,
 }
 
 impl<const N: usize> Decoder<N> {
@@ -112,8 +110,6 @@ impl<const N: usize> Decoder<N> {
             length: 0,
             escaped: false,
             error: None,
-            good: 0,
-            bad: 0,
         }
     }
 
@@ -129,16 +125,6 @@ impl<const N: usize> Decoder<N> {
             found => self.error = Some(FrameError::BadEscape { found }),
         }
         None
-    }
-
-    /// Frames that held a packet, modulo 2^32.
-    pub const fn good_frames(&self) -> u32 {
-        self.good
-    }
-
-    /// Frames that did not, modulo 2^32.
-    pub const fn bad_frames(&self) -> u32 {
-        self.bad
     }
 
     fn store(&mut self, octet: u8) {
@@ -161,15 +147,10 @@ impl<const N: usize> Decoder<N> {
         }
         let broken = error.or(escaped.then_some(FrameError::BadEscape { found: END }));
         let frame = self.buffer.get(..length).unwrap_or_default();
-        let result = match broken {
+        Some(match broken {
             Some(error) => Err(error),
             None => check(frame),
-        };
-        match result {
-            Ok(_) => self.good = self.good.wrapping_add(1),
-            Err(_) => self.bad = self.bad.wrapping_add(1),
-        }
-        Some(result)
+        })
     }
 }
 
