@@ -55,13 +55,6 @@ impl Ephemeris {
         }
     }
 
-    /// The covered intervals, UTC, in the order of the file.
-    pub fn intervals(&self) -> impl Iterator<Item = (Epoch, Epoch)> + '_ {
-        self.segments
-            .iter()
-            .map(|s| (time::from_tai_ns(s.start_ns), time::from_tai_ns(s.stop_ns)))
-    }
-
     fn nearest(&self, ns: i128) -> NotCovered {
         let nearest = self.segments.iter().min_by_key(|s| s.distance_ns(ns));
         let (start, stop) = nearest.map_or((ns, ns), |s| (s.start_ns, s.stop_ns));

@@ -2,6 +2,7 @@
 
 use hifitime::{Epoch, TimeScale, Unit};
 use proptest::prelude::*;
+use skyloop_orbit::ephemeris::NotCovered;
 use skyloop_orbit::frames::{eme2000_to_gcrf, teme_to_gcrf};
 use skyloop_orbit::{Loaded, Object, Orbit, OrbitError, StateVector, load, parse};
 use std::path::PathBuf;
@@ -74,8 +75,12 @@ fn the_scene_loads_and_meets_its_own_states() {
         let Orbit::Ephemeris(ephemeris) = &object.orbit else {
             panic!("not an ephemeris")
         };
-        let covered: Vec<_> = ephemeris.intervals().collect();
-        assert_eq!(covered, [(utc(23, 35, 30, 0), utc(23, 36, 30, 0))]);
+        let (start, stop) = (utc(23, 35, 30, 0), utc(23, 36, 30, 0));
+        assert!(ephemeris.state(start).is_ok() && ephemeris.state(stop).is_ok());
+        for beyond in [start - Unit::Nanosecond, stop + Unit::Nanosecond] {
+            let covered = NotCovered { start, stop };
+            assert_eq!(ephemeris.state(beyond), Err(covered));
+        }
     }
     let cassiope = load(&scene()[0]).unwrap().objects.remove(0);
     assert_eq!(cassiope.label(), "2013-055A (CASSIOPE)");
