@@ -38,7 +38,7 @@ const FENCES: &[(&str, &[&str])] = &[
     ("toml::", &["load"]),
     ("image::", &["output"]),
     ("embedded_graphics::", &["output"]),
-    ("std::fs::", &["load/folder", "output"]),
+    ("std::fs::", &["output"]),
     ("std::net::", &["link/udp"]),
     // The binary alone reports; the library says what is wrong in types.
     ("anyhow::", &["cli", "main"]),

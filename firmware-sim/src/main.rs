@@ -19,6 +19,7 @@ use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::port;
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
 use skyloop_orbit::time::parse_utc;
+use skyloop_orbit::{file_and_name, read_text};
 
 /// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
 #[derive(Debug, Parser)]
@@ -141,8 +142,8 @@ fn mission(args: &Args) -> Result<Mission> {
 fn profile(args: &Args, start: Epoch) -> Result<Profile> {
     if let Some(path) = &args.attitudes {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .with_context(|| format!("cannot read the attitudes in {name}"))?;
+        let text =
+            read_text(path).with_context(|| format!("cannot read the attitudes in {name}"))?;
         Ok(Profile::List(AttitudeList::parse(&text, &name)?))
     } else if let Some(attitude) = args.hold {
         Ok(Profile::Hold(attitude))
@@ -159,14 +160,9 @@ fn profile(args: &Args, start: Epoch) -> Result<Profile> {
 
 /// The object that `FILE[:NAME]` names.
 fn orbit(text: &str) -> Result<OrbitSource> {
-    let (file, name) = match text.rsplit_once(':') {
-        Some((file, name)) if !Path::new(text).exists() => (file, Some(name)),
-        _ => (text, None),
-    };
+    let (file, name) = file_and_name(text, |file| Path::new(file).exists());
     let loaded = skyloop_orbit::load(Path::new(file))?;
-    let (object, rejected) = loaded
-        .pick(name)
-        .map_err(|why| anyhow::anyhow!("{file}: {why}"))?;
+    let (object, rejected) = loaded.pick(name).map_err(|why| anyhow!("{file}: {why}"))?;
     for rejected in rejected.iter().take(5) {
         eprintln!("skyloop-fc: {rejected}");
     }

@@ -146,6 +146,11 @@ fn errors_say_what_to_do() {
             &["--nadir", "--orbit", &orbit, "--period", "10"],
             "outside its ephemeris",
         ),
+        (
+            &["--nadir", "--orbit", "/dev/zero"],
+            "cannot read the orbit file /dev/zero: longer than 256 MiB",
+        ),
+        (&["--attitudes", "/dev/zero"], "longer than 256 MiB"),
         (&["--attitudes", &bad_list], "attitudes.txt:2: \"now\""),
         (
             &["--attitudes", &short_list],

@@ -1,11 +1,7 @@
 //! Where configuration and orbit files are read from: a folder on disk, or the files built into the binary.
 
 use super::{ConfigError, embedded};
-use std::io::Read;
 use std::path::{Path, PathBuf};
-
-/// Octets that a file may have: an OEM of a day at a state a second has 10 million.
-const LARGEST: u64 = 256 << 20;
 
 /// The folder that relative file names in a configuration refer to.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +23,14 @@ impl Folder {
         Folder::Disk(PathBuf::new())
     }
 
+    /// Whether there is a file called `name`.
+    pub fn has(&self, name: &str) -> bool {
+        match self {
+            Folder::Disk(folder) => folder.join(name).exists(),
+            Folder::Embedded(folder) => embedded::file(&format!("{folder}/{name}")).is_some(),
+        }
+    }
+
     /// The file called `name`, and the name to use for it in messages.
     pub fn read(&self, name: &str) -> Result<(String, String), ConfigError> {
         let failed = |file: String, source: std::io::Error| ConfigError::Read {
@@ -44,12 +48,8 @@ impl Folder {
             Folder::Disk(folder) => {
                 let path = folder.join(name);
                 let shown = path.display().to_string();
-                match read_bounded(&path) {
-                    Ok(bytes) if bytes.contains(&0) => {
-                        Err(failed(shown, std::io::Error::other("not a text file")))
-                    }
-                    // Names in orbit files may be in any encoding; all that is read as numbers is ASCII.
-                    Ok(bytes) => Ok((shown, String::from_utf8_lossy(&bytes).into_owned())),
+                match skyloop_orbit::read_text(&path) {
+                    Ok(text) => Ok((shown, text)),
                     Err(source) => Err(failed(shown, source)),
                 }
             }
@@ -62,15 +62,4 @@ impl Folder {
             }
         }
     }
-}
-
-/// A file of at most [`LARGEST`] octets.
-fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let file = std::fs::File::open(path)?;
-    file.take(LARGEST + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > LARGEST {
-        return Err(std::io::Error::other("longer than 256 MiB"));
-    }
-    Ok(bytes)
 }

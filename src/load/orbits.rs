@@ -3,7 +3,7 @@
 use super::{ConfigError, Folder};
 use std::collections::HashSet;
 
-use skyloop_orbit::{Loaded, Object, Rejected};
+use skyloop_orbit::{Loaded, Object, Rejected, file_and_name};
 
 /// Adds every object of a file to `objects`. What is wrong with its other records goes to `rejected`, and so
 /// does an object that an earlier file gave: shown twice, it would send its light twice.
@@ -29,16 +29,13 @@ pub fn add(
     Ok(())
 }
 
-/// The object that `FILE` or `FILE:NAME` selects, see [`Loaded::pick`].
+/// The object that `FILE` or `FILE:NAME` selects, see [`file_and_name`] and [`Loaded::pick`].
 pub fn one(
     folder: &Folder,
     selector: &str,
     rejected: &mut Vec<String>,
 ) -> Result<Object, ConfigError> {
-    let (file, name) = match (folder.read(selector), selector.rsplit_once(':')) {
-        (Err(_), Some((file, name))) => (file, Some(name)),
-        _ => (selector, None),
-    };
+    let (file, name) = file_and_name(selector, |file| folder.has(file));
     let (object, refused) = load(folder, file)?
         .pick(name)
         .map_err(|why| ConfigError::Orbit(format!("{file}: {why}")))?;

@@ -1,6 +1,6 @@
 //! From a file to the objects in it.
 
-use crate::{Object, oem, tle};
+use crate::{Object, oem, read_text, tle};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -66,15 +66,11 @@ pub enum LoadError {
 /// Errors: the file cannot be read, or holds no orbit data. Records that
 /// cannot be read are listed in [`Loaded::rejected`]; the rest loads.
 pub fn load(path: &Path) -> Result<Loaded, LoadError> {
-    let bytes = std::fs::read(path).map_err(|error| LoadError::Read {
+    let text = read_text(path).map_err(|error| LoadError::Read {
         path: path.to_owned(),
         error,
     })?;
-    // names may be in any encoding; element and state lines are ASCII
-    parse(
-        &String::from_utf8_lossy(&bytes),
-        &path.display().to_string(),
-    )
+    parse(&text, &path.display().to_string())
 }
 
 /// [`load`] for text at hand; `source` names it in messages.

@@ -24,10 +24,13 @@ pub mod two_body;
 mod load;
 mod oem;
 mod pick;
+mod text;
 pub mod time;
 mod tle;
 
 pub use load::{LoadError, Loaded, Rejected, load, parse};
+pub use pick::file_and_name;
+pub use text::read_text;
 
 use elements::{Elements, PropagationError};
 use ephemeris::Ephemeris;

@@ -5,6 +5,15 @@ use crate::{Loaded, Object, Rejected};
 /// Objects that a message names at most.
 const SHOWN: usize = 8;
 
+/// File and object that `FILE` or `FILE:NAME` selects. A colon may belong to the file's name: the whole text is the
+/// file if `exists` knows it.
+pub fn file_and_name(selector: &str, exists: impl FnOnce(&str) -> bool) -> (&str, Option<&str>) {
+    match selector.rsplit_once(':') {
+        Some((file, name)) if !exists(selector) => (file, Some(name)),
+        _ => (selector, None),
+    }
+}
+
 impl Loaded {
     /// The object called `name` (its id, the number in it, or one of its names, in any case of letters), and what
     /// was refused beside it. Without a name the file must hold one object and nothing refused, which could be
@@ -57,6 +66,8 @@ impl Object {
 
 #[cfg(test)]
 mod tests {
+    use super::file_and_name;
+
     /// X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251; the last digits of the
     /// third set's lines are wrong.
     const SETS: &str = "VANGUARD 1\n\
@@ -75,6 +86,15 @@ mod tests {
         loaded
             .pick(name)
             .map(|(object, refused)| format!("{} {}", object.id, refused.len()))
+    }
+
+    #[test]
+    fn a_colon_divides_unless_it_is_in_the_files_name() {
+        let split = |selector| file_and_name(selector, |file| file == "a:b.oem");
+        assert_eq!(split("a.oem"), ("a.oem", None));
+        assert_eq!(split("a.oem:ISS"), ("a.oem", Some("ISS")));
+        assert_eq!(split("a:b.oem"), ("a:b.oem", None));
+        assert_eq!(split("a:b.oem:ISS"), ("a:b.oem", Some("ISS")));
     }
 
     #[test]
