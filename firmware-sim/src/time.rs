@@ -1,12 +1,10 @@
 //! Between the wire's clock and `hifitime`: CUC seconds since 1958-01-01 TAI on one side, `Epoch` on the other.
 
 use hifitime::{Duration, Epoch};
-use skyloop_protocols::time::WireTime;
+use skyloop_protocols::time::{TAI_1900_TO_1958_S, WireTime};
 
-/// Days from hifitime's reference (1900-01-01 TAI) to the CCSDS epoch (1958-01-01 TAI): 58 years of 365 days and the
-/// 14 leap days of 1904 to 1956.
-const CCSDS_EPOCH_DAYS: i128 = 58 * 365 + 14;
-const CCSDS_EPOCH_NS: i128 = CCSDS_EPOCH_DAYS * 86_400 * 1_000_000_000;
+/// From hifitime's reference (1900-01-01 TAI) to the wire's (1958-01-01 TAI), ns.
+const CCSDS_EPOCH_NS: i128 = TAI_1900_TO_1958_S as i128 * 1_000_000_000;
 
 /// The wire time of an epoch, or `None` outside 1958 to 2094, which four octets of seconds cannot hold.
 #[must_use]
