@@ -22,6 +22,26 @@ const LAYERS: &[&[&str]] = &[
     &["serve"],
 ];
 
+/// The modules of `firmware-sim/src/`, likewise.
+const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
+    &["image", "pacing", "pointing", "port", "text", "time"],
+    &["attitude_list", "background", "serial"],
+    &["link", "profile", "signal"],
+    &["blobs", "mission"],
+    &["detector"],
+    &["received"],
+    &["reassembly", "score"],
+    &["report"],
+    &["event", "exchange"],
+    &["flight_computer"],
+];
+
+/// Folders of sources and their layers.
+const LAYERED: [(&str, &[&[&str]]); 2] = [
+    ("src", LAYERS),
+    ("firmware-sim/src", FLIGHT_COMPUTER_LAYERS),
+];
+
 /// Who may name what: a path, and the files or modules below `src/` that it is for.
 const FENCES: &[(&str, &[&str])] = &[
     // Only the ends of the corridor know the wire.
@@ -101,7 +121,12 @@ fn code(path: &Path) -> String {
 
 /// The sources of the root package: `sky/apparent` and its code.
 fn sources() -> Vec<(String, String)> {
-    let src = root().join("src");
+    sources_in("src")
+}
+
+/// The sources in a folder, without those of the orbits, which are a crate.
+fn sources_in(folder: &str) -> Vec<(String, String)> {
+    let src = root().join(folder);
     files(&src)
         .iter()
         .filter(|path| is_rust(path) && !path.starts_with(src.join("orbit")))
@@ -122,13 +147,19 @@ fn belongs(file: &str, place: &str) -> bool {
 
 #[test]
 fn imports_point_down() {
-    let layer: BTreeMap<&str, usize> = LAYERS
+    for (folder, layers) in LAYERED {
+        point_down(folder, layers);
+    }
+}
+
+fn point_down(folder: &str, layers: &[&[&str]]) {
+    let layer: BTreeMap<&str, usize> = layers
         .iter()
         .enumerate()
         .flat_map(|(depth, modules)| modules.iter().map(move |module| (*module, depth)))
         .collect();
     let mut wrong = Vec::new();
-    for (file, code) in sources() {
+    for (file, code) in sources_in(folder) {
         let module = file.split('/').next().unwrap();
         if ["cli", "lib", "main"].contains(&module) {
             continue; // the front door sees all
@@ -143,7 +174,7 @@ fn imports_point_down() {
                 .get(used.as_str())
                 .is_some_and(|of_used| *of_used < layer[module]);
             if used != module && !down {
-                wrong.push(format!("src/{file}.rs imports {used:?}"));
+                wrong.push(format!("{folder}/{file}.rs imports {used:?}"));
             }
         }
         // One step up leads from a module's head to the root of all, from the files beside it to the head.
@@ -154,7 +185,7 @@ fn imports_point_down() {
         };
         assert!(
             !code.contains(climb),
-            "src/{file}.rs climbs out of its family: write crate::"
+            "{folder}/{file}.rs climbs out of its family: write crate::"
         );
     }
     assert!(wrong.is_empty(), "not downwards:\n{}", wrong.join("\n"));
@@ -162,18 +193,16 @@ fn imports_point_down() {
 
 #[test]
 fn every_module_has_its_layer() {
-    let lib = code(&root().join("src/lib.rs"));
-    let modules: BTreeSet<&str> = lib
-        .lines()
-        .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'))
-        .collect();
-    assert_eq!(
-        modules,
-        LAYERS
-            .iter()
-            .flat_map(|layer| layer.iter().copied())
-            .collect()
-    );
+    for (folder, layers) in LAYERED {
+        let lib = code(&root().join(folder).join("lib.rs"));
+        let modules: BTreeSet<&str> = lib
+            .lines()
+            .map(|line| line.strip_prefix("pub ").unwrap_or(line))
+            .filter_map(|line| line.strip_prefix("mod ")?.strip_suffix(';'))
+            .collect();
+        let layered = layers.iter().flat_map(|layer| layer.iter().copied());
+        assert_eq!(modules, layered.collect(), "{folder}");
+    }
 }
 
 #[test]

@@ -1,11 +1,12 @@
-//! A list of attitudes at given epochs, slerped between neighbours, and the text forms of epochs and quaternions.
+//! A list of attitudes at given epochs, slerped between neighbours.
 
 use hifitime::Epoch;
-use nalgebra::{Quaternion, UnitQuaternion};
+use nalgebra::UnitQuaternion;
 use skyloop_orbit::time::{parse_utc, utc_text};
 use thiserror::Error;
 
-use crate::profile::{Pointing, ProfileError, rate_between, turn};
+use crate::pointing::{Pointing, rate_between, turn};
+use crate::text::parse_quaternion;
 
 /// Attitudes at increasing epochs, two at least.
 #[derive(Clone, Debug)]
@@ -45,6 +46,21 @@ pub enum ListError {
         /// The epoch that is out of order.
         epoch: Epoch,
     },
+}
+
+/// There is no attitude at an epoch: the list does not cover it.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error(
+    "no attitude at {}: the list covers {} to {}; give attitudes on both sides of every frame, or ask for fewer frames",
+    utc_text(*epoch), utc_text(*first), utc_text(*last)
+)]
+pub struct OutsideList {
+    /// The epoch asked for.
+    pub epoch: Epoch,
+    /// First epoch of the list.
+    pub first: Epoch,
+    /// Last epoch of the list.
+    pub last: Epoch,
 }
 
 impl AttitudeList {
@@ -92,13 +108,17 @@ impl AttitudeList {
         Self::new(attitudes, name)
     }
 
-    pub(crate) fn at(&self, epoch: Epoch) -> Result<Pointing, ProfileError> {
+    /// Attitude and rates at `epoch`.
+    ///
+    /// # Errors
+    /// [`OutsideList`].
+    pub fn at(&self, epoch: Epoch) -> Result<Pointing, OutsideList> {
         // The segment whose end is the first entry after the epoch; the last entry belongs to the last segment.
         let after = self
             .0
             .partition_point(|(at, _)| *at <= epoch)
             .min(self.0.len() - 1);
-        let outside = ProfileError::OutsideList {
+        let outside = OutsideList {
             epoch,
             first: self.0[0].0,
             last: self.0[self.0.len() - 1].0,
@@ -126,48 +146,6 @@ fn parse_line(content: &str) -> Result<(Epoch, UnitQuaternion<f64>), String> {
         .ok_or("only one field")?;
     let epoch = parse_utc(time)?;
     Ok((epoch, parse_quaternion(numbers)?))
-}
-
-/// Numbers from text, with commas or blanks between.
-///
-/// # Errors
-/// Says which item is not a finite number, or how many there are instead of N.
-pub fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
-    let items = text.split([' ', ',', '\t']).filter(|item| !item.is_empty());
-    let numbers = items
-        .map(|item| match item.parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(number),
-            _ => Err(format!("\"{item}\" is no finite number")),
-        })
-        .collect::<Result<Vec<f64>, String>>()?;
-    let count = numbers.len();
-    numbers
-        .try_into()
-        .map_err(|_| format!("{count} numbers where {N} belong"))
-}
-
-/// A unit quaternion from `x y z w`, normalised when its norm is within 1e-3 of 1.
-///
-/// # Errors
-/// Says what is wrong with the numbers or the norm.
-pub fn parse_quaternion(text: &str) -> Result<UnitQuaternion<f64>, String> {
-    quaternion(parse_numbers::<4>(text)?)
-}
-
-/// A unit quaternion from `[x, y, z, w]`, normalised when its norm is within 1e-3 of 1.
-///
-/// # Errors
-/// Says the norm.
-pub fn quaternion([x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, String> {
-    let q = Quaternion::new(w, x, y, z);
-    let norm = q.norm();
-    if (norm - 1.0).abs() <= 1e-3 {
-        Ok(UnitQuaternion::from_quaternion(q))
-    } else {
-        Err(format!(
-            "the quaternion's norm is {norm:.6}, not 1 within 0.001"
-        ))
-    }
 }
 
 #[cfg(test)]

@@ -10,14 +10,13 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::{ArgGroup, Parser};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
-use skyloop_firmware_sim::attitude_list::{
-    AttitudeList, parse_numbers, parse_quaternion, quaternion,
-};
+use skyloop_firmware_sim::attitude_list::AttitudeList;
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
+use skyloop_firmware_sim::link;
 use skyloop_firmware_sim::mission::{Mission, Pace};
-use skyloop_firmware_sim::port;
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
+use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{file_and_name, read_text};
 
@@ -90,7 +89,7 @@ fn main() -> ExitCode {
 
 fn run(args: Args) -> Result<()> {
     let mission = mission(&args)?;
-    let port = port::open(&args.link)?;
+    let port = link::open(&args.link)?;
     let mut refusals = 0;
     let report = FlightComputer::new(port, mission).run(|event| {
         refusals += u32::from(matches!(event, Event::Nack(_)));

@@ -1,8 +1,4 @@
 //! Attitude profiles: where the spacecraft points, and how fast it turns, at any instant.
-//!
-//! Quaternions are Hamilton's, ICRF to body: `v_body = q v_icrf q^-1`. Rates are the angular velocity of the body
-//! against ICRF in body axes, so that `dR/dt = -[w x] R`: over a time dt with constant w,
-//! `q(t + dt) = exp(-w dt) q(t)`, where `exp(v)` is the rotation by |v| about v.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -13,7 +9,8 @@ use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{Object, StateVector};
 use thiserror::Error;
 
-use crate::attitude_list::AttitudeList;
+use crate::attitude_list::{AttitudeList, OutsideList};
+use crate::pointing::{Pointing, rate_between, turn};
 
 /// Any error that an orbit source may give.
 pub type OrbitSourceError = Box<dyn Error + Send + Sync>;
@@ -25,15 +22,6 @@ pub type OrbitSource = Arc<dyn Fn(Epoch) -> Result<StateVector, OrbitSourceError
 #[must_use]
 pub fn orbit_of(object: Object) -> OrbitSource {
     Arc::new(move |epoch| Ok(object.state(epoch)?))
-}
-
-/// Attitude and turning rate at one instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pointing {
-    /// ICRF to body.
-    pub attitude: UnitQuaternion<f64>,
-    /// Angular velocity of the body against ICRF, body axes, rad/s.
-    pub rates_rad_s: Vector3<f64>,
 }
 
 /// How the attitude goes with time.
@@ -60,18 +48,8 @@ pub enum Profile {
 #[derive(Debug, Error)]
 pub enum ProfileError {
     /// The epoch lies outside the attitude list.
-    #[error(
-        "no attitude at {}: the list covers {} to {}; give attitudes on both sides of every frame, or ask for fewer frames",
- utc_text(*epoch), utc_text(*first), utc_text(*last)
-    )]
-    OutsideList {
-        /// The epoch asked for.
-        epoch: Epoch,
-        /// First epoch of the list.
-        first: Epoch,
-        /// Last epoch of the list.
-        last: Epoch,
-    },
+    #[error(transparent)]
+    OutsideList(#[from] OutsideList),
     /// Nadir pointing without an orbit.
     #[error("nadir pointing needs an orbit: give one (--orbit FILE[:NAME])")]
     NeedsOrbit,
@@ -98,7 +76,7 @@ impl Profile {
     /// [`ProfileError`]: outside the list, or no orbit where one is needed.
     pub fn at(&self, epoch: Epoch, orbit: Option<&OrbitSource>) -> Result<Pointing, ProfileError> {
         match self {
-            Self::List(list) => list.at(epoch),
+            Self::List(list) => Ok(list.at(epoch)?),
             Self::Hold(attitude) => Ok(Pointing {
                 attitude: *attitude,
                 rates_rad_s: Vector3::zeros(),
@@ -118,21 +96,6 @@ impl Profile {
             Self::Nadir => nadir(epoch, orbit.ok_or(ProfileError::NeedsOrbit)?),
         }
     }
-}
-
-/// `exp(-v)`: what turning the body by the rotation vector `v` (body axes, rad) does to the ICRF-to-body quaternion.
-pub(crate) fn turn(v: Vector3<f64>) -> UnitQuaternion<f64> {
-    UnitQuaternion::from_scaled_axis(-v)
-}
-
-/// The constant rate (body axes, rad/s) that leads from `before` to `after` in `seconds`, the shorter way round.
-pub(crate) fn rate_between(
-    before: &UnitQuaternion<f64>,
-    after: &UnitQuaternion<f64>,
-    seconds: f64,
-) -> Vector3<f64> {
-    // q1 = exp(-w dt) q0, so w = -log(q1 q0^-1) / dt.
-    -(after * before.inverse()).scaled_axis() / seconds
 }
 
 fn nadir(epoch: Epoch, orbit: &OrbitSource) -> Result<Pointing, ProfileError> {
@@ -175,7 +138,7 @@ fn nadir_attitude(epoch: Epoch, orbit: &OrbitSource) -> Result<UnitQuaternion<f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attitude_list::parse_quaternion;
+    use crate::text::parse_quaternion;
     use skyloop_orbit::time::parse_utc;
 
     fn epoch() -> Epoch {

@@ -1,0 +1,31 @@
+//! Where the spacecraft points at one instant, and how attitude and rates belong together.
+//!
+//! Quaternions are Hamilton's, ICRF to body: `v_body = q v_icrf q^-1`. Rates are the angular velocity of the body
+//! against ICRF in body axes, so that `dR/dt = -[w x] R`: over a time dt with constant w,
+//! `q(t + dt) = exp(-w dt) q(t)`, where `exp(v)` is the rotation by |v| about v.
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Attitude and turning rate at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pointing {
+    /// ICRF to body.
+    pub attitude: UnitQuaternion<f64>,
+    /// Angular velocity of the body against ICRF, body axes, rad/s.
+    pub rates_rad_s: Vector3<f64>,
+}
+
+/// `exp(-v)`: what turning the body by the rotation vector `v` (body axes, rad) does to the ICRF-to-body quaternion.
+pub(crate) fn turn(v: Vector3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_scaled_axis(-v)
+}
+
+/// The constant rate (body axes, rad/s) that leads from `before` to `after` in `seconds`, the shorter way round.
+pub(crate) fn rate_between(
+    before: &UnitQuaternion<f64>,
+    after: &UnitQuaternion<f64>,
+    seconds: f64,
+) -> Vector3<f64> {
+    // q1 = exp(-w dt) q0, so w = -log(q1 q0^-1) / dt.
+    -(after * before.inverse()).scaled_axis() / seconds
+}
