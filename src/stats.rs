@@ -1,29 +1,8 @@
 //! What a run measured: times as percentiles, counts, and the table at its end.
 
 use crate::engine::Shot;
+use skyloop_firmware_sim::times::Times;
 use std::collections::BTreeSet;
-use std::time::Duration;
-
-/// Durations of one kind.
-#[derive(Debug, Clone, Default)]
-pub struct Times(Vec<Duration>);
-
-impl Times {
-    /// Adds one.
-    pub fn add(&mut self, time: Duration) {
-        self.0.push(time);
-    }
-
-    /// The `p`-th quantile (0..1) by nearest rank, ms; none without a sample.
-    pub fn quantile_ms(&self, p: f64) -> Option<f64> {
-        let mut sorted = self.0.clone();
-        sorted.sort_unstable();
-        let rank = (p * sorted.len() as f64).ceil() as usize;
-        sorted
-            .get(rank.max(1) - 1)
-            .map(|time| time.as_secs_f64() * 1e3)
-    }
-}
 
 /// What was rendered.
 #[derive(Debug, Clone, Default)]
@@ -121,10 +100,8 @@ pub fn row(name: &str, value: String) -> (String, String) {
 
 /// Quantiles as text: `1.23 / 4.56 ms`.
 pub fn times(times: &Times, quantiles: &[f64]) -> String {
-    let values: Option<Vec<String>> = quantiles
-        .iter()
-        .map(|p| times.quantile_ms(*p).map(|ms| format!("{ms:.2}")))
-        .collect();
+    let ms = |p: &f64| Some(format!("{:.2}", times.quantile(*p)?.as_secs_f64() * 1e3));
+    let values: Option<Vec<String>> = quantiles.iter().map(ms).collect();
     values.map_or("none".to_string(), |values| {
         format!("{} ms", values.join(" / "))
     })
@@ -140,23 +117,4 @@ pub fn table(rows: &[(String, String)]) -> String {
     rows.iter()
         .map(|(name, value)| format!("  {name:width$}  {value}\n"))
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quantiles_are_those_of_nearest_rank() {
-        let mut times = Times::default();
-        assert_eq!(times.quantile_ms(0.5), None);
-        for ms in (1..=100).rev() {
-            times.add(Duration::from_millis(ms));
-        }
-        let at = |p| times.quantile_ms(p).unwrap();
-        assert_eq!(
-            (at(0.0), at(0.5), at(0.99), at(1.0)),
-            (1.0, 50.0, 99.0, 100.0)
-        );
-    }
 }

@@ -24,7 +24,9 @@ const LAYERS: &[&[&str]] = &[
 
 /// The modules of `firmware-sim/src/`, likewise.
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
-    &["image", "pacing", "pointing", "port", "text", "time"],
+    &[
+        "image", "pacing", "pointing", "port", "text", "time", "times",
+    ],
     &["attitude_list", "background", "serial"],
     &["link", "profile", "signal"],
     &["blobs", "mission"],
@@ -48,7 +50,7 @@ const FENCES: &[(&str, &[&str])] = &[
     ("skyloop_protocols::", &["attitude", "cli", "link", "serve"]),
     (
         "skyloop_firmware_sim::",
-        &["cli", "flight", "link", "serve"],
+        &["cli", "flight", "link", "serve", "stats"],
     ),
     ("tokio::", &["cli/run", "link/udp"]),
     ("serialport::", &["link/serial"]),

@@ -281,7 +281,9 @@ impl<P: Port> FlightComputer<P> {
             .find(|(number, _)| *number == sequence);
         let latency = sent.map(|(_, at)| frame.last_block.saturating_duration_since(*at));
         self.report.frames += 1;
-        self.report.latencies.extend(latency);
+        if let Some(latency) = latency {
+            self.report.latencies.add(latency);
+        }
         match &scored {
             Ok(score) => self.report.totals.add(score),
             Err(error) => {

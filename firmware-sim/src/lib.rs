@@ -35,3 +35,4 @@ pub mod serial;
 mod signal;
 pub mod text;
 pub mod time;
+pub mod times;

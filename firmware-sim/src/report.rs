@@ -1,12 +1,12 @@
 //! What a run amounts to: counts, latencies, centroid residuals, refusals.
 
 use std::fmt;
-use std::time::Duration;
 
 use skyloop_protocols::{Reason, Status};
 
 use crate::reassembly::AssemblyCounts;
 use crate::score::Score;
+use crate::times::Times;
 
 /// Nacks kept with their details; the count goes on.
 const NACKS_KEPT: usize = 100;
@@ -49,8 +49,8 @@ pub struct Report {
     pub refused: u32,
     /// Whole frames that came too late to count.
     pub late: u32,
-    /// Attitude sent to last pixel block received, in the order of the frames.
-    pub latencies: Vec<Duration>,
+    /// Attitude sent to last pixel block received.
+    pub latencies: Times,
     /// The scores of all frames added up.
     pub totals: Totals,
     /// How many Nacks came.
@@ -70,14 +70,6 @@ pub struct Report {
 }
 
 impl Report {
-    /// The latency that a fraction (0 to 1) of the frames stay within; `None` without frames.
-    #[must_use]
-    pub fn latency(&self, fraction: f64) -> Option<Duration> {
-        let mut sorted = self.latencies.clone();
-        sorted.sort_unstable();
-        quantile(&sorted, fraction)
-    }
-
     pub(crate) fn nack(&mut self, nack: NackRecord) {
         self.nack_count += 1;
         if self.nacks.len() < NACKS_KEPT {
@@ -172,16 +164,13 @@ impl fmt::Display for Report {
             self.frames, self.requested, self.lost
         )?;
         writeln!(f, ", {} refused, {} late", self.refused, self.late)?;
+        let latency_ms = |fraction| Some(self.latencies.quantile(fraction)?.as_secs_f64() * 1e3);
         if let (Some(p50), Some(p99), Some(max)) =
-            (self.latency(0.5), self.latency(0.99), self.latency(1.0))
+            (latency_ms(0.5), latency_ms(0.99), latency_ms(1.0))
         {
-            let ms = |latency: Duration| latency.as_secs_f64() * 1e3;
             writeln!(
                 f,
-                "last block after p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms",
-                ms(p50),
-                ms(p99),
-                ms(max)
+                "last block after p50 {p50:.2} ms, p99 {p99:.2} ms, max {max:.2} ms"
             )?;
         }
         writeln!(

@@ -103,7 +103,7 @@ fn a_good_day() {
         (report.frames, report.lost, report.refused, report.late),
         (6, 0, 0, 0)
     );
-    assert_eq!(report.latencies.len(), 6);
+    assert_eq!(report.latencies.count(), 6);
     assert_eq!(
         report.status.map(|status| status.counters.attitudes),
         Some(6)
@@ -193,7 +193,7 @@ fn a_bad_day_loses_frames_and_nothing_else() {
     assert_eq!(report.undecodable, 4);
     assert!(
         report.missing_packets > 0 && report.assembly.duplicates > 0,
-        "{report:?}"
+        "{report}"
     );
     assert_eq!(report.assembly.bad_pixels, 1);
 }

@@ -8,7 +8,7 @@ use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, LINKS};
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::Server;
-use skyloop::stats::{RunStats, row, table};
+use skyloop::stats::{RunStats, row, table, times};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::report::Report;
@@ -120,19 +120,9 @@ fn write(mut writer: Writer, shots: Receiver<Shot>) -> Result<(), OutputError> {
 }
 
 fn rows(stats: &RunStats, report: &Report) -> Vec<(String, String)> {
-    let ms = |p| {
-        report
-            .latency(p)
-            .map_or("none".into(), |t| format!("{:.2}", t.as_secs_f64() * 1e3))
-    };
     let mut rows = stats.rows();
-    rows.insert(
-        2,
-        row(
-            "attitude to last block p50 / p99",
-            format!("{} / {} ms", ms(0.5), ms(0.99)),
-        ),
-    );
+    let latencies = times(&report.latencies, &[0.5, 0.99]);
+    rows.insert(2, row("attitude to last block p50 / p99", latencies));
     rows.push(row(
         "centroids, measured - labelled",
         match report.totals.residual() {
