@@ -225,7 +225,8 @@ impl<P: Port> FlightComputer<P> {
                 let epoch = self.mission.start + hifitime::Duration::from_seconds(elapsed_s);
                 self.send_attitude(sequence, epoch)?;
                 // After a pause the attitudes missed in it are passed over, not sent in a burst.
-                sequence = sequence.saturating_add(1).max((elapsed_s * rate_hz) as u32);
+                let period = (elapsed_s * rate_hz) as u32;
+                sequence = sequence.max(period).saturating_add(1);
                 continue;
             }
             if last_sign.elapsed() >= self.mission.timeout {

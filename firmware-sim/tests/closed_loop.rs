@@ -283,14 +283,50 @@ fn by_the_wall_clock_attitudes_leave_at_their_rate_and_skipped_frames_are_counte
         report.lost >= 1 && told.iter().any(|line| line.contains("went on to the next")),
         "{told:?}"
     );
-    let times: Vec<Epoch> = emulator
-        .attitudes
-        .iter()
-        .map(|(header, _)| to_epoch(header.time))
-        .collect();
-    assert!(times.windows(2).all(|pair| pair[0] < pair[1]));
-    let first = (times[0] - start()).to_seconds();
-    assert!((0.0..1.0).contains(&first), "{first}");
+    let left = periods(&emulator, 20.0);
+    assert!((0.0..20.0).contains(&left[0]), "{left:?}");
+    // Most are on time; on a busy machine some are late.
+    let mut spacings: Vec<f64> = left.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    spacings.sort_by(f64::total_cmp);
+    assert!(spacings[spacings.len() / 2] < 2.0, "{left:?}");
+}
+
+#[test]
+fn by_the_wall_clock_the_attitudes_of_a_pause_are_passed_over() {
+    let (port, thread) = over_memory(Emulator::new(|_, _| {}));
+    let wall = Mission {
+        pace: Pace::Wall { rate_hz: 20.0 },
+        ..mission(6)
+    };
+    let mut pause = Some(Duration::from_millis(180));
+    let report = FlightComputer::new(port, wall).run(|_| {
+        // 3.6 periods, once.
+        pause.take().into_iter().for_each(std::thread::sleep);
+        ControlFlow::Continue(())
+    });
+    assert_eq!(report.unwrap().frames, 6);
+    let emulator = thread.join().unwrap();
+    let left = periods(&emulator, 20.0);
+    let over = |pair: &[f64]| pair[1] - pair[0] > 2.5;
+    assert!(left.windows(2).any(over), "{left:?}");
+}
+
+/// When the attitudes left by their own times, in periods from the start. None left before its number of periods, and
+/// no two in the same period: neither faster than the rate, nor in a burst.
+fn periods(emulator: &Emulator, rate_hz: f64) -> Vec<f64> {
+    let mut left: Vec<f64> = Vec::new();
+    for (header, attitude) in &emulator.attitudes {
+        let at = (to_epoch(header.time) - start()).to_seconds() * rate_hz;
+        // A nanosecond lost on the wire is not early.
+        assert!(
+            at > f64::from(attitude.sequence) - 1e-6,
+            "{at}: {attitude:?}"
+        );
+        let before = left.last().map_or(-1.0, |at| at.floor());
+        assert!(at.floor() > before, "{at} after {left:?}");
+        left.push(at);
+    }
+    left
 }
 
 #[test]
