@@ -3,7 +3,7 @@
 use crate::attitude::Attitude;
 use crate::camera::Camera;
 use crate::fidelity::{Fidelity, PRESETS};
-use crate::load::{Check, ConfigError, DEFAULT_SCENE, Folder, orbits, parse};
+use crate::load::{Check, ConfigError, DEFAULT_SCENE, Folder, RawTime, orbits, parse};
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
 use crate::sky::photometry::Sphere;
@@ -171,17 +171,6 @@ struct RawSequence {
 struct RawAttitude {
     utc: Option<RawTime>,
     q: [f64; 4],
-}
-
-/// UTC as a string, or as TOML's own date and time.
-#[derive(Deserialize)]
-#[serde(
-    untagged,
-    expecting = "expected a UTC time such as 2019-06-15T23:35:50.500Z"
-)]
-enum RawTime {
-    Text(String),
-    Date(toml::value::Datetime),
 }
 
 #[derive(Deserialize)]
@@ -397,10 +386,7 @@ impl RawSequence {
 }
 
 fn utc(check: &Check, key: &str, time: &RawTime) -> Result<Epoch, ConfigError> {
-    let text = match time {
-        RawTime::Text(text) => text.clone(),
-        RawTime::Date(date) => date.to_string(),
-    };
+    let text = time.to_string();
     parse_utc(&text)
         .map_err(|_| check.refuse(key, &text, "a UTC time such as 2019-06-15T23:35:50.500Z"))
 }

@@ -66,7 +66,8 @@ const FENCES: &[(&str, &[&str])] = &[
     ("anyhow::", &["cli", "main"]),
     ("clap::", &["cli", "main"]),
     ("indicatif::", &["cli"]),
-    ("println!", &["cli", "main"]),
+    ("println!", &["main"]),
+    ("stdout()", &["cli"]),
 ];
 
 /// Lines that a file may have.

@@ -8,6 +8,8 @@ pub mod orbits;
 pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
 pub use folder::Folder;
 
+use serde::Deserialize;
+use std::fmt;
 use std::ops::RangeInclusive;
 use thiserror::Error;
 
@@ -99,6 +101,26 @@ impl Check<'_> {
             key: key.to_string(),
             value: value.to_string(),
             allowed: allowed.into(),
+        }
+    }
+}
+
+/// A time: a string, or TOML's own date and time.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected a UTC time such as 2019-06-15T23:35:50.500Z"
+)]
+pub(crate) enum RawTime {
+    Text(String),
+    Date(toml::value::Datetime),
+}
+
+impl fmt::Display for RawTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            RawTime::Text(text) => f.write_str(text),
+            RawTime::Date(date) => date.fmt(f),
         }
     }
 }

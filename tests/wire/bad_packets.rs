@@ -158,7 +158,7 @@ pub fn cases() -> Vec<Case> {
             with_state([1e6, 0.0, 0.0], V),
             ValueOutOfRange,
             "bad_value",
-            &["attitude 902", "position", "at least 6356 km"],
+            &["attitude 902", "position", "at least 6356000 m"],
         ),
         case(
             "velocity beyond reason",
