@@ -13,8 +13,19 @@ pub fn add(
     objects: &mut Vec<Object>,
     rejected: &mut Vec<String>,
 ) -> Result<(), ConfigError> {
+    if let (file, Some(_)) = file_and_name(name, |file| folder.has(file))
+        && folder.has(file)
+    {
+        return Err(ConfigError::Orbit(format!(
+            "{name}: objects are taken from whole files: write {file}"
+        )));
+    }
     let loaded = load(folder, name)?;
-    rejected.extend(loaded.rejected.iter().map(Rejected::to_string));
+    book(&loaded.rejected, rejected);
+    if loaded.objects.is_empty() {
+        let why = loaded.pick(None).err().unwrap_or_default();
+        return Err(ConfigError::Orbit(format!("{name}: {why}")));
+    }
     let known: HashSet<String> = objects.iter().map(|object| object.id.clone()).collect();
     for object in loaded.objects {
         if known.contains(&object.id) {
@@ -39,8 +50,15 @@ pub fn one(
     let (object, refused) = load(folder, file)?
         .pick(name)
         .map_err(|why| ConfigError::Orbit(format!("{file}: {why}")))?;
-    rejected.extend(refused.iter().map(Rejected::to_string));
+    book(&refused, rejected);
     Ok(object)
+}
+
+/// Adds what was refused, unless another use of the same file has told it already.
+fn book(refused: &[Rejected], rejected: &mut Vec<String>) {
+    let known: HashSet<String> = rejected.iter().cloned().collect();
+    let lines = refused.iter().map(Rejected::to_string);
+    rejected.extend(lines.filter(|line| !known.contains(line)));
 }
 
 fn load(folder: &Folder, name: &str) -> Result<Loaded, ConfigError> {

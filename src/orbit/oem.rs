@@ -10,6 +10,9 @@ use nalgebra::{Matrix3, Vector3};
 const DEFAULT_DEGREE: usize = 7;
 /// Highest degree accepted: beyond it equidistant nodes only amplify rounding.
 const MAX_DEGREE: usize = 25;
+/// Farthest and fastest state about the Earth; metres in place of kilometres lie beyond.
+const FARTHEST_M: f64 = 4e9;
+const FASTEST_M_S: f64 = 1e5;
 
 /// Whether a text begins as an OEM does.
 pub(crate) fn looks_like(text: &str) -> bool {
@@ -315,8 +318,11 @@ impl Data {
             Axes::Fixed(rotation) => state.rotated(rotation),
             Axes::Teme => state.rotated(&frames::teme_to_gcrf(epoch)),
         };
-        if !state.is_finite() {
-            return Err(bad("a value out of range"));
+        // NaN lies within nothing.
+        let within =
+            state.position_m.norm() <= FARTHEST_M && state.velocity_m_s.norm() <= FASTEST_M_S;
+        if !within {
+            return Err(bad("beyond 4e6 km or 100 km/s (states are in km and km/s)"));
         }
         self.nodes.push(Node { tai_ns, state });
         Ok(())

@@ -5,13 +5,17 @@ use crate::{Loaded, Object, Rejected};
 /// Objects that a message names at most.
 const SHOWN: usize = 8;
 
-/// File and object that `FILE` or `FILE:NAME` selects. A colon may belong to the file's name: the whole text is the
-/// file if `exists` knows it.
-pub fn file_and_name(selector: &str, exists: impl FnOnce(&str) -> bool) -> (&str, Option<&str>) {
-    match selector.rsplit_once(':') {
-        Some((file, name)) if !exists(selector) => (file, Some(name)),
-        _ => (selector, None),
+/// File and object that `FILE` or `FILE:NAME` selects. Colons may belong to either name: the file is the longest
+/// that `exists` knows.
+pub fn file_and_name(selector: &str, exists: impl Fn(&str) -> bool) -> (&str, Option<&str>) {
+    let colons = selector.rmatch_indices(':');
+    let mut parts = colons.map(|(at, _)| (&selector[..at], Some(&selector[at + 1..])));
+    let last = parts.clone().next();
+    if exists(selector) {
+        return (selector, None);
     }
+    let known = parts.find(|(file, _)| exists(file));
+    known.or(last).unwrap_or((selector, None))
 }
 
 impl Loaded {
@@ -30,18 +34,17 @@ impl Loaded {
                 return Ok((self.objects.swap_remove(*one), self.rejected));
             }
             ([], Some(name)) => format!("no object called {name:?}"),
-            (_, Some(name)) => format!("{} objects called {name:?}", meant.len()),
+            (_, Some(name)) => format!(
+                "{} objects called {name:?}: pick one by its number",
+                meant.len()
+            ),
             ([], None) => "no usable object".to_string(),
             (_, None) => format!("{} usable objects: pick one as FILE:NAME", meant.len()),
         };
-        let shown = self.objects.iter().take(SHOWN).map(Object::label);
-        let mut has = shown.collect::<Vec<_>>().join(", ");
-        if self.objects.len() > SHOWN {
-            has.push_str(", ...");
-        }
-        let has = match has.as_str() {
-            "" => String::new(),
-            has => format!("; it has {has}"),
+        let has = match (meant.as_slice(), name) {
+            ([], Some(name)) => self.like(name),
+            ([], None) => String::new(),
+            (meant, _) => list(meant.iter().map(|i| &self.objects[*i])),
         };
         let refused = match self.rejected.as_slice() {
             [] => String::new(),
@@ -49,6 +52,29 @@ impl Loaded {
             [first, ..] => format!("; refused are {}, the first: {first}", self.rejected.len()),
         };
         Err(format!("{why}{has}{refused}"))
+    }
+
+    /// Objects whose names begin or go on like `name`, or else some of all.
+    fn like(&self, name: &str) -> String {
+        let name = name.to_ascii_uppercase();
+        let begin: String = name.chars().take(3).collect();
+        let near = |object: &&Object| {
+            let mut names = object.names.iter().map(|known| known.to_ascii_uppercase());
+            names.any(|known| known.contains(&name) || known.starts_with(&begin))
+        };
+        match list(self.objects.iter().filter(near)) {
+            none if none.is_empty() => list(self.objects.iter()),
+            some => some,
+        }
+    }
+}
+
+fn list<'a>(objects: impl Iterator<Item = &'a Object>) -> String {
+    let labels: Vec<String> = objects.take(SHOWN + 1).map(Object::label).collect();
+    match labels.len() {
+        0 => String::new(),
+        n if n > SHOWN => format!("; it has {}, ...", labels[..SHOWN].join(", ")),
+        _ => format!("; it has {}", labels.join(", ")),
     }
 }
 
@@ -95,6 +121,7 @@ mod tests {
         assert_eq!(split("a.oem:ISS"), ("a.oem", Some("ISS")));
         assert_eq!(split("a:b.oem"), ("a:b.oem", None));
         assert_eq!(split("a:b.oem:ISS"), ("a:b.oem", Some("ISS")));
+        assert_eq!(split("a:b.oem:ISS:Z"), ("a:b.oem", Some("ISS:Z")));
     }
 
     #[test]
@@ -127,5 +154,13 @@ mod tests {
             &["no object called \"ISS\"", "VANGUARD", "checksum"],
         );
         has(pick(0..3, Some("ISS")), &["it has NORAD 5"]);
+        let near = pick(0..9, Some("Deltan")).unwrap_err();
+        assert!(near.contains("it has NORAD 6251 (DELTA 1 DEB)"), "{near}");
+        assert!(!near.contains("VANGUARD"), "{near}");
+        let twice = SETS.replace("VANGUARD 1", "DELTA 1 DEB");
+        let twice = crate::parse(&twice, "sets.tle").unwrap();
+        let why = twice.pick(Some("delta 1 deb")).unwrap_err();
+        let parts = ["2 objects called", "by its number", "NORAD 5", "NORAD 6251"];
+        assert!(parts.iter().all(|part| why.contains(part)), "{why}");
     }
 }

@@ -14,6 +14,12 @@ fn refuses(flags: &[&str], words: &[&str]) {
         ("camera.toml", "camera = \"nope\"\n"),
         ("time.toml", "[sequence]\nepoch = 5\n"),
         ("file", ""),
+        (
+            "metres.oem",
+            "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = X\nOBJECT_ID = X\nCENTER_NAME = EARTH\n\
+             REF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T00:00:00\n\
+             STOP_TIME = 2019-06-16T00:00:00\nMETA_STOP\n2019-06-15T00:00:00 7000000 0 0 0 7500 0\n",
+        ),
     ] {
         std::fs::write(here.path().join(name), text).unwrap();
     }
@@ -164,6 +170,15 @@ fn objects_and_orbits() {
     render(
         &["--rso", "none.tle", "--state", STATE],
         &["none.tle", "No such file", "check the path"],
+    );
+    let named = format!("{}:RCM-1", oem("rcm-1"));
+    render(
+        &["--rso", &named, "--state", STATE],
+        &["whole files", "rcm-1-B.oem"],
+    );
+    render(
+        &["--rso", "metres.oem", "--state", STATE],
+        &["metres.oem", "no usable object", "km and km/s"],
     );
     render(
         &["--orbit", "none.tle"],

@@ -8,10 +8,15 @@ use skyloop_protocols::Command;
 
 /// The defaults, with the objects of one orbit file.
 fn showing(orbits: &str) -> Config {
+    with(orbits, "[objects]\nfiles = [\"orbits\"]")
+}
+
+/// The configuration `keys`, beside a file `orbits`.
+fn with(orbits: &str, keys: &str) -> Config {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("orbits"), orbits).unwrap();
     let folder = Folder::Disk(folder.path().to_path_buf());
-    Config::parse("run.toml", "[objects]\nfiles = [\"orbits\"]", &folder).unwrap()
+    Config::parse("run.toml", keys, &folder).unwrap()
 }
 
 #[test]
@@ -45,7 +50,13 @@ fn a_record_refused_at_the_start_is_counted() {
         2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n\
         1 06251U 62025E   06176.82412014  .00008885  00000-0  12808-3 0  3986\n\
         2 06251  58.0579  54.0425 0030035 139.1568 221.1854 15.56387291  6774\n";
-    for (config, count) in [(showing(elements), 1), (scene(), 0)] {
+    let both = "objects.files = [\"orbits\"]\nobserver.orbit = \"orbits:5\"";
+    // One record, whoever reads the file.
+    for (config, count) in [
+        (showing(elements), 1),
+        (with(elements, both), 1),
+        (scene(), 0),
+    ] {
         let (_emulator, line) = on_memory(config, Clock::Stepped);
         let mut client = Client::new(line);
         assert_eq!(client.status().counters.rejected_records, count);
@@ -65,5 +76,11 @@ fn a_packet_lost_on_the_way_is_counted_and_the_next_one_obeyed() {
         client.prepare(&Command::Attitude(attitude(sequence)), EPOCH);
     }
     client.good_frame(4);
+    assert_eq!(client.status().counters.sequence_gaps, 3);
+    // A Reset starts the counts anew, wherever they stand.
+    for _ in 0..10 {
+        client.prepare(&Command::Ping, EPOCH);
+    }
+    client.done(Command::Reset);
     assert_eq!(client.status().counters.sequence_gaps, 3);
 }

@@ -286,6 +286,17 @@ fn every_kind_of_damage_says_what_and_where() {
             "not a number",
         ),
         (
+            // Metres.
+            swapped("2019-06-15T00:00:10 7000000 0 0 7500 0 0"),
+            13,
+            "km and km/s",
+        ),
+        (
+            swapped("2019-06-15T00:00:10 1e300 0 0 1 0 0"),
+            13,
+            "km and km/s",
+        ),
+        (
             swapped("2019-06-15T00:00:00 7000 0 0 1 0 0"),
             13,
             "not after the one before",
