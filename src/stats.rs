@@ -13,11 +13,13 @@ pub struct RunStats {
     pub render: Times,
     /// From the attitude's arrival to its last packet on the link.
     pub answer: Times,
-    /// Stars labelled, summed over the frames.
+    /// Stars labelled, summed over the frames as all that follow.
     pub stars: usize,
-    /// RSOs labelled, summed over the frames.
+    /// Stars visible.
+    pub stars_visible: usize,
+    /// RSOs labelled.
     pub rsos: usize,
-    /// RSOs visible, summed over the frames.
+    /// RSOs visible.
     pub rsos_visible: usize,
 }
 
@@ -27,34 +29,27 @@ impl RunStats {
         self.frames += 1;
         self.render.add(shot.render_time);
         for object in &shot.label.objects {
-            if object.rso.is_none() {
-                self.stars += 1;
-            } else {
-                self.rsos += 1;
-                self.rsos_visible += usize::from(object.visible);
-            }
+            let (labelled, visible) = match object.rso {
+                None => (&mut self.stars, &mut self.stars_visible),
+                Some(_) => (&mut self.rsos, &mut self.rsos_visible),
+            };
+            *labelled += 1;
+            *visible += usize::from(object.visible);
         }
     }
 
     /// The rows that every run's table starts with.
     pub fn rows(&self) -> Vec<(String, String)> {
-        let per_frame = |n: usize| n as f64 / f64::from(self.frames.max(1));
-        let mut rows = vec![
+        let labelled = |all, visible| format!("{all} ({visible} visible)");
+        vec![
             row("frames", self.frames.to_string()),
             row(
                 "render time p50 / p99 / max",
                 times(&self.render, &[0.5, 0.99, 1.0]),
             ),
-        ];
-        rows.push(row(
-            "stars labelled",
-            format!("{} ({:.0} a frame)", self.stars, per_frame(self.stars)),
-        ));
-        rows.push(row(
-            "RSOs labelled",
-            format!("{} ({} visible)", self.rsos, self.rsos_visible),
-        ));
-        rows
+            row("stars labelled", labelled(self.stars, self.stars_visible)),
+            row("RSOs labelled", labelled(self.rsos, self.rsos_visible)),
+        ]
     }
 }
 
