@@ -3,6 +3,7 @@
 mod cli;
 
 use clap::Parser;
+use skyloop_firmware_sim::console::in_one_line;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -11,23 +12,8 @@ fn main() -> ExitCode {
     match cli.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", in_one_line(&error));
+            eprintln!("error: {}", in_one_line(error.as_ref()));
             ExitCode::FAILURE
         }
     }
-}
-
-/// An error and its causes; a cause that the text before it already tells is left out.
-fn in_one_line(error: &anyhow::Error) -> String {
-    let mut line = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if line.contains(&cause) {
-            continue;
-        }
-        if !line.is_empty() {
-            line += ": ";
-        }
-        line += &cause;
-    }
-    line
 }

@@ -25,7 +25,7 @@ const LAYERS: &[&[&str]] = &[
 /// The modules of `firmware-sim/src/`, likewise.
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
-        "image", "pacing", "pointing", "port", "text", "time", "times",
+        "console", "image", "pacing", "pointing", "port", "text", "time", "times",
     ],
     &["attitude_list", "background", "serial"],
     &["link", "profile", "signal"],
@@ -50,9 +50,9 @@ const FENCES: &[(&str, &[&str])] = &[
     ("skyloop_protocols::", &["attitude", "cli", "link", "serve"]),
     (
         "skyloop_firmware_sim::",
-        &["cli", "flight", "link", "serve", "stats"],
+        &["cli", "flight", "link", "main", "serve", "stats"],
     ),
-    ("tokio::", &["cli/run", "link/udp"]),
+    ("tokio::", &["link/udp"]),
     ("serialport::", &["link/serial"]),
     ("rayon::", &["render", "scene", "sky/population"]),
     ("sofars::", &["sky/bodies"]),
@@ -67,7 +67,6 @@ const FENCES: &[(&str, &[&str])] = &[
     ("clap::", &["cli", "main"]),
     ("indicatif::", &["cli"]),
     ("println!", &["main"]),
-    ("stdout()", &["cli"]),
 ];
 
 /// Lines that a file may have.

@@ -35,10 +35,22 @@ pub enum RunError {
     #[error(transparent)]
     Port(#[from] PortError),
     /// Nobody answered a Reset.
-    #[error("no answer within {} s: is an emulator (skyloop run) listening on this link, and free?", waited.as_secs_f64())]
+    #[error(
+        "no answer within {} s: is an emulator (skyloop run) listening on this link, and at this baud rate? \
+         One that another client has left without a Reset is free when that one has been silent for its idle_s (5 s)",
+        waited.as_secs_f64()
+    )]
     NoAnswer {
         /// How long it was waited for.
         waited: Duration,
+    },
+    /// The mission had begun; what came of it is in the report.
+    #[error("{source}")]
+    CutShort {
+        /// The report until then.
+        report: Box<Report>,
+        /// What went wrong.
+        source: Box<RunError>,
     },
     /// There is no attitude or no state for a frame.
     #[error(transparent)]
@@ -88,8 +100,9 @@ impl<P: Port> FlightComputer<P> {
     /// Opens the exchange by a Reset and flies the mission. `watch` sees all that happens and may break the run off.
     ///
     /// # Errors
-    /// [`RunError`]: settings out of range, no attitude or state for a frame, no answer, or a link that is gone. Lost
-    /// and refused frames are no errors; the report counts them.
+    /// [`RunError`]: settings out of range, no attitude or state for a frame, no answer, or a link that is gone.
+    /// [`RunError::CutShort`] once the emulator had answered. Lost and refused frames are no errors; the report
+    /// counts them.
     pub fn run(
         mut self,
         mut watch: impl FnMut(Event<'_>) -> ControlFlow<()>,
@@ -101,15 +114,21 @@ impl<P: Port> FlightComputer<P> {
             });
         }
         // A run that is broken off has a report like any other, and an emulator may leave when the frames are in.
-        let _ = match self.mission.pace {
-            Pace::Stepped { most_hz } => self.run_stepped(most_hz, &mut watch)?,
-            Pace::Wall { rate_hz } => self.run_wall(rate_hz, &mut watch)?,
+        let flown = match self.mission.pace {
+            Pace::Stepped { most_hz } => self.run_stepped(most_hz, &mut watch),
+            Pace::Wall { rate_hz } => self.run_wall(rate_hz, &mut watch),
         };
         let _ = self.ask_status();
         // Frees the emulator: the next client need not wait until this one counts as silent.
         let _ = self.exchange.command(&Command::Reset);
         self.exchange.account(&mut self.report);
-        Ok(self.report)
+        match flown {
+            Ok(_) => Ok(self.report),
+            Err(source) => Err(RunError::CutShort {
+                report: Box::new(self.report),
+                source: Box::new(source),
+            }),
+        }
     }
 
     /// What can be known before anything is sent: settings, and the attitude at both ends of a stepped run.
@@ -184,7 +203,12 @@ impl<P: Port> FlightComputer<P> {
                 return self.time_out(sequence, watch);
             }
             match self.exchange.receive(left.min(GRANT_AGAIN))? {
-                None => self.exchange.grant()?,
+                None => {
+                    self.exchange.grant()?;
+                    if watch(Event::Quiet).is_break() {
+                        return Ok(ControlFlow::Break(()));
+                    }
+                }
                 Some(Incoming::Frame(frame)) if frame.header.attitude_sequence == sequence => {
                     return Ok(self.take(&frame, watch));
                 }
@@ -243,7 +267,7 @@ impl<P: Port> FlightComputer<P> {
                 .min(GRANT_AGAIN)
                 .max(Duration::from_micros(100));
             flow = match self.exchange.receive(wait)? {
-                None => ControlFlow::Continue(()),
+                None => watch(Event::Quiet),
                 Some(Incoming::Frame(frame)) => {
                     last_sign = Instant::now();
                     let number = frame.header.frame;

@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic;
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -11,8 +12,9 @@ use clap::{ArgGroup, Parser};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::AttitudeList;
+use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
-use skyloop_firmware_sim::flight_computer::FlightComputer;
+use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::link;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
@@ -34,10 +36,15 @@ struct Args {
     #[arg(long, value_name = "UTC", value_parser = parse_utc, required_unless_present = "wall")]
     epoch: Option<Epoch>,
     /// How many frames
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     frames: u32,
     /// Time from frame to frame, s
-    #[arg(long, default_value_t = 0.5, value_name = "S")]
+    #[arg(
+        long,
+        default_value_t = 0.5,
+        value_name = "S",
+        allow_negative_numbers = true
+    )]
     period: f64,
     /// A file of lines "UTC x y z w": attitudes (ICRF to body, scalar last) to slerp between
     #[arg(long, value_name = "FILE", group = "profile")]
@@ -52,13 +59,18 @@ struct Args {
     #[arg(long, requires = "orbit", group = "profile")]
     nadir: bool,
     /// Attitudes a second: at most (stepped), or by the clock (--wall, default 10)
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     rate: Option<f64>,
     /// Send attitudes by the wall clock and take the frames that come
     #[arg(long)]
     wall: bool,
     /// How long to wait for a frame, s
-    #[arg(long, default_value_t = 5.0, value_name = "S")]
+    #[arg(
+        long,
+        default_value_t = 8.0,
+        value_name = "S",
+        allow_negative_numbers = true
+    )]
     timeout: f64,
 }
 
@@ -81,7 +93,7 @@ fn main() -> ExitCode {
     match run(Args::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("skyloop-fc: {error:#}");
+            eprintln!("skyloop-fc: {}", in_one_line(error.as_ref()));
             ExitCode::FAILURE
         }
     }
@@ -90,17 +102,32 @@ fn main() -> ExitCode {
 fn run(args: Args) -> Result<()> {
     let mission = mission(&args)?;
     let port = link::open(&args.link)?;
+    let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let mut refusals = 0;
-    let report = FlightComputer::new(port, mission).run(|event| {
+    let flown = FlightComputer::new(port, mission).run(|event| {
         refusals += u32::from(matches!(event, Event::Nack(_)));
-        match (&event, refusals.cmp(&TOLD)) {
-            (Event::Nack(_), Ordering::Greater) => {}
-            (Event::Nack(nack), Ordering::Equal) => println!("{nack}; further ones are counted"),
+        let told = match (&event, refusals.cmp(&TOLD)) {
+            (Event::Nack(_), Ordering::Greater) => Ok(()),
+            (Event::Nack(nack), Ordering::Equal) => {
+                say(format_args!("{nack}; further ones are counted\n"))
+            }
             _ => tell(&event),
+        };
+        // What cannot be told now fails again below, with the report.
+        if told.is_err() || stop.load(atomic::Ordering::Relaxed) {
+            return ControlFlow::Break(());
         }
         ControlFlow::Continue(())
-    })?;
-    print!("{report}");
+    });
+    let (report, cut_short) = match flown {
+        Ok(report) => (report, None),
+        Err(RunError::CutShort { report, source }) => (*report, Some(source)),
+        Err(error) => return Err(error.into()),
+    };
+    say(&report)?;
+    if let Some(error) = cut_short {
+        return Err((*error).into());
+    }
     let (came, asked) = (report.frames, report.requested);
     if came < asked {
         bail!(
@@ -174,7 +201,7 @@ fn orbit(text: &str) -> Result<OrbitSource> {
     Ok(orbit_of(object))
 }
 
-fn tell(event: &Event<'_>) {
+fn tell(event: &Event<'_>) -> std::io::Result<()> {
     match event {
         Event::Frame {
             frame,
@@ -186,12 +213,15 @@ fn tell(event: &Event<'_>) {
             let ms = latency.map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3);
             let matched = score.map_or(0, |score| score.matches.len());
             let (number, found) = (frame.header.attitude_sequence, detections.list().len());
-            println!(
-                "frame {number}: {found} detections, {matched} matched, last block after {ms:.1} ms"
-            );
+            say(format_args!(
+                "frame {number}: {found} detections, {matched} matched, last block after {ms:.1} ms\n"
+            ))
         }
-        Event::Lost { sequence, loss } => println!("attitude {sequence}: frame lost: {loss}"),
-        Event::Nack(nack) => println!("{nack}"),
-        Event::Problem(problem) => println!("{problem}"),
+        Event::Lost { sequence, loss } => {
+            say(format_args!("attitude {sequence}: frame lost: {loss}\n"))
+        }
+        Event::Nack(nack) => say(format_args!("{nack}\n")),
+        Event::Problem(problem) => say(format_args!("{problem}\n")),
+        Event::Quiet => Ok(()),
     }
 }

@@ -3,9 +3,10 @@
 use std::error::Error;
 use std::sync::Arc;
 
-use hifitime::{Duration, Epoch};
+use hifitime::Epoch;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use skyloop_orbit::time::utc_text;
+use skyloop_orbit::two_body::propagate_j2;
 use skyloop_orbit::{Object, StateVector};
 use thiserror::Error;
 
@@ -99,29 +100,18 @@ impl Profile {
 }
 
 fn nadir(epoch: Epoch, orbit: &OrbitSource) -> Result<Pointing, ProfileError> {
-    /// Half the base of the numeric derivative, s: its error goes as the square, below 1e-9 of the orbital rate.
+    /// Half the base of the numeric derivative, s: its error goes as the square, below 1e-7 of the orbital rate.
     const STEP_S: f64 = 0.5;
-    let attitude = nadir_attitude(epoch, orbit)?;
-    let step = Duration::from_seconds(STEP_S);
-    // At the ends of an ephemeris one neighbour is missing: the derivative then is one-sided.
-    let (before, before_s) =
-        nadir_attitude(epoch - step, orbit).map_or((attitude, 0.0), |q| (q, STEP_S));
-    let (after, after_s) =
-        nadir_attitude(epoch + step, orbit).map_or((attitude, 0.0), |q| (q, STEP_S));
-    let base_s = before_s + after_s;
-    let rates_rad_s = if base_s > 0.0 {
-        rate_between(&before, &after, base_s)
-    } else {
-        Vector3::zeros()
-    };
+    let state = orbit(epoch).map_err(|source| ProfileError::Orbit { epoch, source })?;
+    // From this state alone: an orbit's neighbouring states may come of other elements, or not be there.
+    let at = |dt_s| nadir_attitude(epoch, &propagate_j2(&state, dt_s));
     Ok(Pointing {
-        attitude,
-        rates_rad_s,
+        attitude: at(0.0)?,
+        rates_rad_s: rate_between(&at(-STEP_S)?, &at(STEP_S)?, 2.0 * STEP_S),
     })
 }
 
-fn nadir_attitude(epoch: Epoch, orbit: &OrbitSource) -> Result<UnitQuaternion<f64>, ProfileError> {
-    let state = orbit(epoch).map_err(|source| ProfileError::Orbit { epoch, source })?;
+fn nadir_attitude(epoch: Epoch, state: &StateVector) -> Result<UnitQuaternion<f64>, ProfileError> {
     let z = -state.position_m;
     let x = state.velocity_m_s - z * (z.dot(&state.velocity_m_s) / z.norm_squared());
     let (Some(z), Some(x)) = (z.try_normalize(1.0), x.try_normalize(1e-3)) else {
@@ -139,6 +129,7 @@ fn nadir_attitude(epoch: Epoch, orbit: &OrbitSource) -> Result<UnitQuaternion<f6
 mod tests {
     use super::*;
     use crate::text::parse_quaternion;
+    use hifitime::Duration;
     use skyloop_orbit::time::parse_utc;
 
     fn epoch() -> Epoch {
@@ -149,17 +140,15 @@ mod tests {
         epoch() + Duration::from_seconds(seconds)
     }
 
-    /// A circular orbit of 7000 km inclined by 0.7 rad.
+    /// An orbit of 7000 km inclined by 0.7 rad, circular at the epoch.
     fn circular() -> OrbitSource {
-        Arc::new(|t| {
-            let (radius, rate) = (7.0e6_f64, (3.986_004_418e14_f64 / 7.0e6_f64.powi(3)).sqrt());
-            let angle = rate * (t - epoch()).to_seconds();
-            let tilt = Rotation3::from_axis_angle(&Vector3::x_axis(), 0.7);
-            Ok(StateVector {
-                position_m: tilt * Vector3::new(radius * angle.cos(), radius * angle.sin(), 0.0),
-                velocity_m_s: tilt * Vector3::new(-angle.sin(), angle.cos(), 0.0) * (radius * rate),
-            })
-        })
+        let tilt = Rotation3::from_axis_angle(&Vector3::x_axis(), 0.7);
+        let speed = (3.986_004_418e14_f64 / 7.0e6).sqrt();
+        let state = StateVector {
+            position_m: Vector3::new(7.0e6, 0.0, 0.0),
+            velocity_m_s: tilt * Vector3::new(0.0, speed, 0.0),
+        };
+        Arc::new(move |t| Ok(propagate_j2(&state, (t - epoch()).to_seconds())))
     }
 
     /// dR/dt = -[w x] R, by a central difference of R.
@@ -258,8 +247,8 @@ mod tests {
 
     #[test]
     fn nadir_looks_down_and_turns_once_an_orbit() {
-        let pointing = Profile::Nadir.at(after(100.0), Some(&circular())).unwrap();
-        let state = circular()(after(100.0)).unwrap();
+        let pointing = Profile::Nadir.at(epoch(), Some(&circular())).unwrap();
+        let state = circular()(epoch()).unwrap();
         assert!((pointing.attitude * -state.position_m.normalize() - Vector3::z()).norm() < 1e-12);
         assert!((pointing.attitude * state.velocity_m_s.normalize() - Vector3::x()).norm() < 1e-12);
         // X-Val: mean motion sqrt(mu / a^3) at 7000 km is 1.078007e-3 rad/s, about -Y (Z down, X ahead).
@@ -271,29 +260,22 @@ mod tests {
     }
 
     #[test]
-    fn nadir_rates_are_one_sided_at_the_end_of_an_ephemeris() {
+    fn nadir_rates_need_the_state_at_the_epoch_alone() {
         let circular = circular();
         let inner = circular.clone();
-        let bounded: OrbitSource = Arc::new(move |t| {
-            if t < epoch() {
-                Err("too early".into())
-            } else {
+        let at_once: OrbitSource = Arc::new(move |t| {
+            if t == epoch() {
                 inner(t)
+            } else {
+                Err("another time".into())
             }
         });
-        let error = Profile::Nadir
-            .at(epoch(), Some(&bounded))
-            .unwrap()
-            .rates_rad_s
-            - Profile::Nadir
-                .at(epoch(), Some(&circular))
-                .unwrap()
-                .rates_rad_s;
-        assert!(error.norm() < 1e-6);
-        let refused = Profile::Nadir
-            .at(after(-1.0), Some(&bounded))
-            .unwrap_err()
-            .to_string();
-        assert!(refused.contains("too early"), "{refused}");
+        let rates = |orbit| {
+            let pointing = Profile::Nadir.at(epoch(), Some(orbit)).unwrap();
+            pointing.rates_rad_s
+        };
+        assert_eq!(rates(&at_once), rates(&circular));
+        let refused = Profile::Nadir.at(after(-1.0), Some(&at_once)).unwrap_err();
+        assert!(refused.to_string().contains("another time"), "{refused}");
     }
 }

@@ -84,6 +84,7 @@ fn fly(port: impl Port, mission: Mission) -> (Report, Vec<String>) {
             Event::Lost { sequence, loss } => format!("lost {sequence}: {loss}"),
             Event::Nack(nack) => format!("nack: {}", nack.detail),
             Event::Problem(problem) => problem,
+            Event::Quiet => return ControlFlow::Continue(()),
         });
         ControlFlow::Continue(())
     });

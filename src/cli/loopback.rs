@@ -1,6 +1,6 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
-use super::{mission, progress, say};
+use super::{mission, progress};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -9,6 +9,7 @@ use skyloop::link::{self, LINKS};
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::Server;
 use skyloop::stats::{RunStats, row, table, times};
+use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::report::Report;
@@ -89,6 +90,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                 }
                 Event::Nack(nack) => bar.suspend(|| tracing::warn!("{nack}")),
                 Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
+                Event::Quiet => {}
             }
             ControlFlow::Continue(())
         });

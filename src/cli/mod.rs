@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use skyloop::config::Config;
 use skyloop::flight;
 use skyloop_firmware_sim::mission::Mission;
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::Path;
 use tracing::level_filters::LevelFilter;
 
@@ -68,17 +68,6 @@ fn mission(config: &Config, scene: Option<&Path>) -> anyhow::Result<Mission> {
     match scene {
         Some(scene) => mission.with_context(|| scene.display().to_string()),
         None => Ok(mission?),
-    }
-}
-
-/// Prints to standard output. Whoever closed it wants no more of it: that is no error.
-fn say(text: impl std::fmt::Display) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    match write!(out, "{text}").and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(error).context("cannot write to standard output")
-        }
-        _ => Ok(()),
     }
 }
 

@@ -1,6 +1,6 @@
 //! `skyloop render`: frames and labels into a folder, without a flight computer.
 
-use super::{mission, progress, say};
+use super::{mission, progress};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::attitude::{Attitude, VehicleState};
@@ -13,6 +13,7 @@ use skyloop::orbit::StateVector;
 use skyloop::orbit::time::parse_utc;
 use skyloop::output::Writer;
 use skyloop::stats::{Absent, RunStats, table};
+use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
 /// Arguments of `skyloop render`.
@@ -129,7 +130,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     writer.finish()?;
     bar.finish_and_clear();
     let table = table(&stats.rows());
-    say(format_args!("{table}wrote {}\n", args.out.display()))
+    say(format_args!("{table}wrote {}\n", args.out.display()))?;
+    Ok(())
 }
 
 fn configure(args: &Args) -> anyhow::Result<Config> {

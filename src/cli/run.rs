@@ -1,6 +1,5 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
-use super::say;
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -8,13 +7,10 @@ use skyloop::engine::Emulator;
 use skyloop::link;
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::{row, table, times};
+use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_protocols::personality::NATIVE;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-#[cfg(unix)]
-use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// Arguments of `skyloop run`.
 #[derive(ClapArgs)]
@@ -45,8 +41,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let (objects, clock) = (config.objects.len(), config.run.clock);
     let mut server = Server::new(Emulator::new(&mut config), wire, clock, &NATIVE);
 
-    let stop = Arc::new(AtomicBool::new(false));
-    stop_at_signal(stop.clone())?;
+    let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let pace = match clock {
         Clock::Stepped => "a frame for each attitude".to_string(),
         Clock::Wall => format!(
@@ -86,66 +81,5 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     match served? {
         Ended::AsAsked => Ok(()),
         Ended::LinkGone => bail!("link {address}: it has gone (see the log above); open it again"),
-    }
-}
-
-/// Sets `stop` at Ctrl-C (and at SIGTERM on Unix); a second Ctrl-C ends the process at once.
-fn stop_at_signal(stop: Arc<AtomicBool>) -> anyhow::Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_io()
-        .build()
-        .context("cannot watch for Ctrl-C")?;
-    // Watched from here on, not only once the thread has started.
-    let mut signals = {
-        let _inside = runtime.enter();
-        Signals::watch().context("cannot watch for Ctrl-C")?
-    };
-    std::thread::spawn(move || {
-        runtime.block_on(async {
-            signals.next().await;
-            stop.store(true, Ordering::Relaxed);
-            signals.next().await;
-            std::process::exit(130);
-        });
-    });
-    Ok(())
-}
-
-/// The signals that end a run.
-#[cfg(unix)]
-struct Signals {
-    interrupt: Signal,
-    terminate: Signal,
-}
-
-#[cfg(unix)]
-impl Signals {
-    fn watch() -> std::io::Result<Signals> {
-        Ok(Signals {
-            interrupt: signal(SignalKind::interrupt())?,
-            terminate: signal(SignalKind::terminate())?,
-        })
-    }
-
-    async fn next(&mut self) {
-        tokio::select! {
-            _ = self.interrupt.recv() => {}
-            _ = self.terminate.recv() => {}
-        }
-    }
-}
-
-/// The signals that end a run.
-#[cfg(not(unix))]
-struct Signals;
-
-#[cfg(not(unix))]
-impl Signals {
-    fn watch() -> std::io::Result<Signals> {
-        Ok(Signals)
-    }
-
-    async fn next(&mut self) {
-        let _ = tokio::signal::ctrl_c().await;
     }
 }
