@@ -37,3 +37,4 @@ mod signal;
 pub mod text;
 pub mod time;
 pub mod times;
+pub mod udp;

@@ -1,36 +1,34 @@
 //! A link by its address.
 
-use crate::port::{Port, PortError, UdpPort};
-use crate::serial::SerialPort;
+use crate::port::{OpenError, Port, PortError, Scheme};
+use crate::serial::SERIAL;
+use crate::udp::UDP;
 
-/// Opens `udp://HOST:PORT` or `serial://PATH[?baud=N]`.
+/// Every kind of link that an address can name.
+pub const SCHEMES: &[Scheme] = &[UDP, SERIAL];
+
+/// Opens `udp://HOST:PORT`, `serial://PATH[?baud=N]`, or what else [`SCHEMES`] has.
 ///
 /// # Errors
 /// [`PortError::Address`] if the text names no link, [`PortError::Io`] if it cannot be opened.
 pub fn open(link: &str) -> Result<Box<dyn Port + Send>, PortError> {
-    let wrong = |reason: String| PortError::Address {
-        text: link.into(),
-        reason,
+    let (name, rest) = link.split_once("://").unwrap_or((link, ""));
+    let opened = match SCHEMES.iter().find(|scheme| scheme.name == name) {
+        Some(scheme) => (scheme.open)(rest),
+        None => Err(OpenError::Wrong(format!("no scheme is called \"{name}\""))),
     };
-    if let Some(address) = link.strip_prefix("udp://") {
-        let address = address
-            .parse()
-            .map_err(|_| wrong(format!("\"{address}\" is no IP address and port")))?;
-        Ok(Box::new(UdpPort::connect(address)?))
-    } else if let Some(rest) = link.strip_prefix("serial://") {
-        const DEFAULT_BAUD: u32 = 115_200;
-        let (path, options) = rest.split_once('?').unwrap_or((rest, ""));
-        let baud = match options.strip_prefix("baud=").map(str::parse) {
-            Some(Ok(baud)) if baud > 0 => baud,
-            None if options.is_empty() => DEFAULT_BAUD,
-            _ => return Err(wrong(format!("\"{options}\" is not baud=NUMBER"))),
-        };
-        Ok(Box::new(SerialPort::open(path, baud)?))
-    } else {
-        Err(wrong(
-            "it starts neither with udp:// nor with serial://".into(),
-        ))
-    }
+    opened.map_err(|error| match error {
+        OpenError::Failed(error) => error,
+        OpenError::Wrong(reason) => PortError::Address {
+            text: link.into(),
+            reason,
+            examples: SCHEMES
+                .iter()
+                .map(|scheme| scheme.example)
+                .collect::<Vec<_>>()
+                .join(" or "),
+        },
+    })
 }
 
 #[cfg(test)]
@@ -42,7 +40,7 @@ mod tests {
         for (text, part) in [
             ("udp://127.0.0.1", "no IP address and port"),
             ("udp://localhost:5", "no IP address and port"),
-            ("tcp://127.0.0.1:5", "neither"),
+            ("tcp://127.0.0.1:5", "no scheme is called \"tcp\""),
             ("serial:///dev/ttyX?baud=fast", "baud=NUMBER"),
             ("serial:///dev/ttyX?baud=0", "baud=NUMBER"),
         ] {

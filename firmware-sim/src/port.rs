@@ -1,11 +1,10 @@
 //! The flight computer's end of a link: whole packets out, whole packets in.
 
-use std::io::{self, ErrorKind};
-use std::net::{SocketAddr, UdpSocket};
+use std::io;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use skyloop_protocols::{EncodeError, MAX_PACKET};
+use skyloop_protocols::EncodeError;
 use thiserror::Error;
 
 /// A link that carries packets. An implementation keeps packet boundaries; it may lose, repeat or damage packets.
@@ -62,95 +61,38 @@ pub enum PortError {
     #[error("cannot lay out a packet: {0}")]
     Encode(#[from] EncodeError),
     /// The text names no link.
-    #[error(
-        "\"{text}\" names no link: {reason}; give udp://127.0.0.1:PORT or serial:///dev/NAME?baud=115200"
-    )]
+    #[error("\"{text}\" names no link: {reason}; give {examples}")]
     Address {
         /// The text.
         text: String,
         /// What is wrong with it.
         reason: String,
+        /// Addresses that would be right.
+        examples: String,
     },
 }
 
-/// One packet a datagram.
-#[derive(Debug)]
-pub struct UdpPort {
-    socket: UdpSocket,
-    link: String,
+/// A kind of link that an address can name.
+pub struct Scheme {
+    /// What its addresses begin with, before `://`.
+    pub name: &'static str,
+    /// An address, for messages.
+    pub example: &'static str,
+    /// Opens what stands behind `://`.
+    pub open: fn(&str) -> Result<Box<dyn Port + Send>, OpenError>,
 }
 
-impl UdpPort {
-    /// A socket on a free port that hears `emulator` only. It binds to the loopback address if `emulator` has one.
-    ///
-    /// # Errors
-    /// [`PortError::Io`].
-    pub fn connect(emulator: SocketAddr) -> Result<Self, PortError> {
-        let link = format!("udp://{emulator}");
-        let local: SocketAddr = match (emulator.ip().is_loopback(), emulator.is_ipv4()) {
-            (true, true) => ([127, 0, 0, 1], 0).into(),
-            (true, false) => (std::net::Ipv6Addr::LOCALHOST, 0).into(),
-            (false, true) => ([0, 0, 0, 0], 0).into(),
-            (false, false) => (std::net::Ipv6Addr::UNSPECIFIED, 0).into(),
-        };
-        let socket =
-            UdpSocket::bind(local).and_then(|socket| socket.connect(emulator).map(|()| socket));
-        match socket {
-            Ok(socket) => Ok(Self { socket, link }),
-            Err(source) => Err(PortError::Io {
-                link,
-                what: "cannot open a socket",
-                source,
-            }),
-        }
-    }
-
-    fn failed(&self, what: &'static str, source: io::Error) -> PortError {
-        PortError::Io {
-            link: self.link.clone(),
-            what,
-            source,
-        }
-    }
+/// Why the rest of an address opens nothing.
+pub enum OpenError {
+    /// It is no address of this scheme.
+    Wrong(String),
+    /// It cannot be opened.
+    Failed(PortError),
 }
 
-impl Port for UdpPort {
-    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
-        let sent = match self.socket.send(packet) {
-            // This answers an earlier datagram that met nobody; this one has not been tried yet.
-            Err(error) if error.kind() == ErrorKind::ConnectionRefused => self.socket.send(packet),
-            sent => sent,
-        };
-        match sent {
-            Ok(_) => Ok(()),
-            // Nobody listens: a datagram lost like any other.
-            Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(()),
-            Err(error) => Err(self.failed("cannot send", error)),
-        }
-    }
-
-    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
-        let deadline = Instant::now() + timeout;
-        // One octet more than a packet may have: longer datagrams stay too long, and are refused as such.
-        let mut buffer = [0; MAX_PACKET + 1];
-        loop {
-            let left = deadline
-                .saturating_duration_since(Instant::now())
-                .max(Duration::from_micros(50));
-            self.socket
-                .set_read_timeout(Some(left))
-                .map_err(|error| self.failed("cannot set a time-out", error))?;
-            match self.socket.recv(&mut buffer) {
-                Ok(length) => return Ok(Some(buffer[..length].to_vec())),
-                Err(error) => match error.kind() {
-                    ErrorKind::WouldBlock | ErrorKind::TimedOut => return Ok(None),
-                    ErrorKind::Interrupted | ErrorKind::ConnectionRefused
-                        if Instant::now() < deadline => {}
-                    ErrorKind::Interrupted | ErrorKind::ConnectionRefused => return Ok(None),
-                    _ => return Err(self.failed("cannot receive", error)),
-                },
-            }
-        }
+impl From<PortError> for OpenError {
+    fn from(error: PortError) -> Self {
+        Self::Failed(error)
     }
 }
 
@@ -184,30 +126,6 @@ impl Port for ChannelPort {
             Ok(packet) => Ok(Some(packet)),
             Err(RecvTimeoutError::Timeout) => Ok(None),
             Err(RecvTimeoutError::Disconnected) => Err(PortError::Closed),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn udp_carries_datagrams_both_ways_and_survives_an_absent_peer() {
-        let peer = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let address = peer.local_addr().unwrap();
-        let mut port = UdpPort::connect(address).unwrap();
-        port.send(b"ping").unwrap();
-        let mut buffer = [0; 16];
-        let (length, client) = peer.recv_from(&mut buffer).unwrap();
-        assert_eq!(&buffer[..length], b"ping");
-        peer.send_to(b"pong", client).unwrap();
-        assert_eq!(port.recv(Duration::from_secs(5)).unwrap().unwrap(), b"pong");
-        assert_eq!(port.recv(Duration::from_millis(5)).unwrap(), None);
-        drop(peer);
-        for _ in 0..3 {
-            port.send(b"anybody?").unwrap();
-            assert_eq!(port.recv(Duration::from_millis(5)).unwrap(), None);
         }
     }
 }

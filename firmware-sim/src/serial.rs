@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use skyloop_protocols::slip;
 
-use crate::port::{Port, PortError};
+use crate::port::{OpenError, Port, PortError, Scheme};
 
 /// Packets that the queue holds: many credit windows.
 const QUEUE: usize = 1024;
@@ -20,6 +20,25 @@ const QUEUE: usize = 1024;
 const READ_TIMEOUT: Duration = Duration::from_millis(20);
 /// How long a write may be stuck: a line whose other end does not read is gone.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// `serial://PATH?baud=N`.
+pub const SERIAL: Scheme = Scheme {
+    name: "serial",
+    example: "serial:///dev/NAME?baud=115200",
+    open: |text| {
+        const DEFAULT_BAUD: u32 = 115_200;
+        let (path, options) = text.split_once('?').unwrap_or((text, ""));
+        let baud = match options.strip_prefix("baud=").map(str::parse) {
+            Some(Ok(baud)) if baud > 0 => baud,
+            None if options.is_empty() => DEFAULT_BAUD,
+            _ => {
+                let reason = format!("\"{options}\" is not baud=NUMBER");
+                return Err(OpenError::Wrong(reason));
+            }
+        };
+        Ok(Box::new(SerialPort::open(path, baud)?))
+    },
+};
 
 /// A serial port that carries packets.
 pub struct SerialPort {
@@ -44,7 +63,7 @@ impl SerialPort {
     /// [`PortError::Io`] with the path.
     pub fn open(path: &str, baud: u32) -> Result<Self, PortError> {
         let line = serialport::new(path, baud).timeout(READ_TIMEOUT).open();
-        Self::over(line.map_err(|error| failed(path, "cannot open the serial port", error.into()))?)
+        Self::over(line.map_err(|error| failed(path, "cannot open the serial port (it must exist, be free, and be yours to read and write)", error.into()))?)
     }
 
     /// Takes over an open serial port.

@@ -20,7 +20,11 @@ fn skyloop_fc(arguments: &[&str]) -> Output {
 fn error_of(arguments: &[&str]) -> String {
     let output = skyloop_fc(arguments);
     assert!(!output.status.success(), "{arguments:?}");
-    String::from_utf8(output.stderr).unwrap()
+    let error = String::from_utf8(output.stderr).unwrap();
+    let line = error.lines().next().unwrap_or_default();
+    let half: String = line.chars().skip(line.chars().count() / 2).collect();
+    assert_eq!(line.matches(&half).count(), 1, "told twice: {line}");
+    error
 }
 
 /// A file for one test, named after it.
@@ -107,6 +111,53 @@ fn a_run_over_udp_prints_its_table() {
     assert!(attitudes[0].1.state.is_some() && attitudes[3].1.state.is_none());
 }
 
+/// A process that does not outlive its test.
+struct Running(std::process::Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn ctrl_c_ends_a_run_with_its_report() {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    let link = format!("udp://{}", socket.local_addr().unwrap());
+    let mut emulator = Emulator::new(|_, _| {});
+    let child = Command::new(env!("CARGO_BIN_EXE_skyloop-fc"))
+        .args(["--link", &link, "--epoch", "2019-06-15T23:35:50"])
+        .args(["--hold", "0,0,0,1", "--frames", "1000000"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut running = Running(child);
+    socket
+        .set_read_timeout(Some(Duration::from_secs(4)))
+        .unwrap();
+    let mut buffer = [0; 2048];
+    // Three frames, then Ctrl-C; the second Reset ends the exchange.
+    while emulator.resets < 2 {
+        let (length, client) = socket.recv_from(&mut buffer).expect("it goes on, or ends");
+        let before = emulator.attitudes.len();
+        for answer in emulator.answer(&buffer[..length]) {
+            socket.send_to(&answer, client).unwrap();
+        }
+        if before == 2 && emulator.attitudes.len() == 3 {
+            let pid = running.0.id().to_string();
+            let kill = Command::new("kill").args(["-INT", &pid]).status();
+            assert!(kill.unwrap().success());
+        }
+    }
+    let ended = running.0.wait().unwrap();
+    assert!(!ended.success(), "not all frames came");
+    let text = std::io::read_to_string(running.0.stdout.take().unwrap()).unwrap();
+    assert!(text.contains("of 1000000 whole, 0 lost"), "{text}");
+}
+
 #[test]
 fn errors_say_what_to_do() {
     let base = [
@@ -156,7 +207,9 @@ fn errors_say_what_to_do() {
             &["--attitudes", &short_list],
             "give attitudes on both sides of every frame",
         ),
-        (&["--hold", "0,0,0,1", "--period=-1"], "the period is -1"),
+        (&["--hold", "0,0,0,1", "--period", "-1"], "the period is -1"),
+        (&["--hold", "0,0,0,1", "--rate", "-1"], "the rate is -1"),
+        (&["--hold", "0,0,0,1", "--frames", "0"], "--frames"),
         (&["--hold", "0,0,0,1", "--nadir"], "cannot be used with"),
         (&[], "required"),
     ] {

@@ -15,10 +15,11 @@ use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::event::{Event, Loss};
 use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::mission::{Mission, Pace};
-use skyloop_firmware_sim::port::{ChannelPort, Port, UdpPort};
+use skyloop_firmware_sim::port::{ChannelPort, Port};
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::time::to_epoch;
+use skyloop_firmware_sim::udp::UdpPort;
 use skyloop_orbit::StateVector;
 use skyloop_protocols::Reason;
 
@@ -89,6 +90,33 @@ fn fly(port: impl Port, mission: Mission) -> (Report, Vec<String>) {
         ControlFlow::Continue(())
     });
     (report.unwrap(), told)
+}
+
+#[test]
+fn an_orbit_that_ends_cuts_the_run_short_and_keeps_its_report() {
+    let (port, thread) = over_memory(Emulator::new(|_, _| {}));
+    let last = start() + hifitime::Duration::from_seconds(1.1);
+    let gap = start() + hifitime::Duration::from_seconds(1.9);
+    let whole = mission(5);
+    let orbit = whole.orbit.clone().unwrap();
+    // Frames at 0, 0.5, 1 s; none at 1.5 s. What lies at both ends is known before.
+    let gapped = Mission {
+        orbit: Some(std::sync::Arc::new(move |t| {
+            if last < t && t < gap {
+                return Err("it has a gap".into());
+            }
+            orbit(t)
+        })),
+        ..whole
+    };
+    let flown = FlightComputer::new(port, gapped).run(|_| ControlFlow::Continue(()));
+    let Err(RunError::CutShort { report, source }) = flown else {
+        panic!("the run is cut short");
+    };
+    assert_eq!((report.frames, report.requested), (3, 5));
+    assert_eq!(report.status.unwrap().counters.attitudes, 3);
+    assert!(source.to_string().contains("it has a gap"), "{source}");
+    assert_eq!(thread.join().unwrap().resets, 2, "at both ends");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::{
     count,
 };
 use bytes::Bytes;
-use skyloop_firmware_sim::port::UdpPort;
+use skyloop_firmware_sim::udp::UdpPort;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};

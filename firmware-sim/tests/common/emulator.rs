@@ -19,6 +19,8 @@ pub struct Emulator {
     pub refuses: fn(u32) -> bool,
     sender: Sender,
     credit: CreditAccount,
+    /// Resets so far.
+    pub resets: u32,
     /// Frames taken so far.
     frames: u32,
     waiting: Vec<Vec<u8>>,
@@ -37,6 +39,7 @@ impl Emulator {
             refuses: |_| false,
             sender: Sender::default(),
             credit: CreditAccount::new(),
+            resets: 0,
             frames: 0,
             waiting: Vec::new(),
             attitudes: Vec::new(),
@@ -69,6 +72,7 @@ impl Emulator {
                 self.waiting.extend(packets);
             }
             Command::Reset => {
+                self.resets += 1;
                 self.credit = CreditAccount::new();
                 self.waiting.clear();
                 out.push(self.sender.reply(&ack, now()));
