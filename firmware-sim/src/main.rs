@@ -129,6 +129,9 @@ fn run(args: Args) -> Result<()> {
         return Err((*error).into());
     }
     let (came, asked) = (report.frames, report.requested);
+    if came < asked && stop.load(atomic::Ordering::Relaxed) {
+        bail!("stopped after {came} of {asked} frames");
+    }
     if came < asked {
         bail!(
             "{came} of {asked} frames came whole: see the losses and refusals above, and the emulator's own messages"

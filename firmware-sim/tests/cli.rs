@@ -155,6 +155,8 @@ fn ctrl_c_ends_a_run_with_its_report() {
     let ended = running.0.wait().unwrap();
     assert!(!ended.success(), "not all frames came");
     let text = std::io::read_to_string(running.0.stdout.take().unwrap()).unwrap();
+    let error = std::io::read_to_string(running.0.stderr.take().unwrap()).unwrap();
+    assert!(error.contains("stopped after"), "{error}");
     assert!(text.contains("of 1000000 whole, 0 lost"), "{text}");
 }
 
