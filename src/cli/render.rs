@@ -3,6 +3,7 @@
 use super::{mission, progress};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
+use hifitime::Epoch;
 use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::Camera;
 use skyloop::config::{Config, Observer, Sequence, TimedAttitude};
@@ -26,8 +27,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME|FILE", default_value = "fai-nir")]
     camera: String,
     /// Middle of the first exposure, such as 2019-06-15T23:35:50Z
-    #[arg(long, value_name = "UTC", required_unless_present = "scene")]
-    epoch: Option<String>,
+    #[arg(long, value_name = "UTC", required_unless_present = "scene", value_parser = parse_utc)]
+    epoch: Option<Epoch>,
     /// Unit quaternion x,y,z,w from ICRF to body, scalar last
     #[arg(
         long,
@@ -149,10 +150,9 @@ fn configure(args: &Args) -> anyhow::Result<Config> {
 }
 
 fn from_flags(args: &Args) -> anyhow::Result<Config> {
-    let (Some(epoch), Some(Numbers(q))) = (&args.epoch, args.attitude) else {
+    let (Some(epoch), Some(Numbers(q))) = (args.epoch, args.attitude) else {
         bail!("give --scene FILE, or --epoch UTC and --attitude x,y,z,w");
     };
-    let epoch = parse_utc(epoch).map_err(|error| anyhow::anyhow!("--epoch: {error}"))?;
     let attitude = Attitude::from_xyzw(q).context("--attitude")?;
     let rates = args
         .rates
