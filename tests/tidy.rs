@@ -25,7 +25,7 @@ const LAYERS: &[&[&str]] = &[
 /// The modules of `firmware-sim/src/`, likewise.
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
-        "console", "image", "pacing", "pointing", "port", "text", "time", "times",
+        "console", "image", "pacing", "pointing", "port", "reader", "text", "time", "times",
     ],
     &["attitude_list", "background", "serial", "udp"],
     &["link", "profile", "signal"],

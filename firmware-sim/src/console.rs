@@ -4,7 +4,10 @@ use std::error::Error;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
 
 /// Prints to standard output. Whoever closed it wants no more of it: that is no error.
 ///
@@ -36,17 +39,16 @@ pub fn in_one_line(error: &(dyn Error + 'static)) -> String {
     line
 }
 
-/// A flag that Ctrl-C sets (and SIGTERM or SIGHUP on Unix); a second one ends the process at once.
+/// A flag that Ctrl-C and SIGTERM set; a second one ends the process at once.
 ///
 /// # Errors
-/// The system refuses to watch for it.
-pub fn stop_at_ctrl_c() -> Result<Arc<AtomicBool>, ctrlc::Error> {
+/// The system refuses to watch for them.
+pub fn stop_at_ctrl_c() -> io::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
-    let set = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if set.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    })?;
+    for signal in [SIGINT, SIGTERM] {
+        // In this order: the first one finds the flag not set yet.
+        flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop))?;
+        flag::register(signal, Arc::clone(&stop))?;
+    }
     Ok(stop)
 }

@@ -67,6 +67,6 @@ pub enum Event<'a> {
     Nack(&'a NackRecord),
     /// Something else went wrong, in words.
     Problem(String),
-    /// Nothing has come for a while: an occasion to break the run off.
-    Quiet,
+    /// An occasion to break the run off: comes at least five times a second.
+    Tick,
 }

@@ -1,6 +1,7 @@
 //! The conversation with the emulator: commands numbered and sent, replies decoded, counted and put together, credit
 //! granted as frame packets arrive.
 
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use hifitime::Epoch;
@@ -16,6 +17,9 @@ use crate::time;
 
 /// Frame packets that may be under way: their datagrams fit a socket's usual receive buffer (some 90 of 1,400 octets).
 const WINDOW: u32 = 64;
+
+/// Longest wait for a packet in one piece.
+pub(crate) const TICK: Duration = Duration::from_millis(200);
 
 /// What one packet brought.
 pub(crate) enum Incoming {
@@ -53,8 +57,13 @@ impl<P: Port> Exchange<P> {
         }
     }
 
-    /// Resets the emulator's side and opens a new exchange. False if nobody answered within `timeout`.
-    pub(crate) fn open(&mut self, timeout: Duration) -> Result<bool, PortError> {
+    /// Resets the emulator's side and opens a new exchange. False if nobody answered within `timeout`; `tick` comes
+    /// at least five times a second and may break it off.
+    pub(crate) fn open(
+        &mut self,
+        timeout: Duration,
+        mut tick: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<ControlFlow<(), bool>, PortError> {
         /// A Reset may be lost: it is sent as often as this.
         const TRIES: u32 = 4;
         for _ in 0..TRIES {
@@ -65,7 +74,10 @@ impl<P: Port> Exchange<P> {
                 if left.is_zero() {
                     break;
                 }
-                let answered = match self.receive(left)? {
+                if tick().is_break() {
+                    return Ok(ControlFlow::Break(()));
+                }
+                let answered = match self.receive(left.min(TICK))? {
                     Some(Incoming::Ack(ack)) => {
                         (ack.apid, ack.sequence_count) == (apid::COMMAND, count)
                     }
@@ -79,11 +91,11 @@ impl<P: Port> Exchange<P> {
                     self.pacing = Pacing::new(WINDOW);
                     self.assembler = Assembler::new(Limits::default());
                     self.grant()?;
-                    return Ok(true);
+                    return Ok(ControlFlow::Continue(true));
                 }
             }
         }
-        Ok(false)
+        Ok(ControlFlow::Continue(false))
     }
 
     /// Sends a command that is about the present moment; gives its sequence count.

@@ -13,7 +13,7 @@ use thiserror::Error;
 
 use crate::detector::{DetectorSettings, detect};
 use crate::event::{Event, Loss};
-use crate::exchange::{Exchange, Incoming};
+use crate::exchange::{Exchange, Incoming, TICK};
 use crate::mission::{Mission, Pace};
 use crate::port::{Port, PortError};
 use crate::profile::ProfileError;
@@ -24,7 +24,7 @@ use crate::score::score;
 use crate::time;
 
 /// How long to listen before a grant is sent again: it may have been lost.
-const GRANT_AGAIN: Duration = Duration::from_millis(200);
+const GRANT_AGAIN: Duration = TICK;
 /// How long to wait for the emulator's last Status.
 const STATUS_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -108,10 +108,11 @@ impl<P: Port> FlightComputer<P> {
         mut watch: impl FnMut(Event<'_>) -> ControlFlow<()>,
     ) -> Result<Report, RunError> {
         self.check()?;
-        if !self.exchange.open(self.mission.timeout)? {
-            return Err(RunError::NoAnswer {
-                waited: self.mission.timeout,
-            });
+        let waited = self.mission.timeout;
+        match self.exchange.open(waited, || watch(Event::Tick))? {
+            ControlFlow::Break(()) => return Ok(self.report),
+            ControlFlow::Continue(false) => return Err(RunError::NoAnswer { waited }),
+            ControlFlow::Continue(true) => {}
         }
         // A run that is broken off has a report like any other, and an emulator may leave when the frames are in.
         let flown = match self.mission.pace {
@@ -176,10 +177,10 @@ impl<P: Port> FlightComputer<P> {
     ) -> Result<ControlFlow<()>, RunError> {
         let begin = Instant::now();
         for sequence in 0..self.mission.frames {
-            if let Some(hz) = most_hz {
-                let due =
-                    Duration::try_from_secs_f64(f64::from(sequence) / hz).unwrap_or(Duration::MAX);
-                std::thread::sleep(due.saturating_sub(begin.elapsed()));
+            if let Some(hz) = most_hz
+                && pause(begin, f64::from(sequence) / hz, watch).is_break()
+            {
+                return Ok(ControlFlow::Break(()));
             }
             let count = self.send_attitude(sequence, self.mission.epoch(sequence))?;
             if self.await_frame(sequence, count, watch)?.is_break() {
@@ -202,13 +203,11 @@ impl<P: Port> FlightComputer<P> {
             if left.is_zero() {
                 return self.time_out(sequence, watch);
             }
+            if watch(Event::Tick).is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
             match self.exchange.receive(left.min(GRANT_AGAIN))? {
-                None => {
-                    self.exchange.grant()?;
-                    if watch(Event::Quiet).is_break() {
-                        return Ok(ControlFlow::Break(()));
-                    }
-                }
+                None => self.exchange.grant()?,
                 Some(Incoming::Frame(frame)) if frame.header.attitude_sequence == sequence => {
                     return Ok(self.take(&frame, watch));
                 }
@@ -240,6 +239,7 @@ impl<P: Port> FlightComputer<P> {
         let mut last_frame: Option<u32> = None;
         let mut flow = ControlFlow::Continue(());
         while flow.is_continue()
+            && watch(Event::Tick).is_continue()
             && self.report.frames.saturating_add(self.report.lost) < self.mission.frames
         {
             let due =
@@ -255,7 +255,7 @@ impl<P: Port> FlightComputer<P> {
             }
             if last_sign.elapsed() >= self.mission.timeout {
                 last_sign = Instant::now();
-                flow = self.time_out(sequence.saturating_sub(1), watch)?;
+                flow = self.time_out(self.last_sent(), watch)?;
                 continue;
             }
             if last_grant.elapsed() >= GRANT_AGAIN {
@@ -267,15 +267,15 @@ impl<P: Port> FlightComputer<P> {
                 .min(GRANT_AGAIN)
                 .max(Duration::from_micros(100));
             flow = match self.exchange.receive(wait)? {
-                None => watch(Event::Quiet),
+                None => ControlFlow::Continue(()),
                 Some(Incoming::Frame(frame)) => {
                     last_sign = Instant::now();
                     let number = frame.header.frame;
-                    self.pass_over(last_frame.replace(number), number, sequence, watch);
+                    self.pass_over(last_frame.replace(number), number, watch);
                     self.take(&frame, watch)
                 }
                 Some(Incoming::Useless(error @ AssemblyError::BadPixels { .. })) => {
-                    self.lose(sequence.saturating_sub(1), Loss::Damaged(error), watch)
+                    self.lose(self.last_sent(), Loss::Damaged(error), watch)
                 }
                 Some(other) => self.note(other, watch),
             };
@@ -284,14 +284,19 @@ impl<P: Port> FlightComputer<P> {
     }
 
     /// Counts the frames whose numbers are missing between two.
-    fn pass_over(&mut self, last: Option<u32>, number: u32, sequence: u32, watch: &mut Watch<'_>) {
+    fn pass_over(&mut self, last: Option<u32>, number: u32, watch: &mut Watch<'_>) {
         /// A larger step is another emulator's count.
         const MOST: u32 = 1000;
         let skipped = last.map_or(0, |last| number.wrapping_sub(last).wrapping_sub(1));
         for _ in 0..if skipped < MOST { skipped } else { 0 } {
             // The frame that told is taken all the same.
-            let _ = self.lose(sequence.saturating_sub(1), Loss::Skipped, watch);
+            let _ = self.lose(self.last_sent(), Loss::Skipped, watch);
         }
+    }
+
+    /// Number of the latest attitude.
+    fn last_sent(&self) -> u32 {
+        self.sent.back().map_or(0, |(sequence, _)| *sequence)
     }
 
     /// Detects, then opens the labels and scores.
@@ -382,6 +387,19 @@ impl<P: Port> FlightComputer<P> {
                 _ => {}
             }
         }
+    }
+}
+
+/// Sleeps until `due_s` seconds after `begin`.
+fn pause(begin: Instant, due_s: f64, watch: &mut Watch<'_>) -> ControlFlow<()> {
+    let due = Duration::try_from_secs_f64(due_s).unwrap_or(Duration::MAX);
+    loop {
+        let left = due.saturating_sub(begin.elapsed());
+        if left.is_zero() {
+            return ControlFlow::Continue(());
+        }
+        watch(Event::Tick)?;
+        std::thread::sleep(left.min(TICK));
     }
 }
 

@@ -28,6 +28,7 @@ mod pacing;
 pub mod pointing;
 pub mod port;
 pub mod profile;
+mod reader;
 pub mod reassembly;
 pub mod received;
 pub mod report;

@@ -225,6 +225,6 @@ fn tell(event: &Event<'_>) -> std::io::Result<()> {
         }
         Event::Nack(nack) => say(format_args!("{nack}\n")),
         Event::Problem(problem) => say(format_args!("{problem}\n")),
-        Event::Quiet => Ok(()),
+        Event::Tick => Ok(()),
     }
 }

@@ -1,23 +1,13 @@
-//! Packets over a serial line or a pseudo-terminal: SLIP frames, read by a thread of their own.
-//!
-//! The thread reads whatever comes at once, so that neither a UART's buffer nor a pseudo-terminal ever fills up while
-//! the flight computer thinks. Its queue is bounded: packets that find it full are dropped and counted.
+//! Packets over a serial line or a pseudo-terminal: SLIP frames.
 
-use std::io::{self, ErrorKind};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::thread::JoinHandle;
+use std::io;
 use std::time::Duration;
 
 use skyloop_protocols::slip;
 
 use crate::port::{OpenError, Port, PortError, Scheme};
+use crate::reader::{READ_TIMEOUT, Reader};
 
-/// Packets that the queue holds: many credit windows.
-const QUEUE: usize = 1024;
-/// How long a read waits before the thread looks whether it should end.
-const READ_TIMEOUT: Duration = Duration::from_millis(20);
 /// How long a write may be stuck: a line whose other end does not read is gone.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -44,16 +34,7 @@ pub const SERIAL: Scheme = Scheme {
 pub struct SerialPort {
     link: String,
     line: Box<dyn serialport::SerialPort>,
-    packets: Receiver<Vec<u8>>,
-    shared: Arc<Shared>,
-    reader: Option<JoinHandle<()>>,
-}
-
-/// What the port and its reader thread both see.
-#[derive(Default)]
-struct Shared {
-    stop: AtomicBool,
-    dropped: AtomicU64,
+    reader: Reader,
 }
 
 impl SerialPort {
@@ -77,20 +58,21 @@ impl SerialPort {
         let mut input = line.try_clone().map_err(set_up)?;
         input.set_timeout(READ_TIMEOUT).map_err(set_up)?;
         line.set_timeout(WRITE_TIMEOUT).map_err(set_up)?;
-        let shared = Arc::new(Shared::default());
-        let (queue, packets) = sync_channel(QUEUE);
-        let seen = Arc::clone(&shared);
-        let reader = std::thread::Builder::new()
-            .name("skyloop-fc serial".into())
-            .spawn(move || read(&mut *input, &queue, &seen))
-            .map_err(|error| failed(&link, "cannot start the reader thread", error))?;
-        Ok(Self {
-            link,
-            line,
-            packets,
-            shared,
-            reader: Some(reader),
+        let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
+        let mut chunk = [0; 4096];
+        let reader = Reader::start("skyloop-fc serial", move |intake| {
+            let count = input.read(&mut chunk)?;
+            for octet in &chunk[..count] {
+                match decoder.push(*octet) {
+                    None => {}
+                    Some(Err(_)) => intake.drop_one(),
+                    Some(Ok(packet)) => intake.take(packet),
+                }
+            }
+            Ok(())
         })
+        .map_err(|error| failed(&link, "cannot start the reader thread", error))?;
+        Ok(Self { link, line, reader })
     }
 }
 
@@ -99,35 +81,6 @@ fn failed(link: &str, what: &'static str, source: io::Error) -> PortError {
         link: link.into(),
         what,
         source,
-    }
-}
-
-/// Octets in, packets into the queue, until told to stop or the line is gone.
-fn read(line: &mut dyn serialport::SerialPort, queue: &SyncSender<Vec<u8>>, shared: &Shared) {
-    let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
-    let mut chunk = [0; 4096];
-    while !shared.stop.load(Ordering::Relaxed) {
-        let count = match line.read(&mut chunk) {
-            Ok(count) => count,
-            Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {
-                continue;
-            }
-            Err(_) => return,
-        };
-        for octet in chunk.iter().take(count) {
-            let kept = match decoder.push(*octet) {
-                None => continue,
-                Some(Err(_)) => false,
-                Some(Ok(packet)) => match queue.try_send(packet.to_vec()) {
-                    Ok(()) => true,
-                    Err(TrySendError::Full(_)) => false,
-                    Err(TrySendError::Disconnected(_)) => return,
-                },
-            };
-            if !kept {
-                shared.dropped.fetch_add(1, Ordering::Relaxed);
-            }
-        }
     }
 }
 
@@ -141,28 +94,12 @@ impl Port for SerialPort {
     }
 
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
-        match self.packets.recv_timeout(timeout) {
-            Ok(packet) => Ok(Some(packet)),
-            Err(RecvTimeoutError::Timeout) => Ok(None),
-            Err(RecvTimeoutError::Disconnected) => {
-                let source = io::Error::new(ErrorKind::BrokenPipe, "the line was closed");
-                Err(failed(&self.link, "cannot receive", source))
-            }
-        }
+        let received = self.reader.recv(timeout);
+        received.map_err(|error| failed(&self.link, "cannot receive", error))
     }
 
     fn dropped(&self) -> u64 {
-        self.shared.dropped.load(Ordering::Relaxed)
-    }
-}
-
-impl Drop for SerialPort {
-    fn drop(&mut self) {
-        self.shared.stop.store(true, Ordering::Relaxed);
-        if let Some(reader) = self.reader.take() {
-            // It ends within a read time-out; how it ended does not matter any more.
-            let _ = reader.join();
-        }
+        self.reader.dropped()
     }
 }
 

@@ -2,11 +2,12 @@
 
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, UdpSocket};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use skyloop_protocols::MAX_PACKET;
 
 use crate::port::{OpenError, Port, PortError, Scheme};
+use crate::reader::{READ_TIMEOUT, Reader};
 
 /// `udp://ADDRESS:PORT`.
 pub const UDP: Scheme = Scheme {
@@ -24,6 +25,7 @@ pub const UDP: Scheme = Scheme {
 pub struct UdpPort {
     socket: UdpSocket,
     link: String,
+    reader: Reader,
 }
 
 impl UdpPort {
@@ -39,16 +41,34 @@ impl UdpPort {
             (false, true) => ([0, 0, 0, 0], 0).into(),
             (false, false) => (std::net::Ipv6Addr::UNSPECIFIED, 0).into(),
         };
-        let socket =
-            UdpSocket::bind(local).and_then(|socket| socket.connect(emulator).map(|()| socket));
-        match socket {
-            Ok(socket) => Ok(Self { socket, link }),
-            Err(source) => Err(PortError::Io {
-                link,
-                what: "cannot open a socket",
+        let failed = |what| {
+            move |source| PortError::Io {
+                link: format!("udp://{emulator}"),
+                what,
                 source,
-            }),
-        }
+            }
+        };
+        let socket = UdpSocket::bind(local)
+            .and_then(|socket| socket.connect(emulator).map(|()| socket))
+            .map_err(failed("cannot open a socket"))?;
+        let reader = socket
+            .try_clone()
+            .and_then(|socket| {
+                socket.set_read_timeout(Some(READ_TIMEOUT))?;
+                // One octet more than a packet may have: longer datagrams stay too long, and are refused as such.
+                let mut buffer = [0; MAX_PACKET + 1];
+                Reader::start("skyloop-fc udp", move |intake| {
+                    let length = socket.recv(&mut buffer)?;
+                    intake.take(&buffer[..length]);
+                    Ok(())
+                })
+            })
+            .map_err(failed("cannot listen"))?;
+        Ok(Self {
+            socket,
+            link,
+            reader,
+        })
     }
 
     fn failed(&self, what: &'static str, source: io::Error) -> PortError {
@@ -76,27 +96,12 @@ impl Port for UdpPort {
     }
 
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
-        let deadline = Instant::now() + timeout;
-        // One octet more than a packet may have: longer datagrams stay too long, and are refused as such.
-        let mut buffer = [0; MAX_PACKET + 1];
-        loop {
-            let left = deadline
-                .saturating_duration_since(Instant::now())
-                .max(Duration::from_micros(50));
-            self.socket
-                .set_read_timeout(Some(left))
-                .map_err(|error| self.failed("cannot set a time-out", error))?;
-            match self.socket.recv(&mut buffer) {
-                Ok(length) => return Ok(Some(buffer[..length].to_vec())),
-                Err(error) => match error.kind() {
-                    ErrorKind::WouldBlock | ErrorKind::TimedOut => return Ok(None),
-                    ErrorKind::Interrupted | ErrorKind::ConnectionRefused
-                        if Instant::now() < deadline => {}
-                    ErrorKind::Interrupted | ErrorKind::ConnectionRefused => return Ok(None),
-                    _ => return Err(self.failed("cannot receive", error)),
-                },
-            }
-        }
+        let received = self.reader.recv(timeout);
+        received.map_err(|error| self.failed("cannot receive", error))
+    }
+
+    fn dropped(&self) -> u64 {
+        self.reader.dropped()
     }
 }
 
@@ -121,5 +126,23 @@ mod tests {
             port.send(b"anybody?").unwrap();
             assert_eq!(port.recv(Duration::from_millis(5)).unwrap(), None);
         }
+    }
+
+    #[test]
+    fn a_short_wait_is_no_tick_of_the_system() {
+        let peer = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let mut port = UdpPort::connect(peer.local_addr().unwrap()).unwrap();
+        let wait = Duration::from_millis(1);
+        let waits = (0..50).map(|_| {
+            let begin = std::time::Instant::now();
+            assert_eq!(port.recv(wait).unwrap(), None);
+            begin.elapsed()
+        });
+        // The shortest of many: a busy machine lengthens some. A tick is 4 or 10 ms.
+        let shortest = waits.min().unwrap();
+        assert!(
+            (wait..3 * wait).contains(&shortest),
+            "{shortest:?}: attitudes cannot leave at their rate"
+        );
     }
 }

@@ -85,7 +85,7 @@ fn fly(port: impl Port, mission: Mission) -> (Report, Vec<String>) {
             Event::Lost { sequence, loss } => format!("lost {sequence}: {loss}"),
             Event::Nack(nack) => format!("nack: {}", nack.detail),
             Event::Problem(problem) => problem,
-            Event::Quiet => return ControlFlow::Continue(()),
+            Event::Tick => return ControlFlow::Continue(()),
         });
         ControlFlow::Continue(())
     });
@@ -328,9 +328,11 @@ fn by_the_wall_clock_the_attitudes_of_a_pause_are_passed_over() {
         ..mission(6)
     };
     let mut pause = Some(Duration::from_millis(180));
-    let report = FlightComputer::new(port, wall).run(|_| {
+    let report = FlightComputer::new(port, wall).run(|event| {
         // 3.6 periods, once.
-        pause.take().into_iter().for_each(std::thread::sleep);
+        if matches!(event, Event::Frame { .. }) {
+            pause.take().into_iter().for_each(std::thread::sleep);
+        }
         ControlFlow::Continue(())
     });
     assert_eq!(report.unwrap().frames, 6);
@@ -409,10 +411,62 @@ fn errors_that_end_a_run_say_what_to_do() {
 }
 
 #[test]
+fn a_watcher_may_break_the_run_off_while_nothing_happens() {
+    let after_a_second = || {
+        let begin = std::time::Instant::now();
+        move |_: Event<'_>| match begin.elapsed() > Duration::from_secs(1) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    };
+    let patient = Mission {
+        timeout: Duration::from_secs(3600),
+        ..mission(3)
+    };
+    // Nobody answers the Reset.
+    let (to_emulator, _inbound) = channel();
+    let (_outbound, from_emulator) = channel();
+    let port = ChannelPort::new(to_emulator, from_emulator);
+    let report = FlightComputer::new(port, patient.clone()).run(after_a_second());
+    assert_eq!(report.unwrap().frames, 0);
+    // No frame comes; an hour between two attitudes, by either clock.
+    for (mischief, pace) in [
+        (true, Pace::Stepped { most_hz: None }),
+        (
+            false,
+            Pace::Stepped {
+                most_hz: Some(1.0 / 3600.0),
+            },
+        ),
+        (
+            true,
+            Pace::Wall {
+                rate_hz: 1.0 / 3600.0,
+            },
+        ),
+    ] {
+        let (port, thread) = over_memory(Emulator::new(match mischief {
+            true => |_, packets| packets.clear(),
+            false => |_, _| {},
+        }));
+        let mission = Mission {
+            pace,
+            ..patient.clone()
+        };
+        let report = FlightComputer::new(port, mission).run(after_a_second());
+        assert_eq!(report.unwrap().lost, 0, "{pace:?}");
+        assert_eq!(thread.join().unwrap().resets, 2, "{pace:?}");
+    }
+}
+
+#[test]
 fn a_watcher_may_break_the_run_off() {
     let (port, thread) = over_memory(Emulator::new(|_, _| {}));
     let report = FlightComputer::new(port, mission(50))
-        .run(|_| ControlFlow::Break(()))
+        .run(|event| match event {
+            Event::Frame { .. } => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        })
         .unwrap();
     thread.join().unwrap();
     assert_eq!((report.requested, report.frames), (50, 1));

@@ -90,7 +90,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                 }
                 Event::Nack(nack) => bar.suspend(|| tracing::warn!("{nack}")),
                 Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
-                Event::Quiet => {}
+                Event::Tick => {}
             }
             ControlFlow::Continue(())
         });
