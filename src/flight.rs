@@ -1,7 +1,7 @@
 //! The vehicle's motion in runs that make their own attitudes: what a mock flight computer would send.
 
 use crate::attitude::{AttitudeError, VehicleState};
-use crate::config::{Config, Sequence, TimedAttitude};
+use crate::config::{Config, Observer, Sequence, TimedAttitude};
 use crate::scene::{Exposure, Unobservable, shutter, turn_at};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -53,8 +53,8 @@ const TIMEOUT: Duration = Duration::from_secs(30);
 pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     let sequence = config.sequence.as_ref().ok_or(FlightError::NoSequence)?;
     let orbit = config.observer.clone().map(|observer| match observer {
-        crate::config::Observer::Object(object) => orbit_of(*object),
-        crate::config::Observer::State(state) => drift(state, sequence.epoch),
+        Observer::Object(object) => orbit_of(*object),
+        Observer::State(state) => drift(state, sequence.epoch),
     });
     if orbit.is_none() && !config.objects.is_empty() {
         return Err(FlightError::NoObserver);
@@ -74,8 +74,14 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         let vehicle = vehicle(&mission, number)?;
         shutter(&vehicle, &Exposure::around(vehicle.epoch, exposure_s))?;
     }
+    // An orbit may have gaps; a state that drifts has none, and takes longer with every frame.
+    let may_lack = matches!(config.observer, Some(Observer::Object(_)));
     for number in 0..mission.frames {
-        turn_at(vehicle(&mission, number)?.rates, exposure_s)?;
+        let epoch = mission.epoch(number);
+        turn_at(mission.profile.at(epoch, None)?.rates_rad_s, exposure_s)?;
+        if may_lack {
+            mission.attitude(number, epoch)?;
+        }
     }
     Ok(mission)
 }

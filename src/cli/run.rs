@@ -22,7 +22,7 @@ pub struct Args {
     #[arg(long, value_name = "URL")]
     link: Option<String>,
     /// End after this many frames [default: at Ctrl-C]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     frames: Option<u32>,
 }
 

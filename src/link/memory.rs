@@ -56,8 +56,12 @@ struct MemoryOutbox {
 
 impl Outbox for MemoryOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        let octets = match &what {
+            Outbound::Packet { packet, .. } => packet.len(),
+            Outbound::Release { .. } => 0,
+        };
         match self.queue.try_send(what) {
-            Ok(()) => {}
+            Ok(()) => self.tally.moved(octets),
             Err(TrySendError::Full(what)) => return Ok(Some(what)),
             // The client has left, as it may; the inbox says so too.
             Err(TrySendError::Disconnected(Outbound::Packet { .. })) => count(&self.tally.lost),

@@ -99,35 +99,70 @@ pub struct Wire {
 }
 
 impl Wire {
-    /// Lets what is queued leave; gives up when nothing moves for `patience`: nobody takes it. Gives the number
-    /// of packets that are lost then.
-    pub fn close(self, patience: Duration) -> u32 {
-        drop(self.outbox);
-        let Some(sender) = self.sender else { return 0 };
-        const SOON: Duration = Duration::from_millis(500);
-        let read = |number: &AtomicU32| number.load(Ordering::Relaxed);
-        let (mut octets, mut since, mut told) = (read(&self.tally.moved), Instant::now(), false);
-        while !sender.is_finished() && since.elapsed() < patience {
-            std::thread::sleep(Duration::from_millis(2));
-            if read(&self.tally.moved) != octets {
-                (octets, since) = (read(&self.tally.moved), Instant::now());
-            } else if since.elapsed() > SOON && !std::mem::replace(&mut told, true) {
-                let waiting = read(&self.tally.waiting);
-                tracing::warn!("waiting for the client to read {waiting} packets");
-            }
-        }
-        let left = read(&self.tally.waiting);
+    /// Lets what is queued leave, until `standstill` is over; what is left then is lost.
+    pub(crate) fn close(&mut self, mut standstill: Standstill) {
+        // Without an outbox the sender ends when its queue is empty.
+        self.outbox = Box::new(Closed);
+        let Some(sender) = self.sender.take() else {
+            return;
+        };
+        while !sender.is_finished() && !standstill.is_over() {}
+        let left = self.tally.waiting.load(Ordering::Relaxed);
         if left > 0 {
             tracing::warn!("{left} packets for the client could not be sent: they are lost");
+            self.tally.lost.fetch_add(left, Ordering::Relaxed);
         }
-        left
+    }
+}
+
+/// The outbox of a closed wire.
+struct Closed;
+
+impl Outbox for Closed {
+    fn offer(&mut self, _: Outbound) -> Result<Option<Outbound>, LinkError> {
+        Err(LinkError::Closed("closed".to_string()))
+    }
+}
+
+/// Waits while octets leave, and some time longer.
+pub(crate) struct Standstill {
+    tally: Arc<Tally>,
+    patience: Duration,
+    octets: u32,
+    since: Instant,
+    told: bool,
+}
+
+impl Standstill {
+    /// Over when nothing has left for `patience`.
+    pub fn of(tally: &Arc<Tally>, patience: Duration) -> Standstill {
+        Standstill {
+            tally: tally.clone(),
+            patience,
+            octets: tally.moved.load(Ordering::Relaxed),
+            since: Instant::now(),
+            told: false,
+        }
+    }
+
+    /// Pauses for a moment; true if nothing has left for so long that nobody takes it.
+    pub fn is_over(&mut self) -> bool {
+        const SOON: Duration = Duration::from_millis(500);
+        std::thread::sleep(Duration::from_millis(2));
+        let octets = self.tally.moved.load(Ordering::Relaxed);
+        if octets != self.octets {
+            (self.octets, self.since) = (octets, Instant::now());
+        } else if self.since.elapsed() > SOON && !std::mem::replace(&mut self.told, true) {
+            tracing::warn!("waiting for the client to read what is left");
+        }
+        self.since.elapsed() >= self.patience
     }
 }
 
 /// What a link counts.
 #[derive(Debug, Default)]
 pub struct Tally {
-    /// What is in the outbound queue, or on its way out of it.
+    /// Packets in the outbound queue, or on their way out of it.
     waiting: AtomicU32,
     /// Octets that have left, modulo 2^32.
     moved: AtomicU32,
@@ -158,12 +193,12 @@ impl Tally {
         self.lost.load(Ordering::Relaxed)
     }
 
-    /// Books something put into the outbound queue.
+    /// Books a packet put into the outbound queue.
     fn queued(&self) {
         count(&self.waiting);
     }
 
-    /// Books something that needs the queue no more.
+    /// Books a packet that has left the queue for good.
     fn done(&self) {
         self.waiting.fetch_sub(1, Ordering::Relaxed);
     }

@@ -94,16 +94,22 @@ fn start(
 
 /// The queue to the writer.
 struct LineOutbox {
-    queue: SyncSender<Outbound>,
+    queue: SyncSender<Bytes>,
     tally: Arc<Tally>,
     address: String,
 }
 
 impl Outbox for LineOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        match self.queue.try_send(what) {
+        // The line has one client: there is nothing to release.
+        let Outbound::Packet { exchange, packet } = what else {
+            return Ok(None);
+        };
+        match self.queue.try_send(packet) {
             Ok(()) => self.tally.queued(),
-            Err(TrySendError::Full(what)) => return Ok(Some(what)),
+            Err(TrySendError::Full(packet)) => {
+                return Ok(Some(Outbound::Packet { exchange, packet }));
+            }
             Err(TrySendError::Disconnected(_)) => {
                 return Err(LinkError::Closed(self.address.clone()));
             }
@@ -181,14 +187,11 @@ fn read(
 }
 
 /// Packets from the queue onto the line, until the emulator drops its end.
-fn write(mut port: Box<dyn SerialPort>, departures: &Receiver<Outbound>, tally: &Tally) {
+fn write(mut port: Box<dyn SerialPort>, departures: &Receiver<Bytes>, tally: &Tally) {
     let mut line = Vec::with_capacity(slip::max_encoded_length(slip::BUFFER));
-    while let Ok(departure) = departures.recv() {
+    while let Ok(packet) = departures.recv() {
         line.clear();
-        // The line has one client: there is nothing to release.
-        if let Outbound::Packet { packet, .. } = departure {
-            slip::encode(&packet, &mut |octet| line.push(octet));
-        }
+        slip::encode(&packet, &mut |octet| line.push(octet));
         if let Err(error) = write_whole(port.as_mut(), &line, tally) {
             tracing::error!(%error, "the serial line can no longer be written");
             return;
@@ -262,6 +265,7 @@ fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
+    use crate::link::Standstill;
     use serialport::TTYPort;
     use std::sync::mpsc::RecvTimeoutError;
 
@@ -294,10 +298,17 @@ mod tests {
         (wire, client)
     }
 
+    /// Packets lost by closing.
+    fn close(mut wire: Wire, patience: Duration) -> u32 {
+        let tally = wire.tally.clone();
+        wire.close(Standstill::of(&tally, patience));
+        tally.lost()
+    }
+
     #[test]
     fn closing_waits_for_a_slow_reader() {
         let (wire, mut client) = with_queued(40);
-        let closing = std::thread::spawn(move || wire.close(Duration::from_secs(30)));
+        let closing = std::thread::spawn(move || close(wire, Duration::from_secs(30)));
         // At first 2 kB/s; the pseudo-terminal lets 4 KiB pass at once.
         let mut pauses = [Duration::from_millis(100); 30].into_iter();
         let mut buffer = [0; 200];
@@ -311,7 +322,7 @@ mod tests {
     #[test]
     fn what_nobody_reads_is_lost_and_counted() {
         let (wire, _client) = with_queued(40);
-        let lost = wire.close(Duration::from_millis(500));
+        let lost = close(wire, Duration::from_millis(500));
         // 40 packets of 1400 octets; a pseudo-terminal holds some 4 to 20 KiB of them.
         assert!((20..40).contains(&lost), "{lost}");
     }

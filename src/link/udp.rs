@@ -121,8 +121,10 @@ struct UdpOutbox {
 
 impl Outbox for UdpOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        let is_packet = matches!(what, Outbound::Packet { .. });
         match self.queue.try_send(what) {
-            Ok(()) => self.tally.queued(),
+            Ok(()) if is_packet => self.tally.queued(),
+            Ok(()) => {}
             Err(TryQueue::Full(what)) => return Ok(Some(what)),
             Err(TryQueue::Closed(_)) => return Err(LinkError::Closed(self.address.clone())),
         }
@@ -158,23 +160,21 @@ async fn carry(
                     Err(TrySendError::Disconnected(_)) => return Ok(()),
                 }
             }
-            departure = departures.recv() => {
-                match departure {
-                    None => return Ok(()),
-                    Some(Outbound::Release { exchange: number, asked }) => exchange.release(number, asked),
-                    Some(Outbound::Packet { exchange: number, packet }) => {
-                        let sent = match exchange.client_of(number) {
-                            Some(client) => socket.send_to(&packet, client).await.is_ok(),
-                            None => false,
-                        };
-                        if sent {
-                            exchange.tally.moved(packet.len());
-                        } else {
-                            count(&exchange.tally.lost);
-                        }
+            departure = departures.recv() => match departure {
+                None => return Ok(()),
+                Some(Outbound::Release { exchange: number, asked }) => exchange.release(number, asked),
+                Some(Outbound::Packet { exchange: number, packet }) => {
+                    let sent = match exchange.client_of(number) {
+                        Some(client) => socket.send_to(&packet, client).await.is_ok(),
+                        None => false,
+                    };
+                    if sent {
+                        exchange.tally.moved(packet.len());
+                    } else {
+                        count(&exchange.tally.lost);
                     }
+                    exchange.tally.done();
                 }
-                exchange.tally.done();
             }
         }
     }

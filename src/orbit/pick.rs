@@ -122,6 +122,9 @@ mod tests {
         assert_eq!(split("a:b.oem"), ("a:b.oem", None));
         assert_eq!(split("a:b.oem:ISS"), ("a:b.oem", Some("ISS")));
         assert_eq!(split("a:b.oem:ISS:Z"), ("a:b.oem", Some("ISS:Z")));
+        let both = |file: &str| ["a", "a:b.oem"].contains(&file);
+        let longest = file_and_name("a:b.oem:ISS", both);
+        assert_eq!(longest, ("a:b.oem", Some("ISS")));
     }
 
     #[test]

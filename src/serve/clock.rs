@@ -58,11 +58,19 @@ impl WallClock {
 
     /// Forgets the scene's time: the next client sets it anew.
     pub fn clear(&mut self, rate_hz: f64, now: Instant) {
-        self.advance(now);
+        self.end(now);
         *self = WallClock {
             missed: self.missed,
             ..WallClock::new(rate_hz)
         };
+    }
+
+    /// Counts what has ended by `now` and gets no frame any more.
+    pub fn end(&mut self, now: Instant) {
+        self.advance(now);
+        let waited = u32::from(self.ended.take().is_some());
+        self.missed = self.missed.wrapping_add(waited);
+        self.shot = None;
     }
 
     /// Lets frames run at another rate: a period after the last exposure, or after `arrived` where that is past
@@ -118,7 +126,7 @@ impl WallClock {
 
     /// Ends the exposures whose end has come by `now`. One of them waits for its frame: a single shot before
     /// all, else the newest. The others are missed.
-    fn advance(&mut self, now: Instant) {
+    pub fn advance(&mut self, now: Instant) {
         let Some(end) = self.next.filter(|end| *end <= now) else {
             return;
         };
@@ -188,7 +196,8 @@ mod tests {
         assert_eq!(taken(&mut clock, zero + ms(95)), Some(80), "the newest");
         assert_eq!(clock.missed, 2, "those that ended at 40 and at 60 ms");
         clock.clear(50.0, zero + ms(145));
-        assert_eq!((clock.missed, taken(&mut clock, zero + ms(200))), (4, None));
+        // And those that ended at 100, 120 and 140 ms.
+        assert_eq!((clock.missed, taken(&mut clock, zero + ms(200))), (5, None));
     }
 
     #[test]

@@ -103,12 +103,18 @@ impl Server {
     }
 }
 
-/// Whether the exposure around `vehicle`'s epoch can be shown and its times be told; else why not.
-pub(super) fn exposable(vehicle: &VehicleState, exposure_s: f64) -> Result<(), String> {
-    let exposure = Exposure::around(vehicle.epoch, exposure_s);
+/// Whether the wire has words for the times of an exposure.
+pub(super) fn tellable(exposure: &Exposure) -> Result<(), String> {
     if to_wire(exposure.start).is_none() || to_wire(exposure.end).is_none() {
         return Err("its exposure reaches beyond the time code, 1958 to 2094".to_string());
     }
+    Ok(())
+}
+
+/// Whether the exposure around `vehicle`'s epoch can be shown and its times be told; else why not.
+fn exposable(vehicle: &VehicleState, exposure_s: f64) -> Result<(), String> {
+    let exposure = Exposure::around(vehicle.epoch, exposure_s);
+    tellable(&exposure)?;
     turn_at(vehicle.rates, exposure_s)
         .and_then(|_| shutter(vehicle, &exposure))
         .map(|_| ())

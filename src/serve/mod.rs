@@ -14,11 +14,12 @@ use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::config::Clock;
 use crate::engine::{Emulator, Shot};
-use crate::link::{LinkError, Wire};
+use crate::link::{LinkError, Standstill, Wire};
+use crate::scene::Exposure;
 use crate::stats::{Absent, RunStats};
 use bytes::Bytes;
 use clock::WallClock;
-use latch::exposable;
+use latch::tellable;
 use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
 use skyloop_protocols::{Counters, Header, Personality};
@@ -139,6 +140,7 @@ impl Server {
     ) -> Result<Ended, LinkError> {
         let ended = self.serve(stop, limit, on_shot);
         self.abandon_waiting();
+        self.wall.end(Instant::now());
         ended
     }
 
@@ -203,9 +205,8 @@ impl Server {
     }
 
     fn shoot(&mut self, latched: &Latched, vehicle: &VehicleState, n: u32) -> Result<Shot, String> {
-        if self.clock == Clock::Wall {
-            exposable(vehicle, latched.camera.exposure_s)?;
-        }
+        // By the wall clock the vehicle has been carried on since it was latched.
+        tellable(&Exposure::around(vehicle.epoch, latched.camera.exposure_s))?;
         let shot = self.emulator.shoot_with(&latched.camera, vehicle, n);
         shot.map_err(|error| error.to_string())
     }
@@ -225,23 +226,13 @@ impl Server {
     /// Ends the link when everything queued has left, or nothing moves for 5 s; then tells what the run measured
     /// and counted.
     pub fn close(mut self) -> (RunStats, Counters) {
-        let mut patience = GIVE_UP;
-        let (mut left, mut moved) = (self.exchange.answers.len(), Instant::now());
+        let mut standstill = Standstill::of(&self.wire.tally, GIVE_UP);
         while let Ok(false) = self.flush()
-            && !patience.is_zero()
-        {
-            let now = self.exchange.answers.len();
-            if now != left {
-                (left, moved) = (now, Instant::now());
-            }
-            patience = GIVE_UP.saturating_sub(moved.elapsed());
-            std::thread::sleep(deliver::BREATH);
-        }
+            && !standstill.is_over()
+        {}
         self.lose_answers();
-        let mut counters = self.counters();
-        counters.lost_outbound = counters
-            .lost_outbound
-            .wrapping_add(self.wire.close(patience));
+        self.wire.close(standstill);
+        let counters = self.counters();
         (self.stats, counters)
     }
 

@@ -82,6 +82,7 @@ impl Server {
             Command::Attitude(_) | Command::Credit { .. } => Ok(()),
             Command::Ping => {
                 self.ack(&header)?;
+                self.wall.advance(Instant::now());
                 self.send(&Reply::Status(self.status()), self.now())
             }
             _ => self.ack(&header),

@@ -10,7 +10,7 @@ use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, LinkError, Wire};
 use skyloop::serve::{Ended, Server};
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{Attitude, OrbitState, WireTime};
+use skyloop_protocols::{Attitude, Counters, OrbitState, WireTime};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -53,7 +53,7 @@ pub fn attitude(sequence: u32) -> Attitude {
 pub struct Running {
     pub shots: Receiver<Shot>,
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<Result<Ended, LinkError>>>,
+    thread: Option<JoinHandle<(Result<Ended, LinkError>, Server)>>,
 }
 
 impl Running {
@@ -64,15 +64,24 @@ impl Running {
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
             let mut server = Server::new(Emulator::new(&mut config), wire, clock, &NATIVE);
-            server.run(&stopped, None, |shot| {
+            let ended = server.run(&stopped, None, |shot| {
                 let _ = to_test.send(shot);
-            })
+            });
+            (ended, server)
         });
         Running {
             shots,
             stop,
             thread: Some(thread),
         }
+    }
+
+    /// Ends the run as `skyloop run` does; its counters.
+    pub fn end(mut self) -> Counters {
+        self.stop.store(true, Ordering::Relaxed);
+        let (ended, server) = self.thread.take().unwrap().join().expect("no panic");
+        ended.expect("no error of the link");
+        server.close().1
     }
 
     /// The next frame that was delivered or abandoned.
@@ -87,9 +96,12 @@ impl Drop for Running {
     /// The emulator ends when told to, without an error.
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
-        let ended = self.thread.take().unwrap().join();
+        let Some(thread) = self.thread.take() else {
+            return;
+        };
+        let ended = thread.join();
         if !std::thread::panicking() {
-            ended.expect("no panic").expect("no error of the link");
+            ended.expect("no panic").0.expect("no error of the link");
         }
     }
 }

@@ -3,6 +3,7 @@
 mod bad_packets;
 mod content;
 mod counted;
+mod end;
 mod exchange;
 mod pacing;
 mod refusals;

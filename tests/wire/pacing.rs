@@ -2,7 +2,9 @@
 
 use crate::support::client::Client;
 use crate::support::line::Line;
-use crate::support::{EPOCH, Running, attitude, await_that, on_memory, on_serial, on_udp, scene};
+use crate::support::{
+    EPOCH, PATIENCE, Running, attitude, await_that, on_memory, on_serial, on_udp, scene,
+};
 use skyloop::camera::Camera;
 use skyloop::config::{Clock, Config};
 use skyloop::load::Folder;
@@ -161,15 +163,21 @@ fn answers(client: &mut Client<impl Line>) -> (u32, u32) {
 
 #[test]
 fn answers_wait_for_room_behind_an_unpaced_frame() {
-    let (_emulator, line) = on_memory(large(), Clock::Stepped);
+    let (emulator, line) = on_memory(large(), Clock::Stepped);
     let mut client = Client::new(line);
     client.window = None;
     client.point(attitude(0), EPOCH);
-    // The frame fills the link's queue of 256 packets; 200 answers find no room there.
+    // The frame has begun, and fills the link's queue of 256 packets; 200 answers find no room there.
+    let header = client.line.recv(PATIENCE).expect("the frame begins");
+    assert!(matches!(
+        Reply::decode(&header),
+        Ok((_, Reply::FrameHeader(_)))
+    ));
     for _ in 0..100 {
         client.send(Command::Ping);
     }
     assert_eq!(answers(&mut client), (100, 100));
+    emulator.shot();
     let counters = client.status().counters;
     assert_eq!((counters.frames_delivered, counters.lost_outbound), (1, 0));
 }

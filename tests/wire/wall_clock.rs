@@ -250,8 +250,63 @@ fn an_attitude_that_is_carried_below_the_ground_is_refused_once() {
     assert_eq!((counters.attitudes, counters.bad_value), (1, 1));
     assert!(counters.frames_rendered <= 2);
     client.forget();
-    client.point(attitude(2), later(EPOCH, 10.0));
+    // Another one is told anew.
+    client.point(falling, later(EPOCH, 10.0));
+    assert_eq!(client.nack().reason, Reason::ValueOutOfRange);
+    client.forget();
+    client.point(attitude(2), later(EPOCH, 20.0));
     assert_eq!(client.frame().header.attitude_sequence, 2);
+}
+
+#[test]
+fn an_exposure_that_the_rates_forbid_is_refused() {
+    let (_emulator, line) = on_memory(quick(1.0), Clock::Wall);
+    let mut client = Client::new(line);
+    let turning = Attitude {
+        rates_rad_s: [0.0, 2.0, 0.0],
+        ..attitude(1)
+    };
+    client.point(turning, EPOCH);
+    client.done(Command::Exposure { seconds: 0.4 });
+    // 1.2 rad in 0.6 s, of 1 rad at most.
+    client.send(Command::Exposure { seconds: 0.6 });
+    let nack = client.nack();
+    assert_eq!(nack.reason, Reason::ValueOutOfRange);
+    assert!(nack.detail.contains("68.8 deg"), "{}", nack.detail);
+}
+
+#[test]
+fn another_client_finds_the_configured_cadence_and_sets_the_time_anew() {
+    let (_emulator, line) = on_udp(quick(50.0), Clock::Wall, 0.2);
+    let mut second = Client::new(line.another());
+    let mut first = Client::new(line);
+    first.point(attitude(1), later(EPOCH, 5000.0));
+    first.frame();
+    first.done(Command::FrameRate { hz: 25.0 });
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(second.status().frame_rate_hz, 50.0);
+    second.point(attitude(2), EPOCH);
+    let since = seconds(EPOCH, second.frame().time);
+    assert!((since - 0.015).abs() < 1.0, "{since}");
+}
+
+#[test]
+fn every_exposure_has_a_frame_or_is_missed() {
+    let (_emulator, line) = on_memory(quick(50.0), Clock::Wall);
+    let mut client = Client::new(line);
+    // Room for the first packet: the first frame stands still.
+    client.window = None;
+    client.send(Command::Credit { packets: 1 });
+    client.point(attitude(1), EPOCH);
+    let asked = Instant::now();
+    std::thread::sleep(Duration::from_millis(500));
+    let missed = client.status().counters.exposures_missed;
+    let ended = (asked.elapsed().as_secs_f64() * 50.0) as u32;
+    // One is being delivered, one waits for its frame, and one ends meanwhile.
+    assert!(
+        missed >= 20 && (missed + 1..=missed + 3).contains(&ended),
+        "{missed} of {ended}"
+    );
 }
 
 #[test]

@@ -292,6 +292,11 @@ fn every_kind_of_damage_says_what_and_where() {
             "km and km/s",
         ),
         (
+            swapped("2019-06-15T00:00:10 7000 0 0 7500 0 0"),
+            13,
+            "km and km/s",
+        ),
+        (
             swapped("2019-06-15T00:00:10 1e300 0 0 1 0 0"),
             13,
             "km and km/s",
