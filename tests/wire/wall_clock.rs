@@ -259,6 +259,28 @@ fn an_attitude_that_is_carried_below_the_ground_is_refused_once() {
 }
 
 #[test]
+fn an_attitude_that_is_carried_beyond_the_time_code_is_refused_once() {
+    let (_emulator, line) = on_memory(quick(50.0), Clock::Wall);
+    let mut client = Client::new(line);
+    let count = client.point(attitude(1), later(WireTime(u64::MAX), -0.05));
+    let nack = client.nack();
+    assert_eq!(
+        (nack.sequence_count, nack.reason),
+        (count, Reason::ValueOutOfRange)
+    );
+    assert!(
+        nack.detail.contains("beyond the time code"),
+        "{}",
+        nack.detail
+    );
+    await_that("more exposures have passed", || {
+        client.status().counters.exposures_missed >= 3
+    });
+    let counters = client.status().counters;
+    assert_eq!((counters.bad_value, counters.frames_abandoned), (1, 0));
+}
+
+#[test]
 fn an_exposure_that_the_rates_forbid_is_refused() {
     let (_emulator, line) = on_memory(quick(1.0), Clock::Wall);
     let mut client = Client::new(line);
