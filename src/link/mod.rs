@@ -3,19 +3,22 @@
 
 mod memory;
 mod serial;
+mod tally;
 mod udp;
 mod url;
 
+pub(crate) use tally::Standstill;
+pub use tally::Tally;
 pub use url::LinkUrl;
 
 use bytes::Bytes;
 use skyloop_firmware_sim::port::Port;
 use skyloop_protocols::Personality;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Receiver;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+use tally::count;
 use thiserror::Error;
 
 /// Every link.
@@ -107,10 +110,9 @@ impl Wire {
             return;
         };
         while !sender.is_finished() && !standstill.is_over() {}
-        let left = self.tally.waiting.load(Ordering::Relaxed);
+        let left = self.tally.give_up();
         if left > 0 {
             tracing::warn!("{left} packets for the client could not be sent: they are lost");
-            self.tally.lost.fetch_add(left, Ordering::Relaxed);
         }
     }
 }
@@ -122,95 +124,6 @@ impl Outbox for Closed {
     fn offer(&mut self, _: Outbound) -> Result<Option<Outbound>, LinkError> {
         Err(LinkError::Closed("closed".to_string()))
     }
-}
-
-/// Waits while octets leave, and some time longer.
-pub(crate) struct Standstill {
-    tally: Arc<Tally>,
-    patience: Duration,
-    octets: u32,
-    since: Instant,
-    told: bool,
-}
-
-impl Standstill {
-    /// Over when nothing has left for `patience`.
-    pub fn of(tally: &Arc<Tally>, patience: Duration) -> Standstill {
-        Standstill {
-            tally: tally.clone(),
-            patience,
-            octets: tally.moved.load(Ordering::Relaxed),
-            since: Instant::now(),
-            told: false,
-        }
-    }
-
-    /// Pauses for a moment; true if nothing has left for so long that nobody takes it.
-    pub fn is_over(&mut self) -> bool {
-        const SOON: Duration = Duration::from_millis(500);
-        std::thread::sleep(Duration::from_millis(2));
-        let octets = self.tally.moved.load(Ordering::Relaxed);
-        if octets != self.octets {
-            (self.octets, self.since) = (octets, Instant::now());
-        } else if self.since.elapsed() > SOON && !std::mem::replace(&mut self.told, true) {
-            tracing::warn!("waiting for the client to read what is left");
-        }
-        self.since.elapsed() >= self.patience
-    }
-}
-
-/// What a link counts.
-#[derive(Debug, Default)]
-pub struct Tally {
-    /// Packets in the outbound queue, or on their way out of it.
-    waiting: AtomicU32,
-    /// Octets that have left, modulo 2^32.
-    moved: AtomicU32,
-    foreign: AtomicU32,
-    dropped: AtomicU32,
-    bad_framing: AtomicU32,
-    lost: AtomicU32,
-}
-
-impl Tally {
-    /// Packets from others than the client.
-    pub fn foreign(&self) -> u32 {
-        self.foreign.load(Ordering::Relaxed)
-    }
-
-    /// Packets that found the inbound queue full.
-    pub fn dropped(&self) -> u32 {
-        self.dropped.load(Ordering::Relaxed)
-    }
-
-    /// Serial frames that held no packet.
-    pub fn bad_framing(&self) -> u32 {
-        self.bad_framing.load(Ordering::Relaxed)
-    }
-
-    /// Packets whose client had gone or did not read, or that the system refused to send.
-    pub fn lost(&self) -> u32 {
-        self.lost.load(Ordering::Relaxed)
-    }
-
-    /// Books a packet put into the outbound queue.
-    fn queued(&self) {
-        count(&self.waiting);
-    }
-
-    /// Books a packet that has left the queue for good.
-    fn done(&self) {
-        self.waiting.fetch_sub(1, Ordering::Relaxed);
-    }
-
-    /// Books octets that have left.
-    fn moved(&self, octets: usize) {
-        self.moved.fetch_add(octets as u32, Ordering::Relaxed);
-    }
-}
-
-fn count(counter: &AtomicU32) {
-    counter.fetch_add(1, Ordering::Relaxed);
 }
 
 /// Why a link cannot be opened or used.
