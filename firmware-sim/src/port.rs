@@ -72,6 +72,17 @@ pub enum PortError {
     },
 }
 
+impl PortError {
+    /// What the system answered when `what` was tried on `link`.
+    pub(crate) fn io(link: &str, what: &'static str, source: io::Error) -> Self {
+        Self::Io {
+            link: link.into(),
+            what,
+            source,
+        }
+    }
+}
+
 /// A kind of link that an address can name.
 pub struct Scheme {
     /// What its addresses begin with, before `://`.

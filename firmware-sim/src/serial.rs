@@ -1,6 +1,5 @@
 //! Packets over a serial line or a pseudo-terminal: SLIP frames.
 
-use std::io;
 use std::time::Duration;
 
 use skyloop_protocols::slip;
@@ -44,7 +43,9 @@ impl SerialPort {
     /// [`PortError::Io`] with the path.
     pub fn open(path: &str, baud: u32) -> Result<Self, PortError> {
         let line = serialport::new(path, baud).timeout(READ_TIMEOUT).open();
-        Self::over(line.map_err(|error| failed(path, "cannot open the serial port (it must exist, be free, and be yours to read and write)", error.into()))?)
+        const WHAT: &str =
+            "cannot open the serial port (it must exist, be free, and be yours to read and write)";
+        Self::over(line.map_err(|error| PortError::io(path, WHAT, error.into()))?)
     }
 
     /// Takes over an open serial port.
@@ -53,8 +54,9 @@ impl SerialPort {
     /// [`PortError::Io`] if its handle cannot be shared with the reader thread.
     pub fn over(mut line: Box<dyn serialport::SerialPort>) -> Result<Self, PortError> {
         let link = line.name().unwrap_or_else(|| "serial port".into());
-        let set_up =
-            |error: serialport::Error| failed(&link, "cannot set up the serial port", error.into());
+        let set_up = |error: serialport::Error| {
+            PortError::io(&link, "cannot set up the serial port", error.into())
+        };
         let mut input = line.try_clone().map_err(set_up)?;
         input.set_timeout(READ_TIMEOUT).map_err(set_up)?;
         line.set_timeout(WRITE_TIMEOUT).map_err(set_up)?;
@@ -71,16 +73,8 @@ impl SerialPort {
             }
             Ok(())
         })
-        .map_err(|error| failed(&link, "cannot start the reader thread", error))?;
+        .map_err(|error| PortError::io(&link, "cannot start the reader thread", error))?;
         Ok(Self { link, line, reader })
-    }
-}
-
-fn failed(link: &str, what: &'static str, source: io::Error) -> PortError {
-    PortError::Io {
-        link: link.into(),
-        what,
-        source,
     }
 }
 
@@ -90,12 +84,12 @@ impl Port for SerialPort {
         slip::encode(packet, &mut |octet| octets.push(octet));
         self.line
             .write_all(&octets)
-            .map_err(|error| failed(&self.link, "cannot send", error))
+            .map_err(|error| PortError::io(&self.link, "cannot send", error))
     }
 
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
         let received = self.reader.recv(timeout);
-        received.map_err(|error| failed(&self.link, "cannot receive", error))
+        received.map_err(|error| PortError::io(&self.link, "cannot receive", error))
     }
 
     fn dropped(&self) -> u64 {

@@ -1,6 +1,6 @@
 //! Packets over UDP: one a datagram.
 
-use std::io::{self, ErrorKind};
+use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
@@ -41,16 +41,9 @@ impl UdpPort {
             (false, true) => ([0, 0, 0, 0], 0).into(),
             (false, false) => (std::net::Ipv6Addr::UNSPECIFIED, 0).into(),
         };
-        let failed = |what| {
-            move |source| PortError::Io {
-                link: format!("udp://{emulator}"),
-                what,
-                source,
-            }
-        };
         let socket = UdpSocket::bind(local)
             .and_then(|socket| socket.connect(emulator).map(|()| socket))
-            .map_err(failed("cannot open a socket"))?;
+            .map_err(|error| PortError::io(&link, "cannot open a socket", error))?;
         let reader = socket
             .try_clone()
             .and_then(|socket| {
@@ -63,20 +56,12 @@ impl UdpPort {
                     Ok(())
                 })
             })
-            .map_err(failed("cannot listen"))?;
+            .map_err(|error| PortError::io(&link, "cannot listen", error))?;
         Ok(Self {
             socket,
             link,
             reader,
         })
-    }
-
-    fn failed(&self, what: &'static str, source: io::Error) -> PortError {
-        PortError::Io {
-            link: self.link.clone(),
-            what,
-            source,
-        }
     }
 }
 
@@ -91,13 +76,13 @@ impl Port for UdpPort {
             Ok(_) => Ok(()),
             // Nobody listens: a datagram lost like any other.
             Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(()),
-            Err(error) => Err(self.failed("cannot send", error)),
+            Err(error) => Err(PortError::io(&self.link, "cannot send", error)),
         }
     }
 
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
         let received = self.reader.recv(timeout);
-        received.map_err(|error| self.failed("cannot receive", error))
+        received.map_err(|error| PortError::io(&self.link, "cannot receive", error))
     }
 
     fn dropped(&self) -> u64 {

@@ -65,7 +65,8 @@ counters! {
     objects_without_state,
     /// Packets that never left: their client had gone or read nothing, or the system refused to send.
     lost_outbound,
-    /// Exposures by the wall clock that gave no frame: the one before was not rendered or taken in time.
+    /// Exposures by the wall clock that gave no frame: the one before was not rendered or taken in time, or there was
+    /// nothing to show.
     exposures_missed,
 }
 

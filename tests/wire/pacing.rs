@@ -182,16 +182,21 @@ fn answers_wait_for_room_behind_an_unpaced_frame() {
     assert_eq!((counters.frames_delivered, counters.lost_outbound), (1, 0));
 }
 
+/// Sends hundreds of a command and reads no answer.
+fn unread(client: &mut Client<impl Line>, command: Command, hundreds: u32) {
+    for _ in 0..hundreds {
+        for _ in 0..100 {
+            client.send(command);
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
 #[test]
 fn answers_that_nobody_reads_are_counted() {
     let (_emulator, line) = on_memory(scene(), Clock::Stepped);
     let mut client = Client::new(line);
-    for _ in 0..20 {
-        for _ in 0..100 {
-            client.send(Command::Ping);
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    unread(&mut client, Command::Ping, 20);
     let (acks, statuses) = answers(&mut client);
     let counters = client.status().counters;
     assert_eq!(
@@ -207,12 +212,7 @@ fn answers_that_nobody_reads_are_counted() {
 fn resets_that_nobody_reads_are_bounded_too() {
     let (_emulator, line) = on_memory(scene(), Clock::Stepped);
     let mut client = Client::new(line);
-    for _ in 0..50 {
-        for _ in 0..100 {
-            client.send(Command::Reset);
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    unread(&mut client, Command::Reset, 50);
     let (acks, _) = answers(&mut client);
     // 256 of the queue and 1024 that wait (ICD, 5.2); the link may have been told of some Resets.
     assert!((1024..=1280).contains(&acks), "{acks}");
