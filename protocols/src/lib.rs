@@ -6,7 +6,7 @@
 //! 1. [`time`]: the CCSDS time code that every packet carries.
 //! 2. [`packet`]: the space packet around every message: headers, version, CRC.
 //! 3. [`command`]: what a flight computer sends. [`reply`]: what the emulator answers.
-//! 4. [`pixels`]: a frame's pixels and label text cut into packets, and put together again.
+//! 4. [`pixels`]: a frame's pixels and label text cut into packets, and put together again. [`rice`]: pixels compressed.
 //! 5. [`counters`], [`sequence`], [`credit`]: the book-keeping of both ends.
 //! 6. [`slip`]: packets on a serial line. [`crc`]: the two checksums.
 //! 7. [`personality`]: the table of wire languages.
@@ -35,6 +35,7 @@ pub mod packet;
 pub mod personality;
 pub mod pixels;
 pub mod reply;
+pub mod rice;
 pub mod sequence;
 pub mod slip;
 pub mod time;

@@ -1,0 +1,170 @@
+//! Compressed pixels: what they come to, that they come back, and what is refused.
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+use skyloop_protocols::rice::{decode, encode};
+
+/// Octets of pixels in a packet.
+const DATA: usize = 1368;
+
+/// Whole numbers with Gaussian noise about 100 (1000 from 30 DN on): splitmix64 and Box-Muller.
+fn noise(count: usize, sigma: f64, bits: u8) -> Vec<u16> {
+    let mut state = 7_u64;
+    let mut uniform = || {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ z >> 31) >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let mean = if sigma < 30.0 { 100.0 } else { 1000.0 };
+    let most = f64::from(u16::MAX >> (16 - bits));
+    (0..count)
+        .map(|_| {
+            let radius = (-2.0 * (1.0 - uniform()).ln()).sqrt();
+            let normal = radius * (std::f64::consts::TAU * uniform()).cos();
+            (mean + sigma * normal).round().clamp(0.0, most) as u16
+        })
+        .collect()
+}
+
+/// Encodes all pixels, packet by packet, decodes each, and returns the octets of all.
+fn round_trip(pixels: &[u16], bits: u8) -> usize {
+    let (mut rest, mut octets) = (pixels, 0);
+    while !rest.is_empty() {
+        let mut data = [0xA5; DATA];
+        let (taken, length) = encode(rest, bits, &mut data);
+        assert!(taken >= rest.len().min(512), "{taken} pixels in a packet");
+        let mut back = vec![0xFFFF; taken];
+        decode(&data[..length], bits, &mut back).expect("decodes");
+        assert_eq!(back, rest[..taken]);
+        rest = &rest[taken..];
+        octets += length;
+    }
+    octets
+}
+
+/// The figures of the module's head. `cargo test -p skyloop-protocols --test rice -- --nocapture` prints them.
+#[test]
+fn a_noisy_flat_field_is_three_times_smaller() {
+    for (sigma, at_least) in [(1.0, 5.0), (2.0, 4.0), (4.0, 3.2), (8.0, 2.7), (60.0, 1.8)] {
+        let pixels = noise(512 * 512, sigma, 16);
+        let octets = round_trip(&pixels, 16) as f64;
+        let ratio = 2.0 * pixels.len() as f64 / octets;
+        println!(
+            "sigma {sigma} DN: {:.2} bits a pixel, {ratio:.2} times smaller",
+            16.0 / ratio
+        );
+        assert!(ratio >= at_least, "sigma {sigma}: {ratio}");
+    }
+}
+
+#[test]
+fn extremes_come_back() {
+    for bits in 1..=16 {
+        let max = u16::MAX >> (16 - bits);
+        let alternating: Vec<u16> = (0..3000)
+            .map(|i| if i % 2 == 0 { 0 } else { max })
+            .collect();
+        for pixels in [
+            vec![0; 3000],
+            vec![max; 3000],
+            alternating,
+            noise(3001, 60.0, bits),
+        ] {
+            round_trip(&pixels, bits);
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_coded_is_not_taken() {
+    let mut data = [0; DATA];
+    assert_eq!(encode(&[], 12, &mut data), (0, 0));
+    assert_eq!(encode(&[5; 40], 0, &mut data), (0, 0));
+    assert_eq!(encode(&[5; 40], 17, &mut data), (0, 0));
+    assert_eq!(encode(&[4096; 40], 12, &mut data), (0, 0));
+    let mut pixels = [5; 40];
+    pixels[20] = 4096;
+    assert_eq!(
+        encode(&pixels, 12, &mut data).0,
+        16,
+        "up to the block that holds it"
+    );
+    assert_eq!(encode(&[5; 40], 12, &mut data[..3]), (0, 0));
+    assert!(decode(&[0; 4], 0, &mut [0; 4]).is_err() && decode(&[0; 4], 17, &mut [0; 4]).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_pixels_come_back(bits in 1..=16_u8, pixels in vec(any::<u16>(), 1..3000), shift in 0..16_u32) {
+        let pixels: Vec<u16> = pixels.iter().map(|p| (p >> shift) & (u16::MAX >> (16 - bits))).collect();
+        round_trip(&pixels, bits);
+    }
+
+    #[test]
+    fn other_octets_are_never_the_same_pixels(
+        pixels in vec(90..110_u16, 1..200),
+        place in any::<prop::sample::Index>(),
+        bit in 0..8_u32,
+        tail in vec(any::<u8>(), 1..4),
+    ) {
+        let mut data = [0; DATA];
+        let (taken, length) = encode(&pixels, 12, &mut data);
+        prop_assert_eq!(taken, pixels.len());
+        let mut back = vec![0; taken];
+        let mut longer = data[..length].to_vec();
+        longer.extend_from_slice(&tail);
+        prop_assert!(decode(&longer, 12, &mut back).is_err(), "trailing octets");
+        prop_assert!(decode(&data[..length - 1], 12, &mut back).is_err(), "an octet too few");
+        data[place.index(length)] ^= 1_u8 << bit;
+        if decode(&data[..length], 12, &mut back).is_ok() {
+            prop_assert_ne!(back, pixels);
+        }
+    }
+
+    #[test]
+    fn any_octets_decode_or_are_refused(data in vec(any::<u8>(), 0..1400), bits in 0..=17_u8, count in 0..2000_usize) {
+        let mut pixels = vec![0; count];
+        if decode(&data, bits, &mut pixels).is_ok() {
+            let most = u16::MAX >> (16 - bits);
+            prop_assert!(pixels.iter().all(|pixel| *pixel <= most));
+        }
+    }
+}
+
+/// Six blocks of 12-bit pixels: three about 2000, one of extremes, one near 0, a shorter one near the top.
+fn blocks_of_all_kinds() -> Vec<u16> {
+    let mut state = 12345_u32;
+    (0..91)
+        .map(|i| {
+            state = state.wrapping_mul(1_103_515_245).wrapping_add(12345) & 0x7FFF_FFFF;
+            let r = (state >> 16) as u16;
+            [
+                2000 + r % 16,
+                2000 + r % 64,
+                1990 + r % 200,
+                r % 4096,
+                r % 8,
+                4095 - r % 8,
+            ][i / 16]
+        })
+        .collect()
+}
+
+/// X-Val: libaec 1.1.6 (`aec_encode` of Python's imagecodecs 2026.3.6; 12 bits a sample, blocks of 16, one reference
+/// interval, DATA_PREPROCESS): the same octets.
+#[test]
+fn another_coder_of_the_standard_gives_the_same_octets() {
+    let expected = "37dc193b2360bd588cd6b0d24ba6a4cb22cf96ce9630836b24c179a96ec0f28707580856e27b825293c18d790f5df8e8d44ca06f77ff8fcc24fac668b6fa5d1bd1c3e37b800000ffffcc21c20440010460021c1141800000001ffffec0880c2838e0c043000000000000";
+    let mut data = [0; DATA];
+    let pixels = blocks_of_all_kinds();
+    let (taken, length) = encode(&pixels, 12, &mut data);
+    let found: String = data[..length]
+        .iter()
+        .map(|octet| format!("{octet:02x}"))
+        .collect();
+    assert_eq!((taken, found.as_str()), (91, expected));
+}
