@@ -1,8 +1,8 @@
 //! The in-process link: two queues.
 
 use super::{
-    BothEnds, Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire,
-    count,
+    BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally,
+    Wire, count, inbox::inbox,
 };
 use bytes::Bytes;
 use skyloop_firmware_sim::port::{Port, PortError};
@@ -25,9 +25,9 @@ fn no_outside(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
 }
 
 fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
-    let (to_emulator, inbox) = sync_channel(QUEUE);
-    let (outbox, from_emulator) = sync_channel(QUEUE);
     let tally = Arc::new(Tally::default());
+    let (to_emulator, inbox) = inbox(tally.clone());
+    let (outbox, from_emulator) = sync_channel(QUEUE);
     let wire = Wire {
         address: "memory".to_string(),
         inbox,
@@ -35,7 +35,8 @@ fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
             queue: outbox,
             tally: tally.clone(),
         }),
-        tally: tally.clone(),
+        tally,
+        airtime: None,
         sender: None,
     };
     Ok((
@@ -43,7 +44,6 @@ fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
         Box::new(MemoryPort {
             to_emulator,
             from_emulator,
-            tally,
         }),
     ))
 }
@@ -73,26 +73,20 @@ impl Outbox for MemoryOutbox {
 
 /// The flight computer's end.
 struct MemoryPort {
-    to_emulator: SyncSender<Inbound>,
+    to_emulator: Intake,
     from_emulator: Receiver<Outbound>,
-    tally: Arc<Tally>,
 }
 
 impl Port for MemoryPort {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
         let packet = Bytes::copy_from_slice(packet);
-        match self.to_emulator.try_send(Inbound {
+        let inbound = Inbound {
             exchange: 0,
             packet,
             arrived: Instant::now(),
-        }) {
-            Ok(()) => Ok(()),
-            Err(TrySendError::Full(_)) => {
-                count(&self.tally.dropped);
-                Ok(())
-            }
-            Err(TrySendError::Disconnected(_)) => Err(PortError::Closed),
-        }
+        };
+        let taken = self.to_emulator.push(inbound);
+        taken.map_err(|_| PortError::Closed)
     }
 
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {

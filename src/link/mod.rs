@@ -1,12 +1,14 @@
 //! The links. Each carries whole packets both ways between its own threads and two bounded queues; of what a
 //! packet means a link knows at most whether it is valid. Adding one is a file here and a line in [`LINKS`].
 
+mod inbox;
 mod memory;
 mod serial;
 mod tally;
 mod udp;
 mod url;
 
+pub use inbox::{Inbox, Intake};
 pub(crate) use tally::Standstill;
 pub use tally::Tally;
 pub use url::LinkUrl;
@@ -15,7 +17,6 @@ use bytes::Bytes;
 use skyloop_firmware_sim::port::Port;
 use skyloop_protocols::Personality;
 use std::sync::Arc;
-use std::sync::mpsc::Receiver;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tally::count;
@@ -39,6 +40,9 @@ pub struct Link {
 /// The emulator's end and the flight computer's.
 pub type BothEnds = (Wire, Box<dyn Port + Send>);
 
+/// Time on the wire of one packet of so many octets, all that the link adds to it included.
+pub type Airtime = Arc<dyn Fn(usize) -> Duration + Send + Sync>;
+
 /// What a link is told about packets.
 #[derive(Clone, Copy)]
 pub struct Options {
@@ -48,7 +52,7 @@ pub struct Options {
     pub personality: &'static Personality,
 }
 
-/// Packets in a queue; beyond this the sender waits and the receiver drops (and counts).
+/// Packets in a queue; beyond this the sender waits and the receiver drops the oldest (and counts).
 pub(crate) const QUEUE: usize = 256;
 
 /// A packet from a client.
@@ -92,11 +96,13 @@ pub struct Wire {
     /// Where it listens, for people.
     pub address: String,
     /// What arrives.
-    pub inbox: Receiver<Inbound>,
+    pub inbox: Inbox,
     /// What leaves.
     pub outbox: Box<dyn Outbox>,
     /// What the link counts.
     pub tally: Arc<Tally>,
+    /// How long one packet takes, where the line is what limits; none where it is not.
+    pub airtime: Option<Airtime>,
     /// The thread that sends, if the link has one; it ends when the outbox is gone and its queue empty.
     pub sender: Option<JoinHandle<()>>,
 }

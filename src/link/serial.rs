@@ -1,8 +1,8 @@
 //! Serial lines: SLIP frames with CRC-32, two threads a port.
 
 use super::{
-    BothEnds, Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire,
-    count,
+    Airtime, BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE,
+    Tally, Wire, count, inbox::inbox,
 };
 use bytes::Bytes;
 use serialport::SerialPort;
@@ -40,7 +40,17 @@ fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
             remedy: "check that the device exists, is not in use and may be read and written by you",
         }
     })?;
-    start(port, &url.text, Some(PathBuf::from(&url.target)))
+    let airtime = Some(airtime(baud));
+    start(port, &url.text, Some(PathBuf::from(&url.target)), airtime)
+}
+
+/// 10 bit times an octet: the packet, its CRC-32, an END on both sides, and an escape for two octets of 256.
+fn airtime(baud: u32) -> Airtime {
+    Arc::new(move |octets| {
+        let framed = octets as f64 + 4.0;
+        let octets = framed * (1.0 + 2.0 / 256.0) + 2.0;
+        Duration::from_secs_f64(octets * 10.0 / f64::from(baud))
+    })
 }
 
 /// `device` is where the port was opened, if it has such a place.
@@ -48,6 +58,7 @@ fn start(
     port: Box<dyn SerialPort>,
     address: &str,
     device: Option<PathBuf>,
+    airtime: Option<Airtime>,
 ) -> Result<Wire, LinkError> {
     let failed = |action, remedy| {
         move |source| LinkError::Io {
@@ -60,9 +71,9 @@ fn start(
     let writer = port.try_clone().map_err(|error| {
         failed("open it for two threads", "try again")(std::io::Error::from(error))
     })?;
-    let (arrivals, inbox) = sync_channel(QUEUE);
-    let (outbox, departures) = sync_channel(QUEUE);
     let tally = Arc::new(Tally::default());
+    let (arrivals, inbox) = inbox(tally.clone());
+    let (outbox, departures) = sync_channel(QUEUE);
     let (reading, writing) = (tally.clone(), tally.clone());
     let ended = Arc::new(AtomicBool::new(false));
     let stop = ended.clone();
@@ -88,6 +99,7 @@ fn start(
         inbox,
         outbox: Box::new(outbox),
         tally,
+        airtime,
         sender: Some(sender),
     })
 }
@@ -122,7 +134,7 @@ impl Outbox for LineOutbox {
 fn read(
     mut port: Box<dyn SerialPort>,
     device: Option<&Path>,
-    arrivals: &SyncSender<Inbound>,
+    arrivals: &Intake,
     tally: &Tally,
     stop: &AtomicBool,
 ) {
@@ -175,10 +187,8 @@ fn read(
                         packet,
                         arrived: Instant::now(),
                     };
-                    match arrivals.try_send(inbound) {
-                        Ok(()) => {}
-                        Err(TrySendError::Full(_)) => count(&tally.dropped),
-                        Err(TrySendError::Disconnected(_)) => return,
+                    if arrivals.push(inbound).is_err() {
+                        return;
                     }
                 }
             }
@@ -242,7 +252,7 @@ fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
     master
         .set_timeout(READ_TIMEOUT)
         .map_err(failed("set it up"))?;
-    let wire = start(Box::new(master), &format!("serial://{name}"), None)?;
+    let wire = start(Box::new(master), &format!("serial://{name}"), None, None)?;
     let port = FlightComputerPort::over(Box::new(slave)).map_err(|error| LinkError::Io {
         url: name,
         action: "open the client's end",
@@ -274,7 +284,13 @@ mod tests {
         let (master, slave) = TTYPort::pair().unwrap();
         let device = slave.name().unwrap();
         let port = serialport::new(&device, 115_200).timeout(READ_TIMEOUT);
-        let wire = start(port.open().unwrap(), &device, Some(device.clone().into())).unwrap();
+        let wire = start(
+            port.open().unwrap(),
+            &device,
+            Some(device.clone().into()),
+            None,
+        )
+        .unwrap();
         let quiet = wire.inbox.recv_timeout(3 * READ_TIMEOUT).unwrap_err();
         assert_eq!(quiet, RecvTimeoutError::Timeout);
         // With both ends closed here the pseudo-terminal goes, as an adapter that is unplugged.
@@ -283,10 +299,16 @@ mod tests {
         assert_eq!(gone, RecvTimeoutError::Disconnected);
     }
 
+    #[test]
+    fn a_packet_takes_ten_bit_times_an_octet() {
+        // 1400 octets, 4 of CRC-32, 2 ENDs and 10.97 escapes expected: 14169.7 bits at 9600 a second.
+        assert_eq!(airtime(9600)(1400).as_millis(), 1476);
+    }
+
     /// Both ends of a pseudo-terminal: the emulator's with `packets` of 1400 octets queued, and the client's.
     fn with_queued(packets: usize) -> (Wire, TTYPort) {
         let (master, client) = TTYPort::pair().unwrap();
-        let mut wire = start(Box::new(master), "serial", None).unwrap();
+        let mut wire = start(Box::new(master), "serial", None, None).unwrap();
         for _ in 0..packets {
             let packet = Bytes::from(vec![1; 1400]);
             let full = wire.outbox.offer(Outbound::Packet {

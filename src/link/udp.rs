@@ -1,14 +1,13 @@
 //! UDP: one packet a datagram, answers only to the client of the exchange. One thread with its own runtime.
 
 use super::{
-    BothEnds, Inbound, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire,
-    count,
+    BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally,
+    Wire, count, inbox::inbox,
 };
 use bytes::Bytes;
 use skyloop_firmware_sim::udp::UdpPort;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::time::Instant;
 use tokio::net::UdpSocket;
 use tokio::sync::mpsc::{Receiver, Sender, channel, error::TrySendError as TryQueue};
@@ -66,9 +65,9 @@ fn listen(
         .set_nonblocking(true)
         .map_err(failed("set it up", "try again"))?;
 
-    let (arrivals, inbox) = sync_channel(QUEUE);
-    let (outbox, departures) = channel(QUEUE);
     let tally = Arc::new(Tally::default());
+    let (arrivals, inbox) = inbox(tally.clone());
+    let (outbox, departures) = channel(QUEUE);
     let exchange = Exchange {
         number: 0,
         client: None,
@@ -107,6 +106,7 @@ fn listen(
             inbox,
             outbox: Box::new(outbox),
             tally,
+            airtime: None,
             sender: Some(sender),
         },
         local,
@@ -135,7 +135,7 @@ impl Outbox for UdpOutbox {
 /// Carries packets until the emulator drops its end.
 async fn carry(
     socket: std::net::UdpSocket,
-    arrivals: SyncSender<Inbound>,
+    arrivals: Intake,
     mut departures: Receiver<Outbound>,
     mut exchange: Exchange,
 ) -> std::io::Result<()> {
@@ -154,10 +154,8 @@ async fn carry(
                 }
                 let packet = Bytes::copy_from_slice(packet);
                 let inbound = Inbound { exchange: exchange.number, packet, arrived: Instant::now() };
-                match arrivals.try_send(inbound) {
-                    Ok(()) => {}
-                    Err(TrySendError::Full(_)) => count(&exchange.tally.dropped),
-                    Err(TrySendError::Disconnected(_)) => return Ok(()),
+                if arrivals.push(inbound).is_err() {
+                    return Ok(());
                 }
             }
             departure = departures.recv() => match departure {

@@ -1,0 +1,237 @@
+//! The inbound queue: bounded, never in the way of the wire. A flood loses its oldest attitudes first, since a newer
+//! one takes their place; every packet lost is counted.
+
+use super::{Inbound, QUEUE, Tally, count};
+use skyloop_protocols::packet::{apid, identify};
+use std::collections::VecDeque;
+use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A queue for what arrives: the end of the wire and the end of the emulator.
+pub(crate) fn inbox(tally: Arc<Tally>) -> (Intake, Inbox) {
+    let shared = Arc::new(Shared {
+        state: Mutex::new(State {
+            waiting: VecDeque::with_capacity(QUEUE),
+            intakes: 1,
+            read: true,
+        }),
+        arrived: Condvar::new(),
+        tally,
+    });
+    (
+        Intake {
+            shared: shared.clone(),
+        },
+        Inbox { shared },
+    )
+}
+
+/// The wire's end. Several threads may have one.
+pub struct Intake {
+    shared: Arc<Shared>,
+}
+
+/// The emulator's end.
+pub struct Inbox {
+    shared: Arc<Shared>,
+}
+
+/// The emulator has dropped its end.
+#[derive(Debug)]
+pub(crate) struct Gone;
+
+struct Shared {
+    state: Mutex<State>,
+    arrived: Condvar,
+    tally: Arc<Tally>,
+}
+
+struct State {
+    waiting: VecDeque<Inbound>,
+    /// Ends of the wire.
+    intakes: usize,
+    /// Whether the emulator still has its end.
+    read: bool,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // What a thread that panicked leaves behind is a queue like any other.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Intake {
+    /// Queues a packet, without waiting. A full queue drops its oldest attitude, or its oldest packet if it holds
+    /// none, and counts it.
+    pub(crate) fn push(&self, inbound: Inbound) -> Result<(), Gone> {
+        let mut state = self.shared.lock();
+        if !state.read {
+            return Err(Gone);
+        }
+        if state.waiting.len() >= QUEUE {
+            let oldest = state.waiting.iter().position(is_attitude);
+            state.waiting.remove(oldest.unwrap_or(0));
+            count(&self.shared.tally.dropped);
+        }
+        state.waiting.push_back(inbound);
+        drop(state);
+        self.shared.arrived.notify_one();
+        Ok(())
+    }
+}
+
+fn is_attitude(inbound: &Inbound) -> bool {
+    identify(&inbound.packet).is_some_and(|(apid, _)| apid == apid::ATTITUDE)
+}
+
+impl Clone for Intake {
+    fn clone(&self) -> Intake {
+        self.shared.lock().intakes += 1;
+        Intake {
+            shared: self.shared.clone(),
+        }
+    }
+}
+
+impl Drop for Intake {
+    fn drop(&mut self) {
+        self.shared.lock().intakes -= 1;
+        self.shared.arrived.notify_all();
+    }
+}
+
+impl Inbox {
+    /// The next packet, if there is one.
+    pub fn try_recv(&self) -> Result<Inbound, TryRecvError> {
+        let mut state = self.shared.lock();
+        match state.waiting.pop_front() {
+            Some(inbound) => Ok(inbound),
+            None if state.intakes == 0 => Err(TryRecvError::Disconnected),
+            None => Err(TryRecvError::Empty),
+        }
+    }
+
+    /// The next packet, waiting `timeout` at most.
+    pub fn recv_timeout(&self, timeout: Duration) -> Result<Inbound, RecvTimeoutError> {
+        let deadline = Instant::now() + timeout;
+        let mut state = self.shared.lock();
+        loop {
+            if let Some(inbound) = state.waiting.pop_front() {
+                return Ok(inbound);
+            }
+            if state.intakes == 0 {
+                return Err(RecvTimeoutError::Disconnected);
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(RecvTimeoutError::Timeout);
+            }
+            let waited = self.shared.arrived.wait_timeout(state, left);
+            (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+impl Drop for Inbox {
+    fn drop(&mut self) {
+        let mut state = self.shared.lock();
+        state.read = false;
+        state.waiting.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytes::Bytes;
+    use skyloop_protocols::{Attitude, Command, MAX_PACKET, WireTime};
+
+    fn inbound(command: &Command, count: u16) -> Inbound {
+        let mut buffer = [0; MAX_PACKET];
+        let length = command.encode(count, WireTime(0), &mut buffer).unwrap();
+        Inbound {
+            exchange: 0,
+            packet: Bytes::copy_from_slice(&buffer[..length]),
+            arrived: Instant::now(),
+        }
+    }
+
+    fn attitude(count: u16) -> Inbound {
+        let attitude = Attitude {
+            sequence: u32::from(count),
+            q_icrf_to_body: [0.0, 0.0, 0.0, 1.0],
+            rates_rad_s: [0.0; 3],
+            state: None,
+        };
+        inbound(&Command::Attitude(attitude), count)
+    }
+
+    /// APIDs and sequence counts of what waits.
+    fn rest(inbox: &Inbox) -> Vec<(u16, u16)> {
+        std::iter::from_fn(|| inbox.try_recv().ok())
+            .map(|inbound| identify(&inbound.packet).unwrap())
+            .collect()
+    }
+
+    #[test]
+    fn a_flood_loses_its_oldest_attitudes_and_counts_them() {
+        let tally = Arc::new(Tally::default());
+        let (intake, inbox) = inbox(tally.clone());
+        intake.push(inbound(&Command::Ping, 9)).unwrap();
+        // 255 fill the queue, and 1000 more drop as many before them.
+        for count in 0..1255 {
+            intake.push(attitude(count)).unwrap();
+        }
+        assert_eq!(tally.dropped(), 1000);
+        let rest = rest(&inbox);
+        assert_eq!((rest.len(), rest[0]), (QUEUE, (apid::COMMAND, 9)));
+        assert_eq!(rest[1], (apid::ATTITUDE, 1000), "the newest are left");
+        assert_eq!(rest[255], (apid::ATTITUDE, 1254));
+    }
+
+    #[test]
+    fn without_attitudes_the_oldest_packet_goes() {
+        let tally = Arc::new(Tally::default());
+        let (intake, inbox) = inbox(tally.clone());
+        for count in 0..=QUEUE as u16 {
+            intake.push(inbound(&Command::Ping, count)).unwrap();
+        }
+        let rest = rest(&inbox);
+        assert_eq!((rest[0].1, rest.len(), tally.dropped()), (1, QUEUE, 1));
+    }
+
+    #[test]
+    fn each_end_learns_that_the_other_has_gone() {
+        let (intake, inbox) = inbox(Arc::new(Tally::default()));
+        let other = intake.clone();
+        assert_eq!(inbox.try_recv().unwrap_err(), TryRecvError::Empty);
+        let timeout = inbox.recv_timeout(Duration::from_millis(5)).unwrap_err();
+        assert_eq!(timeout, RecvTimeoutError::Timeout);
+        other.push(attitude(1)).unwrap();
+        drop((intake, other));
+        // What had come is still there.
+        assert!(inbox.recv_timeout(Duration::ZERO).is_ok());
+        let gone = inbox.recv_timeout(Duration::from_secs(20)).unwrap_err();
+        assert_eq!(gone, RecvTimeoutError::Disconnected);
+        assert_eq!(inbox.try_recv().unwrap_err(), TryRecvError::Disconnected);
+    }
+
+    #[test]
+    fn an_emulator_that_has_gone_takes_nothing() {
+        let (intake, inbox) = inbox(Arc::new(Tally::default()));
+        drop(inbox);
+        assert!(intake.push(attitude(1)).is_err());
+    }
+
+    #[test]
+    fn a_packet_wakes_who_waits_for_it() {
+        let (intake, inbox) = inbox(Arc::new(Tally::default()));
+        let waiting = std::thread::spawn(move || inbox.recv_timeout(Duration::from_secs(20)));
+        std::thread::sleep(Duration::from_millis(20));
+        intake.push(attitude(7)).unwrap();
+        let inbound = waiting.join().unwrap().unwrap();
+        assert_eq!(identify(&inbound.packet), Some((apid::ATTITUDE, 7)));
+    }
+}
