@@ -8,7 +8,7 @@
 //! 3. [`command`]: what a flight computer sends. [`reply`]: what the emulator answers.
 //! 4. [`pixels`]: a frame's pixels and label text cut into packets, and put together again. [`rice`]: pixels compressed.
 //! 5. [`counters`], [`sequence`], [`credit`]: the book-keeping of both ends.
-//! 6. [`slip`]: packets on a serial line. [`crc`]: the two checksums.
+//! 6. [`slip`]: packets on a serial line. [`can`]: packets on a CAN bus. [`crc`]: the two checksums.
 //! 7. [`personality`]: the table of wire languages.
 //!
 //! ```
@@ -26,6 +26,7 @@
 mod frame;
 mod wire;
 
+pub mod can;
 pub mod command;
 pub mod counters;
 pub mod crc;
