@@ -1,10 +1,18 @@
 //! Packets on a CAN bus, classic or FD, without any I/O: frames in, packets out, and back.
 //!
 //! 1. [`frame`]: one frame, its length codes and its time on the bus.
-//! 2. [`node`]: an end of the bus: whole space packets on one side, frames on the other.
+//! 2. [`form`]: attitudes, short commands and Acks as plain frames.
+//! 3. [`isotp`]: everything else, in segments.
+//! 4. [`node`]: an end of the bus: whole space packets on one side, frames on the other.
 
+mod collector;
+pub mod form;
 pub mod frame;
+pub mod isotp;
 pub mod node;
+mod receiver;
+mod sender;
 
 pub use frame::CanFrame;
+pub use isotp::Parameters;
 pub use node::{Busy, Counts, Lane, Node, Side};

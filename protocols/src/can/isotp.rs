@@ -1,0 +1,210 @@
+//! ISO-TP (ISO 15765-2:2016): messages longer than a frame, normal addressing. What both directions share: the protocol
+//! data units, times and settings. `sender.rs` and `receiver.rs` do the rest.
+//!
+//! | PDU | octets |
+//! |---|---|
+//! | single frame | `0L` data, L = 1 to 7; in frames of more than 8 octets `00 LL` data, LL from 8 |
+//! | first frame | `1L LL` data, 12-bit length; above 4095 `10 00 LL LL LL LL` data |
+//! | consecutive frame | `2N` data, N counts 1 to 15, 0, 1 ... |
+//! | flow control | `3S` block size, separation time; S = 0 continue, 1 wait, 2 overflow |
+
+use crate::can::frame::{MAX_CLASSIC_DATA, MAX_DATA, padded_length};
+
+/// Flow status: go on.
+pub const CONTINUE: u8 = 0;
+/// Flow status: wait for another flow control.
+pub const WAIT: u8 = 1;
+/// Flow status: the message does not fit; ends it.
+pub const OVERFLOW: u8 = 2;
+/// Fills frames up to a length that there is (ISO 15765-2, 10.4.2: the value that stuffs least).
+pub const PADDING: u8 = 0xCC;
+
+/// Longest message that a first frame announces in 12 bits.
+const MAX_SHORT_LENGTH: usize = 0xFFF;
+
+/// One protocol data unit, as found in a frame's data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pdu<'a> {
+    /// A whole message.
+    Single(&'a [u8]),
+    /// Begins a message.
+    First {
+        /// Its length.
+        length: usize,
+        /// Its first octets.
+        data: &'a [u8],
+    },
+    /// Goes on with it.
+    Consecutive {
+        /// Sequence number, modulo 16.
+        number: u8,
+        /// More octets, and padding after the last.
+        data: &'a [u8],
+    },
+    /// From the receiver of a message to its sender.
+    Flow(Flow),
+}
+
+/// What a receiver allows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Flow {
+    /// [`CONTINUE`], [`WAIT`] or [`OVERFLOW`]; others are invalid.
+    pub status: u8,
+    /// Consecutive frames until the next flow control; 0: no more of them.
+    pub block_size: u8,
+    /// Least time between two consecutive frames, as coded: see [`separation_us`].
+    pub st_min: u8,
+}
+
+impl<'a> Pdu<'a> {
+    /// Reads a frame's data. `None`: unknown type, or a length that the standard has ignored (9.6.2 to 9.6.5).
+    pub fn parse(data: &'a [u8]) -> Option<Self> {
+        let (head, rest) = data.split_first()?;
+        let low = head & 0xF;
+        match head >> 4 {
+            0 if data.len() <= MAX_CLASSIC_DATA => {
+                let octets = rest.get(..low.into())?;
+                (!octets.is_empty()).then_some(Self::Single(octets))
+            }
+            0 if low == 0 => {
+                let (length, rest) = rest.split_first()?;
+                let octets = rest.get(..usize::from(*length))?;
+                (octets.len() >= MAX_CLASSIC_DATA).then_some(Self::Single(octets))
+            }
+            1 if data.len() >= MAX_CLASSIC_DATA => Self::first(low, rest),
+            2 if !rest.is_empty() => Some(Self::Consecutive {
+                number: low,
+                data: rest,
+            }),
+            3 => {
+                let [block_size, st_min] = *rest.first_chunk()?;
+                Some(Self::Flow(Flow {
+                    status: low,
+                    block_size,
+                    st_min,
+                }))
+            }
+            _ => None,
+        }
+    }
+
+    fn first(low: u8, rest: &'a [u8]) -> Option<Self> {
+        let (second, short) = rest.split_first()?;
+        let length = usize::from(low) << 8 | usize::from(*second);
+        let (length, data, least) = if length > 0 {
+            (length, short, 0)
+        } else {
+            let (long, data) = short.split_first_chunk()?;
+            let length = usize::try_from(u32::from_be_bytes(*long)).ok()?;
+            (length, data, MAX_SHORT_LENGTH + 1)
+        };
+        // One that fits a single frame of this length is not to be segmented.
+        let single = most_single(rest.len() + 1);
+        (length >= least && length > single).then_some(Self::First { length, data })
+    }
+}
+
+/// How an end sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Parameters {
+    /// FD frames with bit rate switch.
+    pub fd: bool,
+    /// TX_DL: octets of a full frame; 8 on a classic bus, a length that has a code on FD.
+    pub frame_octets: usize,
+    /// Fills frames shorter than 8 octets; longer ones that need it are filled with [`PADDING`] anyway.
+    pub padding: Option<u8>,
+    /// Block size that is asked of the other end; 0: everything at once.
+    pub block_size: u8,
+    /// Separation time that is asked of the other end, as coded.
+    pub st_min: u8,
+    /// N_Bs and N_Cr: how long the other end may be silent, µs; the frames of an attitude must come within it too.
+    pub timeout_us: u64,
+    /// N_WFTmax: flow controls "wait" in a row that are put up with.
+    pub most_waits: u8,
+}
+
+impl Parameters {
+    /// As the Linux kernel's `can-isotp` has them unless told otherwise.
+    pub const CLASSIC: Self = Self {
+        fd: false,
+        frame_octets: MAX_CLASSIC_DATA,
+        padding: None,
+        block_size: 0,
+        st_min: 0,
+        timeout_us: 1_000_000,
+        most_waits: 10,
+    };
+
+    /// The same with full FD frames.
+    pub const FD: Self = Self {
+        fd: true,
+        frame_octets: MAX_DATA,
+        ..Self::CLASSIC
+    };
+
+    /// Octets of a full frame, put right where they are none.
+    pub(crate) fn full(&self) -> usize {
+        match self.fd {
+            true => padded_length(self.frame_octets.max(MAX_CLASSIC_DATA)),
+            false => MAX_CLASSIC_DATA,
+        }
+    }
+}
+
+/// Longest message in a single frame of up to `frame_octets`.
+pub(crate) const fn most_single(frame_octets: usize) -> usize {
+    if frame_octets > MAX_CLASSIC_DATA {
+        frame_octets - 2
+    } else {
+        MAX_CLASSIC_DATA - 1
+    }
+}
+
+/// Separation time, µs: 0 to 127 ms, 100 to 900 µs; reserved codes are 127 ms (ISO 15765-2, 9.6.5.5).
+pub const fn separation_us(st_min: u8) -> u64 {
+    match st_min {
+        0..=0x7F => st_min as u64 * 1000,
+        0xF1..=0xF9 => (st_min as u64 - 0xF0) * 100,
+        _ => 127_000,
+    }
+}
+
+/// The data of one frame while it is put together.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Piece {
+    data: [u8; MAX_DATA],
+    used: usize,
+}
+
+impl Piece {
+    pub(crate) fn new(head: &[u8]) -> Self {
+        let mut piece = Self {
+            data: [PADDING; MAX_DATA],
+            used: 0,
+        };
+        piece.fill(head, MAX_DATA);
+        piece
+    }
+
+    /// Appends as much as fits a frame of `most` octets; how much that was.
+    pub(crate) fn fill(&mut self, octets: &[u8], most: usize) -> usize {
+        let count = octets.len().min(most.saturating_sub(self.used));
+        let room = self.data.get_mut(self.used..).unwrap_or_default();
+        for (to, from) in room.iter_mut().zip(octets).take(count) {
+            *to = *from;
+        }
+        self.used += count;
+        count
+    }
+
+    /// The data, filled up to a length that there is.
+    pub(crate) fn octets(&mut self, padding: Option<u8>) -> &[u8] {
+        let mut length = padded_length(self.used);
+        if let (true, Some(padding)) = (self.used < MAX_CLASSIC_DATA, padding) {
+            let rest = self.data.get_mut(self.used..).unwrap_or_default();
+            rest.fill(padding);
+            length = MAX_CLASSIC_DATA;
+        }
+        self.data.get(..length).unwrap_or_default()
+    }
+}

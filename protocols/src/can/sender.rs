@@ -1,0 +1,189 @@
+//! The sending side of ISO-TP: one message at a time, at the pace that the receiver allows.
+
+use crate::can::isotp::{CONTINUE, Flow, Parameters, Piece, WAIT, most_single, separation_us};
+use crate::can::node::Counts;
+use crate::packet::MAX_PACKET;
+
+/// Sends one message.
+#[derive(Debug, Clone)]
+pub(crate) struct Sender {
+    message: [u8; MAX_PACKET],
+    length: usize,
+    /// Octets that have been given out.
+    sent: usize,
+    /// Sequence number of the next consecutive frame.
+    number: u8,
+    /// Flow controls "wait" in a row.
+    waits: u8,
+    state: State,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum State {
+    Idle,
+    /// The single or first frame is due.
+    Begin,
+    /// For flow control, until the time.
+    Waiting(u64),
+    /// Consecutive frames.
+    Sending {
+        /// How many until the next flow control, if there is one.
+        left: Option<u8>,
+        gap_us: u64,
+        next_at: u64,
+    },
+}
+
+impl Sender {
+    pub(crate) const fn new() -> Self {
+        Self {
+            message: [0; MAX_PACKET],
+            length: 0,
+            sent: 0,
+            number: 0,
+            waits: 0,
+            state: State::Idle,
+        }
+    }
+
+    pub(crate) fn is_idle(&self) -> bool {
+        matches!(self.state, State::Idle)
+    }
+
+    /// The message under way.
+    pub(crate) fn message(&self) -> Option<&[u8]> {
+        self.message.get(..self.length).filter(|_| !self.is_idle())
+    }
+
+    /// Begins with a message in place of the one under way; an empty one, or one that is too long, is nothing to send.
+    pub(crate) fn start(&mut self, message: &[u8]) {
+        self.state = State::Idle;
+        if let Some(room) = self.message.get_mut(..message.len())
+            && !message.is_empty()
+        {
+            room.copy_from_slice(message);
+            self.length = message.len();
+            self.sent = 0;
+            self.state = State::Begin;
+        }
+    }
+
+    /// When it has a frame or gives up waiting.
+    pub(crate) fn wake_at(&self) -> Option<u64> {
+        match self.state {
+            State::Idle => None,
+            State::Begin => Some(0),
+            State::Waiting(until) => Some(until),
+            State::Sending { next_at, .. } => Some(next_at),
+        }
+    }
+
+    pub(crate) fn is_due(&self, now_us: u64) -> bool {
+        match self.state {
+            State::Begin => true,
+            State::Sending { next_at, .. } => next_at <= now_us,
+            State::Idle | State::Waiting(_) => false,
+        }
+    }
+
+    /// Gives up if the receiver has been silent for N_Bs.
+    pub(crate) fn expire(&mut self, now_us: u64, counts: &mut Counts) {
+        if matches!(self.state, State::Waiting(until) if until <= now_us) {
+            count(&mut counts.timeouts);
+            self.give_up(counts);
+        }
+    }
+
+    /// The data of the next frame, if it is due.
+    pub(crate) fn next(&mut self, parameters: &Parameters, now_us: u64) -> Option<Piece> {
+        match self.state {
+            State::Idle | State::Waiting(_) => None,
+            State::Begin => Some(self.begin(parameters, now_us)),
+            State::Sending { next_at, .. } if next_at > now_us => None,
+            State::Sending { left, gap_us, .. } => {
+                let mut piece = Piece::new(&[0x20 | self.number]);
+                self.number = (self.number + 1) % 16;
+                self.append(&mut piece, parameters);
+                let left = left.map(|left| left.saturating_sub(1));
+                self.state = if self.sent == self.length {
+                    State::Idle
+                } else if left == Some(0) {
+                    State::Waiting(now_us.saturating_add(parameters.timeout_us))
+                } else {
+                    State::Sending {
+                        left,
+                        gap_us,
+                        next_at: now_us.saturating_add(gap_us),
+                    }
+                };
+                Some(piece)
+            }
+        }
+    }
+
+    fn begin(&mut self, parameters: &Parameters, now_us: u64) -> Piece {
+        // At most MAX_PACKET: 12 bits.
+        let length = self.length as u16;
+        let short = self.length <= most_single(0);
+        let mut piece = if short {
+            Piece::new(&[length as u8])
+        } else if self.length <= most_single(parameters.full()) {
+            Piece::new(&[0, length as u8])
+        } else {
+            Piece::new(&(0x1000 | length).to_be_bytes())
+        };
+        self.append(&mut piece, parameters);
+        self.number = 1;
+        self.waits = 0;
+        self.state = if self.sent == self.length {
+            State::Idle
+        } else {
+            State::Waiting(now_us.saturating_add(parameters.timeout_us))
+        };
+        piece
+    }
+
+    fn append(&mut self, piece: &mut Piece, parameters: &Parameters) {
+        let rest = self.message.get(self.sent..self.length);
+        self.sent += piece.fill(rest.unwrap_or_default(), parameters.full());
+    }
+
+    /// Takes the receiver's flow control. Block size and separation time hold until the next one (9.6.5.6).
+    pub(crate) fn flow(
+        &mut self,
+        flow: Flow,
+        parameters: &Parameters,
+        now_us: u64,
+        counts: &mut Counts,
+    ) {
+        if !matches!(self.state, State::Waiting(_)) {
+            return count(&mut counts.ignored);
+        }
+        match flow.status {
+            CONTINUE => {
+                self.waits = 0;
+                self.state = State::Sending {
+                    left: (flow.block_size > 0).then_some(flow.block_size),
+                    gap_us: separation_us(flow.st_min),
+                    next_at: now_us,
+                };
+            }
+            WAIT if self.waits < parameters.most_waits => {
+                self.waits += 1;
+                self.state = State::Waiting(now_us.saturating_add(parameters.timeout_us));
+            }
+            // Too many waits, overflow, or a status that there is not (N_WFT_OVRN, N_BUFFER_OVFLW, N_INVALID_FS).
+            _ => self.give_up(counts),
+        }
+    }
+
+    fn give_up(&mut self, counts: &mut Counts) {
+        self.state = State::Idle;
+        count(&mut counts.unsent);
+    }
+}
+
+/// One more.
+pub(crate) fn count(counter: &mut u32) {
+    *counter = counter.wrapping_add(1);
+}

@@ -1,0 +1,204 @@
+//! Two nodes, packets, and a channel between them that may lose, repeat and swap frames.
+
+use skyloop_protocols::can::{Busy, CanFrame, Counts, Lane, Node, Parameters, Side};
+use skyloop_protocols::{Attitude, Command, MAX_PACKET, OrbitState, Reply, WireTime};
+use std::collections::VecDeque;
+
+/// splitmix64: the same numbers in every run.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ z >> 31
+    }
+
+    pub fn below(&mut self, limit: u64) -> u64 {
+        self.next() % limit
+    }
+
+    /// One time in `n`; never for 0.
+    pub fn one_in(&mut self, n: u64) -> bool {
+        n > 0 && self.below(n) == 0
+    }
+}
+
+/// What a channel does to one frame in so many; 0: nothing.
+#[derive(Clone, Copy, Default, Debug)]
+pub struct Damage {
+    pub drop: u64,
+    pub repeat: u64,
+    pub swap: u64,
+    pub corrupt: u64,
+}
+
+/// Two nodes and what they have still to send and have received: `[Emulator, Client]`.
+pub struct Bus {
+    pub nodes: [Node; 2],
+    pub queues: [[VecDeque<Vec<u8>>; 2]; 2],
+    pub received: [Vec<Vec<u8>>; 2],
+    pub now_us: u64,
+    pub frames: u64,
+    pub random: Random,
+    pub damage: Damage,
+    held: [Option<CanFrame>; 2],
+}
+
+impl Bus {
+    pub fn new(parameters: [Parameters; 2], damage: Damage, seed: u64) -> Self {
+        Self {
+            nodes: [
+                Node::with(Side::Emulator, parameters[0]),
+                Node::with(Side::Client, parameters[1]),
+            ],
+            queues: Default::default(),
+            received: Default::default(),
+            now_us: 0,
+            frames: 0,
+            random: Random(seed),
+            damage,
+            held: [None; 2],
+        }
+    }
+
+    pub fn perfect(fd: bool) -> Self {
+        let parameters = if fd {
+            Parameters::FD
+        } else {
+            Parameters::CLASSIC
+        };
+        Self::new([parameters; 2], Damage::default(), 1)
+    }
+
+    /// Queues a packet at an end, by its lane.
+    pub fn push(&mut self, from: usize, packet: Vec<u8>) {
+        let lane = self.nodes[from].lane(&packet);
+        self.queues[from][lane as usize].push_back(packet);
+    }
+
+    pub fn counts(&self, end: usize) -> Counts {
+        self.nodes[end].counts()
+    }
+
+    fn feed(&mut self) {
+        for (node, queues) in self.nodes.iter_mut().zip(&mut self.queues) {
+            for queue in queues {
+                while let Some(packet) = queue.front() {
+                    match node.send(packet, self.now_us) {
+                        Ok(()) => drop(queue.pop_front()),
+                        Err(Busy(Lane::Plain | Lane::Long)) => break,
+                    }
+                }
+            }
+        }
+    }
+
+    fn deliver(&mut self, to: usize, frame: &CanFrame) {
+        if let Some(packet) = self.nodes[to].receive(frame, self.now_us) {
+            self.received[to].push(packet.to_vec());
+        }
+    }
+
+    fn transmit(&mut self, from: usize, mut frame: CanFrame) {
+        let to = 1 - from;
+        let Damage {
+            drop,
+            repeat,
+            swap,
+            corrupt,
+        } = self.damage;
+        if self.random.one_in(drop) {
+            return;
+        }
+        if self.random.one_in(corrupt) && frame.len > 0 {
+            let at = self.random.below(frame.len.into()) as usize;
+            frame.data[at] ^= 1 << self.random.below(8);
+        }
+        if self.held[to].is_none() && self.random.one_in(swap) {
+            self.held[to] = Some(frame);
+            return;
+        }
+        self.deliver(to, &frame);
+        if self.random.one_in(repeat) {
+            self.deliver(to, &frame);
+        }
+        if let Some(late) = self.held[to].take() {
+            self.deliver(to, &late);
+        }
+    }
+
+    /// Runs until both ends have nothing more to do. Each frame takes 100 µs.
+    pub fn run(&mut self) {
+        loop {
+            self.feed();
+            let mut silent = true;
+            for from in 0..2 {
+                if let Some(frame) = self.nodes[from].next_frame(self.now_us) {
+                    assert!(frame.is_valid());
+                    silent = false;
+                    self.frames += 1;
+                    self.now_us += 100;
+                    self.transmit(from, frame);
+                }
+            }
+            if silent {
+                let wake = self.nodes.iter().filter_map(Node::wake_at).min();
+                let Some(wake) = wake else { break };
+                assert!(
+                    wake > self.now_us,
+                    "due at {wake} but silent at {}",
+                    self.now_us
+                );
+                self.now_us = wake;
+            }
+        }
+        for (node, queues) in self.nodes.iter().zip(&self.queues) {
+            assert!(queues.iter().all(VecDeque::is_empty));
+            assert!(node.is_idle(Lane::Plain) && node.is_idle(Lane::Long));
+        }
+    }
+}
+
+/// An attitude as a packet.
+pub fn attitude(sequence: u32, state: bool) -> Vec<u8> {
+    let x = f64::from(sequence) * 1e-3;
+    let command = Command::Attitude(Attitude {
+        sequence,
+        q_icrf_to_body: [-0.070834, -0.644137, 0.733522, -0.204975],
+        rates_rad_s: [x.sin(), -x.cos(), 0.0],
+        state: state.then_some(OrbitState {
+            position_m: [-4_340_768.444 + x, 848_975.278, -5_362_534.303],
+            velocity_m_s: [5_544.406_469, -3_022.740_43, -4_386.550_226 - x],
+        }),
+    });
+    command_packet(
+        &command,
+        sequence as u16,
+        0x7397_DF7B_1234_5677 + u64::from(sequence),
+    )
+}
+
+pub fn command_packet(command: &Command, count: u16, time: u64) -> Vec<u8> {
+    let mut buffer = [0; MAX_PACKET];
+    let length = command
+        .encode(count, WireTime(time), &mut buffer)
+        .expect("encodes");
+    buffer[..length].to_vec()
+}
+
+pub fn reply_packet(reply: &Reply<'_>, count: u16, time: u64) -> Vec<u8> {
+    let mut buffer = [0; MAX_PACKET];
+    let length = reply
+        .encode(count, WireTime(time), &mut buffer)
+        .expect("encodes");
+    buffer[..length].to_vec()
+}
+
+/// Octets that are no packet of any kind, marked by their length and a number.
+pub fn octets(length: usize, mark: u64) -> Vec<u8> {
+    let mut random = Random(mark ^ (length as u64) << 32);
+    (0..length).map(|_| random.next() as u8).collect()
+}

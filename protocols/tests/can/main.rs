@@ -1,0 +1,4 @@
+//! Packets over CAN: frames and their time on the bus, ISO-TP, the CAN form, nodes over good and bad channels.
+
+mod bus;
+mod node;
