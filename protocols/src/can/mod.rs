@@ -4,14 +4,18 @@
 //! 2. [`form`]: attitudes, short commands and Acks as plain frames.
 //! 3. [`isotp`]: everything else, in segments.
 //! 4. [`node`]: an end of the bus: whole space packets on one side, frames on the other.
+//! 5. [`slcan`]: frames as lines of text on a serial line; [`adapter`]: the far end of that line.
 
+pub mod adapter;
 mod collector;
 pub mod form;
 pub mod frame;
 pub mod isotp;
+mod line;
 pub mod node;
 mod receiver;
 mod sender;
+pub mod slcan;
 
 pub use frame::CanFrame;
 pub use isotp::Parameters;

@@ -1,0 +1,283 @@
+//! Lines of text: those of the adapters' manuals, and what comes back.
+
+use crate::bus::Random;
+use proptest::collection::vec;
+use proptest::prelude::*;
+use skyloop_protocols::can::CanFrame;
+use skyloop_protocols::can::adapter::Adapter;
+use skyloop_protocols::can::frame::{LENGTHS, MAX_EXTENDED_ID};
+use skyloop_protocols::can::slcan::{
+    Answer, Command, DATA_RATES, Decoder, Line, LineError, MAX_LINE, encode,
+};
+
+fn decode(text: &[u8]) -> Vec<Result<Line, LineError>> {
+    let mut decoder = Decoder::new();
+    text.iter()
+        .filter_map(|octet| decoder.push(*octet))
+        .collect()
+}
+
+fn text(line: &Line) -> String {
+    let mut octets = Vec::new();
+    encode(line, &mut |octet| octets.push(octet));
+    String::from_utf8(octets).expect("ASCII")
+}
+
+fn frame(id: u32, data: &[u8]) -> CanFrame {
+    CanFrame::new(id, false, data).expect("valid")
+}
+
+/// X-Val: LAWICEL's CAN232 manual, version 3.0: `t10021133`, `T0000010021133`, `V1013`, `NA123`, time stamps up to EA5F; the
+/// other lines follow its grammar.
+#[test]
+fn lines_of_the_lawicel_manual() {
+    let received = |frame| Line::Frame {
+        frame,
+        time_ms: None,
+    };
+    let extended = |frame| CanFrame {
+        extended: true,
+        ..frame
+    };
+    let remote = |frame: CanFrame| CanFrame {
+        remote: true,
+        len: 2,
+        ..frame
+    };
+    let lines = [
+        ("t10021133\r", received(frame(0x100, &[0x11, 0x33]))),
+        (
+            "T0000010021133\r",
+            received(extended(frame(0x100, &[0x11, 0x33]))),
+        ),
+        ("r1002\r", received(remote(frame(0x100, &[])))),
+        (
+            "R000001002\r",
+            received(extended(remote(frame(0x100, &[])))),
+        ),
+        ("t0200\r", received(frame(0x20, &[]))),
+        ("S8\r", Line::Command(Command::BitRate(8))),
+        ("O\r", Line::Command(Command::Open)),
+        ("L\r", Line::Command(Command::Listen)),
+        ("C\r", Line::Command(Command::Close)),
+        ("F\r", Line::Command(Command::Status)),
+        ("F01\r", Line::Answer(Answer::Status(1))),
+        ("V\r", Line::Command(Command::Version)),
+        ("V1013\r", Line::Answer(Answer::Version(*b"1013"))),
+        ("N\r", Line::Command(Command::Serial)),
+        ("NA123\r", Line::Answer(Answer::Serial(*b"A123"))),
+        ("Z0\r", Line::Command(Command::TimeStamps(false))),
+        ("Z1\r", Line::Command(Command::TimeStamps(true))),
+        ("\r", Line::Answer(Answer::Done)),
+        ("z\r", Line::Answer(Answer::Sent { extended: false })),
+        ("Z\r", Line::Answer(Answer::Sent { extended: true })),
+        ("\x07", Line::Answer(Answer::Refused)),
+    ];
+    for (written, line) in lines {
+        assert_eq!(decode(written.as_bytes()), [Ok(line)], "{written:?}");
+        assert_eq!(text(&line), written);
+    }
+    // With time stamps on: 59,999 ms is the last before 0.
+    let stamped = Line::Frame {
+        frame: frame(0x100, &[0x11, 0x33]),
+        time_ms: Some(59_999),
+    };
+    assert_eq!(decode(b"t10021133EA5F\r"), [Ok(stamped)]);
+    assert_eq!(text(&stamped), "t10021133EA5F\r");
+}
+
+/// X-Val: the FD lines of the CANable 2.0 firmware's README.
+#[test]
+fn lines_of_canable_2() {
+    let twelve = CanFrame::new(0x7FF, true, &[0xAB; 12]).expect("valid");
+    let data = "AB".repeat(12);
+    for (first, brs) in [("d", false), ("b", true)] {
+        let line = Line::Frame {
+            frame: CanFrame { brs, ..twelve },
+            time_ms: None,
+        };
+        assert_eq!(
+            decode(format!("{first}7ff9{data}\r").as_bytes()),
+            [Ok(line)]
+        );
+        assert_eq!(text(&line), format!("{first}7FF9{data}\r"));
+    }
+    assert_eq!(decode(b"Y5\r"), [Ok(Line::Command(Command::DataRate(5)))]);
+}
+
+#[test]
+fn what_is_no_line_is_named() {
+    let malformed = |text: &[u8]| {
+        let first = text[0];
+        assert_eq!(
+            decode(text),
+            [Err(LineError::Malformed { first })],
+            "{text:?}"
+        );
+    };
+    for text in [
+        "t1002113\r",
+        "t1009112233445566778899\r",
+        "t80021133\r",
+        "t100211334\r",
+        "t1002113G\r",
+        "T2000000021133\r",
+        "S9\r",
+        "S\r",
+        "S10\r",
+        "Y3\r",
+        "O1\r",
+        "Z2\r",
+        "F1\r",
+        "zz\r",
+        "r100211\r",
+        "d1001\r",
+        "t1\r",
+        "t\r",
+    ] {
+        malformed(text.as_bytes());
+    }
+    malformed(b"t1002\x07");
+    assert_eq!(
+        decode(b"\xC0abc\r"),
+        [Err(LineError::Unknown { first: 0xC0 })]
+    );
+    let mut long = vec![b'T'; MAX_LINE + 1];
+    long.push(b'\r');
+    assert_eq!(decode(&long), [Err(LineError::TooLong)]);
+    long.extend_from_slice(b"O\r");
+    assert_eq!(
+        decode(&long)[1],
+        Ok(Line::Command(Command::Open)),
+        "in step again"
+    );
+    assert_eq!(decode(b"O\r\nC\r\n").len(), 2, "line feeds are passed over");
+    let mut decoder = Decoder::default();
+    assert!(
+        (0..1_000_000).all(|_| decoder.push(b'x').is_none()),
+        "bounded"
+    );
+}
+
+#[test]
+fn an_adapter_answers() {
+    let mut adapter = Adapter::new();
+    let say = |adapter: &mut Adapter, text: &str| {
+        let mut answers = Vec::new();
+        let mut frames = Vec::new();
+        for line in decode(text.as_bytes()) {
+            match line {
+                Ok(line) => frames.extend(adapter.take(&line, &mut |octet| answers.push(octet))),
+                Err(_) => adapter.refuse(&mut |octet| answers.push(octet)),
+            }
+        }
+        (String::from_utf8(answers).expect("ASCII"), frames)
+    };
+    let answers = [
+        ("\r\r\r", ""), // how a host begins
+        ("t10021133\r", "\x07"),
+        ("O\r", "\x07"), // no bit rate yet
+        ("F\r", "\x07"),
+        ("C\r", "\x07"),
+        ("S6\r", "\r"),
+        ("Y8\r", "\r"),
+        ("Z1\r", "\r"),
+        ("O\r", "\r"),
+        ("S8\r", "\x07"),
+        ("O\r", "\x07"),
+        ("V\r", "V1013\r"),
+        ("N\r", "NSKYL\r"),
+        ("F\r", "F00\r"),
+        ("tgarbage\r", "\x07"),
+        ("t100211330001\r", "\x07"), // only received frames have a time
+    ];
+    for (command, answer) in answers {
+        assert_eq!(
+            say(&mut adapter, command),
+            (answer.into(), vec![]),
+            "{command:?}"
+        );
+    }
+    assert_eq!(
+        (adapter.bit_rate(), adapter.data_rate()),
+        (Some(500_000), Some(8_000_000))
+    );
+    assert_eq!(
+        say(&mut adapter, "t10021133\r"),
+        ("z\r".into(), vec![frame(0x100, &[0x11, 0x33])])
+    );
+    assert_eq!(say(&mut adapter, "T0000010021133\r").0, "Z\r");
+    let mut heard = Vec::new();
+    adapter.deliver(&frame(0x7FF, &[1]), 60_001, &mut |octet| heard.push(octet));
+    assert_eq!(heard, b"t7FF1010001\r");
+    assert_eq!(say(&mut adapter, "C\rL\r"), ("\r\r".into(), vec![]));
+    assert_eq!(
+        say(&mut adapter, "t10021133\r"),
+        ("\x07".into(), vec![]),
+        "listens only"
+    );
+}
+
+fn any_frame() -> impl Strategy<Value = CanFrame> {
+    (any::<[bool; 4]>(), any::<u32>(), 0..16_usize, any::<u64>()).prop_map(
+        |([extended, fd, brs, remote], id, code, seed)| {
+            let (brs, remote) = (fd && brs, !fd && remote);
+            let len = LENGTHS[if fd { code } else { code % 9 }];
+            let mut random = Random(seed);
+            let mut data = [0; 64];
+            if !remote {
+                data[..len.into()].fill_with(|| random.next() as u8);
+            }
+            let id = id & if extended { MAX_EXTENDED_ID } else { 0x7FF };
+            CanFrame {
+                id,
+                extended,
+                fd,
+                brs,
+                remote,
+                error: false,
+                len,
+                data,
+            }
+        },
+    )
+}
+
+fn any_line() -> impl Strategy<Value = Line> {
+    let four = || any::<[u8; 4]>().prop_map(|text| text.map(|c| b'0' + c % 10));
+    let command = prop_oneof![
+        (0..9_u8).prop_map(Command::BitRate),
+        (0..DATA_RATES.len()).prop_map(|at| Command::DataRate(DATA_RATES[at].0)),
+        any::<bool>().prop_map(Command::TimeStamps),
+        Just(Command::Close),
+    ];
+    let answer = prop_oneof![
+        any::<bool>().prop_map(|extended| Answer::Sent { extended }),
+        any::<u8>().prop_map(Answer::Status),
+        four().prop_map(Answer::Version),
+        four().prop_map(Answer::Serial),
+        Just(Answer::Refused),
+    ];
+    prop_oneof![
+        4 => (any_frame(), any::<Option<u16>>()).prop_map(|(frame, time_ms)| Line::Frame { frame, time_ms }),
+        1 => command.prop_map(Line::Command),
+        1 => answer.prop_map(Line::Answer),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn lines_come_back_after_garbage(garbage in vec(any::<u8>(), 0..300), lines in vec(any_line(), 1..5)) {
+        let mut octets = garbage;
+        octets.push(b'\r'); // whatever the garbage began ends here
+        let before = decode(&octets).len();
+        for line in &lines {
+            prop_assert!(text(line).len() <= MAX_LINE + 1);
+            octets.extend_from_slice(text(line).as_bytes());
+        }
+        let received: Vec<_> = decode(&octets).into_iter().skip(before).collect();
+        prop_assert_eq!(received, lines.into_iter().map(Ok).collect::<Vec<_>>());
+    }
+}
