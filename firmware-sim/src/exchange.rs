@@ -146,13 +146,11 @@ impl<P: Port> Exchange<P> {
                 self.pacing.rebase(status.packets_sent);
                 Incoming::Status(Box::new(status))
             }
-            Reply::FrameHeader(_) | Reply::PixelBlock(_) | Reply::Labels(_) => {
-                match self.assembler.accept(&packet, &header, &reply) {
-                    Ok(Some(frame)) => Incoming::Frame(Box::new(frame)),
-                    Ok(None) => Incoming::Other,
-                    Err(error) => Incoming::Useless(error),
-                }
-            }
+            _ => match self.assembler.accept(&packet, &header, &reply) {
+                Ok(Some(frame)) => Incoming::Frame(Box::new(frame)),
+                Ok(None) => Incoming::Other,
+                Err(error) => Incoming::Useless(error),
+            },
         }))
     }
 

@@ -6,9 +6,18 @@
 use skyloop_protocols::packet::SEQUENCE_MODULUS;
 
 /// The APIDs that credit pays for.
-const PAID: [u16; 3] = {
-    use skyloop_protocols::apid::{FRAME_HEADER, LABELS, PIXEL_BLOCK};
-    [FRAME_HEADER, PIXEL_BLOCK, LABELS]
+const PAID: [u16; 6] = {
+    use skyloop_protocols::apid::{
+        COMPRESSED, FRAME_HEADER, LABELS, OBJECTS, PIXEL_BLOCK, WINDOWS,
+    };
+    [
+        FRAME_HEADER,
+        PIXEL_BLOCK,
+        LABELS,
+        WINDOWS,
+        OBJECTS,
+        COMPRESSED,
+    ]
 };
 
 /// Credit granted against frame packets seen.
@@ -19,7 +28,7 @@ pub(crate) struct Pacing {
     left: u32,
     granted: u32,
     /// The next sequence count of each paid APID.
-    next: [Option<u16>; 3],
+    next: [Option<u16>; PAID.len()],
     /// Packets lost on the way.
     missing: u64,
 }
@@ -31,7 +40,7 @@ impl Pacing {
             window,
             left: 0,
             granted: window,
-            next: [None; 3],
+            next: [None; PAID.len()],
             missing: 0,
         }
     }
@@ -78,7 +87,7 @@ impl Pacing {
         if (1..=self.granted.wrapping_sub(self.left)).contains(&lost) {
             self.missing += u64::from(lost);
             self.left = packets_sent;
-            self.next = [None; 3];
+            self.next = [None; PAID.len()];
         }
     }
 

@@ -145,7 +145,7 @@ impl Assembler {
             Reply::FrameHeader(opening) => opening.frame,
             Reply::PixelBlock(block) => block.frame,
             Reply::Labels(part) => part.frame,
-            Reply::Status(_) | Reply::Ack(_) | Reply::Nack(_) => return Ok(None),
+            _ => return Ok(None),
         };
         if self.done.contains(&(frame, header.time)) {
             self.counts.duplicates += 1;

@@ -4,6 +4,8 @@
 //! field allows) and then by the emulator (what the camera allows).
 
 use crate::error::{DecodeError, EncodeError};
+use crate::fault::Fault;
+use crate::output::{Output, Positions};
 use crate::packet::{self, Header, apid};
 use crate::time::WireTime;
 use crate::wire::{Reader, Writer, wire_enum};
@@ -120,6 +122,14 @@ wire_enum! {
         Ping = 6,
         /// [`Command::Credit`].
         Credit = 7,
+        /// [`Command::Output`].
+        Output = 8,
+        /// [`Command::Positions`].
+        Positions = 9,
+        /// [`Command::Resend`].
+        Resend = 10,
+        /// [`Command::Fault`].
+        Fault = 11,
     }
 }
 
@@ -154,6 +164,21 @@ pub enum Command {
         /// How many frame packets the client can take since the exchange opened or was Reset: cumulative, modulo 2^32.
         packets: u32,
     },
+    /// Sets what each frame from now on brings.
+    Output(Output),
+    /// Sets where windows lie.
+    Positions(Positions),
+    /// Asks for packets of a frame once more. They take no credit.
+    Resend {
+        /// The frame: the present one or one of the last few.
+        frame: u32,
+        /// First of the packets: 0 is the `FrameHeader`, then come its pixels, then its labels.
+        first: u32,
+        /// How many.
+        count: u32,
+    },
+    /// Injects a fault into the line.
+    Fault(Fault),
 }
 
 impl Command {
@@ -176,6 +201,10 @@ impl Command {
             Self::Reset => Some(Opcode::Reset),
             Self::Ping => Some(Opcode::Ping),
             Self::Credit { .. } => Some(Opcode::Credit),
+            Self::Output(_) => Some(Opcode::Output),
+            Self::Positions(_) => Some(Opcode::Positions),
+            Self::Resend { .. } => Some(Opcode::Resend),
+            Self::Fault(_) => Some(Opcode::Fault),
         }
     }
 
@@ -217,7 +246,14 @@ impl Command {
             Self::Exposure { seconds } => positive("Exposure.seconds", *seconds),
             Self::Gain { e_per_dn } => positive("Gain.e_per_dn", *e_per_dn),
             Self::FrameRate { hz } => positive("FrameRate.hz", *hz),
-            Self::SingleShot | Self::Reset | Self::Ping | Self::Credit { .. } => Ok(()),
+            Self::Output(output) => output.check(),
+            Self::Fault(fault) => fault.check(),
+            Self::SingleShot
+            | Self::Reset
+            | Self::Ping
+            | Self::Credit { .. }
+            | Self::Positions(_)
+            | Self::Resend { .. } => Ok(()),
         }
     }
 
@@ -238,6 +274,14 @@ impl Command {
                 Opcode::Credit => Self::Credit {
                     packets: reader.u32()?,
                 },
+                Opcode::Output => Self::Output(Output::read(reader)?),
+                Opcode::Positions => Self::Positions(Positions::read(reader)?),
+                Opcode::Resend => Self::Resend {
+                    frame: reader.u32()?,
+                    first: reader.u32()?,
+                    count: reader.u32()?,
+                },
+                Opcode::Fault => Self::Fault(Fault::read(reader)?),
             },
         )
     }
@@ -252,6 +296,18 @@ impl Command {
             | Self::Gain { e_per_dn: value }
             | Self::FrameRate { hz: value } => writer.f64(*value),
             Self::Credit { packets } => writer.u32(*packets),
+            Self::Output(output) => output.write(writer),
+            Self::Positions(positions) => positions.write(writer),
+            Self::Resend {
+                frame,
+                first,
+                count,
+            } => {
+                writer.u32(*frame)?;
+                writer.u32(*first)?;
+                writer.u32(*count)
+            }
+            Self::Fault(fault) => fault.write(writer),
             Self::SingleShot | Self::Reset | Self::Ping => Ok(()),
         }
     }

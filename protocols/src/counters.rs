@@ -1,6 +1,7 @@
 //! The emulator's counters: everything that arrives, is answered, refused or lost is counted once.
 
-use crate::error::Reason;
+use crate::error::{DecodeError, Reason};
+use crate::packet::{CRC_LENGTH, HEADER_LENGTH, MAX_PACKET};
 
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident,)+) => {
@@ -35,15 +36,15 @@ counters! {
     frames_delivered,
     /// Frames given up before their last packet: Reset, or a client that went away or takes nothing.
     frames_abandoned,
-    /// Packets with a wrong CRC-16.
+    /// Packets with a wrong CRC-16, and serial frames with a wrong CRC-32.
     bad_crc,
     /// Packets of another version.
     bad_version,
-    /// Packets of a wrong length.
+    /// Packets whose length is not that of their header or layout.
     bad_length,
     /// Packets with an unknown APID, opcode, type bit or header flags.
     unknown_type,
-    /// Serial frames with a bad escape, a wrong CRC-32, or too short or too long.
+    /// Serial frames with a bad escape, and lines of a CAN adapter that are none.
     bad_framing,
     /// Attitudes with a quaternion that is not of unit length, or a number that is not finite.
     bad_attitude,
@@ -51,8 +52,8 @@ counters! {
     time_backwards,
     /// Packets from somebody other than the client of the exchange.
     foreign_packets,
-    /// Packets thrown away because the inbound queue was full.
-    dropped_inbound,
+    /// Packets thrown away because the receiver or its queue was full.
+    overflows,
     /// Commands with a value out of range.
     bad_value,
     /// Valid packets refused as `Busy` or `NotSupported`.
@@ -68,9 +69,35 @@ counters! {
     /// Exposures by the wall clock that gave no frame: the one before was not rendered or taken in time, or there was
     /// nothing to show.
     exposures_missed,
+    /// Packets and serial frames shorter than any packet.
+    runts,
+    /// Packets and serial frames longer than any packet.
+    oversize,
+    /// Frame packets sent again because the client asked.
+    resent_blocks,
+    /// Times that a line was lost and came back.
+    reconnects,
+    /// Messages over several CAN frames that never came whole.
+    incomplete,
+    /// Error frames of a CAN bus.
+    bus_errors,
+    /// Times that the CAN controller went off the bus.
+    bus_off,
 }
 
 impl Counters {
+    /// Counts octets that are no packet.
+    pub fn refuse_undecodable(&mut self, error: &DecodeError) {
+        let counter = match error {
+            DecodeError::BadLength { found, .. } if *found < HEADER_LENGTH + CRC_LENGTH => {
+                &mut self.runts
+            }
+            DecodeError::BadLength { found, .. } if *found > MAX_PACKET => &mut self.oversize,
+            _ => return self.refuse(error.reason()),
+        };
+        *counter = counter.wrapping_add(1);
+    }
+
     /// Counts one packet refused for this reason.
     pub fn refuse(&mut self, reason: Reason) {
         let counter = match reason {

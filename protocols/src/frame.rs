@@ -2,6 +2,7 @@
 
 use crate::command::positive;
 use crate::error::{DecodeError, EncodeError};
+use crate::output::{LabelLevel, MAX_WINDOW, PixelLevel, label_level, pixel_level};
 use crate::pixels::{self, LABEL_TEXT_PER_PART, packed_length, pixels_per_block, unpack};
 use crate::time::WireTime;
 use crate::wire::{Reader, Writer, wire_enum};
@@ -40,13 +41,21 @@ pub struct FrameHeader {
     pub height: u16,
     /// Bits of a digital number, 1 to 16.
     pub bits: u8,
-    /// How its pixel blocks are packed.
+    /// How its pixels are packed, if not compressed.
     pub packing: Packing,
-    /// How many pixel blocks follow: [`pixels::blocks_in_frame`].
+    /// Which of its pixels follow.
+    pub pixel_level: PixelLevel,
+    /// Which of its labels follow.
+    pub label_level: LabelLevel,
+    /// Columns and rows of a window; 0 without windows.
+    pub window_size: u8,
+    /// How many windows there are.
+    pub windows: u16,
+    /// How many packets with pixels follow: [`FrameHeader::blocks_due`].
     pub blocks: u32,
-    /// How many label parts follow them: [`pixels::label_parts`].
+    /// How many packets with labels follow them: [`pixels::label_parts`], [`pixels::object_parts`].
     pub label_parts: u16,
-    /// Octets of label text in all parts together.
+    /// Octets of label text or of object records in all parts together.
     pub label_bytes: u32,
     /// First instant of the exposure.
     pub exposure_start: WireTime,
@@ -58,7 +67,7 @@ pub struct FrameHeader {
     pub gain_e_per_dn: f64,
     /// Digital number of a pixel without any electrons, DN.
     pub offset_dn: f64,
-    /// CRC-32 of all pixels in order, each as a big-endian 16-bit number whatever the packing.
+    /// CRC-32 of all pixels of the frame in order, each as a big-endian 16-bit number, whatever of them follows.
     pub pixels_crc32: u32,
 }
 
@@ -99,16 +108,56 @@ impl FrameHeader {
         self.width as u32 * self.height as u32
     }
 
+    /// Packets with pixels that follow; `None` where compression decides.
+    pub const fn blocks_due(&self) -> Option<u32> {
+        match self.pixel_level {
+            PixelLevel::None => Some(0),
+            PixelLevel::Windows => {
+                match pixels::windows_per_block(self.packing, self.window_size) {
+                    0 => None,
+                    most => Some((self.windows as u32).div_ceil(most as u32)),
+                }
+            }
+            PixelLevel::Frame => Some(pixels::blocks_in_frame(self.pixels(), self.packing)),
+            PixelLevel::Compressed => None,
+        }
+    }
+
     /// Refuses fields that contradict each other. Every decoded header has passed this.
     pub fn check(&self) -> Result<(), DecodeError> {
         geometry(self.width, self.height, self.bits, self.packing)?;
-        let blocks = pixels::blocks_in_frame(self.pixels(), self.packing);
+        let size = u16::from(self.window_size);
+        let windows = match self.pixel_level {
+            PixelLevel::Windows => {
+                let most = self.width.min(self.height).min(MAX_WINDOW.into());
+                (1..=most).contains(&size)
+            }
+            _ => size == 0 && self.windows == 0,
+        };
         rule(
-            self.blocks == blocks,
-            "FrameHeader.blocks",
-            "must be as many full blocks as hold width * height pixels",
+            windows,
+            "FrameHeader.window_size",
+            "must be 1 to 25 and fit the frame, or be 0 like windows",
         )?;
-        let parts = pixels::label_parts(self.label_bytes);
+        let blocks = match self.blocks_due() {
+            Some(blocks) => self.blocks == blocks,
+            None => (1..=self.pixels()).contains(&self.blocks),
+        };
+        rule(
+            blocks,
+            "FrameHeader.blocks",
+            "must be as many packets as its pixels or windows take",
+        )?;
+        let parts = match self.label_level {
+            LabelLevel::None => (self.label_bytes == 0).then_some(0),
+            LabelLevel::Objects => {
+                let length = pixels::OBJECT_LENGTH as u32;
+                let objects = u16::try_from(self.label_bytes / length).ok();
+                let whole = self.label_bytes.is_multiple_of(length);
+                objects.filter(|_| whole).map(pixels::object_parts)
+            }
+            LabelLevel::Text => pixels::label_parts(self.label_bytes),
+        };
         rule(
             parts == Some(self.label_parts),
             "FrameHeader.label_parts",
@@ -136,6 +185,10 @@ impl FrameHeader {
             height: reader.u16()?,
             bits: reader.u8()?,
             packing: packing(reader)?,
+            pixel_level: pixel_level(reader)?,
+            label_level: label_level(reader)?,
+            window_size: reader.u8()?,
+            windows: reader.u16()?,
             blocks: reader.u32()?,
             label_parts: reader.u16()?,
             label_bytes: reader.u32()?,
@@ -155,6 +208,10 @@ impl FrameHeader {
         writer.u16(self.height)?;
         writer.u8(self.bits)?;
         writer.u8(self.packing.code())?;
+        writer.u8(self.pixel_level.code())?;
+        writer.u8(self.label_level.code())?;
+        writer.u8(self.window_size)?;
+        writer.u16(self.windows)?;
         writer.u32(self.blocks)?;
         writer.u16(self.label_parts)?;
         writer.u32(self.label_bytes)?;

@@ -6,10 +6,12 @@
 //! 1. [`time`]: the CCSDS time code that every packet carries.
 //! 2. [`packet`]: the space packet around every message: headers, version, CRC.
 //! 3. [`command`]: what a flight computer sends. [`reply`]: what the emulator answers.
-//! 4. [`pixels`]: a frame's pixels and label text cut into packets, and put together again. [`rice`]: pixels compressed.
-//! 5. [`counters`], [`sequence`], [`credit`]: the book-keeping of both ends.
-//! 6. [`slip`]: packets on a serial line. [`can`]: packets on a CAN bus. [`crc`]: the two checksums.
-//! 7. [`personality`]: the table of wire languages.
+//! 4. [`output`]: what of a frame is sent; [`pixels`]: pixels and labels cut into packets, and put together again;
+//!    [`rice`]: pixels compressed.
+//! 5. [`fault`]: what a test may do to the line.
+//! 6. [`counters`], [`sequence`], [`credit`]: the book-keeping of both ends.
+//! 7. [`slip`]: packets on a serial line. [`can`]: packets on a CAN bus. [`crc`]: the two checksums.
+//! 8. [`personality`]: the table of wire languages.
 //!
 //! ```
 //! use skyloop_protocols::{Command, WireTime, packet::MAX_PACKET};
@@ -24,6 +26,7 @@
 #![forbid(unsafe_code)]
 
 mod frame;
+mod parts;
 mod wire;
 
 pub mod can;
@@ -32,6 +35,8 @@ pub mod counters;
 pub mod crc;
 pub mod credit;
 pub mod error;
+pub mod fault;
+pub mod output;
 pub mod packet;
 pub mod personality;
 pub mod pixels;
@@ -44,7 +49,12 @@ pub mod time;
 pub use command::{Attitude, Command, OrbitState};
 pub use counters::Counters;
 pub use error::{DecodeError, EncodeError, Reason};
+pub use fault::{Direction, Fault, FaultKind};
+pub use output::{LabelLevel, Output, PixelLevel, Positions};
 pub use packet::{Header, MAX_PACKET, apid};
 pub use personality::{PERSONALITIES, Personality};
-pub use reply::{Ack, FrameHeader, LabelPart, Mode, Nack, Packing, PixelBlock, Reply, Status};
+pub use reply::{
+    Ack, CompressedBlock, FrameHeader, LabelPart, Mode, Nack, ObjectPart, ObjectRecord, Packing,
+    PixelBlock, Reply, Status, WindowBlock,
+};
 pub use time::WireTime;

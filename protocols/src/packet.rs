@@ -16,7 +16,7 @@ use crate::time::WireTime;
 use crate::wire::{Reader, Writer};
 
 /// Version of these formats, in the secondary header.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Longest packet in octets, headers and CRC included: fits a UDP datagram on Ethernet unfragmented.
 pub const MAX_PACKET: usize = 1400;
 /// Octets before the payload: primary header, time, version.
@@ -51,9 +51,15 @@ pub mod apid {
     pub const ACK: u16 = 0x205;
     /// From the emulator: a packet was refused.
     pub const NACK: u16 = 0x206;
+    /// From the emulator: windows cut out of the frame.
+    pub const WINDOWS: u16 = 0x207;
+    /// From the emulator: the frame's brightest objects, as numbers.
+    pub const OBJECTS: u16 = 0x208;
+    /// From the emulator: a run of pixels, compressed.
+    pub const COMPRESSED: u16 = 0x209;
 
     /// All of them with their names in the ICD.
-    pub const ALL: [(u16, &str); 8] = [
+    pub const ALL: [(u16, &str); 11] = [
         (ATTITUDE, "Attitude"),
         (COMMAND, "Command"),
         (FRAME_HEADER, "FrameHeader"),
@@ -62,6 +68,9 @@ pub mod apid {
         (STATUS, "Status"),
         (ACK, "Ack"),
         (NACK, "Nack"),
+        (WINDOWS, "Windows"),
+        (OBJECTS, "Objects"),
+        (COMPRESSED, "Compressed"),
     ];
 
     /// Whether packets with this APID go towards the emulator (type bit 1).

@@ -6,6 +6,7 @@
 use crate::error::EncodeError;
 use crate::frame::Packing;
 use crate::packet::MAX_PAYLOAD;
+use crate::parts::window_length;
 
 /// Octets of a `PixelBlock` payload before the pixels.
 pub const BLOCK_FIELDS_LENGTH: usize = 15;
@@ -13,6 +14,19 @@ pub const BLOCK_FIELDS_LENGTH: usize = 15;
 pub const LABEL_FIELDS_LENGTH: usize = 8;
 /// Octets of label text in every part but the last.
 pub const LABEL_TEXT_PER_PART: usize = MAX_PAYLOAD - LABEL_FIELDS_LENGTH;
+
+/// Octets of a `Windows` payload before the windows.
+pub const WINDOWS_FIELDS_LENGTH: usize = 13;
+/// Octets of an `Objects` payload before the records.
+pub const OBJECTS_FIELDS_LENGTH: usize = 8;
+/// Octets of one object's record.
+pub const OBJECT_LENGTH: usize = 54;
+/// Records in every `Objects` part but the last.
+pub const OBJECTS_PER_PART: usize = (MAX_PAYLOAD - OBJECTS_FIELDS_LENGTH) / OBJECT_LENGTH;
+/// Octets of a `Compressed` payload before the code.
+pub const COMPRESSED_FIELDS_LENGTH: usize = 14;
+/// Most octets of code in a `Compressed` packet.
+pub const COMPRESSED_DATA: usize = MAX_PAYLOAD - COMPRESSED_FIELDS_LENGTH;
 
 const BLOCK_DATA: usize = MAX_PAYLOAD - BLOCK_FIELDS_LENGTH;
 const MAX_12_BIT: u16 = 0xFFF;
@@ -31,6 +45,17 @@ pub const fn packed_length(packing: Packing, count: usize) -> usize {
         Packing::Bits12 => count / 2 * 3 + count % 2 * 2,
         Packing::Bits16 => count * 2,
     }
+}
+
+/// Windows of `size` columns and rows that fit one `Windows` packet; 0 for those beyond
+/// [`MAX_WINDOW`](crate::output::MAX_WINDOW).
+pub const fn windows_per_block(packing: Packing, size: u8) -> usize {
+    (MAX_PAYLOAD - WINDOWS_FIELDS_LENGTH) / window_length(packing, size)
+}
+
+/// Parts of `objects` records.
+pub const fn object_parts(objects: u16) -> u16 {
+    objects.div_ceil(OBJECTS_PER_PART as u16)
 }
 
 /// Blocks of a frame with `pixels` pixels.

@@ -5,7 +5,11 @@ use crate::counters::Counters;
 use crate::error::{DecodeError, EncodeError, Reason};
 pub use crate::frame::{FrameHeader, LabelPart, Packing, PixelBlock};
 use crate::frame::{geometry, packing, rule};
+use crate::output::Output;
 use crate::packet::{self, Header, SEQUENCE_MODULUS, apid};
+pub use crate::parts::{
+    CompressedBlock, ID_LENGTH, ObjectPart, ObjectRecord, Window, WindowBlock, window_length,
+};
 use crate::time::WireTime;
 use crate::wire::{Reader, Writer, wire_enum};
 
@@ -33,8 +37,10 @@ pub struct Status {
     pub height: u16,
     /// Bits of a digital number, 1 to 16.
     pub bits: u8,
-    /// How its pixel blocks are packed.
+    /// How its pixels are packed.
     pub packing: Packing,
+    /// What each frame brings.
+    pub output: Output,
     /// Exposure time, s, above 0.
     pub exposure_s: f64,
     /// Conversion gain, electrons per digital number, above 0.
@@ -84,6 +90,7 @@ impl Status {
             height: reader.u16()?,
             bits: reader.u8()?,
             packing: packing(reader)?,
+            output: Output::read(reader)?,
             exposure_s: reader.f64()?,
             gain_e_per_dn: reader.f64()?,
             frame_rate_hz: reader.f64()?,
@@ -92,6 +99,7 @@ impl Status {
             counters: Counters::default(),
         };
         geometry(status.width, status.height, status.bits, status.packing)?;
+        status.output.check()?;
         positive("Status.exposure_s", status.exposure_s)?;
         positive("Status.gain_e_per_dn", status.gain_e_per_dn)?;
         positive("Status.frame_rate_hz", status.frame_rate_hz)?;
@@ -107,6 +115,7 @@ impl Status {
         writer.u16(self.height)?;
         writer.u8(self.bits)?;
         writer.u8(self.packing.code())?;
+        self.output.write(writer)?;
         writer.f64s(&[self.exposure_s, self.gain_e_per_dn, self.frame_rate_hz])?;
         writer.u32(self.next_frame)?;
         writer.u32(self.packets_sent)?;
@@ -218,6 +227,12 @@ pub enum Reply<'a> {
     Ack(Ack),
     /// A packet was refused.
     Nack(Nack<'a>),
+    /// Windows cut out of the frame.
+    Windows(WindowBlock<'a>),
+    /// The frame's brightest objects.
+    Objects(ObjectPart<'a>),
+    /// A run of pixels, compressed.
+    Compressed(CompressedBlock<'a>),
 }
 
 impl<'a> Reply<'a> {
@@ -230,15 +245,15 @@ impl<'a> Reply<'a> {
             Self::Status(_) => apid::STATUS,
             Self::Ack(_) => apid::ACK,
             Self::Nack(_) => apid::NACK,
+            Self::Windows(_) => apid::WINDOWS,
+            Self::Objects(_) => apid::OBJECTS,
+            Self::Compressed(_) => apid::COMPRESSED,
         }
     }
 
     /// Whether its packets take credit: those of a frame do, answers do not.
     pub const fn takes_credit(&self) -> bool {
-        matches!(
-            self,
-            Self::FrameHeader(_) | Self::PixelBlock(_) | Self::Labels(_)
-        )
+        !matches!(self, Self::Status(_) | Self::Ack(_) | Self::Nack(_))
     }
 
     /// Reads exactly one packet.
@@ -254,6 +269,9 @@ impl<'a> Reply<'a> {
             apid::STATUS => Self::Status(Status::read(&mut reader)?),
             apid::ACK => Self::Ack(Ack::read(&mut reader)?),
             apid::NACK => Self::Nack(Nack::read(&mut reader)?),
+            apid::WINDOWS => Self::Windows(WindowBlock::read(&mut reader)?),
+            apid::OBJECTS => Self::Objects(ObjectPart::read(&mut reader)?),
+            apid::COMPRESSED => Self::Compressed(CompressedBlock::read(&mut reader)?),
             apid => return Err(DecodeError::UnknownApid { apid }),
         };
         reader.finish()?;
@@ -286,6 +304,9 @@ impl<'a> Reply<'a> {
                 Self::Status(status) => status.write(writer),
                 Self::Ack(ack) => write_answered(ack.apid, ack.sequence_count, writer),
                 Self::Nack(nack) => nack.write(writer),
+                Self::Windows(windows) => windows.write(writer),
+                Self::Objects(objects) => objects.write(writer),
+                Self::Compressed(block) => block.write(writer),
             },
         )
     }

@@ -4,11 +4,12 @@ mod common;
 
 use common::{Vector, golden, hex};
 use skyloop_protocols::command::Opcode;
-use skyloop_protocols::pixels::{pack, packed_length};
+use skyloop_protocols::pixels::{pack, packed_length, unpack};
 use skyloop_protocols::{
-    Ack, Attitude, Command, Counters, DecodeError, FrameHeader, Header, LabelPart, MAX_PACKET,
-    Mode, Nack, OrbitState, PERSONALITIES, Packing, PixelBlock, Reason, Reply, Status, WireTime,
-    apid, slip,
+    Ack, Attitude, Command, CompressedBlock, Counters, DecodeError, Direction, Fault, FaultKind,
+    FrameHeader, Header, LabelLevel, LabelPart, MAX_PACKET, Mode, Nack, ObjectPart, ObjectRecord,
+    OrbitState, Output, PERSONALITIES, Packing, PixelBlock, PixelLevel, Positions, Reason, Reply,
+    Status, WindowBlock, WireTime, apid, slip,
 };
 use std::collections::BTreeSet;
 
@@ -45,6 +46,36 @@ fn command(v: &Vector) -> Command {
         Opcode::Credit => Command::Credit {
             packets: v.integer("packets"),
         },
+        Opcode::Output => Command::Output(output(v)),
+        Opcode::Positions => {
+            let numbers = v.integers("centres");
+            let centres: Vec<[u16; 2]> = numbers
+                .chunks(2)
+                .map(|c| [c[0] as u16, c[1] as u16])
+                .collect();
+            Command::Positions(Positions::new(&centres).expect("few"))
+        }
+        Opcode::Resend => Command::Resend {
+            frame: v.integer("frame"),
+            first: v.integer("first"),
+            count: v.integer("count"),
+        },
+        Opcode::Fault => Command::Fault(Fault {
+            kind: FaultKind::from_code(v.integer("kind")).expect("kind"),
+            direction: Direction::from_code(v.integer("direction")).expect("direction"),
+            value: v.float("value"),
+            seconds: v.float("seconds"),
+        }),
+    }
+}
+
+fn output(v: &Vector) -> Output {
+    Output {
+        pixels: PixelLevel::from_code(v.integer("pixels")).expect("pixels"),
+        labels: LabelLevel::from_code(v.integer("labels")).expect("labels"),
+        window_size: v.integer("window_size"),
+        windows: v.integer("windows"),
+        objects: v.integer("objects"),
     }
 }
 
@@ -59,9 +90,31 @@ fn pixels(v: &Vector) -> Vec<u16> {
         .collect()
 }
 
-/// The packed pixels of a block, from its listed pixels.
+/// The data of a packet, from what is listed.
 fn block_data(v: &Vector) -> Vec<u8> {
+    for key in ["records", "data"] {
+        if v.has(key) {
+            return hex(v.text(key));
+        }
+    }
+    if !v.has("pixels") {
+        return Vec::new();
+    }
     let pixels = pixels(v);
+    if v.has("places") {
+        let places = v.integers("places");
+        let area = v.integer::<usize>("size").pow(2);
+        let mut data = Vec::new();
+        for (place, pixels) in places.chunks(2).zip(pixels.chunks(area)) {
+            for number in place {
+                data.extend(u16::try_from(*number).expect("place").to_be_bytes());
+            }
+            let at = data.len();
+            data.resize(at + packed_length(packing(v), area), 0);
+            pack(packing(v), pixels, &mut data[at..]).expect("pixels pack");
+        }
+        return data;
+    }
     let mut data = vec![0; packed_length(packing(v), pixels.len())];
     pack(packing(v), &pixels, &mut data).expect("pixels pack");
     data
@@ -75,6 +128,10 @@ fn frame_header(v: &Vector) -> FrameHeader {
         height: v.integer("height"),
         bits: v.integer("bits"),
         packing: packing(v),
+        pixel_level: PixelLevel::from_code(v.integer("pixels_sent")).expect("pixels"),
+        label_level: LabelLevel::from_code(v.integer("labels_sent")).expect("labels"),
+        window_size: v.integer("window_size"),
+        windows: v.integer("windows"),
         blocks: v.integer("blocks"),
         label_parts: v.integer("label_parts"),
         label_bytes: v.integer("label_bytes"),
@@ -103,7 +160,7 @@ fn counters(v: &Vector) -> Counters {
         bad_attitude: n("bad_attitude"),
         time_backwards: n("time_backwards"),
         foreign_packets: n("foreign_packets"),
-        dropped_inbound: n("dropped_inbound"),
+        overflows: n("overflows"),
         bad_value: n("bad_value"),
         refused: n("refused"),
         sequence_gaps: n("sequence_gaps"),
@@ -111,6 +168,13 @@ fn counters(v: &Vector) -> Counters {
         objects_without_state: n("objects_without_state"),
         lost_outbound: n("lost_outbound"),
         exposures_missed: n("exposures_missed"),
+        runts: n("runts"),
+        oversize: n("oversize"),
+        resent_blocks: n("resent_blocks"),
+        reconnects: n("reconnects"),
+        incomplete: n("incomplete"),
+        bus_errors: n("bus_errors"),
+        bus_off: n("bus_off"),
     }
 }
 
@@ -121,6 +185,7 @@ fn status(v: &Vector) -> Status {
         height: v.integer("height"),
         bits: v.integer("bits"),
         packing: packing(v),
+        output: output(v),
         exposure_s: v.float("exposure_s"),
         gain_e_per_dn: v.float("gain_e_per_dn"),
         frame_rate_hz: v.float("frame_rate_hz"),
@@ -158,6 +223,28 @@ fn reply<'a>(v: &'a Vector, data: &'a [u8]) -> Reply<'a> {
             reason: Reason::from_code(v.integer("reason")).expect("reason"),
             detail: v.text("detail"),
         }),
+        "Windows" => Reply::Windows(WindowBlock {
+            frame: v.integer("frame"),
+            index: v.integer("index"),
+            first: v.integer("first"),
+            count: v.integer("count"),
+            size: v.integer("size"),
+            packing: packing(v),
+            data,
+        }),
+        "Objects" => Reply::Objects(ObjectPart {
+            frame: v.integer("frame"),
+            part: v.integer("part"),
+            parts: v.integer("parts"),
+            data,
+        }),
+        "Compressed" => Reply::Compressed(CompressedBlock {
+            frame: v.integer("frame"),
+            index: v.integer("index"),
+            first_pixel: v.integer("first_pixel"),
+            count: v.integer("count"),
+            data,
+        }),
         other => panic!("golden.txt [{}]: message {other}", v.name),
     }
 }
@@ -187,11 +274,7 @@ fn good_vectors_in_both_directions() {
             );
             command.encode(count, time, &mut buffer)
         } else {
-            let data = if kind.0 == apid::PIXEL_BLOCK {
-                block_data(v)
-            } else {
-                Vec::new()
-            };
+            let data = block_data(v);
             let reply = reply(v, &data);
             assert_eq!(Reply::decode(&v.bytes), Ok((header, reply)), "{}", v.name);
             reply.encode(count, time, &mut buffer)
@@ -202,7 +285,10 @@ fn good_vectors_in_both_directions() {
 
 #[test]
 fn pixel_blocks_give_their_pixels() {
-    for v in golden().iter().filter(|v| v.has("pixels")) {
+    for v in golden()
+        .iter()
+        .filter(|v| v.name.starts_with("pixel block") && v.has("pixels"))
+    {
         let pixels = pixels(v);
         let Ok((_, Reply::PixelBlock(block))) = Reply::decode(&v.bytes) else {
             panic!("{}", v.name)
@@ -212,6 +298,62 @@ fn pixel_blocks_give_their_pixels() {
         assert!(block.place(&mut frame), "{}", v.name);
         assert_eq!(frame[first..], pixels, "{}", v.name);
     }
+}
+
+#[test]
+fn windows_give_their_places_and_pixels() {
+    for v in golden().iter().filter(|v| v.has("places")) {
+        let Ok((_, Reply::Windows(block))) = Reply::decode(&v.bytes) else {
+            panic!("{}", v.name)
+        };
+        let (mut places, mut all) = (Vec::new(), Vec::new());
+        for window in block.windows() {
+            places.extend([u64::from(window.column), u64::from(window.row)]);
+            let mut pixels = vec![0; usize::from(block.size).pow(2)];
+            assert_eq!(
+                unpack(block.packing, window.data, &mut pixels),
+                pixels.len()
+            );
+            all.extend(pixels);
+        }
+        assert_eq!(
+            (places, all),
+            (v.integers("places"), pixels(v)),
+            "{}",
+            v.name
+        );
+    }
+}
+
+#[test]
+fn objects_give_their_numbers() {
+    let vectors = golden();
+    let v = vectors
+        .iter()
+        .find(|v| v.name == "objects")
+        .expect("objects");
+    let Ok((_, Reply::Objects(part))) = Reply::decode(&v.bytes) else {
+        panic!("{}", v.name)
+    };
+    let objects: Vec<ObjectRecord> = part.objects().collect();
+    let [star, rso] = objects[..] else {
+        panic!("two objects, not {objects:?}")
+    };
+    // X-Val: STAR and RSO in golden.py.
+    assert_eq!(
+        (star.is_rso, star.in_frame, star.visible),
+        (false, true, true)
+    );
+    assert!(star.id.starts_with(b"HIP 80351\0"));
+    assert_eq!(
+        (star.x_px, star.y_px, star.dx_px, star.dy_px),
+        (12.5, 250.25, 0.5, -0.25)
+    );
+    assert_eq!((star.mag, star.snr, star.electrons), (4.75, 31.5, 12000.0));
+    assert_eq!((rso.is_rso, rso.in_frame, rso.visible), (true, true, false));
+    assert!(rso.mag.is_nan());
+    let octets: Vec<u8> = objects.iter().flat_map(ObjectRecord::to_octets).collect();
+    assert_eq!(octets, part.data);
 }
 
 #[test]

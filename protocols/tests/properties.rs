@@ -12,8 +12,9 @@ use skyloop_protocols::pixels::{
     pixels_per_block, unpack,
 };
 use skyloop_protocols::{
-    Ack, Attitude, Command, Counters, DecodeError, FrameHeader, LabelPart, MAX_PACKET, Mode, Nack,
-    OrbitState, Packing, PixelBlock, Reason, Reply, Status, WireTime, apid, slip,
+    Ack, Attitude, Command, Counters, DecodeError, Direction, Fault, FaultKind, FrameHeader,
+    LabelLevel, LabelPart, MAX_PACKET, Mode, Nack, OrbitState, Output, Packing, PixelBlock,
+    PixelLevel, Positions, Reason, Reply, Status, WireTime, apid, slip,
 };
 use std::sync::LazyLock;
 
@@ -131,6 +132,30 @@ fn command() -> impl Strategy<Value = Command> {
         Just(Command::Reset),
         Just(Command::Ping),
         any::<u32>().prop_map(|packets| Command::Credit { packets }),
+        (0..4_u8, 0..3_u8, 1..=25_u8, any::<u8>(), any::<u16>()).prop_map(
+            |(pixels, labels, window_size, windows, objects)| Command::Output(Output {
+                pixels: PixelLevel::from_code(pixels).expect("level"),
+                labels: LabelLevel::from_code(labels).expect("level"),
+                window_size,
+                windows,
+                objects,
+            })
+        ),
+        vec(prop::array::uniform2(any::<u16>()), 0..=64)
+            .prop_map(|centres| Command::Positions(Positions::new(&centres).expect("few"))),
+        prop::array::uniform3(any::<u32>()).prop_map(|[frame, first, count]| Command::Resend {
+            frame,
+            first,
+            count
+        }),
+        (1..=11_u8, 0..2_u8, 0.0..=1.0, 0.0..1e6).prop_map(|(kind, direction, value, seconds)| {
+            Command::Fault(Fault {
+                kind: FaultKind::from_code(kind).expect("kind"),
+                direction: Direction::from_code(direction).expect("direction"),
+                value,
+                seconds,
+            })
+        }),
     ]
 }
 
@@ -160,6 +185,10 @@ fn frame_header() -> impl Strategy<Value = FrameHeader> {
             height,
             bits,
             packing,
+            pixel_level: PixelLevel::Frame,
+            label_level: LabelLevel::Text,
+            window_size: 0,
+            windows: 0,
             blocks: blocks_in_frame(u32::from(width) * u32::from(height), packing),
             label_parts: label_parts(label_bytes).expect("few parts"),
             label_bytes,
@@ -207,6 +236,7 @@ fn status() -> impl Strategy<Value = Status> {
                 height,
                 bits,
                 packing,
+                output: Output::default(),
                 exposure_s,
                 gain_e_per_dn,
                 frame_rate_hz,

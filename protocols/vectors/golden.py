@@ -13,7 +13,8 @@ assert crc_hqx(b"123456789", 0xFFFF) == 0x29B1  # catalogue of parametrised CRC 
 assert crc32(b"123456789") == 0xCBF43926  # the same
 
 APID = {"Attitude": 0x101, "Command": 0x102, "FrameHeader": 0x201, "PixelBlock": 0x202,
-        "Labels": 0x203, "Status": 0x204, "Ack": 0x205, "Nack": 0x206}
+        "Labels": 0x203, "Status": 0x204, "Ack": 0x205, "Nack": 0x206, "Windows": 0x207, "Objects": 0x208,
+        "Compressed": 0x209}
 # 2019-06-15T23:35:50 UTC is 37 s behind TAI.
 SECONDS = int((datetime(2019, 6, 15, 23, 35, 50) - datetime(1958, 1, 1)).total_seconds()) + 37
 TIME = SECONDS << 32
@@ -24,7 +25,7 @@ def seal(octets):
     return octets + pack(">H", crc_hqx(octets, 0xFFFF))
 
 
-def packet(kind, count, payload, time=TIME, version=1, octet0=0, apid=None, flags=3, extra=0):
+def packet(kind, count, payload, time=TIME, version=2, octet0=0, apid=None, flags=3, extra=0):
     apid = APID[kind] if apid is None else apid
     first = (0x1000 if kind in ("Attitude", "Command") else 0) | 0x0800 | apid
     body = pack(">QB", time, version) + payload
@@ -83,21 +84,41 @@ good("single shot", "Command", 3, pack(">B", 4), opcode="SingleShot")
 good("reset", "Command", 4, pack(">B", 5), opcode="Reset")
 good("ping", "Command", 5, pack(">B", 6), opcode="Ping")
 good("credit", "Command", 6, pack(">BI", 7, 0x01020304), opcode="Credit", packets=0x01020304)
+good("output", "Command", 7, pack(">BBBBBH", 8, 1, 1, 11, 20, 300), opcode="Output", pixels=1, labels=1, window_size=11,
+     windows=20, objects=300)
+good("positions", "Command", 8, pack(">BB4H", 9, 2, 10, 20, 300, 400), opcode="Positions", centres="10 20 300 400")
+good("no positions", "Command", 9, pack(">BB", 9, 0), opcode="Positions", centres="")
+good("resend", "Command", 10, pack(">BIII", 10, 3, 17, 2), opcode="Resend", frame=3, first=17, count=2)
+good("fault", "Command", 11, pack(">BBBdd", 11, 2, 1, 0.05, 1.5), opcode="Fault", kind=2, direction=1, value=0.05,
+     seconds=1.5)
 
 # ---- from the emulator ----------------------------------------------------------------------------------------------
 PIXELS = [0x000, 0x123, 0xABC, 0xFFF, 0x5A5]
 pixel_crc = crc32(pack(">5H", *PIXELS))
 good("frame header, one block", "FrameHeader", 0,
-     pack(">IIHHBBIHIQQQddI", 3, 7, 5, 1, 12, 12, 1, 1, 13, START, END, 42, 2.5, 100.0, pixel_crc),
-     frame=3, attitude_sequence=7, width=5, height=1, bits=12, packing=12, blocks=1, label_parts=1, label_bytes=13,
+     pack(">IIHHBBBBBHIHIQQQddI", 3, 7, 5, 1, 12, 12, 2, 2, 0, 0, 1, 1, 13, START, END, 42, 2.5, 100.0, pixel_crc),
+     frame=3, attitude_sequence=7, width=5, height=1, bits=12, packing=12, pixels_sent=2, labels_sent=2, window_size=0,
+     windows=0, blocks=1, label_parts=1, label_bytes=13,
      exposure_start=f"{START:#x}", exposure_end=f"{END:#x}", seed=42, gain_e_per_dn=2.5, offset_dn=100.0,
      pixels_crc32=f"{pixel_crc:#010x}")
 # 1280 x 1024 pixels of 16 bits in blocks of 684: 1917 blocks. 2 x 1375 + 1 octets of labels: 3 parts.
 good("frame header, many blocks", "FrameHeader", 1,
-     pack(">IIHHBBIHIQQQddI", 4, 8, 1280, 1024, 14, 16, 1917, 3, 2751, START, END, 2**64 - 1, 0.7, -1.5, 0xDEADBEEF),
-     frame=4, attitude_sequence=8, width=1280, height=1024, bits=14, packing=16, blocks=1917, label_parts=3,
+     pack(">IIHHBBBBBHIHIQQQddI", 4, 8, 1280, 1024, 14, 16, 2, 2, 0, 0, 1917, 3, 2751, START, END, 2**64 - 1, 0.7, -1.5, 0xDEADBEEF),
+     frame=4, attitude_sequence=8, width=1280, height=1024, bits=14, packing=16, pixels_sent=2,
+     labels_sent=2, window_size=0, windows=0, blocks=1917, label_parts=3,
      label_bytes=2751, exposure_start=f"{START:#x}", exposure_end=f"{END:#x}", seed=2**64 - 1, gain_e_per_dn=0.7,
      offset_dn=-1.5, pixels_crc32="0xdeadbeef")
+# 20 windows of 11 x 11 pixels of 16 bits, 246 octets each, five a packet; 26 objects of 54 octets, 25 a packet.
+good("frame header, windows and objects", "FrameHeader", 2,
+     pack(">IIHHBBBBBHIHIQQQddI", 5, 9, 256, 256, 14, 16, 1, 1, 11, 20, 4, 2, 1404, START, END, 42, 2.5, 100.0, 1),
+     frame=5, attitude_sequence=9, width=256, height=256, bits=14, packing=16, pixels_sent=1, labels_sent=1, window_size=11,
+     windows=20, blocks=4, label_parts=2, label_bytes=1404, exposure_start=f"{START:#x}", exposure_end=f"{END:#x}",
+     seed=42, gain_e_per_dn=2.5, offset_dn=100.0, pixels_crc32=1)
+good("frame header, compressed, no labels", "FrameHeader", 3,
+     pack(">IIHHBBBBBHIHIQQQddI", 6, 9, 256, 256, 14, 16, 3, 0, 0, 0, 31, 0, 0, START, END, 42, 2.5, 100.0, 2),
+     frame=6, attitude_sequence=9, width=256, height=256, bits=14, packing=16, pixels_sent=3, labels_sent=0, window_size=0,
+     windows=0, blocks=31, label_parts=0, label_bytes=0, exposure_start=f"{START:#x}", exposure_end=f"{END:#x}",
+     seed=42, gain_e_per_dn=2.5, offset_dn=100.0, pixels_crc32=2)
 
 
 def pack12(pixels):
@@ -115,16 +136,30 @@ good("pixel block, 16 bits", "PixelBlock", 2, pack(">IIIHB", 4, 2, 1368, 3, 16) 
 FULL = [7 * n % 4096 for n in range(912)]
 good("pixel block, 12 bits, full", "PixelBlock", 3, pack(">IIIHB", 5, 0, 0, 912, 12) + pack12(FULL),
      frame=5, index=0, first_pixel=0, count=912, packing=12, pixels=" ".join(map(hex, FULL)))
+good("windows, 16 bits", "Windows", 0, pack(">IIHBBB", 5, 0, 0, 2, 2, 16) + pack(">6H", 7, 8, 1, 2, 3, 4)
+     + pack(">6H", 250, 251, 5, 6, 7, 0xFFFF), frame=5, index=0, first=0, count=2, size=2, packing=16,
+     places="7 8 250 251", pixels="1 2 3 4 5 6 7 0xffff")
+# A window of 3 x 3 pixels of 12 bits takes 4 + 14 octets: 76 a packet.
+good("windows, 12 bits, second packet", "Windows", 1, pack(">IIHBBB", 5, 1, 76, 1, 3, 12) + pack(">HH", 0, 1)
+     + pack12(range(9)), frame=5, index=1, first=76, count=1, size=3, packing=12, places="0 1",
+     pixels=" ".join(map(str, range(9))))
+STAR = pack(">BB16sddfffff", 0, 3, b"HIP 80351", 12.5, 250.25, 0.5, -0.25, 4.75, 31.5, 12000.0)
+RSO = pack(">BB16sddfffff", 1, 1, b"NORAD 44322", 100.125, 0.5, 3.5, 0.0, float("nan"), 0.0, 0.0)
+good("objects", "Objects", 0, pack(">IHH", 5, 0, 1) + STAR + RSO, frame=5, part=0, parts=1, records=(STAR + RSO).hex())
+good("compressed", "Compressed", 0, pack(">IIIH", 6, 1, 700, 2) + b"\x12\x34", frame=6, index=1, first_pixel=700, count=2,
+     data="1234")
 TEXT = '{"objects":[]}'[:13]
 good("labels", "Labels", 0, pack(">IHH", 3, 0, 1) + TEXT.encode(), frame=3, part=0, parts=1, text=TEXT)
 NAMES = ["attitudes", "commands", "frames_rendered", "frames_delivered", "frames_abandoned", "bad_crc", "bad_version",
          "bad_length", "unknown_type", "bad_framing", "bad_attitude", "time_backwards", "foreign_packets",
-         "dropped_inbound", "bad_value", "refused", "sequence_gaps", "rejected_records", "objects_without_state",
-         "lost_outbound", "exposures_missed"]
+         "overflows", "bad_value", "refused", "sequence_gaps", "rejected_records", "objects_without_state",
+         "lost_outbound", "exposures_missed", "runts", "oversize", "resent_blocks", "reconnects", "incomplete",
+         "bus_errors", "bus_off"]
 COUNTS = [101 + n for n in range(len(NAMES))]
 good("status", "Status", 9,
-     pack(">BHHBBdddII21I", 1, 256, 256, 14, 16, 0.1, 2.5, 2.0, 51, 4949, *COUNTS),
-     mode=1, width=256, height=256, bits=14, packing=16, exposure_s=0.1, gain_e_per_dn=2.5, frame_rate_hz=2.0,
+     pack(">BHHBBBBBBHdddII28I", 1, 256, 256, 14, 16, 1, 1, 11, 20, 12, 0.1, 2.5, 2.0, 51, 4949, *COUNTS),
+     mode=1, width=256, height=256, bits=14, packing=16, pixels=1, labels=1, window_size=11, windows=20, objects=12,
+     exposure_s=0.1, gain_e_per_dn=2.5, frame_rate_hz=2.0,
      next_frame=51, packets_sent=4949, **dict(zip(NAMES, COUNTS)))
 good("ack", "Ack", 2, pack(">HH", 0x102, 5), answers_apid="0x102", answers_sequence_count=5)
 DETAIL = "Attitude.q_icrf_to_body has the squared norm 4: µ"
@@ -142,7 +177,7 @@ print(f"[ping on a serial line]\npacket = {ping.hex()}\nhex = c0 | {escaped.hex(
 ping, ack = pack(">B", 6), pack(">HH", 0x102, 5)
 whole = packet("Command", 0, ping)
 bad("bad crc", "emulator", "BadCrc", whole[:-1] + bytes([whole[-1] ^ 1]))
-bad("bad format version", "emulator", "BadVersion", packet("Command", 0, ping, version=2))
+bad("bad format version", "emulator", "BadVersion", packet("Command", 0, ping, version=1))
 bad("bad packet version number", "emulator", "BadVersion", packet("Command", 0, ping, octet0=0x20))
 bad("length field too large", "emulator", "BadLength", packet("Command", 0, ping, extra=1))
 bad("length field too small", "emulator", "BadLength", packet("Command", 0, ping, extra=-1))
@@ -168,11 +203,36 @@ bad("infinite rate", "emulator", "NotFinite", packet("Attitude", 0, pack(">IB7d"
 bad("exposure of 0", "emulator", "BadValue", packet("Command", 0, pack(">Bd", 1, 0.0)))
 bad("gain NaN", "emulator", "BadValue", packet("Command", 0, pack(">Bd", 2, float("nan"))))
 bad("frame header, too few blocks", "client", "BadValue", packet(
-    "FrameHeader", 1, pack(">IIHHBBIHIQQQddI", 4, 8, 1280, 1024, 14, 16, 1916, 3, 2751, START, END, 0, 0.7, 0, 0)))
+    "FrameHeader", 1, pack(">IIHHBBBBBHIHIQQQddI", 4, 8, 1280, 1024, 14, 16, 2, 2, 0, 0, 1916, 3, 2751, START, END, 0, 0.7, 0, 0)))
 bad("frame header, 14 bits packed to 12", "client", "BadValue", packet(
-    "FrameHeader", 1, pack(">IIHHBBIHIQQQddI", 4, 8, 5, 1, 14, 12, 1, 0, 0, START, END, 0, 0.7, 0, 0)))
+    "FrameHeader", 1, pack(">IIHHBBBBBHIHIQQQddI", 4, 8, 5, 1, 14, 12, 2, 0, 0, 0, 1, 0, 0, START, END, 0, 0.7, 0, 0)))
 bad("frame header, ends before it starts", "client", "BadValue", packet(
-    "FrameHeader", 1, pack(">IIHHBBIHIQQQddI", 4, 8, 5, 1, 12, 12, 1, 0, 0, END, START, 0, 0.7, 0, 0)))
+    "FrameHeader", 1, pack(">IIHHBBBBBHIHIQQQddI", 4, 8, 5, 1, 12, 12, 2, 0, 0, 0, 1, 0, 0, END, START, 0, 0.7, 0, 0)))
+for what, fields in [("window larger than the frame", (5, 1, 12, 12, 1, 0, 2, 1, 1, 0, 0)),
+                     ("windows without their level", (5, 1, 12, 12, 2, 0, 1, 1, 1, 0, 0)),
+                     ("level 4", (5, 1, 12, 12, 4, 0, 0, 0, 1, 0, 0)),
+                     ("label level 3", (5, 1, 12, 12, 0, 3, 0, 0, 0, 0, 0)),
+                     ("half a record", (5, 1, 12, 12, 0, 1, 0, 0, 0, 1, 27)),
+                     ("compressed into nothing", (5, 1, 12, 12, 3, 0, 0, 0, 0, 0, 0))]:
+    bad(f"frame header, {what}", "client", "BadValue",
+        packet("FrameHeader", 1, pack(">IIHHBBBBBHIHIQQQddI", 4, 8, *fields, START, END, 0, 0.7, 0, 0)))
+bad("output, unknown level", "emulator", "BadValue", packet("Command", 0, pack(">BBBBBH", 8, 4, 1, 11, 20, 12)))
+bad("output, window of 26", "emulator", "BadValue", packet("Command", 0, pack(">BBBBBH", 8, 1, 1, 26, 20, 12)))
+bad("positions, too many", "emulator", "BadValue", packet("Command", 0, pack(">BB130H", 9, 65, *range(130))))
+bad("positions, one missing", "emulator", "BadLength", packet("Command", 0, pack(">BBHH", 9, 2, 1, 1)))
+bad("fault, unknown kind", "emulator", "BadValue", packet("Command", 0, pack(">BBBdd", 11, 12, 1, 0.05, 1.5)))
+bad("fault, no direction", "emulator", "BadValue", packet("Command", 0, pack(">BBBdd", 11, 2, 2, 0.05, 1.5)))
+bad("fault, probability of 2", "emulator", "BadValue", packet("Command", 0, pack(">BBBdd", 11, 2, 1, 2.0, 1.5)))
+bad("fault, NaN", "emulator", "BadValue", packet("Command", 0, pack(">BBBdd", 11, 2, 1, float("nan"), 1.5)))
+bad("windows, first out of step", "client", "BadValue",
+    packet("Windows", 0, pack(">IIHBBB", 5, 1, 0, 1, 2, 16) + pack(">6H", 7, 8, 1, 2, 3, 4)))
+bad("windows, none", "client", "BadValue", packet("Windows", 0, pack(">IIHBBB", 5, 0, 0, 0, 2, 16)))
+bad("windows, size 0", "client", "BadValue", packet("Windows", 0, pack(">IIHBBB", 5, 0, 0, 1, 0, 16) + pack(">2H", 0, 0)))
+bad("windows, padding not zero", "client", "BadValue",
+    packet("Windows", 0, pack(">IIHBBB", 5, 0, 0, 1, 1, 12) + pack(">HHH", 0, 0, 1)))
+bad("objects, half a record", "client", "BadValue", packet("Objects", 0, pack(">IHH", 5, 0, 1) + STAR[:27]))
+bad("objects, unknown kind", "client", "BadValue", packet("Objects", 0, pack(">IHH", 5, 0, 1) + b"\2" + STAR[1:]))
+bad("compressed, empty", "client", "BadValue", packet("Compressed", 0, pack(">IIIH", 6, 1, 700, 2)))
 bad("pixel block, count above its data", "client", "BadLength",
     packet("PixelBlock", 0, pack(">IIIHB", 3, 0, 0, 6, 12) + pack12(PIXELS)))
 bad("pixel block, count below its data", "client", "BadLength",
@@ -186,7 +246,7 @@ bad("pixel block, unknown packing", "client", "BadValue", packet("PixelBlock", 0
 bad("labels, part beyond parts", "client", "BadValue", packet("Labels", 0, pack(">IHH", 3, 1, 1) + b"{}"))
 bad("labels, short part before the last", "client", "BadValue", packet("Labels", 0, pack(">IHH", 3, 0, 2) + b"{}"))
 bad("status, unknown mode", "client", "BadValue",
-    packet("Status", 9, pack(">BHHBBdddII21I", 2, 256, 256, 14, 16, 0.1, 2.5, 2.0, 51, 4949, *COUNTS)))
+    packet("Status", 9, pack(">BHHBBBBBBHdddII28I", 2, 256, 256, 14, 16, 2, 2, 11, 20, 12, 0.1, 2.5, 2.0, 51, 4949, *COUNTS)))
 bad("nack, unknown reason", "client", "BadValue", packet("Nack", 0, pack(">HHB", 0x101, 0, 200)))
 bad("nack, detail not UTF-8", "client", "BadValue", packet("Nack", 0, pack(">HHB", 0x101, 0, 1) + b"\xff"))
 bad("nack, detail too long", "client", "BadValue", packet("Nack", 0, pack(">HHB", 0x101, 0, 1) + b"x" * 201))

@@ -6,7 +6,7 @@ use crate::link::{LinkError, Outbound};
 use bytes::Bytes;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::{
-    Ack, Header, MAX_PACKET, Mode, Nack, Packing, Reason, Reply, Status, WireTime,
+    Ack, Header, MAX_PACKET, Mode, Nack, Output, Packing, Reason, Reply, Status, WireTime,
 };
 
 /// Answers that may wait for room in the link's queue.
@@ -108,6 +108,7 @@ impl Server {
             height: detector.height as u16,
             bits: detector.bits,
             packing: Packing::for_bits(detector.bits),
+            output: Output::default(),
             exposure_s: camera.exposure_s,
             gain_e_per_dn: detector.gain_e_per_dn,
             frame_rate_hz: camera.rate_hz,

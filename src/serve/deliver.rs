@@ -9,7 +9,10 @@ use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::pixels::{
     BlockSlice, blocks, blocks_in_frame, label_parts, label_texts, pack, packed_length,
 };
-use skyloop_protocols::{FrameHeader, LabelPart, MAX_PACKET, Packing, PixelBlock, Reply, WireTime};
+use skyloop_protocols::{
+    FrameHeader, LabelLevel, LabelPart, MAX_PACKET, Packing, PixelBlock, PixelLevel, Reply,
+    WireTime,
+};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -39,6 +42,10 @@ impl Server {
             height: detector.height as u16,
             bits: detector.bits,
             packing,
+            pixel_level: PixelLevel::Frame,
+            label_level: LabelLevel::Text,
+            window_size: 0,
+            windows: 0,
             blocks: blocks_in_frame(detector.pixels() as u32, packing),
             label_parts: parts,
             label_bytes: text.len() as u32,

@@ -241,7 +241,7 @@ impl Server {
         let tally = &self.wire.tally;
         Counters {
             foreign_packets: tally.foreign(),
-            dropped_inbound: tally.dropped(),
+            overflows: tally.dropped(),
             bad_framing: tally.bad_framing(),
             lost_outbound: tally.lost().wrapping_add(self.counters.lost_outbound),
             exposures_missed: self.wall.missed,

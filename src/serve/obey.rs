@@ -87,6 +87,15 @@ impl Server {
                     });
                 }
             }
+            Command::Output(_)
+            | Command::Positions(_)
+            | Command::Resend { .. }
+            | Command::Fault(_) => {
+                return Err(Refusal {
+                    reason: Reason::NotSupported,
+                    detail: "not yet".to_string(),
+                });
+            }
             Command::Ping | Command::Attitude(_) => {}
         }
         Ok(())

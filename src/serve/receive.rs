@@ -49,7 +49,7 @@ impl Server {
         let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
             Ok(decoded) => decoded,
             Err(error) => {
-                self.counters.refuse(error.reason());
+                self.counters.refuse_undecodable(&error);
                 let (apid, count) = packet::identify(&inbound.packet).unwrap_or((0, 0));
                 self.see_refused(apid, count);
                 return self.nack(apid, count, error.reason(), &error.to_string());

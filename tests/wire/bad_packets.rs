@@ -290,7 +290,7 @@ pub fn cases() -> Vec<Case> {
             "a header and nothing else",
             |p| cut(p, 10),
             BadLength,
-            "bad_length",
+            "runts",
             &["packet", "10", "17"],
         ),
         spoilt(

@@ -204,7 +204,7 @@ fn answers_that_nobody_reads_are_counted() {
         2 * (counters.commands - 1)
     );
     // 256 of the queue and 1024 that wait (ICD, 5.2), of 4000.
-    let lost_commands = counters.dropped_inbound;
+    let lost_commands = counters.overflows;
     assert!(counters.lost_outbound + 2 * lost_commands >= 4000 - 1280 - 2);
 }
 

@@ -3,7 +3,9 @@
 use skyloop_protocols::command::Attitude;
 use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::reply::Mode;
-use skyloop_protocols::{Ack, Command, Counters, Header, Nack, Packing, Reason, Reply, Status};
+use skyloop_protocols::{
+    Ack, Command, Counters, Header, Nack, Output, Packing, Reason, Reply, Status,
+};
 
 use super::wire::{Sender, header, labels, now};
 use super::{Field, Noise};
@@ -114,6 +116,7 @@ impl Emulator {
             height: self.field.height as u16,
             bits: 12,
             packing: Packing::Bits12,
+            output: Output::default(),
             exposure_s: 0.1,
             gain_e_per_dn: 4.0,
             frame_rate_hz: 2.0,

@@ -6,7 +6,10 @@ use skyloop_protocols::pixels::{
     blocks, blocks_in_frame, label_parts, label_texts, pack, packed_length,
 };
 use skyloop_protocols::sequence::SequenceCounts;
-use skyloop_protocols::{FrameHeader, LabelPart, MAX_PACKET, Packing, PixelBlock, Reply, WireTime};
+use skyloop_protocols::{
+    FrameHeader, LabelLevel, LabelPart, MAX_PACKET, Packing, PixelBlock, PixelLevel, Reply,
+    WireTime,
+};
 
 use super::{Field, Star};
 
@@ -76,6 +79,10 @@ pub fn header(
         height: field.height as u16,
         bits: field.bits,
         packing,
+        pixel_level: PixelLevel::Frame,
+        label_level: LabelLevel::Text,
+        window_size: 0,
+        windows: 0,
         blocks: blocks_in_frame(pixels.len() as u32, packing),
         label_parts: label_parts(labels.len() as u32).unwrap(),
         label_bytes: labels.len() as u32,
