@@ -83,7 +83,8 @@ impl Bus {
         self.nodes[end].counts()
     }
 
-    fn feed(&mut self) {
+    /// Hands over what the lanes have room for.
+    pub fn feed(&mut self) {
         for (node, queues) in self.nodes.iter_mut().zip(&mut self.queues) {
             for queue in queues {
                 while let Some(packet) = queue.front() {
@@ -130,21 +131,25 @@ impl Bus {
         }
     }
 
-    /// Runs until both ends have nothing more to do. Each frame takes 100 µs.
+    /// One frame from each end, if it has one; 100 µs each.
+    pub fn step(&mut self) -> bool {
+        let before = self.frames;
+        for from in 0..2 {
+            if let Some(frame) = self.nodes[from].next_frame(self.now_us) {
+                assert!(frame.is_valid());
+                self.frames += 1;
+                self.now_us += 100;
+                self.transmit(from, frame);
+            }
+        }
+        self.frames > before
+    }
+
+    /// Runs until both ends have nothing more to do.
     pub fn run(&mut self) {
         loop {
             self.feed();
-            let mut silent = true;
-            for from in 0..2 {
-                if let Some(frame) = self.nodes[from].next_frame(self.now_us) {
-                    assert!(frame.is_valid());
-                    silent = false;
-                    self.frames += 1;
-                    self.now_us += 100;
-                    self.transmit(from, frame);
-                }
-            }
-            if silent {
+            if !self.step() {
                 let wake = self.nodes.iter().filter_map(Node::wake_at).min();
                 let Some(wake) = wake else { break };
                 assert!(

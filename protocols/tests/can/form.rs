@@ -1,0 +1,295 @@
+//! The CAN form: its frames bit by bit, and which packets go that way.
+
+use crate::bus::{Bus, attitude, command_packet};
+use proptest::prelude::*;
+use skyloop_protocols::can::form::{Frames, join, split};
+use skyloop_protocols::can::{CanFrame, Counts, Lane, Node, Side};
+use skyloop_protocols::{Attitude, Command, OrbitState};
+
+const EXAMPLE: Attitude = Attitude {
+    sequence: 7,
+    q_icrf_to_body: [-0.070834, -0.644137, 0.733522, -0.204975],
+    rates_rad_s: [0.001, -0.0005, 0.00025],
+    state: Some(OrbitState {
+        position_m: [-4_340_768.444, 848_975.278, -5_362_534.303],
+        velocity_m_s: [5_544.406_469, -3_022.740_43, -4_386.550_226],
+    }),
+};
+
+fn frames_of(packet: &[u8], counter: u8) -> Vec<CanFrame> {
+    let mut frames = Frames::of(packet, counter).expect("goes by plain frames");
+    let all = std::iter::from_fn(|| frames.next(false)).collect();
+    assert!(frames.is_done());
+    all
+}
+
+fn word(frame: &CanFrame) -> u64 {
+    u64::from_be_bytes(frame.payload().try_into().expect("eight octets"))
+}
+
+/// X-Val: Python's struct and NumPy's float32, which share nothing with the code: the attitude of the ICD's worked example,
+/// counter 5, time 0x7397df7b89abcdef.
+#[test]
+fn an_attitude_bit_by_bit() {
+    let packet = command_packet(&Command::Attitude(EXAMPLE), 5, 0x7397_DF7B_89AB_CDEF);
+    let expected = [
+        0xb00000000007e000,
+        0x7397df7b89abcded,
+        0xbd91116a8b8f14dd,
+        0xbf24e6299524bfd5,
+        0x3f3bc81908e581d5,
+        0xbe51e4f765fd8add,
+        0x3a83126e978d4fe5,
+        0xba03126e978d4fe5,
+        0x3983126e978d4fe5,
+        0xca847840e353f7d5,
+        0x494f44f472b020cd,
+        0xcaa3a6cc9b22d0ed,
+        0x45ad434072d1aeb5,
+        0xc53cebd8cd20afa5,
+        0xc5891466dce39b4d,
+    ];
+    let frames = frames_of(&packet, 5);
+    assert_eq!(
+        frames.iter().map(|frame| frame.id).collect::<Vec<_>>(),
+        (0x100..=0x10F).collect::<Vec<_>>()
+    );
+    assert_eq!(
+        frames.iter().take(15).map(word).collect::<Vec<_>>(),
+        expected
+    );
+    let crc = u16::from_be_bytes(*packet.last_chunk().expect("a CRC"));
+    assert_eq!(
+        word(&frames[15]),
+        0xA000_0014_0000_0000 | u64::from(crc) << 16
+    );
+
+    let without = command_packet(
+        &Command::Attitude(Attitude {
+            state: None,
+            ..EXAMPLE
+        }),
+        5,
+        0,
+    );
+    let ids: Vec<u32> = frames_of(&without, 13)
+        .iter()
+        .map(|frame| frame.id)
+        .collect();
+    assert_eq!(
+        ids,
+        [
+            0x100, 0x101, 0x102, 0x103, 0x104, 0x105, 0x106, 0x107, 0x108, 0x10F
+        ]
+    );
+    assert_eq!(
+        word(&frames_of(&without, 13)[0]) >> 60,
+        0xA,
+        "counter 13 modulo 8, no state"
+    );
+}
+
+#[test]
+fn short_commands_bit_by_bit() {
+    let frames = |command| frames_of(&command_packet(&command, 0x1234, 99), 0);
+    let credit = frames(Command::Credit {
+        packets: 0x0102_0304,
+    });
+    assert_eq!(
+        (credit[0].id, credit[0].payload()),
+        (0x110, &[7, 0x12, 0x34, 1, 2, 3, 4][..])
+    );
+    let ping = frames(Command::Ping);
+    assert_eq!(
+        (ping.len(), ping[0].payload()),
+        (1, &[6, 0x12, 0x34, 0, 0, 0, 0][..])
+    );
+}
+
+#[test]
+fn other_packets_go_whole() {
+    let node = Node::new(Side::Client, false);
+    let packet = |command: &Command| command_packet(command, 0, 0);
+    let rate = |rate| {
+        Command::Attitude(Attitude {
+            rates_rad_s: [rate, 0.0, 0.0],
+            ..EXAMPLE
+        })
+    };
+    for plain in [0.0, -0.0, 1.2e-38, 3.4e38, -1.0, f64::INFINITY] {
+        assert_eq!(node.lane(&packet(&rate(plain))), Lane::Plain, "{plain}");
+    }
+    for whole in [1.1e-38, 5e-324, 3.5e38, f64::MAX, f64::NAN] {
+        assert_eq!(node.lane(&packet(&rate(whole))), Lane::Long, "{whole}");
+    }
+    assert_eq!(
+        node.lane(&packet(&Command::Exposure { seconds: 1.0 })),
+        Lane::Long
+    );
+    let mut damaged = packet(&Command::Ping);
+    damaged[7] ^= 1;
+    assert_eq!(
+        node.lane(&damaged),
+        Lane::Long,
+        "the other end is to see the damage"
+    );
+    assert_eq!(node.lane(&[]), Lane::Long);
+}
+
+#[test]
+fn packets_of_one_kind_keep_their_order() {
+    let mut bus = Bus::perfect(false);
+    let commands: Vec<Vec<u8>> = (0..50)
+        .map(|count| match count % 3 {
+            0 => command_packet(&Command::Exposure { seconds: 0.1 }, count, 0),
+            _ => command_packet(&Command::Ping, count, 0),
+        })
+        .collect();
+    // One queue: nothing overtakes what waits.
+    for packet in &commands {
+        while bus.nodes[1].send(packet, bus.now_us).is_err() {
+            bus.step();
+        }
+    }
+    bus.run();
+    assert_eq!(bus.received[0], commands);
+}
+
+/// Frames of two attitudes, the second with position: 10 and 16 frames.
+fn two() -> (Vec<CanFrame>, Vec<CanFrame>, Vec<u8>) {
+    let second = attitude(2, true);
+    (
+        frames_of(&attitude(1, false), 0),
+        frames_of(&second, 1),
+        second,
+    )
+}
+
+fn receive(node: &mut Node, frames: &[CanFrame]) -> Vec<Vec<u8>> {
+    let packets = frames
+        .iter()
+        .filter_map(|frame| node.receive(frame, 0).map(<[u8]>::to_vec));
+    packets.collect()
+}
+
+#[test]
+fn an_attitude_is_latched_whole_or_counted_once() {
+    let (first, second, packet) = two();
+    let incomplete = |counts: Counts| (counts.incomplete, counts.ignored);
+    for lost in 0..first.len() {
+        let mut node = Node::new(Side::Emulator, false);
+        let mut frames = first.clone();
+        frames.remove(lost);
+        frames.extend_from_slice(&second);
+        assert_eq!(
+            receive(&mut node, &frames),
+            [&packet[..]],
+            "frame {lost} lost"
+        );
+        let (counted, ignored) = incomplete(node.counts());
+        // Without its first frame the others are strays: the first of them counts, the rest are passed over.
+        assert_eq!(
+            (counted, ignored),
+            (1, if lost == 0 { 8 } else { 0 }),
+            "frame {lost} lost"
+        );
+    }
+    for damaged in 0..first.len() {
+        let mut node = Node::new(Side::Emulator, false);
+        let mut frames = first.clone();
+        frames[damaged].data[3] ^= 1;
+        frames.extend_from_slice(&second);
+        let received = receive(&mut node, &frames);
+        let spare = damaged == first.len() - 1 && received.len() == 2;
+        assert!(
+            received.last() == Some(&packet) && (received.len() == 1 || spare),
+            "frame {damaged}"
+        );
+    }
+    for repeated in 0..first.len() {
+        let mut node = Node::new(Side::Emulator, false);
+        let mut frames = first.clone();
+        frames.insert(repeated, first[repeated]);
+        assert_eq!(
+            receive(&mut node, &frames).len(),
+            1,
+            "frame {repeated} twice"
+        );
+        assert_eq!(incomplete(node.counts()), (0, 1));
+    }
+    // Other order between the first and the last does no harm.
+    let mut node = Node::new(Side::Emulator, false);
+    let mut frames = second.clone();
+    frames[1..15].reverse();
+    assert_eq!(receive(&mut node, &frames), [&packet[..]]);
+    // A position that the first frame does not announce is not taken, nor one that is missing.
+    let mut node = Node::new(Side::Emulator, false);
+    let mut frames = second.clone();
+    frames[0].data[0] &= !0x10;
+    assert!(receive(&mut node, &frames).is_empty());
+    assert_eq!(node.counts().incomplete, 1);
+}
+
+#[test]
+fn an_attitude_that_stops_is_given_up_in_time() {
+    let (first, ..) = two();
+    let mut node = Node::new(Side::Emulator, false);
+    receive(&mut node, &first[..9]);
+    assert_eq!(node.wake_at(), Some(1_000_000));
+    assert!(node.receive(&first[9], 1_000_000).is_none());
+    assert_eq!(
+        node.counts(),
+        Counts {
+            timeouts: 1,
+            incomplete: 1,
+            ignored: 1,
+            ..Counts::default()
+        }
+    );
+}
+
+#[test]
+fn frames_of_other_lengths_are_ignored() {
+    let mut node = Node::new(Side::Emulator, true);
+    for (id, octets) in [
+        (0x100, 7),
+        (0x10F, 12),
+        (0x110, 8),
+        (0x110, 6),
+        (0x111, 8),
+        (0x210, 4),
+        (0x0FF, 8),
+    ] {
+        let frame = CanFrame::new(id, octets > 8, &vec![0; octets]).expect("valid");
+        assert_eq!(node.receive(&frame, 0), None);
+    }
+    assert_eq!(
+        node.counts(),
+        Counts {
+            ignored: 7,
+            ..Counts::default()
+        }
+    );
+    // Any opcode gives a packet: the emulator says what is wrong with it.
+    let unknown = CanFrame::new(0x110, false, &[0xEE, 0, 1, 0, 0, 0, 0]).expect("valid");
+    let packet = node.receive(&unknown, 0).expect("a packet").to_vec();
+    assert!(Command::decode(&packet).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn an_f64_comes_back(number in prop_oneof![prop::num::f64::ANY.prop_filter("a number", |x| !x.is_nan()), -1e10..1e10_f64, 1.2e-38..3.4e38_f64]) {
+        let (high, low) = split(number);
+        let back = join(high, low);
+        let size = number.abs();
+        if size == 0.0 || (1.2e-38..3.4e38).contains(&size) {
+            prop_assert_eq!(back.to_bits(), number.to_bits());
+            let near = f64::from(f32::from_bits(high));
+            prop_assert!((near - number).abs() <= size * f64::from(f32::EPSILON), "what a DBC tool shows");
+        } else {
+            prop_assert!(back == 0.0 || back.is_infinite() || back.to_bits() == number.to_bits());
+        }
+    }
+}

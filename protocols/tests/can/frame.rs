@@ -1,0 +1,200 @@
+//! One frame: what is valid, and its time on the bus.
+
+use crate::bus::Random;
+use skyloop_protocols::can::CanFrame;
+use skyloop_protocols::can::frame::{LENGTHS, WireBits, dlc, padded_length};
+
+fn classic(octets: usize) -> CanFrame {
+    CanFrame::new(0x123, false, &vec![0; octets]).expect("valid")
+}
+
+fn fd(octets: usize) -> CanFrame {
+    CanFrame::new(0x123, true, &vec![0; octets]).expect("valid")
+}
+
+#[test]
+fn lengths_have_their_codes() {
+    for (code, length) in LENGTHS.into_iter().enumerate() {
+        assert_eq!(dlc(length.into()), Some(code as u8));
+        assert_eq!(padded_length(length.into()), length.into());
+    }
+    assert_eq!([9, 13, 25, 33, 49, 65].map(dlc), [None; 6]);
+    assert_eq!(
+        [9, 13, 25, 33, 49, 65].map(padded_length),
+        [12, 16, 32, 48, 64, 64]
+    );
+}
+
+#[test]
+fn only_frames_that_a_bus_carries_are_valid() {
+    assert!(CanFrame::new(0x800, false, &[]).is_none());
+    assert!(CanFrame::new(0x7FF, false, &[0; 9]).is_none());
+    assert!(CanFrame::new(0x7FF, true, &[0; 9]).is_none(), "no code");
+    assert!(CanFrame::new(0x7FF, true, &[0; 65]).is_none());
+    let base = classic(8);
+    assert!(base.is_valid());
+    assert!(
+        CanFrame {
+            id: 0x1FFF_FFFF,
+            extended: true,
+            ..base
+        }
+        .is_valid()
+    );
+    assert!(
+        !CanFrame {
+            id: 0x2000_0000,
+            extended: true,
+            ..base
+        }
+        .is_valid()
+    );
+    assert!(!CanFrame { brs: true, ..base }.is_valid(), "classic");
+    assert!(
+        !CanFrame {
+            remote: true,
+            ..fd(8)
+        }
+        .is_valid(),
+        "FD"
+    );
+    assert!(!CanFrame { len: 200, ..base }.is_valid());
+    assert_eq!(CanFrame { len: 200, ..base }.payload().len(), 64, "bounded");
+    assert!(
+        CanFrame {
+            remote: true,
+            ..base
+        }
+        .payload()
+        .is_empty()
+    );
+}
+
+/// X-Val: Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis", Real-Time Systems 35
+/// (2007), equations (1) and (2): 55 + 10 s bits at most with 11-bit identifiers, 80 + 10 s with 29-bit ones.
+#[test]
+fn classic_frames_are_as_long_as_the_analysis_says() {
+    for octets in 0..=8 {
+        let base = classic(octets);
+        let extended = CanFrame {
+            extended: true,
+            ..base
+        };
+        let s = octets as u32;
+        assert_eq!(
+            base.bits(),
+            WireBits {
+                nominal: 47 + 8 * s,
+                data: 0
+            }
+        );
+        assert_eq!(base.worst_bits().nominal, 55 + 10 * s);
+        assert_eq!(extended.bits().nominal, 67 + 8 * s);
+        assert_eq!(extended.worst_bits().nominal, 80 + 10 * s);
+    }
+    // 135 bits at 500 kbit/s.
+    assert_eq!(classic(8).worst_bits().duration_ns(500_000, 0), 270_000);
+    assert_eq!(
+        CanFrame {
+            remote: true,
+            ..classic(8)
+        }
+        .bits()
+        .nominal,
+        47
+    );
+    assert_eq!(
+        CanFrame {
+            error: true,
+            ..classic(8)
+        }
+        .worst_bits()
+        .nominal,
+        23
+    );
+}
+
+/// From ISO 11898-1:2015, frame format: 64 octets with the base identifier.
+/// Nominal: SOF 1, identifier 11, RRS 1, IDE 1, FDF 1, res 1, BRS 1; ACK 2, EOF 7, intermission 3.
+/// Data: ESI 1, DLC 4, data 512, stuff count 4, CRC 21, fixed stuff bits 7, CRC delimiter 1.
+#[test]
+fn fd_frames_have_two_rates() {
+    assert_eq!(
+        fd(64).bits(),
+        WireBits {
+            nominal: 29,
+            data: 550
+        }
+    );
+    assert_eq!(
+        fd(16).bits(),
+        WireBits {
+            nominal: 29,
+            data: 5 + 128 + 4 + 17 + 6 + 1
+        }
+    );
+    let slow = CanFrame {
+        brs: false,
+        ..fd(64)
+    };
+    assert_eq!(
+        slow.bits(),
+        WireBits {
+            nominal: 579,
+            data: 0
+        }
+    );
+    let extended = CanFrame {
+        extended: true,
+        ..fd(64)
+    };
+    assert_eq!(
+        extended.bits(),
+        WireBits {
+            nominal: 48,
+            data: 550
+        }
+    );
+    // (17 + 5 + 512 - 1) / 4 = 133 stuff bits at most, 4 of them at the nominal rate.
+    assert_eq!(
+        fd(64).worst_bits(),
+        WireBits {
+            nominal: 33,
+            data: 679
+        }
+    );
+    assert_eq!(slow.worst_bits().nominal, 579 + 133);
+    assert_eq!(
+        fd(64).worst_bits().duration_ns(500_000, 8_000_000),
+        66_000 + 84_875
+    );
+    assert!(fd(64).bits().duration_ns(0, 0) > 0, "no division by zero");
+}
+
+/// Bits that stuff worst, stuffed one by one: five equal ones, then four and four in turn. Other ones stay below.
+#[test]
+fn the_bound_of_stuffing_is_reached() {
+    let stuffed = |bits: &[bool]| {
+        let (mut count, mut run, mut last) = (0, 0, None);
+        for bit in bits {
+            run = if last == Some(*bit) { run + 1 } else { 1 };
+            last = Some(*bit);
+            if run == 5 {
+                // The stuff bit begins a run of its own.
+                (count, run, last) = (count + 1, 1, Some(!bit));
+            }
+        }
+        count
+    };
+    let region = 34 + 64;
+    let bound = classic(8).worst_bits().nominal - classic(8).bits().nominal;
+    let five_then_fours: Vec<bool> = (0..region)
+        .map(|at| at > 4 && (at - 5) / 4 % 2 == 0)
+        .collect();
+    assert_eq!(stuffed(&five_then_fours), bound as usize);
+    let mut random = Random(1);
+    for _ in 0..1000 {
+        let any: Vec<bool> = (0..region).map(|_| random.one_in(9)).collect();
+        assert!(stuffed(&any) <= bound as usize);
+    }
+}

@@ -1,0 +1,249 @@
+//! ISO-TP where all goes well: published exchanges, all lengths, what is a protocol data unit.
+
+use skyloop_protocols::can::form::{FROM_EMULATOR, TO_EMULATOR};
+use skyloop_protocols::can::isotp::{Pdu, separation_us};
+use skyloop_protocols::can::{CanFrame, Counts, Node, Parameters, Side};
+
+pub fn hex(text: &str) -> Vec<u8> {
+    let digits = |at: usize| u8::from_str_radix(&text[at..at + 2], 16).expect(text);
+    (0..text.len()).step_by(2).map(digits).collect()
+}
+
+pub fn from_emulator(data: &[u8]) -> CanFrame {
+    CanFrame::new(FROM_EMULATOR, data.len() > 8, data).expect("valid")
+}
+
+pub fn to_emulator(data: &[u8]) -> CanFrame {
+    CanFrame::new(TO_EMULATOR, data.len() > 8, data).expect("valid")
+}
+
+/// All frames of a message from the emulator to a client, and the client's, as `A` and `B` and hexadecimal digits.
+fn exchange(message: &[u8], parameters: Parameters) -> Vec<String> {
+    let mut emulator = Node::with(Side::Emulator, parameters);
+    let mut client = Node::with(Side::Client, parameters);
+    let (mut lines, mut received) = (Vec::new(), None);
+    emulator.send(message, 0).expect("idle");
+    let text = |frame: &CanFrame| {
+        frame
+            .payload()
+            .iter()
+            .map(|octet| format!("{octet:02x}"))
+            .collect::<String>()
+    };
+    loop {
+        let before = lines.len();
+        while let Some(frame) = emulator.next_frame(0) {
+            assert_eq!(
+                (frame.id, frame.fd, frame.brs),
+                (FROM_EMULATOR, parameters.fd, parameters.fd)
+            );
+            lines.push(format!("A {}", text(&frame)));
+            received = client.receive(&frame, 0).map(<[u8]>::to_vec).or(received);
+        }
+        while let Some(frame) = client.next_frame(0) {
+            assert_eq!(frame.id, TO_EMULATOR);
+            lines.push(format!("B {}", text(&frame)));
+            assert!(emulator.receive(&frame, 0).is_none());
+        }
+        if lines.len() == before {
+            break;
+        }
+    }
+    assert_eq!(received.as_deref(), Some(message));
+    assert_eq!([emulator.counts(), client.counts()], [Counts::default(); 2]);
+    lines
+}
+
+/// Octets 3, 10, 17 ...
+pub fn message(length: usize) -> Vec<u8> {
+    (0..length).map(|at| (at * 7 + 3) as u8).collect()
+}
+
+/// X-Val: the vehicle identification number 3FADP4FJ2BM113913 read by OBD2 in CSS Electronics' "CAN bus UDS explained".
+#[test]
+fn a_vehicle_identification_number() {
+    let mut vin = vec![0x49, 0x02, 0x01];
+    vin.extend_from_slice(b"3FADP4FJ2BM113913");
+    let expected = [
+        "A 1014490201334641",
+        "B 300000",
+        "A 21445034464a3242",
+        "A 224d313133393133",
+    ];
+    assert_eq!(exchange(&vin, Parameters::CLASSIC), expected);
+}
+
+/// X-Val: PyPI can-isotp 2.0.7, two transport layers against each other.
+#[test]
+fn exchanges_as_another_implementation_has_them() {
+    let (classic, fd) = (Parameters::CLASSIC, Parameters::FD);
+    let blocks = Parameters {
+        block_size: 2,
+        ..classic
+    };
+    let padded = Parameters {
+        padding: Some(0xCC),
+        ..classic
+    };
+    let short_fd = Parameters {
+        frame_octets: 16,
+        ..fd
+    };
+    let in_a_frame = "030a11181f262d343b424950575e656c737a81888f969da4abb2b9c0c7ced5dce3eaf1f8ff060d141b222930373e454c535a61686f767d848b9299a0a7ae";
+    let exchanges: [(usize, Parameters, &[&str]); 9] = [
+        (7, classic, &["A 07030a11181f262d"]),
+        (8, classic, &["A 1008030a11181f26", "B 300000", "A 212d34"]),
+        (
+            20,
+            blocks,
+            &[
+                "A 1014030a11181f26",
+                "B 300200",
+                "A 212d343b42495057",
+                "A 225e656c737a8188",
+            ],
+        ),
+        (
+            20,
+            padded,
+            &[
+                "A 1014030a11181f26",
+                "B 300000cccccccccc",
+                "A 212d343b42495057",
+                "A 225e656c737a8188",
+            ],
+        ),
+        (8, fd, &["A 0008030a11181f262d34cccc"]),
+        (62, fd, &[&format!("A 003e{in_a_frame}")]),
+        (
+            63,
+            fd,
+            &[&format!("A 103f{in_a_frame}"), "B 300000", "A 21b5"],
+        ),
+        (
+            150,
+            fd,
+            &[
+                &format!("A 1096{in_a_frame}"),
+                "B 300000",
+                "A 21b5bcc3cad1d8dfe6edf4fb020910171e252c333a41484f565d646b727980878e959ca3aab1b8bfc6cdd4dbe2e9f0f7fe050c131a21282f363d444b52596067",
+                "A 226e757c838a91989fa6adb4bbc2c9d0d7dee5ecf3fa01080f16cccccccccccc",
+            ],
+        ),
+        (
+            30,
+            short_fd,
+            &[
+                "A 101e030a11181f262d343b424950575e",
+                "B 300000",
+                "A 21656c737a81888f969da4abb2b9c0c7",
+                "A 22ce",
+            ],
+        ),
+    ];
+    for (length, parameters, expected) in exchanges {
+        assert_eq!(
+            exchange(&message(length), parameters),
+            expected,
+            "{length} octets"
+        );
+    }
+}
+
+/// X-Val: Linux can-isotp, `net/can/isotp.c`: no padding, block size 0, separation time 0 unless told otherwise.
+#[test]
+fn settings_of_the_kernel() {
+    let Parameters {
+        frame_octets,
+        padding,
+        block_size,
+        st_min,
+        ..
+    } = Parameters::CLASSIC;
+    assert_eq!((frame_octets, padding, block_size, st_min), (8, None, 0, 0));
+    assert_eq!(exchange(&message(3), Parameters::CLASSIC), ["A 03030a11"]);
+}
+
+#[test]
+fn all_frame_lengths_and_block_sizes_transfer_all_lengths() {
+    for frame_octets in [8, 12, 16, 20, 24, 32, 48, 64] {
+        for block_size in [0, 1, 2, 15, 16, 255] {
+            for length in [
+                1, 6, 7, 8, 11, 12, 13, 62, 63, 64, 111, 112, 113, 1399, 1400,
+            ] {
+                let fd = frame_octets > 8;
+                let padding = (length % 2 == 1).then_some(0xCC);
+                let parameters = Parameters {
+                    fd,
+                    frame_octets,
+                    block_size,
+                    padding,
+                    ..Parameters::CLASSIC
+                };
+                exchange(&message(length), parameters);
+            }
+        }
+    }
+    let wrong = Parameters {
+        fd: true,
+        frame_octets: 9,
+        ..Parameters::CLASSIC
+    };
+    assert_eq!(
+        exchange(&message(20), wrong)[0].len(),
+        2 + 2 * 12,
+        "rounded up to 12"
+    );
+}
+
+#[test]
+fn separation_times() {
+    let codes = [0, 1, 0x7F, 0x80, 0xF0, 0xF1, 0xF9, 0xFA, 0xFF];
+    assert_eq!(
+        codes.map(separation_us),
+        [
+            0, 1000, 127_000, 127_000, 127_000, 100, 900, 127_000, 127_000
+        ]
+    );
+}
+
+#[test]
+fn data_that_is_no_pdu_is_ignored() {
+    // Reserved types; lengths 0, beyond the frame, and those that belong in a shorter one; cut heads.
+    for data in [
+        "",
+        "4011",
+        "f0",
+        "00",
+        "0011223344556677",
+        "0711223344",
+        "08112233445566778899aabb",
+        "0000112233445566778899aa",
+        "0007112233445566778899aa",
+        "000b112233445566778899aa",
+        "100811223344",
+        "1007112233445566",
+        "100a112233445566778899aa",
+        "100000000fff1122",
+        "20",
+        "30",
+        "3000",
+    ] {
+        assert_eq!(Pdu::parse(&hex(data)), None, "{data}");
+        let mut node = Node::new(Side::Emulator, false);
+        assert_eq!(node.receive(&to_emulator(&hex(data)), 0), None);
+        assert_eq!(
+            node.counts(),
+            Counts {
+                ignored: 1,
+                ..Counts::default()
+            },
+            "{data}"
+        );
+    }
+    let long = Pdu::First {
+        length: 4096,
+        data: &[0x11, 0x22],
+    };
+    assert_eq!(Pdu::parse(&hex("1000000010001122")), Some(long));
+}
