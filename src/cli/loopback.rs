@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
-use skyloop::link::{self, LINKS};
+use skyloop::link;
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::Server;
 use skyloop::stats::{RunStats, row, table, times};
@@ -23,8 +23,9 @@ use std::time::Duration;
 /// Arguments of `skyloop loopback`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Link between the two: memory, udp (sockets on 127.0.0.1) or serial (a pseudo-terminal)
-    #[arg(long, default_value = "memory", value_parser = clap::builder::PossibleValuesParser::new(LINKS.iter().map(|l| l.scheme)))]
+    /// Link between the two: memory, udp (sockets on 127.0.0.1), serial (a pseudo-terminal) or pty (one at the pace of
+    /// a baud rate, such as pty?baud=921600)
+    #[arg(long, default_value = "memory")]
     link: String,
     /// Scene file [default: the built-in FAI on CASSIOPE, 15 June 2019]
     #[arg(long, value_name = "FILE")]

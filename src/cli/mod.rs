@@ -1,6 +1,8 @@
 //! The command line. A command is a file here and a line in [`Command`].
 
 mod loopback;
+#[cfg(unix)]
+mod pty;
 mod render;
 mod run;
 
@@ -33,6 +35,9 @@ enum Command {
     Run(run::Args),
     /// Render frames and labels into a folder, without a flight computer
     Render(Box<render::Args>),
+    /// Make a named pair of pseudo-terminals joined by a line of a baud rate
+    #[cfg(unix)]
+    Pty(pty::Args),
 }
 
 impl Cli {
@@ -42,6 +47,8 @@ impl Cli {
             Command::Loopback(args) => loopback::run(args),
             Command::Run(args) => run::run(args),
             Command::Render(args) => render::run(*args),
+            #[cfg(unix)]
+            Command::Pty(args) => pty::run(args),
         }
     }
 }

@@ -32,6 +32,11 @@ pub struct Intake {
     shared: Arc<Shared>,
 }
 
+/// Tells a thread without packets whether the emulator has gone.
+pub(crate) struct Watch {
+    shared: Arc<Shared>,
+}
+
 /// The emulator's end.
 pub struct Inbox {
     shared: Arc<Shared>,
@@ -79,6 +84,20 @@ impl Intake {
         drop(state);
         self.shared.arrived.notify_one();
         Ok(())
+    }
+
+    /// A look at the other end that is no end of the wire.
+    pub(crate) fn watch(&self) -> Watch {
+        Watch {
+            shared: self.shared.clone(),
+        }
+    }
+}
+
+impl Watch {
+    /// Whether the emulator still has its end.
+    pub(crate) fn is_wanted(&self) -> bool {
+        self.shared.lock().read
     }
 }
 
@@ -221,8 +240,10 @@ mod tests {
     #[test]
     fn an_emulator_that_has_gone_takes_nothing() {
         let (intake, inbox) = inbox(Arc::new(Tally::default()));
+        let watch = intake.watch();
+        assert!(watch.is_wanted());
         drop(inbox);
-        assert!(intake.push(attitude(1)).is_err());
+        assert!(!watch.is_wanted() && intake.push(attitude(1)).is_err());
     }
 
     #[test]

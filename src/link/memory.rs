@@ -24,7 +24,8 @@ fn no_outside(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
     ))
 }
 
-fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+    url.only(&[])?;
     let tally = Arc::new(Tally::default());
     let (to_emulator, inbox) = inbox(tally.clone());
     let (outbox, from_emulator) = sync_channel(QUEUE);

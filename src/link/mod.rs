@@ -2,13 +2,25 @@
 //! packet means a link knows at most whether it is valid. Adding one is a file here and a line in [`LINKS`].
 
 mod inbox;
+mod line;
+#[cfg(target_os = "linux")]
+mod low_latency;
 mod memory;
+mod pace;
+#[cfg(unix)]
+mod paced;
+#[cfg(unix)]
+mod pseudo;
+#[cfg(unix)]
+mod pty;
 mod serial;
 mod tally;
 mod udp;
 mod url;
 
 pub use inbox::{Inbox, Intake};
+#[cfg(unix)]
+pub use pty::Pair;
 pub(crate) use tally::Standstill;
 pub use tally::Tally;
 pub use url::LinkUrl;
@@ -23,7 +35,13 @@ use tally::count;
 use thiserror::Error;
 
 /// Every link.
-pub const LINKS: &[Link] = &[memory::MEMORY, udp::UDP, serial::SERIAL];
+pub const LINKS: &[Link] = &[
+    memory::MEMORY,
+    udp::UDP,
+    serial::SERIAL,
+    #[cfg(unix)]
+    pty::PTY,
+];
 
 /// One kind of link.
 pub struct Link {
@@ -34,7 +52,7 @@ pub struct Link {
     /// Opens the emulator's end.
     pub open: fn(&LinkUrl, &Options) -> Result<Wire, LinkError>,
     /// Opens both ends on this machine.
-    pub loopback: fn(&Options) -> Result<BothEnds, LinkError>,
+    pub loopback: fn(&LinkUrl, &Options) -> Result<BothEnds, LinkError>,
 }
 
 /// The emulator's end and the flight computer's.
@@ -168,12 +186,10 @@ pub fn open(url: &str, options: &Options) -> Result<Wire, LinkError> {
     (by_scheme(&url.scheme, &url.text)?.open)(&url, options)
 }
 
-/// Opens both ends of the link called `scheme`.
-pub fn loopback(
-    scheme: &str,
-    options: &Options,
-) -> Result<(Wire, Box<dyn Port + Send>), LinkError> {
-    (by_scheme(scheme, scheme)?.loopback)(options)
+/// Opens both ends of the link that `text` names: a scheme, and options behind a question mark.
+pub fn loopback(text: &str, options: &Options) -> Result<BothEnds, LinkError> {
+    let url = LinkUrl::parse_loopback(text)?;
+    (by_scheme(&url.scheme, &url.text)?.loopback)(&url, options)
 }
 
 fn by_scheme(scheme: &str, text: &str) -> Result<&'static Link, LinkError> {

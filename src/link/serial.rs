@@ -1,21 +1,18 @@
-//! Serial lines: SLIP frames with CRC-32, two threads a port.
+//! Serial ports: SLIP frames with CRC-32, two threads a port. A port that goes is waited for, and opened again.
 
+use super::line::{Ear, Put, READ_TIMEOUT, airtime, baud_of, outbox, write};
+#[cfg(target_os = "linux")]
+use super::low_latency;
 use super::{
-    Airtime, BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE,
-    Tally, Wire, count, inbox::inbox,
+    Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Tally, Wire, count, inbox::inbox,
 };
-use bytes::Bytes;
 use serialport::SerialPort;
-use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
-use skyloop_protocols::slip;
-use std::io::{ErrorKind, Read};
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::io::ErrorKind;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Serial lines.
+/// Serial ports.
 pub const SERIAL: Link = Link {
     scheme: "serial",
     example: "serial:///dev/ttyUSB0?baud=921600",
@@ -23,77 +20,58 @@ pub const SERIAL: Link = Link {
     loopback,
 };
 
-/// How long a read waits before it looks whether the link is still wanted.
-const READ_TIMEOUT: Duration = Duration::from_millis(100);
-
 fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
     url.only(&["baud"])?;
-    let baud = url.number("baud", 115_200)?;
-    if baud == 0 {
-        return Err(url.refuse("baud = 0 must be above 0".to_string()));
-    }
-    let port = serialport::new(&url.target, baud).timeout(READ_TIMEOUT).open().map_err(|error| {
-        LinkError::Io {
-            url: url.text.clone(),
-            action: "open the port",
-            source: error.into(),
-            remedy: "check that the device exists, is not in use and may be read and written by you",
-        }
-    })?;
-    let airtime = Some(airtime(baud));
-    start(port, &url.text, Some(PathBuf::from(&url.target)), airtime)
+    let baud = baud_of(url, 115_200)?;
+    start(url, &url.target, baud, Some(airtime(baud)))
 }
 
-/// 10 bit times an octet: the packet, its CRC-32, an END on both sides, and an escape for two octets of 256.
-fn airtime(baud: u32) -> Airtime {
-    Arc::new(move |octets| {
-        let framed = octets as f64 + 4.0;
-        let octets = framed * (1.0 + 2.0 / 256.0) + 2.0;
-        Duration::from_secs_f64(octets * 10.0 / f64::from(baud))
-    })
-}
-
-/// `device` is where the port was opened, if it has such a place.
+/// Opens the port called `path`.
 fn start(
-    port: Box<dyn SerialPort>,
-    address: &str,
-    device: Option<PathBuf>,
+    url: &LinkUrl,
+    path: &str,
+    baud: u32,
     airtime: Option<Airtime>,
 ) -> Result<Wire, LinkError> {
-    let failed = |action, remedy| {
-        move |source| LinkError::Io {
-            url: address.to_string(),
-            action,
-            source,
-            remedy,
-        }
+    let address = format!("serial://{path}?baud={baud}");
+    let device = Device {
+        path: path.to_string(),
+        baud,
     };
-    let writer = port.try_clone().map_err(|error| {
-        failed("open it for two threads", "try again")(std::io::Error::from(error))
-    })?;
-    let tally = Arc::new(Tally::default());
+    let (input, output) = device.open().map_err(|error| refusal(url, path, error))?;
+    let line = Arc::new(Line {
+        device,
+        output: Mutex::new(Some(output)),
+        back: Condvar::new(),
+        tally: Arc::new(Tally::default()),
+    });
+    let tally = line.tally.clone();
     let (arrivals, inbox) = inbox(tally.clone());
-    let (outbox, departures) = sync_channel(QUEUE);
-    let (reading, writing) = (tally.clone(), tally.clone());
+    let (outbox, departures) = outbox(&address, &tally);
     let ended = Arc::new(AtomicBool::new(false));
-    let stop = ended.clone();
+    let (reading, stop) = (line.clone(), ended.clone());
+    let watch = arrivals.watch();
+    let (ear, wanted) = (Ear::new(arrivals, tally.clone()), move || watch.is_wanted());
     let thread = |name: &str| std::thread::Builder::new().name(name.to_string());
-    const LIMITS: &str = "check the limits of this process";
+    let no_thread = |error| {
+        url.failed(
+            "start its thread",
+            error,
+            "check the limits of this process",
+        )
+    };
     thread("serial-read")
-        .spawn(move || read(port, device.as_deref(), &arrivals, &reading, &stop))
-        .map_err(failed("start its thread", LIMITS))?;
+        .spawn(move || read(&reading, input, ear, &stop))
+        .map_err(no_thread)?;
     let sender = thread("serial-write")
         .spawn(move || {
-            write(writer, &departures, &writing);
+            let tally = line.tally.clone();
+            write(&departures, &tally, |_, octets, _| {
+                line.put(octets, &wanted)
+            });
             ended.store(true, Ordering::Relaxed);
         })
-        .map_err(failed("start its thread", LIMITS))?;
-    let address = address.to_string();
-    let outbox = LineOutbox {
-        queue: outbox,
-        tally: tally.clone(),
-        address: address.clone(),
-    };
+        .map_err(no_thread)?;
     Ok(Wire {
         address,
         inbox,
@@ -104,127 +82,141 @@ fn start(
     })
 }
 
-/// The queue to the writer.
-struct LineOutbox {
-    queue: SyncSender<Bytes>,
-    tally: Arc<Tally>,
-    address: String,
+/// Why a port cannot be opened, and what to do.
+fn refusal(url: &LinkUrl, path: &str, error: serialport::Error) -> LinkError {
+    let place = Path::new(path);
+    let text = error.description.to_lowercase();
+    let remedy = if !place.exists() {
+        "check that the device exists: its name and its cable"
+    } else if place.is_dir() || place.is_file() {
+        "this is no serial port: name a device such as /dev/ttyUSB0"
+    } else if matches!(
+        error.kind(),
+        serialport::ErrorKind::Io(ErrorKind::PermissionDenied)
+    ) {
+        "you may not use the device: join the group that owns it (see ls -l; often dialout)"
+    } else if text.contains("busy") || text.contains("lock") {
+        "another program has it open: end that one, or choose another port"
+    } else {
+        "check that the device is a serial port and takes this baud rate"
+    };
+    url.failed("open the port", error.into(), remedy)
 }
 
-impl Outbox for LineOutbox {
-    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        // The line has one client: there is nothing to release.
-        let Outbound::Packet { exchange, packet } = what else {
-            return Ok(None);
-        };
-        match self.queue.try_send(packet) {
-            Ok(()) => self.tally.queued(),
-            Err(TrySendError::Full(packet)) => {
-                return Ok(Some(Outbound::Packet { exchange, packet }));
+/// A port's place and speed.
+struct Device {
+    path: String,
+    baud: u32,
+}
+
+type Port = Box<dyn SerialPort>;
+
+impl Device {
+    /// Opens it, once for each thread.
+    fn open(&self) -> serialport::Result<(Port, Port)> {
+        let port = serialport::new(&self.path, self.baud)
+            .timeout(READ_TIMEOUT)
+            .open_native()?;
+        #[cfg(target_os = "linux")]
+        if let Err(error) = low_latency::request(&port) {
+            tracing::debug!(%error, "{} keeps its driver's latency", self.path);
+        }
+        let output = port.try_clone()?;
+        Ok((Box::new(port), output))
+    }
+}
+
+/// What the two threads share.
+struct Line {
+    device: Device,
+    /// The port to write to; none while it has gone. An open handle would keep its name from coming back.
+    output: Mutex<Option<Port>>,
+    back: Condvar,
+    tally: Arc<Tally>,
+}
+
+impl Line {
+    fn output(&self) -> MutexGuard<'_, Option<Port>> {
+        self.output.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes all of `octets`, however long its other end takes: then the queue stays full, and it is the emulator
+    /// that gives frames up, whole. While the port has gone the packet waits, and the queue behind it.
+    fn put(&self, mut octets: &[u8], wanted: &dyn Fn() -> bool) -> Put {
+        let mut output = self.output();
+        while output.is_none() {
+            if !wanted() {
+                return Put::Unwanted;
             }
-            Err(TrySendError::Disconnected(_)) => {
-                return Err(LinkError::Closed(self.address.clone()));
+            let waited = self.back.wait_timeout(output, READ_TIMEOUT);
+            (output, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        }
+        let Some(port) = output.as_mut() else {
+            return Put::Lost;
+        };
+        while !octets.is_empty() {
+            match port.write(octets) {
+                Ok(length) if length > 0 => {
+                    self.tally.moved(length);
+                    octets = &octets[length..];
+                }
+                Err(error) if is_passing(&error) && wanted() => {}
+                // The reader learns it from the missing port.
+                _ => {
+                    *output = None;
+                    return Put::Lost;
+                }
             }
         }
-        Ok(None)
+        Put::Sent
     }
 }
 
 /// Octets in, packets into the queue, until the writer has ended (the emulator dropped its end).
-fn read(
-    mut port: Box<dyn SerialPort>,
-    device: Option<&Path>,
-    arrivals: &Intake,
-    tally: &Tally,
-    stop: &AtomicBool,
-) {
-    let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
+fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
+    let path = &line.device.path;
     let mut buffer = [0; 4096];
-    // Frames without a packet since the last packet, and whether there ever was one.
-    let (mut bad, mut heard) = (0_u32, false);
-    let mut hung_up = false;
+    let mut input = Some(port);
+    // Whether the line has been lost, and since then not worked.
+    let mut lost = false;
     while !stop.load(Ordering::Relaxed) {
-        let length = match port.read(&mut buffer) {
-            Ok(length) => length,
-            Err(error) if is_passing(&error) => 0,
-            // Hung up: an adapter that was unplugged takes its device along, but a pseudo-terminal may get
-            // its next client.
-            Err(error) if error.kind() == ErrorKind::BrokenPipe => {
-                if let Some(device) = device.filter(|device| !device.exists()) {
-                    tracing::error!("the serial line has gone: {} is no more", device.display());
+        let Some(port) = &mut input else {
+            std::thread::sleep(READ_TIMEOUT);
+            match line.device.open() {
+                Ok((reading, writing)) => {
+                    input = Some(reading);
+                    *line.output() = Some(writing);
+                    line.back.notify_one();
+                }
+                Err(error) => tracing::debug!(%error, "{path} is not back"),
+            }
+            continue;
+        };
+        let heard = match port.read(&mut buffer) {
+            Ok(0) => Err(ErrorKind::BrokenPipe.into()),
+            Err(error) if is_passing(&error) && line.output().is_some() => Ok(0),
+            heard => heard,
+        };
+        match heard {
+            Ok(length) => {
+                if std::mem::take(&mut lost) {
+                    count(&line.tally.reconnects);
+                    tracing::warn!("the serial line {path} is back");
+                }
+                if ear.hear(&buffer[..length], 0).is_err() {
                     return;
                 }
-                if device.is_some() && !hung_up {
-                    tracing::warn!("nobody holds the other end of the serial line: waiting");
-                }
-                hung_up = true;
-                std::thread::sleep(READ_TIMEOUT);
-                continue;
             }
             Err(error) => {
-                tracing::error!(%error, "the serial line can no longer be read");
-                return;
-            }
-        };
-        hung_up &= length == 0;
-        for octet in &buffer[..length] {
-            match decoder.push(*octet) {
-                None => {}
-                Some(Err(_)) => {
-                    count(&tally.bad_framing);
-                    bad = bad.saturating_add(1);
-                    if bad == 8 || (bad == 1 && !heard) {
-                        tracing::warn!(
-                            "octets come that hold no packet: check the baud rate of both ends, and the framing (SLIP)"
-                        );
-                    }
+                if !std::mem::replace(&mut lost, true) {
+                    tracing::warn!("the serial line {path} has gone ({error}): waiting for it");
                 }
-                Some(Ok(packet)) => {
-                    (bad, heard) = (0, true);
-                    let packet = Bytes::copy_from_slice(packet);
-                    let inbound = Inbound {
-                        exchange: 0,
-                        packet,
-                        arrived: Instant::now(),
-                    };
-                    if arrivals.push(inbound).is_err() {
-                        return;
-                    }
-                }
+                *line.output() = None;
+                input = None;
+                ear.restart();
             }
         }
     }
-}
-
-/// Packets from the queue onto the line, until the emulator drops its end.
-fn write(mut port: Box<dyn SerialPort>, departures: &Receiver<Bytes>, tally: &Tally) {
-    let mut line = Vec::with_capacity(slip::max_encoded_length(slip::BUFFER));
-    while let Ok(packet) = departures.recv() {
-        line.clear();
-        slip::encode(&packet, &mut |octet| line.push(octet));
-        if let Err(error) = write_whole(port.as_mut(), &line, tally) {
-            tracing::error!(%error, "the serial line can no longer be written");
-            return;
-        }
-        tally.done();
-    }
-}
-
-/// Writes all of `line`, however long its other end takes: then the queue stays full, and it is the emulator
-/// that gives frames up, whole. Ends with an error when the line does.
-fn write_whole(port: &mut dyn SerialPort, mut line: &[u8], tally: &Tally) -> std::io::Result<()> {
-    while !line.is_empty() {
-        match port.write(line) {
-            Ok(0) => return Err(ErrorKind::WriteZero.into()),
-            Ok(length) => {
-                tally.moved(length);
-                line = &line[length..];
-            }
-            Err(error) if is_passing(&error) => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(())
 }
 
 fn is_passing(error: &std::io::Error) -> bool {
@@ -234,88 +226,121 @@ fn is_passing(error: &std::io::Error) -> bool {
     )
 }
 
+/// The flight computer has one end of a pseudo-terminal, the emulator opens the other by its name.
 #[cfg(unix)]
-fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
     use serialport::TTYPort;
-    let failed = |action| {
-        move |error: serialport::Error| LinkError::Io {
-            url: "serial (pseudo-terminal)".to_string(),
-            action,
-            source: error.into(),
-            remedy: "check that /dev/ptmx and /dev/pts exist",
-        }
-    };
-    let (mut master, slave) = TTYPort::pair().map_err(failed("open a pseudo-terminal pair"))?;
-    let name = slave
-        .name()
-        .unwrap_or_else(|| "pseudo-terminal".to_string());
-    master
-        .set_timeout(READ_TIMEOUT)
-        .map_err(failed("set it up"))?;
-    let wire = start(Box::new(master), &format!("serial://{name}"), None, None)?;
-    let port = FlightComputerPort::over(Box::new(slave)).map_err(|error| LinkError::Io {
-        url: name,
-        action: "open the client's end",
-        source: std::io::Error::other(error),
-        remedy: "try again",
+    use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
+    url.only(&["baud"])?;
+    let baud = baud_of(url, 115_200)?;
+    let (master, slave) = TTYPort::pair().map_err(|error| {
+        const REMEDY: &str = "check that /dev/ptmx and /dev/pts exist";
+        url.failed("open a pseudo-terminal pair", error.into(), REMEDY)
+    })?;
+    let device = slave.name().unwrap_or_default();
+    // A pseudo-terminal carries octets as fast as they come, whatever rate it is set to.
+    let wire = start(url, &device, baud, None)?;
+    drop(slave);
+    let port = FlightComputerPort::over(Box::new(master)).map_err(|error| {
+        let error = std::io::Error::other(error);
+        url.failed("open the client's end", error, "try again")
     })?;
     Ok((wire, Box::new(port)))
 }
 
 #[cfg(not(unix))]
-fn loopback(_: &Options) -> Result<BothEnds, LinkError> {
-    Err(LinkError::Io {
-        url: "serial (pseudo-terminal)".to_string(),
-        action: "open a pseudo-terminal pair",
-        source: ErrorKind::Unsupported.into(),
-        remedy: "this system has none: use --link udp or memory",
-    })
+fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+    const REMEDY: &str = "this system has none: use --link udp or memory";
+    let error = ErrorKind::Unsupported.into();
+    Err(url.failed("open a pseudo-terminal pair", error, REMEDY))
 }
 
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
-    use crate::link::Standstill;
+    use crate::link::{Outbound, Standstill};
+    use bytes::Bytes;
     use serialport::TTYPort;
+    use skyloop_protocols::slip;
+    use std::io::{Read, Write};
     use std::sync::mpsc::RecvTimeoutError;
+    use std::time::Duration;
 
-    #[test]
-    fn a_device_that_is_no_more_ends_the_link() {
-        let (master, slave) = TTYPort::pair().unwrap();
-        let device = slave.name().unwrap();
-        let port = serialport::new(&device, 115_200).timeout(READ_TIMEOUT);
-        let wire = start(
-            port.open().unwrap(),
-            &device,
-            Some(device.clone().into()),
-            None,
-        )
-        .unwrap();
-        let quiet = wire.inbox.recv_timeout(3 * READ_TIMEOUT).unwrap_err();
-        assert_eq!(quiet, RecvTimeoutError::Timeout);
-        // With both ends closed here the pseudo-terminal goes, as an adapter that is unplugged.
-        drop((master, slave));
-        let gone = wire.inbox.recv_timeout(100 * READ_TIMEOUT).unwrap_err();
-        assert_eq!(gone, RecvTimeoutError::Disconnected);
+    /// The emulator's end at `path`.
+    fn at(path: &Path) -> Wire {
+        let path = path.to_str().unwrap();
+        let url = LinkUrl::parse(&format!("serial://{path}")).unwrap();
+        start(&url, path, 115_200, None).unwrap()
+    }
+
+    fn send(client: &mut TTYPort, packet: &[u8]) {
+        let mut line = Vec::new();
+        slip::encode(packet, &mut |octet| line.push(octet));
+        client.write_all(&line).unwrap();
+    }
+
+    fn offer(wire: &mut Wire, packet: Vec<u8>) {
+        let packet = Bytes::from(packet);
+        let full = wire.outbox.offer(Outbound::Packet {
+            exchange: 0,
+            packet,
+        });
+        assert!(full.unwrap().is_none());
     }
 
     #[test]
-    fn a_packet_takes_ten_bit_times_an_octet() {
-        // 1400 octets, 4 of CRC-32, 2 ENDs and 10.97 escapes expected: 14169.7 bits at 9600 a second.
-        assert_eq!(airtime(9600)(1400).as_millis(), 1476);
+    fn a_port_that_goes_is_opened_again_when_it_is_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        let plug = || {
+            let (client, device) = TTYPort::pair().unwrap();
+            std::os::unix::fs::symlink(device.name().unwrap(), &path).unwrap();
+            (client, device)
+        };
+        let (mut client, mut device) = plug();
+        let mut wire = at(&path);
+        send(&mut client, b"first");
+        let patience = 200 * READ_TIMEOUT;
+        assert_eq!(
+            &wire.inbox.recv_timeout(patience).unwrap().packet[..],
+            b"first"
+        );
+        for round in 1..=2 {
+            // With both ends closed here the pseudo-terminal goes, as an adapter that is unplugged.
+            drop((client, device));
+            std::fs::remove_file(&path).unwrap();
+            let quiet = wire.inbox.recv_timeout(3 * READ_TIMEOUT).unwrap_err();
+            assert_eq!(quiet, RecvTimeoutError::Timeout, "the link lives on");
+            offer(&mut wire, b"meanwhile".to_vec());
+            (client, device) = plug();
+            client.set_timeout(patience).unwrap();
+            let mut line = [0; 15];
+            client.read_exact(&mut line).unwrap();
+            assert_eq!(&line[1..10], b"meanwhile", "the queue waits with it");
+            send(&mut client, b"second");
+            let packet = wire.inbox.recv_timeout(patience).unwrap().packet;
+            assert_eq!(&packet[..], b"second");
+            assert_eq!((wire.tally.reconnects(), wire.tally.lost()), (round, 0));
+        }
+    }
+
+    #[test]
+    fn a_link_that_waits_for_its_port_can_be_closed() {
+        let (client, device) = TTYPort::pair().unwrap();
+        let mut wire = at(Path::new(&device.name().unwrap()));
+        drop((client, device));
+        for _ in 0..5 {
+            offer(&mut wire, vec![1; 100]);
+        }
+        assert_eq!(close(wire, Duration::from_millis(500)), 5);
     }
 
     /// Both ends of a pseudo-terminal: the emulator's with `packets` of 1400 octets queued, and the client's.
     fn with_queued(packets: usize) -> (Wire, TTYPort) {
-        let (master, client) = TTYPort::pair().unwrap();
-        let mut wire = start(Box::new(master), "serial", None, None).unwrap();
+        let (client, device) = TTYPort::pair().unwrap();
+        let mut wire = at(Path::new(&device.name().unwrap()));
         for _ in 0..packets {
-            let packet = Bytes::from(vec![1; 1400]);
-            let full = wire.outbox.offer(Outbound::Packet {
-                exchange: 0,
-                packet,
-            });
-            assert!(full.unwrap().is_none());
+            offer(&mut wire, vec![1; 1400]);
         }
         (wire, client)
     }

@@ -14,6 +14,10 @@ pub struct Tally {
     pub(super) foreign: AtomicU32,
     pub(super) dropped: AtomicU32,
     pub(super) bad_framing: AtomicU32,
+    pub(super) bad_crc: AtomicU32,
+    pub(super) runts: AtomicU32,
+    pub(super) oversize: AtomicU32,
+    pub(super) reconnects: AtomicU32,
     pub(super) lost: AtomicU32,
 }
 
@@ -23,14 +27,34 @@ impl Tally {
         self.foreign.load(Ordering::Relaxed)
     }
 
-    /// Packets that found the inbound queue full.
+    /// Packets thrown away because the inbound queue was full.
     pub fn dropped(&self) -> u32 {
         self.dropped.load(Ordering::Relaxed)
     }
 
-    /// Serial frames that held no packet.
+    /// Serial frames with an escape of nothing.
     pub fn bad_framing(&self) -> u32 {
         self.bad_framing.load(Ordering::Relaxed)
+    }
+
+    /// Serial frames with a wrong CRC-32.
+    pub fn bad_crc(&self) -> u32 {
+        self.bad_crc.load(Ordering::Relaxed)
+    }
+
+    /// Frames shorter than any packet.
+    pub fn runts(&self) -> u32 {
+        self.runts.load(Ordering::Relaxed)
+    }
+
+    /// Frames longer than any packet.
+    pub fn oversize(&self) -> u32 {
+        self.oversize.load(Ordering::Relaxed)
+    }
+
+    /// Times that the line was lost and came back.
+    pub fn reconnects(&self) -> u32 {
+        self.reconnects.load(Ordering::Relaxed)
     }
 
     /// Packets whose client had gone or did not read, or that the system refused to send.

@@ -1,14 +1,15 @@
 //! UDP: one packet a datagram, answers only to the client of the exchange. One thread with its own runtime.
 
+use super::pace::Pace;
 use super::{
-    BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally,
-    Wire, count, inbox::inbox,
+    Airtime, BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE,
+    Tally, Wire, count, inbox::inbox,
 };
 use bytes::Bytes;
 use skyloop_firmware_sim::udp::UdpPort;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tokio::net::UdpSocket;
 use tokio::sync::mpsc::{Receiver, Sender, channel, error::TrySendError as TryQueue};
 
@@ -21,39 +22,47 @@ pub const UDP: Link = Link {
 };
 
 fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
-    url.only(&[])?;
     let address: SocketAddr = url
         .target
         .parse()
         .map_err(|_| url.refuse(format!("{:?} is not an address and a port", url.target)))?;
-    Ok(listen(address, &url.text, options)?.0)
+    Ok(listen(url, address, options)?.0)
 }
 
-fn loopback(options: &Options) -> Result<BothEnds, LinkError> {
-    const TEXT: &str = "udp://127.0.0.1:0";
-    let (wire, address) = listen(SocketAddr::from(([127, 0, 0, 1], 0)), TEXT, options)?;
-    let port = UdpPort::connect(address).map_err(|error| LinkError::Io {
-        url: format!("udp://{address}"),
-        action: "open the client's socket",
-        source: std::io::Error::other(error),
-        remedy: "check that 127.0.0.1 is up",
+fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
+    let (wire, address) = listen(url, SocketAddr::from(([127, 0, 0, 1], 0)), options)?;
+    let port = UdpPort::connect(address).map_err(|error| {
+        let error = std::io::Error::other(error);
+        url.failed(
+            "open the client's socket",
+            error,
+            "check that 127.0.0.1 is up",
+        )
     })?;
     Ok((wire, Box::new(port)))
 }
 
+/// Mbit/s that a limit may be.
+const RATES_MBIT: std::ops::RangeInclusive<f64> = 0.01..=100_000.0;
+
+/// The limit of a URL, in octets of packets (UDP, IP and Ethernet add 66 to each) a second.
+fn limit(url: &LinkUrl) -> Result<Option<f64>, LinkError> {
+    let rate = url.decimal_in("rate_mbit", RATES_MBIT)?;
+    Ok(rate.map(|mbit| mbit * 1e6 / 8.0))
+}
+
+fn airtime(octets_per_s: f64) -> Airtime {
+    Arc::new(move |octets| Duration::from_secs_f64(octets as f64 / octets_per_s))
+}
+
 fn listen(
+    url: &LinkUrl,
     address: SocketAddr,
-    text: &str,
     options: &Options,
 ) -> Result<(Wire, SocketAddr), LinkError> {
-    let failed = |action, remedy| {
-        move |source| LinkError::Io {
-            url: text.to_string(),
-            action,
-            source,
-            remedy,
-        }
-    };
+    url.only(&["rate_mbit"])?;
+    let limit = limit(url)?;
+    let failed = |action, remedy| move |source| url.failed(action, source, remedy);
     let socket = std::net::UdpSocket::bind(address).map_err(failed(
         "listen",
         "choose a free port and an address of this machine (port 0 takes any free port)",
@@ -77,6 +86,7 @@ fn listen(
     };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_io()
+        .enable_time()
         .build()
         .map_err(failed(
             "start its thread",
@@ -85,7 +95,7 @@ fn listen(
     let sender = std::thread::Builder::new()
         .name("udp".to_string())
         .spawn(move || {
-            let ended = runtime.block_on(carry(socket, arrivals, departures, exchange));
+            let ended = runtime.block_on(carry(socket, arrivals, departures, exchange, limit));
             if let Err(error) = ended {
                 tracing::error!(%error, "the udp link has ended");
             }
@@ -106,7 +116,7 @@ fn listen(
             inbox,
             outbox: Box::new(outbox),
             tally,
-            airtime: None,
+            airtime: limit.map(airtime),
             sender: Some(sender),
         },
         local,
@@ -132,13 +142,27 @@ impl Outbox for UdpOutbox {
     }
 }
 
+/// What a limited link may catch up at once, after a timer that came late: timers here go by milliseconds.
+const BURST: Duration = Duration::from_millis(5);
+
+/// Waits for `next`; for nothing if there is none.
+async fn until(next: Option<Instant>) {
+    if let Some(next) = next {
+        tokio::time::sleep_until(next.into()).await;
+    }
+}
+
 /// Carries packets until the emulator drops its end.
 async fn carry(
     socket: std::net::UdpSocket,
     arrivals: Intake,
     mut departures: Receiver<Outbound>,
     mut exchange: Exchange,
+    limit: Option<f64>,
 ) -> std::io::Result<()> {
+    let mut pace = limit.map(|octets_per_s| Pace::new(octets_per_s, BURST));
+    // When the next packet may leave.
+    let mut next = None;
     let socket = UdpSocket::from_std(socket)?;
     // Longer than any packet: a longer datagram is refused for its length.
     let mut buffer = vec![0; 1 << 16];
@@ -158,7 +182,8 @@ async fn carry(
                     return Ok(());
                 }
             }
-            departure = departures.recv() => match departure {
+            () = until(next), if next.is_some() => next = None,
+            departure = departures.recv(), if next.is_none() => match departure {
                 None => return Ok(()),
                 Some(Outbound::Release { exchange: number, asked }) => exchange.release(number, asked),
                 Some(Outbound::Packet { exchange: number, packet }) => {
@@ -167,6 +192,9 @@ async fn carry(
                         None => false,
                     };
                     if sent {
+                        let now = Instant::now();
+                        let free = pace.as_mut().map(|pace| pace.pass(packet.len(), now));
+                        next = free.filter(|free| *free > now);
                         exchange.tally.moved(packet.len());
                     } else {
                         count(&exchange.tally.lost);
@@ -254,13 +282,87 @@ impl Exchange {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::link::Standstill;
     use skyloop_protocols::MAX_PACKET;
     use skyloop_protocols::personality::NATIVE;
     use skyloop_protocols::{Command, WireTime};
-    use std::time::Duration;
 
     fn at(port: u16) -> SocketAddr {
         SocketAddr::from(([127, 0, 0, 1], port))
+    }
+
+    /// Octets a second that a client gets of a second full of numbered packets; lost ones have been sent, too.
+    fn delivered(mbit: f64) -> f64 {
+        const OCTETS: usize = 1250;
+        let patience = Duration::from_secs(20);
+        let options = Options {
+            idle: patience,
+            personality: &NATIVE,
+        };
+        let url = LinkUrl::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}")).unwrap();
+        let (mut wire, address) = listen(&url, at(0), &options).unwrap();
+        let client = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        client.send_to(b"hello", address).unwrap();
+        wire.inbox.recv_timeout(patience).unwrap();
+        let packets = (mbit * 1e6 / 8.0 / OCTETS as f64) as u32;
+        let began = Instant::now();
+        let sender = std::thread::spawn(move || {
+            for number in 0..=packets {
+                let mut packet = vec![0; OCTETS];
+                packet[..4].copy_from_slice(&number.to_be_bytes());
+                let packet = Bytes::from(packet);
+                let mut waiting = wire.outbox.offer(Outbound::Packet {
+                    exchange: 1,
+                    packet,
+                });
+                while let Ok(Some(packet)) = waiting {
+                    std::thread::sleep(Duration::from_micros(200));
+                    waiting = wire.outbox.offer(packet);
+                }
+            }
+            // Whoever listens must not wait for a last packet that was lost.
+            wire.close(Standstill::of(&wire.tally, patience));
+        });
+        client
+            .set_read_timeout(Some(Duration::from_millis(500)))
+            .unwrap();
+        let mut buffer = [0; 2 * OCTETS];
+        let mut arrivals = Vec::new();
+        while client.recv(&mut buffer).is_ok() {
+            let number = u32::from_be_bytes(*buffer.first_chunk().unwrap());
+            arrivals.push((f64::from(number) * OCTETS as f64, Instant::now()));
+        }
+        sender.join().unwrap();
+        let ((from, begin), (to, end)) = (arrivals[0], arrivals[arrivals.len() - 1]);
+        // Never more than the rate allows since it began, and what a late timer may catch up.
+        let most = mbit * 1e6 / 8.0 * (end - began + BURST).as_secs_f64();
+        assert!(to <= most, "{to} of {most}");
+        (to - from) / (end - begin).as_secs_f64()
+    }
+
+    #[test]
+    fn a_limited_link_sends_at_its_rate() {
+        for mbit in [1.0, 10.0, 100.0] {
+            let nominal = mbit * 1e6 / 8.0;
+            let close = |rate: &f64| (rate / nominal - 1.0).abs() <= 0.02;
+            // A machine that is busy with other things may keep the timer waiting: the best of three.
+            let mut rates = Vec::new();
+            while rates.len() < 3 && !rates.last().is_some_and(close) {
+                rates.push(delivered(mbit));
+            }
+            println!("{mbit} Mbit/s: {rates:.0?} octets/s of {nominal}");
+            assert!(rates.last().is_some_and(close), "{mbit}: {rates:?}");
+        }
+    }
+
+    #[test]
+    fn a_limited_packet_takes_its_time() {
+        let url = LinkUrl::parse("udp://127.0.0.1:0?rate_mbit=2.5").unwrap();
+        let airtime = limit(&url).unwrap().map(airtime).unwrap();
+        // 1250 octets are 10,000 bits.
+        assert_eq!(airtime(1250), Duration::from_millis(4));
+        let url = LinkUrl::parse("udp://127.0.0.1:0?rate_mbit=0").unwrap();
+        assert!(limit(&url).is_err());
     }
 
     #[test]

@@ -277,7 +277,18 @@ fn links() {
         &["nonsense", "no scheme", "udp://127.0.0.1:4810"],
     );
     link("udp://nohost", &["udp://nohost", "address and a port"]);
-    link("udp://127.0.0.1:0?rate=1", &["unknown option \"rate\""]);
+    link(
+        "udp://127.0.0.1:0?rate=1",
+        &["unknown option \"rate\"", "rate_mbit, roles"],
+    );
+    link(
+        "udp://127.0.0.1:0?rate_mbit=fast",
+        &["rate_mbit", "fast", "0.01 to 100000"],
+    );
+    link(
+        "udp://127.0.0.1:0?rate_mbit=1&rate_mbit=2",
+        &["\"rate_mbit\" is given twice"],
+    );
     link(
         "serial:///dev/nosuch",
         &[
@@ -299,7 +310,66 @@ fn links() {
         &["pigeon", "memory, udp, serial"],
     );
     refuses(
+        &["loopback", "--link", "memory?baud=1"],
+        &["unknown option \"baud\"", "memory has roles"],
+    );
+    refuses(
         &["run", "--config", "none.toml"],
         &["none.toml", "No such file"],
+    );
+}
+
+#[test]
+#[cfg(unix)]
+fn serial_ports() {
+    let link = |url: &str, words: &[&str]| {
+        refuses(&["run", "--config", "seed.toml", "--link", url], words);
+    };
+    for baud in ["0", "9599", "3000001"] {
+        link(
+            &format!("serial:///dev/nosuch?baud={baud}"),
+            &["baud = ", baud, "must be 9600 to 3000000"],
+        );
+    }
+    let no_port = "this is no serial port: name a device";
+    link("serial://file", &["serial://file", no_port]);
+    link("serial:///dev", &["serial:///dev", no_port]);
+    // X-Val: the options of a port without privileges are those of chmod(1), which root ignores; a device of another
+    // kind is refused to everybody.
+    link(
+        "serial:///dev/null",
+        &[
+            "serial:///dev/null",
+            "check that the device is a serial port",
+        ],
+    );
+    let (_near, far) = serialport::TTYPort::pair().unwrap();
+    let device = serialport::SerialPort::name(&far).unwrap();
+    drop(far);
+    let _user = serialport::new(&device, 9600).open().unwrap();
+    link(
+        &format!("serial://{device}"),
+        &[&device, "another program has it open"],
+    );
+}
+
+#[test]
+#[cfg(unix)]
+fn pseudo_terminals() {
+    let link = |url: &str, words: &[&str]| {
+        refuses(&["run", "--config", "seed.toml", "--link", url], words);
+    };
+    link("pty://", &["pty://", "no name for the client to open"]);
+    link("pty://file", &["pty://file", "choose another name"]);
+    link(
+        "pty://no/such",
+        &["pty://no/such", "a folder that you may write"],
+    );
+    link("pty://p?baud=300", &["baud = 300", "9600 to 3000000"]);
+    refuses(&["pty", "a", "file"], &["file", "choose another name"]);
+    refuses(&["pty", "a", "a"], &["link a", "choose another name"]);
+    refuses(
+        &["pty", "a", "b", "--baud", "300"],
+        &["--baud", "300", "9600..=3000000"],
     );
 }

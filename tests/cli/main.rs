@@ -2,6 +2,7 @@
 
 mod inputs;
 mod offline;
+mod pty;
 mod run;
 #[path = "../support/mod.rs"]
 mod support;

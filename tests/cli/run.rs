@@ -9,35 +9,37 @@ use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStdout, Command, Stdio};
 
 /// The emulator as a process, listening.
-struct Process {
+pub struct Process {
     child: Child,
     stdout: BufReader<ChildStdout>,
     /// Where it listens.
-    address: String,
+    pub address: String,
 }
 
 impl Process {
     fn start(flags: &[&str]) -> Process {
+        let config = repository("configs/run.toml");
+        let run = ["run", "--config", &config];
+        Process::of(&[&run, flags].concat(), "listening on ")
+    }
+
+    /// `skyloop` once it has printed a line that begins so; behind that stands its address.
+    pub fn of(flags: &[&str], begin: &str) -> Process {
         let mut child = Command::new(env!("CARGO_BIN_EXE_skyloop"))
-            .args(["run", "--config", &repository("configs/run.toml")])
             .args(flags)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
         let mut stdout = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
-        while !line.starts_with("listening on ") {
+        while !line.starts_with(begin) {
             line.clear();
             assert!(
                 stdout.read_line(&mut line).unwrap() > 0,
                 "it ends before it listens"
             );
         }
-        let address = line["listening on ".len()..]
-            .split(';')
-            .next()
-            .unwrap()
-            .to_string();
+        let address = line[begin.len()..].split(';').next().unwrap().to_string();
         Process {
             child,
             stdout,
@@ -45,7 +47,7 @@ impl Process {
         }
     }
 
-    fn signal(&self, name: &str) {
+    pub fn signal(&self, name: &str) {
         let id = self.child.id().to_string();
         assert!(
             Command::new("kill")
@@ -57,7 +59,7 @@ impl Process {
     }
 
     /// Exit code and the rest of what it printed.
-    fn end(mut self) -> (Option<i32>, String) {
+    pub fn end(mut self) -> (Option<i32>, String) {
         await_that("the process ends", || {
             std::thread::sleep(std::time::Duration::from_millis(5));
             self.child.try_wait().unwrap().is_some()
@@ -76,7 +78,7 @@ impl Drop for Process {
 }
 
 /// Two frames and a refusal, then `signal`: exit code 0 and the table.
-fn serves_until(signal: &str, process: Process, line: impl Line) {
+pub fn serves_until(signal: &str, process: Process, line: impl Line) {
     let mut client = Client::new(line);
     client.good_frame(1);
     client.good_frame(2);
@@ -92,7 +94,7 @@ fn serves_until(signal: &str, process: Process, line: impl Line) {
         "RSOs labelled",
         "attitudes 2",
         "frames_delivered 2",
-        "bad_length 1",
+        "runts 1",
     ] {
         assert!(table.contains(row), "no {row:?} in\n{table}");
     }

@@ -83,7 +83,7 @@ impl Line for MemoryLine {
 pub struct PtyLine {
     near: TTYPort,
     /// Keeps the far end's device alive while the emulator opens it by its path.
-    _far: TTYPort,
+    _far: Option<TTYPort>,
     decoder: slip::Decoder<{ slip::BUFFER }>,
     packets: VecDeque<Vec<u8>>,
 }
@@ -97,12 +97,23 @@ impl PtyLine {
         (
             PtyLine {
                 near,
-                _far: far,
+                _far: Some(far),
                 decoder,
                 packets: VecDeque::new(),
             },
             device,
         )
+    }
+
+    /// Opens the port called `name`, as a client does.
+    pub fn at(name: &str) -> PtyLine {
+        let near = serialport::new(name, 115_200).open_native().unwrap();
+        PtyLine {
+            near,
+            _far: None,
+            decoder: slip::Decoder::new(),
+            packets: VecDeque::new(),
+        }
     }
 
     /// Sends octets as they are.

@@ -269,12 +269,12 @@ pub fn cases() -> Vec<Case> {
         spoilt(
             "wrong format version",
             |p| {
-                p[14] = 2;
+                p[14] = 9;
                 reseal(p)
             },
             BadVersion,
             "bad_version",
-            &["format version", "2", "1"],
+            &["format version", "9", "2"],
         ),
         spoilt(
             "wrong packet version",

@@ -1,0 +1,35 @@
+//! `skyloop pty`: two pseudo-terminals joined by a line, for tests that have no serial ports.
+
+use anyhow::Context;
+use clap::Args as ClapArgs;
+use skyloop::link::Pair;
+use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
+use std::path::PathBuf;
+
+/// Arguments of `skyloop pty`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Name of one end, to open as a serial port; made, and removed at the end
+    #[arg(value_name = "PATH_A")]
+    a: PathBuf,
+    /// Name of the other end
+    #[arg(value_name = "PATH_B")]
+    b: PathBuf,
+    /// Baud rate of the line, both ways: 10 bit times an octet
+    #[arg(long, value_name = "N", default_value_t = 115_200, value_parser = clap::value_parser!(u32).range(9_600..=3_000_000), allow_negative_numbers = true)]
+    baud: u32,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let pair = Pair::open([&args.a, &args.b], args.baud)?;
+    let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
+    say(format_args!(
+        "{} <-> {} at {} baud, {} octets/s each way; Ctrl-C removes both\n",
+        args.a.display(),
+        args.b.display(),
+        args.baud,
+        f64::from(args.baud) / 10.0,
+    ))?;
+    Ok(pair.run(&stop)?)
+}

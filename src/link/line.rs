@@ -1,0 +1,213 @@
+//! Packets on a line of octets, common to serial ports and pseudo-terminals: SLIP frames in, SLIP frames out.
+
+use super::inbox::Gone;
+use super::{Airtime, Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, QUEUE, Tally, count};
+use bytes::Bytes;
+use skyloop_protocols::slip::{self, FrameError};
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
+use std::time::{Duration, Instant};
+
+/// How long a thread of a line waits before it looks whether the link is still wanted.
+pub(super) const READ_TIMEOUT: Duration = Duration::from_millis(100);
+
+/// Baud rates that a line may have. At less than some 7000 a packet takes longer than the 2 s after which a client
+/// that takes nothing has gone.
+const BAUD: RangeInclusive<u32> = 9_600..=3_000_000;
+
+/// The baud rate that a URL states.
+pub(super) fn baud_of(url: &LinkUrl, default: u32) -> Result<u32, LinkError> {
+    url.number_in("baud", default, BAUD)
+}
+
+/// 10 bit times an octet: the packet, its CRC-32, an END on both sides, and an escape for two octets of 256.
+pub(super) fn airtime(baud: u32) -> Airtime {
+    Arc::new(move |octets| {
+        let framed = octets as f64 + 4.0;
+        let octets = framed * (1.0 + 2.0 / 256.0) + 2.0;
+        Duration::from_secs_f64(octets * 10.0 / f64::from(baud))
+    })
+}
+
+/// Octets to packets.
+pub(super) struct Ear {
+    decoder: slip::Decoder<{ slip::BUFFER }>,
+    /// Frames without a packet since the last packet.
+    bad: u32,
+    /// Whether there ever was a packet.
+    heard: bool,
+    arrivals: Intake,
+    tally: Arc<Tally>,
+}
+
+impl Ear {
+    pub fn new(arrivals: Intake, tally: Arc<Tally>) -> Ear {
+        Ear {
+            decoder: slip::Decoder::new(),
+            bad: 0,
+            heard: false,
+            arrivals,
+            tally,
+        }
+    }
+
+    /// Forgets what has come of a frame: the line was lost in it.
+    pub fn restart(&mut self) {
+        self.decoder = slip::Decoder::new();
+    }
+
+    /// Queues the packets that end in `octets`; counts the frames that hold none.
+    pub fn hear(&mut self, octets: &[u8], exchange: u32) -> Result<(), Gone> {
+        for octet in octets {
+            match self.decoder.push(*octet) {
+                None => {}
+                Some(Err(error)) => {
+                    count(match error {
+                        FrameError::TooShort { .. } => &self.tally.runts,
+                        FrameError::TooLong { .. } => &self.tally.oversize,
+                        FrameError::BadEscape { .. } => &self.tally.bad_framing,
+                        FrameError::BadCrc32 { .. } => &self.tally.bad_crc,
+                    });
+                    self.bad = self.bad.saturating_add(1);
+                    if self.bad == 8 || (self.bad == 1 && !self.heard) {
+                        tracing::warn!(
+                            "octets come that hold no packet: check the baud rate of both ends, and the framing (SLIP)"
+                        );
+                    }
+                }
+                Some(Ok(packet)) => {
+                    (self.bad, self.heard) = (0, true);
+                    self.arrivals.push(Inbound {
+                        exchange,
+                        packet: Bytes::copy_from_slice(packet),
+                        arrived: Instant::now(),
+                    })?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A packet on its way out, and the exchange that it belongs to.
+type Departure = (u32, Bytes);
+
+/// The queue to the thread that writes.
+pub(super) struct LineOutbox {
+    queue: SyncSender<Departure>,
+    tally: Arc<Tally>,
+    address: String,
+}
+
+/// The queue's two ends.
+pub(super) fn outbox(address: &str, tally: &Arc<Tally>) -> (LineOutbox, Receiver<Departure>) {
+    let (queue, departures) = sync_channel(QUEUE);
+    let outbox = LineOutbox {
+        queue,
+        tally: tally.clone(),
+        address: address.to_string(),
+    };
+    (outbox, departures)
+}
+
+impl Outbox for LineOutbox {
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        // The line has one client: there is nothing to release.
+        let Outbound::Packet { exchange, packet } = what else {
+            return Ok(None);
+        };
+        match self.queue.try_send((exchange, packet)) {
+            Ok(()) => self.tally.queued(),
+            Err(TrySendError::Full((exchange, packet))) => {
+                return Ok(Some(Outbound::Packet { exchange, packet }));
+            }
+            Err(TrySendError::Disconnected(_)) => {
+                return Err(LinkError::Closed(self.address.clone()));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// What became of a frame.
+pub(super) enum Put {
+    Sent,
+    /// Its client has gone, or the line in the midst of it.
+    Lost,
+    /// The emulator has gone.
+    Unwanted,
+}
+
+/// Puts packets from the queue on the line until the emulator drops its end. `put` gets the exchange, the octets
+/// and whether the line was idle before.
+pub(super) fn write(
+    departures: &Receiver<Departure>,
+    tally: &Tally,
+    mut put: impl FnMut(u32, &[u8], bool) -> Put,
+) {
+    let mut line = Vec::with_capacity(slip::max_encoded_length(slip::BUFFER));
+    loop {
+        let (next, idle) = match departures.try_recv() {
+            Err(TryRecvError::Empty) => (departures.recv().ok(), true),
+            next => (next.ok(), false),
+        };
+        let Some((exchange, packet)) = next else {
+            return;
+        };
+        line.clear();
+        slip::encode(&packet, &mut |octet| line.push(octet));
+        match put(exchange, &line, idle) {
+            Put::Sent => {}
+            Put::Lost => count(&tally.lost),
+            Put::Unwanted => return,
+        }
+        tally.done();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::inbox::inbox;
+    use super::*;
+
+    #[test]
+    fn a_packet_takes_ten_bit_times_an_octet() {
+        // 1400 octets, 4 of CRC-32, 2 ENDs and 10.97 escapes expected: 14169.7 bits at 9600 a second.
+        assert_eq!(airtime(9600)(1400).as_millis(), 1476);
+    }
+
+    #[test]
+    fn what_is_no_packet_is_counted_by_its_kind_and_passed_over() {
+        let tally = Arc::new(Tally::default());
+        let (intake, inbox) = inbox(tally.clone());
+        let mut ear = Ear::new(intake, tally.clone());
+        let counts = || {
+            let tally = &tally;
+            [
+                tally.runts(),
+                tally.oversize(),
+                tally.bad_framing(),
+                tally.bad_crc(),
+            ]
+        };
+        let mut good = Vec::new();
+        slip::encode(b"packet", &mut |octet| good.push(octet));
+        let mut damaged = good.clone();
+        damaged[2] ^= 1;
+        let frames: [(&[u8], [u32; 4]); 5] = [
+            (&[slip::END, 1, 2, 3, slip::END], [1, 0, 0, 0]),
+            (&[7; slip::BUFFER + 1], [1, 0, 0, 0]),
+            (&[slip::END, slip::ESC, 1, 2, slip::END], [1, 1, 1, 0]),
+            (&damaged, [1, 1, 1, 1]),
+            (&good, [1, 1, 1, 1]),
+        ];
+        for (frame, expected) in frames {
+            ear.hear(frame, 5).unwrap();
+            assert_eq!(counts(), expected);
+        }
+        let inbound = inbox.try_recv().unwrap();
+        assert_eq!((&inbound.packet[..], inbound.exchange), (&b"packet"[..], 5));
+        assert!(inbox.try_recv().is_err());
+    }
+}

@@ -1,0 +1,88 @@
+//! Octets through pseudo-terminals at the pace of a baud rate.
+
+use super::pace::{Pace, sleep_until};
+use super::pseudo::{Heard, Pseudo, Written};
+use std::io;
+use std::time::{Duration, Instant};
+
+/// Octets are handed on in pieces of this time; one octet at least.
+pub(super) const PIECE: Duration = Duration::from_millis(1);
+/// How long one look for octets lasts.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Hears a pseudo-terminal at the pace of a line.
+pub(super) struct PacedEar {
+    pace: Pace,
+    buffer: Vec<u8>,
+}
+
+impl PacedEar {
+    pub fn new(baud: u32) -> PacedEar {
+        let pace = Pace::of_baud(baud);
+        PacedEar {
+            buffer: vec![0; pace.octets_in(PIECE).min(4096)],
+            pace,
+        }
+    }
+
+    /// The line stood still until now.
+    fn rest(&mut self) {
+        self.pace.rest(Instant::now());
+    }
+
+    /// The next octets, once the last of them has passed; with what else happened.
+    pub fn hear(&mut self, pseudo: &Pseudo) -> io::Result<(Heard, &[u8])> {
+        let heard = pseudo.hear(&mut self.buffer, LOOK)?;
+        let now = Instant::now();
+        let Heard::Octets { length, waited } = heard else {
+            self.pace.rest(now);
+            return Ok((heard, &[]));
+        };
+        if waited {
+            self.pace.rest(now);
+        }
+        sleep_until(self.pace.pass(length, now));
+        Ok((heard, &self.buffer[..length]))
+    }
+}
+
+/// Writes all octets as they find room; whether they had to wait for it. None if the client has gone, or they are no
+/// longer `wanted`.
+pub(super) fn write_all(
+    to: &Pseudo,
+    mut octets: &[u8],
+    client: Option<u32>,
+    wanted: &dyn Fn() -> bool,
+) -> io::Result<Option<bool>> {
+    let mut waited = false;
+    while !octets.is_empty() {
+        match to.write(octets, client)? {
+            Written::Nobody => return Ok(None),
+            Written::Octets(0) if !wanted() => return Ok(None),
+            Written::Octets(0) => {
+                waited = true;
+                to.wait_for_room()?;
+            }
+            Written::Octets(length) => octets = &octets[length..],
+        }
+    }
+    Ok(Some(waited))
+}
+
+/// Carries octets one way until they are no longer `wanted`. Where nobody holds the far end they are lost, as on any
+/// wire; where it does not read, they wait, as with flow control.
+pub(super) fn relay(
+    from: &Pseudo,
+    to: &Pseudo,
+    baud: u32,
+    wanted: &dyn Fn() -> bool,
+) -> io::Result<()> {
+    let mut ear = PacedEar::new(baud);
+    while wanted() {
+        let (_, octets) = ear.hear(from)?;
+        if let Some(true) = write_all(to, octets, None, wanted)? {
+            ear.rest();
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,351 @@
+//! Pseudo-terminals: the emulator makes one, gives it a name that clients open as they would a serial port, and
+//! carries octets both ways at the pace of a baud rate. SLIP frames with CRC-32, two threads.
+
+use super::inbox::inbox;
+use super::line::{Ear, Put, airtime, baud_of, outbox, write};
+use super::pace::{Pace, sleep_until};
+use super::paced::{PIECE, PacedEar, relay, write_all};
+use super::pseudo::{Heard, Pseudo, Refusal};
+use super::{BothEnds, Link, LinkError, LinkUrl, Options, Outbound, Outbox, Tally, Wire, count};
+use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Pseudo-terminals at the pace of a baud rate.
+pub const PTY: Link = Link {
+    scheme: "pty",
+    example: "pty://star-tracker?baud=115200",
+    open,
+    loopback,
+};
+
+fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
+    url.only(&["baud"])?;
+    let baud = baud_of(url, 115_200)?;
+    if url.target.is_empty() {
+        return Err(url.refuse("no name for the client to open".to_string()));
+    }
+    let pseudo = Pseudo::open(Some(Path::new(&url.target))).map_err(|error| error.of(url))?;
+    start(url, pseudo, baud)
+}
+
+fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+    url.only(&["baud"])?;
+    let baud = baud_of(url, 3_000_000)?;
+    let pseudo = Pseudo::open(None).map_err(|error| error.of(url))?;
+    let name = pseudo.name();
+    let wire = start(url, pseudo, baud)?;
+    let port = FlightComputerPort::open(&name, baud).map_err(|error| {
+        let error = io::Error::other(error);
+        url.failed("open the client's end", error, "try again")
+    })?;
+    Ok((wire, Box::new(port)))
+}
+
+impl Refusal {
+    fn of(self, url: &LinkUrl) -> LinkError {
+        url.failed(self.action, self.source, self.remedy)
+    }
+}
+
+fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32) -> Result<Wire, LinkError> {
+    let address = format!("pty://{}?baud={baud}", pseudo.name());
+    let pseudo = Arc::new(pseudo);
+    let tally = Arc::new(Tally::default());
+    let (arrivals, inbox) = inbox(tally.clone());
+    let (outbox, departures) = outbox(&address, &tally);
+    let ended = Arc::new(AtomicBool::new(false));
+    let (reading, stop, heard) = (pseudo.clone(), ended.clone(), tally.clone());
+    let watch = arrivals.watch();
+    let (ear, wanted) = (Ear::new(arrivals, tally.clone()), move || watch.is_wanted());
+    let thread = |name: &str| std::thread::Builder::new().name(name.to_string());
+    let no_thread = |error| {
+        url.failed(
+            "start its thread",
+            error,
+            "check the limits of this process",
+        )
+    };
+    thread("pty-read")
+        .spawn(move || {
+            if let Err(error) = read(&reading, baud, ear, &heard, &stop) {
+                tracing::error!(%error, "{} can no longer be read", reading.name());
+            }
+        })
+        .map_err(no_thread)?;
+    let (writing, sent) = (pseudo.clone(), tally.clone());
+    let sender = thread("pty-write")
+        .spawn(move || {
+            let mut pace = Pace::of_baud(baud);
+            write(&departures, &sent, |exchange, octets, idle| {
+                if idle {
+                    pace.rest(Instant::now());
+                }
+                put(&writing, &mut pace, exchange, octets, &sent, &wanted)
+            });
+            ended.store(true, Ordering::Relaxed);
+        })
+        .map_err(no_thread)?;
+    Ok(Wire {
+        address,
+        inbox,
+        outbox: Box::new(NamedOutbox { outbox, pseudo }),
+        tally,
+        airtime: Some(airtime(baud)),
+        sender: Some(sender),
+    })
+}
+
+/// The queue to the writer; the name goes with it, before the last packets have left.
+struct NamedOutbox<O> {
+    outbox: O,
+    pseudo: Arc<Pseudo>,
+}
+
+impl<O: Outbox> Outbox for NamedOutbox<O> {
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        self.outbox.offer(what)
+    }
+}
+
+impl<O> Drop for NamedOutbox<O> {
+    fn drop(&mut self) {
+        self.pseudo.remove_name();
+    }
+}
+
+/// Octets in, packets into the queue, until the writer has ended (the emulator dropped its end).
+fn read(
+    pseudo: &Pseudo,
+    baud: u32,
+    mut ear: Ear,
+    tally: &Tally,
+    stop: &AtomicBool,
+) -> io::Result<()> {
+    let mut paced = PacedEar::new(baud);
+    let mut clients = 0;
+    while !stop.load(Ordering::Relaxed) {
+        let (heard, octets) = paced.hear(pseudo)?;
+        if heard == Heard::Left {
+            tracing::warn!("nobody holds {} any more: waiting", pseudo.name());
+            ear.restart();
+        }
+        let before = std::mem::replace(&mut clients, pseudo.clients());
+        if clients != before && before > 0 {
+            count(&tally.reconnects);
+            tracing::warn!("{} has its next client", pseudo.name());
+        }
+        // Each client opens an exchange of its own.
+        if ear.hear(octets, clients).is_err() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Puts a frame on the line, as fast as that carries it.
+fn put(
+    pseudo: &Pseudo,
+    pace: &mut Pace,
+    exchange: u32,
+    octets: &[u8],
+    tally: &Tally,
+    wanted: &dyn Fn() -> bool,
+) -> Put {
+    for piece in octets.chunks(pace.octets_in(PIECE)) {
+        sleep_until(pace.pass(piece.len(), Instant::now()));
+        match write_all(pseudo, piece, Some(exchange), wanted) {
+            Ok(Some(waited)) => {
+                tally.moved(piece.len());
+                if waited {
+                    pace.rest(Instant::now());
+                }
+            }
+            Ok(None) if !wanted() => return Put::Unwanted,
+            Ok(None) => return Put::Lost,
+            Err(error) => {
+                tracing::error!(%error, "{} can no longer be written", pseudo.name());
+                return Put::Lost;
+            }
+        }
+    }
+    Put::Sent
+}
+
+/// Two pseudo-terminals with names, joined by a line of a baud rate each way.
+pub struct Pair {
+    ends: [Pseudo; 2],
+    baud: u32,
+}
+
+impl Pair {
+    /// Makes both; their names lead to them until the pair is dropped.
+    pub fn open(names: [&Path; 2], baud: u32) -> Result<Pair, LinkError> {
+        let end = |name: &Path| {
+            Pseudo::open(Some(name)).map_err(|error| LinkError::Io {
+                url: name.display().to_string(),
+                action: error.action,
+                source: error.source,
+                remedy: error.remedy,
+            })
+        };
+        let ends = [end(names[0])?, end(names[1])?];
+        Ok(Pair { ends, baud })
+    }
+
+    /// Carries octets both ways until `stop` is set.
+    pub fn run(&self, stop: &AtomicBool) -> Result<(), LinkError> {
+        let [a, b] = &self.ends;
+        let failed = AtomicBool::new(false);
+        let wanted = || !stop.load(Ordering::Relaxed) && !failed.load(Ordering::Relaxed);
+        let carry = |from: &Pseudo, to: &Pseudo| {
+            let done = relay(from, to, self.baud, &wanted);
+            failed.fetch_or(done.is_err(), Ordering::Relaxed);
+            done.map_err(|source| LinkError::Io {
+                url: from.name(),
+                action: "carry its octets on",
+                source,
+                remedy: "start again",
+            })
+        };
+        std::thread::scope(|scope| {
+            let back = scope.spawn(|| carry(b, a));
+            carry(a, b)?;
+            // A panic of the other thread is shown by its own message.
+            back.join().unwrap_or(Ok(()))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytes::Bytes;
+    use serialport::{ClearBuffer, SerialPort, TTYPort};
+    use skyloop_protocols::slip;
+    use std::io::{Read, Write};
+    use std::sync::mpsc::RecvTimeoutError;
+    use std::time::Duration;
+
+    const PATIENCE: Duration = Duration::from_secs(20);
+
+    fn client(name: &str) -> TTYPort {
+        let port = serialport::new(name, 115_200).timeout(PATIENCE);
+        port.open_native().unwrap()
+    }
+
+    fn framed(packet: &[u8]) -> Vec<u8> {
+        let mut line = Vec::new();
+        slip::encode(packet, &mut |octet| line.push(octet));
+        line
+    }
+
+    fn offer(wire: &mut Wire, exchange: u32, packet: &'static [u8]) {
+        let packet = Bytes::from_static(packet);
+        let full = wire.outbox.offer(Outbound::Packet { exchange, packet });
+        assert!(full.unwrap().is_none());
+    }
+
+    #[test]
+    fn one_client_closes_and_the_next_opens_an_exchange_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = folder.path().join("tracker").display().to_string();
+        let url = LinkUrl::parse(&format!("pty://{name}?baud=921600")).unwrap();
+        let options = Options {
+            idle: PATIENCE,
+            personality: &skyloop_protocols::personality::NATIVE,
+        };
+        let mut wire = open(&url, &options).unwrap();
+        assert_eq!(wire.address, url.text);
+        for exchange in 1..=3 {
+            let mut port = client(&name);
+            port.write_all(&framed(b"hello")).unwrap();
+            let inbound = wire.inbox.recv_timeout(PATIENCE).unwrap();
+            assert_eq!(
+                (&inbound.packet[..], inbound.exchange),
+                (&b"hello"[..], exchange)
+            );
+            assert_eq!(wire.tally.reconnects(), exchange - 1);
+            // What answers the client before is lost, and counted; half a packet ends with its client.
+            offer(&mut wire, exchange - 1, b"late");
+            offer(&mut wire, exchange, b"answer");
+            let mut answer = vec![0; framed(b"answer").len()];
+            port.read_exact(&mut answer).unwrap();
+            assert_eq!(answer, framed(b"answer"));
+            assert_eq!(wire.tally.lost(), exchange);
+            port.write_all(&framed(b"half")[..3]).unwrap();
+            drop(port);
+            let quiet = wire.inbox.recv_timeout(Duration::from_millis(200));
+            assert_eq!(quiet.unwrap_err(), RecvTimeoutError::Timeout);
+        }
+        assert_eq!(wire.tally.bad_framing() + wire.tally.bad_crc(), 0);
+        drop(wire);
+        assert!(Path::new(&name).symlink_metadata().is_err());
+    }
+
+    /// Octets a second that arrive at one end of a pair while the other end sends all it can; with `both`, that one
+    /// does too. Never more than the line carries since it began.
+    fn delivered(baud: u32, both: bool) -> f64 {
+        let folder = tempfile::tempdir().unwrap();
+        let names = ["a", "b"].map(|name| folder.path().join(name));
+        let pair = Pair::open([&names[0], &names[1]], baud).unwrap();
+        let stop = AtomicBool::new(false);
+        let [a, b] = names.map(|name| client(&name.display().to_string()));
+        let began = Instant::now();
+        let feed = |mut port: TTYPort| {
+            port.set_timeout(Duration::from_millis(50)).unwrap();
+            while !stop.load(Ordering::Relaxed) {
+                let _ = port.write(&[7; 256]);
+            }
+        };
+        let mut reader = b.try_clone_native().unwrap();
+        std::thread::scope(|scope| {
+            scope.spawn(|| pair.run(&stop).unwrap());
+            scope.spawn(|| feed(a.try_clone_native().unwrap()));
+            if both {
+                scope.spawn(|| feed(b.try_clone_native().unwrap()));
+                scope.spawn(|| {
+                    let mut port = a.try_clone_native().unwrap();
+                    port.set_timeout(Duration::from_millis(50)).unwrap();
+                    while !stop.load(Ordering::Relaxed) {
+                        let _ = port.read(&mut [0; 4096]);
+                    }
+                });
+            }
+            let mut buffer = [0; 4096];
+            // Counted between two arrivals, each at the end of its octets.
+            let first = reader.read(&mut buffer).unwrap();
+            let (begin, mut octets, mut last) = (Instant::now(), 0, Instant::now());
+            while begin.elapsed() < Duration::from_millis(1500) {
+                octets += reader.read(&mut buffer).unwrap();
+                last = Instant::now();
+            }
+            stop.store(true, Ordering::Relaxed);
+            // The feeders may be stuck in a write that nobody relays any more.
+            for end in [&a, &b] {
+                let _ = end.clear(ClearBuffer::All);
+            }
+            let most = f64::from(baud) / 10.0 * (last - began).as_secs_f64();
+            assert!((first + octets) as f64 <= most, "{octets} of {most}");
+            octets as f64 / (last - begin).as_secs_f64()
+        })
+    }
+
+    #[test]
+    fn a_pair_delivers_its_baud_rate_and_no_more() {
+        for (baud, both) in [(9600, false), (115_200, true), (3_000_000, false)] {
+            let nominal = f64::from(baud) / 10.0;
+            let close = |rate: &f64| (rate / nominal - 1.0).abs() <= 0.01;
+            // A machine that is busy with other things may keep the line waiting: the best of three.
+            let mut rates = Vec::new();
+            while rates.len() < 3 && !rates.last().is_some_and(close) {
+                rates.push(delivered(baud, both));
+            }
+            println!("{baud} baud, both ways {both}: {rates:.1?} octets/s of {nominal}");
+            assert!(rates.last().is_some_and(close), "{baud}: {rates:?}");
+        }
+    }
+}
