@@ -109,7 +109,7 @@ pub fn decode(data: &[u8], bits: u8, pixels: &mut [u16]) -> Result<(), DecodeErr
 /// Refuses the octets of a packet.
 const fn corrupt(rule: &'static str) -> DecodeError {
     DecodeError::BadValue {
-        field: "PixelBlock.data",
+        field: "Compressed.data",
         rule,
     }
 }

@@ -1,0 +1,298 @@
+//! CAN: plain frames, a node that hears anything at any time, two nodes with a bad channel between them.
+
+use crate::harness::{Random, Seen, Target};
+use crate::octets::{decode, golden};
+use skyloop_protocols::can::form::Frames;
+use skyloop_protocols::can::frame::padded_length;
+use skyloop_protocols::can::{CanFrame, Counts, Node, Parameters, Side};
+use skyloop_protocols::crc::crc16;
+use skyloop_protocols::{Command, MAX_PACKET};
+
+/// Reads a script octet by octet; 0 after its end.
+struct Script<'a>(&'a [u8]);
+
+impl Script<'_> {
+    fn take(&mut self) -> u8 {
+        let Some((first, rest)) = self.0.split_first() else {
+            return 0;
+        };
+        self.0 = rest;
+        *first
+    }
+
+    /// A time that passes, µs: mostly none, at most 2 s.
+    fn time(&mut self) -> u64 {
+        match self.take() {
+            octet @ 0..=0xEF => u64::from(octet % 16) * 10,
+            octet => u64::from(octet - 0xEF) * 125_000,
+        }
+    }
+
+    fn parameters(&mut self) -> Parameters {
+        let octet = self.take();
+        Parameters {
+            block_size: [0, 1, 3, 255][usize::from(octet >> 2 & 3)],
+            st_min: [0, 1, 0xF1, 0x80][usize::from(octet >> 4 & 3)],
+            padding: (octet & 0x40 != 0).then_some(0xCC),
+            frame_octets: 8 + usize::from(octet >> 3),
+            ..if octet & 1 == 1 {
+                Parameters::FD
+            } else {
+                Parameters::CLASSIC
+            }
+        }
+    }
+}
+
+fn note(counts: Counts, seen: &mut Seen) {
+    let size = |count: u32| count.checked_ilog2();
+    seen.note((
+        size(counts.ignored),
+        size(counts.incomplete),
+        size(counts.timeouts),
+    ));
+    seen.note((
+        size(counts.sequence_errors),
+        size(counts.oversize),
+        size(counts.unsent),
+    ));
+}
+
+/// Nine octets a frame: identifier, data; both sides hear it.
+pub const FORM: Target = Target {
+    name: "can-form",
+    seeds: || {
+        let script = |packet: Vec<u8>| {
+            let mut frames = Frames::of(&packet, 3)?;
+            let frames = std::iter::from_fn(|| frames.next(false));
+            Some(
+                frames
+                    .flat_map(|frame| [vec![frame.id as u8], frame.data[..8].to_vec()].concat())
+                    .collect(),
+            )
+        };
+        golden().into_iter().filter_map(script).collect()
+    },
+    run: |input, seen| {
+        let mut nodes = [
+            Node::new(Side::Emulator, false),
+            Node::new(Side::Client, false),
+        ];
+        for (at, record) in input.chunks(9).enumerate() {
+            let Some((id, data)) = record.split_first() else {
+                continue;
+            };
+            // 0x100 to 0x11F; 0x210 where the low bits are 0x1F. The lengths that these have, mostly.
+            let (id, octets) = match id {
+                0x00..=0x0F => (0x100 | u32::from(*id), data.len()),
+                0x10 => (0x110, data.len().min(7)),
+                0x1F => (0x210, data.len().min(4)),
+                _ => (
+                    0x100 | u32::from(id & 0x1F),
+                    usize::from(id >> 5).min(data.len()),
+                ),
+            };
+            let frame = CanFrame::new(id, false, &data[..octets]).expect("valid");
+            for node in &mut nodes {
+                if let Some(packet) = node.receive(&frame, at as u64 * 100) {
+                    let packet = packet.to_vec();
+                    decode(&packet, seen);
+                    if Command::decode(&packet).is_ok() {
+                        assert!(
+                            Frames::of(&packet, 0).is_some(),
+                            "what came this way can go this way"
+                        );
+                    }
+                }
+            }
+        }
+        nodes.iter().for_each(|node| note(node.counts(), seen));
+    },
+};
+
+/// A frame: what is done, time that passes, then as many octets as the first says.
+pub const RECEIVER: Target = Target {
+    name: "isotp",
+    seeds: || {
+        let frames = [
+            "03aabbcc",
+            "1014030a11181f26",
+            "212d343b42495057",
+            "225e656c737a8188",
+            "300000",
+            "310000",
+            "320000",
+            "30017f",
+            "0008030a11181f262d34cccc",
+            "1578112233445566",
+            "1000ffffffff1122",
+            "21",
+            "300000cccccccccc",
+        ];
+        let record = |text: &str| {
+            let digits = |at: usize| u8::from_str_radix(&text[at..at + 2], 16).expect("digits");
+            let data: Vec<u8> = (0..text.len()).step_by(2).map(digits).collect();
+            [vec![data.len() as u8 % 16 * 4, 0], data].concat()
+        };
+        let mut seeds: Vec<Vec<u8>> = frames
+            .iter()
+            .map(|text| [vec![0], record(text)].concat())
+            .collect();
+        seeds.push(
+            [
+                vec![0],
+                frames[1..4].iter().flat_map(|text| record(text)).collect(),
+            ]
+            .concat(),
+        );
+        seeds.push([vec![0, 3, 0, 20, 0, 0], record(frames[4]), vec![1, 0, 1, 0]].concat());
+        seeds
+    },
+    run: |input, seen| {
+        let mut script = Script(input);
+        let mut node = Node::with(Side::Emulator, script.parameters());
+        let mut now = 0;
+        while !script.0.is_empty() {
+            let what = script.take();
+            now += script.time();
+            match what % 4 {
+                0 => {
+                    let octets = padded_length(usize::from(what >> 2));
+                    let data: Vec<u8> = (0..octets).map(|_| script.take()).collect();
+                    let frame = CanFrame::new(0x120, octets > 8, &data).expect("valid");
+                    if let Some(packet) = node.receive(&frame, now) {
+                        assert!((1..=MAX_PACKET).contains(&packet.len()));
+                        seen.note(("message", packet.len().ilog2()));
+                    }
+                }
+                1 => {
+                    if let Some(frame) = node.next_frame(now) {
+                        assert!(frame.is_valid());
+                        seen.note(("sends", frame.data[0] >> 4, frame.len));
+                    }
+                }
+                2 => {
+                    let next = node.wake_at();
+                    now = next.map_or(now, |next| next.max(now));
+                    let gave = node.next_frame(now).is_some();
+                    assert!(
+                        gave || node.wake_at().is_none_or(|then| then > now),
+                        "awake for nothing"
+                    );
+                }
+                _ => {
+                    let length = usize::from(script.take()) * 6;
+                    let accepted = node.send(&vec![0x55; length], now).is_ok();
+                    seen.note(("takes", accepted));
+                }
+            }
+        }
+        note(node.counts(), seen);
+    },
+};
+
+/// Settings of both ends, six packets each, then an octet for every frame: what the channel does to it.
+pub const CHANNEL: Target = Target {
+    name: "isotp-channel",
+    seeds: || {
+        let mut random = Random(5);
+        let script = |number: u8| {
+            (0..200)
+                .map(|at| {
+                    if at < 14 {
+                        random.next() as u8
+                    } else {
+                        number % 2 * (random.next() as u8)
+                    }
+                })
+                .collect()
+        };
+        (0..8).map(script).collect()
+    },
+    run: channel,
+};
+
+/// Octets with a mark that is their own, and their CRC.
+fn sealed(length: usize, mark: u8) -> Vec<u8> {
+    let mut packet: Vec<u8> = (0..length)
+        .map(|at| (at as u8).wrapping_mul(31).wrapping_add(mark))
+        .collect();
+    packet.push(mark);
+    packet.extend_from_slice(&crc16(&packet).to_be_bytes());
+    packet
+}
+
+fn is_sealed(packet: &[u8]) -> bool {
+    packet
+        .split_last_chunk()
+        .is_some_and(|(before, crc)| crc16(before) == u16::from_be_bytes(*crc))
+}
+
+fn channel(input: &[u8], seen: &mut Seen) {
+    let mut script = Script(input);
+    let mut nodes = [
+        Node::with(Side::Emulator, script.parameters()),
+        Node::with(Side::Client, script.parameters()),
+    ];
+    let mut queues: [Vec<Vec<u8>>; 2] = Default::default();
+    for number in 0..12_u8 {
+        let length = 1 + usize::from(script.take()) * if number < 6 { 1 } else { 5 };
+        queues[usize::from(number % 2)].push(sealed(length, number));
+    }
+    let sent = queues.clone();
+    let mut held: [Option<CanFrame>; 2] = [None; 2];
+    let (mut now, mut delivered, mut harmed) = (0, 0, false);
+    // Every round sends a frame or lets a timer end, and there are only so many packets.
+    for round in 0.. {
+        assert!(round < 20_000, "no end");
+        let mut silent = true;
+        for from in 0..2 {
+            let to = 1 - from;
+            if let Some(packet) = queues[from].last()
+                && nodes[from].send(packet, now).is_ok()
+            {
+                queues[from].pop();
+            }
+            let Some(mut frame) = nodes[from].next_frame(now) else {
+                continue;
+            };
+            silent = false;
+            now += 100;
+            let fate = script.take();
+            let mut frames = vec![frame];
+            match fate >> 4 {
+                1 => frames.clear(),
+                2 => frames.push(frame),
+                3 => held[to] = frames.pop(),
+                4 => {
+                    frame.data[usize::from(fate & 7) % usize::from(frame.len).max(1)] ^= fate;
+                    frames = vec![frame];
+                }
+                5 => now += 200_000 * u64::from(fate & 0xF),
+                _ => frames.extend(held[to].take()),
+            }
+            harmed |= (1..=5).contains(&(fate >> 4));
+            for frame in frames {
+                if let Some(packet) = nodes[to].receive(&frame, now)
+                    && is_sealed(packet)
+                {
+                    delivered += 1;
+                    assert!(sent[from].iter().any(|one| one == packet), "never sent");
+                }
+            }
+        }
+        if silent {
+            match nodes.iter().filter_map(Node::wake_at).min() {
+                Some(wake) => {
+                    assert!(wake > now, "awake for nothing");
+                    now = wake;
+                }
+                None if queues.iter().all(Vec::is_empty) => break,
+                None => {}
+            }
+        }
+    }
+    assert!(harmed || delivered == 12, "a good channel delivers all");
+    seen.note(("delivered", delivered));
+    nodes.iter().for_each(|node| note(node.counts(), seen));
+}

@@ -1,0 +1,75 @@
+//! A fuzz target for every decoder: random octets, and corpus and golden vectors mutated, for a bounded number of inputs.
+//!
+//! `cargo test -p skyloop-protocols --test fuzz` feeds each target its corpus and 20,000 inputs. Ten million:
+//!
+//! ```text
+//! SKYLOOP_FUZZ_INPUTS=10000000 cargo test --release -p skyloop-protocols --test fuzz -- --ignored --nocapture ten_million
+//! ```
+//!
+//! `SKYLOOP_FUZZ_SEED=N` takes other random numbers. An input that fails is printed in hexadecimal digits: a file with it in
+//! `tests/corpus/<target>/` is tried first from then on. `SKYLOOP_FUZZ_KEEP=1` writes the shortest inputs that did something
+//! new there.
+
+mod bus;
+mod harness;
+mod octets;
+
+use harness::Target;
+
+/// All decoders.
+const TARGETS: [Target; 7] = [
+    octets::SLIP,
+    octets::PACKET,
+    octets::SLCAN,
+    octets::RICE,
+    bus::FORM,
+    bus::RECEIVER,
+    bus::CHANNEL,
+];
+
+/// Inputs of a target in the usual test run.
+const INPUTS: u64 = 20_000;
+
+macro_rules! usual {
+    ($($name:ident: $target:expr,)+) => {
+        $(#[test]
+        fn $name() {
+            harness::fuzz(&$target, INPUTS);
+        })+
+
+        #[test]
+        fn every_target_is_run() {
+            let run = [$($target.name),+];
+            assert_eq!(run, TARGETS.map(|target| target.name));
+        }
+    };
+}
+
+usual! {
+    slip: octets::SLIP,
+    space_packets: octets::PACKET,
+    slcan: octets::SLCAN,
+    rice: octets::RICE,
+    can_form: bus::FORM,
+    isotp_receiver: bus::RECEIVER,
+    isotp_channel: bus::CHANNEL,
+}
+
+#[test]
+#[ignore = "takes minutes: the head of this file has the command"]
+fn ten_million() {
+    let wanted = std::env::var("SKYLOOP_FUZZ_INPUTS")
+        .map_or(10_000_000, |text| text.parse().expect("a number of inputs"));
+    let (start, memory) = (std::time::Instant::now(), harness::resident_kib());
+    let mut inputs = 0;
+    for target in &TARGETS {
+        inputs += harness::fuzz(target, u64::div_ceil(wanted, TARGETS.len() as u64));
+    }
+    println!(
+        "{inputs} inputs in {:.0} s; resident {} KiB at the start, {} at the end, {} at most",
+        start.elapsed().as_secs_f64(),
+        memory.now,
+        harness::resident_kib().now,
+        harness::resident_kib().peak,
+    );
+}
