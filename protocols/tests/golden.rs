@@ -32,14 +32,12 @@ fn command(v: &Vector) -> Command {
         .expect(opcode)
     {
         Opcode::Exposure => Command::Exposure {
-            seconds: v.float("value"),
+            seconds: v.float("seconds"),
         },
         Opcode::Gain => Command::Gain {
-            e_per_dn: v.float("value"),
+            e_per_dn: v.float("e_per_dn"),
         },
-        Opcode::FrameRate => Command::FrameRate {
-            hz: v.float("value"),
-        },
+        Opcode::FrameRate => Command::FrameRate { hz: v.float("hz") },
         Opcode::SingleShot => Command::SingleShot,
         Opcode::Reset => Command::Reset,
         Opcode::Ping => Command::Ping,
@@ -48,7 +46,7 @@ fn command(v: &Vector) -> Command {
         },
         Opcode::Output => Command::Output(output(v)),
         Opcode::Positions => {
-            let numbers = v.integers("centres");
+            let numbers = v.integers("at");
             let centres: Vec<[u16; 2]> = numbers
                 .chunks(2)
                 .map(|c| [c[0] as u16, c[1] as u16])
@@ -128,8 +126,8 @@ fn frame_header(v: &Vector) -> FrameHeader {
         height: v.integer("height"),
         bits: v.integer("bits"),
         packing: packing(v),
-        pixel_level: PixelLevel::from_code(v.integer("pixels_sent")).expect("pixels"),
-        label_level: LabelLevel::from_code(v.integer("labels_sent")).expect("labels"),
+        pixel_level: PixelLevel::from_code(v.integer("pixel_level")).expect("pixels"),
+        label_level: LabelLevel::from_code(v.integer("label_level")).expect("labels"),
         window_size: v.integer("window_size"),
         windows: v.integer("windows"),
         blocks: v.integer("blocks"),

@@ -5,7 +5,7 @@ use toml::{Table, Value};
 
 use crate::NOTE;
 use crate::bytes::{crc32, from_hex, hex};
-use crate::encode::{Around, can_frames, float, numbers, packet, payload, text_or_hex, unsigned};
+use crate::encode::{Around, can_frames, float, numbers, packet, payload, unsigned};
 use crate::model::{Field, Kind, Message, Number, Rest, Schema};
 
 #[derive(Debug, Deserialize)]
@@ -199,10 +199,16 @@ impl Vectors {
             if let Some(opcode) = &vector.opcode {
                 out += &format!("opcode = {opcode}\n");
             }
-            for (field, value) in &vector.fields {
-                out +=
-                    &format!("{} = {}", field.name, shown(field, value)).replace(" = \n", " =\n");
-                out = out.trim_end().to_owned() + "\n";
+            for (name, value) in vector
+                .fields
+                .iter()
+                .flat_map(|(field, value)| shown(field, value))
+            {
+                out += format!("{name} = {value}").trim_end();
+                out.push('\n');
+            }
+            if let Some(records) = vector.records() {
+                out += &format!("records = {}\n", hex(records, 2000));
             }
             out += &format!("hex = {}\n\n", spaced(&vector.octets));
         }
@@ -230,6 +236,20 @@ impl Vectors {
             out += "\n\n";
         }
         out
+    }
+}
+
+impl Good {
+    /// The records at its end.
+    fn records(&self) -> Option<&[u8]> {
+        let (field, _) = self.fields.last()?;
+        let fixed: usize = self
+            .fields
+            .iter()
+            .filter_map(|(field, _)| field.octets())
+            .sum();
+        let rest = self.octets.get(15 + fixed..self.octets.len() - 2);
+        rest.filter(|_| field.kind == Kind::Rest(Rest::Records))
     }
 }
 
@@ -335,71 +355,54 @@ fn slip(packet: &[u8]) -> Vec<u8> {
         .collect()
 }
 
-/// A value as `golden.txt` writes it.
-fn shown(field: &Field, value: &Value) -> String {
-    let number = |number: &Number, value: &Value| match number {
+/// A field as `golden.txt` writes it: names and values.
+fn shown(field: &Field, value: &Value) -> Vec<(String, String)> {
+    let number = |kind: &Number, value: &Value| match kind {
         Number::Float(_) => format!("{:?}", float(value).unwrap_or(f64::NAN)),
         Number::Time => format!("{:#018x}", unsigned(value).unwrap_or_default()),
-        Number::Unsigned(_) if field.name.contains("crc") => {
-            format!("{:#010x}", unsigned(value).unwrap_or_default())
-        }
         Number::Unsigned(_) => unsigned(value).unwrap_or_default().to_string(),
     };
-    let list = |value: &Value| {
-        let numbers = numbers(value).unwrap_or_default();
-        numbers
-            .iter()
-            .map(|value| value.to_string())
-            .collect::<Vec<_>>()
-            .join(" ")
+    let list = |values: &[Value], kind: &Number| {
+        let values = values.iter().map(|value| number(kind, value));
+        values.collect::<Vec<_>>().join(" ")
     };
+    let values = numbers(value).unwrap_or_default();
+    let named = |name: &str, value: String| vec![(name.to_owned(), value)];
     match &field.kind {
-        Kind::One(kind) => number(kind, value),
-        Kind::Array(kind, _) => {
-            let values = numbers(value).unwrap_or_default();
-            values
-                .iter()
-                .map(|value| number(kind, value))
-                .collect::<Vec<_>>()
-                .join(" ")
+        Kind::One(kind) => {
+            // The header has fields of these names.
+            let own = ["apid", "sequence_count"].contains(&field.name.as_str());
+            let name = if own {
+                format!("answers_{}", field.name)
+            } else {
+                field.name.clone()
+            };
+            named(&name, number(kind, value))
         }
-        Kind::Rest(Rest::Pixels) => list(value),
+        Kind::Array(kind, _) => named(&field.name, list(&values, kind)),
+        Kind::Rest(Rest::Pixels) => named("pixels", list(&values, &Number::Unsigned(2))),
         Kind::Rest(Rest::Windows) => {
-            let windows = numbers(value).unwrap_or_default();
-            let shown = windows.iter().filter_map(Value::as_table).map(|window| {
-                let part = |key: &str| {
-                    window.get(key).map(|value| match value {
-                        Value::Integer(number) => number.to_string(),
-                        pixels => list(pixels),
-                    })
-                };
-                format!(
-                    "{} {}: {}",
-                    part("column").unwrap_or_default(),
-                    part("row").unwrap_or_default(),
-                    part("pixels").unwrap_or_default()
-                )
-            });
-            shown.collect::<Vec<_>>().join(" / ")
+            let inner = |keys: &[&str]| {
+                let windows = values.iter().filter_map(Value::as_table);
+                let cells =
+                    windows.flat_map(|window| keys.iter().filter_map(|key| window.get(*key)));
+                let cells = cells.flat_map(|cell| numbers(cell).unwrap_or(vec![cell.clone()]));
+                list(&cells.collect::<Vec<_>>(), &Number::Unsigned(2))
+            };
+            [
+                named("places", inner(&["column", "row"])),
+                named("pixels", inner(&["pixels"])),
+            ]
+            .concat()
         }
-        Kind::Rest(Rest::Records) => {
-            let records = numbers(value).unwrap_or_default();
-            let shown = records.iter().filter_map(Value::as_table).map(|record| {
-                let cells = record.iter().map(|(name, value)| match value {
-                    Value::String(text) => format!("{name} {text}"),
-                    Value::Float(number) => format!("{name} {number:?}"),
-                    other => format!("{name} {other}"),
-                });
-                cells.collect::<Vec<_>>().join(", ")
-            });
-            shown.collect::<Vec<_>>().join(" / ")
-        }
+        // Records stand in `vectors.toml`, field by field.
+        Kind::Rest(Rest::Records) => Vec::new(),
         _ => {
             let text = value.as_str().unwrap_or_default();
-            match text_or_hex(text) {
-                Ok(octets) if text.starts_with("hex:") => hex(&octets, 2000),
-                _ => text.to_owned(),
-            }
+            named(
+                &field.name,
+                text.strip_prefix("hex:").unwrap_or(text).to_owned(),
+            )
         }
     }
 }
