@@ -59,7 +59,7 @@ impl Bits {
     /// Appends the last `bits` bits of a number.
     pub fn put(&mut self, value: u64, bits: usize) {
         for bit in (0..bits).rev() {
-            if self.used % 8 == 0 {
+            if self.used.is_multiple_of(8) {
                 self.octets.push(0);
             }
             if let (1, Some(last)) = (value >> bit & 1, self.octets.last_mut()) {
