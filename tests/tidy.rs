@@ -27,7 +27,7 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
         "console", "image", "pacing", "pointing", "port", "reader", "text", "time", "times",
     ],
-    &["attitude_list", "background", "serial", "udp"],
+    &["attitude_list", "background", "can", "serial", "udp"],
     &["link", "profile", "signal"],
     &["blobs", "mission"],
     &["detector"],

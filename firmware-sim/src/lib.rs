@@ -16,6 +16,7 @@
 pub mod attitude_list;
 mod background;
 mod blobs;
+pub mod can;
 pub mod console;
 pub mod detector;
 pub mod event;

@@ -1,11 +1,12 @@
 //! A link by its address.
 
+use crate::can::port::{CAN, SLCAN};
 use crate::port::{OpenError, Port, PortError, Scheme};
 use crate::serial::SERIAL;
 use crate::udp::UDP;
 
 /// Every kind of link that an address can name.
-pub const SCHEMES: &[Scheme] = &[UDP, SERIAL];
+pub const SCHEMES: &[Scheme] = &[UDP, SERIAL, CAN, SLCAN];
 
 /// Opens `udp://HOST:PORT`, `serial://PATH[?baud=N]`, or what else [`SCHEMES`] has.
 ///

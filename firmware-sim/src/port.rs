@@ -57,6 +57,14 @@ pub enum PortError {
         /// The system's answer.
         source: io::Error,
     },
+    /// It cannot be opened, for a reason that has a remedy.
+    #[error("{link}: {source}")]
+    Refused {
+        /// The link's address.
+        link: String,
+        /// What was tried, and what to do.
+        source: Refusal,
+    },
     /// A message that does not fit a packet.
     #[error("cannot lay out a packet: {0}")]
     Encode(#[from] EncodeError),
@@ -81,6 +89,18 @@ impl PortError {
             source,
         }
     }
+}
+
+/// Why a device or an interface cannot be opened, and what to do.
+#[derive(Debug, Error)]
+#[error("cannot {action}: {source}; {remedy}")]
+pub struct Refusal {
+    /// What was tried.
+    pub action: &'static str,
+    /// The system's answer.
+    pub source: io::Error,
+    /// What to do.
+    pub remedy: String,
 }
 
 /// A kind of link that an address can name.

@@ -24,8 +24,5 @@ fn the_kernel_segments_messages() {
     drop(input);
     assert!(sender.wait().unwrap().success());
     let received = receiver.wait_with_output().unwrap();
-    assert_eq!(
-        String::from_utf8(received.stdout).unwrap().trim(),
-        message
-    );
+    assert_eq!(String::from_utf8(received.stdout).unwrap().trim(), message);
 }

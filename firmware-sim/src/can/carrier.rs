@@ -1,0 +1,396 @@
+//! Between whole packets and a bus: one thread reads frames, another has the [`Node`], sends, and keeps the pace.
+//!
+//! The reader does nothing but read, so that the kernel's buffer never fills up while a frame waits for its turn on the
+//! bus. A bus that goes (an interface set down, an adapter unplugged) is opened again until it is back.
+
+use super::pacing::{Pace, Rates};
+use super::{CanBus, Opener, Sending, Trouble};
+use skyloop_protocols::can::{CanFrame, Counts, Lane, Node};
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// What the carrier works for: its packets, its client's, and its book-keeping.
+pub trait Above: Send + 'static {
+    /// A packet to send.
+    type Packet: AsRef<[u8]> + Send;
+
+    /// The next packet to send.
+    fn next(&mut self) -> Next<Self::Packet>;
+
+    /// A packet that has arrived whole, when its last frame had. False: nobody wants packets any more.
+    fn arrived(&mut self, packet: &[u8], at: Instant) -> bool;
+
+    /// Whether anybody still wants its packets: if not, the carrier ends, whatever is under way.
+    fn is_wanted(&self) -> bool;
+
+    /// Something to book or to report.
+    fn note(&mut self, note: Note);
+}
+
+/// Whether there is something to send.
+pub enum Next<P> {
+    /// This packet.
+    Packet(P),
+    /// Nothing now.
+    Nothing,
+    /// Nothing any more: what is under way leaves, and the carrier ends.
+    Closed,
+}
+
+/// What happens on the bus.
+#[derive(Debug)]
+pub enum Note {
+    /// A frame with so many data octets has left.
+    Moved(usize),
+    /// A packet has left, or has been given up: that is an `Unsent` too.
+    Done,
+    /// Packets that did not get through.
+    Unsent(u32),
+    /// Messages that began to arrive and were never whole.
+    Incomplete(u32),
+    /// What came and was no frame.
+    Garbled(u32),
+    /// Messages longer than any packet.
+    Oversize(u32),
+    /// The controller reports an error, or has left the bus, or is back.
+    Trouble(Trouble),
+    /// The bus has gone.
+    Gone(io::Error),
+    /// The bus is back.
+    Back,
+}
+
+/// How long the reader waits before it looks whether it is still wanted.
+const READ_TIMEOUT: Duration = Duration::from_millis(50);
+/// How long the carrier sleeps at most.
+const NAP: Duration = Duration::from_millis(100);
+/// Until a full queue is tried again, at least: a few frames of a bus at 1 Mbit/s.
+const FULL: Duration = Duration::from_micros(500);
+/// Between two attempts to open a bus that has gone.
+const RETRY: Duration = Duration::from_millis(200);
+/// Frames that may wait for the carrier.
+const QUEUE: usize = 1024;
+
+/// What wakes the carrier.
+enum Event {
+    Frame(CanFrame, Instant),
+    /// There may be a packet to send.
+    Wake,
+    Garbled(u32),
+    Gone(io::Error),
+}
+
+/// Tells the carrier that there is something to send.
+#[derive(Clone)]
+pub struct Waker(SyncSender<Event>);
+
+impl Waker {
+    /// Wakes it. With a full queue it is awake.
+    pub fn wake(&self) {
+        let _ = self.0.try_send(Event::Wake);
+    }
+}
+
+/// Starts the two threads, called `name`. The thread behind the handle ends when `above` has nothing to send any more and all
+/// has left, or when nobody wants its packets.
+///
+/// # Errors
+/// The system gives no thread or no second handle to the bus.
+pub fn start<A: Above>(
+    name: &str,
+    bus: Box<dyn CanBus>,
+    opener: Option<Opener>,
+    node: Node,
+    rates: Rates,
+    above: A,
+) -> io::Result<(Waker, JoinHandle<()>)> {
+    let (wake, events) = sync_channel(QUEUE);
+    let reader = Reader::start(name, bus.share()?, wake.clone())?;
+    let mut carrier = Carrier {
+        name: name.to_string(),
+        bus,
+        reader: Some(reader),
+        opener,
+        wake: wake.clone(),
+        events,
+        node,
+        counts: Counts::default(),
+        pace: Pace::new(rates),
+        above,
+        waiting: None,
+        under_way: [false; 2],
+        frame: None,
+        closed: false,
+        start: Instant::now(),
+    };
+    let thread = std::thread::Builder::new()
+        .name(format!("{name}-send"))
+        .spawn(move || while carrier.turn() {})?;
+    Ok((Waker(wake), thread))
+}
+
+/// The thread that reads.
+struct Reader {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Reader {
+    fn start(
+        name: &str,
+        mut bus: Box<dyn CanBus>,
+        events: SyncSender<Event>,
+    ) -> io::Result<Reader> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let thread = std::thread::Builder::new()
+            .name(format!("{name}-read"))
+            .spawn(move || {
+                while !stopped.load(Ordering::Relaxed) {
+                    let (event, gone) = match bus.recv(READ_TIMEOUT) {
+                        Ok(None) => (None, false),
+                        Ok(Some(frame)) => (Some(Event::Frame(frame, Instant::now())), false),
+                        Err(error) => (Some(Event::Gone(error)), true),
+                    };
+                    let garbled = Some(bus.garbled()).filter(|more| *more > 0);
+                    let events_now = garbled.map(Event::Garbled).into_iter().chain(event);
+                    if events_now
+                        .into_iter()
+                        .any(|event| events.send(event).is_err())
+                        || gone
+                    {
+                        return;
+                    }
+                }
+            })?;
+        Ok(Reader {
+            stop,
+            thread: Some(thread),
+        })
+    }
+}
+
+impl Drop for Reader {
+    fn drop(&mut self) {
+        // It ends within its time-out; a reader that waits for room in the queue ends with the carrier.
+        self.stop.store(true, Ordering::Relaxed);
+        drop(self.thread.take());
+    }
+}
+
+/// The thread that sends.
+struct Carrier<A: Above> {
+    name: String,
+    bus: Box<dyn CanBus>,
+    reader: Option<Reader>,
+    opener: Option<Opener>,
+    wake: SyncSender<Event>,
+    events: Receiver<Event>,
+    node: Node,
+    /// What the node had counted when it was last asked.
+    counts: Counts,
+    pace: Pace,
+    above: A,
+    /// A packet whose lane is busy.
+    waiting: Option<A::Packet>,
+    /// Whether a packet of ours is under way in each lane.
+    under_way: [bool; 2],
+    /// A frame that the bus did not take yet.
+    frame: Option<CanFrame>,
+    closed: bool,
+    start: Instant,
+}
+
+impl<A: Above> Carrier<A> {
+    /// Sends what may go, then waits for the next event and takes all there are. False: this is the end.
+    fn turn(&mut self) -> bool {
+        self.feed();
+        let due = match self.push() {
+            Ok(due) => due,
+            Err(error) => return self.recover(error),
+        };
+        self.book();
+        if self.closed && self.is_idle() || !self.above.is_wanted() {
+            return false;
+        }
+        let mut event = match self.events.recv_timeout(self.until(due)) {
+            Ok(event) => event,
+            Err(RecvTimeoutError::Timeout) => return true,
+            Err(RecvTimeoutError::Disconnected) => return false,
+        };
+        // Bounded, so that a flood does not keep us from sending.
+        for _ in 0..QUEUE {
+            match event {
+                Event::Wake => {}
+                Event::Gone(error) => return self.recover(error),
+                Event::Garbled(more) => self.above.note(Note::Garbled(more)),
+                Event::Frame(frame, at) => {
+                    if !self.receive(&frame, at) {
+                        return false;
+                    }
+                }
+            }
+            event = match self.events.try_recv() {
+                Ok(event) => event,
+                Err(TryRecvError::Empty) => return true,
+                Err(TryRecvError::Disconnected) => return false,
+            };
+        }
+        true
+    }
+
+    fn now_us(&self, at: Instant) -> u64 {
+        let since = at.saturating_duration_since(self.start);
+        u64::try_from(since.as_micros()).unwrap_or(u64::MAX)
+    }
+
+    /// How long there is nothing to do: `due` is when the bus takes a frame that waits.
+    fn until(&self, due: Option<Instant>) -> Duration {
+        let now = Instant::now();
+        let due = due.map(|due| due.saturating_duration_since(now));
+        // A frame that is due waits for the bus; the node's next timer is one more reason to wake.
+        let node = match due {
+            Some(_) => None,
+            None => self.node.wake_at(),
+        };
+        let node = node.map(|at| Duration::from_micros(at.saturating_sub(self.now_us(now))));
+        due.into_iter()
+            .chain(node)
+            .chain([NAP])
+            .min()
+            .unwrap_or(NAP)
+    }
+
+    fn is_idle(&self) -> bool {
+        let lanes = [Lane::Plain, Lane::Long];
+        self.frame.is_none()
+            && self.waiting.is_none()
+            && lanes.iter().all(|lane| self.node.is_idle(*lane))
+    }
+
+    /// Gives packets to the node while its lanes take them.
+    fn feed(&mut self) {
+        self.finish();
+        loop {
+            let packet = match self.waiting.take() {
+                Some(packet) => packet,
+                None if self.closed => return,
+                None => match self.above.next() {
+                    Next::Packet(packet) => packet,
+                    Next::Nothing => return,
+                    Next::Closed => {
+                        self.closed = true;
+                        return;
+                    }
+                },
+            };
+            let now = self.now_us(Instant::now());
+            let lane = self.node.lane(packet.as_ref());
+            if self.node.send(packet.as_ref(), now).is_err() {
+                self.waiting = Some(packet);
+                return;
+            }
+            self.under_way[lane as usize] = true;
+            self.finish();
+        }
+    }
+
+    /// Books the packets that have left their lane.
+    fn finish(&mut self) {
+        for lane in [Lane::Plain, Lane::Long] {
+            let under_way = &mut self.under_way[lane as usize];
+            if *under_way && self.node.is_idle(lane) {
+                *under_way = false;
+                self.above.note(Note::Done);
+            }
+        }
+    }
+
+    /// Puts frames on the bus while its pace and its queue allow it; when to go on, if one waits.
+    fn push(&mut self) -> io::Result<Option<Instant>> {
+        loop {
+            let now = Instant::now();
+            if self.frame.is_none() {
+                // Due is a frame, or the end of a timer: then there is none.
+                if self.node.wake_at().is_none_or(|at| at > self.now_us(now)) {
+                    return Ok(None);
+                }
+                if let Some(free) = self.pace.until(now) {
+                    return Ok(Some(free));
+                }
+                self.frame = self.node.next_frame(self.now_us(now));
+            }
+            let Some(frame) = self.frame else {
+                return Ok(None);
+            };
+            if self.bus.send(&frame)? == Sending::Full {
+                return Ok(Some(now + self.pace.duration(&frame).max(FULL)));
+            }
+            self.frame = None;
+            self.pace.sent(&frame, now);
+            self.above.note(Note::Moved(frame.len.into()));
+            self.feed();
+        }
+    }
+
+    fn receive(&mut self, frame: &CanFrame, at: Instant) -> bool {
+        if let Some(trouble) = Trouble::of(frame) {
+            self.above.note(Note::Trouble(trouble));
+            return true;
+        }
+        let now = self.now_us(Instant::now());
+        match self.node.receive(frame, now) {
+            Some(packet) => self.above.arrived(packet, at),
+            None => true,
+        }
+    }
+
+    /// Passes on what the node has counted since.
+    fn book(&mut self) {
+        let (now, before) = (self.node.counts(), self.counts);
+        self.counts = now;
+        let more = |now: u32, before: u32| Some(now.wrapping_sub(before)).filter(|more| *more > 0);
+        if let Some(more) = more(now.unsent, before.unsent) {
+            self.above.note(Note::Unsent(more));
+        }
+        if let Some(more) = more(now.incomplete, before.incomplete) {
+            self.above.note(Note::Incomplete(more));
+        }
+        if let Some(more) = more(now.oversize, before.oversize) {
+            self.above.note(Note::Oversize(more));
+        }
+    }
+
+    /// Waits for a bus that has gone. The packet under way is not lost yet: the node's timers tell.
+    fn recover(&mut self, error: io::Error) -> bool {
+        self.above.note(Note::Gone(error));
+        self.reader = None;
+        let Some(opener) = &mut self.opener else {
+            return false;
+        };
+        let bus = loop {
+            std::thread::sleep(RETRY);
+            if !self.above.is_wanted() {
+                return false;
+            }
+            if let Ok(bus) = opener() {
+                break bus;
+            }
+        };
+        // What the old reader left behind belongs to the old bus.
+        while self.events.try_recv().is_ok() {}
+        let reader = bus
+            .share()
+            .and_then(|bus| Reader::start(&self.name, bus, self.wake.clone()));
+        match reader {
+            Ok(reader) => (self.bus, self.reader) = (bus, Some(reader)),
+            Err(error) => return self.recover(error),
+        }
+        self.above.note(Note::Back);
+        true
+    }
+}

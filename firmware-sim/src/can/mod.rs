@@ -1,0 +1,84 @@
+//! CAN buses as both ends of the cable use them: frames through the kernel's SocketCAN or through a LAWICEL-style adapter
+//! on a serial line, sent no faster than the bus carries them.
+//!
+//! 1. [`CanBus`]: what a bus can do. [`socket`] and [`slcan`] are the two there are.
+//! 2. [`settings`]: what a link's address says about a bus. [`pacing`]: how fast its frames may follow each other.
+//! 3. [`carrier`]: the threads between a bus and whole packets. [`port`]: the flight computer's end of them.
+
+pub mod carrier;
+pub mod pacing;
+pub mod port;
+pub mod settings;
+pub mod slcan;
+pub mod socket;
+
+pub use crate::port::Refusal;
+use skyloop_protocols::can::CanFrame;
+use std::io;
+use std::time::Duration;
+
+/// What became of a frame that was to be sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sending {
+    /// The bus has taken it.
+    Sent,
+    /// The transmit queue is full: offer the same frame again later.
+    Full,
+}
+
+/// A bus: frames out, frames in. Its errors mean that it has gone; what the controller reports of errors on the bus comes
+/// as frames with [`CanFrame::error`].
+pub trait CanBus: Send {
+    /// Sends a frame, without waiting for long.
+    ///
+    /// # Errors
+    /// The bus has gone.
+    fn send(&mut self, frame: &CanFrame) -> io::Result<Sending>;
+
+    /// Waits for the next frame, `timeout` at most; `None` if none came.
+    ///
+    /// # Errors
+    /// The bus has gone.
+    fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>>;
+
+    /// The same bus for another thread. One of the two sends, the other receives.
+    ///
+    /// # Errors
+    /// The system gives no second handle.
+    fn share(&self) -> io::Result<Box<dyn CanBus>>;
+
+    /// What has come since the last call and was no frame.
+    fn garbled(&mut self) -> u32 {
+        0
+    }
+}
+
+/// Opens a bus, and opens it again when it has gone.
+pub type Opener = Box<dyn FnMut() -> Result<Box<dyn CanBus>, Refusal> + Send>;
+
+/// What an error frame says of the bus (Linux: `can/error.h`; the class is in the identifier).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Trouble {
+    /// The controller has left the bus: too many errors.
+    BusOff,
+    /// The controller is on the bus again.
+    Restarted,
+    /// Any other error.
+    Error,
+}
+
+impl Trouble {
+    const BUS_OFF: u32 = 0x40;
+    const RESTARTED: u32 = 0x100;
+
+    /// What `frame` tells, if it is an error frame.
+    #[must_use]
+    pub fn of(frame: &CanFrame) -> Option<Trouble> {
+        match frame.id {
+            _ if !frame.error => None,
+            class if class & Trouble::BUS_OFF != 0 => Some(Trouble::BusOff),
+            class if class & Trouble::RESTARTED != 0 => Some(Trouble::Restarted),
+            _ => Some(Trouble::Error),
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! A bus through a LAWICEL-style adapter on a serial port or a pseudo-terminal, in ASCII lines.
+//!
+//! At the other end of a pseudo-terminal may be an adapter or another host such as this one: neither waits for answers, and
+//! commands that come from there are passed over.
+
+use super::settings::Settings;
+use super::{CanBus, Refusal, Sending};
+use serialport::SerialPort;
+use skyloop_protocols::can::CanFrame;
+use skyloop_protocols::can::slcan::{
+    Answer, BIT_RATES, Command, DATA_RATES, Decoder, Line, MAX_LINE, encode,
+};
+use std::collections::VecDeque;
+use std::io::{self, ErrorKind};
+use std::time::Duration;
+
+/// How long a write waits for a line that does not take more now.
+const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
+/// Speed of the line where none is given. Adapters on USB have none of their own.
+const BAUD: u32 = 115_200;
+
+/// An adapter, or a line to another host.
+pub struct SlcanBus {
+    line: Box<dyn SerialPort>,
+    /// What is left of the frame under way.
+    rest: VecDeque<u8>,
+    decoder: Decoder,
+    received: VecDeque<CanFrame>,
+    garbled: u32,
+    /// Commands that the adapter may still answer.
+    unanswered: usize,
+}
+
+/// The adapter's commands for the bit rates of `settings`.
+///
+/// # Errors
+/// It has no such rate.
+pub fn commands(settings: &Settings) -> Result<Vec<Command>, String> {
+    let rates = settings.rates;
+    let Some(code) = BIT_RATES.iter().position(|rate| *rate == rates.bitrate) else {
+        let known: Vec<String> = BIT_RATES.iter().map(u32::to_string).collect();
+        return Err(format!(
+            "bitrate = {}: adapters have {}",
+            rates.bitrate,
+            known.join(", ")
+        ));
+    };
+    let mut commands = vec![Command::Close, Command::BitRate(code as u8)];
+    if settings.fd {
+        let data = DATA_RATES
+            .iter()
+            .find(|(_, rate)| *rate == rates.data_bitrate);
+        let Some((code, _)) = data else {
+            let known: Vec<String> = DATA_RATES
+                .iter()
+                .map(|(_, rate)| rate.to_string())
+                .collect();
+            return Err(format!(
+                "fd = {}: adapters have {}",
+                rates.data_bitrate,
+                known.join(", ")
+            ));
+        };
+        commands.push(Command::DataRate(*code));
+    }
+    commands.push(Command::Open);
+    Ok(commands)
+}
+
+/// Opens the adapter that `settings` name.
+///
+/// # Errors
+/// There is no such device, or it is not to be had.
+pub fn open(settings: &Settings) -> Result<Box<dyn CanBus>, Refusal> {
+    let line = serialport::new(&settings.place, settings.baud.unwrap_or(BAUD)).open();
+    let line = line.map_err(|error| Refusal {
+        action: "open the adapter's serial port",
+        source: error.into(),
+        remedy: "check that the device exists, is not in use and may be read and written by you"
+            .to_string(),
+    })?;
+    over(line, settings)
+}
+
+/// Opens the bus behind an open serial port.
+///
+/// # Errors
+/// The line takes nothing.
+pub fn over(
+    mut line: Box<dyn SerialPort>,
+    settings: &Settings,
+) -> Result<Box<dyn CanBus>, Refusal> {
+    let failed = |source| Refusal {
+        action: "set up the adapter",
+        source,
+        remedy: "check its cable, and that it is a LAWICEL-style adapter".to_string(),
+    };
+    let commands = commands(settings)
+        .map_err(|reason| failed(io::Error::new(ErrorKind::InvalidInput, reason)))?;
+    // An empty line first ends whatever the adapter has of an older one.
+    let mut octets = vec![b'\r'];
+    for command in &commands {
+        encode(&Line::Command(*command), &mut |octet| octets.push(octet));
+    }
+    line.set_timeout(Duration::from_secs(1))
+        .map_err(|error| failed(error.into()))?;
+    line.write_all(&octets).map_err(failed)?;
+    Ok(Box::new(SlcanBus {
+        line,
+        rest: VecDeque::with_capacity(MAX_LINE + 1),
+        decoder: Decoder::new(),
+        received: VecDeque::new(),
+        garbled: 0,
+        unanswered: commands.len(),
+    }))
+}
+
+impl SlcanBus {
+    fn take(&mut self, octets: &[u8]) {
+        for octet in octets {
+            match self.decoder.push(*octet) {
+                None | Some(Ok(Line::Command(_))) => {}
+                Some(Ok(Line::Frame { frame, .. })) => self.received.push_back(frame),
+                Some(Ok(Line::Answer(answer))) => self.hear(answer),
+                Some(Err(_)) => self.garbled += 1,
+            }
+        }
+    }
+
+    /// The adapter refuses a frame: its transmit queue is full, or it has left the bus. The command to close it may be refused:
+    /// it was closed.
+    fn hear(&mut self, answer: Answer) {
+        match answer {
+            // The empty line in front is answered by some.
+            Answer::Done => {}
+            Answer::Sent { .. } => self.unanswered = 0,
+            Answer::Refused if self.unanswered > 0 => self.unanswered -= 1,
+            Answer::Refused => self.received.push_back(overflow()),
+            Answer::Status(_) | Answer::Version(_) | Answer::Serial(_) => {}
+        }
+    }
+}
+
+/// An error frame: transmit overflow (Linux: `can/error.h`, `CAN_ERR_CRTL` and in octet 1 `CAN_ERR_CRTL_TX_OVERFLOW`).
+fn overflow() -> CanFrame {
+    let mut frame = CanFrame {
+        id: 0x04,
+        extended: false,
+        fd: false,
+        brs: false,
+        remote: false,
+        error: true,
+        len: 8,
+        data: [0; 64],
+    };
+    frame.data[1] = 0x02;
+    frame
+}
+
+fn is_passing(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted
+    )
+}
+
+impl CanBus for SlcanBus {
+    fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
+        // After `Full` the same frame comes again: then this is about what is left of it.
+        if self.rest.is_empty() {
+            let line = Line::Frame {
+                frame: *frame,
+                time_ms: None,
+            };
+            encode(&line, &mut |octet| self.rest.push_back(octet));
+            self.line.set_timeout(WRITE_TIMEOUT)?;
+        }
+        while !self.rest.is_empty() {
+            match self.line.write(self.rest.make_contiguous()) {
+                Ok(0) => return Err(ErrorKind::WriteZero.into()),
+                Ok(length) => drop(self.rest.drain(..length)),
+                Err(error) if is_passing(&error) => return Ok(Sending::Full),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(Sending::Sent)
+    }
+
+    fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
+        if let Some(frame) = self.received.pop_front() {
+            return Ok(Some(frame));
+        }
+        self.line.set_timeout(timeout)?;
+        let mut octets = [0; 4096];
+        match self.line.read(&mut octets) {
+            Ok(0) => Err(ErrorKind::BrokenPipe.into()),
+            Ok(length) => {
+                self.take(&octets[..length]);
+                Ok(self.received.pop_front())
+            }
+            Err(error) if is_passing(&error) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn share(&self) -> io::Result<Box<dyn CanBus>> {
+        Ok(Box::new(SlcanBus {
+            line: self.line.try_clone()?,
+            rest: VecDeque::new(),
+            decoder: Decoder::new(),
+            received: VecDeque::new(),
+            garbled: 0,
+            unanswered: self.unanswered,
+        }))
+    }
+
+    fn garbled(&mut self) -> u32 {
+        std::mem::take(&mut self.garbled)
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use serialport::TTYPort;
+    use skyloop_protocols::can::adapter::Adapter;
+    use std::io::{Read, Write};
+
+    fn settings(query: &str) -> Settings {
+        Settings::parse(&format!("pty?{query}"), &["bitrate", "fd"]).unwrap()
+    }
+
+    /// A bus and the other end of its line.
+    fn line(query: &str) -> (Box<dyn CanBus>, TTYPort) {
+        let (mut other, ours) = TTYPort::pair().unwrap();
+        SerialPort::set_timeout(&mut other, Duration::from_secs(5)).unwrap();
+        (over(Box::new(ours), &settings(query)).unwrap(), other)
+    }
+
+    fn read(line: &mut TTYPort, octets: usize) -> String {
+        let mut buffer = vec![0; octets];
+        line.read_exact(&mut buffer).unwrap();
+        String::from_utf8(buffer).unwrap()
+    }
+
+    #[test]
+    fn an_adapter_is_set_up_sends_and_receives() {
+        let (mut bus, mut other) = line("bitrate=250000&fd=2000000");
+        // X-Val: LAWICEL CAN232 manual: C, Sn, O, tiiildd..; Yn and biiildd.. are CANable 2.0's.
+        assert_eq!(read(&mut other, 11), "\rC\rS5\rY2\rO\r");
+        let frame = CanFrame::new(0x123, false, &[0x11, 0xAB]).unwrap();
+        assert_eq!(bus.send(&frame).unwrap(), Sending::Sent);
+        assert_eq!(read(&mut other, 10), "t123211AB\r");
+        other
+            .write_all(b"\x07\r\r\rz\rt123211AB\rb7FF01\r")
+            .unwrap();
+        let heard = bus.recv(Duration::from_secs(5)).unwrap();
+        assert_eq!(heard, Some(frame));
+        assert_eq!(bus.garbled(), 1, "too many digits");
+        assert_eq!(bus.recv(Duration::from_millis(5)).unwrap(), None);
+        other.write_all(b"\x07").unwrap();
+        let refused = bus.recv(Duration::from_secs(5)).unwrap().unwrap();
+        assert!(
+            refused.error,
+            "a frame that the adapter refuses is an error of the bus"
+        );
+    }
+
+    #[test]
+    fn our_adapter_takes_our_commands() {
+        let mut adapter = Adapter::new();
+        let commands = commands(&settings("bitrate=1000000&fd=8000000")).unwrap();
+        for command in &commands {
+            adapter.take(&Line::Command(*command), &mut |_| {});
+        }
+        assert!(adapter.is_open());
+        assert_eq!(adapter.bit_rate(), Some(1_000_000));
+        assert_eq!(adapter.data_rate(), Some(8_000_000));
+    }
+
+    #[test]
+    fn a_line_that_nobody_reads_is_full_and_goes_on_where_it_stood() {
+        let (mut bus, mut other) = line("bitrate=1000000");
+        let frame = CanFrame::new(0x7FF, false, &[0x55; 8]).unwrap();
+        let mut sent = 0;
+        while sent < 100_000 && bus.send(&frame).unwrap() == Sending::Sent {
+            sent += 1;
+        }
+        assert!(sent < 100_000);
+        read(&mut other, 8);
+        let reading = std::thread::spawn(move || {
+            let lines = (0..=sent).map(|_| read(&mut other, 22)).collect::<Vec<_>>();
+            lines.iter().all(|line| line == "t7FF85555555555555555\r")
+        });
+        let mut tries = 0;
+        while bus.send(&frame).unwrap() == Sending::Full {
+            tries += 1;
+            assert!(tries < 1000);
+        }
+        assert!(reading.join().unwrap(), "no frame is broken");
+    }
+
+    #[test]
+    fn rates_that_no_adapter_has_are_refused() {
+        let error = commands(&settings("bitrate=33333")).unwrap_err();
+        assert!(
+            error.contains("bitrate = 33333") && error.contains("125000"),
+            "{error}"
+        );
+        let error = commands(&settings("bitrate=500000&fd=3000000")).unwrap_err();
+        assert!(
+            error.contains("fd = 3000000") && error.contains("8000000"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_device_that_is_none_is_named() {
+        let error = open(&Settings::new("/dev/there-is-no-such-port"))
+            .err()
+            .unwrap();
+        assert!(
+            error.to_string().contains("check that the device exists"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,247 @@
+//! A bus through the kernel's SocketCAN: `can0`, `vcan0`.
+
+#[cfg(target_os = "linux")]
+pub use linux::open;
+
+/// There is none here.
+///
+/// # Errors
+/// Always.
+#[cfg(not(target_os = "linux"))]
+pub fn open(_: &super::settings::Settings) -> Result<Box<dyn super::CanBus>, super::Refusal> {
+    Err(super::Refusal {
+        action: "open a CAN interface",
+        source: std::io::ErrorKind::Unsupported.into(),
+        remedy: "only Linux has SocketCAN: use an adapter on a serial port, slcan:///dev/NAME"
+            .to_string(),
+    })
+}
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use crate::can::settings::Settings;
+    use crate::can::{CanBus, Refusal, Sending};
+    use skyloop_protocols::can::CanFrame;
+    use socketcan::id::FdFlags;
+    use socketcan::{
+        CanAnyFrame, CanDataFrame, CanErrorFrame, CanFdFrame, CanFdSocket, CanId, CanRemoteFrame,
+        EmbeddedFrame, Frame, ShouldRetry, Socket, SocketOptions,
+    };
+    use std::io::{self, ErrorKind};
+    use std::sync::Arc;
+    use std::time::Duration;
+
+    /// Errors by number that have no `ErrorKind` (`errno.h`, the same on every Linux but MIPS and SPARC for the first).
+    const EAFNOSUPPORT: i32 = 97;
+    const EPROTONOSUPPORT: i32 = 93;
+    const ENODEV: i32 = 19;
+    const ENXIO: i32 = 6;
+    const ENETDOWN: i32 = 100;
+    const ENOBUFS: i32 = 105;
+
+    /// Octets that may wait in the socket, as far as the system allows: some 1,000 FD frames a socket buffer's doubled
+    /// share.
+    const RECEIVE_BUFFER: usize = 1 << 20;
+
+    /// A CAN interface.
+    struct SocketBus {
+        socket: Arc<CanFdSocket>,
+    }
+
+    /// Opens the interface that `settings` name.
+    ///
+    /// # Errors
+    /// The kernel has no CAN, no such interface, or it is down or carries no FD frames.
+    pub fn open(settings: &Settings) -> Result<Box<dyn CanBus>, Refusal> {
+        let name = &settings.place;
+        // Interface 0 stands for all of them: this asks only whether the kernel has CAN.
+        if let Err(error) = CanFdSocket::open_iface(0)
+            && matches!(error.raw_os_error(), Some(EAFNOSUPPORT | EPROTONOSUPPORT))
+        {
+            return Err(Refusal {
+                action: "open a CAN socket",
+                source: error,
+                remedy: "this kernel has no CAN (modules can, can-raw): run `modprobe can-raw`, boot a kernel that has them, or use slcan, which needs none".to_string(),
+            });
+        }
+        let refuse = |source: io::Error| {
+            let remedy = match source.raw_os_error() {
+                Some(ENODEV | ENXIO) => format!(
+                    "there is no CAN interface {name:?}: `ip -br link` lists them; `ip link add dev {name} type vcan && ip link set {name} up` makes a virtual one"
+                ),
+                Some(ENETDOWN) => format!("the interface is down: run `ip link set {name} up`"),
+                _ if source.kind() == ErrorKind::PermissionDenied => {
+                    "run it as a user that may open CAN sockets".to_string()
+                }
+                _ => format!(
+                    "check that {name:?} is a CAN interface: `ip -details link show {name}`"
+                ),
+            };
+            Refusal {
+                action: "open the CAN interface",
+                source,
+                remedy,
+            }
+        };
+        let socket = CanFdSocket::open(name).map_err(refuse)?;
+        socket.set_error_filter_accept_all().map_err(refuse)?;
+        socket.set_nonblocking(true).map_err(refuse)?;
+        let raw = socket.as_raw_socket();
+        // Less than asked for is what the system allows, and no error.
+        let _ = raw.set_recv_buffer_size(RECEIVE_BUFFER);
+        // The state of an interface that is down waits as the socket's error.
+        if let Some(error) = raw.take_error().map_err(refuse)? {
+            return Err(refuse(error));
+        }
+        if settings.fd && !carries_fd(name) {
+            return Err(Refusal {
+                action: "send CAN FD frames",
+                source: ErrorKind::Unsupported.into(),
+                remedy: format!(
+                    "{name} is set up for classic frames: leave out fd=, or run `ip link set {name} mtu 72` (virtual), `ip link set {name} type can dbitrate RATE fd on` (real)"
+                ),
+            });
+        }
+        Ok(Box::new(SocketBus {
+            socket: Arc::new(socket),
+        }))
+    }
+
+    /// Whether the interface's longest frame is an FD frame, 72 octets to the kernel; a classic one has 16.
+    fn carries_fd(name: &str) -> bool {
+        let mtu = std::fs::read_to_string(format!("/sys/class/net/{name}/mtu"));
+        mtu.map_or(true, |mtu| mtu.trim() != "16")
+    }
+
+    impl CanBus for SocketBus {
+        fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
+            let Some(frame) = to_kernel(frame) else {
+                return Err(ErrorKind::InvalidInput.into());
+            };
+            match self.socket.write_frame(&frame) {
+                Ok(()) => Ok(Sending::Sent),
+                Err(error) if error.should_retry() => Ok(Sending::Full),
+                // The interface's queue is full.
+                Err(error) if error.raw_os_error() == Some(ENOBUFS) => Ok(Sending::Full),
+                Err(error) => Err(error),
+            }
+        }
+
+        fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
+            match self.socket.read_frame_timeout(timeout) {
+                Ok(frame) => Ok(Some(from_kernel(&frame))),
+                Err(error)
+                    if error.should_retry()
+                        || matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) =>
+                {
+                    Ok(None)
+                }
+                Err(error) => Err(error),
+            }
+        }
+
+        fn share(&self) -> io::Result<Box<dyn CanBus>> {
+            Ok(Box::new(SocketBus {
+                socket: Arc::clone(&self.socket),
+            }))
+        }
+    }
+
+    /// Our frame as the kernel's; none if it is not one that a bus could carry.
+    fn to_kernel(frame: &CanFrame) -> Option<CanAnyFrame> {
+        let payload = frame.data.get(..frame.len.into())?;
+        if frame.error {
+            return Some(CanErrorFrame::new_error(frame.id, payload).ok()?.into());
+        }
+        let id = if frame.extended {
+            CanId::extended(frame.id)
+        } else {
+            CanId::standard(u16::try_from(frame.id).ok()?)
+        }?;
+        Some(match (frame.fd, frame.remote) {
+            (true, _) => {
+                let flags = if frame.brs {
+                    FdFlags::BRS
+                } else {
+                    FdFlags::empty()
+                };
+                CanFdFrame::with_flags(id, payload, flags)?.into()
+            }
+            (false, true) => CanRemoteFrame::new_remote(id, frame.len.into())?.into(),
+            (false, false) => CanDataFrame::new(id, payload)?.into(),
+        })
+    }
+
+    /// The kernel's frame as ours.
+    fn from_kernel(frame: &CanAnyFrame) -> CanFrame {
+        let (fd, brs) = match frame {
+            CanAnyFrame::Fd(frame) => (true, frame.is_brs()),
+            _ => (false, false),
+        };
+        let (error, remote) = (frame.is_error_frame(), frame.is_remote_frame());
+        let mut ours = CanFrame {
+            id: if error {
+                frame.id_word() & 0x1FFF_FFFF
+            } else {
+                frame.raw_id()
+            },
+            extended: !error && frame.is_extended(),
+            fd,
+            brs,
+            remote,
+            error,
+            len: 0,
+            data: [0; 64],
+        };
+        let payload = frame.data();
+        if let Some(data) = ours.data.get_mut(..payload.len()) {
+            data.copy_from_slice(payload);
+        }
+        ours.len = if remote { frame.dlc() } else { payload.len() } as u8;
+        ours
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn frames_pass_the_kernel_types_and_back() {
+            let plain = CanFrame::new(0x123, false, &[1, 2, 3]).unwrap();
+            let extended = CanFrame {
+                id: 0x12345,
+                extended: true,
+                ..plain
+            };
+            let remote = CanFrame {
+                remote: true,
+                data: [0; 64],
+                ..plain
+            };
+            let octets: [u8; 64] = std::array::from_fn(|n| n as u8);
+            let fd = CanFrame::new(0x7FF, true, &octets).unwrap();
+            let slow = CanFrame { brs: false, ..fd };
+            // X-Val: linux/can/error.h, CAN_ERR_BUSOFF; an error frame always has 8 octets.
+            let bus_off = CanFrame {
+                id: 0x40,
+                error: true,
+                len: 8,
+                ..plain
+            };
+            for frame in [plain, extended, remote, fd, slow, bus_off] {
+                assert_eq!(from_kernel(&to_kernel(&frame).unwrap()), frame);
+            }
+        }
+
+        #[test]
+        fn what_cannot_be_opened_is_named_with_its_remedy() {
+            let error = open(&Settings::new("nosuchcan0"))
+                .err()
+                .unwrap()
+                .to_string();
+            // With CAN in the kernel the interface is missing, without it all of CAN is.
+            let mends = ["ip link add dev nosuchcan0 type vcan", "use slcan"];
+            assert!(mends.iter().any(|mend| error.contains(mend)), "{error}");
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! Packets over buses that fill up, go and come back: two ends on a bus in memory.
+
+use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note};
+use skyloop_firmware_sim::can::pacing::Rates;
+use skyloop_firmware_sim::can::port::CanPort;
+use skyloop_firmware_sim::can::settings::Settings;
+use skyloop_firmware_sim::can::{CanBus, Opener, Sending, Trouble};
+use skyloop_firmware_sim::port::Port;
+use skyloop_protocols::can::{CanFrame, Node, Side};
+use skyloop_protocols::{Command, MAX_PACKET, WireTime};
+use std::collections::VecDeque;
+use std::io::{self, ErrorKind};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::{Duration, Instant};
+
+const LONG: Duration = Duration::from_secs(20);
+
+/// What the bus is doing, and the queues to its two ends.
+#[derive(Default)]
+struct State {
+    queues: [VecDeque<CanFrame>; 2],
+    down: bool,
+    /// Frames that it takes until it is full; it is emptied by `Memory::drain`.
+    room: Option<usize>,
+    sent: usize,
+    refused: usize,
+}
+
+/// A bus in memory, from one of its ends.
+#[derive(Clone)]
+struct Memory {
+    shared: Arc<(Mutex<State>, Condvar)>,
+    end: usize,
+}
+
+impl Memory {
+    fn pair() -> [Memory; 2] {
+        let shared = Arc::default();
+        [0, 1].map(|end| Memory {
+            shared: Arc::clone(&shared),
+            end,
+        })
+    }
+
+    fn set<T>(&self, change: impl FnOnce(&mut State) -> T) -> T {
+        let changed = change(&mut self.shared.0.lock().unwrap());
+        self.shared.1.notify_all();
+        changed
+    }
+
+    /// Opens it again, once it is up.
+    fn opener(&self) -> Opener {
+        let bus = self.clone();
+        Box::new(move || match bus.set(|state| state.down) {
+            false => Ok(Box::new(bus.clone())),
+            true => Err(skyloop_firmware_sim::can::Refusal {
+                action: "open it",
+                source: ErrorKind::NetworkDown.into(),
+                remedy: "wait".into(),
+            }),
+        })
+    }
+}
+
+impl CanBus for Memory {
+    fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
+        let end = self.end;
+        self.set(|state| {
+            if state.down {
+                return Err(ErrorKind::NetworkDown.into());
+            }
+            if state.room == Some(0) {
+                state.refused += 1;
+                return Ok(Sending::Full);
+            }
+            state.room = state.room.map(|room| room - 1);
+            state.sent += 1;
+            state.queues[1 - end].push_back(*frame);
+            Ok(Sending::Sent)
+        })
+    }
+
+    fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
+        let deadline = Instant::now() + timeout;
+        let (state, changed) = &*self.shared;
+        let mut state = state.lock().unwrap();
+        loop {
+            if state.down {
+                return Err(ErrorKind::NetworkDown.into());
+            }
+            if let Some(frame) = state.queues[self.end].pop_front() {
+                return Ok(Some(frame));
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            state = changed.wait_timeout(state, left).unwrap().0;
+        }
+    }
+
+    fn share(&self) -> io::Result<Box<dyn CanBus>> {
+        Ok(Box::new(self.clone()))
+    }
+}
+
+/// The emulator's end: packets and notes through channels.
+struct End {
+    outbound: Receiver<Vec<u8>>,
+    inbound: Sender<Vec<u8>>,
+    notes: Sender<Note>,
+}
+
+impl Above for End {
+    type Packet = Vec<u8>;
+
+    fn next(&mut self) -> Next<Vec<u8>> {
+        match self.outbound.try_recv() {
+            Ok(packet) => Next::Packet(packet),
+            Err(TryRecvError::Empty) => Next::Nothing,
+            Err(TryRecvError::Disconnected) => Next::Closed,
+        }
+    }
+
+    fn arrived(&mut self, packet: &[u8], _: Instant) -> bool {
+        self.inbound.send(packet.to_vec()).is_ok()
+    }
+
+    fn is_wanted(&self) -> bool {
+        true
+    }
+
+    fn note(&mut self, note: Note) {
+        // The test may have heard enough.
+        let _ = self.notes.send(note);
+    }
+}
+
+struct Rig {
+    client: CanPort,
+    bus: Memory,
+    send: Sender<Vec<u8>>,
+    received: Receiver<Vec<u8>>,
+    notes: Receiver<Note>,
+    waker: carrier::Waker,
+    thread: std::thread::JoinHandle<()>,
+}
+
+impl Rig {
+    fn new(query: &str) -> Rig {
+        let settings =
+            Settings::parse(&format!("memory?{query}"), &["bitrate", "fd", "load"]).unwrap();
+        let [ours, theirs] = Memory::pair();
+        let (send, outbound) = channel();
+        let (inbound, received) = channel();
+        let (noted, notes) = channel();
+        let end = End {
+            outbound,
+            inbound,
+            notes: noted,
+        };
+        let node = Node::new(Side::Emulator, settings.fd);
+        let opener = Some(ours.opener());
+        let (waker, thread) = carrier::start(
+            "emulator",
+            Box::new(ours.clone()),
+            opener,
+            node,
+            settings.rates,
+            end,
+        )
+        .unwrap();
+        let opener = Some(theirs.opener());
+        let client = CanPort::over("memory", Box::new(theirs), opener, &settings).unwrap();
+        Rig {
+            client,
+            bus: ours,
+            send,
+            received,
+            notes,
+            waker,
+            thread,
+        }
+    }
+
+    fn reply(&self, packet: &[u8]) {
+        self.send.send(packet.to_vec()).unwrap();
+        self.waker.wake();
+    }
+
+    /// Waits for a note that fits.
+    fn note(&self, fits: impl Fn(&Note) -> bool) {
+        while !fits(&self.notes.recv_timeout(LONG).unwrap()) {}
+    }
+
+    /// The emulator closes: what is queued still leaves.
+    fn close(self) {
+        drop(self.send);
+        self.waker.wake();
+        self.thread.join().unwrap();
+    }
+}
+
+fn command(command: &Command) -> Vec<u8> {
+    let mut buffer = [0; MAX_PACKET];
+    let length = command.encode(1, WireTime(0), &mut buffer).unwrap();
+    buffer[..length].to_vec()
+}
+
+/// Not a packet, but as long as one: it travels whole.
+fn long(octet: u8) -> Vec<u8> {
+    vec![octet; MAX_PACKET]
+}
+
+#[test]
+fn packets_pass_both_ways_classic_and_fd() {
+    for query in ["bitrate=1000000", "bitrate=1000000&fd=8000000"] {
+        let mut rig = Rig::new(query);
+        let ping = command(&Command::Ping);
+        rig.client.send(&ping).unwrap();
+        assert_eq!(rig.received.recv_timeout(LONG).unwrap(), ping, "{query}");
+        rig.client.send(&long(1)).unwrap();
+        for octet in 2..5 {
+            rig.reply(&long(octet));
+        }
+        assert_eq!(rig.received.recv_timeout(LONG).unwrap(), long(1));
+        for octet in 2..5 {
+            assert_eq!(rig.client.recv(LONG).unwrap().unwrap(), long(octet));
+        }
+        assert_eq!(rig.client.dropped(), 0);
+        rig.close();
+    }
+}
+
+#[test]
+fn a_bus_is_used_at_its_rate() {
+    let mut rig = Rig::new("bitrate=100000&load=0.5");
+    let rates = Rates {
+        bitrate: 100_000,
+        data_bitrate: 100_000,
+        load: 0.5,
+    };
+    let begin = Instant::now();
+    rig.reply(&long(1));
+    assert!(rig.client.recv(LONG).unwrap().is_some());
+    // The last frame has come, and does not wait until the bus is free again; the first few may go at once.
+    let frame = rates.packet_duration(7, false);
+    let least = rates.packet_duration(MAX_PACKET, false) - frame - Duration::from_millis(1);
+    let took = begin.elapsed();
+    assert!(took >= least, "{took:?} {least:?}");
+    assert!(took < 2 * least, "{took:?} {least:?}");
+}
+
+#[test]
+fn a_full_queue_is_waited_out() {
+    let mut rig = Rig::new("bitrate=1000000");
+    rig.bus.set(|state| state.room = Some(3));
+    rig.reply(&long(1));
+    let begin = Instant::now();
+    while rig.bus.set(|state| state.refused) < 3 {
+        assert!(begin.elapsed() < LONG);
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    rig.bus.set(|state| state.room = None);
+    assert_eq!(rig.client.recv(LONG).unwrap().unwrap(), long(1));
+    assert_eq!(rig.client.dropped(), 0);
+    rig.close();
+}
+
+#[test]
+fn a_bus_that_goes_is_opened_again() {
+    let mut rig = Rig::new("bitrate=1000000");
+    rig.bus.set(|state| state.down = true);
+    rig.note(|note| matches!(note, Note::Gone(_)));
+    rig.reply(&long(1));
+    rig.bus.set(|state| state.down = false);
+    rig.note(|note| matches!(note, Note::Back));
+    // The client's end is back within a retry too; a packet that began before that is lost after a second.
+    rig.reply(&long(2));
+    let mut got = Vec::new();
+    while got.last() != Some(&long(2)) {
+        got.push(rig.client.recv(LONG).unwrap().unwrap());
+    }
+    rig.client.send(&long(3)).unwrap();
+    assert_eq!(rig.received.recv_timeout(LONG).unwrap(), long(3));
+    rig.close();
+}
+
+#[test]
+fn errors_of_the_bus_are_told_and_messages_that_break_off_are_counted() {
+    let rig = Rig::new("bitrate=1000000");
+    let mut frame = CanFrame::new(0, false, &[0; 8]).unwrap();
+    frame.error = true;
+    // X-Val: linux/can/error.h: CAN_ERR_BUSERROR, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED.
+    for (class, expected) in [
+        (0x80, Trouble::Error),
+        (0x40, Trouble::BusOff),
+        (0x100, Trouble::Restarted),
+    ] {
+        frame.id = class;
+        rig.bus.set(|state| state.queues[0].push_back(frame));
+        rig.note(|note| matches!(note, Note::Trouble(trouble) if *trouble == expected));
+    }
+    // X-Val: ISO 15765-2, 9.6.3: a first frame of 20 octets (0x014), and then nothing.
+    let first = CanFrame::new(0x120, false, &[0x10, 20, 1, 2, 3, 4, 5, 6]).unwrap();
+    rig.bus.set(|state| state.queues[0].push_back(first));
+    rig.note(|note| matches!(note, Note::Incomplete(1)));
+    rig.close();
+}
