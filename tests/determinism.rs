@@ -96,7 +96,8 @@ fn over(scheme: &str, camera: &str) -> Vec<Seen> {
 #[test]
 fn every_link_carries_what_is_rendered_offline() {
     let expected = offline("fai-nir");
-    for link in LINKS {
+    // The kernel that `tests/vcan/run` boots has CAN; this one need not.
+    for link in LINKS.iter().filter(|link| link.scheme != "can") {
         let received = over(link.scheme, "fai-nir");
         for (number, (a, b)) in received.iter().zip(&expected).enumerate() {
             assert_eq!(a.1, b.1, "label of frame {number} over {}", link.scheme);

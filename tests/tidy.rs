@@ -53,7 +53,10 @@ const FENCES: &[(&str, &[&str])] = &[
         &["cli", "flight", "link", "main", "serve", "stats"],
     ),
     ("tokio::", &["link/udp"]),
-    ("serialport::", &["link/low_latency", "link/serial"]),
+    (
+        "serialport::",
+        &["link/low_latency", "link/serial", "link/slcan"],
+    ),
     ("rustix::", &["link/low_latency", "link/pseudo"]),
     ("rayon::", &["render", "scene", "sky/population"]),
     ("sofars::", &["sky/bodies"]),

@@ -23,8 +23,8 @@ use std::time::Duration;
 /// Arguments of `skyloop loopback`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Link between the two: memory, udp (sockets on 127.0.0.1), serial (a pseudo-terminal) or pty (one at the pace of
-    /// a baud rate, such as pty?baud=921600)
+    /// Link between the two: memory, udp (sockets on 127.0.0.1), serial (a pseudo-terminal), pty (one at the pace of
+    /// a baud rate, such as pty?baud=921600), can (on vcan0) or slcan (CAN frames over a pseudo-terminal)
     #[arg(long, default_value = "memory")]
     link: String,
     /// Scene file [default: the built-in FAI on CASSIOPE, 15 June 2019]

@@ -1,6 +1,8 @@
 //! The links. Each carries whole packets both ways between its own threads and two bounded queues; of what a
 //! packet means a link knows at most whether it is valid. Adding one is a file here and a line in [`LINKS`].
 
+mod bus;
+mod can;
 mod inbox;
 mod line;
 #[cfg(target_os = "linux")]
@@ -14,6 +16,7 @@ mod pseudo;
 #[cfg(unix)]
 mod pty;
 mod serial;
+mod slcan;
 mod tally;
 mod udp;
 mod url;
@@ -26,7 +29,7 @@ pub use tally::Tally;
 pub use url::LinkUrl;
 
 use bytes::Bytes;
-use skyloop_firmware_sim::port::Port;
+use skyloop_firmware_sim::port::{Port, Refusal};
 use skyloop_protocols::Personality;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -41,6 +44,8 @@ pub const LINKS: &[Link] = &[
     serial::SERIAL,
     #[cfg(unix)]
     pty::PTY,
+    can::CAN,
+    slcan::SLCAN,
 ];
 
 /// One kind of link.
@@ -174,6 +179,14 @@ pub enum LinkError {
         source: std::io::Error,
         /// What to do.
         remedy: &'static str,
+    },
+    /// The bus cannot be opened.
+    #[error("link {url}: {source}")]
+    Refused {
+        /// As given.
+        url: String,
+        /// What was tried, what the system says, what to do.
+        source: Refusal,
     },
     /// The link's own threads have ended.
     #[error("link {0}: it has closed; open it again")]

@@ -18,6 +18,9 @@ pub struct Tally {
     pub(super) runts: AtomicU32,
     pub(super) oversize: AtomicU32,
     pub(super) reconnects: AtomicU32,
+    pub(super) incomplete: AtomicU32,
+    pub(super) bus_errors: AtomicU32,
+    pub(super) bus_off: AtomicU32,
     pub(super) lost: AtomicU32,
 }
 
@@ -55,6 +58,21 @@ impl Tally {
     /// Times that the line was lost and came back.
     pub fn reconnects(&self) -> u32 {
         self.reconnects.load(Ordering::Relaxed)
+    }
+
+    /// Attitudes and messages over several CAN frames that never came whole.
+    pub fn incomplete(&self) -> u32 {
+        self.incomplete.load(Ordering::Relaxed)
+    }
+
+    /// Errors that the CAN controller has reported.
+    pub fn bus_errors(&self) -> u32 {
+        self.bus_errors.load(Ordering::Relaxed)
+    }
+
+    /// Times that the CAN controller has left the bus.
+    pub fn bus_off(&self) -> u32 {
+        self.bus_off.load(Ordering::Relaxed)
     }
 
     /// Packets whose client had gone or did not read, or that the system refused to send.

@@ -354,6 +354,49 @@ fn serial_ports() {
 }
 
 #[test]
+fn buses() {
+    let link = |url: &str, words: &[&str]| {
+        refuses(&["run", "--config", "seed.toml", "--link", url], words);
+    };
+    // A kernel without CAN says that, one with CAN misses the interface.
+    let mend = match std::path::Path::new("/proc/net/can").exists() {
+        true => "ip link add dev nosuchcan0 type vcan",
+        false => "use slcan",
+    };
+    link("can://nosuchcan0", &["can://nosuchcan0", mend]);
+    refuses(
+        &["loopback", "--link", "can?bitrate=0"],
+        &["bitrate = 0", "10000 to 1000000"],
+    );
+    link("can://", &["names no interface"]);
+    link(
+        "can://vcan0?baud=9600",
+        &["unknown option \"baud\"", "bitrate, fd, load, roles"],
+    );
+    link(
+        "can://vcan0?fd=9000000",
+        &["fd = 9000000", "500000 (the bitrate) to 8000000"],
+    );
+    link("can://vcan0?load=2", &["load = \"2\"", "0.01 to 1"]);
+    link(
+        "slcan:///dev/nosuch",
+        &[
+            "slcan:///dev/nosuch",
+            "No such file",
+            "check that the device exists",
+        ],
+    );
+    link(
+        "slcan:///dev/nosuch?bitrate=33333",
+        &["bitrate = 33333", "125000, 250000"],
+    );
+    link(
+        "slcan:///dev/nosuch?fd=3000000",
+        &["fd = 3000000", "2000000, 4000000"],
+    );
+}
+
+#[test]
 #[cfg(unix)]
 fn pseudo_terminals() {
     let link = |url: &str, words: &[&str]| {

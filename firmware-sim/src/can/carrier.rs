@@ -58,10 +58,12 @@ pub enum Note {
     Oversize(u32),
     /// The controller reports an error, or has left the bus, or is back.
     Trouble(Trouble),
-    /// The bus has gone.
+    /// The bus has gone, and is waited for.
     Gone(io::Error),
     /// The bus is back.
     Back,
+    /// The bus has gone, and nobody can open it again: this is the end.
+    Ended(io::Error),
 }
 
 /// How long the reader waits before it looks whether it is still wanted.
@@ -367,11 +369,12 @@ impl<A: Above> Carrier<A> {
 
     /// Waits for a bus that has gone. The packet under way is not lost yet: the node's timers tell.
     fn recover(&mut self, error: io::Error) -> bool {
-        self.above.note(Note::Gone(error));
         self.reader = None;
         let Some(opener) = &mut self.opener else {
+            self.above.note(Note::Ended(error));
             return false;
         };
+        self.above.note(Note::Gone(error));
         let bus = loop {
             std::thread::sleep(RETRY);
             if !self.above.is_wanted() {

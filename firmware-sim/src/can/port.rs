@@ -168,7 +168,12 @@ impl Above for End {
             | Note::Garbled(more) => {
                 self.shared.drop_some(more);
             }
-            Note::Moved(_) | Note::Done | Note::Trouble(_) | Note::Gone(_) | Note::Back => {}
+            Note::Moved(_)
+            | Note::Done
+            | Note::Trouble(_)
+            | Note::Gone(_)
+            | Note::Back
+            | Note::Ended(_) => {}
         }
     }
 }

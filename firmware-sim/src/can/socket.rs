@@ -17,8 +17,17 @@ pub fn open(_: &super::settings::Settings) -> Result<Box<dyn super::CanBus>, sup
     })
 }
 
+/// Whether an interface carries FD frames, 72 octets to the kernel; the longest classic one has 16. One that is not there
+/// does.
+#[must_use]
+pub fn carries_fd(interface: &str) -> bool {
+    let mtu = std::fs::read_to_string(format!("/sys/class/net/{interface}/mtu"));
+    mtu.map_or(true, |mtu| mtu.trim() != "16")
+}
+
 #[cfg(target_os = "linux")]
 mod linux {
+    use super::carries_fd;
     use crate::can::settings::Settings;
     use crate::can::{CanBus, Refusal, Sending};
     use skyloop_protocols::can::CanFrame;
@@ -105,12 +114,6 @@ mod linux {
         Ok(Box::new(SocketBus {
             socket: Arc::new(socket),
         }))
-    }
-
-    /// Whether the interface's longest frame is an FD frame, 72 octets to the kernel; a classic one has 16.
-    fn carries_fd(name: &str) -> bool {
-        let mtu = std::fs::read_to_string(format!("/sys/class/net/{name}/mtu"));
-        mtu.map_or(true, |mtu| mtu.trim() != "16")
     }
 
     impl CanBus for SocketBus {

@@ -1,0 +1,229 @@
+//! Packets on a CAN bus, common to SocketCAN and to adapters on a serial line: the emulator's end of a carrier.
+
+use super::inbox::{Watch, inbox};
+use super::{
+    Airtime, Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, QUEUE, Tally, Wire, count,
+};
+use bytes::Bytes;
+use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note, Waker};
+use skyloop_firmware_sim::can::settings::Settings;
+use skyloop_firmware_sim::can::{CanBus, Opener, Refusal, Trouble, socket};
+use skyloop_firmware_sim::port::PortError;
+use skyloop_protocols::can::{Node, Side};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
+use std::time::Instant;
+
+/// What a URL says about its bus. `place` is its interface or device.
+pub(super) fn settings(url: &LinkUrl, place: &str, keys: &[&str]) -> Result<Settings, LinkError> {
+    url.only(keys)?;
+    if place.is_empty() {
+        return Err(url.refuse("it names no interface or device".to_string()));
+    }
+    let mut settings = Settings::new(place);
+    set(&mut settings, url, keys)?;
+    Ok(settings)
+}
+
+/// What a loopback at `place` has: FD at the highest rates, unless the URL says otherwise.
+pub(super) fn loopback_settings(
+    url: &LinkUrl,
+    place: &str,
+    keys: &[&str],
+) -> Result<Settings, LinkError> {
+    url.only(keys)?;
+    let mut settings = Settings::new(place);
+    (settings.rates.bitrate, settings.rates.load) = (1_000_000, 1.0);
+    if url.value("bitrate").is_none() && socket::carries_fd(place) {
+        (settings.fd, settings.rates.data_bitrate) = (true, 8_000_000);
+    }
+    set(&mut settings, url, keys)?;
+    Ok(settings)
+}
+
+fn set(settings: &mut Settings, url: &LinkUrl, keys: &[&str]) -> Result<(), LinkError> {
+    for key in keys {
+        if let Some(value) = url.value(key) {
+            let set = settings.set(key, value);
+            set.map_err(|reason| url.refuse(reason))?;
+        }
+    }
+    settings.check().map_err(|reason| url.refuse(reason))
+}
+
+/// Carries packets over an open bus; with an `opener` the link survives that the bus goes.
+pub(super) fn start(
+    url: &LinkUrl,
+    bus: Box<dyn CanBus>,
+    opener: Option<Opener>,
+    settings: &Settings,
+    airtime: Airtime,
+) -> Result<Wire, LinkError> {
+    let address = format!("{}://{}", url.scheme, settings.describe());
+    let tally = Arc::new(Tally::default());
+    let (arrivals, inbox) = inbox(tally.clone());
+    let (queue, departures) = sync_channel(QUEUE);
+    let end = End {
+        departures,
+        watch: arrivals.watch(),
+        arrivals,
+        tally: tally.clone(),
+        address: address.clone(),
+        told: false,
+    };
+    let node = Node::new(Side::Emulator, settings.fd);
+    let started = carrier::start(&url.scheme, bus, opener, node, settings.rates, end);
+    let (waker, sender) = started.map_err(|error| {
+        url.failed(
+            "start its threads",
+            error,
+            "check the limits of this process",
+        )
+    })?;
+    let outbox = BusOutbox {
+        queue,
+        waker,
+        tally: tally.clone(),
+        address: address.clone(),
+    };
+    Ok(Wire {
+        address,
+        inbox,
+        outbox: Box::new(outbox),
+        tally,
+        airtime: Some(airtime),
+        sender: Some(sender),
+    })
+}
+
+/// The queue to the carrier.
+struct BusOutbox {
+    queue: SyncSender<Bytes>,
+    waker: Waker,
+    tally: Arc<Tally>,
+    address: String,
+}
+
+impl Outbox for BusOutbox {
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        // The bus has one client: there is nothing to release.
+        let Outbound::Packet { exchange, packet } = what else {
+            return Ok(None);
+        };
+        // Booked first: the carrier may be done with it before we are back.
+        self.tally.queued();
+        let sent = self.queue.try_send(packet);
+        if sent.is_err() {
+            self.tally.done();
+        }
+        match sent {
+            Ok(()) => self.waker.wake(),
+            Err(TrySendError::Full(packet)) => {
+                return Ok(Some(Outbound::Packet { exchange, packet }));
+            }
+            Err(TrySendError::Disconnected(_)) => {
+                return Err(LinkError::Closed(self.address.clone()));
+            }
+        }
+        Ok(None)
+    }
+}
+
+impl Drop for BusOutbox {
+    fn drop(&mut self) {
+        self.waker.wake();
+    }
+}
+
+/// The carrier's end.
+struct End {
+    departures: Receiver<Bytes>,
+    arrivals: Intake,
+    watch: Watch,
+    tally: Arc<Tally>,
+    address: String,
+    /// Whether the log tells already that the bus is in trouble.
+    told: bool,
+}
+
+impl Above for End {
+    type Packet = Bytes;
+
+    fn next(&mut self) -> Next<Bytes> {
+        match self.departures.try_recv() {
+            Ok(packet) => Next::Packet(packet),
+            Err(TryRecvError::Empty) => Next::Nothing,
+            Err(TryRecvError::Disconnected) => Next::Closed,
+        }
+    }
+
+    fn arrived(&mut self, packet: &[u8], at: Instant) -> bool {
+        self.told = false;
+        let inbound = Inbound {
+            exchange: 0,
+            packet: Bytes::copy_from_slice(packet),
+            arrived: at,
+        };
+        self.arrivals.push(inbound).is_ok()
+    }
+
+    fn is_wanted(&self) -> bool {
+        self.watch.is_wanted()
+    }
+
+    fn note(&mut self, note: Note) {
+        let tally = &self.tally;
+        let address = &self.address;
+        let some = |counter: &std::sync::atomic::AtomicU32, more| {
+            counter.fetch_add(more, Ordering::Relaxed);
+        };
+        match note {
+            Note::Moved(octets) => tally.moved(octets),
+            Note::Done => tally.done(),
+            Note::Unsent(more) => some(&tally.lost, more),
+            Note::Incomplete(more) => some(&tally.incomplete, more),
+            Note::Oversize(more) => some(&tally.oversize, more),
+            Note::Garbled(more) => some(&tally.bad_framing, more),
+            Note::Trouble(Trouble::BusOff) => {
+                count(&tally.bus_off);
+                count(&tally.bus_errors);
+                tracing::warn!(
+                    "{address}: bus-off, the controller has left the bus after too many errors: it waits for a restart (`ip link set NAME type can restart-ms 100` makes it automatic)"
+                );
+            }
+            Note::Trouble(Trouble::Restarted) => tracing::warn!("{address}: on the bus again"),
+            Note::Trouble(Trouble::Error) => {
+                count(&tally.bus_errors);
+                if !std::mem::replace(&mut self.told, true) {
+                    tracing::warn!(
+                        "{address}: errors on the bus: check its bit rate, its termination, and that another node is there to acknowledge"
+                    );
+                }
+            }
+            Note::Gone(error) => tracing::warn!("{address} has gone ({error}): waiting for it"),
+            // The other end of a loopback has hung up.
+            Note::Ended(error) => tracing::debug!("{address} has ended: {error}"),
+            Note::Back => {
+                count(&tally.reconnects);
+                tracing::warn!("{address} is back");
+            }
+        }
+    }
+}
+
+/// The error for a bus that cannot be opened.
+pub(super) fn refused(url: &LinkUrl, settings: &Settings, source: Refusal) -> LinkError {
+    let url = if url.target.is_empty() {
+        format!("{}://{}", url.scheme, settings.place)
+    } else {
+        url.text.clone()
+    };
+    LinkError::Refused { url, source }
+}
+
+/// The error for a loopback without a flight computer's end.
+pub(super) fn no_client(url: &LinkUrl, error: PortError) -> LinkError {
+    let error = std::io::Error::other(error);
+    url.failed("open the client's end", error, "try again")
+}

@@ -1,0 +1,49 @@
+//! CAN through the kernel's SocketCAN, classic or FD.
+
+use super::{Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Wire, bus};
+use skyloop_firmware_sim::can::pacing::Rates;
+use skyloop_firmware_sim::can::port::CanPort;
+use skyloop_firmware_sim::can::settings::Settings;
+use skyloop_firmware_sim::can::{Opener, socket};
+use std::sync::Arc;
+
+/// CAN interfaces.
+pub const CAN: Link = Link {
+    scheme: "can",
+    example: "can://vcan0?bitrate=500000&fd=8000000",
+    open,
+    loopback,
+};
+
+const KEYS: &[&str] = &["bitrate", "fd", "load"];
+/// The interface of a loopback.
+const VIRTUAL: &str = "vcan0";
+
+fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
+    start(url, &bus::settings(url, &url.target, KEYS)?)
+}
+
+fn start(url: &LinkUrl, settings: &Settings) -> Result<Wire, LinkError> {
+    let open = socket::open(settings).map_err(|refusal| bus::refused(url, settings, refusal))?;
+    let again = settings.clone();
+    let opener: Opener = Box::new(move || socket::open(&again));
+    bus::start(url, open, Some(opener), settings, airtime(settings))
+}
+
+/// Time on the bus of a packet in segments.
+pub(super) fn airtime(settings: &Settings) -> Airtime {
+    let (rates, fd): (Rates, bool) = (settings.rates, settings.fd);
+    Arc::new(move |octets| rates.packet_duration(octets, fd))
+}
+
+/// Both ends on the virtual interface that the user has set up.
+fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+    let settings = bus::loopback_settings(url, VIRTUAL, KEYS)?;
+    let wire = start(url, &settings)?;
+    let bus = socket::open(&settings).map_err(|refusal| bus::refused(url, &settings, refusal))?;
+    let port = CanPort::over(VIRTUAL, bus, None, &settings);
+    Ok((
+        wire,
+        Box::new(port.map_err(|error| bus::no_client(url, error))?),
+    ))
+}
