@@ -11,6 +11,8 @@ use hifitime::Epoch;
 use serde::Deserialize;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Object, StateVector};
+use skyloop_protocols::Output;
+use skyloop_protocols::output::MAX_WINDOW;
 use std::path::Path;
 
 /// A validated configuration.
@@ -87,8 +89,10 @@ pub struct TimedAttitude {
 /// How a live run listens and keeps time.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// Link, as a URL.
-    pub link: String,
+    /// Links, as URLs.
+    pub links: Vec<String>,
+    /// What frames bring until a client says otherwise.
+    pub output: Output,
     /// Who gives the time.
     pub clock: Clock,
     /// After this silence (s) of its client an exchange may be taken over by another.
@@ -176,9 +180,21 @@ struct RawAttitude {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct RawRun {
-    link: String,
+    link: OneOrMore,
+    output: String,
+    windows: u8,
+    window_px: u8,
+    objects: u16,
     clock: Clock,
     idle_s: f64,
+}
+
+/// One text, or an array of them.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum OneOrMore {
+    One(String),
+    More(Vec<String>),
 }
 
 fn one() -> u64 {
@@ -226,8 +242,13 @@ impl Default for RawObjects {
 
 impl Default for RawRun {
     fn default() -> Self {
+        let output = Output::default();
         RawRun {
-            link: "udp://127.0.0.1:4810".to_string(),
+            link: OneOrMore::One("udp://127.0.0.1:4810".to_string()),
+            output: "frame".to_string(),
+            windows: output.windows,
+            window_px: output.window_size,
+            objects: output.objects,
             clock: Clock::Stepped,
             idle_s: 5.0,
         }
@@ -302,11 +323,7 @@ impl Config {
             sphere,
             observer,
             sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
-            run: Run {
-                link: raw.run.link,
-                clock: raw.run.clock,
-                idle_s: check.range("run.idle_s", raw.run.idle_s, 0.0..=1e6)?,
-            },
+            run: raw.run.validate(&check)?,
         })
     }
 }
@@ -329,6 +346,35 @@ impl RawSky {
             selection,
             corrections,
             colour: self.colour,
+        })
+    }
+}
+
+impl RawRun {
+    fn validate(self, check: &Check) -> Result<Run, ConfigError> {
+        let links = match self.link {
+            OneOrMore::One(link) => vec![link],
+            OneOrMore::More(links) if links.is_empty() => {
+                return Err(check.refuse("run.link", "[]", "at least one link"));
+            }
+            OneOrMore::More(links) => links,
+        };
+        let preset = Output::preset(&self.output).ok_or_else(|| {
+            let names = Output::PRESETS.map(|(name, ..)| name).join(", ");
+            check.refuse("run.output", &self.output, format!("one of {names}"))
+        })?;
+        let most = f64::from(MAX_WINDOW);
+        check.range("run.window_px", f64::from(self.window_px), 1.0..=most)?;
+        Ok(Run {
+            links,
+            output: Output {
+                windows: self.windows,
+                window_size: self.window_px,
+                objects: self.objects,
+                ..preset
+            },
+            clock: self.clock,
+            idle_s: check.range("run.idle_s", self.idle_s, 0.0..=1e6)?,
         })
     }
 }

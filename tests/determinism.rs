@@ -8,7 +8,7 @@ use skyloop::camera::Camera;
 use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
 use skyloop::flight;
-use skyloop::link::{self, LINKS, Options};
+use skyloop::link::{self, LINKS, Options, Roles};
 use skyloop::load::Folder;
 use skyloop::serve::Server;
 use skyloop_firmware_sim::event::Event;
@@ -72,7 +72,9 @@ fn over(scheme: &str, camera: &str) -> Vec<Seen> {
         personality: &NATIVE,
     };
     let (wire, port) = link::loopback(scheme, &options).unwrap();
-    let mut server = Server::new(Emulator::new(&mut config), wire, Clock::Stepped, &NATIVE);
+    let (links, output) = ([(wire, Roles::ALL)], config.run.output);
+    let emulator = Emulator::new(&mut config);
+    let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     let stop = AtomicBool::new(false);
     let mut seen = Vec::new();
     std::thread::scope(|scope| {

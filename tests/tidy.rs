@@ -47,7 +47,10 @@ const LAYERED: [(&str, &[&[&str]]); 2] = [
 /// Who may name what: a path, and the files or modules below `src/` that it is for.
 const FENCES: &[(&str, &[&str])] = &[
     // Only the ends of the corridor know the wire.
-    ("skyloop_protocols::", &["attitude", "cli", "link", "serve"]),
+    (
+        "skyloop_protocols::",
+        &["attitude", "cli", "config", "link", "serve"],
+    ),
     (
         "skyloop_firmware_sim::",
         &["cli", "flight", "link", "main", "serve", "stats"],

@@ -31,6 +31,11 @@ impl CreditAccount {
         true
     }
 
+    /// The last grant taken, 0 before the first.
+    pub fn granted(&self) -> u32 {
+        self.granted.unwrap_or(0)
+    }
+
     /// Whether one more frame packet may be sent. Always, until the first `Credit`.
     pub fn may_send(&self) -> bool {
         self.granted

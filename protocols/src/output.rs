@@ -65,6 +65,27 @@ impl Default for Output {
 }
 
 impl Output {
+    /// The usual combinations by name: whole frames with label text, the same compressed, windows with objects,
+    /// objects alone.
+    pub const PRESETS: [(&'static str, PixelLevel, LabelLevel); 4] = [
+        ("frame", PixelLevel::Frame, LabelLevel::Text),
+        ("compressed", PixelLevel::Compressed, LabelLevel::Text),
+        ("windows", PixelLevel::Windows, LabelLevel::Objects),
+        ("labels", PixelLevel::None, LabelLevel::Objects),
+    ];
+
+    /// The combination called `name`, with numbers as by default.
+    pub fn preset(name: &str) -> Option<Self> {
+        let (_, pixels, labels) = Self::PRESETS
+            .into_iter()
+            .find(|(known, ..)| *known == name)?;
+        Some(Self {
+            pixels,
+            labels,
+            ..Self::default()
+        })
+    }
+
     /// Refuses windows that fit no packet.
     pub fn check(&self) -> Result<(), DecodeError> {
         rule(

@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
-use skyloop::link;
+use skyloop::link::{self, Roles};
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::Server;
 use skyloop::stats::{RunStats, row, table, times};
@@ -62,11 +62,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     let (wire, port) = link::loopback(&args.link, &options)?;
     let writer = Writer::create(&args.out, frames)?;
-    let mut server = Server::new(Emulator::new(&mut config), wire, Clock::Stepped, &NATIVE);
+    let (links, output) = ([(wire, Roles::ALL)], config.run.output);
+    let emulator = Emulator::new(&mut config);
+    let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     say(format_args!(
         "{frames} frames of {} over {}\n",
         config.camera.name,
-        server.address()
+        server.addresses().join(" and ")
     ))?;
 
     let stop = AtomicBool::new(false);

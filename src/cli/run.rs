@@ -18,9 +18,10 @@ pub struct Args {
     /// Configuration file (see configs/default.toml)
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// Link to listen on, such as udp://127.0.0.1:4810 or serial:///dev/ttyUSB0?baud=921600 [default: the file's]
+    /// Link to listen on, such as udp://127.0.0.1:4810 or serial:///dev/ttyUSB0?baud=921600; several with
+    /// roles=truth, pixels, labels [default: the file's]
     #[arg(long, value_name = "URL")]
-    link: Option<String>,
+    link: Vec<String>,
     /// End after this many frames [default: at Ctrl-C]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     frames: Option<u32>,
@@ -37,9 +38,16 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         idle,
         personality: &NATIVE,
     };
-    let wire = link::open(args.link.as_ref().unwrap_or(&config.run.link), &options)?;
+    let urls = match args.link.is_empty() {
+        true => &config.run.links,
+        false => &args.link,
+    };
+    let links = link::open_all(urls, &options)?;
     let (objects, clock) = (config.objects.len(), config.run.clock);
-    let mut server = Server::new(Emulator::new(&mut config), wire, clock, &NATIVE);
+    let output = config.run.output;
+    let emulator = Emulator::new(&mut config);
+    let mut server = Server::new(emulator, links, output, clock, &NATIVE);
+    server.fits().map_err(anyhow::Error::msg)?;
 
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let pace = match clock {
@@ -51,15 +59,16 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     let camera = &config.camera;
     say(format_args!(
-        "{} ({} x {}), {objects} objects, {pace}\nlistening on {}; Ctrl-C ends the run\n",
+        "{} ({} x {}), {objects} objects, {pace}\n{}listening on {}; Ctrl-C ends the run\n",
         camera.name,
         camera.detector.width,
         camera.detector.height,
-        server.address()
+        server.levels(),
+        server.addresses().join(" and ")
     ))?;
     let served = server.run(&stop, args.frames, |_| {});
 
-    let address = server.address().to_string();
+    let gone = server.gone().unwrap_or("of the run").to_string();
     let (stats, counters) = server.close();
     let mut rows = stats.rows();
     let answer = times(&stats.answer, &[0.5, 0.99]);
@@ -80,6 +89,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     say(format_args!("\n{}", table(&rows)))?;
     match served? {
         Ended::AsAsked => Ok(()),
-        Ended::LinkGone => bail!("link {address}: it has gone (see the log above); open it again"),
+        Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),
     }
 }

@@ -6,6 +6,7 @@ use skyloop_protocols::packet::{apid, identify};
 use std::collections::VecDeque;
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 /// A queue for what arrives: the end of the wire and the end of the emulator.
@@ -15,6 +16,7 @@ pub(crate) fn inbox(tally: Arc<Tally>) -> (Intake, Inbox) {
             waiting: VecDeque::with_capacity(QUEUE),
             intakes: 1,
             read: true,
+            reader: None,
         }),
         arrived: Condvar::new(),
         tally,
@@ -58,12 +60,26 @@ struct State {
     intakes: usize,
     /// Whether the emulator still has its end.
     read: bool,
+    /// Who waits for this queue and others.
+    reader: Option<Thread>,
 }
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, State> {
         // What a thread that panicked leaves behind is a queue like any other.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Shared {
+    /// Lets go of the queue, and wakes who waits for it.
+    fn wake(&self, state: MutexGuard<'_, State>) {
+        let reader = state.reader.clone();
+        drop(state);
+        self.arrived.notify_one();
+        if let Some(reader) = reader {
+            reader.unpark();
+        }
     }
 }
 
@@ -81,8 +97,7 @@ impl Intake {
             count(&self.shared.tally.dropped);
         }
         state.waiting.push_back(inbound);
-        drop(state);
-        self.shared.arrived.notify_one();
+        self.shared.wake(state);
         Ok(())
     }
 
@@ -116,12 +131,18 @@ impl Clone for Intake {
 
 impl Drop for Intake {
     fn drop(&mut self) {
-        self.shared.lock().intakes -= 1;
-        self.shared.arrived.notify_all();
+        let mut state = self.shared.lock();
+        state.intakes -= 1;
+        self.shared.wake(state);
     }
 }
 
 impl Inbox {
+    /// Unparks `reader` at every packet, and when the wire has gone: for a thread that waits for several queues.
+    pub(crate) fn unparks(&self, reader: Thread) {
+        self.shared.lock().reader = Some(reader);
+    }
+
     /// The next packet, if there is one.
     pub fn try_recv(&self) -> Result<Inbound, TryRecvError> {
         let mut state = self.shared.lock();
@@ -203,7 +224,7 @@ mod tests {
         for count in 0..1255 {
             intake.push(attitude(count)).unwrap();
         }
-        assert_eq!(tally.dropped(), 1000);
+        assert_eq!(tally.counters().overflows, 1000);
         let rest = rest(&inbox);
         assert_eq!((rest.len(), rest[0]), (QUEUE, (apid::COMMAND, 9)));
         assert_eq!(rest[1], (apid::ATTITUDE, 1000), "the newest are left");
@@ -218,7 +239,10 @@ mod tests {
             intake.push(inbound(&Command::Ping, count)).unwrap();
         }
         let rest = rest(&inbox);
-        assert_eq!((rest[0].1, rest.len(), tally.dropped()), (1, QUEUE, 1));
+        assert_eq!(
+            (rest[0].1, rest.len(), tally.counters().overflows),
+            (1, QUEUE, 1)
+        );
     }
 
     #[test]

@@ -185,10 +185,10 @@ mod tests {
         let counts = || {
             let tally = &tally;
             [
-                tally.runts(),
-                tally.oversize(),
-                tally.bad_framing(),
-                tally.bad_crc(),
+                tally.counters().runts,
+                tally.counters().oversize,
+                tally.counters().bad_framing,
+                tally.counters().bad_crc,
             ]
         };
         let mut good = Vec::new();

@@ -15,6 +15,7 @@ mod paced;
 mod pseudo;
 #[cfg(unix)]
 mod pty;
+mod roles;
 mod serial;
 mod slcan;
 mod tally;
@@ -24,6 +25,7 @@ mod url;
 pub use inbox::{Inbox, Intake};
 #[cfg(unix)]
 pub use pty::Pair;
+pub use roles::Roles;
 pub(crate) use tally::Standstill;
 pub use tally::Tally;
 pub use url::LinkUrl;
@@ -197,6 +199,34 @@ pub enum LinkError {
 pub fn open(url: &str, options: &Options) -> Result<Wire, LinkError> {
     let url = LinkUrl::parse(url)?;
     (by_scheme(&url.scheme, &url.text)?.open)(&url, options)
+}
+
+/// Opens the emulator's ends of a run's links. One of them, and no more, brings the truth.
+pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>, LinkError> {
+    let parsed: Vec<LinkUrl> = urls
+        .iter()
+        .map(|url| LinkUrl::parse(url))
+        .collect::<Result<_, _>>()?;
+    let roles: Vec<Roles> = parsed.iter().map(Roles::of).collect::<Result<_, _>>()?;
+    let mut truth = parsed.iter().zip(&roles).filter(|(_, roles)| roles.truth);
+    match (truth.next(), truth.next(), parsed.first()) {
+        (_, Some((second, _)), _) => {
+            return Err(second
+                .refuse("a second link for the truth; give it roles=pixels+labels".to_string()));
+        }
+        (None, None, Some(first)) => {
+            return Err(first.refuse(
+                "no link has the role truth, so no attitude could come; give one roles=truth"
+                    .to_string(),
+            ));
+        }
+        _ => {}
+    }
+    let wires = urls.iter().map(|url| open(url, options));
+    wires
+        .zip(roles)
+        .map(|(wire, roles)| Ok((wire?, roles)))
+        .collect()
 }
 
 /// Opens both ends of the link that `text` names: a scheme, and options behind a question mark.

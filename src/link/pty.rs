@@ -268,20 +268,23 @@ mod tests {
                 (&inbound.packet[..], inbound.exchange),
                 (&b"hello"[..], exchange)
             );
-            assert_eq!(wire.tally.reconnects(), exchange - 1);
+            assert_eq!(wire.tally.counters().reconnects, exchange - 1);
             // What answers the client before is lost, and counted; half a packet ends with its client.
             offer(&mut wire, exchange - 1, b"late");
             offer(&mut wire, exchange, b"answer");
             let mut answer = vec![0; framed(b"answer").len()];
             port.read_exact(&mut answer).unwrap();
             assert_eq!(answer, framed(b"answer"));
-            assert_eq!(wire.tally.lost(), exchange);
+            assert_eq!(wire.tally.counters().lost_outbound, exchange);
             port.write_all(&framed(b"half")[..3]).unwrap();
             drop(port);
             let quiet = wire.inbox.recv_timeout(Duration::from_millis(200));
             assert_eq!(quiet.unwrap_err(), RecvTimeoutError::Timeout);
         }
-        assert_eq!(wire.tally.bad_framing() + wire.tally.bad_crc(), 0);
+        assert_eq!(
+            wire.tally.counters().bad_framing + wire.tally.counters().bad_crc,
+            0
+        );
         drop(wire);
         assert!(Path::new(&name).symlink_metadata().is_err());
     }

@@ -320,7 +320,13 @@ mod tests {
             send(&mut client, b"second");
             let packet = wire.inbox.recv_timeout(patience).unwrap().packet;
             assert_eq!(&packet[..], b"second");
-            assert_eq!((wire.tally.reconnects(), wire.tally.lost()), (round, 0));
+            assert_eq!(
+                (
+                    wire.tally.counters().reconnects,
+                    wire.tally.counters().lost_outbound
+                ),
+                (round, 0)
+            );
         }
     }
 
@@ -349,7 +355,7 @@ mod tests {
     fn close(mut wire: Wire, patience: Duration) -> u32 {
         let tally = wire.tally.clone();
         wire.close(Standstill::of(&tally, patience));
-        tally.lost()
+        tally.counters().lost_outbound
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! What a link counts, and whether it moves.
 
+use skyloop_protocols::Counters;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
@@ -11,73 +12,55 @@ pub struct Tally {
     waiting: AtomicU32,
     /// Octets that have left, modulo 2^32.
     moved: AtomicU32,
+    /// Packets from others than the client.
     pub(super) foreign: AtomicU32,
+    /// Packets thrown away because the inbound queue was full.
     pub(super) dropped: AtomicU32,
+    /// Serial frames with an escape of nothing.
     pub(super) bad_framing: AtomicU32,
+    /// Serial frames with a wrong CRC-32.
     pub(super) bad_crc: AtomicU32,
+    /// Frames shorter than any packet.
     pub(super) runts: AtomicU32,
+    /// Frames longer than any packet.
     pub(super) oversize: AtomicU32,
+    /// Times that the line was lost and came back.
     pub(super) reconnects: AtomicU32,
+    /// Messages over several CAN frames that never came whole.
     pub(super) incomplete: AtomicU32,
+    /// Error frames of a CAN bus.
     pub(super) bus_errors: AtomicU32,
+    /// Times that the CAN controller went off the bus.
     pub(super) bus_off: AtomicU32,
+    /// Packets whose client had gone or did not read, or that the system refused to send.
     pub(super) lost: AtomicU32,
 }
 
 impl Tally {
-    /// Packets from others than the client.
-    pub fn foreign(&self) -> u32 {
-        self.foreign.load(Ordering::Relaxed)
+    /// Adds what the link has counted.
+    pub fn add_to(&self, counters: &mut Counters) {
+        for (counted, counter) in [
+            (&self.foreign, &mut counters.foreign_packets),
+            (&self.dropped, &mut counters.overflows),
+            (&self.bad_framing, &mut counters.bad_framing),
+            (&self.bad_crc, &mut counters.bad_crc),
+            (&self.runts, &mut counters.runts),
+            (&self.oversize, &mut counters.oversize),
+            (&self.reconnects, &mut counters.reconnects),
+            (&self.incomplete, &mut counters.incomplete),
+            (&self.bus_errors, &mut counters.bus_errors),
+            (&self.bus_off, &mut counters.bus_off),
+            (&self.lost, &mut counters.lost_outbound),
+        ] {
+            *counter = counter.wrapping_add(counted.load(Ordering::Relaxed));
+        }
     }
 
-    /// Packets thrown away because the inbound queue was full.
-    pub fn dropped(&self) -> u32 {
-        self.dropped.load(Ordering::Relaxed)
-    }
-
-    /// Serial frames with an escape of nothing.
-    pub fn bad_framing(&self) -> u32 {
-        self.bad_framing.load(Ordering::Relaxed)
-    }
-
-    /// Serial frames with a wrong CRC-32.
-    pub fn bad_crc(&self) -> u32 {
-        self.bad_crc.load(Ordering::Relaxed)
-    }
-
-    /// Frames shorter than any packet.
-    pub fn runts(&self) -> u32 {
-        self.runts.load(Ordering::Relaxed)
-    }
-
-    /// Frames longer than any packet.
-    pub fn oversize(&self) -> u32 {
-        self.oversize.load(Ordering::Relaxed)
-    }
-
-    /// Times that the line was lost and came back.
-    pub fn reconnects(&self) -> u32 {
-        self.reconnects.load(Ordering::Relaxed)
-    }
-
-    /// Attitudes and messages over several CAN frames that never came whole.
-    pub fn incomplete(&self) -> u32 {
-        self.incomplete.load(Ordering::Relaxed)
-    }
-
-    /// Errors that the CAN controller has reported.
-    pub fn bus_errors(&self) -> u32 {
-        self.bus_errors.load(Ordering::Relaxed)
-    }
-
-    /// Times that the CAN controller has left the bus.
-    pub fn bus_off(&self) -> u32 {
-        self.bus_off.load(Ordering::Relaxed)
-    }
-
-    /// Packets whose client had gone or did not read, or that the system refused to send.
-    pub fn lost(&self) -> u32 {
-        self.lost.load(Ordering::Relaxed)
+    /// What the link alone has counted.
+    pub fn counters(&self) -> Counters {
+        let mut counters = Counters::default();
+        self.add_to(&mut counters);
+        counters
     }
 
     /// Books a packet put into the outbound queue.

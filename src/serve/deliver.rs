@@ -1,18 +1,11 @@
-//! To the wire: a shot as its packets (`FrameHeader`, then `PixelBlock`s, then `Labels`), paced by credit.
+//! To the wire: a shot as its packets, on every link that brings frames, paced by each client's credit.
 
+use super::cut::Cut;
 use super::{Server, Undelivered};
 use crate::engine::Shot;
-use crate::link::Outbound;
+use crate::link::LinkError;
 use bytes::Bytes;
-use skyloop_firmware_sim::time::to_wire;
-use skyloop_protocols::crc::Crc32;
-use skyloop_protocols::pixels::{
-    BlockSlice, blocks, blocks_in_frame, label_parts, label_texts, pack, packed_length,
-};
-use skyloop_protocols::{
-    FrameHeader, LabelLevel, LabelPart, MAX_PACKET, Packing, PixelBlock, PixelLevel, Reply,
-    WireTime,
-};
+use skyloop_protocols::{MAX_PACKET, Reply};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -20,143 +13,191 @@ use std::time::{Duration, Instant};
 const STALL: Duration = Duration::from_secs(2);
 /// How long to listen while a frame waits for credit.
 pub(super) const LISTEN: Duration = Duration::from_millis(5);
-/// How long to listen while packets wait for room in the link's queue.
-pub(super) const BREATH: Duration = Duration::from_micros(200);
+/// How long to listen while packets wait for room in a link's queue.
+const BREATH: Duration = Duration::from_micros(200);
 
-impl Server {
-    /// Sends all packets of a shot.
-    pub(super) fn deliver(&mut self, shot: &Shot, stop: &AtomicBool) -> Result<(), Undelivered> {
-        let detector = &shot.camera.detector;
-        let packing = Packing::for_bits(detector.bits);
-        let text = shot.json.as_bytes();
-        let instant =
-            |epoch| to_wire(epoch).ok_or_else(|| unencodable("a time beyond the time code"));
-        let time = instant(shot.exposure.mid)?;
-        let frame = shot.number;
-        let parts = u32::try_from(text.len()).ok().and_then(label_parts);
-        let parts = parts.ok_or_else(|| unencodable("more labels than packets can number"))?;
-        let header = FrameHeader {
-            frame,
-            attitude_sequence: shot.key.sequence,
-            width: detector.width as u16,
-            height: detector.height as u16,
-            bits: detector.bits,
-            packing,
-            pixel_level: PixelLevel::Frame,
-            label_level: LabelLevel::Text,
-            window_size: 0,
-            windows: 0,
-            blocks: blocks_in_frame(detector.pixels() as u32, packing),
-            label_parts: parts,
-            label_bytes: text.len() as u32,
-            exposure_start: instant(shot.exposure.start)?,
-            exposure_end: instant(shot.exposure.end)?,
-            seed: shot.key.seed,
-            gain_e_per_dn: detector.gain_e_per_dn,
-            offset_dn: detector.offset_dn,
-            pixels_crc32: Crc32::new().update_pixels(&shot.frame.digits).finish(),
-        };
-        let run = Delivery {
-            exchange: self.exchange.number,
-            resets: self.exchange.resets,
-            stop,
-        };
-        self.send_in_frame(&run, &Reply::FrameHeader(header), time)?;
-        let mut packed = [0; MAX_PACKET];
-        for BlockSlice {
-            index,
-            first_pixel,
-            pixels,
-        } in blocks(&shot.frame.digits, packing)
-        {
-            let data = &mut packed[..packed_length(packing, pixels.len())];
-            pack(packing, pixels, data).map_err(unencodable)?;
-            let count = pixels.len() as u16;
-            let block = PixelBlock {
-                frame,
-                index,
-                first_pixel,
-                count,
-                packing,
-                data,
-            };
-            self.send_in_frame(&run, &Reply::PixelBlock(block), time)?;
-        }
-        for (part, text) in label_texts(text).take(usize::from(parts)).enumerate() {
-            let label = LabelPart {
-                frame,
-                part: part as u16,
-                parts,
-                text,
-            };
-            self.send_in_frame(&run, &Reply::Labels(label), time)?;
-        }
-        Ok(())
-    }
-
-    /// Sends one packet that takes credit, listening while it has to wait.
-    fn send_in_frame(
-        &mut self,
-        run: &Delivery<'_>,
-        reply: &Reply<'_>,
-        time: WireTime,
-    ) -> Result<(), Undelivered> {
-        let mut since = Instant::now();
-        while !self.exchange.credit.may_send() {
-            let before = self.exchange.credit;
-            self.listen(run, LISTEN, since)?;
-            if self.exchange.credit != before {
-                since = Instant::now();
-            }
-        }
-        let mut buffer = [0; MAX_PACKET];
-        let count = self.counts.next(reply.apid());
-        let length = (self.personality.encode_reply)(reply, count, time, &mut buffer)
-            .map_err(unencodable)?;
-        let packet = Bytes::copy_from_slice(&buffer[..length]);
-        let mut waiting = Some(Outbound::Packet {
-            exchange: run.exchange,
-            packet,
-        });
-        let since = Instant::now();
-        while let Some(packet) = waiting.take() {
-            waiting = match self.flush() {
-                Ok(true) => self.wire.outbox.offer(packet),
-                Ok(false) => Ok(Some(packet)),
-                Err(error) => Err(error),
-            }
-            .map_err(Undelivered::Link)?;
-            if waiting.is_some() {
-                self.listen(run, BREATH, since).inspect_err(|_| {
-                    self.counters.lost_outbound = self.counters.lost_outbound.wrapping_add(1);
-                })?;
-            }
-        }
-        self.exchange.credit.spend();
-        Ok(())
-    }
-
-    /// Handles what arrives within `pause`; gives the frame up when its client has.
-    fn listen(
-        &mut self,
-        run: &Delivery<'_>,
-        pause: Duration,
-        since: Instant,
-    ) -> Result<(), Undelivered> {
-        let alive = self.receive(pause).map_err(Undelivered::Link)?;
-        let stands = self.exchange.number == run.exchange && self.exchange.resets == run.resets;
-        if alive && stands && since.elapsed() < STALL && !run.stop.load(Ordering::Relaxed) {
-            return Ok(());
-        }
-        Err(Undelivered::Abandoned)
-    }
-}
-
-/// What has to stay as it is for a frame to be delivered.
+/// A frame on its way over one link.
 struct Delivery<'a> {
+    /// Which link.
+    at: usize,
+    cut: Cut<'a>,
+    /// What has to stay as it is for the frame to be delivered.
     exchange: u32,
     resets: u32,
-    stop: &'a AtomicBool,
+    /// A packet that waits for room, and whether the link has refused it.
+    waiting: Option<(Bytes, bool)>,
+    /// Since when nothing has moved.
+    since: Instant,
+    credit: u32,
+}
+
+/// What became of an attempt to send.
+enum Step {
+    Moved,
+    NoCredit,
+    NoRoom,
+    Done,
+}
+
+impl Server {
+    /// Sends what each client wants of a shot; complete only if all of them got all of it.
+    pub(super) fn deliver(&mut self, shot: &Shot, stop: &AtomicBool) -> Result<(), Undelivered> {
+        let mut under_way = self.cut(shot)?;
+        let mut whole = true;
+        while !under_way.is_empty() {
+            let mut pause = Some(LISTEN);
+            let mut left = Vec::with_capacity(under_way.len());
+            for mut delivery in under_way {
+                match self.step(&mut delivery)? {
+                    Step::Done => continue,
+                    Step::Moved => pause = None,
+                    Step::NoRoom => pause = pause.map(|pause| pause.min(BREATH)),
+                    Step::NoCredit => {}
+                }
+                left.push(delivery);
+            }
+            under_way = left;
+            let Some(pause) = pause.filter(|_| !under_way.is_empty()) else {
+                continue;
+            };
+            let alive = self.receive(pause).map_err(Undelivered::Link)?;
+            under_way.retain(|delivery| {
+                let stands = alive && !stop.load(Ordering::Relaxed) && self.stands(delivery);
+                if !stands {
+                    whole = false;
+                    self.give_up(delivery);
+                }
+                stands
+            });
+        }
+        if whole {
+            Ok(())
+        } else {
+            Err(Undelivered::Abandoned)
+        }
+    }
+
+    /// The frame for each link that brings frames and whose client has said something.
+    fn cut<'a>(&mut self, shot: &'a Shot) -> Result<Vec<Delivery<'a>>, Undelivered> {
+        let mut under_way = Vec::new();
+        for (at, channel) in self.channels.iter_mut().enumerate() {
+            let exchange = &channel.exchange;
+            if !channel.roles.brings_frames() || !exchange.heard {
+                continue;
+            }
+            let positions = exchange.positions.as_ref();
+            let cut = Cut::new(shot, &exchange.output, positions, channel.roles);
+            under_way.push(Delivery {
+                at,
+                cut: cut.map_err(unencodable)?,
+                exchange: exchange.number,
+                resets: exchange.resets,
+                waiting: None,
+                since: Instant::now(),
+                credit: exchange.credit.granted(),
+            });
+            channel.keep(shot.number);
+        }
+        Ok(under_way)
+    }
+
+    /// Sends one packet, if its link and its client let it.
+    fn step(&mut self, delivery: &mut Delivery<'_>) -> Result<Step, Undelivered> {
+        let channel = &mut self.channels[delivery.at];
+        if channel.exchange.number != delivery.exchange
+            || channel.exchange.resets != delivery.resets
+        {
+            // The pause notices, and gives the frame up.
+            return Ok(Step::NoCredit);
+        }
+        if delivery.waiting.is_none() {
+            if !channel.exchange.credit.may_send() {
+                let credit = channel.exchange.credit.granted();
+                if credit != delivery.credit {
+                    (delivery.credit, delivery.since) = (credit, Instant::now());
+                }
+                if delivery.cut.is_over() {
+                    return Ok(Step::Done);
+                }
+                return Ok(Step::NoCredit);
+            }
+            let (personality, counts) = (self.personality, &mut channel.counts);
+            let time = delivery.cut.time;
+            let mut buffer = [0; MAX_PACKET];
+            let packet = delivery.cut.next(|reply: &Reply<'_>| {
+                let count = counts.next(reply.apid());
+                let length = (personality.encode_reply)(reply, count, time, &mut buffer)?;
+                Ok(Bytes::copy_from_slice(&buffer[..length]))
+            });
+            match packet {
+                None => return Ok(Step::Done),
+                Some(packet) => delivery.waiting = Some((packet.map_err(unencodable)?, false)),
+            }
+        }
+        let Some((packet, refused)) = &mut delivery.waiting else {
+            return Ok(Step::Done);
+        };
+        let sent = match channel.flush() {
+            Ok(true) => channel.offer(packet),
+            other => other,
+        };
+        if !sent.map_err(Undelivered::Link)? {
+            *refused = true;
+            return Ok(Step::NoRoom);
+        }
+        channel.exchange.credit.spend();
+        if let Some(kept) = channel.exchange.kept.back_mut() {
+            kept.packets
+                .extend(delivery.waiting.take().map(|(packet, _)| packet));
+        }
+        delivery.since = Instant::now();
+        Ok(Step::Moved)
+    }
+
+    /// Whether the client is still there and takes what it gets.
+    fn stands(&self, delivery: &Delivery<'_>) -> bool {
+        let exchange = &self.channels[delivery.at].exchange;
+        exchange.number == delivery.exchange
+            && exchange.resets == delivery.resets
+            && delivery.since.elapsed() < STALL
+    }
+
+    /// A packet that the link has refused is lost with its frame.
+    fn give_up(&mut self, delivery: &Delivery<'_>) {
+        if let Some((_, true)) = delivery.waiting {
+            let channel = &mut self.channels[delivery.at];
+            channel.lost = channel.lost.wrapping_add(1);
+        }
+    }
+
+    /// Sends packets of a kept frame once more; false if there are none such.
+    pub(super) fn resend(
+        &mut self,
+        at: usize,
+        frame: u32,
+        first: u32,
+        count: u32,
+    ) -> Result<bool, LinkError> {
+        let channel = &mut self.channels[at];
+        let Some(kept) = channel
+            .exchange
+            .kept
+            .iter()
+            .find(|kept| kept.frame == frame)
+        else {
+            return Ok(false);
+        };
+        let asked = kept.packets.iter().skip(first as usize);
+        let again: Vec<Bytes> = asked
+            .take((count as usize).min(channel.room()))
+            .cloned()
+            .collect();
+        for packet in again {
+            self.counters.resent_blocks = self.counters.resent_blocks.wrapping_add(1);
+            channel.answer(packet)?;
+        }
+        Ok(true)
+    }
 }
 
 /// A packet that the wire language cannot hold: the frame is given up, and the log says why.

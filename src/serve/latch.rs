@@ -18,7 +18,7 @@ impl Server {
         inbound: &Inbound,
     ) -> Result<(), Refusal> {
         let epoch = to_epoch(header.time);
-        if let Some(last) = &self.exchange.latest
+        if let Some(last) = &self.truth.latest
             && epoch < last.vehicle.epoch
         {
             let back_s = (last.vehicle.epoch - epoch).to_seconds();
@@ -30,7 +30,7 @@ impl Server {
                 ),
             });
         }
-        if self.clock == Clock::Stepped && self.exchange.waiting.len() >= MAX_WAITING {
+        if self.clock == Clock::Stepped && self.truth.waiting.len() >= MAX_WAITING {
             return Err(Refusal {
                 reason: Reason::Busy,
                 detail: format!(
@@ -77,24 +77,30 @@ impl Server {
             arrived: inbound.arrived,
         };
         match self.clock {
-            Clock::Stepped => self.exchange.waiting.push_back(latched.clone()),
+            Clock::Stepped => self.truth.waiting.push_back(latched.clone()),
             Clock::Wall => self.wall.set(epoch, inbound.arrived),
         }
-        self.exchange.latest = Some(latched);
-        self.exchange.repeat = 0;
-        self.exchange.refused = false;
+        self.truth.latest = Some(latched);
+        self.truth.repeat = 0;
+        self.truth.refused = false;
         Ok(())
     }
 
     /// By the wall clock an accepted attitude may be carried to where nothing can be shown: it is refused once,
     /// and each later exposure of it is missed.
-    pub(super) fn refuse_later(&mut self, header: &Header, why: &str) -> Result<(), LinkError> {
-        if std::mem::replace(&mut self.exchange.refused, true) {
+    pub(super) fn refuse_later(
+        &mut self,
+        at: usize,
+        header: &Header,
+        why: &str,
+    ) -> Result<(), LinkError> {
+        if std::mem::replace(&mut self.truth.refused, true) {
             self.wall.missed = self.wall.missed.wrapping_add(1);
             return Ok(());
         }
         self.counters.refuse(Reason::ValueOutOfRange);
         self.nack(
+            at,
             header.apid,
             header.sequence_count,
             Reason::ValueOutOfRange,

@@ -4,25 +4,27 @@
 //! packets are still received, so commands and attitudes are never left lying.
 
 mod answer;
+mod budget;
+mod channel;
 mod clock;
+mod cut;
 mod deliver;
 mod latch;
 mod obey;
 mod receive;
+mod select;
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::config::Clock;
 use crate::engine::{Emulator, Shot};
-use crate::link::{LinkError, Standstill, Wire};
+use crate::link::{LinkError, Roles, Standstill, Wire};
 use crate::scene::Exposure;
 use crate::stats::{Absent, RunStats};
-use bytes::Bytes;
+use channel::Channel;
 use clock::WallClock;
 use latch::tellable;
-use skyloop_protocols::credit::CreditAccount;
-use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
-use skyloop_protocols::{Counters, Header, Personality};
+use skyloop_protocols::{Counters, Header, Output, Personality};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -46,12 +48,9 @@ struct Latched {
     arrived: Instant,
 }
 
-/// What one client has agreed with the emulator.
+/// What the link of the truth has brought.
 #[derive(Debug, Default)]
-struct Exchange {
-    number: u32,
-    credit: CreditAccount,
-    gaps: GapDetector,
+struct Truth {
     /// Attitudes that wait for their frame (stepped).
     waiting: VecDeque<Latched>,
     /// The last attitude accepted.
@@ -60,26 +59,21 @@ struct Exchange {
     repeat: u32,
     /// Whether it has been refused since (wall clock).
     refused: bool,
-    /// Counts Resets, so that a frame under way notices one.
-    resets: u32,
-    /// Answers for which the link has no room yet, oldest first.
-    answers: VecDeque<Bytes>,
-    /// Whether answers had to be dropped.
-    overrun: bool,
-    /// When the client asked to be released, until the link has been told.
-    release: Option<Instant>,
 }
 
-/// The emulator at a wire.
+/// The emulator at its links.
 pub struct Server {
     emulator: Emulator,
-    wire: Wire,
+    channels: Vec<Channel>,
+    /// What frames bring until a client says otherwise.
+    output: Output,
     personality: &'static Personality,
     clock: Clock,
     wall: WallClock,
-    exchange: Exchange,
-    counts: SequenceCounts,
+    truth: Truth,
     counters: Counters,
+    /// The link that has ended.
+    gone: Option<usize>,
     /// What the run measured.
     pub stats: RunStats,
     /// Objects that could not be shown.
@@ -104,31 +98,69 @@ enum Undelivered {
 }
 
 impl Server {
-    /// Puts `emulator` at `wire`.
+    /// Puts `emulator` at its links; frames bring `output` until a client says otherwise.
     pub fn new(
         emulator: Emulator,
-        wire: Wire,
+        links: impl IntoIterator<Item = (Wire, Roles)>,
+        output: Output,
         clock: Clock,
         personality: &'static Personality,
     ) -> Server {
         let wall = WallClock::new(emulator.camera().rate_hz);
+        let links = links.into_iter();
         Server {
             emulator,
-            wire,
+            channels: links
+                .map(|(wire, roles)| Channel::new(wire, roles, output))
+                .collect(),
+            output,
             personality,
             clock,
             wall,
-            exchange: Exchange::default(),
-            counts: SequenceCounts::new(),
+            truth: Truth::default(),
             counters: Counters::default(),
+            gone: None,
             stats: RunStats::default(),
             absent: Absent::default(),
         }
     }
 
-    /// Where the emulator listens.
-    pub fn address(&self) -> &str {
-        &self.wire.address
+    /// Where the emulator listens, link by link.
+    pub fn addresses(&self) -> Vec<String> {
+        let addresses = self.channels.iter();
+        addresses
+            .map(|channel| channel.wire.address.clone())
+            .collect()
+    }
+
+    /// How long each level of output takes, of each link that limits it.
+    pub fn levels(&self) -> String {
+        let camera = self.emulator.camera();
+        let mut text = String::new();
+        for Channel { wire, roles, .. } in &self.channels {
+            let table = budget::table(wire, *roles, &camera, &self.output);
+            if !table.is_empty() {
+                text += &format!("a frame over {} takes\n{table}", wire.address);
+            }
+        }
+        text
+    }
+
+    /// Whether the configured output leaves at the camera's rate, by the wall clock; else which link is too slow.
+    pub fn fits(&self) -> Result<(), String> {
+        let camera = self.emulator.camera();
+        for Channel { wire, roles, .. } in &self.channels {
+            if self.clock == Clock::Wall {
+                budget::fits(wire, *roles, &camera, &self.output, camera.rate_hz)
+                    .map_err(|why| format!("link {}: {why}", wire.address))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The address of the link that has ended.
+    pub fn gone(&self) -> Option<&str> {
+        Some(&self.channels.get(self.gone?)?.wire.address)
     }
 
     /// Serves until `stop` is set or `limit` frames are made; `on_shot` sees each after its delivery.
@@ -150,6 +182,9 @@ impl Server {
         limit: Option<u32>,
         mut on_shot: impl FnMut(Shot),
     ) -> Result<Ended, LinkError> {
+        for channel in &self.channels {
+            channel.wire.inbox.unparks(std::thread::current());
+        }
         while !stop.load(Ordering::Relaxed) && limit.is_none_or(|n| self.stats.frames < n) {
             // Frames may fall due without a pause: commands and attitudes still come first.
             if !self.receive_waiting()? {
@@ -157,7 +192,7 @@ impl Server {
             }
             let due = match self.clock {
                 Clock::Stepped => self
-                    .exchange
+                    .truth
                     .waiting
                     .pop_front()
                     .map(|latched| (latched.vehicle.clone(), latched, 0)),
@@ -176,7 +211,7 @@ impl Server {
             let shot = match self.shoot(&latched, &vehicle, repeat) {
                 Ok(shot) => shot,
                 Err(why) => {
-                    self.refuse_later(&latched.header, &why)?;
+                    self.refuse_later(self.truth_channel(), &latched.header, &why)?;
                     continue;
                 }
             };
@@ -213,48 +248,49 @@ impl Server {
 
     /// The vehicle carried to the exposure whose end has come, and how many frames its attitude made before.
     fn due_on_the_wall(&mut self) -> Option<(VehicleState, Latched, u32)> {
-        let mut latched = self.exchange.latest.clone()?;
+        let mut latched = self.truth.latest.clone()?;
         latched.camera = self.emulator.camera();
         let mid = self
             .wall
             .take_due(latched.camera.exposure_s, Instant::now())?;
-        let repeat = self.exchange.repeat;
-        self.exchange.repeat = repeat.wrapping_add(1);
+        let repeat = self.truth.repeat;
+        self.truth.repeat = repeat.wrapping_add(1);
         Some((latched.vehicle.at(mid), latched, repeat))
     }
 
-    /// Ends the link when everything queued has left, or nothing moves for 5 s; then tells what the run measured
+    /// The link that brings the truth.
+    fn truth_channel(&self) -> usize {
+        let truth = self.channels.iter().position(|channel| channel.roles.truth);
+        truth.unwrap_or(0)
+    }
+
+    /// Ends the links when everything queued has left, or nothing moves for 5 s; then tells what the run measured
     /// and counted.
     pub fn close(mut self) -> (RunStats, Counters) {
-        let mut standstill = Standstill::of(&self.wire.tally, GIVE_UP);
-        while let Ok(false) = self.flush()
-            && !standstill.is_over()
-        {}
-        self.lose_answers();
-        self.wire.close(standstill);
+        for channel in &mut self.channels {
+            let mut standstill = Standstill::of(&channel.wire.tally, GIVE_UP);
+            while let Ok(false) = channel.flush()
+                && !standstill.is_over()
+            {}
+            channel.lose_answers();
+            channel.wire.close(standstill);
+        }
         let counters = self.counters();
         (self.stats, counters)
     }
 
-    /// All counts, the link's among them.
+    /// All counts, the links' among them.
     pub fn counters(&self) -> Counters {
-        let tally = &self.wire.tally;
-        Counters {
-            foreign_packets: tally.foreign(),
-            overflows: tally.dropped(),
-            bad_framing: tally.bad_framing(),
-            bad_crc: tally.bad_crc().wrapping_add(self.counters.bad_crc),
-            runts: tally.runts().wrapping_add(self.counters.runts),
-            oversize: tally.oversize().wrapping_add(self.counters.oversize),
-            reconnects: tally.reconnects(),
-            incomplete: tally.incomplete(),
-            bus_errors: tally.bus_errors(),
-            bus_off: tally.bus_off(),
-            lost_outbound: tally.lost().wrapping_add(self.counters.lost_outbound),
+        let mut counters = Counters {
             exposures_missed: self.wall.missed,
             objects_without_state: self.absent.count,
             rejected_records: self.emulator.rejected_records(),
             ..self.counters
+        };
+        for channel in &self.channels {
+            channel.wire.tally.add_to(&mut counters);
+            counters.lost_outbound = counters.lost_outbound.wrapping_add(channel.lost);
         }
+        counters
     }
 }

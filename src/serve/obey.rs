@@ -1,11 +1,12 @@
 //! Commands change the camera's settings and the exchange, or are refused.
 
+use super::budget;
 use super::receive::Refusal;
-use super::{Exchange, Server};
+use super::{Server, Truth};
 use crate::camera::{EXPOSURE_S, GAIN_E_PER_DN, RATE_HZ};
 use crate::config::Clock;
 use crate::scene::turn_at;
-use skyloop_protocols::{Command, Header, Reason};
+use skyloop_protocols::{Command, Header, Output, Reason};
 use std::ops::RangeInclusive;
 use std::time::Instant;
 
@@ -13,6 +14,7 @@ impl Server {
     /// Does what a command says.
     pub(super) fn obey(
         &mut self,
+        at: usize,
         header: Header,
         command: Command,
         arrived: Instant,
@@ -28,7 +30,7 @@ impl Server {
                     "lower FrameRate",
                 )?;
                 self.must_rest("Exposure")?;
-                if let (Clock::Wall, Some(latest)) = (self.clock, &self.exchange.latest) {
+                if let (Clock::Wall, Some(latest)) = (self.clock, &self.truth.latest) {
                     turn_at(latest.vehicle.rates, seconds).map_err(|error| Refusal {
                         reason: Reason::ValueOutOfRange,
                         detail: format!("Exposure.seconds = {seconds}: {error}"),
@@ -45,12 +47,16 @@ impl Server {
                 within("FrameRate.hz", hz, RATE_HZ)?;
                 let (exposure_s, _) = self.timing();
                 self.do_not_overlap("FrameRate.hz", hz, 1.0 / exposure_s, "shorten Exposure")?;
+                for at in 0..self.channels.len() {
+                    let output = self.channels[at].exchange.output;
+                    self.must_fit(at, &output, hz, "FrameRate")?;
+                }
                 self.emulator.camera_mut().rate_hz = hz;
                 self.wall.set_rate(hz, arrived);
             }
             Command::SingleShot => {
                 self.on_the_wall_only("SingleShot", "send an Attitude for each frame")?;
-                if self.exchange.latest.is_none() {
+                if self.truth.latest.is_none() {
                     return Err(Refusal {
                         reason: Reason::Busy,
                         detail: "SingleShot: no attitude yet; send one first".to_string(),
@@ -61,24 +67,21 @@ impl Server {
                 self.wall.single_shot(exposure_s, arrived);
             }
             Command::Reset => {
-                self.abandon_waiting();
-                self.emulator.reset_camera();
-                self.wall.clear(self.emulator.camera().rate_hz, arrived);
-                self.exchange = Exchange {
-                    number: self.exchange.number,
-                    resets: self.exchange.resets.wrapping_add(1),
-                    answers: std::mem::take(&mut self.exchange.answers),
-                    overrun: self.exchange.overrun,
-                    release: Some(arrived),
-                    ..Exchange::default()
-                };
-                self.exchange
-                    .gaps
-                    .missing(header.apid, header.sequence_count);
+                if self.channels[at].roles.truth {
+                    self.abandon_waiting();
+                    self.truth = Truth::default();
+                    self.emulator.reset_camera();
+                    self.wall.clear(self.emulator.camera().rate_hz, arrived);
+                }
+                let channel = &mut self.channels[at];
+                channel.reset(self.output, arrived);
+                let gaps = &mut channel.exchange.gaps;
+                gaps.missing(header.apid, header.sequence_count);
             }
             Command::Credit { packets } => {
-                let sent = self.exchange.credit.sent();
-                if !self.exchange.credit.grant(packets) {
+                let credit = &mut self.channels[at].exchange.credit;
+                let sent = credit.sent();
+                if !credit.grant(packets) {
                     return Err(Refusal {
                         reason: Reason::ValueOutOfRange,
                         detail: format!(
@@ -87,18 +90,83 @@ impl Server {
                     });
                 }
             }
-            Command::Output(_)
-            | Command::Positions(_)
-            | Command::Resend { .. }
-            | Command::Fault(_) => {
+            Command::Output(output) => {
+                let detector = &self.emulator.camera().detector;
+                let most = detector.width.min(detector.height);
+                if usize::from(output.window_size) > most {
+                    return Err(Refusal {
+                        reason: Reason::ValueOutOfRange,
+                        detail: format!(
+                            "Output.window_size = {}: the frame has {most} pixels across",
+                            output.window_size
+                        ),
+                    });
+                }
+                self.must_fit(at, &output, self.emulator.camera().rate_hz, "Output")?;
+                self.channels[at].exchange.output = output;
+            }
+            Command::Positions(positions) => {
+                let detector = &self.emulator.camera().detector;
+                let outside = positions.centres().iter().find(|[column, row]| {
+                    usize::from(*column) >= detector.width || usize::from(*row) >= detector.height
+                });
+                if let Some([column, row]) = outside {
+                    return Err(Refusal {
+                        reason: Reason::ValueOutOfRange,
+                        detail: format!(
+                            "Positions: ({column}, {row}) is outside the frame of {} x {} pixels",
+                            detector.width, detector.height
+                        ),
+                    });
+                }
+                let listed = (!positions.centres().is_empty()).then_some(positions);
+                self.channels[at].exchange.positions = listed;
+            }
+            Command::Resend {
+                frame,
+                first,
+                count,
+            } => {
+                let kept = self.resend(at, frame, first, count);
+                // A link that has gone is noticed at its next packet.
+                if let Ok(false) = kept {
+                    return Err(Refusal {
+                        reason: Reason::ValueOutOfRange,
+                        detail: format!(
+                            "Resend.frame = {frame}: only the packets of the last two frames are kept"
+                        ),
+                    });
+                }
+            }
+            Command::Fault(_) => {
                 return Err(Refusal {
                     reason: Reason::NotSupported,
-                    detail: "not yet".to_string(),
+                    detail: "Fault: this run injects none; start it with --faults".to_string(),
                 });
             }
             Command::Ping | Command::Attitude(_) => {}
         }
         Ok(())
+    }
+
+    /// By the wall clock, a frame must leave before the next comes: refuses what a link cannot carry.
+    fn must_fit(
+        &self,
+        at: usize,
+        output: &Output,
+        rate_hz: f64,
+        command: &str,
+    ) -> Result<(), Refusal> {
+        if self.clock == Clock::Stepped {
+            return Ok(());
+        }
+        let channel = &self.channels[at];
+        let camera = self.emulator.camera();
+        let fits = budget::fits(&channel.wire, channel.roles, &camera, output, rate_hz);
+        fits.map_err(|why| Refusal {
+            reason: Reason::ValueOutOfRange,
+            detail: format!("{command}: {why}"),
+        })
     }
 
     /// Refuses `command` while a single shot is exposed.

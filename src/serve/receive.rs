@@ -1,10 +1,10 @@
 //! From the wire: packets to commands to the emulator's settings and the latched vehicle state.
 
 use super::deliver::LISTEN;
-use super::{Exchange, Server};
+use super::{Server, Truth};
 use crate::link::{Inbound, LinkError, QUEUE};
 use skyloop_protocols::{Command, Reason, Reply, packet};
-use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
+use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
 
 /// Why a valid packet is refused.
@@ -14,63 +14,93 @@ pub(super) struct Refusal {
 }
 
 impl Server {
-    /// Waits up to `timeout` for a packet and acts on it; false when the link has ended.
+    /// Waits up to `timeout` for packets and acts on them; false when a link has ended.
     pub(super) fn receive(&mut self, timeout: Duration) -> Result<bool, LinkError> {
         let timeout = if self.flush()? {
             timeout
         } else {
             timeout.min(LISTEN)
         };
-        match self.wire.inbox.recv_timeout(timeout) {
-            Ok(inbound) => self.handle(inbound).map(|()| true),
-            Err(RecvTimeoutError::Timeout) => Ok(true),
-            Err(RecvTimeoutError::Disconnected) => Ok(false),
+        let deadline = Instant::now() + timeout;
+        loop {
+            let Some(took) = self.take_one_each()? else {
+                return Ok(false);
+            };
+            let left = deadline.saturating_duration_since(Instant::now());
+            if took || left.is_zero() {
+                return Ok(true);
+            }
+            // Each queue unparks this thread: see `Server::serve`.
+            std::thread::park_timeout(left);
         }
     }
 
-    /// Acts on the packets that have come; false when the link has ended. As many as a full queue holds: a
+    /// Acts on the packets that have come; false when a link has ended. As many as a full queue holds: a
     /// flood does not stop the frames.
     pub(super) fn receive_waiting(&mut self) -> Result<bool, LinkError> {
         self.flush()?;
         for _ in 0..QUEUE {
-            match self.wire.inbox.try_recv() {
-                Ok(inbound) => self.handle(inbound)?,
-                Err(TryRecvError::Empty) => break,
-                Err(TryRecvError::Disconnected) => return Ok(false),
+            match self.take_one_each()? {
+                Some(true) => {}
+                Some(false) => break,
+                None => return Ok(false),
             }
         }
         Ok(true)
     }
 
-    fn handle(&mut self, inbound: Inbound) -> Result<(), LinkError> {
-        if inbound.exchange != self.exchange.number {
-            self.open_exchange(inbound.exchange);
+    /// Acts on the next packet of each link; whether there was any, or none when a link has ended.
+    fn take_one_each(&mut self) -> Result<Option<bool>, LinkError> {
+        let mut took = false;
+        for at in 0..self.channels.len() {
+            match self.channels[at].wire.inbox.try_recv() {
+                Ok(inbound) => {
+                    self.handle(at, inbound)?;
+                    took = true;
+                }
+                Err(TryRecvError::Empty) => {}
+                Err(TryRecvError::Disconnected) => {
+                    self.gone = Some(at);
+                    return Ok(None);
+                }
+            }
         }
+        Ok(Some(took))
+    }
+
+    fn handle(&mut self, at: usize, inbound: Inbound) -> Result<(), LinkError> {
+        if inbound.exchange != self.channels[at].exchange.number {
+            self.open_exchange(at, inbound.exchange);
+        }
+        self.channels[at].exchange.heard = true;
         let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
             Ok(decoded) => decoded,
             Err(error) => {
                 self.counters.refuse_undecodable(&error);
                 let (apid, count) = packet::identify(&inbound.packet).unwrap_or((0, 0));
-                self.see_refused(apid, count);
-                return self.nack(apid, count, error.reason(), &error.to_string());
+                self.see_refused(at, apid, count);
+                return self.nack(at, apid, count, error.reason(), &error.to_string());
             }
         };
         // A Reset begins the counts anew.
         let missing = match command {
             Command::Reset => 0,
             _ => {
-                let gaps = &mut self.exchange.gaps;
+                let gaps = &mut self.channels[at].exchange.gaps;
                 gaps.missing(header.apid, header.sequence_count)
             }
         };
         self.counters.sequence_gaps = self.counters.sequence_gaps.wrapping_add(u32::from(missing));
         let done = match command {
+            command if !self.channels[at].roles.truth && is_truth(&command) => {
+                Err(self.not_the_truth())
+            }
             Command::Attitude(attitude) => self.latch(header, &attitude, &inbound),
-            command => self.obey(header, command, inbound.arrived),
+            command => self.obey(at, header, command, inbound.arrived),
         };
         if let Err(Refusal { reason, detail }) = done {
             self.counters.refuse(reason);
-            return self.nack(header.apid, header.sequence_count, reason, &detail);
+            return self.nack(at, header.apid, header.sequence_count, reason, &detail);
         }
         match command {
             Command::Attitude(_) => {
@@ -79,41 +109,64 @@ impl Server {
             _ => self.counters.commands = self.counters.commands.wrapping_add(1),
         }
         match command {
-            Command::Attitude(_) | Command::Credit { .. } => Ok(()),
+            Command::Attitude(_) | Command::Credit { .. } | Command::Resend { .. } => Ok(()),
             Command::Ping => {
-                self.ack(&header)?;
+                self.ack(at, &header)?;
                 self.wall.advance(Instant::now());
-                self.send(&Reply::Status(self.status()), self.now())
+                self.send(at, &Reply::Status(self.status(at)), self.now())
             }
-            _ => self.ack(&header),
+            _ => self.ack(at, &header),
         }
     }
 
     /// A refused packet that states the expected count is not missing; what else a damaged header states is
     /// not believed.
-    fn see_refused(&mut self, apid: u16, count: u16) {
-        let mut gaps = self.exchange.gaps.clone();
+    fn see_refused(&mut self, at: usize, apid: u16, count: u16) {
+        let known = &mut self.channels[at].exchange.gaps;
+        let mut gaps = known.clone();
         if gaps.missing(apid, count) == 0 {
-            self.exchange.gaps = gaps;
+            *known = gaps;
         }
     }
 
     /// Another client: nothing of the last one's is left.
-    fn open_exchange(&mut self, number: u32) {
-        self.abandon_waiting();
-        self.lose_answers();
-        self.exchange = Exchange {
-            number,
-            ..Exchange::default()
-        };
-        self.emulator.reset_camera();
-        self.wall
-            .clear(self.emulator.camera().rate_hz, Instant::now());
+    fn open_exchange(&mut self, at: usize, number: u32) {
+        self.channels[at].open_exchange(number, self.output);
+        if self.channels[at].roles.truth {
+            self.abandon_waiting();
+            self.truth = Truth::default();
+            self.emulator.reset_camera();
+            self.wall
+                .clear(self.emulator.camera().rate_hz, Instant::now());
+        }
+    }
+
+    fn not_the_truth(&self) -> Refusal {
+        let truth = self.channels.iter().find(|channel| channel.roles.truth);
+        let address = truth.map_or("another link", |channel| &channel.wire.address);
+        Refusal {
+            reason: Reason::NotSupported,
+            detail: format!(
+                "this link takes no attitudes and no settings of the camera: send them over {address}"
+            ),
+        }
     }
 
     /// Counts the attitudes that will have no frame.
     pub(super) fn abandon_waiting(&mut self) {
-        let waiting = self.exchange.waiting.drain(..).count() as u32;
+        let waiting = self.truth.waiting.drain(..).count() as u32;
         self.counters.frames_abandoned = self.counters.frames_abandoned.wrapping_add(waiting);
     }
+}
+
+/// Whether a command is for the link that brings the truth.
+fn is_truth(command: &Command) -> bool {
+    matches!(
+        command,
+        Command::Attitude(_)
+            | Command::Exposure { .. }
+            | Command::Gain { .. }
+            | Command::FrameRate { .. }
+            | Command::SingleShot
+    )
 }

@@ -7,7 +7,7 @@ pub mod line;
 use line::{Line, MemoryLine, PtyLine, UdpLine};
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
-use skyloop::link::{self, LinkError, Wire};
+use skyloop::link::{self, LinkError, Roles, Wire};
 use skyloop::serve::{Ended, Server};
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Attitude, Counters, OrbitState, WireTime};
@@ -63,7 +63,9 @@ impl Running {
         let (to_test, shots) = channel();
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
-            let mut server = Server::new(Emulator::new(&mut config), wire, clock, &NATIVE);
+            let (links, output) = ([(wire, Roles::ALL)], config.run.output);
+            let emulator = Emulator::new(&mut config);
+            let mut server = Server::new(emulator, links, output, clock, &NATIVE);
             let ended = server.run(&stopped, None, |shot| {
                 let _ = to_test.send(shot);
             });

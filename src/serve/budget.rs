@@ -1,0 +1,191 @@
+//! How long a frame takes on a link, level by level, before it is tried.
+
+use crate::camera::Camera;
+use crate::link::{Roles, Wire};
+use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH};
+use skyloop_protocols::pixels::{
+    BLOCK_FIELDS_LENGTH, COMPRESSED_DATA, COMPRESSED_FIELDS_LENGTH, LABEL_FIELDS_LENGTH,
+    LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_FIELDS_LENGTH, OBJECTS_PER_PART,
+    WINDOWS_FIELDS_LENGTH, packed_length, pixels_per_block, windows_per_block,
+};
+use skyloop_protocols::reply::window_length;
+use skyloop_protocols::{LabelLevel, Output, Packing, PixelLevel};
+use std::time::Duration;
+
+/// Octets of a packet beside its fields.
+const AROUND: usize = HEADER_LENGTH + CRC_LENGTH;
+/// Octets of a `FrameHeader`.
+const FRAME_HEADER: usize = 90;
+/// Octets of label text a star takes, about: the built-in scene's 1,157 stars take 620 kB.
+const TEXT_PER_STAR: f64 = 540.0;
+/// Stars a square degree, on the average: 78,367 on the sphere's 41,253 square degrees.
+const STARS_PER_SQUARE_DEGREE: f64 = 1.9;
+
+/// Equal packets.
+struct Packets {
+    count: usize,
+    octets: usize,
+}
+
+/// The packets of a frame. Of compressed pixels and of label text their number is an estimate.
+fn packets(camera: &Camera, output: &Output, roles: Roles) -> Vec<Packets> {
+    let mut all = vec![Packets {
+        count: 1,
+        octets: FRAME_HEADER,
+    }];
+    let mut cut = |items: usize, most: usize, octets: &dyn Fn(usize) -> usize| {
+        for (count, items) in [(items / most, most), (1, items % most)] {
+            if count > 0 && items > 0 {
+                all.push(Packets {
+                    count,
+                    octets: AROUND + octets(items),
+                });
+            }
+        }
+    };
+    let detector = &camera.detector;
+    let packing = Packing::for_bits(detector.bits);
+    match output.pixels {
+        _ if !roles.pixels => {}
+        PixelLevel::None => {}
+        PixelLevel::Windows => {
+            let most = windows_per_block(packing, output.window_size).max(1);
+            let window = window_length(packing, output.window_size);
+            cut(usize::from(output.windows), most, &|n| {
+                WINDOWS_FIELDS_LENGTH + n * window
+            });
+        }
+        PixelLevel::Frame => cut(detector.pixels(), pixels_per_block(packing), &|n| {
+            BLOCK_FIELDS_LENGTH + packed_length(packing, n)
+        }),
+        PixelLevel::Compressed => {
+            let octets = detector.pixels() as f64 * bits_a_pixel(camera) / 8.0;
+            cut(octets as usize, COMPRESSED_DATA, &|n| {
+                COMPRESSED_FIELDS_LENGTH + n
+            });
+        }
+    }
+    match output.labels {
+        _ if !roles.labels => {}
+        LabelLevel::None => {}
+        LabelLevel::Objects => cut(usize::from(output.objects), OBJECTS_PER_PART, &|n| {
+            OBJECTS_FIELDS_LENGTH + n * OBJECT_LENGTH
+        }),
+        LabelLevel::Text => {
+            let [x, y] =
+                [detector.width, detector.height].map(|n| n as f64 / camera.optics.focal_px);
+            // Solid angle of a small rectangle x by y (tangents), in square degrees.
+            let area =
+                (x * y / (1.0 + (x * x + y * y) / 4.0).sqrt()).min(2.0 * std::f64::consts::PI);
+            let stars = area * STARS_PER_SQUARE_DEGREE / 1f64.to_radians().powi(2);
+            cut(
+                (stars * TEXT_PER_STAR) as usize + 500,
+                LABEL_TEXT_PER_PART,
+                &|n| LABEL_FIELDS_LENGTH + n,
+            );
+        }
+    }
+    all
+}
+
+/// Bits of a pixel after lossless compression of a frame that holds little but noise: the entropy of the difference of
+/// two Gaussian numbers, log2(sigma sqrt(2) sqrt(2 pi e)), and 0.4 bits that the Rice coder loses.
+fn bits_a_pixel(camera: &Camera) -> f64 {
+    let detector = &camera.detector;
+    let dark_e = detector.dark_e_s * camera.exposure_s;
+    let noise_e2 = detector.read_noise_e.powi(2) + dark_e;
+    // A digital number rounds: 1/12 of its square.
+    let sigma_dn = (noise_e2 / detector.gain_e_per_dn.powi(2) + 1.0 / 12.0).sqrt();
+    let entropy = (sigma_dn * (4.0 * std::f64::consts::PI * std::f64::consts::E).sqrt()).log2();
+    (entropy + 0.4).clamp(1.2, f64::from(detector.bits) + 0.3)
+}
+
+/// Octets of a frame, its packets whole, and how long they take; no time where the link is not what limits.
+fn cost(wire: &Wire, roles: Roles, camera: &Camera, output: &Output) -> (usize, Option<Duration>) {
+    let packets = packets(camera, output, roles);
+    let octets = packets.iter().map(|p| p.count * p.octets).sum();
+    let time = wire.airtime.as_ref().map(|airtime| {
+        let each = packets
+            .iter()
+            .map(|p| airtime(p.octets).as_secs_f64() * p.count as f64);
+        Duration::from_secs_f64(each.sum())
+    });
+    (octets, time)
+}
+
+/// Whether frames of `output` leave over the link at `rate_hz`; else the arithmetic.
+pub(super) fn fits(
+    wire: &Wire,
+    roles: Roles,
+    camera: &Camera,
+    output: &Output,
+    rate_hz: f64,
+) -> Result<(), String> {
+    let (octets, Some(time)) = cost(wire, roles, camera, output) else {
+        return Ok(());
+    };
+    let s = time.as_secs_f64();
+    if s * rate_hz <= 1.0 {
+        return Ok(());
+    }
+    Err(format!(
+        "{} of {octets} octets takes {s:.3} s, and {rate_hz} Hz leaves {:.3} s: at most {:.3} Hz, or less output",
+        name(output),
+        1.0 / rate_hz,
+        1.0 / s
+    ))
+}
+
+/// What a user calls an output.
+fn name(output: &Output) -> String {
+    let pixels = match output.pixels {
+        PixelLevel::None => None,
+        PixelLevel::Windows => Some(format!(
+            "{} windows of {n} x {n}",
+            output.windows,
+            n = output.window_size
+        )),
+        PixelLevel::Frame => Some("the frame".to_string()),
+        PixelLevel::Compressed => Some("the frame compressed (about)".to_string()),
+    };
+    let labels = match output.labels {
+        LabelLevel::None => None,
+        LabelLevel::Objects => Some(format!("{} objects", output.objects)),
+        LabelLevel::Text => Some("label text (about)".to_string()),
+    };
+    match (pixels, labels) {
+        (Some(pixels), Some(labels)) => format!("{pixels} with {labels}"),
+        (Some(one), None) | (None, Some(one)) => one,
+        (None, None) => "a header".to_string(),
+    }
+}
+
+/// The levels that a client may choose, and what each takes on the link; nothing where the link is not what limits.
+pub fn table(wire: &Wire, roles: Roles, camera: &Camera, output: &Output) -> String {
+    let mut text = String::new();
+    for (pixels, labels) in [
+        (PixelLevel::None, LabelLevel::Objects),
+        (PixelLevel::Windows, LabelLevel::None),
+        (PixelLevel::Windows, LabelLevel::Objects),
+        (PixelLevel::Compressed, LabelLevel::None),
+        (PixelLevel::Frame, LabelLevel::None),
+        (PixelLevel::Frame, LabelLevel::Text),
+    ] {
+        let level = Output {
+            pixels,
+            labels,
+            ..*output
+        };
+        let wanted = (roles.pixels || pixels == PixelLevel::None)
+            && (roles.labels || labels == LabelLevel::None);
+        if let (true, (octets, Some(time))) = (wanted, cost(wire, roles, camera, &level)) {
+            let s = time.as_secs_f64();
+            let name = name(&level);
+            text += &format!(
+                "  {name:45} {octets:>9} octets  {s:>9.3} s  {:>8.2} Hz\n",
+                1.0 / s
+            );
+        }
+    }
+    text
+}

@@ -1,0 +1,166 @@
+//! One link, and what its client has agreed with the emulator.
+
+use crate::link::{LinkError, Outbound, Roles, Wire};
+use bytes::Bytes;
+use skyloop_protocols::credit::CreditAccount;
+use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
+use skyloop_protocols::{Output, Positions};
+use std::collections::VecDeque;
+use std::time::Instant;
+
+/// Answers that may wait for room in the link's queue.
+pub(super) const MAX_ANSWERS: usize = 1024;
+/// Frames of which packets can be sent again: the present one and the one before.
+const KEPT_FRAMES: usize = 2;
+
+/// One link of a run.
+pub(super) struct Channel {
+    pub wire: Wire,
+    pub roles: Roles,
+    pub counts: SequenceCounts,
+    pub exchange: Exchange,
+    /// Packets that never got into the link's queue.
+    pub lost: u32,
+}
+
+/// What one client has agreed with the emulator on a link.
+#[derive(Debug, Default)]
+pub(super) struct Exchange {
+    pub number: u32,
+    /// Whether its client has said anything.
+    pub heard: bool,
+    pub credit: CreditAccount,
+    pub gaps: GapDetector,
+    /// What each frame brings.
+    pub output: Output,
+    /// Where windows lie; empty: around the brightest stars.
+    pub positions: Option<Positions>,
+    /// The last frames, for those who ask again.
+    pub kept: VecDeque<Kept>,
+    /// Counts Resets, so that a frame under way notices one.
+    pub resets: u32,
+    /// Answers for which the link has no room yet, oldest first.
+    answers: VecDeque<Bytes>,
+    /// Whether answers had to be dropped.
+    overrun: bool,
+    /// When the client asked to be released, until the link has been told.
+    release: Option<Instant>,
+}
+
+/// A frame's packets as they were sent.
+#[derive(Debug)]
+pub(super) struct Kept {
+    pub frame: u32,
+    pub packets: Vec<Bytes>,
+}
+
+impl Channel {
+    pub fn new(wire: Wire, roles: Roles, output: Output) -> Channel {
+        let exchange = Exchange {
+            output,
+            ..Exchange::default()
+        };
+        Channel {
+            wire,
+            roles,
+            counts: SequenceCounts::new(),
+            exchange,
+            lost: 0,
+        }
+    }
+
+    /// Another client: nothing of the last one's is left.
+    pub fn open_exchange(&mut self, number: u32, output: Output) {
+        self.lose_answers();
+        self.exchange = Exchange {
+            number,
+            output,
+            ..Exchange::default()
+        };
+    }
+
+    /// The same client begins anew: only its answers are left.
+    pub fn reset(&mut self, output: Output, asked: Instant) {
+        let before = std::mem::take(&mut self.exchange);
+        self.exchange = Exchange {
+            number: before.number,
+            heard: true,
+            resets: before.resets.wrapping_add(1),
+            answers: before.answers,
+            overrun: before.overrun,
+            release: Some(asked),
+            output,
+            ..Exchange::default()
+        };
+    }
+
+    /// Queues an answer behind those that wait. A client that takes nothing loses answers beyond [`MAX_ANSWERS`].
+    pub fn answer(&mut self, answer: Bytes) -> Result<(), LinkError> {
+        if self.exchange.answers.len() >= MAX_ANSWERS {
+            self.lost = self.lost.wrapping_add(1);
+            if !std::mem::replace(&mut self.exchange.overrun, true) {
+                tracing::warn!(
+                    "{MAX_ANSWERS} answers wait for a client that does not read: more are lost, and counted"
+                );
+            }
+            return Ok(());
+        }
+        self.exchange.answers.push_back(answer);
+        self.flush().map(|_| ())
+    }
+
+    /// Answers that still fit.
+    pub fn room(&self) -> usize {
+        MAX_ANSWERS - self.exchange.answers.len()
+    }
+
+    /// Hands waiting answers to the link while it has room; true when nothing waits any more.
+    pub fn flush(&mut self) -> Result<bool, LinkError> {
+        while let Some(packet) = self.exchange.answers.pop_front() {
+            if !self.offer(&packet)? {
+                self.exchange.answers.push_front(packet);
+                return Ok(false);
+            }
+        }
+        if let Some(asked) = self.exchange.release {
+            let exchange = self.exchange.number;
+            let back = self
+                .wire
+                .outbox
+                .offer(Outbound::Release { exchange, asked })?;
+            if back.is_some() {
+                return Ok(false);
+            }
+            self.exchange.release = None;
+        }
+        Ok(true)
+    }
+
+    /// Hands one packet to the link; false if it has no room.
+    pub fn offer(&mut self, packet: &Bytes) -> Result<bool, LinkError> {
+        let exchange = self.exchange.number;
+        let packet = packet.clone();
+        let back = self
+            .wire
+            .outbox
+            .offer(Outbound::Packet { exchange, packet })?;
+        Ok(back.is_none())
+    }
+
+    /// Counts the answers that wait as lost.
+    pub fn lose_answers(&mut self) {
+        let waiting = self.exchange.answers.drain(..).count() as u32;
+        self.lost = self.lost.wrapping_add(waiting);
+    }
+
+    /// Makes room for the packets of another frame.
+    pub fn keep(&mut self, frame: u32) {
+        while self.exchange.kept.len() >= KEPT_FRAMES {
+            self.exchange.kept.pop_front();
+        }
+        self.exchange.kept.push_back(Kept {
+            frame,
+            packets: Vec::new(),
+        });
+    }
+}

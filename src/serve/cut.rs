@@ -1,0 +1,265 @@
+//! A shot cut into the packets that a client asked for.
+
+use super::select::{brightest_objects, windows};
+use crate::engine::Shot;
+use crate::link::Roles;
+use skyloop_firmware_sim::time::to_wire;
+use skyloop_protocols::crc::Crc32;
+use skyloop_protocols::pixels::{
+    COMPRESSED_DATA, LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_PER_PART, label_parts,
+    object_parts, pack, packed_length, pixels_per_block, windows_per_block,
+};
+use skyloop_protocols::reply::window_length;
+use skyloop_protocols::{
+    CompressedBlock, EncodeError, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, ObjectPart,
+    Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime, rice,
+};
+
+/// The packets of one shot, one after the other.
+pub(super) struct Cut<'a> {
+    shot: &'a Shot,
+    header: FrameHeader,
+    /// Of all its packets.
+    pub time: WireTime,
+    /// First pixel of each window.
+    windows: Vec<[u16; 2]>,
+    /// First pixel, number of pixels and code of each compressed block.
+    compressed: Vec<(u32, u16, Vec<u8>)>,
+    /// Octets of the object records.
+    records: Vec<u8>,
+    /// Packets that have been given.
+    given: u32,
+}
+
+impl<'a> Cut<'a> {
+    /// Of `shot`, what `output` asks for and `roles` allow; or why there are no words for it.
+    pub fn new(
+        shot: &'a Shot,
+        output: &Output,
+        positions: Option<&Positions>,
+        roles: Roles,
+    ) -> Result<Cut<'a>, String> {
+        let detector = &shot.camera.detector;
+        let instant = |epoch| to_wire(epoch).ok_or("a time beyond the time code");
+        let (width, height) = (detector.width as u16, detector.height as u16);
+        let packing = Packing::for_bits(detector.bits);
+        let pixel_level = match roles.pixels {
+            true => output.pixels,
+            false => PixelLevel::None,
+        };
+        let label_level = match roles.labels {
+            true => output.labels,
+            false => LabelLevel::None,
+        };
+        let size = u16::from(output.window_size).min(width).min(height) as u8;
+        let windows = match pixel_level {
+            PixelLevel::Windows => windows(shot, size, output.windows, positions),
+            _ => Vec::new(),
+        };
+        let compressed = match pixel_level {
+            PixelLevel::Compressed => compress(&shot.frame.digits, detector.bits),
+            _ => Vec::new(),
+        };
+        let records = match label_level {
+            LabelLevel::Objects => brightest_objects(shot, output.objects),
+            _ => Vec::new(),
+        };
+        let objects = (records.len() / OBJECT_LENGTH) as u16;
+        let text = shot.json.len();
+        let (label_bytes, parts) = match label_level {
+            LabelLevel::None => (0, Some(0)),
+            LabelLevel::Objects => (records.len(), Some(object_parts(objects))),
+            LabelLevel::Text => (text, u32::try_from(text).ok().and_then(label_parts)),
+        };
+        let mut header = FrameHeader {
+            frame: shot.number,
+            attitude_sequence: shot.key.sequence,
+            width,
+            height,
+            bits: detector.bits,
+            packing,
+            pixel_level,
+            label_level,
+            window_size: if pixel_level == PixelLevel::Windows {
+                size
+            } else {
+                0
+            },
+            windows: windows.len() as u16,
+            blocks: compressed.len() as u32,
+            label_parts: parts.ok_or("more labels than packets can number")?,
+            label_bytes: label_bytes as u32,
+            exposure_start: instant(shot.exposure.start)?,
+            exposure_end: instant(shot.exposure.end)?,
+            seed: shot.key.seed,
+            gain_e_per_dn: detector.gain_e_per_dn,
+            offset_dn: detector.offset_dn,
+            pixels_crc32: Crc32::new().update_pixels(&shot.frame.digits).finish(),
+        };
+        if let Some(blocks) = header.blocks_due() {
+            header.blocks = blocks;
+        }
+        Ok(Cut {
+            time: instant(shot.exposure.mid)?,
+            shot,
+            header,
+            windows,
+            compressed,
+            records,
+            given: 0,
+        })
+    }
+
+    /// Whether all packets have been given.
+    pub fn is_over(&self) -> bool {
+        self.given > self.header.blocks + u32::from(self.header.label_parts)
+    }
+
+    /// Gives the next packet to `encode`; none is left where it answers none.
+    pub fn next<T>(
+        &mut self,
+        encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
+    ) -> Option<Result<T, EncodeError>> {
+        let number = self.given;
+        self.given += 1;
+        let Some(place) = number.checked_sub(1) else {
+            return Some(encode(&Reply::FrameHeader(self.header)));
+        };
+        match place.checked_sub(self.header.blocks) {
+            None => Some(self.pixels(place, encode)),
+            Some(part) if part < u32::from(self.header.label_parts) => {
+                Some(self.labels(part as u16, encode))
+            }
+            Some(_) => None,
+        }
+    }
+
+    fn pixels<T>(
+        &self,
+        index: u32,
+        encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
+    ) -> Result<T, EncodeError> {
+        match self.header.pixel_level {
+            PixelLevel::Windows => self.window_block(index, encode),
+            PixelLevel::Compressed => {
+                let block = self.compressed.get(index as usize);
+                let (first_pixel, count, data) = block.ok_or(NO_SUCH_PACKET)?;
+                encode(&Reply::Compressed(CompressedBlock {
+                    frame: self.header.frame,
+                    index,
+                    first_pixel: *first_pixel,
+                    count: *count,
+                    data,
+                }))
+            }
+            _ => {
+                let packing = self.header.packing;
+                let size = pixels_per_block(packing);
+                let first = index as usize * size;
+                let digits = self.shot.frame.digits.get(first..).unwrap_or_default();
+                let pixels = digits.chunks(size).next().ok_or(NO_SUCH_PACKET)?;
+                let mut packed = [0; MAX_PACKET];
+                let data = &mut packed[..packed_length(packing, pixels.len())];
+                pack(packing, pixels, data)?;
+                encode(&Reply::PixelBlock(PixelBlock {
+                    frame: self.header.frame,
+                    index,
+                    first_pixel: first as u32,
+                    count: pixels.len() as u16,
+                    packing,
+                    data,
+                }))
+            }
+        }
+    }
+
+    fn window_block<T>(
+        &self,
+        index: u32,
+        encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
+    ) -> Result<T, EncodeError> {
+        let (packing, size) = (self.header.packing, self.header.window_size);
+        let most = windows_per_block(packing, size);
+        let first = index as usize * most;
+        let windows = self.windows.get(first..).unwrap_or_default();
+        let windows = windows.chunks(most).next().ok_or(NO_SUCH_PACKET)?;
+        let (width, side) = (usize::from(self.header.width), usize::from(size));
+        let mut data = Vec::with_capacity(windows.len() * window_length(packing, size));
+        let mut pixels = Vec::with_capacity(side * side);
+        for [column, row] in windows {
+            data.extend(column.to_be_bytes());
+            data.extend(row.to_be_bytes());
+            pixels.clear();
+            let rows = self.shot.frame.digits.chunks(width).skip(usize::from(*row));
+            for digits in rows.take(side) {
+                let digits = digits.get(usize::from(*column)..).unwrap_or_default();
+                pixels.extend(digits.iter().take(side));
+            }
+            let at = data.len();
+            data.resize(at + packed_length(packing, pixels.len()), 0);
+            pack(packing, &pixels, &mut data[at..])?;
+        }
+        encode(&Reply::Windows(WindowBlock {
+            frame: self.header.frame,
+            index,
+            first: first as u16,
+            count: windows.len() as u8,
+            size,
+            packing,
+            data: &data,
+        }))
+    }
+
+    fn labels<T>(
+        &self,
+        part: u16,
+        encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
+    ) -> Result<T, EncodeError> {
+        let (frame, parts) = (self.header.frame, self.header.label_parts);
+        let (all, most) = match self.header.label_level {
+            LabelLevel::Objects => (&self.records[..], OBJECTS_PER_PART * OBJECT_LENGTH),
+            _ => (self.shot.json.as_bytes(), LABEL_TEXT_PER_PART),
+        };
+        let octets = all.get(usize::from(part) * most..).unwrap_or_default();
+        let octets = octets.chunks(most).next().ok_or(NO_SUCH_PACKET)?;
+        match self.header.label_level {
+            LabelLevel::Objects => encode(&Reply::Objects(ObjectPart {
+                frame,
+                part,
+                parts,
+                data: octets,
+            })),
+            _ => encode(&Reply::Labels(LabelPart {
+                frame,
+                part,
+                parts,
+                text: octets,
+            })),
+        }
+    }
+}
+
+/// The header counts its packets: none is asked for that is not there.
+const NO_SUCH_PACKET: EncodeError = EncodeError::Inconsistent {
+    what: "the frame's header and the packets of its frame",
+};
+
+/// All pixels in blocks that each fit a packet: first pixel, number of pixels and code.
+fn compress(digits: &[u16], bits: u8) -> Vec<(u32, u16, Vec<u8>)> {
+    /// A block's count has 16 bits.
+    const MOST: usize = u16::MAX as usize / rice::BLOCK * rice::BLOCK;
+    let mut blocks = Vec::new();
+    let mut first = 0;
+    while first < digits.len() {
+        let mut code = vec![0; COMPRESSED_DATA];
+        let some = &digits[first..digits.len().min(first + MOST)];
+        let (taken, octets) = rice::encode(some, bits, &mut code);
+        if taken == 0 {
+            break; // digits of more than `bits` bits, which no detector makes
+        }
+        code.truncate(octets);
+        blocks.push((first as u32, taken as u16, code));
+        first += taken;
+    }
+    blocks
+}

@@ -1,0 +1,76 @@
+//! Which parts of a shot fit a narrow line: its brightest objects, and windows around its brightest stars.
+
+use crate::engine::Shot;
+use crate::label::ObjectLabel;
+use skyloop_protocols::reply::ID_LENGTH;
+use skyloop_protocols::{ObjectRecord, Positions};
+
+/// Objects whose centroid is in the frame, the brightest first; where two are as bright, in the label's order.
+fn by_brightness<'a>(
+    shot: &'a Shot,
+    wanted: impl Fn(&ObjectLabel) -> bool,
+) -> Vec<&'a ObjectLabel> {
+    let objects = shot.label.objects.iter();
+    let mut objects: Vec<&ObjectLabel> = objects
+        .filter(|object| object.in_frame && wanted(object))
+        .collect();
+    objects.sort_by(|a, b| b.electrons.total_cmp(&a.electrons));
+    objects
+}
+
+/// Records of the `most` brightest objects in the frame.
+pub(super) fn brightest_objects(shot: &Shot, most: u16) -> Vec<u8> {
+    by_brightness(shot, |_| true)
+        .into_iter()
+        .take(usize::from(most))
+        .flat_map(|object| record(object).to_octets())
+        .collect()
+}
+
+fn record(object: &ObjectLabel) -> ObjectRecord {
+    let mut id = [0; ID_LENGTH];
+    for (octet, character) in id.iter_mut().zip(object.id.bytes()) {
+        *octet = character;
+    }
+    ObjectRecord {
+        is_rso: object.rso.is_some(),
+        in_frame: object.in_frame,
+        visible: object.visible,
+        id,
+        x_px: object.x_px,
+        y_px: object.y_px,
+        dx_px: (object.x1_px - object.x0_px) as f32,
+        dy_px: (object.y1_px - object.y0_px) as f32,
+        mag: object.mag as f32,
+        snr: object.snr as f32,
+        electrons: object.electrons as f32,
+    }
+}
+
+/// First pixels (column, row) of windows of `size` columns and rows: around `positions`, or around the `most`
+/// brightest stars. Each lies inside the frame: near an edge it is shifted.
+pub(super) fn windows(
+    shot: &Shot,
+    size: u8,
+    most: u8,
+    positions: Option<&Positions>,
+) -> Vec<[u16; 2]> {
+    let detector = &shot.camera.detector;
+    let first = |centre: f64, pixels: usize| {
+        let last = pixels as f64 - f64::from(size);
+        (centre.round() - f64::from(size / 2)).clamp(0.0, last.max(0.0)) as u16
+    };
+    let place = |x: f64, y: f64| [first(x, detector.width), first(y, detector.height)];
+    match positions {
+        Some(positions) => {
+            let centres = positions.centres().iter();
+            let centres = centres.map(|[column, row]| place(f64::from(*column), f64::from(*row)));
+            centres.collect()
+        }
+        None => {
+            let stars = by_brightness(shot, |object| object.rso.is_none()).into_iter();
+            let stars = stars.take(usize::from(most));
+            stars.map(|star| place(star.x_px, star.y_px)).collect()
+        }
+    }
+}
