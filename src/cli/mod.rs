@@ -1,7 +1,7 @@
 //! The command line. A command is a file here and a line in [`Command`].
 
 mod loopback;
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 mod pty;
 mod render;
 mod run;
@@ -36,7 +36,7 @@ enum Command {
     /// Render frames and labels into a folder, without a flight computer
     Render(Box<render::Args>),
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
-    #[cfg(unix)]
+    #[cfg(target_os = "linux")]
     Pty(pty::Args),
 }
 
@@ -47,7 +47,7 @@ impl Cli {
             Command::Loopback(args) => loopback::run(args),
             Command::Run(args) => run::run(args),
             Command::Render(args) => render::run(*args),
-            #[cfg(unix)]
+            #[cfg(target_os = "linux")]
             Command::Pty(args) => pty::run(args),
         }
     }

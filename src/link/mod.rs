@@ -9,11 +9,11 @@ mod line;
 mod low_latency;
 mod memory;
 mod pace;
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 mod paced;
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 mod pseudo;
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 mod pty;
 mod roles;
 mod serial;
@@ -23,7 +23,7 @@ mod udp;
 mod url;
 
 pub use inbox::{Inbox, Intake};
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 pub use pty::Pair;
 pub use roles::Roles;
 pub(crate) use tally::Standstill;
@@ -44,7 +44,7 @@ pub const LINKS: &[Link] = &[
     memory::MEMORY,
     udp::UDP,
     serial::SERIAL,
-    #[cfg(unix)]
+    #[cfg(target_os = "linux")]
     pty::PTY,
     can::CAN,
     slcan::SLCAN,

@@ -175,6 +175,11 @@ impl Pseudo {
         Ok(())
     }
 
+    /// Whether a client holds the other end, as far as has been noticed.
+    pub fn is_held(&self) -> bool {
+        self.state().held
+    }
+
     /// How many clients there were, the present one included.
     pub fn clients(&self) -> u32 {
         self.state().clients

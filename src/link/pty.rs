@@ -12,7 +12,7 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Pseudo-terminals at the pace of a baud rate.
 pub const PTY: Link = Link {
@@ -21,6 +21,9 @@ pub const PTY: Link = Link {
     open,
     loopback,
 };
+
+/// How long the emulator's end stays for a client to read the last octets, unless that closes its own.
+const LINGER: Duration = Duration::from_secs(1);
 
 fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
     url.only(&["baud"])?;
@@ -86,6 +89,11 @@ fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32) -> Result<Wire, LinkError> {
                 }
                 put(&writing, &mut pace, exchange, octets, &sent, &wanted)
             });
+            // The end of the master takes along what the client has not read yet.
+            let end = Instant::now();
+            while writing.is_held() && wanted() && end.elapsed() < LINGER {
+                std::thread::sleep(PIECE);
+            }
             ended.store(true, Ordering::Relaxed);
         })
         .map_err(no_thread)?;
@@ -223,12 +231,12 @@ impl Pair {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::link::Standstill;
     use bytes::Bytes;
     use serialport::{ClearBuffer, SerialPort, TTYPort};
     use skyloop_protocols::slip;
     use std::io::{Read, Write};
     use std::sync::mpsc::RecvTimeoutError;
-    use std::time::Duration;
 
     const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -287,6 +295,31 @@ mod tests {
         );
         drop(wire);
         assert!(Path::new(&name).symlink_metadata().is_err());
+    }
+
+    #[test]
+    fn a_packet_takes_its_time_on_the_line_and_the_last_one_arrives() {
+        let url = LinkUrl::parse_loopback("pty?baud=9600").unwrap();
+        let options = Options {
+            idle: PATIENCE,
+            personality: &skyloop_protocols::personality::NATIVE,
+        };
+        let (mut wire, mut port) = loopback(&url, &options).unwrap();
+        // X-Val: 100 octets without an escape, CRC-32 and two ENDs take 106 x 10 / 9600 s.
+        let takes = Duration::from_micros(110_416);
+        let sent = Instant::now();
+        port.send(&[b'a'; 100]).unwrap();
+        wire.inbox.recv_timeout(PATIENCE).unwrap();
+        let (there, back) = (sent.elapsed(), Instant::now());
+        offer(&mut wire, 1, &[b'a'; 100]);
+        wire.close(Standstill::of(&wire.tally, PATIENCE));
+        drop(wire);
+        assert!(
+            port.recv(PATIENCE)
+                .unwrap()
+                .is_some_and(|packet| packet.len() == 100)
+        );
+        assert!(there >= takes && back.elapsed() >= takes, "{there:?}");
     }
 
     /// Octets a second that arrive at one end of a pair while the other end sends all it can; with `both`, that one

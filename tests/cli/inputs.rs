@@ -397,7 +397,7 @@ fn buses() {
 }
 
 #[test]
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 fn pseudo_terminals() {
     let link = |url: &str, words: &[&str]| {
         refuses(&["run", "--config", "seed.toml", "--link", url], words);

@@ -1,5 +1,5 @@
 //! Named pseudo-terminals: `skyloop pty`, and the emulator at one.
-#![cfg(unix)]
+#![cfg(target_os = "linux")]
 
 use crate::run::{Process, serves_until};
 use crate::support::PATIENCE;
