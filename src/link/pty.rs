@@ -23,7 +23,7 @@ pub const PTY: Link = Link {
 };
 
 /// How long the emulator's end stays for a client to read the last octets, unless that closes its own.
-const LINGER: Duration = Duration::from_secs(1);
+const LINGER: Duration = Duration::from_millis(400);
 
 fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
     url.only(&["baud"])?;
