@@ -123,7 +123,7 @@ impl<L: Line> Client<L> {
     }
 
     /// The next packet that is an answer (`frame` false) or part of a frame (`frame` true); others are kept.
-    fn next(&mut self, frame: bool) -> Vec<u8> {
+    pub fn next(&mut self, frame: bool) -> Vec<u8> {
         let wanted = |packet: &[u8]| {
             Reply::decode(packet).is_ok_and(|(_, reply)| reply.takes_credit() == frame)
         };
@@ -249,6 +249,17 @@ impl<L: Line> Client<L> {
             labels,
             packets,
         }
+    }
+
+    /// The next frame of any level: its header, and its other packets as they came.
+    pub fn parcel(&mut self) -> (FrameHeader, Vec<Vec<u8>>) {
+        let first = self.next(true);
+        let (_, Reply::FrameHeader(header)) = Reply::decode(&first).unwrap() else {
+            panic!("a frame starts with its header");
+        };
+        let more = header.blocks + u32::from(header.label_parts);
+        let packets = (0..more).map(|_| self.next(true)).collect();
+        (header, packets)
     }
 
     /// A frame of the usual attitude, in stepped mode.

@@ -58,12 +58,17 @@ pub struct Running {
 
 impl Running {
     /// Puts the emulator that `config` describes at `wire`.
-    pub fn start(mut config: Config, clock: Clock, wire: Wire) -> Running {
+    pub fn start(config: Config, clock: Clock, wire: Wire) -> Running {
+        Running::at(config, clock, vec![(wire, Roles::ALL)])
+    }
+
+    /// Puts the emulator that `config` describes at `links`.
+    pub fn at(mut config: Config, clock: Clock, links: Vec<(Wire, Roles)>) -> Running {
         let stop = Arc::new(AtomicBool::new(false));
         let (to_test, shots) = channel();
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
-            let (links, output) = ([(wire, Roles::ALL)], config.run.output);
+            let output = config.run.output;
             let emulator = Emulator::new(&mut config);
             let mut server = Server::new(emulator, links, output, clock, &NATIVE);
             let ended = server.run(&stopped, None, |shot| {

@@ -5,8 +5,10 @@ mod content;
 mod counted;
 mod end;
 mod exchange;
+mod levels;
 mod pacing;
 mod refusals;
+mod roles;
 #[path = "../support/mod.rs"]
 mod support;
 mod wall_clock;

@@ -1,0 +1,165 @@
+//! Several links a run: truth in, pixels out, labels out.
+
+use crate::support::client::Client;
+use crate::support::line::UdpLine;
+use crate::support::{EPOCH, Running, attitude, options, scene};
+use skyloop::config::Clock;
+use skyloop::link;
+use skyloop_protocols::{Command, LabelLevel, Output, PixelLevel, Reason};
+
+/// An emulator at as many UDP ports as there are roles, and a client at each. Frames are small enough for the buffers
+/// of sockets that nobody reads for a while.
+fn at(roles: &[&str]) -> (Running, Vec<Client<UdpLine>>) {
+    let urls: Vec<String> = roles
+        .iter()
+        .map(|roles| format!("udp://127.0.0.1:0?roles={roles}"))
+        .collect();
+    let links = link::open_all(&urls, &options(5.0)).unwrap();
+    let clients = links
+        .iter()
+        .map(|(wire, _)| Client::new(UdpLine::to(&wire.address)))
+        .collect();
+    let mut config = scene();
+    config.run.output = Output::preset("windows").unwrap();
+    (Running::at(config, Clock::Stepped, links), clients)
+}
+
+#[test]
+fn truth_pixels_and_labels_each_have_their_link() {
+    let (_one, mut all) = at(&["truth+pixels+labels"]);
+    all[0].point(attitude(7), EPOCH);
+    let (whole, packets) = all[0].parcel();
+    let (_three, mut clients) = at(&["truth", "pixels", "labels"]);
+    let [truth, pixels, labels] = &mut clients[..] else {
+        panic!("three clients");
+    };
+    // Each says that it is there, and how much it takes.
+    for client in [&mut *pixels, &mut *labels] {
+        client.window = None;
+        client.done(Command::Ping);
+        client.next(false);
+    }
+    truth.point(attitude(7), EPOCH);
+    let (header, blocks) = pixels.parcel();
+    assert_eq!(
+        (header.pixel_level, header.label_level),
+        (PixelLevel::Windows, LabelLevel::None)
+    );
+    assert_eq!(header.pixels_crc32, whole.pixels_crc32);
+    assert_eq!(payloads(&blocks), payloads(&packets[..4]));
+    let (header, parts) = labels.parcel();
+    assert_eq!(
+        (header.pixel_level, header.label_level),
+        (PixelLevel::None, LabelLevel::Objects)
+    );
+    assert_eq!(payloads(&parts), payloads(&packets[4..]));
+    assert!(
+        truth.has_nothing_left(),
+        "only answers go where the truth comes from"
+    );
+    // The output is a matter of each link.
+    let few = Output {
+        pixels: PixelLevel::Windows,
+        windows: 3,
+        ..Output::default()
+    };
+    pixels.done(Command::Output(few));
+    truth.point(attitude(8), EPOCH);
+    assert_eq!(pixels.parcel().0.windows, 3);
+    assert_eq!(labels.parcel().0.label_level, LabelLevel::Objects);
+    assert_eq!(truth.status().counters.frames_delivered, 2);
+}
+
+/// What stands between header and CRC.
+fn payloads(packets: &[Vec<u8>]) -> Vec<&[u8]> {
+    packets
+        .iter()
+        .map(|packet| &packet[15..packet.len() - 2])
+        .collect()
+}
+
+#[test]
+fn only_the_truth_link_points_and_sets_the_camera() {
+    let (_emulator, mut clients) = at(&["pixels", "truth+labels"]);
+    let [pixels, truth] = &mut clients[..] else {
+        panic!("two clients");
+    };
+    truth.done(Command::Exposure { seconds: 0.2 });
+    pixels.window = None;
+    for command in [
+        Command::Attitude(attitude(1)),
+        Command::Exposure { seconds: 0.3 },
+        Command::Gain { e_per_dn: 2.0 },
+        Command::FrameRate { hz: 2.0 },
+        Command::SingleShot,
+    ] {
+        pixels.send(command);
+        let nack = pixels.nack();
+        assert_eq!(nack.reason, Reason::NotSupported, "{command:?}");
+        assert!(
+            nack.detail.contains("send them over udp://127.0.0.1:"),
+            "{}",
+            nack.detail
+        );
+    }
+    pixels.done(Command::Reset);
+    assert_eq!(
+        truth.status().exposure_s,
+        0.2,
+        "a Reset there resets that exchange alone"
+    );
+    truth.done(Command::Reset);
+    assert_ne!(truth.status().exposure_s, 0.2);
+}
+
+#[test]
+fn a_client_that_stops_reading_costs_the_others_no_frame() {
+    let (emulator, mut clients) = at(&["truth+labels", "pixels"]);
+    let [truth, pixels] = &mut clients[..] else {
+        panic!("two clients");
+    };
+    // It takes one packet, and no more.
+    pixels.window = None;
+    pixels.send(Command::Credit { packets: 1 });
+    pixels.status();
+    truth.point(attitude(1), EPOCH);
+    let (_, parts) = truth.parcel();
+    assert!(!parts.is_empty());
+    pixels.next(true);
+    // Its frame is given up after 2 s; the next one goes its way.
+    truth.point(attitude(2), EPOCH);
+    assert_eq!(truth.parcel().0.attitude_sequence, 2);
+    pixels.send(Command::Credit { packets: 1000 });
+    assert_eq!(pixels.parcel().0.attitude_sequence, 2);
+    let counters = emulator.end();
+    assert_eq!(
+        (counters.frames_delivered, counters.frames_abandoned),
+        (1, 1)
+    );
+}
+
+#[test]
+fn roles_that_make_no_run_are_refused_by_name() {
+    let refused = |roles: &[&str]| {
+        let urls: Vec<String> = roles
+            .iter()
+            .map(|roles| format!("udp://127.0.0.1:0?roles={roles}"))
+            .collect();
+        match link::open_all(&urls, &options(5.0)) {
+            Ok(_) => panic!("{roles:?} was taken"),
+            Err(error) => error.to_string(),
+        }
+    };
+    for (roles, word) in [
+        (
+            &["truth", "truth+pixels"][..],
+            "a second link for the truth",
+        ),
+        (&["pixels", "labels"], "no link has the role truth"),
+        (&["truth+video"], "must be truth, pixels or labels"),
+        (&[""], "must be truth, pixels or labels"),
+    ] {
+        let text = refused(roles);
+        assert!(text.contains(word) && text.contains("roles="), "{text}");
+    }
+}
