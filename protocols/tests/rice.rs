@@ -118,6 +118,8 @@ proptest! {
         let mut longer = data[..length].to_vec();
         longer.extend_from_slice(&tail);
         prop_assert!(decode(&longer, 12, &mut back).is_err(), "trailing octets");
+        longer[length..].fill(0);
+        prop_assert!(decode(&longer, 12, &mut back).is_err(), "trailing zeros");
         prop_assert!(decode(&data[..length - 1], 12, &mut back).is_err(), "an octet too few");
         data[place.index(length)] ^= 1_u8 << bit;
         if decode(&data[..length], 12, &mut back).is_ok() {

@@ -164,6 +164,11 @@ fn fd_frames_have_two_rates() {
         }
     );
     assert_eq!(slow.worst_bits().nominal, 579 + 133);
+    let worst = WireBits {
+        nominal: 48 + 8,
+        data: 550 + 130,
+    };
+    assert_eq!(extended.worst_bits(), worst, "(36 + 5 + 512 - 1) / 4 = 138");
     assert_eq!(
         fd(64).worst_bits().duration_ns(500_000, 8_000_000),
         66_000 + 84_875

@@ -117,6 +117,37 @@ fn unexpected_frames_at_a_receiver() {
         }
     );
 
+    let mut client = receiving();
+    let (second, longer) = (hex("212d343b42495057"), hex("225e656c737a8188ffffffff"));
+    assert!(client.receive(&from_emulator(&second), 1).is_none());
+    assert!(
+        client.receive(&from_emulator(&longer), 1).is_none(),
+        "longer than the first frame"
+    );
+    assert_eq!(client.counts(), ignored);
+    assert!(
+        client.receive(&from_emulator(&second), 1).is_none(),
+        "a repeated one"
+    );
+    assert_eq!(client.counts().sequence_errors, 1);
+
+    let mut client = Node::new(Side::Client, false);
+    assert!(
+        client
+            .receive(&from_emulator(&hex("1014030a11181f26")), 0)
+            .is_none()
+    );
+    assert!(
+        client
+            .receive(&from_emulator(&hex("03aabbcc")), 0)
+            .is_some()
+    );
+    assert_eq!(
+        client.next_frame(0),
+        None,
+        "asks for nothing more of a message that is given up"
+    );
+
     let mut idle = Node::new(Side::Client, false);
     assert!(
         idle.receive(&from_emulator(&hex("212d343b42495057")), 0)
@@ -225,6 +256,17 @@ fn a_sender_does_as_it_is_told() {
     }
     emulator.receive(&to_emulator(&hex("310000")), 9_900_000);
     assert_eq!((emulator.wake_at(), emulator.counts().unsent), (None, 1));
+
+    // As often again after the next block.
+    let mut patient = sending();
+    for flow in ["310000"; 10].iter().chain(&["300100"]) {
+        patient.receive(&to_emulator(&hex(flow)), 0);
+    }
+    assert!(patient.next_frame(0).is_some());
+    for flow in ["310000"; 10].iter().chain(&["300000"]) {
+        patient.receive(&to_emulator(&hex(flow)), 0);
+    }
+    assert!(patient.next_frame(0).is_some() && patient.is_idle(Lane::Long));
 
     // Flow control when none is awaited.
     emulator.receive(&to_emulator(&hex("300000")), 9_900_000);
