@@ -526,7 +526,7 @@ static inline bool skyloop_is_direction(uint8_t code)
 
 /* Why the emulator refuses a packet: the reason octet of a `Nack`. */
 #define SKYLOOP_REASON_BAD_CRC 1U /* The CRC does not fit the octets before it. */
-#define SKYLOOP_REASON_BAD_VERSION 2U /* Packet version number not 0, or another format version. */
+#define SKYLOOP_REASON_BAD_VERSION 2U /* Packet version number not 0, or format version not 2. */
 #define SKYLOOP_REASON_BAD_LENGTH 3U /* Octets, data length and layout do not agree. */
 #define SKYLOOP_REASON_UNKNOWN_TYPE 4U /* Unknown APID, opcode or header flag, or the type bit of the other direction. */
 #define SKYLOOP_REASON_QUATERNION_NOT_UNIT 5U /* The norm is more than 0.001 off 1. */
@@ -609,7 +609,7 @@ typedef struct {
 /* Attitude of the body at the time in the header; in stepped mode that is the middle of the exposure. */
 typedef struct {
     uint32_t sequence; /* The client's number of this attitude; keys the noise of its frame and returns in FrameHeader */
-    double q_icrf_to_body[4]; /* Attitude x, y, z, w; the emulator normalises it */
+    double q_icrf_to_body[4]; /* Attitude x, y, z, w, ICRF to body (section 1); the emulator normalises it */
     double rates_rad_s[3]; /* Body rates [rad/s] */
     bool has_state; /* whether the members below hold anything */
     double position_m[3]; /* GCRF position, with flags 1 only [m] */

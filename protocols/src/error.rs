@@ -1,33 +1,7 @@
 //! What can be wrong with a packet, and the reason codes that say so on the wire.
 
-use crate::wire::wire_enum;
+pub use crate::generated::codes::Reason;
 use core::fmt;
-
-wire_enum! {
-    /// Why the emulator refuses a packet: the reason octet of a `Nack`.
-    pub enum Reason: u8 {
-        /// The CRC-16 does not fit the octets before it.
-        BadCrc = 1,
-        /// The packet version number is not 0 or the format version is not [`VERSION`](crate::packet::VERSION).
-        BadVersion = 2,
-        /// Shorter, longer or otherwise sized than its header or its layout says.
-        BadLength = 3,
-        /// Unknown APID, opcode or header flags, or the type bit of the other direction.
-        UnknownType = 4,
-        /// The quaternion's norm differs from 1 by more than [`UNIT_TOLERANCE`](crate::command::UNIT_TOLERANCE).
-        QuaternionNotUnit = 5,
-        /// A number of the attitude or of the state is NaN or infinite.
-        NotFinite = 6,
-        /// An attitude earlier than the last one accepted.
-        TimeBackwards = 7,
-        /// A value outside the range that the field, the camera or the observer allows.
-        ValueOutOfRange = 8,
-        /// The emulator cannot take this packet now.
-        Busy = 9,
-        /// A valid command that this emulator or its present mode does not have.
-        NotSupported = 10,
-    }
-}
 
 /// Why octets are not a packet; `Display` says what, where and the remedy.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,8 @@
 //! Wire formats of skyloop, shared by the emulator and by flight software.
 //!
 //! `no_std`, no allocation, no dependencies, no `unsafe`. Every byte is described in `docs/icd.md`;
-//! `vectors/golden.txt` holds one packet of every kind. The modules in reading order:
+//! `vectors/golden.txt` holds one packet of every kind. Codes, messages, their readers and writers are generated from
+//! `schema/packets.toml`; the rules between fields are written here. The modules in reading order:
 //!
 //! 1. [`time`]: the CCSDS time code that every packet carries.
 //! 2. [`packet`]: the space packet around every message: headers, version, CRC.
@@ -26,7 +27,10 @@
 #![forbid(unsafe_code)]
 
 mod frame;
+#[rustfmt::skip]
+mod generated;
 mod parts;
+mod rules;
 mod wire;
 
 pub mod can;

@@ -15,10 +15,8 @@ use crate::error::{DecodeError, EncodeError};
 use crate::time::WireTime;
 use crate::wire::{Reader, Writer};
 
-/// Version of these formats, in the secondary header.
-pub const VERSION: u8 = 2;
-/// Longest packet in octets, headers and CRC included: fits a UDP datagram on Ethernet unfragmented.
-pub const MAX_PACKET: usize = 1400;
+pub use crate::generated::codes::{MAX_PACKET, VERSION, apid};
+
 /// Octets before the payload: primary header, time, version.
 pub const HEADER_LENGTH: usize = 15;
 /// Octets after the payload.
@@ -32,57 +30,6 @@ const PRIMARY_LENGTH: usize = 6;
 const SECONDARY_HEADER_FLAG: u16 = 1 << 11;
 const TYPE_TELECOMMAND: u16 = 1 << 12;
 const UNSEGMENTED: u16 = 3 << 14;
-
-/// Application process identifiers: one a message kind.
-pub mod apid {
-    /// Towards the emulator: attitude and, optionally, position and velocity.
-    pub const ATTITUDE: u16 = 0x101;
-    /// Towards the emulator: everything else, by opcode.
-    pub const COMMAND: u16 = 0x102;
-    /// From the emulator: opens a frame.
-    pub const FRAME_HEADER: u16 = 0x201;
-    /// From the emulator: a run of pixels.
-    pub const PIXEL_BLOCK: u16 = 0x202;
-    /// From the emulator: a part of the frame's label text.
-    pub const LABELS: u16 = 0x203;
-    /// From the emulator: settings and counters.
-    pub const STATUS: u16 = 0x204;
-    /// From the emulator: a command was carried out.
-    pub const ACK: u16 = 0x205;
-    /// From the emulator: a packet was refused.
-    pub const NACK: u16 = 0x206;
-    /// From the emulator: windows cut out of the frame.
-    pub const WINDOWS: u16 = 0x207;
-    /// From the emulator: the frame's brightest objects, as numbers.
-    pub const OBJECTS: u16 = 0x208;
-    /// From the emulator: a run of pixels, compressed.
-    pub const COMPRESSED: u16 = 0x209;
-
-    /// All of them with their names in the ICD.
-    pub const ALL: [(u16, &str); 11] = [
-        (ATTITUDE, "Attitude"),
-        (COMMAND, "Command"),
-        (FRAME_HEADER, "FrameHeader"),
-        (PIXEL_BLOCK, "PixelBlock"),
-        (LABELS, "Labels"),
-        (STATUS, "Status"),
-        (ACK, "Ack"),
-        (NACK, "Nack"),
-        (WINDOWS, "Windows"),
-        (OBJECTS, "Objects"),
-        (COMPRESSED, "Compressed"),
-    ];
-
-    /// Whether packets with this APID go towards the emulator (type bit 1).
-    pub const fn is_telecommand(apid: u16) -> bool {
-        matches!(apid, ATTITUDE | COMMAND)
-    }
-
-    /// The row of [`ALL`] that holds this APID.
-    pub fn index(apid: u16) -> Option<usize> {
-        ALL.iter().position(|(known, _)| *known == apid)
-    }
-}
 
 /// What every packet says about itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

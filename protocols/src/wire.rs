@@ -1,6 +1,7 @@
 //! Bounded big-endian reading and writing: the only places that touch octets by position.
 
 use crate::error::{DecodeError, EncodeError};
+use crate::time::WireTime;
 
 /// An enum with one code on the wire per variant, the list of them all, and their names.
 macro_rules! wire_enum {
@@ -33,6 +34,30 @@ macro_rules! wire_enum {
 }
 pub(crate) use wire_enum;
 
+/// The counters: their structure, their names, and both in the order of the wire.
+macro_rules! counters {
+    ($($(#[$doc:meta])* $name:ident,)+) => {
+        /// Counts since the emulator started, modulo 2^32; in this order on the wire.
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+        pub struct Counters { $($(#[$doc])* pub $name: u32,)+ }
+
+        impl Counters {
+            /// The names, in the order of the fields.
+            pub const NAMES: &'static [&'static str] = &[$(stringify!($name)),+];
+
+            /// Names and values, in the order of the fields.
+            pub fn iter(&self) -> impl Iterator<Item = (&'static str, u32)> + use<> {
+                Self::NAMES.iter().copied().zip([$(self.$name),+])
+            }
+
+            pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = &mut u32> {
+                [$(&mut self.$name),+].into_iter()
+            }
+        }
+    };
+}
+pub(crate) use counters;
+
 /// Reads fields from `bytes`, which end before the CRC; positions count from the packet's first octet.
 pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
@@ -50,14 +75,7 @@ impl<'a> Reader<'a> {
         Self { what, ..self }
     }
 
-    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], DecodeError> {
-        let end = self.at + count;
-        let field = self.bytes.get(self.at..end).ok_or(self.length(end))?;
-        self.at = end;
-        Ok(field)
-    }
-
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], DecodeError> {
+    pub fn array<const N: usize>(&mut self) -> Result<[u8; N], DecodeError> {
         let end = self.at + N;
         let field = self
             .bytes
@@ -86,6 +104,51 @@ impl<'a> Reader<'a> {
 
     pub fn f64(&mut self) -> Result<f64, DecodeError> {
         self.array().map(f64::from_be_bytes)
+    }
+
+    pub fn f32(&mut self) -> Result<f32, DecodeError> {
+        self.array().map(f32::from_be_bytes)
+    }
+
+    pub fn time(&mut self) -> Result<WireTime, DecodeError> {
+        self.u64().map(WireTime)
+    }
+
+    /// An octet that is one of some codes.
+    pub fn code<T>(
+        &mut self,
+        from_code: fn(u8) -> Option<T>,
+        field: &'static str,
+        rule: &'static str,
+    ) -> Result<T, DecodeError> {
+        from_code(self.u8()?).ok_or(DecodeError::BadValue { field, rule })
+    }
+
+    /// An octet with no bits but those of `most`, a number of ones.
+    pub fn flags(
+        &mut self,
+        most: u8,
+        field: &'static str,
+        rule: &'static str,
+    ) -> Result<u8, DecodeError> {
+        let flags = self.u8()?;
+        crate::rules::rule(flags <= most, field, rule)?;
+        Ok(flags)
+    }
+
+    /// All octets up to the CRC: UTF-8, at most `most` of them.
+    pub fn text(
+        &mut self,
+        most: usize,
+        field: &'static str,
+        rule: &'static str,
+    ) -> Result<&'a str, DecodeError> {
+        let octets = self.rest();
+        crate::rules::rule(octets.len() <= most, field, rule)?;
+        core::str::from_utf8(octets).map_err(|_| DecodeError::BadValue {
+            field,
+            rule: "must be UTF-8",
+        })
     }
 
     pub fn f64s<const N: usize>(&mut self) -> Result<[f64; N], DecodeError> {
@@ -177,6 +240,10 @@ impl<'b> Writer<'b> {
     }
 
     pub fn f64(&mut self, value: f64) -> Result<(), EncodeError> {
+        self.bytes(&value.to_be_bytes())
+    }
+
+    pub fn f32(&mut self, value: f32) -> Result<(), EncodeError> {
         self.bytes(&value.to_be_bytes())
     }
 

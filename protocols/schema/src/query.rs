@@ -25,6 +25,22 @@ impl Field {
         }
     }
 
+    /// What its limits or codes allow, whatever else does.
+    pub fn limits(&self, schema: &Schema) -> Option<String> {
+        let bare = Self {
+            range: None,
+            rule: None,
+            ..self.clone()
+        };
+        let limited = self.min.is_some() || self.max.is_some() || self.codes.is_some();
+        let text = bare.range_text(schema);
+        let text = match text.rsplit_once(", ") {
+            Some((before, last)) => format!("{before} or {last}"),
+            None => text,
+        };
+        (limited || !self.bits.is_empty()).then_some(text)
+    }
+
     /// What it allows, in the ICD's words.
     pub fn range_text(&self, schema: &Schema) -> String {
         if let Some(range) = &self.range {

@@ -1,0 +1,264 @@
+// Generated from protocols/schema by `cargo run -p skyloop-schema`: do not edit.
+//! The answers of the emulator, and all of its packets.
+
+use super::codes::{Mode, Packing, Reason, apid};
+use super::commands::Output;
+use super::counters::Counters;
+use super::frames::{FrameHeader, PixelBlock, LabelPart, WindowBlock, ObjectPart, CompressedBlock};
+use crate::error::{DecodeError, EncodeError};
+use crate::rules::{positive, rule};
+use crate::wire::{Reader, Writer};
+
+/// Settings and counters, sent after the Ack of a Ping.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Status {
+    /// What makes the emulator take a frame.
+    pub mode: Mode,
+    /// Columns of the camera. Unit: px.
+    pub width: u16,
+    /// Rows of the camera. Unit: px.
+    pub height: u16,
+    /// Bits of a digital number. Unit: bit.
+    pub bits: u8,
+    /// Bits that a pixel takes in PixelBlock and Windows. Unit: bit.
+    pub packing: Packing,
+    /// What each frame brings.
+    pub output: Output,
+    /// Exposure time. Unit: s.
+    pub exposure_s: f64,
+    /// Conversion gain. Unit: e-/DN.
+    pub gain_e_per_dn: f64,
+    /// Cadence of the wall mode. Unit: Hz.
+    pub frame_rate_hz: f64,
+    /// Number that the next frame will have.
+    pub next_frame: u32,
+    /// Frame packets sent in this exchange, modulo 2^32. Unit: packets.
+    pub packets_sent: u32,
+    /// Counts since the emulator started.
+    pub counters: Counters,
+}
+
+impl Status {
+    pub(crate) fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
+        let mode = reader.code(Mode::from_code, "Status.mode", "must be 0 or 1")?;
+        let width = reader.u16()?;
+        let height = reader.u16()?;
+        let bits = reader.u8()?;
+        let packing = reader.code(Packing::from_code, "Status.packing", "must be 12 or 16")?;
+        let output = Output::read(reader)?;
+        let exposure_s = reader.f64()?;
+        let gain_e_per_dn = reader.f64()?;
+        let frame_rate_hz = reader.f64()?;
+        let next_frame = reader.u32()?;
+        let packets_sent = reader.u32()?;
+        let mut counters = Counters::default();
+        for counter in counters.iter_mut() {
+            *counter = reader.u32()?;
+        }
+        Ok(Self {
+            mode,
+            width,
+            height,
+            bits,
+            packing,
+            output,
+            exposure_s,
+            gain_e_per_dn,
+            frame_rate_hz,
+            next_frame,
+            packets_sent,
+            counters,
+        })
+    }
+
+    pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+        writer.u8(self.mode.code())?;
+        writer.u16(self.width)?;
+        writer.u16(self.height)?;
+        writer.u8(self.bits)?;
+        writer.u8(self.packing.code())?;
+        self.output.write(writer)?;
+        writer.f64(self.exposure_s)?;
+        writer.f64(self.gain_e_per_dn)?;
+        writer.f64(self.frame_rate_hz)?;
+        writer.u32(self.next_frame)?;
+        writer.u32(self.packets_sent)?;
+        for (_, value) in self.counters.iter() {
+            writer.u32(value)?;
+        }
+        Ok(())
+    }
+
+    /// What the fields allow, each by itself.
+    pub(crate) fn check_fields(&self) -> Result<(), DecodeError> {
+        rule((1..).contains(&self.width), "Status.width", "must be 1 to 65535")?;
+        rule((1..).contains(&self.height), "Status.height", "must be 1 to 65535")?;
+        rule((1..=16).contains(&self.bits), "Status.bits", "must be 1 to 16")?;
+        self.output.check()?;
+        positive("Status.exposure_s", self.exposure_s)?;
+        positive("Status.gain_e_per_dn", self.gain_e_per_dn)?;
+        positive("Status.frame_rate_hz", self.frame_rate_hz)?;
+        Ok(())
+    }
+}
+
+/// A command was carried out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ack {
+    /// APID of the packet that it answers.
+    pub apid: u16,
+    /// Sequence count of that packet.
+    pub sequence_count: u16,
+}
+
+impl Ack {
+    pub(crate) fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
+        let apid = reader.u16()?;
+        let sequence_count = reader.u16()?;
+        Ok(Self {
+            apid,
+            sequence_count,
+        })
+    }
+
+    pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+        writer.u16(self.apid)?;
+        writer.u16(self.sequence_count)?;
+        Ok(())
+    }
+
+    /// Refuses values that the fields do not allow. What was decoded has passed this.
+    pub fn check(&self) -> Result<(), DecodeError> {
+        rule((..=2047).contains(&self.apid), "Ack.apid", "must be 0 to 2047")?;
+        rule((..=16383).contains(&self.sequence_count), "Ack.sequence_count", "must be 0 to 16383")?;
+        Ok(())
+    }
+}
+
+/// A packet was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Nack<'a> {
+    /// APID of the refused packet, as its octets state it.
+    pub apid: u16,
+    /// Sequence count of that packet, as its octets state it.
+    pub sequence_count: u16,
+    /// Why.
+    pub reason: Reason,
+    /// What and where, for people; UTF-8.
+    pub detail: &'a str,
+}
+
+impl<'a> Nack<'a> {
+    pub(crate) fn read(reader: &mut Reader<'a>) -> Result<Self, DecodeError> {
+        let apid = reader.u16()?;
+        let sequence_count = reader.u16()?;
+        let reason = reader.code(Reason::from_code, "Nack.reason", "must be 1 to 10")?;
+        let detail = reader.text(200, "Nack.detail", "must be 200 octets or fewer")?;
+        Ok(Self {
+            apid,
+            sequence_count,
+            reason,
+            detail,
+        })
+    }
+
+    pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+        self.check_layout()?;
+        writer.u16(self.apid)?;
+        writer.u16(self.sequence_count)?;
+        writer.u8(self.reason.code())?;
+        writer.bytes(self.detail.as_bytes())?;
+        Ok(())
+    }
+
+    /// Refuses values that the fields do not allow. What was decoded has passed this.
+    pub fn check(&self) -> Result<(), DecodeError> {
+        rule((..=2047).contains(&self.apid), "Nack.apid", "must be 0 to 2047")?;
+        rule((..=16383).contains(&self.sequence_count), "Nack.sequence_count", "must be 0 to 16383")?;
+        Ok(())
+    }
+}
+
+/// Everything that the emulator can say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reply<'a> {
+    /// Opens a frame.
+    FrameHeader(FrameHeader),
+    /// A run of pixels.
+    PixelBlock(PixelBlock<'a>),
+    /// A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without a newline.
+    Labels(LabelPart<'a>),
+    /// Settings and counters, sent after the Ack of a Ping.
+    Status(Status),
+    /// A command was carried out.
+    Ack(Ack),
+    /// A packet was refused.
+    Nack(Nack<'a>),
+    /// Square windows cut out of a frame.
+    Windows(WindowBlock<'a>),
+    /// Records of the brightest objects in a frame, brightest first.
+    Objects(ObjectPart<'a>),
+    /// A run of pixels, losslessly compressed.
+    Compressed(CompressedBlock<'a>),
+}
+
+impl<'a> Reply<'a> {
+    /// The APID of its packet.
+    pub const fn apid(&self) -> u16 {
+        match self {
+            Self::FrameHeader(_) => apid::FRAME_HEADER,
+            Self::PixelBlock(_) => apid::PIXEL_BLOCK,
+            Self::Labels(_) => apid::LABELS,
+            Self::Status(_) => apid::STATUS,
+            Self::Ack(_) => apid::ACK,
+            Self::Nack(_) => apid::NACK,
+            Self::Windows(_) => apid::WINDOWS,
+            Self::Objects(_) => apid::OBJECTS,
+            Self::Compressed(_) => apid::COMPRESSED,
+        }
+    }
+
+    /// Refuses values that the fields do not allow. Every decoded reply has passed this.
+    pub fn check(&self) -> Result<(), DecodeError> {
+        match self {
+            Self::FrameHeader(inner) => inner.check(),
+            Self::PixelBlock(inner) => inner.check(),
+            Self::Labels(inner) => inner.check(),
+            Self::Status(inner) => inner.check(),
+            Self::Ack(inner) => inner.check(),
+            Self::Nack(inner) => inner.check(),
+            Self::Windows(inner) => inner.check(),
+            Self::Objects(inner) => inner.check(),
+            Self::Compressed(inner) => inner.check(),
+        }
+    }
+
+    pub(crate) fn read(apid: u16, reader: &mut Reader<'a>) -> Result<Self, DecodeError> {
+        Ok(match apid {
+            apid::FRAME_HEADER => Self::FrameHeader(FrameHeader::read(reader)?),
+            apid::PIXEL_BLOCK => Self::PixelBlock(PixelBlock::read(reader)?),
+            apid::LABELS => Self::Labels(LabelPart::read(reader)?),
+            apid::STATUS => Self::Status(Status::read(reader)?),
+            apid::ACK => Self::Ack(Ack::read(reader)?),
+            apid::NACK => Self::Nack(Nack::read(reader)?),
+            apid::WINDOWS => Self::Windows(WindowBlock::read(reader)?),
+            apid::OBJECTS => Self::Objects(ObjectPart::read(reader)?),
+            apid::COMPRESSED => Self::Compressed(CompressedBlock::read(reader)?),
+            apid => return Err(DecodeError::UnknownApid { apid }),
+        })
+    }
+
+    pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+        match self {
+            Self::FrameHeader(inner) => inner.write(writer),
+            Self::PixelBlock(inner) => inner.write(writer),
+            Self::Labels(inner) => inner.write(writer),
+            Self::Status(inner) => inner.write(writer),
+            Self::Ack(inner) => inner.write(writer),
+            Self::Nack(inner) => inner.write(writer),
+            Self::Windows(inner) => inner.write(writer),
+            Self::Objects(inner) => inner.write(writer),
+            Self::Compressed(inner) => inner.write(writer),
+        }
+    }
+}

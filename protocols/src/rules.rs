@@ -1,0 +1,31 @@
+//! What the fields of a message may be asked for.
+
+use crate::error::DecodeError;
+
+/// Refuses a field that breaks its rule.
+pub(crate) fn rule(
+    holds: bool,
+    field: &'static str,
+    rule: &'static str,
+) -> Result<(), DecodeError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(DecodeError::BadValue { field, rule })
+    }
+}
+
+/// Refuses anything but finite numbers above zero.
+pub(crate) fn positive(field: &'static str, value: f64) -> Result<(), DecodeError> {
+    let holds = value.is_finite() && value > 0.0;
+    rule(holds, field, "must be finite and above 0")
+}
+
+/// Refuses a NaN and an infinity in an attitude.
+pub(crate) fn finite(field: &'static str, numbers: &[f64]) -> Result<(), DecodeError> {
+    if numbers.iter().all(|number| number.is_finite()) {
+        Ok(())
+    } else {
+        Err(DecodeError::NotFinite { field })
+    }
+}
