@@ -1,10 +1,14 @@
 //! What `Status` counts without a refusal: objects without a state, records refused at the start, packets lost on the way.
 
-use crate::support::client::Client;
-use crate::support::{EPOCH, attitude, on_memory, scene};
+use crate::support::client::{Client, moved};
+#[cfg(target_os = "linux")]
+use crate::support::line::PtyLine;
+use crate::support::line::{Line, MemoryLine};
+use crate::support::{EPOCH, PATIENCE, Running, attitude, on_memory, options, scene};
 use skyloop::config::{Clock, Config};
+use skyloop::link;
 use skyloop::load::Folder;
-use skyloop_protocols::Command;
+use skyloop_protocols::{Command, Counters, Reply};
 
 /// The defaults, with the objects of one orbit file.
 fn showing(orbits: &str) -> Config {
@@ -83,4 +87,42 @@ fn a_packet_lost_on_the_way_is_counted_and_the_next_one_obeyed() {
     }
     client.done(Command::Reset);
     assert_eq!(client.status().counters.sequence_gaps, 3);
+}
+
+#[test]
+fn a_flood_loses_its_oldest_attitudes() {
+    let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
+    let mut client = Client::new(MemoryLine(port));
+    for sequence in 0..300 {
+        client.send(Command::Attitude(attitude(sequence)));
+    }
+    client.send(Command::Ping);
+    // By the wall clock: attitudes need not wait for frames.
+    let _emulator = Running::start(scene(), Clock::Wall, wire);
+    client.line.recv(PATIENCE).expect("the Ack");
+    let status = client.line.recv(PATIENCE).expect("the Status");
+    let Ok((_, Reply::Status(status))) = Reply::decode(&status) else {
+        panic!("no Status");
+    };
+    // 256 places (ICD, 5.2) for 301 packets; what is left has no gap.
+    let expected = [("attitudes", 255), ("overflows", 45)];
+    assert_eq!(moved(&Counters::default(), &status.counters), expected);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_client_that_closes_its_port_makes_room_for_the_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("tracker").display().to_string();
+    let wire = link::open(&format!("pty://{name}?baud=921600"), &options(5.0)).unwrap();
+    let _emulator = Running::start(scene(), Clock::Stepped, wire);
+    let counters = || {
+        let counters = Client::new(PtyLine::at(&name)).status().counters;
+        // Time to notice that it has gone: who opens the port at that instant goes on where the last one was.
+        std::thread::sleep(PATIENCE / 100);
+        counters
+    };
+    let (first, second, third) = (counters(), counters(), counters());
+    assert_eq!(moved(&first, &second), [("reconnects", 1)]);
+    assert_eq!(moved(&second, &third), [("reconnects", 1)]);
 }
