@@ -6,10 +6,7 @@ use skyloop_protocols::reply::ID_LENGTH;
 use skyloop_protocols::{ObjectRecord, Positions};
 
 /// Objects whose centroid is in the frame, the brightest first; where two are as bright, in the label's order.
-fn by_brightness<'a>(
-    shot: &'a Shot,
-    wanted: impl Fn(&ObjectLabel) -> bool,
-) -> Vec<&'a ObjectLabel> {
+fn by_brightness(shot: &Shot, wanted: impl Fn(&ObjectLabel) -> bool) -> Vec<&ObjectLabel> {
     let objects = shot.label.objects.iter();
     let mut objects: Vec<&ObjectLabel> = objects
         .filter(|object| object.in_frame && wanted(object))
