@@ -70,6 +70,7 @@ fn over(scheme: &str, camera: &str) -> Vec<Seen> {
     let options = Options {
         idle: Duration::from_secs(5),
         personality: &NATIVE,
+        bus: None,
     };
     let (wire, port) = link::loopback(scheme, &options).unwrap();
     let (links, output) = ([(wire, Roles::ALL)], config.run.output);

@@ -1,6 +1,6 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
-use super::{mission, progress};
+use super::{instruments, mission, progress};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -36,6 +36,8 @@ pub struct Args {
     /// Folder for frames and labels; made if it does not exist
     #[arg(long, value_name = "DIR", default_value = "skyloop-out")]
     out: PathBuf,
+    #[command(flatten)]
+    instruments: instruments::Choice,
 }
 
 /// Frames that may wait to be written; then the emulator waits.
@@ -56,13 +58,16 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mission = mission(&config, args.scene.as_deref())?;
     let frames = mission.frames;
     let idle = Duration::from_secs_f64(config.run.idle_s);
+    let instruments = args.instruments.prepare(std::slice::from_ref(&args.link))?;
     let options = link::Options {
         idle,
         personality: &NATIVE,
+        bus: instruments.bus(),
     };
     let (wire, port) = link::loopback(&args.link, &options)?;
     let writer = Writer::create(&args.out, frames)?;
-    let (links, output) = ([(wire, Roles::ALL)], config.run.output);
+    let links = instruments.around(vec![(wire, Roles::ALL)])?;
+    let output = config.run.output;
     let emulator = Emulator::new(&mut config);
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     say(format_args!(
@@ -106,8 +111,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     written.context("writing the frames")?;
     let (stats, report) = (served?, report?);
-    let table = table(&rows(&stats, &report));
+    let mut rows = rows(&stats, &report);
+    rows.extend(instruments.rows());
+    let table = table(&rows);
     say(format_args!("{table}wrote {}\n", args.out.display()))?;
+    instruments.finish()?;
     if report.frames != frames {
         bail!(
             "{} of {frames} frames did not arrive whole (see the log above)",

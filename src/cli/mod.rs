@@ -1,9 +1,11 @@
 //! The command line. A command is a file here and a line in [`Command`].
 
+mod instruments;
 mod loopback;
 #[cfg(target_os = "linux")]
 mod pty;
 mod render;
+mod replay;
 mod run;
 
 use anyhow::Context;
@@ -38,6 +40,8 @@ enum Command {
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
     #[cfg(target_os = "linux")]
     Pty(pty::Args),
+    /// Feed a recorded run to the emulator again and compare what it sends
+    Replay(replay::Args),
 }
 
 impl Cli {
@@ -49,6 +53,7 @@ impl Cli {
             Command::Render(args) => render::run(*args),
             #[cfg(target_os = "linux")]
             Command::Pty(args) => pty::run(args),
+            Command::Replay(args) => replay::run(args, self.verbose),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
+use super::instruments;
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -25,6 +26,8 @@ pub struct Args {
     /// End after this many frames [default: at Ctrl-C]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     frames: Option<u32>,
+    #[command(flatten)]
+    instruments: instruments::Choice,
 }
 
 /// Runs the command.
@@ -34,15 +37,18 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         tracing::warn!("refused: {line}");
     }
     let idle = Duration::from_secs_f64(config.run.idle_s);
-    let options = link::Options {
-        idle,
-        personality: &NATIVE,
-    };
     let urls = match args.link.is_empty() {
         true => &config.run.links,
         false => &args.link,
     };
+    let instruments = args.instruments.prepare(urls)?;
+    let options = link::Options {
+        idle,
+        personality: &NATIVE,
+        bus: instruments.bus(),
+    };
     let links = link::open_all(urls, &options)?;
+    let links = instruments.around(links)?;
     let (objects, clock) = (config.objects.len(), config.run.clock);
     let output = config.run.output;
     let emulator = Emulator::new(&mut config);
@@ -86,7 +92,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             counts.join(", ")
         },
     ));
+    rows.extend(instruments.rows());
     say(format_args!("\n{}", table(&rows)))?;
+    instruments.finish()?;
     match served? {
         Ended::AsAsked => Ok(()),
         Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),

@@ -2,13 +2,15 @@
 
 use super::inbox::{Watch, inbox};
 use super::{
-    Airtime, Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, QUEUE, Tally, Wire, count,
+    Airtime, AroundBus, Inbound, Intake, LinkError, LinkUrl, NO_FAULTS, Options, Outbound, Outbox,
+    QUEUE, Tally, Wire, count,
 };
 use bytes::Bytes;
 use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note, Waker};
 use skyloop_firmware_sim::can::settings::Settings;
 use skyloop_firmware_sim::can::{CanBus, Opener, Refusal, Trouble, socket};
 use skyloop_firmware_sim::port::PortError;
+use skyloop_protocols::FaultKind;
 use skyloop_protocols::can::{Node, Side};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -55,12 +57,17 @@ fn set(settings: &mut Settings, url: &LinkUrl, keys: &[&str]) -> Result<(), Link
 /// Carries packets over an open bus; with an `opener` the link survives that the bus goes.
 pub(super) fn start(
     url: &LinkUrl,
+    options: &Options,
     bus: Box<dyn CanBus>,
     opener: Option<Opener>,
     settings: &Settings,
     airtime: Airtime,
 ) -> Result<Wire, LinkError> {
     let address = format!("{}://{}", url.scheme, settings.describe());
+    let (bus, opener) = match &options.bus {
+        None => (bus, opener),
+        Some(instruments) => around((instruments.at)(&address), bus, opener),
+    };
     let tally = Arc::new(Tally::default());
     let (arrivals, inbox) = inbox(tally.clone());
     let (queue, departures) = sync_channel(QUEUE);
@@ -86,6 +93,7 @@ pub(super) fn start(
         waker,
         tally: tally.clone(),
         address: address.clone(),
+        faults: options.bus.as_ref().is_some_and(|bus| bus.faults),
     };
     Ok(Wire {
         address,
@@ -97,12 +105,25 @@ pub(super) fn start(
     })
 }
 
+/// Puts instruments around an open bus, and each time it is opened again.
+fn around(
+    around: AroundBus,
+    bus: Box<dyn CanBus>,
+    opener: Option<Opener>,
+) -> (Box<dyn CanBus>, Option<Opener>) {
+    let bus = around(bus);
+    let opener = opener.map(|mut open| -> Opener { Box::new(move || Ok(around(open()?))) });
+    (bus, opener)
+}
+
 /// The queue to the carrier.
 struct BusOutbox {
     queue: SyncSender<Bytes>,
     waker: Waker,
     tally: Arc<Tally>,
     address: String,
+    /// Whether faults are injected on the bus.
+    faults: bool,
 }
 
 impl Outbox for BusOutbox {
@@ -127,6 +148,10 @@ impl Outbox for BusOutbox {
             }
         }
         Ok(None)
+    }
+
+    fn injects(&self, _: FaultKind) -> Result<(), &'static str> {
+        if self.faults { Ok(()) } else { Err(NO_FAULTS) }
     }
 }
 

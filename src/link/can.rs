@@ -19,15 +19,22 @@ const KEYS: &[&str] = &["bitrate", "fd", "load"];
 /// The interface of a loopback.
 const VIRTUAL: &str = "vcan0";
 
-fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
-    start(url, &bus::settings(url, &url.target, KEYS)?)
+fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
+    start(url, options, &bus::settings(url, &url.target, KEYS)?)
 }
 
-fn start(url: &LinkUrl, settings: &Settings) -> Result<Wire, LinkError> {
+fn start(url: &LinkUrl, options: &Options, settings: &Settings) -> Result<Wire, LinkError> {
     let open = socket::open(settings).map_err(|refusal| bus::refused(url, settings, refusal))?;
     let again = settings.clone();
     let opener: Opener = Box::new(move || socket::open(&again));
-    bus::start(url, open, Some(opener), settings, airtime(settings))
+    bus::start(
+        url,
+        options,
+        open,
+        Some(opener),
+        settings,
+        airtime(settings),
+    )
 }
 
 /// Time on the bus of a packet in segments.
@@ -37,9 +44,9 @@ pub(super) fn airtime(settings: &Settings) -> Airtime {
 }
 
 /// Both ends on the virtual interface that the user has set up.
-fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
     let settings = bus::loopback_settings(url, VIRTUAL, KEYS)?;
-    let wire = start(url, &settings)?;
+    let wire = start(url, options, &settings)?;
     let bus = socket::open(&settings).map_err(|refusal| bus::refused(url, &settings, refusal))?;
     let port = CanPort::over(VIRTUAL, bus, None, &settings);
     Ok((

@@ -4,6 +4,7 @@
 use super::{Inbound, QUEUE, Tally, count};
 use skyloop_protocols::packet::{apid, identify};
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, TryRecvError};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::Thread;
@@ -25,7 +26,11 @@ pub(crate) fn inbox(tally: Arc<Tally>) -> (Intake, Inbox) {
         Intake {
             shared: shared.clone(),
         },
-        Inbox { shared },
+        Inbox {
+            shared,
+            looked: AtomicBool::new(false),
+            observer: None,
+        },
     )
 }
 
@@ -42,6 +47,18 @@ pub(crate) struct Watch {
 /// The emulator's end.
 pub struct Inbox {
     shared: Arc<Shared>,
+    /// Whether the emulator has looked in vain since the last packet.
+    looked: AtomicBool,
+    observer: Option<Box<dyn Observer>>,
+}
+
+/// Sees how the emulator takes packets.
+pub(crate) trait Observer: Send + Sync {
+    /// It takes a packet; `first`: it had looked for one in vain since the last.
+    fn taken(&self, inbound: &Inbound, first: bool);
+
+    /// It looks in vain.
+    fn empty(&self) {}
 }
 
 /// The emulator has dropped its end.
@@ -143,14 +160,35 @@ impl Inbox {
         self.shared.lock().reader = Some(reader);
     }
 
+    /// Lets `observer` see every packet as it is taken.
+    pub(crate) fn observe(&mut self, observer: Box<dyn Observer>) {
+        self.observer = Some(observer);
+    }
+
     /// The next packet, if there is one.
     pub fn try_recv(&self) -> Result<Inbound, TryRecvError> {
         let mut state = self.shared.lock();
-        match state.waiting.pop_front() {
-            Some(inbound) => Ok(inbound),
-            None if state.intakes == 0 => Err(TryRecvError::Disconnected),
-            None => Err(TryRecvError::Empty),
+        let (next, intakes) = (state.waiting.pop_front(), state.intakes);
+        drop(state);
+        match next {
+            Some(inbound) => Ok(self.observed(inbound)),
+            None if intakes == 0 => Err(TryRecvError::Disconnected),
+            None => {
+                self.looked.store(true, Ordering::Relaxed);
+                if let Some(observer) = &self.observer {
+                    observer.empty();
+                }
+                Err(TryRecvError::Empty)
+            }
         }
+    }
+
+    fn observed(&self, inbound: Inbound) -> Inbound {
+        let first = self.looked.swap(false, Ordering::Relaxed);
+        if let Some(observer) = &self.observer {
+            observer.taken(&inbound, first);
+        }
+        inbound
     }
 
     /// The next packet, waiting `timeout` at most.
@@ -159,7 +197,8 @@ impl Inbox {
         let mut state = self.shared.lock();
         loop {
             if let Some(inbound) = state.waiting.pop_front() {
-                return Ok(inbound);
+                drop(state);
+                return Ok(self.observed(inbound));
             }
             if state.intakes == 0 {
                 return Err(RecvTimeoutError::Disconnected);

@@ -3,6 +3,8 @@
 
 mod bus;
 mod can;
+pub mod capture;
+pub mod fault;
 mod inbox;
 mod line;
 #[cfg(target_os = "linux")]
@@ -31,8 +33,9 @@ pub use tally::Tally;
 pub use url::LinkUrl;
 
 use bytes::Bytes;
+use skyloop_firmware_sim::can::CanBus;
 use skyloop_firmware_sim::port::{Port, Refusal};
-use skyloop_protocols::Personality;
+use skyloop_protocols::{FaultKind, Personality};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -69,12 +72,26 @@ pub type BothEnds = (Wire, Box<dyn Port + Send>);
 pub type Airtime = Arc<dyn Fn(usize) -> Duration + Send + Sync>;
 
 /// What a link is told about packets.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Options {
     /// After this silence a client may be replaced by another.
     pub idle: Duration,
     /// The wire language. Only a packet that it can read makes its sender the client.
     pub personality: &'static Personality,
+    /// What stands between a CAN bus and its link.
+    pub bus: Option<BusInstruments>,
+}
+
+/// Puts something around an open bus.
+pub type AroundBus = Box<dyn Fn(Box<dyn CanBus>) -> Box<dyn CanBus> + Send>;
+
+/// What stands between a CAN bus and its link: faults, a recording.
+#[derive(Clone)]
+pub struct BusInstruments {
+    /// What is put around the bus at an address, each time it is opened.
+    pub at: Arc<dyn Fn(&str) -> AroundBus + Send + Sync>,
+    /// Whether faults are injected.
+    pub faults: bool,
 }
 
 /// Packets in a queue; beyond this the sender waits and the receiver drops the oldest (and counts).
@@ -92,7 +109,7 @@ pub struct Inbound {
 }
 
 /// Something for the link to do.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub enum Outbound {
     /// Send this packet, if its exchange still stands.
     Packet {
@@ -110,10 +127,19 @@ pub enum Outbound {
     },
 }
 
+/// Why a link injects no faults.
+const NO_FAULTS: &str =
+    "no faults are injected here: start the emulator with --faults or --fault-log";
+
 /// The queue to a link.
 pub trait Outbox: Send {
     /// Queues `what`; gives it back if the queue is full.
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError>;
+
+    /// Whether faults of this kind can be switched live; else why not, and the remedy.
+    fn injects(&self, _: FaultKind) -> Result<(), &'static str> {
+        Err(NO_FAULTS)
+    }
 }
 
 /// The emulator's end of an open link.
@@ -244,6 +270,14 @@ fn by_scheme(scheme: &str, text: &str) -> Result<&'static Link, LinkError> {
             reason: format!("unknown scheme {scheme:?}"),
             examples: examples(),
         })
+}
+
+/// Whether a link, by URL or scheme, is a CAN bus.
+pub fn is_bus(text: &str) -> bool {
+    let scheme = text.split([':', '?']).next();
+    [can::CAN.scheme, slcan::SLCAN.scheme]
+        .map(Some)
+        .contains(&scheme)
 }
 
 fn examples() -> String {

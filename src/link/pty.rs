@@ -265,6 +265,7 @@ mod tests {
         let options = Options {
             idle: PATIENCE,
             personality: &skyloop_protocols::personality::NATIVE,
+            bus: None,
         };
         let mut wire = open(&url, &options).unwrap();
         assert_eq!(wire.address, url.text);
@@ -303,6 +304,7 @@ mod tests {
         let options = Options {
             idle: PATIENCE,
             personality: &skyloop_protocols::personality::NATIVE,
+            bus: None,
         };
         let (mut wire, mut port) = loopback(&url, &options).unwrap();
         // X-Val: 100 octets without an escape, CRC-32 and two ENDs take 106 x 10 / 9600 s.

@@ -16,10 +16,10 @@ pub const SLCAN: Link = Link {
 
 const KEYS: &[&str] = &["bitrate", "fd", "load", "baud"];
 
-fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
+fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
     let settings = bus::settings(url, &url.target, KEYS)?;
     check(url, &settings)?;
-    start(url, &settings)
+    start(url, options, &settings)
 }
 
 /// Refuses bit rates that adapters do not have.
@@ -28,11 +28,18 @@ fn check(url: &LinkUrl, settings: &Settings) -> Result<(), LinkError> {
     commands.map(drop).map_err(|reason| url.refuse(reason))
 }
 
-fn start(url: &LinkUrl, settings: &Settings) -> Result<Wire, LinkError> {
+fn start(url: &LinkUrl, options: &Options, settings: &Settings) -> Result<Wire, LinkError> {
     let open = slcan::open(settings).map_err(|refusal| bus::refused(url, settings, refusal))?;
     let again = settings.clone();
     let opener: Opener = Box::new(move || slcan::open(&again));
-    bus::start(url, open, Some(opener), settings, airtime(settings))
+    bus::start(
+        url,
+        options,
+        open,
+        Some(opener),
+        settings,
+        airtime(settings),
+    )
 }
 
 /// The bus or, where its baud rate is given, the serial line: 10 bit times an octet, two octets a digit pair.
@@ -57,7 +64,7 @@ fn airtime(settings: &Settings) -> Airtime {
 
 /// Both ends on a pseudo-terminal.
 #[cfg(unix)]
-fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
     use serialport::{SerialPort, TTYPort};
     use skyloop_firmware_sim::can::port::CanPort;
     let (master, slave) = TTYPort::pair().map_err(|error| {
@@ -71,7 +78,7 @@ fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
         slcan::over(Box::new(slave), &settings).map_err(refused)?,
         slcan::over(Box::new(master), &settings).map_err(refused)?,
     );
-    let wire = bus::start(url, ours, None, &settings, airtime(&settings))?;
+    let wire = bus::start(url, options, ours, None, &settings, airtime(&settings))?;
     let port = CanPort::over(&settings.place, client, None, &settings);
     Ok((
         wire,
@@ -80,7 +87,7 @@ fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
 }
 
 #[cfg(not(unix))]
-fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
+fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
     const REMEDY: &str = "this system has none: use --link udp or memory";
     let error = std::io::ErrorKind::Unsupported.into();
     Err(url.failed("open a pseudo-terminal pair", error, REMEDY))

@@ -81,7 +81,7 @@ fn listen(
         number: 0,
         client: None,
         told: false,
-        options: *options,
+        options: options.clone(),
         tally: tally.clone(),
     };
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -298,6 +298,7 @@ mod tests {
         let options = Options {
             idle: patience,
             personality: &NATIVE,
+            bus: None,
         };
         let url = LinkUrl::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}")).unwrap();
         let (mut wire, address) = listen(&url, at(0), &options).unwrap();
@@ -370,6 +371,7 @@ mod tests {
         let options = Options {
             idle: Duration::from_millis(40),
             personality: &NATIVE,
+            bus: None,
         };
         let mut buffer = [0; MAX_PACKET];
         let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();

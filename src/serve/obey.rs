@@ -138,11 +138,14 @@ impl Server {
                     });
                 }
             }
-            Command::Fault(_) => {
-                return Err(Refusal {
+            // The link has done it as the packet passed.
+            Command::Fault(fault) => {
+                let refused = |why| Refusal {
                     reason: Reason::NotSupported,
-                    detail: "Fault: this run injects none; start it with --faults".to_string(),
-                });
+                    detail: format!("Fault: {why}"),
+                };
+                let outbox = &self.channels[at].wire.outbox;
+                outbox.injects(fault.kind).map_err(refused)?;
             }
             Command::Ping | Command::Attitude(_) => {}
         }

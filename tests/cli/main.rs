@@ -3,6 +3,7 @@
 mod inputs;
 mod offline;
 mod pty;
+mod replay;
 mod run;
 #[path = "../support/mod.rs"]
 mod support;

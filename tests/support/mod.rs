@@ -122,6 +122,7 @@ pub fn options(idle_s: f64) -> link::Options {
     link::Options {
         idle: Duration::from_secs_f64(idle_s),
         personality: &NATIVE,
+        bus: None,
     }
 }
 

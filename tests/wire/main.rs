@@ -5,9 +5,11 @@ mod content;
 mod counted;
 mod end;
 mod exchange;
+mod faults;
 mod levels;
 mod pacing;
 mod refusals;
+mod replay;
 mod roles;
 #[path = "../support/mod.rs"]
 mod support;

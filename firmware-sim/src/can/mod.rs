@@ -14,6 +14,7 @@ pub mod socket;
 
 pub use crate::port::Refusal;
 use skyloop_protocols::can::CanFrame;
+use skyloop_protocols::can::frame::{MAX_CLASSIC_DATA, MAX_DATA};
 use std::io;
 use std::time::Duration;
 
@@ -70,6 +71,26 @@ pub enum Trouble {
 impl Trouble {
     const BUS_OFF: u32 = 0x40;
     const RESTARTED: u32 = 0x100;
+    const PROTOCOL: u32 = 0x8;
+
+    /// The error frame that tells it.
+    #[must_use]
+    pub const fn frame(self) -> CanFrame {
+        CanFrame {
+            id: match self {
+                Trouble::BusOff => Trouble::BUS_OFF,
+                Trouble::Restarted => Trouble::RESTARTED,
+                Trouble::Error => Trouble::PROTOCOL,
+            },
+            extended: false,
+            fd: false,
+            brs: false,
+            remote: false,
+            error: true,
+            len: MAX_CLASSIC_DATA as u8,
+            data: [0; MAX_DATA],
+        }
+    }
 
     /// What `frame` tells, if it is an error frame.
     #[must_use]

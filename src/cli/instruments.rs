@@ -1,0 +1,135 @@
+//! What `run` and `loopback` can put between a link and the emulator: faults and a recording.
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use skyloop::link::capture::Capture;
+use skyloop::link::fault::{Book, BusFaults, Plan, wrap};
+use skyloop::link::{self, BusInstruments, LinkError, Roles, Wire};
+use skyloop::stats::row;
+use skyloop_protocols::personality::NATIVE;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Arguments of both commands.
+#[derive(Args)]
+pub struct Choice {
+    /// Inject the faults of this TOML file, and those that the client commands
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
+    /// Write what is injected as JSON lines; without --faults: what the client commands
+    #[arg(long, value_name = "FILE")]
+    fault_log: Option<PathBuf>,
+    /// Record both directions, for Wireshark (on CAN: can-utils) and `skyloop replay`
+    #[arg(long, value_name = "FILE")]
+    capture: Option<PathBuf>,
+}
+
+/// Instruments at a link.
+#[derive(Default)]
+pub struct Instruments {
+    faults: Option<(Plan, Arc<Mutex<Book>>)>,
+    capture: Option<Capture>,
+    /// Of each link, whether it is a CAN bus: faults stand at the bus.
+    buses: Vec<bool>,
+}
+
+impl Choice {
+    /// Opens their files, for these links.
+    pub fn prepare(&self, links: &[String]) -> anyhow::Result<Instruments> {
+        let buses: Vec<bool> = links.iter().map(|link| link::is_bus(link)).collect();
+        let plan = match &self.faults {
+            Some(file) => Some(Plan::load(file, buses.iter().all(|bus| *bus))?),
+            None => self.fault_log.as_ref().map(|_| Plan::default()),
+        };
+        let book = match &self.fault_log {
+            Some(file) => Book::writing(file)
+                .with_context(|| format!("--fault-log {}: cannot be written", file.display()))?,
+            None => Book::default(),
+        };
+        let capture = match &self.capture {
+            Some(file) if records_frames(&buses) => Some(Capture::frames(file)?),
+            Some(file) => Some(Capture::packets(file, links)?),
+            None => None,
+        };
+        Ok(Instruments {
+            faults: plan.map(|plan| (plan, Arc::new(Mutex::new(book)))),
+            capture,
+            buses,
+        })
+    }
+}
+
+/// Whether a recording holds CAN frames: that of a run with one link, a bus. Of several links it holds packets.
+fn records_frames(buses: &[bool]) -> bool {
+    buses == [true]
+}
+
+impl Instruments {
+    /// What stands between a CAN bus and its link. The recording is next to the emulator: it holds what that received.
+    pub fn bus(&self) -> Option<BusInstruments> {
+        let faults = self.faults.clone();
+        let capture = self.capture.as_ref();
+        let capture = capture.filter(|_| records_frames(&self.buses));
+        let recorder = capture.map(Capture::recorder);
+        Some(BusInstruments {
+            faults: faults.is_some(),
+            at: Arc::new(move |address| {
+                let faults = faults.as_ref();
+                let faults =
+                    faults.map(|(plan, book)| BusFaults::new(address, plan, &NATIVE, book));
+                let recorder = recorder.clone();
+                Box::new(move |bus| {
+                    let bus = match &faults {
+                        Some(faults) => faults.around(bus),
+                        None => bus,
+                    };
+                    match &recorder {
+                        Some(recorder) => recorder.around(bus),
+                        None => bus,
+                    }
+                })
+            }),
+        })
+    }
+
+    /// Puts them around the open links, where they do not stand at a bus.
+    pub fn around(&self, links: Vec<(Wire, Roles)>) -> Result<Vec<(Wire, Roles)>, LinkError> {
+        let mut around = Vec::with_capacity(links.len());
+        for (number, (mut wire, roles)) in (0..).zip(links) {
+            let on_bus = self.buses.get(around.len()).is_some_and(|bus| *bus);
+            if let Some((plan, book)) = self.faults.as_ref().filter(|_| !on_bus) {
+                wire = wrap(wire, plan, &NATIVE, book)?;
+            }
+            if let Some(capture) = self
+                .capture
+                .as_ref()
+                .filter(|_| !records_frames(&self.buses))
+            {
+                capture.tap(&mut wire, number);
+            }
+            around.push((wire, roles));
+        }
+        Ok(around)
+    }
+
+    /// What they have to say in a run's table.
+    pub fn rows(&self) -> Vec<(String, String)> {
+        let faults = self.faults.as_ref();
+        let rows = faults.map(|(_, book)| {
+            let book = book.lock().unwrap_or_else(PoisonError::into_inner);
+            row("faults injected", book.summary())
+        });
+        rows.into_iter().collect()
+    }
+
+    /// Ends their files; an error if one of them is not whole.
+    pub fn finish(self) -> anyhow::Result<()> {
+        let captured = self.capture.map_or(Ok(0), Capture::finish);
+        if let Some((_, book)) = self.faults {
+            let mut book = book.lock().unwrap_or_else(PoisonError::into_inner);
+            book.finish().map_err(|why| anyhow!("--fault-log {why}"))?;
+        }
+        captured?;
+        Ok(())
+    }
+}

@@ -1,0 +1,111 @@
+//! `skyloop replay`: the inputs of a recording once more, and what comes of them compared.
+
+use anyhow::{Context, bail};
+use clap::Args as ClapArgs;
+use skyloop::config::{Clock, Config};
+use skyloop::engine::Emulator;
+use skyloop::link::capture::replay::{Replay, Same, load};
+use skyloop::serve::Server;
+use skyloop_firmware_sim::console::say;
+use skyloop_protocols::Direction;
+use skyloop_protocols::personality::NATIVE;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Arguments of `skyloop replay`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Recording made with --capture, or a log of candump
+    file: PathBuf,
+    /// Run file of the recorded run, stepped
+    #[arg(long, value_name = "FILE", conflicts_with = "scene")]
+    config: Option<PathBuf>,
+    /// Scene file of the recorded loopback [default: the built-in scene]
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+}
+
+/// An emulator that sends and takes nothing for this long does not come where the recorded one was.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Runs the command; `verbose`: lists the frames.
+pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
+    let recording = load(&args.file, &NATIVE)?;
+    let mut config = match args.config.as_ref().or(args.scene.as_ref()) {
+        Some(file) => Config::load(file)?,
+        None => Config::builtin()?,
+    };
+    for line in &config.rejected {
+        tracing::warn!("refused: {line}");
+    }
+    if let (Some(file), Clock::Wall) = (&args.config, config.run.clock) {
+        bail!(
+            "{}: run.clock = \"wall\": only stepped runs can be replayed: by the wall clock frames depend on the moment",
+            file.display()
+        );
+    }
+    let count = |direction| {
+        let events = recording.events.iter();
+        events.filter(|event| event.direction == direction).count()
+    };
+    let (received, sent) = (count(Direction::In), count(Direction::Out));
+    if received == 0 {
+        bail!("{}: nothing was received in it", args.file.display());
+    }
+    say(format_args!(
+        "replaying {}: {received} packets received, {sent} sent\n",
+        args.file.display()
+    ))?;
+
+    let (links, replay) = Replay::of(recording, &NATIVE);
+    let output = config.run.output;
+    let emulator = Emulator::new(&mut config);
+    let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
+    let served = std::thread::scope(|scope| {
+        let serving = scope.spawn(|| server.run(replay.over(), None, |_| {}));
+        while !serving.is_finished() {
+            std::thread::sleep(Duration::from_millis(5));
+            if replay.idle() > PATIENCE {
+                replay.give_up();
+            }
+        }
+        serving.join()
+    });
+    let Ok(served) = served else {
+        bail!("a thread of the replay has panicked: please report it with the recording");
+    };
+    served.context("replaying")?;
+    let progress = replay.progress();
+    let whole = progress.frames.iter().filter(|frame| frame.whole).count();
+    if verbose {
+        for Same {
+            frame,
+            link: _,
+            attitude,
+            packets,
+            crc32,
+            whole,
+        } in &progress.frames
+        {
+            let note = if *whole { "" } else { "  (not whole)" };
+            say(format_args!(
+                "  frame {frame:5}  attitude {attitude:5}  {packets:5} packets  crc32 {crc32:08x}{note}\n"
+            ))?;
+        }
+    }
+    if let Some(difference) = progress.difference {
+        bail!(
+            "after {whole} frames that are the same: {difference} (is it the same {}?)",
+            if args.config.is_some() {
+                "--config"
+            } else {
+                "--scene"
+            }
+        );
+    }
+    say(format_args!(
+        "the same: {whole} frames, {} packets\n",
+        progress.packets
+    ))?;
+    Ok(())
+}

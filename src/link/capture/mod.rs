@@ -1,0 +1,355 @@
+//! Recordings: what the emulator takes from a link and what it hands to it, in the order in which it does, each with its
+//! time. A thread writes the file, so that a slow disk does not hold up the run; a packet is never left out.
+
+mod bus;
+pub mod candump;
+mod difference;
+pub mod pcapng;
+pub mod replay;
+
+use super::inbox::Observer;
+use super::{Inbound, LinkError, Outbound, Outbox, Wire};
+use skyloop_protocols::can::CanFrame;
+use skyloop_protocols::{Direction, FaultKind};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use thiserror::Error;
+
+/// One packet, or CAN frame, of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record<P> {
+    /// When it arrived or was handed to the link, since 1970.
+    pub at: Duration,
+    /// Towards the emulator or from it.
+    pub direction: Direction,
+    /// Which of the run's links, from 0.
+    pub link: u32,
+    /// Which exchange it belongs to.
+    pub exchange: u32,
+    /// The emulator had looked for a packet in vain before it took this one: what it did meanwhile may depend on that.
+    pub first: bool,
+    /// The packet, or the frame.
+    pub item: P,
+}
+
+/// Records that may wait to be written; then the run waits.
+const QUEUE: usize = 4096;
+/// How often the file is brought up to date.
+const FLUSH: Duration = Duration::from_secs(1);
+
+/// Why there is no recording, or not a whole one.
+#[derive(Debug, Error)]
+pub enum CaptureError {
+    /// The file cannot be made.
+    #[error("capture {file}: {source}; check that its folder exists and may be written")]
+    Create {
+        /// As given.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file could not be written to its end.
+    #[error(
+        "capture {file}: {source}: the recording is not whole, {lost} of its records are missing; make room and run again"
+    )]
+    Write {
+        /// As given.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+        /// Records that came since.
+        lost: u64,
+    },
+    /// The file cannot be read.
+    #[error("{file}: {source}; check the path")]
+    Read {
+        /// As given.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is no recording.
+    #[error("{file}: {reason}")]
+    Format {
+        /// As given.
+        file: String,
+        /// Where, and what is wrong.
+        reason: String,
+    },
+}
+
+/// A recording under way.
+pub struct Capture {
+    queue: SyncSender<Message>,
+    thread: Option<JoinHandle<Result<u64, CaptureError>>>,
+    clock: WallTime,
+}
+
+/// To the thread that writes.
+enum Message {
+    /// One record in the file's format.
+    Record(Vec<u8>),
+    /// The run has ended.
+    End,
+}
+
+/// Tells the wall clock's time of instants; it does not jump when that clock is set.
+#[derive(Debug, Clone, Copy)]
+pub struct WallTime {
+    zero: Instant,
+    unix: Duration,
+}
+
+impl WallTime {
+    /// From now on.
+    pub fn now() -> WallTime {
+        WallTime {
+            zero: Instant::now(),
+            unix: SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .unwrap_or_default(),
+        }
+    }
+
+    /// Time of `instant` since 1970.
+    pub fn of(&self, instant: Instant) -> Duration {
+        match instant.checked_duration_since(self.zero) {
+            Some(since) => self.unix + since,
+            None => self.unix.saturating_sub(self.zero - instant),
+        }
+    }
+}
+
+impl Capture {
+    /// Begins a recording in `file`, which starts with `head`.
+    fn create(file: &Path, head: &[u8]) -> Result<Capture, CaptureError> {
+        let name = file.display().to_string();
+        let failed = |source| CaptureError::Create {
+            file: name.clone(),
+            source,
+        };
+        let mut to = BufWriter::with_capacity(1 << 16, File::create(file).map_err(failed)?);
+        to.write_all(head)
+            .and_then(|()| to.flush())
+            .map_err(failed)?;
+        let (queue, records) = sync_channel(QUEUE);
+        let thread = std::thread::Builder::new()
+            .name("capture".to_string())
+            .spawn({
+                let name = name.clone();
+                move || write(name, to, &records)
+            })
+            .map_err(failed)?;
+        Ok(Capture {
+            queue,
+            thread: Some(thread),
+            clock: WallTime::now(),
+        })
+    }
+
+    /// Records packets of these links in `file` (pcapng).
+    pub fn packets(file: &Path, links: &[String]) -> Result<Capture, CaptureError> {
+        Capture::create(file, &pcapng::head(links))
+    }
+
+    /// Records CAN frames in `file` (candump's log format); they are given to the [`Recorder`].
+    pub fn frames(file: &Path) -> Result<Capture, CaptureError> {
+        Capture::create(file, b"")
+    }
+
+    /// The way into the recording for a thread of its own.
+    pub fn recorder(&self) -> Recorder {
+        Recorder {
+            queue: self.queue.clone(),
+            clock: self.clock,
+        }
+    }
+
+    /// Records what the emulator takes from `wire` and what it hands to it: number `link` of those of the recording.
+    pub fn tap(&self, wire: &mut Wire, link: u32) {
+        wire.inbox.observe(Box::new(Tap {
+            link,
+            recorder: self.recorder(),
+        }));
+        let to = std::mem::replace(&mut wire.outbox, Box::new(super::Closed));
+        wire.outbox = Box::new(TappedOutbox {
+            to,
+            link,
+            recorder: self.recorder(),
+        });
+    }
+
+    /// Ends the recording; how many records it has.
+    pub fn finish(mut self) -> Result<u64, CaptureError> {
+        // A thread that has gone has left its reason.
+        let _ = self.queue.send(Message::End);
+        let ended = self.thread.take().map(JoinHandle::join);
+        ended.and_then(Result::ok).unwrap_or(Ok(0))
+    }
+}
+
+/// The way into a recording.
+#[derive(Clone)]
+pub struct Recorder {
+    queue: SyncSender<Message>,
+    clock: WallTime,
+}
+
+impl Recorder {
+    /// Records one line of a log of CAN frames.
+    pub fn frame(&self, instant: Instant, direction: Direction, frame: &CanFrame) {
+        let line = candump::line(&Record {
+            at: self.clock.of(instant),
+            direction,
+            link: 0,
+            exchange: 0,
+            first: false,
+            item: *frame,
+        });
+        self.send(line.into_bytes());
+    }
+
+    fn send(&self, record: Vec<u8>) {
+        // The writer lives as long as the recording does.
+        let _ = self.queue.send(Message::Record(record));
+    }
+}
+
+/// Records what is taken from one link.
+struct Tap {
+    link: u32,
+    recorder: Recorder,
+}
+
+impl Observer for Tap {
+    fn taken(&self, inbound: &Inbound, first: bool) {
+        self.recorder.send(pcapng::block(&Record {
+            at: self.recorder.clock.of(inbound.arrived),
+            direction: Direction::In,
+            link: self.link,
+            exchange: inbound.exchange,
+            first,
+            item: inbound.packet.clone(),
+        }));
+    }
+}
+
+/// Hands on, and records what was taken.
+struct TappedOutbox {
+    to: Box<dyn Outbox>,
+    link: u32,
+    recorder: Recorder,
+}
+
+impl Outbox for TappedOutbox {
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        let kept = match &what {
+            Outbound::Packet { exchange, packet } => Some((*exchange, packet.clone())),
+            Outbound::Release { .. } => None,
+        };
+        let at = self.recorder.clock.of(Instant::now());
+        let back = self.to.offer(what)?;
+        if let (None, Some((exchange, item))) = (&back, kept) {
+            self.recorder.send(pcapng::block(&Record {
+                at,
+                direction: Direction::Out,
+                link: self.link,
+                exchange,
+                first: false,
+                item,
+            }));
+        }
+        Ok(back)
+    }
+
+    fn injects(&self, kind: FaultKind) -> Result<(), &'static str> {
+        self.to.injects(kind)
+    }
+}
+
+/// Writes records until the recording ends. After an error the others are counted only: the run goes on.
+fn write(
+    file: String,
+    mut to: impl Write,
+    records: &Receiver<Message>,
+) -> Result<u64, CaptureError> {
+    let (mut written, mut lost, mut failed) = (0, 0, None);
+    let mut flushed = Instant::now();
+    loop {
+        let mut done = Ok(());
+        let mut ends = false;
+        match records.recv_timeout(FLUSH) {
+            Ok(Message::Record(_)) if failed.is_some() => lost += 1,
+            Ok(Message::Record(record)) => {
+                done = to.write_all(&record);
+                written += 1;
+            }
+            Ok(Message::End) | Err(RecvTimeoutError::Disconnected) => ends = true,
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        if failed.is_none() && done.is_ok() && (ends || flushed.elapsed() >= FLUSH) {
+            done = to.flush();
+            flushed = Instant::now();
+        }
+        if let Err(error) = done {
+            tracing::warn!(%error, "the capture can no longer be written to {file}: the run goes on without");
+            failed = Some(error);
+            lost += 1;
+        }
+        if ends {
+            return match failed {
+                None => Ok(written),
+                Some(source) => Err(CaptureError::Write { file, source, lost }),
+            };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A disk with room for `0` octets.
+    struct Disk(usize);
+
+    impl Write for Disk {
+        fn write(&mut self, octets: &[u8]) -> std::io::Result<usize> {
+            if self.0 < octets.len() {
+                return Err(std::io::ErrorKind::StorageFull.into());
+            }
+            self.0 -= octets.len();
+            Ok(octets.len())
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_told_at_the_end() {
+        let (queue, records) = sync_channel(QUEUE);
+        for _ in 0..10 {
+            queue.send(Message::Record(vec![0; 100])).unwrap();
+        }
+        drop(queue);
+        let error = write("run.pcapng".into(), Disk(450), &records).unwrap_err();
+        let text = error.to_string();
+        for word in ["run.pcapng", "6 of its records", "make room"] {
+            assert!(text.contains(word), "no {word:?} in {text}");
+        }
+    }
+
+    #[test]
+    fn a_clock_tells_times_before_and_after_it_was_read() {
+        let clock = WallTime::now();
+        let second = Duration::from_secs(1);
+        let later = clock.of(clock.zero + second);
+        assert_eq!(later - clock.of(clock.zero), second);
+        assert_eq!(clock.of(clock.zero - second) + second, clock.unix);
+    }
+}

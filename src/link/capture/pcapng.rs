@@ -1,0 +1,291 @@
+//! Packets in the capture format of Wireshark: IETF draft-ietf-opsawg-pcapng, sections 4.1 to 4.3. The packets are
+//! "upper PDUs" (link type 252), which name the dissector that reads them: `ccsds`.
+
+use super::{CaptureError, Record};
+use bytes::Bytes;
+use skyloop_protocols::Direction;
+use std::path::Path;
+use std::time::Duration;
+
+const SECTION: u32 = 0x0A0D_0D0A;
+const INTERFACE: u32 = 1;
+const PACKET: u32 = 6;
+/// The section header's order of octets, as written here.
+const MAGIC: u32 = 0x1A2B_3C4D;
+/// LINKTYPE_WIRESHARK_UPPER_PDU.
+const UPPER_PDU: u16 = 252;
+/// Tag "dissector name" (12) with `ccsds`, padded to a multiple of four octets, and the end of the tags.
+const TAGS: [u8; 16] = *b"\0\x0c\0\x08ccsds\0\0\0\0\0\0\0";
+/// Options: end, comment, name of the interface, its resolution of time, flags and queue of a packet, the program.
+const END: u16 = 0;
+const COMMENT: u16 = 1;
+const INTERFACE_NAME: u16 = 2;
+const RESOLUTION: u16 = 9;
+const FLAGS: u16 = 2;
+const QUEUE: u16 = 6;
+const PROGRAM: u16 = 4;
+/// Time is counted in units of ten to the minus this many seconds.
+const NANOSECONDS: u8 = 9;
+/// Comment at packets before which the emulator had looked in vain.
+const FIRST: &[u8] = b"first of a batch";
+/// Direction in the flags.
+const INBOUND: u32 = 1;
+const OUTBOUND: u32 = 2;
+/// Largest block that is read.
+const LARGEST: usize = 1 << 20;
+
+/// What a file starts with: the section, and an interface for each of the links.
+pub fn head(links: &[String]) -> Vec<u8> {
+    let mut section = Vec::new();
+    section.extend(MAGIC.to_le_bytes());
+    // Version 1.0; the section's length is not known.
+    section.extend([1, 0, 0, 0]);
+    section.extend((-1_i64).to_le_bytes());
+    let program = concat!("skyloop ", env!("CARGO_PKG_VERSION"));
+    option(&mut section, PROGRAM, program.as_bytes());
+    option(&mut section, END, b"");
+    let mut head = framed(SECTION, &section);
+    for link in links {
+        let mut interface = Vec::new();
+        interface.extend(UPPER_PDU.to_le_bytes());
+        // Reserved; packets are whole.
+        interface.extend([0; 6]);
+        option(&mut interface, INTERFACE_NAME, link.as_bytes());
+        option(&mut interface, RESOLUTION, &[NANOSECONDS]);
+        option(&mut interface, END, b"");
+        head.extend(framed(INTERFACE, &interface));
+    }
+    head
+}
+
+/// One packet as a block. Its exchange is the "queue" of the format.
+pub fn block(record: &Record<Bytes>) -> Vec<u8> {
+    let ns = record.at.as_nanos() as u64;
+    let length = (TAGS.len() + record.item.len()) as u32;
+    let flags = match record.direction {
+        Direction::In => INBOUND,
+        Direction::Out => OUTBOUND,
+    };
+    let mut body = Vec::with_capacity(64 + record.item.len());
+    for field in [record.link, (ns >> 32) as u32, ns as u32, length, length] {
+        body.extend(field.to_le_bytes());
+    }
+    body.extend(TAGS);
+    body.extend(&record.item[..]);
+    pad(&mut body);
+    option(&mut body, FLAGS, &flags.to_le_bytes());
+    option(&mut body, QUEUE, &record.exchange.to_le_bytes());
+    if record.first {
+        option(&mut body, COMMENT, FIRST);
+    }
+    option(&mut body, END, b"");
+    framed(PACKET, &body)
+}
+
+fn option(to: &mut Vec<u8>, code: u16, value: &[u8]) {
+    to.extend(code.to_le_bytes());
+    to.extend((value.len() as u16).to_le_bytes());
+    to.extend(value);
+    pad(to);
+}
+
+/// Blocks and their parts are multiples of four octets.
+fn pad(to: &mut Vec<u8>) {
+    to.resize(to.len().next_multiple_of(4), 0);
+}
+
+fn framed(kind: u32, body: &[u8]) -> Vec<u8> {
+    let length = (body.len() + 12) as u32;
+    let mut block = Vec::with_capacity(body.len() + 12);
+    block.extend(kind.to_le_bytes());
+    block.extend(length.to_le_bytes());
+    block.extend(body);
+    block.extend(length.to_le_bytes());
+    block
+}
+
+/// Whether these octets begin a file of this format.
+pub fn is_pcapng(octets: &[u8]) -> bool {
+    octets.starts_with(&SECTION.to_le_bytes())
+}
+
+/// What a file holds.
+#[derive(Debug, PartialEq)]
+pub struct Packets {
+    /// Its links, by number.
+    pub links: Vec<String>,
+    /// Their packets.
+    pub records: Vec<Record<Bytes>>,
+}
+
+/// Reads the records of a file that skyloop has written; blocks of other kinds are passed over. A last block that is cut
+/// off (the run was killed) is left out, and the log says so.
+pub fn read(file: &Path, octets: &[u8]) -> Result<Packets, CaptureError> {
+    let wrong = |at: usize, what: &str| CaptureError::Format {
+        file: file.display().to_string(),
+        reason: format!("octet {at}: {what}"),
+    };
+    let (mut links, mut records) = (Vec::new(), Vec::new());
+    let mut at = 0;
+    while at < octets.len() {
+        let block = &octets[at..];
+        let (Some(kind), Some(length)) = (word(block, 0), word(block, 4)) else {
+            break;
+        };
+        let length = length as usize;
+        if !(12..=LARGEST).contains(&length) || !length.is_multiple_of(4) {
+            return Err(wrong(
+                at,
+                "a block of an impossible length: the file is damaged",
+            ));
+        }
+        let Some(body) = block.get(8..length - 4) else {
+            break;
+        };
+        match kind {
+            SECTION if word(body, 0) != Some(MAGIC) => {
+                return Err(wrong(at, "not the order of octets that skyloop writes"));
+            }
+            INTERFACE => {
+                let link = word(body, 0).map(|word| word as u16);
+                if link != Some(UPPER_PDU) || value(body, 8, RESOLUTION) != Some(&[NANOSECONDS]) {
+                    return Err(wrong(
+                        at,
+                        "an interface of another kind: only recordings of skyloop itself can be replayed",
+                    ));
+                }
+                let name = value(body, 8, INTERFACE_NAME).unwrap_or_default();
+                links.push(String::from_utf8_lossy(name).into_owned());
+            }
+            PACKET => {
+                let record = packet(body).ok_or_else(|| {
+                    wrong(
+                        at,
+                        "a packet without skyloop's tags: only its own recordings can be replayed",
+                    )
+                })?;
+                records.push(record);
+            }
+            _ => {}
+        }
+        at += length;
+    }
+    if at < octets.len() {
+        tracing::warn!(
+            "{}: the last {} octets are cut off and left out",
+            file.display(),
+            octets.len() - at
+        );
+    }
+    Ok(Packets { links, records })
+}
+
+/// A packet's block without its frame.
+fn packet(body: &[u8]) -> Option<Record<Bytes>> {
+    let ns = u64::from(word(body, 4)?) << 32 | u64::from(word(body, 8)?);
+    let length = word(body, 12)? as usize;
+    let data = body.get(20..20 + length)?;
+    let options = 20 + length.next_multiple_of(4);
+    let number = |code| word(value(body, options, code)?, 0);
+    Some(Record {
+        at: Duration::from_nanos(ns),
+        direction: match number(FLAGS)? & 3 {
+            INBOUND => Direction::In,
+            OUTBOUND => Direction::Out,
+            _ => return None,
+        },
+        link: word(body, 0)?,
+        exchange: number(QUEUE).unwrap_or(0),
+        first: value(body, options, COMMENT) == Some(FIRST),
+        item: Bytes::copy_from_slice(data.strip_prefix(&TAGS)?),
+    })
+}
+
+/// The value of option `code` among those that start at `at`.
+fn value(body: &[u8], mut at: usize, code: u16) -> Option<&[u8]> {
+    loop {
+        let head = word(body, at)?;
+        let (found, length) = (head as u16, (head >> 16) as usize);
+        if found == END {
+            return None;
+        }
+        if found == code {
+            return body.get(at + 4..at + 4 + length);
+        }
+        at += 4 + length.next_multiple_of(4);
+    }
+}
+
+fn word(octets: &[u8], at: usize) -> Option<u32> {
+    let octets = octets.get(at..)?.first_chunk()?;
+    Some(u32::from_le_bytes(*octets))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn records() -> Vec<Record<Bytes>> {
+        let record = |i: u32| Record {
+            at: Duration::new(1_561_592_150, 123_456_789 + i),
+            direction: [Direction::In, Direction::Out][i as usize % 2],
+            link: i % 2,
+            exchange: i / 3,
+            first: i.is_multiple_of(4),
+            item: Bytes::from(vec![i as u8; i as usize]),
+        };
+        (0..9).map(record).collect()
+    }
+
+    fn links() -> Vec<String> {
+        ["udp://127.0.0.1:4810", "memory"]
+            .map(str::to_string)
+            .to_vec()
+    }
+
+    fn file() -> Vec<u8> {
+        let mut file = head(&links());
+        for record in records() {
+            file.extend(block(&record));
+        }
+        file
+    }
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let file = file();
+        assert!(is_pcapng(&file) && file.len().is_multiple_of(4));
+        let packets = read(Path::new("x"), &file).unwrap();
+        assert_eq!((packets.links, packets.records), (links(), records()));
+        // Killed while it wrote: the last packet is left out.
+        let cut = read(Path::new("x"), &file[..file.len() - 5]).unwrap();
+        assert_eq!(cut.records, records()[..8]);
+    }
+
+    #[test]
+    fn other_files_are_refused_and_nothing_panics() {
+        let file = file();
+        let section = file[4] as usize;
+        let said = |octets: &[u8]| read(Path::new("x.pcapng"), octets).unwrap_err().to_string();
+        let mut big_endian = file.clone();
+        big_endian[8..12].reverse();
+        assert!(said(&big_endian).contains("octet 0: not the order"));
+        let mut ethernet = file.clone();
+        ethernet[section + 8] = 1;
+        assert!(
+            said(&ethernet).contains("another kind"),
+            "{}",
+            said(&ethernet)
+        );
+        let mut endless = file.clone();
+        endless[section + 4..section + 8].fill(0);
+        assert!(said(&endless).contains("impossible length"));
+        for at in 0..file.len() {
+            for octet in [0, 0x7f, 0xff] {
+                let mut spoilt = file.clone();
+                spoilt[at] = octet;
+                let _ = read(Path::new("x"), &spoilt);
+            }
+        }
+    }
+}

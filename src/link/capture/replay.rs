@@ -1,0 +1,435 @@
+//! Links that play a recording: what was received comes again, in its place among the packets that are sent, and what
+//! is sent is compared with what was.
+//!
+//! The emulator's end of a link is one thread, so its run is a function of what it takes and when: each packet is held
+//! back until the emulator has sent what the recording has before it, and sending waits until it has taken what the
+//! recording has before that. No clock is asked.
+
+use super::difference::{called, first, sealed};
+use super::pcapng::Packets;
+use super::{CaptureError, Record, candump, pcapng};
+use crate::link::inbox::{Observer, inbox};
+use crate::link::{Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, Roles, Tally, Wire};
+use bytes::Bytes;
+use skyloop_protocols::crc::Crc32;
+use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH};
+use skyloop_protocols::{Direction, FaultKind, FrameHeader, Personality, Reply};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// A recording.
+#[derive(Debug)]
+pub struct Recording {
+    /// The links of the run.
+    pub links: Vec<Roles>,
+    /// Their packets.
+    pub events: Vec<Record<Bytes>>,
+    /// Whether it was made on the bus and not at the emulator's end: packets were queued between the two, and short ones
+    /// overtook long ones. Then only whole frames are compared, and not their sequence counts.
+    pub on_the_bus: bool,
+}
+
+/// Reads a recording, whichever format it has.
+pub fn load(file: &Path, personality: &Personality) -> Result<Recording, CaptureError> {
+    let octets = std::fs::read(file).map_err(|source| CaptureError::Read {
+        file: file.display().to_string(),
+        source,
+    })?;
+    if pcapng::is_pcapng(&octets) {
+        let Packets { links, records } = pcapng::read(file, &octets)?;
+        let roles = |link: &String| match LinkUrl::parse(link) {
+            Ok(url) => Roles::of(&url).unwrap_or(Roles::ALL),
+            // A loopback.
+            Err(_) => Roles::ALL,
+        };
+        return Ok(Recording {
+            links: links.iter().map(roles).collect(),
+            events: records,
+            on_the_bus: false,
+        });
+    }
+    match String::from_utf8(octets) {
+        Ok(text) if text.trim_start().starts_with('(') => {
+            let events = candump::packets(&candump::read(file, &text)?);
+            Ok(Recording {
+                links: vec![Roles::ALL],
+                events: whole_frames(personality, events),
+                on_the_bus: true,
+            })
+        }
+        _ => Err(CaptureError::Format {
+            file: file.display().to_string(),
+            reason: "neither pcapng nor a log of candump: record one with --capture".to_string(),
+        }),
+    }
+}
+
+/// A frame that came again as it was recorded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Same {
+    /// Its number.
+    pub frame: u32,
+    /// Over which link it went.
+    pub link: usize,
+    /// That of its attitude.
+    pub attitude: u32,
+    /// Its packets.
+    pub packets: u32,
+    /// CRC-32 of the payloads of its packets, in order: header fields, digits, labels.
+    pub crc32: u32,
+    /// Whether the recording has all of its packets.
+    pub whole: bool,
+}
+
+/// How far a replay has come.
+#[derive(Debug, Default)]
+pub struct Progress {
+    /// Frames, the last one perhaps still under way.
+    pub frames: Vec<Same>,
+    /// Packets sent and equal to the recorded ones.
+    pub packets: u32,
+    /// The first difference.
+    pub difference: Option<String>,
+}
+
+/// What the two ends of the link share.
+struct State {
+    events: Vec<Record<Bytes>>,
+    on_the_bus: bool,
+    /// The next event.
+    at: usize,
+    /// Whether the next event is a packet that waits in the inbox.
+    fed: bool,
+    ends: Vec<End>,
+    progress: Progress,
+    moved: Instant,
+    personality: &'static Personality,
+}
+
+/// One link.
+struct End {
+    /// Where what was received comes in again; none once the replay is over.
+    intake: Option<Intake>,
+    /// Whether the emulator has looked for a packet in vain since the last.
+    looked: bool,
+    /// Packets that the recording still has of each frame.
+    left: BTreeMap<u32, u32>,
+    /// The frame under way: its place in the progress, its columns, its packets, the sum of their payloads.
+    frame: usize,
+    width: u16,
+    due: u32,
+    crc: Crc32,
+}
+
+/// A replay under way.
+#[derive(Clone)]
+pub struct Replay {
+    state: Arc<Mutex<State>>,
+    over: Arc<AtomicBool>,
+}
+
+/// A replay as one of the links sees it.
+#[derive(Clone)]
+struct Played {
+    replay: Replay,
+    link: usize,
+}
+
+impl Replay {
+    /// The links that play `recording`.
+    pub fn of(
+        recording: Recording,
+        personality: &'static Personality,
+    ) -> (Vec<(Wire, Roles)>, Replay) {
+        let Recording {
+            links,
+            events,
+            on_the_bus,
+        } = recording;
+        let (mut ends, mut inboxes) = (Vec::new(), Vec::new());
+        for link in 0..links.len() {
+            let tally = Arc::new(Tally::default());
+            let (intake, inbox) = inbox(tally.clone());
+            inboxes.push((inbox, tally));
+            let mut left = BTreeMap::new();
+            let own = |event: &&Record<Bytes>| {
+                event.direction == Direction::Out && event.link as usize == link
+            };
+            for event in events.iter().filter(own) {
+                if let Some(frame) = frame_of(personality, &event.item) {
+                    *left.entry(frame).or_default() += 1;
+                }
+            }
+            ends.push(End {
+                intake: Some(intake),
+                looked: true,
+                left,
+                frame: 0,
+                width: 1,
+                due: 0,
+                crc: Crc32::new(),
+            });
+        }
+        let replay = Replay {
+            state: Arc::new(Mutex::new(State {
+                events,
+                on_the_bus,
+                at: 0,
+                fed: false,
+                ends,
+                progress: Progress::default(),
+                moved: Instant::now(),
+                personality,
+            })),
+            over: Arc::new(AtomicBool::new(false)),
+        };
+        replay.feed(&mut replay.lock());
+        let wires = inboxes.into_iter().zip(links).enumerate();
+        let wires = wires.map(|(link, ((mut inbox, tally), roles))| {
+            let played = Played {
+                replay: replay.clone(),
+                link,
+            };
+            inbox.observe(Box::new(played.clone()));
+            let wire = Wire {
+                address: format!("recording, link {link}"),
+                inbox,
+                outbox: Box::new(played),
+                tally,
+                airtime: None,
+                sender: None,
+            };
+            (wire, roles)
+        });
+        (wires.collect(), replay)
+    }
+
+    /// Set when everything has been played, or a difference was found.
+    pub fn over(&self) -> &AtomicBool {
+        &self.over
+    }
+
+    /// Time since anything was taken or sent.
+    pub fn idle(&self) -> std::time::Duration {
+        self.lock().moved.elapsed()
+    }
+
+    /// Ends a replay that stands still: what should have come next is the difference.
+    pub fn give_up(&self) {
+        let mut state = self.lock();
+        if state.progress.difference.is_none() {
+            let missing = match state.events.get(state.at) {
+                Some(event) => called(state.personality, &event.item),
+                None => "the end".to_string(),
+            };
+            state.progress.difference = Some(format!("{missing} was recorded, and nothing comes"));
+        }
+        self.end(&mut state);
+    }
+
+    /// What came of it.
+    pub fn progress(&self) -> Progress {
+        std::mem::take(&mut self.lock().progress)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // What a thread that panicked leaves behind is data like any other.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts the next event into the inbox, if it is a packet that was received. One that came after the emulator had
+    /// looked in vain waits until it has.
+    fn feed(&self, state: &mut State) {
+        let Some(event) = state.events.get(state.at) else {
+            self.end(state);
+            return;
+        };
+        let Some(end) = state.ends.get(event.link as usize) else {
+            return;
+        };
+        if event.direction == Direction::Out || state.fed || (event.first && !end.looked) {
+            return;
+        }
+        let inbound = Inbound {
+            exchange: event.exchange,
+            packet: event.item.clone(),
+            arrived: Instant::now(),
+        };
+        if let Some(intake) = &end.intake {
+            // The emulator that has gone needs no packet.
+            let _ = intake.push(inbound);
+        }
+        state.fed = true;
+    }
+
+    fn advance(&self, state: &mut State) {
+        state.at += 1;
+        state.fed = false;
+        state.moved = Instant::now();
+        self.feed(state);
+    }
+
+    fn end(&self, state: &mut State) {
+        for end in &mut state.ends {
+            end.intake = None;
+        }
+        self.over.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Observer for Played {
+    fn taken(&self, _: &Inbound, _: bool) {
+        let mut state = self.replay.lock();
+        state.ends[self.link].looked = false;
+        self.replay.advance(&mut state);
+    }
+
+    fn empty(&self) {
+        let mut state = self.replay.lock();
+        state.ends[self.link].looked = true;
+        self.replay.feed(&mut state);
+    }
+}
+
+impl Outbox for Played {
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        let Outbound::Packet { packet, .. } = &what else {
+            return Ok(None);
+        };
+        let (replay, link) = (&self.replay, self.link);
+        let mut state = replay.lock();
+        let personality = state.personality;
+        let frame = frame_of(personality, packet);
+        let left = frame.and_then(|frame| state.ends[link].left.get(&frame).copied());
+        if state.on_the_bus && left.is_none() {
+            return Ok(None);
+        }
+        let Some(event) = state.events.get(state.at).cloned() else {
+            return Ok(None);
+        };
+        if state.progress.difference.is_some() {
+            return Ok(None);
+        }
+        if event.direction == Direction::In {
+            // The recorded emulator took a packet first.
+            return Ok(Some(what));
+        }
+        if event.link as usize != link {
+            // It sent over another link first.
+            return Ok(Some(what));
+        }
+        if frame.is_some() && left.unwrap_or(0) == 0 {
+            // The recorded emulator gave this frame up here, and so will this one.
+            return Ok(Some(what));
+        }
+        let counted = if state.on_the_bus {
+            counted_as(packet, &event.item)
+        } else {
+            packet.to_vec()
+        };
+        if let Some(words) = first(personality, state.ends[link].width, &event.item, &counted) {
+            let name = called(personality, &event.item);
+            state.progress.difference = Some(format!("{name}: {words}"));
+            replay.end(&mut state);
+            return Ok(None);
+        }
+        state.book(link, packet, frame);
+        replay.advance(&mut state);
+        Ok(None)
+    }
+
+    fn injects(&self, _: FaultKind) -> Result<(), &'static str> {
+        // The recording was made behind the faults.
+        Ok(())
+    }
+}
+
+impl State {
+    /// Books a packet that came as recorded.
+    fn book(&mut self, link: usize, packet: &[u8], frame: Option<u32>) {
+        self.progress.packets += 1;
+        let Some(frame) = frame else { return };
+        let end = &mut self.ends[link];
+        if let Some(left) = end.left.get_mut(&frame) {
+            *left -= 1;
+        }
+        if let Ok((_, Reply::FrameHeader(header))) = (self.personality.decode_reply)(packet) {
+            // Else it is sent again, on the client's request.
+            let known = |same: &Same| (same.frame, same.link) == (frame, link);
+            if !self.progress.frames.iter().any(known) {
+                (end.width, end.due, end.crc) = (header.width, due(&header), Crc32::new());
+                end.frame = self.progress.frames.len();
+                self.progress.frames.push(Same {
+                    frame,
+                    link,
+                    attitude: header.attitude_sequence,
+                    packets: 0,
+                    crc32: 0,
+                    whole: false,
+                });
+            }
+        }
+        let Some(same) = self.progress.frames.get_mut(end.frame) else {
+            return;
+        };
+        if (same.frame, same.link, same.whole) != (frame, link, false) {
+            return;
+        }
+        let payload = packet.len().saturating_sub(CRC_LENGTH);
+        let payload = packet.get(HEADER_LENGTH..payload).unwrap_or(&[]);
+        end.crc = end.crc.update(payload);
+        same.packets += 1;
+        same.crc32 = end.crc.finish();
+        same.whole = same.packets == end.due;
+    }
+}
+
+/// Packets of a frame.
+fn due(header: &FrameHeader) -> u32 {
+    1 + header.blocks + u32::from(header.label_parts)
+}
+
+/// The frame that a packet belongs to: the first field of all packets that take credit.
+fn frame_of(personality: &Personality, packet: &[u8]) -> Option<u32> {
+    let sealed = sealed(packet);
+    let (_, reply) = (personality.decode_reply)(&sealed).ok()?;
+    if !reply.takes_credit() {
+        return None;
+    }
+    let field = packet.get(HEADER_LENGTH..)?.first_chunk()?;
+    Some(u32::from_be_bytes(*field))
+}
+
+/// The events without the answers and without the frames that are not whole.
+fn whole_frames(personality: &Personality, events: Vec<Record<Bytes>>) -> Vec<Record<Bytes>> {
+    let mut missing = BTreeMap::new();
+    for event in events.iter().filter(|e| e.direction == Direction::Out) {
+        let Some(frame) = frame_of(personality, &event.item) else {
+            continue;
+        };
+        let missing = missing.entry(frame).or_insert(0_i64);
+        *missing -= 1;
+        if let Ok((_, Reply::FrameHeader(header))) = (personality.decode_reply)(&event.item) {
+            *missing += i64::from(due(&header));
+        }
+    }
+    let kept = |event: &Record<Bytes>| {
+        event.direction == Direction::In
+            || frame_of(personality, &event.item)
+                .is_some_and(|frame| missing.get(&frame) == Some(&0))
+    };
+    events.into_iter().filter(kept).collect()
+}
+
+/// The packet with the sequence count of another.
+fn counted_as(packet: &[u8], other: &[u8]) -> Vec<u8> {
+    const COUNT: std::ops::Range<usize> = 2..4;
+    let mut packet = packet.to_vec();
+    if let (Some(to), Some(from)) = (packet.get_mut(COUNT), other.get(COUNT)) {
+        to.copy_from_slice(from);
+    }
+    sealed(&packet)
+}

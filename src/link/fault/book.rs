@@ -1,0 +1,166 @@
+//! The book of what was injected: counted, and written down line by line as JSON.
+
+use super::engine::{How, Injection, What};
+use super::plan::name;
+use skyloop_protocols::{Direction, packet};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// What was injected so far.
+#[derive(Default)]
+pub struct Book {
+    counts: BTreeMap<(bool, &'static str), u64>,
+    log: Option<Log>,
+    /// The wall clock's time at the engine's zero, since 1970.
+    zero: Duration,
+}
+
+/// The file.
+struct Log {
+    name: String,
+    file: BufWriter<File>,
+    /// Why it could not be written; then nothing more is.
+    failed: Option<String>,
+}
+
+/// Inverted bits of one packet that are listed; of more, only their number.
+const BITS: usize = 64;
+
+impl Book {
+    /// A book that writes into `file` too.
+    pub fn writing(file: &Path) -> std::io::Result<Book> {
+        Ok(Book {
+            log: Some(Log {
+                name: file.display().to_string(),
+                file: BufWriter::new(File::create(file)?),
+                failed: None,
+            }),
+            ..Book::default()
+        })
+    }
+
+    /// The engine's zero is now.
+    pub(super) fn start(&mut self) {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH);
+        self.zero = now.unwrap_or_default();
+    }
+
+    /// Books injections into the link at `address`.
+    pub fn note(&mut self, address: &str, injections: &[Injection]) {
+        for injection in injections {
+            if let What::Item { .. } = injection.what {
+                let out = injection.direction == Direction::Out;
+                *self.counts.entry((out, name(injection.kind))).or_default() += 1;
+            }
+            if let Some(log) = &mut self.log {
+                log.write(&line(address, injection, self.zero));
+            }
+        }
+    }
+
+    /// Injections so far, of all kinds and both directions.
+    pub fn total(&self) -> u64 {
+        self.counts.values().sum()
+    }
+
+    /// The counts as text: `in: drop 3, jitter 7; out: none`.
+    pub fn summary(&self) -> String {
+        let of = |out| {
+            let own = self.counts.iter().filter(|((o, _), _)| *o == out);
+            let counts: Vec<String> = own.map(|((_, name), n)| format!("{name} {n}")).collect();
+            if counts.is_empty() {
+                "none".to_string()
+            } else {
+                counts.join(", ")
+            }
+        };
+        format!("in: {}; out: {}", of(false), of(true))
+    }
+
+    /// Lets what is written reach the file.
+    pub fn flush(&mut self) {
+        if let Some(log) = &mut self.log {
+            log.keep(|file| file.flush());
+        }
+    }
+
+    /// Why the file is not whole, if it is not.
+    pub fn finish(&mut self) -> Result<(), String> {
+        self.flush();
+        match self.log.as_mut().and_then(|log| log.failed.take()) {
+            None => Ok(()),
+            Some(why) => Err(why),
+        }
+    }
+}
+
+impl Log {
+    fn write(&mut self, line: &str) {
+        self.keep(|file| file.write_all(line.as_bytes()));
+    }
+
+    fn keep(&mut self, act: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) {
+        if self.failed.is_some() {
+            return;
+        }
+        if let Err(error) = act(&mut self.file) {
+            let why = format!(
+                "{}: {error}; make room for the log of the faults",
+                self.name
+            );
+            tracing::warn!("{why}");
+            self.failed = Some(why);
+        }
+    }
+}
+
+/// One line of the file.
+fn line(address: &str, injection: &Injection, zero: Duration) -> String {
+    let direction = match injection.direction {
+        Direction::In => "in",
+        Direction::Out => "out",
+    };
+    let seconds = |t: Duration| format!("{}.{:09}", t.as_secs(), t.subsec_nanos());
+    let mut text = format!(
+        "{{\"t_s\":{},\"unix_s\":{},\"link\":{address:?},\"direction\":\"{direction}\",\"kind\":\"{}\"",
+        seconds(injection.at),
+        seconds(zero + injection.at),
+        name(injection.kind)
+    );
+    // Writing to a string cannot fail.
+    let _ = match &injection.what {
+        What::Begins(value) => write!(text, ",\"event\":\"begins\",\"value\":{value}"),
+        What::Ends => write!(text, ",\"event\":\"ends\""),
+        What::Item {
+            number,
+            octets,
+            how,
+        } => {
+            let _ = write!(
+                text,
+                ",\"event\":\"injected\",\"item\":{number},\"octets\":{}",
+                octets.len()
+            );
+            if let Some((apid, count)) = packet::identify(octets) {
+                let _ = write!(text, ",\"apid\":{apid},\"sequence_count\":{count}");
+            }
+            match how {
+                How::Plainly => Ok(()),
+                How::CutTo(left) => write!(text, ",\"cut_to\":{left}"),
+                How::Later(by) => write!(text, ",\"later_s\":{}", seconds(*by)),
+                How::Bits(bits) => write!(
+                    text,
+                    ",\"flipped\":{},\"bits\":{:?}",
+                    bits.len(),
+                    &bits[..bits.len().min(BITS)]
+                ),
+            }
+        }
+    };
+    text.push_str("}\n");
+    text
+}

@@ -1,0 +1,371 @@
+//! The faults around a CAN bus: its frames are harmed one by one.
+//!
+//! The link reads with one handle and sends with the other; what is late is sent by whichever handle comes first. While
+//! the bus is off (either direction), nothing comes, what is to be sent waits in the controller's queue, and the link is told by an
+//! error frame as the kernel would tell it.
+
+use super::book::Book;
+use super::engine::{Damageable, Faults, Injection, Pushed, What};
+use super::plan::Plan;
+use skyloop_firmware_sim::can::{CanBus, Sending, Trouble};
+use skyloop_protocols::can::{CanFrame, Node, Side, frame};
+use skyloop_protocols::{Command, Direction, FaultKind, Personality};
+use std::collections::VecDeque;
+use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How long a handle waits before it looks whether a frame is due in the other direction.
+const TICK: Duration = Duration::from_millis(2);
+
+impl Damageable for CanFrame {
+    /// What the controller itself reports is harmed by nobody.
+    fn octets(&self) -> Option<&[u8]> {
+        (!self.error).then(|| self.payload())
+    }
+
+    /// A frame that is cut has the longest length below that there is.
+    fn with_octets(mut self, octets: Vec<u8>) -> CanFrame {
+        let fits = |length: &&u8| usize::from(**length) <= octets.len();
+        let length = frame::LENGTHS.iter().rev().find(fits).copied().unwrap_or(0);
+        self.data = [0; frame::MAX_DATA];
+        let used = usize::from(length);
+        if let (Some(to), Some(from)) = (self.data.get_mut(..used), octets.get(..used)) {
+            to.copy_from_slice(from);
+        }
+        self.len = length;
+        self
+    }
+}
+
+/// The faults of one bus, for as many openings of it as there are.
+#[derive(Clone)]
+pub struct BusFaults(Arc<Mutex<State>>);
+
+struct State {
+    /// The first frame of either direction.
+    zero: Option<Instant>,
+    way_in: Faults<CanFrame>,
+    way_out: Faults<CanFrame>,
+    /// A late frame that the bus had no room for.
+    stopped: Option<CanFrame>,
+    /// Rules that keep the controller off the bus.
+    off: u32,
+    /// What the controller reports.
+    reports: VecDeque<CanFrame>,
+    /// Hears what the client commands, however the bus harms it afterwards.
+    listener: Node,
+    personality: &'static Personality,
+    book: Arc<Mutex<Book>>,
+    address: String,
+    flushed: Instant,
+}
+
+impl BusFaults {
+    /// The faults of `plan`, and those that the client commands, at the bus at `address`.
+    pub fn new(
+        address: &str,
+        plan: &Plan,
+        personality: &'static Personality,
+        book: &Arc<Mutex<Book>>,
+    ) -> BusFaults {
+        BusFaults(Arc::new(Mutex::new(State {
+            zero: None,
+            way_in: Faults::new(Direction::In, &plan.rules),
+            way_out: Faults::new(Direction::Out, &plan.rules),
+            stopped: None,
+            off: 0,
+            reports: VecDeque::new(),
+            listener: Node::new(Side::Emulator, false),
+            personality,
+            book: book.clone(),
+            address: address.to_string(),
+            flushed: Instant::now(),
+        })))
+    }
+
+    /// Puts them around an open bus.
+    pub fn around(&self, bus: Box<dyn CanBus>) -> Box<dyn CanBus> {
+        Box::new(FaultyBus {
+            bus,
+            faults: self.clone(),
+        })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // What a thread that panicked leaves behind is data like any other.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn now(&mut self) -> Duration {
+        let book = &self.book;
+        let zero = self.zero.get_or_insert_with(|| {
+            let mut book = book.lock().unwrap_or_else(PoisonError::into_inner);
+            book.start();
+            Instant::now()
+        });
+        zero.elapsed()
+    }
+
+    /// Sends what is due, and books what has been injected.
+    fn pump(&mut self, bus: &mut dyn CanBus) -> io::Result<()> {
+        let Some(now) = self.zero.map(|zero| zero.elapsed()) else {
+            return Ok(());
+        };
+        self.way_in.turn(now);
+        self.way_out.turn(now);
+        self.note();
+        while self.off == 0 {
+            let due = self.stopped.take();
+            let Some(frame) = due.or_else(|| self.way_out.pop_due(now)) else {
+                break;
+            };
+            if bus.send(&frame)? == Sending::Full {
+                self.stopped = Some(frame);
+                break;
+            }
+        }
+        self.note();
+        Ok(())
+    }
+
+    fn note(&mut self) {
+        let mut injected = self.way_in.injected();
+        injected.extend(self.way_out.injected());
+        for injection in &injected {
+            self.report(injection);
+        }
+        let mut book = self.book.lock().unwrap_or_else(PoisonError::into_inner);
+        book.note(&self.address, &injected);
+        if self.flushed.elapsed() > Duration::from_secs(1) {
+            book.flush();
+            self.flushed = Instant::now();
+        }
+    }
+
+    /// Tells the link that its controller leaves the bus, or is back.
+    fn report(&mut self, injection: &Injection) {
+        let before = self.off;
+        match (injection.kind, &injection.what) {
+            (FaultKind::BusOff, What::Begins(_)) => self.off += 1,
+            (FaultKind::BusOff, What::Ends) => self.off = self.off.saturating_sub(1),
+            _ => {}
+        }
+        match (before, self.off) {
+            (0, 1) => self.reports.push_back(Trouble::BusOff.frame()),
+            (1, 0) => self.reports.push_back(Trouble::Restarted.frame()),
+            _ => {}
+        }
+    }
+
+    /// A frame has come from the bus.
+    fn arrived(&mut self, frame: CanFrame) {
+        let now = self.now();
+        let us = now.as_micros() as u64;
+        let command = self.listener.receive(&frame, us).map(<[u8]>::to_vec);
+        while self.listener.next_frame(us).is_some() {}
+        let decoded = command.and_then(|packet| (self.personality.decode_command)(&packet).ok());
+        if let Some((_, Command::Fault(fault))) = decoded {
+            match fault.direction {
+                Direction::In => self.way_in.switch(fault, now),
+                Direction::Out => self.way_out.switch(fault, now),
+            }
+            // Whoever switches a fault off must get through to it.
+            self.reports.push_back(frame);
+            return;
+        }
+        // What is lost is in the book, and missing on the bus like any frame that is lost.
+        let _: Pushed<CanFrame> = self.way_in.push(frame, now);
+    }
+}
+
+/// One handle to a bus with faults.
+struct FaultyBus {
+    bus: Box<dyn CanBus>,
+    faults: BusFaults,
+}
+
+impl CanBus for FaultyBus {
+    fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
+        let mut state = self.faults.lock();
+        let now = state.now();
+        state.pump(self.bus.as_mut())?;
+        if state.off > 0 || state.stopped.is_some() {
+            return Ok(Sending::Full);
+        }
+        match state.way_out.push(*frame, now) {
+            Pushed::Full(_) | Pushed::Lost(FaultKind::BusOff) => {
+                state.note();
+                return Ok(Sending::Full);
+            }
+            Pushed::Taken | Pushed::Lost(_) => {}
+        }
+        state.pump(self.bus.as_mut())?;
+        Ok(Sending::Sent)
+    }
+
+    fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            let mut state = self.faults.lock();
+            state.pump(self.bus.as_mut())?;
+            if let Some(report) = state.reports.pop_front() {
+                return Ok(Some(report));
+            }
+            let now = state.zero.map(|zero| zero.elapsed());
+            if let Some(frame) = now.and_then(|now| state.way_in.pop_due(now)) {
+                return Ok(Some(frame));
+            }
+            drop(state);
+            let left = deadline.saturating_duration_since(Instant::now());
+            match self.bus.recv(left.min(TICK))? {
+                Some(frame) => {
+                    let mut state = self.faults.lock();
+                    if state.off == 0 {
+                        state.arrived(frame);
+                    }
+                }
+                None if left.is_zero() => return Ok(None),
+                None => {}
+            }
+        }
+    }
+
+    fn share(&self) -> io::Result<Box<dyn CanBus>> {
+        Ok(self.faults.around(self.bus.share()?))
+    }
+
+    fn garbled(&mut self) -> u32 {
+        self.bus.garbled()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use skyloop_protocols::{Fault, MAX_PACKET, WireTime, personality::NATIVE};
+    use std::sync::mpsc::{Receiver, Sender, channel};
+
+    /// One end of a bus between two.
+    struct Cable(Sender<CanFrame>, Arc<Mutex<Receiver<CanFrame>>>);
+
+    impl CanBus for Cable {
+        fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
+            self.0.send(*frame).unwrap();
+            Ok(Sending::Sent)
+        }
+
+        fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
+            Ok(self.1.lock().unwrap().recv_timeout(timeout).ok())
+        }
+
+        fn share(&self) -> io::Result<Box<dyn CanBus>> {
+            Ok(Box::new(Cable(self.0.clone(), self.1.clone())))
+        }
+    }
+
+    /// The emulator's end with `plan`, the client's end, and the book.
+    fn bus(plan: &str) -> (Box<dyn CanBus>, Cable, Arc<Mutex<Book>>) {
+        let ((a, to_b), (b, to_a)) = (channel(), channel());
+        let ours = Cable(a, Arc::new(Mutex::new(to_a)));
+        let client = Cable(b, Arc::new(Mutex::new(to_b)));
+        let plan = Plan::parse("faults.toml", plan, true).unwrap();
+        let book = Arc::new(Mutex::new(Book::default()));
+        let faults = BusFaults::new("bus", &plan, &NATIVE, &book);
+        (faults.around(Box::new(ours)), client, book)
+    }
+
+    fn always(direction: &str, kind: &str, value: f64) -> String {
+        format!("[[faults]]\ndirection = \"{direction}\"\nkind = \"{kind}\"\nvalue = {value:?}\n")
+    }
+
+    fn frame(i: u8) -> CanFrame {
+        CanFrame::new(0x100, false, &[i; 8]).unwrap()
+    }
+
+    const LONG: Duration = Duration::from_secs(20);
+    const SHORT: Duration = Duration::from_millis(30);
+
+    #[test]
+    fn frames_are_harmed_one_by_one() {
+        let (mut ours, mut client, book) = bus(&always("in", "drop", 0.3));
+        for i in 0..200 {
+            client.send(&frame(i)).unwrap();
+        }
+        let came: Vec<CanFrame> = std::iter::from_fn(|| ours.recv(SHORT).unwrap()).collect();
+        // 0.3 of 200: 60, within five times sqrt(200 0.3 0.7) = 6.5.
+        assert!((108..=172).contains(&came.len()), "{}", came.len());
+        assert_eq!(book.lock().unwrap().total() as usize, 200 - came.len());
+        let (mut ours, mut client, _) = bus(&always("out", "truncate", 1.0));
+        for i in 0..20 {
+            assert_eq!(ours.send(&frame(i)).unwrap(), Sending::Sent);
+            let cut = client.recv(LONG).unwrap().unwrap();
+            assert!(cut.is_valid() && (1..8).contains(&cut.len));
+        }
+    }
+
+    #[test]
+    fn late_frames_leave_while_nobody_sends() {
+        let (mut ours, mut client, _) = bus(&always("out", "delay", 0.05));
+        let mut reader = ours.share().unwrap();
+        let started = Instant::now();
+        ours.send(&frame(1)).unwrap();
+        let reading = std::thread::spawn(move || reader.recv(Duration::from_millis(500)));
+        assert_eq!(client.recv(LONG).unwrap(), Some(frame(1)));
+        let took = started.elapsed();
+        assert!((0.05..0.4).contains(&took.as_secs_f64()), "{took:?}");
+        assert!(reading.join().unwrap().unwrap().is_none());
+    }
+
+    #[test]
+    fn off_the_bus_nothing_comes_and_what_leaves_waits() {
+        let plan = always("out", "bus_off", 1.0) + "at_s = 0.05\nfor_s = 0.2\n";
+        let (mut ours, mut client, _) = bus(&plan);
+        assert_eq!(ours.send(&frame(1)).unwrap(), Sending::Sent);
+        let report = ours.recv(LONG).unwrap().unwrap();
+        assert_eq!(Trouble::of(&report), Some(Trouble::BusOff));
+        assert_eq!(ours.send(&frame(2)).unwrap(), Sending::Full);
+        client.send(&frame(9)).unwrap();
+        let report = ours.recv(LONG).unwrap().unwrap();
+        assert_eq!(Trouble::of(&report), Some(Trouble::Restarted));
+        assert_eq!(ours.send(&frame(2)).unwrap(), Sending::Sent);
+        let came: Vec<CanFrame> = std::iter::from_fn(|| client.recv(SHORT).unwrap()).collect();
+        assert_eq!(came, [frame(1), frame(2)]);
+        assert_eq!(
+            ours.recv(SHORT).unwrap(),
+            None,
+            "frame 9 came while it was off"
+        );
+    }
+
+    #[test]
+    fn the_client_switches_faults_on_the_bus() {
+        let (mut ours, mut client, _) = bus("");
+        let mut node = Node::new(Side::Client, true);
+        let mut say = |value| {
+            let fault = Command::Fault(Fault {
+                kind: FaultKind::Drop,
+                direction: Direction::In,
+                value,
+                seconds: 0.0,
+            });
+            let mut buffer = [0; MAX_PACKET];
+            let length = fault.encode(0, WireTime(0), &mut buffer).unwrap();
+            node.send(&buffer[..length], 0).unwrap();
+            while let Some(frame) = node.next_frame(0) {
+                client.send(&frame).unwrap();
+            }
+            client.send(&frame(1)).unwrap();
+        };
+        let mut came = || {
+            let frames = std::iter::from_fn(|| ours.recv(SHORT).unwrap());
+            frames.filter(|came| *came == frame(1)).count()
+        };
+        say(1.0);
+        assert_eq!(came(), 0);
+        say(0.0);
+        assert_eq!(came(), 1);
+    }
+}

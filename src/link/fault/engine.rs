@@ -1,0 +1,474 @@
+//! The engine: what befalls the items of one direction, and when they go on. It knows no clock and no wire.
+
+use super::harm::Way;
+use super::line::{Line, Order};
+use super::rule::Rule;
+use skyloop_protocols::{Direction, Fault, FaultKind};
+use std::time::Duration;
+
+/// Something that a line can harm.
+pub trait Damageable: Clone {
+    /// Its octets; none for what is no packet: that is never harmed.
+    fn octets(&self) -> Option<&[u8]>;
+    /// The same with other octets, at most as many.
+    fn with_octets(self, octets: Vec<u8>) -> Self;
+}
+
+/// Something that was done, or a rule that begins or ends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Injection {
+    /// When, since the engine's zero.
+    pub at: Duration,
+    /// To whom.
+    pub direction: Direction,
+    /// What.
+    pub kind: FaultKind,
+    /// More of it.
+    pub what: What,
+}
+
+/// What was done.
+#[derive(Debug, Clone, PartialEq)]
+pub enum What {
+    /// The rule begins, with this value.
+    Begins(f64),
+    /// The rule ends.
+    Ends,
+    /// An item was harmed.
+    Item {
+        /// Number of the item in its direction, from 0.
+        number: u64,
+        /// Its octets before.
+        octets: Vec<u8>,
+        /// How it was harmed, if there is more to say than its kind.
+        how: How,
+    },
+}
+
+/// How an item was harmed.
+#[derive(Debug, Clone, PartialEq)]
+pub enum How {
+    /// As its kind says: it is lost, comes twice or changes places.
+    Plainly,
+    /// These bits were inverted, counted from the first octet's most significant one.
+    Bits(Vec<usize>),
+    /// This many octets were left.
+    CutTo(usize),
+    /// This much later.
+    Later(Duration),
+}
+
+/// What became of an item.
+#[derive(Debug, PartialEq)]
+pub enum Pushed<T> {
+    /// It will come out, perhaps harmed.
+    Taken,
+    /// It is lost to a fault of this kind.
+    Lost(FaultKind),
+    /// The delay line is full: it is given back as it was.
+    Full(T),
+}
+
+/// The faults of one direction. Every `now` counts from one zero and never falls.
+pub struct Faults<T> {
+    direction: Direction,
+    rules: Vec<Rule>,
+    line: Line<T>,
+    /// Items taken so far.
+    number: u64,
+    /// Live faults so far.
+    live: u32,
+    injected: Vec<Injection>,
+}
+
+/// In which order an item suffers: first what the line does, then its time, at last the receiver.
+const ORDER: [FaultKind; 11] = [
+    FaultKind::BusOff,
+    FaultKind::Down,
+    FaultKind::Stuck,
+    FaultKind::Drop,
+    FaultKind::Truncate,
+    FaultKind::BitFlips,
+    FaultKind::Duplicate,
+    FaultKind::Delay,
+    FaultKind::Jitter,
+    FaultKind::Reorder,
+    FaultKind::Overrun,
+];
+
+impl<T: Damageable> Faults<T> {
+    /// The faults of `direction` among `rules`.
+    pub fn new(direction: Direction, rules: &[Rule]) -> Faults<T> {
+        let own = |rule: &&Rule| rule.fault.direction == direction;
+        Faults {
+            direction,
+            rules: rules.iter().filter(own).cloned().collect(),
+            line: Line::new(),
+            number: 0,
+            live: 0,
+            injected: Vec::new(),
+        }
+    }
+
+    /// Puts a fault in force in place of those of its kind that are; value 0 only ends them.
+    pub fn switch(&mut self, fault: Fault, now: Duration) {
+        self.turn(now);
+        let same = |rule: &&mut Rule| rule.fault.kind == fault.kind && rule.is_on(now);
+        for rule in self.rules.iter_mut().filter(same) {
+            rule.until = Some(now);
+        }
+        if fault.value > 0.0 {
+            self.rules.push(Rule::live(fault, now, self.live));
+            self.live = self.live.wrapping_add(1);
+        }
+        self.turn(now);
+    }
+
+    /// Takes an item.
+    pub fn push(&mut self, item: T, now: Duration) -> Pushed<T> {
+        self.turn(now);
+        if !self.has_room() {
+            return Pushed::Full(item);
+        }
+        let Some(octets) = item.octets().map(<[u8]>::to_vec) else {
+            self.line.put(item, now, Order::Kept);
+            return Pushed::Taken;
+        };
+        let number = self.number;
+        self.number += 1;
+        let mut way = Way::of(octets.clone());
+        for kind in ORDER {
+            let on = |rule: &&mut Rule| rule.fault.kind == kind && rule.is_on(now);
+            for rule in self.rules.iter_mut().filter(on) {
+                let Some(how) = way.suffer(rule) else {
+                    continue;
+                };
+                self.injected.push(Injection {
+                    at: now,
+                    direction: self.direction,
+                    kind,
+                    what: What::Item {
+                        number,
+                        octets: octets.clone(),
+                        how,
+                    },
+                });
+                if is_loss(kind) {
+                    return Pushed::Lost(kind);
+                }
+            }
+        }
+        let due = now + way.later;
+        let item = if way.octets == octets {
+            item
+        } else {
+            item.with_octets(way.octets)
+        };
+        if way.twice {
+            self.line.put(item.clone(), due, way.order);
+        }
+        self.line.put(item, due, way.order);
+        Pushed::Taken
+    }
+
+    /// The next item that goes on at `now`.
+    pub fn pop_due(&mut self, now: Duration) -> Option<T> {
+        self.turn(now);
+        self.line.pop_due(now)
+    }
+
+    /// When to ask again: something goes on, or a rule begins or ends.
+    pub fn next_due(&self) -> Option<Duration> {
+        let turns = self.rules.iter().filter_map(Rule::next_turn);
+        self.line.next_due().into_iter().chain(turns).min()
+    }
+
+    /// Whether another item can be taken, and its double.
+    pub fn has_room(&self) -> bool {
+        self.line.room() >= 2
+    }
+
+    /// Items that have not gone on yet.
+    pub fn waiting(&self) -> usize {
+        self.line.len()
+    }
+
+    /// Everything injected since the last call.
+    pub fn injected(&mut self) -> Vec<Injection> {
+        std::mem::take(&mut self.injected)
+    }
+
+    /// Books the rules that have begun or ended by `now`.
+    pub fn turn(&mut self, now: Duration) {
+        for rule in &mut self.rules {
+            while let Some((at, ends)) = rule.take_turn(now) {
+                let value = rule.fault.value;
+                self.injected.push(Injection {
+                    at,
+                    direction: self.direction,
+                    kind: rule.fault.kind,
+                    what: if ends {
+                        What::Ends
+                    } else {
+                        What::Begins(value)
+                    },
+                });
+            }
+        }
+        self.rules.retain(|rule| !rule.is_over());
+    }
+}
+
+/// Whether an item that it meets is gone.
+fn is_loss(kind: FaultKind) -> bool {
+    use FaultKind::{BusOff, Down, Drop, Overrun, Stuck};
+    matches!(kind, BusOff | Down | Stuck | Drop | Overrun)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    impl Damageable for Vec<u8> {
+        fn octets(&self) -> Option<&[u8]> {
+            // An empty one stands for what is no packet.
+            (!self.is_empty()).then_some(self)
+        }
+
+        fn with_octets(self, octets: Vec<u8>) -> Vec<u8> {
+            octets
+        }
+    }
+
+    const LENGTH: usize = 126;
+
+    fn fault(kind: FaultKind, value: f64) -> Fault {
+        Fault {
+            kind,
+            direction: Direction::In,
+            value,
+            seconds: 0.0,
+        }
+    }
+
+    fn always(kind: FaultKind, value: f64, seed: u64) -> Rule {
+        Rule::new(fault(kind, value), seed, 0, Duration::ZERO, None)
+    }
+
+    fn ms(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    /// Item `i`: its number in every octet pair.
+    fn item(i: u16) -> Vec<u8> {
+        i.to_be_bytes().repeat(LENGTH / 2)
+    }
+
+    /// What comes of `n` items, one a millisecond, with `rules`: items, injections, losses.
+    fn run(rules: &[Rule], n: u16) -> (Vec<Vec<u8>>, Vec<Injection>, Vec<FaultKind>) {
+        let mut faults = Faults::new(Direction::In, rules);
+        let (mut out, mut lost) = (Vec::new(), Vec::new());
+        for i in 0..n {
+            let now = ms(u64::from(i));
+            match faults.push(item(i), now) {
+                Pushed::Taken => {}
+                Pushed::Lost(kind) => lost.push(kind),
+                Pushed::Full(_) => panic!("the line is full"),
+            }
+            out.extend(std::iter::from_fn(|| faults.pop_due(now)));
+        }
+        let end = ms(1_000_000);
+        out.extend(std::iter::from_fn(|| faults.pop_due(end)));
+        (out, faults.injected(), lost)
+    }
+
+    /// Whether `count` of `n` trials fits `probability` within five standard errors.
+    fn fits(count: usize, n: usize, probability: f64) -> bool {
+        let mean = n as f64 * probability;
+        (count as f64 - mean).abs() < 5.0 * (mean * (1.0 - probability)).sqrt()
+    }
+
+    #[test]
+    fn without_faults_everything_passes() {
+        let (out, injected, lost) = run(&[], 100);
+        assert!(out.into_iter().eq((0..100).map(item)));
+        assert!(injected.is_empty() && lost.is_empty());
+    }
+
+    #[test]
+    fn losses_have_their_probability_and_are_told() {
+        const N: u16 = 20_000;
+        for kind in [FaultKind::Drop, FaultKind::Overrun] {
+            let (out, injected, lost) = run(&[always(kind, 0.05, 7)], N);
+            assert!(fits(lost.len(), N.into(), 0.05), "{kind:?}: {}", lost.len());
+            assert_eq!(out.len() + lost.len(), usize::from(N));
+            // One line for the rule's begin.
+            assert_eq!(injected.len(), lost.len() + 1);
+        }
+        for kind in [FaultKind::Stuck, FaultKind::Down, FaultKind::BusOff] {
+            let (out, _, lost) = run(&[always(kind, 1.0, 7)], 50);
+            assert_eq!((out.len(), lost), (0, vec![kind; 50]));
+        }
+    }
+
+    #[test]
+    fn bits_flip_with_their_probability_wherever_they_stand() {
+        const N: u16 = 10_000;
+        let (out, injected, _) = run(&[always(FaultKind::BitFlips, 1e-3, 3)], N);
+        let mut places = [0_usize; 8 * LENGTH];
+        for (i, harmed) in (0..N).zip(&out) {
+            for (octet, (is, was)) in harmed.iter().zip(item(i)).enumerate() {
+                for bit in (0..8).filter(|bit| (is ^ was) & (0x80 >> bit) != 0) {
+                    places[8 * octet + bit] += 1;
+                }
+            }
+        }
+        let all: usize = places.iter().sum();
+        assert!(fits(all, places.len() * usize::from(N), 1e-3), "{all}");
+        // Chi-square over the places: mean their number, standard deviation sqrt(2 n).
+        let expected = f64::from(N) * 1e-3;
+        let chi2 = places
+            .iter()
+            .map(|n| (*n as f64 - expected).powi(2) / expected);
+        let chi2: f64 = chi2.sum();
+        let n = places.len() as f64;
+        assert!((chi2 - n).abs() < 5.0 * (2.0 * n).sqrt(), "{chi2}");
+        // The book has each of them.
+        let told = injected
+            .iter()
+            .filter_map(|injection| match &injection.what {
+                What::Item {
+                    how: How::Bits(bits),
+                    ..
+                } => Some(bits.len()),
+                _ => None,
+            });
+        assert_eq!(told.sum::<usize>(), all);
+        let (out, ..) = run(&[always(FaultKind::BitFlips, 1.0, 3)], 2);
+        assert!(out[1].iter().zip(item(1)).all(|(is, was)| *is == !was));
+    }
+
+    #[test]
+    fn doubles_cuts_and_swaps() {
+        let (out, ..) = run(&[always(FaultKind::Duplicate, 1.0, 1)], 3);
+        assert_eq!(out, [0, 0, 1, 1, 2, 2].map(item));
+        let (out, injected, _) = run(&[always(FaultKind::Truncate, 1.0, 1)], 2000);
+        let lengths: Vec<usize> = out.iter().map(Vec::len).collect();
+        assert_eq!(lengths.iter().min(), Some(&1));
+        assert_eq!(lengths.iter().max(), Some(&(LENGTH - 1)));
+        assert!(out.iter().zip(0..).all(|(cut, i)| item(i).starts_with(cut)));
+        assert_eq!(injected.len(), 2001);
+        let (out, injected, _) = run(&[always(FaultKind::Reorder, 0.2, 1)], 2000);
+        let mut numbers: Vec<u16> = out
+            .iter()
+            .map(|o| u16::from_be_bytes([o[0], o[1]]))
+            .collect();
+        let swapped = numbers.windows(2).filter(|pair| pair[1] < pair[0]).count();
+        // A draw in a row of draws lets the second pass the first: 0.2 / 1.2 of all change places.
+        assert!(fits(swapped, 2000, 0.2 / 1.2), "{swapped}");
+        assert!(fits(injected.len() - 1, 2000, 0.2));
+        numbers.sort_unstable();
+        assert!(numbers.into_iter().eq(0..2000), "none is lost");
+    }
+
+    #[test]
+    fn delay_keeps_the_order_and_jitter_does_not() {
+        let rules = [always(FaultKind::Delay, 0.02, 1)];
+        let mut faults = Faults::new(Direction::In, &rules);
+        assert_eq!(faults.push(item(1), ms(5)), Pushed::Taken);
+        assert_eq!(faults.next_due(), Some(ms(25)));
+        assert_eq!((faults.pop_due(ms(24)), faults.waiting()), (None, 1));
+        assert_eq!(faults.pop_due(ms(25)), Some(item(1)));
+        let (out, injected, _) = run(&[always(FaultKind::Jitter, 0.02, 1)], 1000);
+        let late = injected
+            .iter()
+            .filter_map(|injection| match injection.what {
+                What::Item {
+                    how: How::Later(by),
+                    ..
+                } => Some(by.as_secs_f64()),
+                _ => None,
+            });
+        let late: Vec<f64> = late.collect();
+        let mean = late.iter().sum::<f64>() / 1000.0;
+        // Uniform: standard deviation 20 ms / sqrt(12).
+        assert!((mean - 0.01).abs() < 5.0 * 0.02 / 12f64.sqrt() / 1000f64.sqrt());
+        assert!(late.iter().all(|by| (0.0..0.02).contains(by)));
+        assert_ne!(out, (0..1000).map(item).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_run_repeats_with_its_seed_and_differs_with_another() {
+        let rules = |seed| {
+            [
+                always(FaultKind::Drop, 0.05, seed),
+                always(FaultKind::BitFlips, 1e-4, seed),
+                always(FaultKind::Jitter, 0.01, seed),
+            ]
+        };
+        let (once, again, other) = (
+            run(&rules(5), 500),
+            run(&rules(5), 500),
+            run(&rules(6), 500),
+        );
+        assert_eq!(once, again);
+        assert_ne!(once.0, other.0);
+    }
+
+    #[test]
+    fn rules_begin_and_end_on_time() {
+        let from = Duration::from_micros(10_500);
+        let rule = Rule::new(fault(FaultKind::Down, 1.0), 1, 0, from, Some(ms(20)));
+        let (out, injected, lost) = run(&[rule], 30);
+        // Those of 11 to 19 ms.
+        assert_eq!((out.len(), lost.len()), (21, 9));
+        let turns: Vec<(Duration, What)> = injected
+            .into_iter()
+            .filter(|injection| !matches!(injection.what, What::Item { .. }))
+            .map(|injection| (injection.at, injection.what))
+            .collect();
+        assert_eq!(turns, [(from, What::Begins(1.0)), (ms(20), What::Ends)]);
+    }
+
+    #[test]
+    fn live_faults_take_the_place_of_their_kind() {
+        let mut faults = Faults::new(Direction::In, &[always(FaultKind::Drop, 1.0, 1)]);
+        assert_eq!(faults.push(item(0), ms(0)), Pushed::Lost(FaultKind::Drop));
+        faults.switch(fault(FaultKind::Drop, 0.0), ms(1));
+        assert_eq!(faults.push(item(1), ms(1)), Pushed::Taken);
+        let down = Fault {
+            seconds: 0.005,
+            ..fault(FaultKind::Down, 1.0)
+        };
+        faults.switch(down, ms(2));
+        assert_eq!(faults.push(item(2), ms(6)), Pushed::Lost(FaultKind::Down));
+        assert_eq!(faults.push(item(3), ms(7)), Pushed::Taken, "it has ended");
+    }
+
+    #[test]
+    fn what_is_no_packet_is_never_harmed_and_keeps_its_place() {
+        let rules = [always(FaultKind::Delay, 0.02, 1)];
+        let mut faults = Faults::new(Direction::In, &rules);
+        faults.push(item(1), ms(0));
+        faults.push(Vec::new(), ms(1));
+        faults.switch(fault(FaultKind::Drop, 1.0), ms(1));
+        faults.push(Vec::new(), ms(2));
+        assert_eq!(faults.pop_due(ms(19)), None);
+        let out: Vec<_> = std::iter::from_fn(|| faults.pop_due(ms(20))).collect();
+        assert_eq!(out, [item(1), vec![], vec![]]);
+    }
+
+    #[test]
+    fn a_full_line_gives_back_what_it_cannot_take() {
+        let mut faults = Faults::new(Direction::In, &[always(FaultKind::Delay, 1.0, 1)]);
+        let mut taken = 0;
+        while faults.push(item(taken), ms(0)) == Pushed::Taken {
+            taken += 1;
+        }
+        // One place is kept for a double.
+        assert_eq!(usize::from(taken), super::super::line::CAPACITY - 1);
+        assert_eq!(faults.push(item(9), ms(0)), Pushed::Full(item(9)));
+        assert_eq!(faults.pop_due(ms(1000)), Some(item(0)));
+        assert_eq!(faults.push(item(9), ms(1000)), Pushed::Taken);
+    }
+}

@@ -1,0 +1,90 @@
+//! What one rule does to one item.
+
+use super::engine::How;
+use super::line::Order;
+use super::rule::Rule;
+use crate::rng::PixelStream;
+use skyloop_protocols::FaultKind;
+use std::time::Duration;
+
+/// An item on its way through the rules.
+pub(super) struct Way {
+    pub octets: Vec<u8>,
+    pub later: Duration,
+    pub twice: bool,
+    pub order: Order,
+}
+
+impl Way {
+    pub fn of(octets: Vec<u8>) -> Way {
+        Way {
+            octets,
+            later: Duration::ZERO,
+            twice: false,
+            order: Order::Kept,
+        }
+    }
+
+    /// Suffers one rule; how, if there is anything to tell.
+    pub fn suffer(&mut self, rule: &mut Rule) -> Option<How> {
+        let mut random = rule.draw();
+        let value = rule.fault.value;
+        let struck = random.uniform() < value;
+        match rule.fault.kind {
+            FaultKind::BitFlips => {
+                let bits = flips(&mut random, value, 8 * self.octets.len());
+                for bit in &bits {
+                    self.octets[bit / 8] ^= 0x80 >> (bit % 8);
+                }
+                return (!bits.is_empty()).then_some(How::Bits(bits));
+            }
+            // Every item suffers it: the rule's begin and end tell all.
+            FaultKind::Delay => {
+                self.later += Duration::from_secs_f64(value);
+                return None;
+            }
+            FaultKind::Jitter => {
+                let later = Duration::from_secs_f64(value * random.uniform());
+                self.later += later;
+                self.order = Order::Free;
+                return Some(How::Later(later));
+            }
+            _ if !struck => return None,
+            FaultKind::Truncate => {
+                let most = self.octets.len().saturating_sub(1).max(1);
+                let left = 1 + (random.uniform() * most as f64) as usize;
+                self.octets.truncate(left.min(most));
+                return Some(How::CutTo(self.octets.len()));
+            }
+            FaultKind::Duplicate => self.twice = true,
+            FaultKind::Reorder => self.order = Order::Swapped,
+            FaultKind::Stuck
+            | FaultKind::Down
+            | FaultKind::BusOff
+            | FaultKind::Drop
+            | FaultKind::Overrun => {}
+        }
+        Some(How::Plainly)
+    }
+}
+
+/// Which of `bits` bits are inverted, each with `probability`: the gaps between them are geometric (Devroye 1986,
+/// X.2), so that one draw is enough for each that is.
+fn flips(random: &mut PixelStream, probability: f64, bits: usize) -> Vec<usize> {
+    if probability >= 1.0 {
+        return (0..bits).collect();
+    }
+    if probability <= 0.0 {
+        return Vec::new();
+    }
+    let mut found = Vec::new();
+    let mut next = 0.0;
+    loop {
+        next += libm::floor(libm::log(random.uniform()) / libm::log1p(-probability));
+        if next >= bits as f64 {
+            return found;
+        }
+        found.push(next as usize);
+        next += 1.0;
+    }
+}

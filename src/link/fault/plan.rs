@@ -1,0 +1,225 @@
+//! The schedule of faults, a TOML file.
+
+use super::rule::{Rule, SEED};
+use crate::load::{Check, ConfigError, Folder, parse};
+use serde::Deserialize;
+use skyloop_protocols::{Direction, Fault, FaultKind};
+use std::path::Path;
+use std::time::Duration;
+
+/// When which fault is in force.
+#[derive(Debug, Clone, Default)]
+pub struct Plan {
+    pub(super) rules: Vec<Rule>,
+}
+
+/// Every kind by its name in files.
+const KINDS: [(&str, FaultKind); 11] = [
+    ("bit_flips", FaultKind::BitFlips),
+    ("drop", FaultKind::Drop),
+    ("duplicate", FaultKind::Duplicate),
+    ("reorder", FaultKind::Reorder),
+    ("truncate", FaultKind::Truncate),
+    ("delay", FaultKind::Delay),
+    ("jitter", FaultKind::Jitter),
+    ("stuck", FaultKind::Stuck),
+    ("down", FaultKind::Down),
+    ("overrun", FaultKind::Overrun),
+    ("bus_off", FaultKind::BusOff),
+];
+
+/// The name of a kind.
+pub fn name(kind: FaultKind) -> &'static str {
+    KINDS
+        .iter()
+        .find(|(_, known)| *known == kind)
+        .map_or("", |(name, _)| name)
+}
+
+/// Why a fault cannot be injected into a link of whole packets; none if it can.
+pub fn impossible(kind: FaultKind) -> Option<&'static str> {
+    (kind == FaultKind::BusOff).then_some("only a CAN bus goes off: on other links use down")
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    #[serde(default = "default_seed")]
+    seed: u64,
+    #[serde(default)]
+    faults: Vec<RawFault>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawFault {
+    #[serde(default)]
+    at_s: f64,
+    for_s: Option<f64>,
+    direction: String,
+    kind: String,
+    value: Option<f64>,
+    seed: Option<u64>,
+}
+
+fn default_seed() -> u64 {
+    SEED
+}
+
+/// Longest time that a schedule may name, s.
+const LONGEST_S: f64 = 1e6;
+
+impl Plan {
+    /// Reads the schedule for a link that is a CAN bus (`can`) or carries whole packets.
+    pub fn load(file: &Path, can: bool) -> Result<Plan, ConfigError> {
+        let (name, text) = Folder::current().read(&file.display().to_string())?;
+        Plan::parse(&name, &text, can)
+    }
+
+    /// Reads the text of a schedule called `file`.
+    pub fn parse(file: &str, text: &str, can: bool) -> Result<Plan, ConfigError> {
+        let raw: Raw = parse(file, text)?;
+        let check = Check { file };
+        let rules = raw.faults.iter().enumerate();
+        let rules = rules.map(|(place, fault)| rule(&check, place, fault, raw.seed, can));
+        Ok(Plan {
+            rules: rules.collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// How many faults it has.
+    pub fn len(&self) -> usize {
+        self.rules.len()
+    }
+
+    /// Whether it has none.
+    pub fn is_empty(&self) -> bool {
+        self.rules.is_empty()
+    }
+}
+
+/// Fault number `place` of a file.
+fn rule(
+    check: &Check<'_>,
+    place: usize,
+    raw: &RawFault,
+    seed: u64,
+    can: bool,
+) -> Result<Rule, ConfigError> {
+    let key = |name: &str| format!("faults[{place}].{name}");
+    let direction = match raw.direction.as_str() {
+        "in" => Direction::In,
+        "out" => Direction::Out,
+        other => {
+            return Err(check.refuse(
+                &key("direction"),
+                format!("{other:?}"),
+                "\"in\" (towards the emulator) or \"out\"",
+            ));
+        }
+    };
+    let Some((_, kind)) = KINDS.iter().find(|(name, _)| *name == raw.kind) else {
+        let names: Vec<&str> = KINDS.iter().map(|(name, _)| *name).collect();
+        return Err(check.refuse(&key("kind"), format!("{:?}", raw.kind), names.join(", ")));
+    };
+    if let Some(why) = impossible(*kind).filter(|_| !can) {
+        return Err(check.explain(&key("kind"), format!("{:?}: {why}", raw.kind)));
+    }
+    let at_s = check.range(&key("at_s"), raw.at_s, 0.0..=LONGEST_S)?;
+    let for_s = match raw.for_s {
+        Some(for_s) => Some(check.range(&key("for_s"), for_s, 0.0..=LONGEST_S)?),
+        None => None,
+    };
+    let value = match (raw.value, kind) {
+        (Some(value), _) => value,
+        (None, FaultKind::Stuck | FaultKind::Down | FaultKind::BusOff) => 1.0,
+        (None, _) => {
+            return Err(check.explain(
+                &key("value"),
+                "missing: a probability, or seconds of delay and jitter",
+            ));
+        }
+    };
+    let most = match kind {
+        FaultKind::Delay | FaultKind::Jitter => 60.0,
+        _ => 1.0,
+    };
+    let value = check.range(&key("value"), value, 0.0..=most)?;
+    let from = Duration::from_secs_f64(at_s);
+    Ok(Rule::new(
+        Fault {
+            kind: *kind,
+            direction,
+            value,
+            seconds: for_s.unwrap_or(0.0),
+        },
+        raw.seed.unwrap_or(seed),
+        place as u32,
+        from,
+        for_s.map(|for_s| from + Duration::from_secs_f64(for_s)),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Plan, String> {
+        Plan::parse("faults.toml", text, false).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_schedule_is_read() {
+        let plan = parse(
+            "seed = 9\n[[faults]]\nat_s = 1.5\nfor_s = 2.0\ndirection = \"in\"\nkind = \"drop\"\nvalue = 0.05\n\
+             [[faults]]\ndirection = \"out\"\nkind = \"down\"\nseed = 3\n",
+        )
+        .unwrap();
+        let (drop, down) = (&plan.rules[0], &plan.rules[1]);
+        assert_eq!((drop.fault.kind, drop.fault.value), (FaultKind::Drop, 0.05));
+        assert_eq!(drop.from, Duration::from_millis(1500));
+        assert_eq!(drop.until, Some(Duration::from_millis(3500)));
+        assert_eq!((drop.seed, down.seed), (9, 3));
+        assert_eq!(
+            (down.fault.direction, down.fault.value),
+            (Direction::Out, 1.0)
+        );
+        assert_eq!((down.from, down.until), (Duration::ZERO, None));
+        assert!(parse("").unwrap().is_empty());
+    }
+
+    #[test]
+    fn wrong_schedules_are_refused_by_key() {
+        let one = |keys: &str| format!("[[faults]]\ndirection = \"in\"\nkind = \"drop\"\n{keys}");
+        for (text, says) in [
+            (one("value = 1.5"), vec!["faults[0].value = 1.5", "0 to 1"]),
+            (one(""), vec!["faults[0].value", "missing"]),
+            (one("value = 0.5\nat_s = -1.0"), vec!["faults[0].at_s = -1"]),
+            (one("value = nan"), vec!["faults[0].value = NaN"]),
+            (one("value = 0.5\nlength = 1"), vec!["length", "for_s"]),
+            (
+                one("value = 0.5").replace("\"in\"", "\"up\""),
+                vec!["faults[0].direction = \"up\"", "\"out\""],
+            ),
+            (
+                one("value = 0.5").replace("drop", "lose"),
+                vec!["faults[0].kind = \"lose\"", "bit_flips"],
+            ),
+            (
+                one("value = 1").replace("drop", "bus_off"),
+                vec!["faults[0].kind", "bus_off", "CAN", "use down"],
+            ),
+            (
+                one("value = 61.0").replace("drop", "delay"),
+                vec!["0 to 60"],
+            ),
+        ] {
+            let refused = parse(&text).unwrap_err();
+            for word in says.iter().chain(&["faults.toml"]) {
+                assert!(refused.contains(word), "no {word:?} in {refused}");
+            }
+        }
+        let bus_off = one("value = 1.0").replace("drop", "bus_off");
+        assert!(Plan::parse("faults.toml", &bus_off, true).is_ok());
+    }
+}

@@ -1,0 +1,352 @@
+//! The faults around an open link: a thread each way between the link's own queues and those of the emulator.
+
+use super::book::Book;
+use super::engine::{Damageable, Faults, Pushed, What};
+use super::plan::{Plan, impossible};
+use crate::link::inbox::inbox;
+use crate::link::{Inbound, Inbox, Intake, LinkError, Outbound, Outbox, QUEUE, Tally, Wire, count};
+use bytes::Bytes;
+use skyloop_protocols::{Command, Direction, FaultKind, Personality};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// How long a thread waits before it looks whether something has changed.
+const TICK: Duration = Duration::from_millis(20);
+/// How long it waits for room in the link's queue.
+const BREATH: Duration = Duration::from_micros(200);
+/// How often the book reaches its file.
+const FLUSH: Duration = Duration::from_secs(1);
+
+/// What both directions share.
+struct Shared {
+    /// The first packet of either direction.
+    zero: OnceLock<Instant>,
+    out: Mutex<Faults<Outbound>>,
+    book: Arc<Mutex<Book>>,
+    tally: Arc<Tally>,
+    address: String,
+    /// Whether the emulator has dropped its end.
+    ended: AtomicBool,
+}
+
+impl Shared {
+    /// Time since the first packet; none before it.
+    fn now(&self) -> Option<Duration> {
+        self.zero.get().map(Instant::elapsed)
+    }
+
+    /// A packet has come: time runs from the first.
+    fn start(&self) -> Duration {
+        let start = || {
+            lock(&self.book).start();
+            Instant::now()
+        };
+        self.zero.get_or_init(start).elapsed()
+    }
+
+    /// Writes down what one direction has injected.
+    fn note<T: Damageable>(&self, faults: &mut Faults<T>) {
+        let injected = faults.injected();
+        if !injected.is_empty() {
+            lock(&self.book).note(&self.address, &injected);
+            for injection in &injected {
+                let told = injection.kind == FaultKind::Down && injection.what == What::Ends;
+                if told && injection.direction == Direction::Out {
+                    count(&self.tally.reconnects);
+                }
+            }
+        }
+    }
+}
+
+/// What a thread that panicked leaves behind is data like any other.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Damageable for Inbound {
+    fn octets(&self) -> Option<&[u8]> {
+        Some(&self.packet)
+    }
+
+    fn with_octets(self, octets: Vec<u8>) -> Inbound {
+        let packet = Bytes::from(octets);
+        Inbound { packet, ..self }
+    }
+}
+
+impl Damageable for Outbound {
+    fn octets(&self) -> Option<&[u8]> {
+        match self {
+            Outbound::Packet { packet, .. } => Some(packet),
+            Outbound::Release { .. } => None,
+        }
+    }
+
+    fn with_octets(self, octets: Vec<u8>) -> Outbound {
+        match self {
+            Outbound::Packet { exchange, .. } => Outbound::Packet {
+                exchange,
+                packet: Bytes::from(octets),
+            },
+            release => release,
+        }
+    }
+}
+
+/// Puts the faults of `plan`, and those that the client commands, between `wire` and the emulator. What is
+/// injected goes into the book.
+pub fn wrap(
+    wire: Wire,
+    plan: &Plan,
+    personality: &'static Personality,
+    book: &Arc<Mutex<Book>>,
+) -> Result<Wire, LinkError> {
+    let shared = Arc::new(Shared {
+        zero: OnceLock::new(),
+        out: Mutex::new(Faults::new(Direction::Out, &plan.rules)),
+        book: book.clone(),
+        tally: wire.tally.clone(),
+        address: wire.address.clone(),
+        ended: AtomicBool::new(false),
+    });
+    let (intake, inbox) = inbox(wire.tally.clone());
+    let (queue, departures) = sync_channel(QUEUE);
+    let way_in = WayIn {
+        from: wire.inbox,
+        to: intake,
+        faults: Faults::new(Direction::In, &plan.rules),
+        shared: shared.clone(),
+        personality,
+    };
+    let way_out = WayOut {
+        from: departures,
+        to: wire.outbox,
+        sender: wire.sender,
+        shared: shared.clone(),
+        stopped: None,
+    };
+    let failed = |source| LinkError::Io {
+        url: wire.address.clone(),
+        action: "start the threads of its faults",
+        source,
+        remedy: "check the limits of this process",
+    };
+    let thread = |name: &str| std::thread::Builder::new().name(name.to_string());
+    thread("fault-in")
+        .spawn(move || way_in.run())
+        .map_err(failed)?;
+    let sender = thread("fault-out")
+        .spawn(move || way_out.run())
+        .map_err(failed)?;
+    let outbox = FaultyOutbox {
+        queue,
+        tally: wire.tally.clone(),
+        address: wire.address.clone(),
+    };
+    Ok(Wire {
+        address: wire.address,
+        inbox,
+        outbox: Box::new(outbox),
+        tally: wire.tally,
+        airtime: wire.airtime,
+        sender: Some(sender),
+    })
+}
+
+/// Towards the emulator.
+struct WayIn {
+    from: Inbox,
+    to: Intake,
+    faults: Faults<Inbound>,
+    shared: Arc<Shared>,
+    personality: &'static Personality,
+}
+
+impl WayIn {
+    /// Carries packets until the link or the emulator has gone.
+    fn run(mut self) {
+        let mut gone = false;
+        let mut flushed = Instant::now();
+        while !self.shared.ended.load(Ordering::Relaxed) {
+            let wait = pause(self.faults.next_due(), self.shared.now());
+            if gone {
+                std::thread::sleep(wait);
+            } else {
+                match self.from.recv_timeout(wait) {
+                    Ok(inbound) => self.take(inbound),
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => gone = true,
+                }
+            }
+            let now = self.shared.now();
+            while let Some(mut inbound) = now.and_then(|now| self.faults.pop_due(now)) {
+                inbound.arrived = Instant::now();
+                if self.to.push(inbound).is_err() {
+                    return;
+                }
+            }
+            self.shared.note(&mut self.faults);
+            if gone && self.faults.waiting() == 0 {
+                return;
+            }
+            if flushed.elapsed() > FLUSH {
+                lock(&self.shared.book).flush();
+                flushed = Instant::now();
+            }
+        }
+    }
+
+    fn take(&mut self, inbound: Inbound) {
+        let now = self.shared.start();
+        if let Ok((_, Command::Fault(fault))) = (self.personality.decode_command)(&inbound.packet) {
+            // The emulator refuses what cannot be injected.
+            if impossible(fault.kind).is_none() {
+                match fault.direction {
+                    Direction::In => self.faults.switch(fault, now),
+                    Direction::Out => lock(&self.shared.out).switch(fault, now),
+                }
+            }
+            // Whoever switches a fault off must get through to it.
+            let _ = self.to.push(inbound);
+            return;
+        }
+        match self.faults.push(inbound, now) {
+            Pushed::Lost(FaultKind::Overrun) | Pushed::Full(_) => count(&self.shared.tally.dropped),
+            Pushed::Taken | Pushed::Lost(_) => {}
+        }
+    }
+}
+
+/// From the emulator.
+struct WayOut {
+    from: Receiver<Outbound>,
+    to: Box<dyn Outbox>,
+    sender: Option<JoinHandle<()>>,
+    shared: Arc<Shared>,
+    /// What the link had no room for.
+    stopped: Option<Outbound>,
+}
+
+impl WayOut {
+    /// Carries packets until the emulator has dropped its end and all have left, or the link has gone.
+    fn run(mut self) {
+        while let Ok(true) = self.turn() {}
+        self.shared.ended.store(true, Ordering::Relaxed);
+        drop(self.to);
+        if let Some(sender) = self.sender {
+            // Its panic has been told; there is nothing to take from it.
+            let _ = sender.join();
+        }
+    }
+
+    /// Hands on what is due, then waits for more; false at the end.
+    fn turn(&mut self) -> Result<bool, LinkError> {
+        self.hand_on()?;
+        let (due, has_room, waiting) = {
+            let mut faults = lock(&self.shared.out);
+            self.shared.note(&mut faults);
+            (faults.next_due(), faults.has_room(), faults.waiting())
+        };
+        let wait = match self.stopped {
+            Some(_) => BREATH,
+            None => pause(due, self.shared.now()),
+        };
+        if !has_room {
+            std::thread::sleep(wait.max(BREATH));
+            return Ok(true);
+        }
+        match self.from.recv_timeout(wait) {
+            Ok(what) => self.take(what),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) if waiting == 0 && self.stopped.is_none() => {
+                return Ok(false);
+            }
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(wait),
+        }
+        Ok(true)
+    }
+
+    fn hand_on(&mut self) -> Result<(), LinkError> {
+        loop {
+            let next = self.stopped.take();
+            let now = self.shared.now();
+            let due = || now.and_then(|now| lock(&self.shared.out).pop_due(now));
+            let next = next.or_else(due);
+            let Some(what) = next else { return Ok(()) };
+            let is_packet = what.octets().is_some();
+            self.stopped = self.to.offer(what)?;
+            if self.stopped.is_some() {
+                return Ok(());
+            }
+            if is_packet {
+                self.shared.tally.done();
+            }
+        }
+    }
+
+    fn take(&mut self, what: Outbound) {
+        let tally = &self.shared.tally;
+        let is_packet = what.octets().is_some();
+        let now = self.shared.start();
+        let mut faults = lock(&self.shared.out);
+        let before = faults.waiting();
+        match faults.push(what, now) {
+            Pushed::Taken => {
+                for _ in 1..faults.waiting() - before {
+                    tally.queued();
+                }
+            }
+            // There was room.
+            Pushed::Full(_) | Pushed::Lost(FaultKind::Down | FaultKind::BusOff) => {
+                count(&tally.lost);
+                tally.done();
+            }
+            // The sender knows nothing of it.
+            Pushed::Lost(_) if is_packet => tally.done(),
+            Pushed::Lost(_) => {}
+        }
+    }
+}
+
+/// How long to wait for something that is due at `due`.
+fn pause(due: Option<Duration>, now: Option<Duration>) -> Duration {
+    let wait = due.zip(now).map(|(due, now)| due.saturating_sub(now));
+    wait.map_or(TICK, |wait| wait.min(TICK))
+}
+
+/// The emulator's queue to the way out.
+struct FaultyOutbox {
+    queue: SyncSender<Outbound>,
+    tally: Arc<Tally>,
+    address: String,
+}
+
+impl Outbox for FaultyOutbox {
+    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        let is_packet = what.octets().is_some();
+        // Before the way out can book it as gone.
+        if is_packet {
+            self.tally.queued();
+        }
+        let refused = match self.queue.try_send(what) {
+            Ok(()) => return Ok(None),
+            Err(TrySendError::Full(what)) => Ok(Some(what)),
+            Err(TrySendError::Disconnected(_)) => Err(LinkError::Closed(self.address.clone())),
+        };
+        if is_packet {
+            self.tally.done();
+        }
+        refused
+    }
+
+    fn injects(&self, kind: FaultKind) -> Result<(), &'static str> {
+        match impossible(kind) {
+            None => Ok(()),
+            Some(why) => Err(why),
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! `--faults`, `--fault-log`, `--capture` and `skyloop replay`, as a user has them.
+
+use crate::skyloop;
+use std::path::Path;
+
+/// Exit code and all that a command printed.
+fn say(at: &Path, words: &str) -> (Option<i32>, String) {
+    let output = skyloop(at).args(words.split_whitespace()).output().unwrap();
+    let text = [output.stdout, output.stderr].concat();
+    (output.status.code(), String::from_utf8(text).unwrap())
+}
+
+fn has(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "no {word:?} in\n{text}");
+    }
+}
+
+#[test]
+fn a_recorded_loopback_is_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (code, text) = say(at, "loopback --frames 2 --capture run.pcapng");
+    assert_eq!(code, Some(0), "{text}");
+    let (code, text) = say(at, "-v replay run.pcapng");
+    assert_eq!(code, Some(0), "{text}");
+    has(
+        &text,
+        &[
+            "frame     1  attitude     1",
+            "crc32 ",
+            "the same: 2 frames",
+        ],
+    );
+
+    // One digit of one pixel, in the middle of the file.
+    let mut octets = std::fs::read(at.join("run.pcapng")).unwrap();
+    let block = b"\x0a\x02\xc0\x37";
+    let place = octets.windows(4).position(|window| window == block);
+    octets[place.expect("PixelBlock 55") + 500] ^= 4;
+    std::fs::write(at.join("spoilt.pcapng"), octets).unwrap();
+    let (code, text) = say(at, "replay spoilt.pcapng");
+    assert_eq!(code, Some(1), "{text}");
+    has(
+        &text,
+        &[
+            "PixelBlock 55 of frame 0",
+            "pixel (column ",
+            "recorded ",
+            "replayed ",
+            "--scene",
+        ],
+    );
+}
+
+/// Frames over the bus at its highest rates, recorded there: frame by frame.
+#[test]
+#[cfg(unix)]
+fn a_log_of_can_frames_is_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (code, text) = say(at, "loopback --link slcan --frames 2 --capture run.log");
+    assert_eq!(code, Some(0), "{text}");
+    let log = std::fs::read_to_string(at.join("run.log")).unwrap();
+    let first = log.lines().next().unwrap();
+    assert!(first.starts_with('(') && first.ends_with(" R"), "{first}");
+    has(&log, &[" can0 220##5", " can0 100##5", " T\n"]);
+    let (code, text) = say(at, "replay run.log");
+    assert_eq!(code, Some(0), "{text}");
+    has(&text, &["the same: 2 frames"]);
+}
+
+#[test]
+fn faults_are_written_down() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let faults = "[[faults]]\ndirection = \"out\"\nkind = \"duplicate\"\nvalue = 0.1\n\
+                  [[faults]]\ndirection = \"in\"\nkind = \"delay\"\nvalue = 0.001\n";
+    std::fs::write(at.join("faults.toml"), faults).unwrap();
+    let (code, text) = say(
+        at,
+        "loopback --frames 2 --faults faults.toml --fault-log log.jsonl --capture run.pcapng",
+    );
+    assert_eq!(code, Some(0), "{text}");
+    has(&text, &["faults injected  ", "in: none; out: duplicate "]);
+    let log = std::fs::read_to_string(at.join("log.jsonl")).unwrap();
+    let lines: Vec<serde_json::Value> = log
+        .lines()
+        .map(|l| serde_json::from_str(l).unwrap())
+        .collect();
+    let injected = lines.iter().filter(|line| line["event"] == "injected");
+    assert!(
+        text.contains(&format!("duplicate {}", injected.clone().count())),
+        "{text}"
+    );
+    for line in injected {
+        assert_eq!(
+            (&line["kind"], &line["direction"]),
+            (&"duplicate".into(), &"out".into())
+        );
+        assert!(line["unix_s"].as_f64().unwrap() > 1.7e9 && line["t_s"].as_f64().unwrap() < 60.0);
+        assert!(line["apid"].as_u64().unwrap() & 0x200 != 0);
+    }
+    let begins = |kind: &str| {
+        lines
+            .iter()
+            .any(|l| l["kind"] == kind && l["event"] == "begins")
+    };
+    assert!(begins("duplicate") && begins("delay"));
+    let (code, text) = say(at, "replay run.pcapng");
+    assert_eq!(code, Some(0), "{text}");
+}
+
+#[test]
+fn wrong_inputs_are_refused_in_a_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(
+        at.join("off.toml"),
+        "[[faults]]\ndirection = \"in\"\nkind = \"bus_off\"\n",
+    )
+    .unwrap();
+    std::fs::write(at.join("key.toml"), "[[fault]]\n").unwrap();
+    std::fs::write(at.join("wall.toml"), "[run]\nclock = \"wall\"\n").unwrap();
+    std::fs::write(at.join("text"), "hello\n").unwrap();
+    std::fs::write(at.join("bad.log"), "(1.000000) can0 123\n").unwrap();
+    std::fs::write(at.join("empty.log"), "(1.000000) can0 7FF#00\n").unwrap();
+    for (words, says) in [
+        ("loopback --faults none.toml", vec!["none.toml"]),
+        (
+            "loopback --faults key.toml",
+            vec!["key.toml", "unknown field", "faults"],
+        ),
+        (
+            "loopback --faults off.toml",
+            vec!["off.toml: faults[0].kind", "CAN", "use down"],
+        ),
+        ("loopback --fault-log no/log", vec!["--fault-log no/log"]),
+        (
+            "loopback --capture no/run.pcapng",
+            vec!["no/run.pcapng", "folder"],
+        ),
+        ("replay none.pcapng", vec!["none.pcapng", "check the path"]),
+        ("replay text", vec!["text: neither pcapng nor", "--capture"]),
+        ("replay bad.log", vec!["bad.log: line 1"]),
+        ("replay empty.log", vec!["nothing was received"]),
+        ("replay text --config none.toml", vec!["neither pcapng"]),
+    ] {
+        let (code, text) = say(at, words);
+        assert_eq!(code, Some(1), "{words}: {text}");
+        // TOML's own errors show the place.
+        let lines = text.trim().lines().count();
+        assert!(lines == 1 || text.contains("TOML"), "{words}: {text}");
+        has(&text, &says);
+    }
+    let (code, text) = say(at, "loopback --frames 1 --capture run.pcapng");
+    assert_eq!(code, Some(0), "{text}");
+    let (code, text) = say(at, "replay run.pcapng --config wall.toml");
+    assert_eq!(code, Some(1));
+    has(&text, &["wall.toml", "run.clock", "stepped"]);
+}
+
+/// A disk without room.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_told_and_the_run_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let delay = "[[faults]]\ndirection = \"in\"\nkind = \"delay\"\nvalue = 0.001\n";
+    std::fs::write(at.join("faults.toml"), delay).unwrap();
+    let (code, text) = say(
+        at,
+        "loopback --frames 1 --faults faults.toml --fault-log /dev/full",
+    );
+    assert_eq!((code, text.contains("frames  ")), (Some(1), true), "{text}");
+    has(&text, &["--fault-log /dev/full", "make room"]);
+    let (code, text) = say(at, "loopback --frames 1 --capture /dev/full");
+    assert_eq!(code, Some(1), "{text}");
+    has(&text, &["capture /dev/full"]);
+}

@@ -1,0 +1,283 @@
+//! Faults between a link and the emulator: what they do, what is counted, and how long a delay lasts.
+
+use crate::support::client::{Client, moved};
+use crate::support::line::{Line, MemoryLine, UdpLine};
+use crate::support::{EPOCH, PATIENCE, Running, attitude, await_that, options, scene};
+use bytes::Bytes;
+use skyloop::config::Clock;
+use skyloop::link::fault::{Book, CAPACITY, Plan, wrap};
+use skyloop::link::{self, Outbound, Wire};
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Command, Counters, Direction, Fault, FaultKind, Reason};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// A fault of a schedule, in force for the whole run.
+fn always(direction: &str, kind: &str, value: f64) -> String {
+    format!("[[faults]]\ndirection = \"{direction}\"\nkind = \"{kind}\"\nvalue = {value:?}\n")
+}
+
+/// Both ends of a link with faults, by name of the link.
+fn with_faults(link: &str, plan: &str) -> (Wire, Box<dyn Line + Send>) {
+    let plan = Plan::parse("faults.toml", plan, false).unwrap();
+    let book = Arc::new(Mutex::new(Book::default()));
+    let wrapped = |wire| wrap(wire, &plan, &NATIVE, &book).unwrap();
+    if link == "udp" {
+        let wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
+        let line = UdpLine::to(&wire.address);
+        return (wrapped(wire), Box::new(line));
+    }
+    let (wire, port) = link::loopback(link, &options(5.0)).unwrap();
+    (wrapped(wire), Box::new(MemoryLine(port)))
+}
+
+fn serving(plan: &str) -> (Running, Client<Box<dyn Line + Send>>) {
+    let (wire, line) = with_faults("memory", plan);
+    let emulator = Running::start(scene(), Clock::Stepped, wire);
+    (emulator, Client::new(line))
+}
+
+fn live(kind: FaultKind, direction: Direction, value: f64) -> Command {
+    Command::Fault(Fault {
+        kind,
+        direction,
+        value,
+        seconds: 0.0,
+    })
+}
+
+/// Packets that measure one direction: three times what the delay line holds.
+const PACKETS: usize = 3 * CAPACITY;
+const DELAY: Duration = Duration::from_millis(20);
+
+/// Measured delays less the one that was asked for, s, in order of size.
+fn errors(mut delays: Vec<Duration>) -> Vec<f64> {
+    delays.sort_unstable();
+    let error = |delay: &Duration| delay.as_secs_f64() - DELAY.as_secs_f64();
+    delays.iter().map(error).collect()
+}
+
+/// Times between sending and receiving `PACKETS` packets, a hundred of them under way at once. They come in order;
+/// a machine that stands still for 50 ms may lose some in the queues around the delay line.
+fn measure(
+    mut send: impl FnMut(Vec<u8>) + Send,
+    mut recv: impl FnMut(Duration) -> Option<(Vec<u8>, Instant)>,
+) -> Vec<Duration> {
+    let (sent, times) = std::sync::mpsc::channel();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            let start = Instant::now();
+            for i in 0..PACKETS as u32 {
+                let due = start + Duration::from_micros(200) * i;
+                std::thread::sleep(due.saturating_duration_since(Instant::now()));
+                sent.send((i, Instant::now())).unwrap();
+                send(i.to_be_bytes().repeat(4));
+            }
+        });
+        let mut delays = Vec::new();
+        while let Some((packet, came)) = recv(Duration::from_secs(2)) {
+            let (number, left) = loop {
+                let (number, left) = times.recv().unwrap();
+                if packet.starts_with(&number.to_be_bytes()) {
+                    break (number, left);
+                }
+            };
+            assert_eq!(packet, number.to_be_bytes().repeat(4), "whole");
+            delays.push(came - left);
+            if number as usize == PACKETS - 1 {
+                break;
+            }
+        }
+        delays
+    })
+}
+
+fn judge(link: &str, direction: &str, delays: Vec<Duration>) {
+    let came = delays.len();
+    let errors = errors(delays);
+    let (p50, p99) = (errors[came / 2], errors[came * 99 / 100]);
+    let (least, most) = (errors[0], errors[came - 1]);
+    println!(
+        "{link} {direction}: 20 ms delay, {came} of {PACKETS} packets: error p50 {:.3} p99 {:.3} max {:.3} ms",
+        p50 * 1e3,
+        p99 * 1e3,
+        most * 1e3
+    );
+    assert!(came > PACKETS * 9 / 10, "{came}");
+    // Never too early. Of a busy machine no more can be said than that it is late seldom.
+    assert!(least >= 0.0, "{least}");
+    assert!(p50 < 2e-3, "{p50}");
+    assert!(most < 0.3, "{most}");
+}
+
+#[test]
+fn the_delay_is_the_one_that_was_asked_for_where_the_ring_wraps_too() {
+    for link in ["memory", "udp"] {
+        let (wire, mut line) = with_faults(link, &always("in", "delay", 0.02));
+        // A first packet makes the client known, and time run.
+        line.send(b"hello");
+        wire.inbox.recv_timeout(PATIENCE).unwrap();
+        let received = |timeout| {
+            let inbound = wire.inbox.recv_timeout(timeout).ok()?;
+            Some((inbound.packet.to_vec(), inbound.arrived))
+        };
+        judge(link, "in", measure(|packet| line.send(&packet), received));
+
+        let (mut wire, mut line) = with_faults(link, &always("out", "delay", 0.02));
+        line.send(b"hello");
+        let exchange = wire.inbox.recv_timeout(PATIENCE).unwrap().exchange;
+        let outbox = &mut wire.outbox;
+        let send = |packet: Vec<u8>| {
+            let mut waiting = Some(Outbound::Packet {
+                exchange,
+                packet: Bytes::from(packet),
+            });
+            while let Some(what) = waiting.take() {
+                waiting = outbox.offer(what).unwrap();
+            }
+        };
+        let received = |timeout| Some((line.recv(timeout)?, Instant::now()));
+        judge(link, "out", measure(send, received));
+    }
+}
+
+/// The counters that move when `PINGS` Pings and one more, which gets through, meet a fault.
+fn moved_by(kind: FaultKind, value: f64) -> Vec<(&'static str, u32)> {
+    let (_emulator, mut client) = serving("");
+    let before = client.status().counters;
+    client.done(live(kind, Direction::In, value));
+    for _ in 0..PINGS {
+        let (packet, _) = client.prepare(&Command::Ping, EPOCH);
+        client.line.send(&packet);
+    }
+    client.send(live(kind, Direction::In, 0.0));
+    // Refusals, and answers of what came through.
+    while client.recv(Duration::from_millis(100)).is_some() {}
+    moved(&before, &client.status().counters)
+}
+
+const PINGS: u32 = 20;
+
+#[test]
+fn each_fault_moves_its_counter() {
+    // What vanishes is missing in the sequence counts.
+    for kind in [FaultKind::Drop, FaultKind::Stuck, FaultKind::Down] {
+        assert_eq!(moved_by(kind, 1.0), [("sequence_gaps", PINGS)], "{kind:?}");
+    }
+    let overrun = moved_by(FaultKind::Overrun, 1.0);
+    assert_eq!(overrun, [("overflows", PINGS), ("sequence_gaps", PINGS)]);
+    // Every bit inverted: the lengths no longer fit, and the counts are not believed.
+    let flipped = moved_by(FaultKind::BitFlips, 1.0);
+    assert_eq!(flipped[0], ("bad_length", PINGS));
+    // One more than a packet has at least is left at most.
+    let cut = moved_by(FaultKind::Truncate, 1.0);
+    let short: u32 = cut
+        .iter()
+        .filter(|(name, _)| ["runts", "bad_length"].contains(name))
+        .map(|(_, n)| n)
+        .sum();
+    assert_eq!(short, PINGS, "{cut:?}");
+    assert_eq!(
+        moved_by(FaultKind::Duplicate, 1.0),
+        [],
+        "Pings may come twice"
+    );
+}
+
+#[test]
+fn a_live_fault_is_acknowledged_acts_and_ends() {
+    let (_emulator, mut client) = serving("");
+    client.done(live(FaultKind::Drop, Direction::In, 1.0));
+    client.send(Command::Ping);
+    assert!(
+        client.recv(Duration::from_millis(200)).is_none(),
+        "it is lost"
+    );
+    // The command itself gets through, and ends it.
+    client.done(live(FaultKind::Drop, Direction::In, 0.0));
+    assert_eq!(client.status().counters.sequence_gaps, 1);
+    // For a time.
+    client.done(Command::Fault(Fault {
+        kind: FaultKind::Stuck,
+        direction: Direction::In,
+        value: 1.0,
+        seconds: 0.3,
+    }));
+    let started = Instant::now();
+    await_that("the line is free again", || {
+        client.send(Command::Ping);
+        client.recv(Duration::from_millis(20)).is_some()
+    });
+    assert!(started.elapsed() > Duration::from_millis(250));
+}
+
+#[test]
+fn what_cannot_be_injected_is_refused() {
+    let (_emulator, mut client) = serving("");
+    client.send(live(FaultKind::BusOff, Direction::In, 1.0));
+    let refused = client.nack();
+    assert_eq!(refused.reason, Reason::NotSupported);
+    assert!(refused.detail.contains("CAN"), "{}", refused.detail);
+    let (_emulator, line) = crate::support::on_memory(scene(), Clock::Stepped);
+    let mut client = Client::new(line);
+    client.send(live(FaultKind::Drop, Direction::In, 1.0));
+    let refused = client.nack();
+    assert_eq!(refused.reason, Reason::NotSupported);
+    assert!(refused.detail.contains("--faults"), "{}", refused.detail);
+}
+
+#[test]
+fn a_link_that_is_down_loses_what_leaves_and_counts_it() {
+    let (emulator, mut client) = serving(&always("out", "down", 1.0));
+    client.window = None;
+    for _ in 0..3 {
+        client.send(Command::Ping);
+    }
+    assert!(client.recv(Duration::from_millis(300)).is_none());
+    let counters = emulator.end();
+    // An Ack and a Status for each.
+    assert_eq!((counters.commands, counters.lost_outbound), (3, 6));
+}
+
+/// The counters at the end of a run in which 50 answers are under way.
+fn end_with_delay(seconds: f64) -> Counters {
+    let (wire, line) = with_faults("udp", &always("out", "delay", seconds));
+    let emulator = Running::start(scene(), Clock::Stepped, wire);
+    let mut client = Client::new(line);
+    client.window = None;
+    for _ in 0..25 {
+        client.send(Command::Ping);
+    }
+    std::thread::sleep(Duration::from_millis(200));
+    let ending = std::thread::spawn(move || emulator.end());
+    let mut came = 0;
+    while !ending.is_finished() {
+        came += u32::from(client.recv(Duration::from_millis(200)).is_some());
+    }
+    while client.recv(Duration::from_millis(200)).is_some() {
+        came += 1;
+    }
+    let counters = ending.join().unwrap();
+    assert_eq!(came + counters.lost_outbound, 50);
+    counters
+}
+
+#[test]
+fn the_end_of_a_run_waits_for_a_delay_and_counts_what_is_later() {
+    assert_eq!(end_with_delay(0.5).lost_outbound, 0);
+    // No client is waited for longer than 5 s.
+    assert_eq!(end_with_delay(30.0).lost_outbound, 50);
+}
+
+#[test]
+fn frames_pass_a_wire_with_faults_that_are_not_in_force() {
+    let later = format!("{}at_s = 1000.0\n", always("out", "drop", 1.0));
+    let (_emulator, mut client) = serving(&later);
+    client.good_frame(1);
+    let (_plain, line) = crate::support::on_memory(scene(), Clock::Stepped);
+    let mut plain = Client::new(line);
+    client.point(attitude(2), EPOCH);
+    plain.good_frame(1);
+    plain.point(attitude(2), EPOCH);
+    assert_eq!(client.frame(), plain.frame());
+}

@@ -1,0 +1,184 @@
+//! A recorded run is fed to an emulator again: the same, or the first difference named.
+
+use crate::support::line::{Line, UdpLine};
+use crate::support::{EPOCH, PATIENCE, Running, attitude, later, options, scene};
+use skyloop::config::{Clock, Config};
+use skyloop::engine::Emulator;
+use skyloop::link;
+use skyloop::link::capture::Capture;
+use skyloop::link::capture::replay::{Progress, Replay, load};
+use skyloop::link::fault::{Book, Plan, wrap};
+use skyloop::serve::Server;
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Command, Counters, MAX_PACKET, Reply};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// Everything that a bad line does, both ways.
+const BAD_LINE: &str = r#"
+seed = 11
+faults = [
+    { direction = "in", kind = "drop", value = 0.05 },
+    { direction = "in", kind = "bit_flips", value = 2e-4 },
+    { direction = "in", kind = "reorder", value = 0.05 },
+    { direction = "in", kind = "duplicate", value = 0.05 },
+    { direction = "out", kind = "drop", value = 0.05 },
+    { direction = "out", kind = "bit_flips", value = 1e-5 },
+    { direction = "out", kind = "jitter", value = 0.002 },
+]
+"#;
+
+/// Attitudes that the client sends.
+const ATTITUDES: u32 = 40;
+
+/// The built-in scene on a detector of 64 x 64 pixels.
+fn small() -> Config {
+    let mut config = scene();
+    (config.camera.detector.width, config.camera.detector.height) = (64, 64);
+    config
+}
+
+/// A run over a bad line, recorded in `file`: its counters, and what the line did.
+fn record(file: &Path) -> (Counters, u64) {
+    let plan = Plan::parse("faults.toml", BAD_LINE, false).unwrap();
+    let book = Arc::new(Mutex::new(Book::default()));
+    let wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
+    let mut line = UdpLine::to(&wire.address);
+    let mut wire = wrap(wire, &plan, &NATIVE, &book).unwrap();
+    let capture = Capture::packets(file, std::slice::from_ref(&wire.address)).unwrap();
+    capture.tap(&mut wire, 0);
+    let emulator = Running::start(small(), Clock::Stepped, wire);
+    let mut buffer = [0; MAX_PACKET];
+    let mut counts = skyloop_protocols::sequence::SequenceCounts::new();
+    let mut send = |line: &mut UdpLine, command: Command, time| {
+        let count = counts.next(command.apid());
+        let length = command.encode(count, time, &mut buffer).unwrap();
+        line.send(&buffer[..length]);
+    };
+    let mut delivered = 0;
+    for i in 0..ATTITUDES {
+        let time = later(EPOCH, f64::from(i) / 10.0);
+        // Lost grants are repeated.
+        send(&mut line, Command::Credit { packets: 1_000_000 }, time);
+        if i == 20 {
+            send(&mut line, Command::Exposure { seconds: 0.05 }, time);
+        }
+        if i == 30 {
+            send(&mut line, Command::Ping, time);
+        }
+        send(&mut line, Command::Attitude(attitude(i)), time);
+        // Now and then the client runs ahead.
+        if i % 8 < 5 {
+            let quiet = Duration::from_millis(30);
+            while let Some(packet) = line.recv(quiet) {
+                let header = Reply::decode(&packet);
+                delivered += u32::from(matches!(header, Ok((_, Reply::FrameHeader(_)))));
+            }
+        }
+    }
+    while line.recv(Duration::from_millis(500)).is_some() {}
+    let counters = emulator.end();
+    assert!(delivered > 0);
+    let written = capture.finish().unwrap();
+    assert!(written > u64::from(counters.frames_delivered));
+    let injected = book.lock().unwrap().total();
+    (counters, injected)
+}
+
+fn replay(file: &Path, mut config: Config) -> Progress {
+    let (links, replay) = Replay::of(load(file, &NATIVE).unwrap(), &NATIVE);
+    let output = config.run.output;
+    let emulator = Emulator::new(&mut config);
+    let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
+    let started = Instant::now();
+    std::thread::scope(|scope| {
+        let serving = scope.spawn(|| server.run(replay.over(), None, |_| {}).is_ok());
+        while !serving.is_finished() {
+            std::thread::sleep(Duration::from_millis(1));
+            if started.elapsed() > PATIENCE {
+                replay.give_up();
+            }
+        }
+        assert!(serving.join().unwrap());
+    });
+    replay.progress()
+}
+
+/// Alters the first packet of the recording that `choose` takes, by the octet that it says.
+fn alter(from: &Path, to: &Path, choose: impl Fn(&Reply<'_>) -> Option<usize>) {
+    let mut octets = std::fs::read(from).unwrap();
+    let events = load(from, &NATIVE).unwrap().events;
+    let place = events.iter().find_map(|event| {
+        let (_, reply) = Reply::decode(&event.item).ok()?;
+        Some((event.item.clone(), choose(&reply)?))
+    });
+    let (packet, octet) = place.expect("there is such a packet");
+    let at = octets
+        .windows(packet.len())
+        .position(|window| window == &packet[..])
+        .unwrap();
+    octets[at + octet] ^= 1;
+    std::fs::write(to, octets).unwrap();
+}
+
+#[test]
+fn a_run_over_a_bad_line_comes_again_octet_for_octet() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("run.pcapng");
+    let (counters, injected) = record(&file);
+    assert!(injected > 50, "{injected}");
+    assert!(
+        counters.bad_crc > 0 && counters.sequence_gaps > 0,
+        "{counters:?}"
+    );
+    assert!(counters.frames_delivered > ATTITUDES / 2, "{counters:?}");
+    let same = replay(&file, small());
+    assert_eq!(same.difference, None);
+    let whole = same.frames.iter().filter(|frame| frame.whole).count();
+    assert_eq!(whole as u32, counters.frames_delivered);
+    println!(
+        "{injected} faults, {} frames, {} packets the same",
+        whole, same.packets
+    );
+    // The hashes tell frames apart and repeat.
+    let mut hashes: Vec<u32> = same.frames.iter().map(|frame| frame.crc32).collect();
+    assert_eq!(replay(&file, small()).frames, same.frames);
+    hashes.sort_unstable();
+    hashes.dedup();
+    assert_eq!(hashes.len(), same.frames.len());
+
+    // Another seed: named by field and both values.
+    let mut other = small();
+    other.seed += 1;
+    let difference = replay(&file, other).difference.unwrap();
+    for word in ["FrameHeader of frame 0", "seed: recorded 1, replayed 2"] {
+        assert!(difference.contains(word), "no {word:?} in {difference}");
+    }
+    // A pixel: of the third block, whose octets start after 15 of header and 15 of layout.
+    let spoilt = folder.path().join("spoilt.pcapng");
+    alter(&file, &spoilt, |reply| match reply {
+        Reply::PixelBlock(block) if block.frame == 3 && block.index == 1 => Some(15 + 15 + 201),
+        _ => None,
+    });
+    let difference = replay(&spoilt, small()).difference.unwrap();
+    for word in [
+        "PixelBlock 1 of frame 3",
+        "pixel (column ",
+        "row ",
+        "recorded ",
+        "replayed ",
+    ] {
+        assert!(difference.contains(word), "no {word:?} in {difference}");
+    }
+    // A label.
+    alter(&file, &spoilt, |reply| match reply {
+        Reply::Labels(part) if part.frame == 2 && part.part == 4 => Some(15 + 8 + 40),
+        _ => None,
+    });
+    let difference = replay(&spoilt, small()).difference.unwrap();
+    assert!(
+        difference.contains("Labels 4 of frame 2: text from its octet 40"),
+        "{difference}"
+    );
+}
