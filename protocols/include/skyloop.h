@@ -342,6 +342,101 @@ static inline bool skyloop_is_padded(uint8_t packing, size_t count, const uint8_
     return (packing != 12U) || ((count % 2U) == 0U) || (length == 0U) || ((data[length - 1U] & 0xFU) == 0U);
 }
 
+/* ---- compressed pixels: the adaptive Rice coder of CCSDS 121.0-B-3 (docs/icd.md, section 3.12) --------------------- */
+
+typedef struct {
+    const uint8_t *data;
+    size_t bits; /* of the data */
+    size_t at;
+} skyloop_bit_reader_t;
+
+/* Bits beyond the end are 0. */
+static inline uint32_t skyloop_take_bits(skyloop_bit_reader_t *reader, unsigned count)
+{
+    uint32_t value = 0U;
+    for (unsigned n = 0U; n < count; n++) {
+        uint32_t bit = 0U;
+        if (reader->at < reader->bits) {
+            bit = ((uint32_t)reader->data[reader->at / 8U] >> (7U - (reader->at % 8U))) & 1U;
+        }
+        value = (value << 1) | bit;
+        reader->at++;
+    }
+    return value;
+}
+
+/* The zeros before the next 1, which is taken too. Where there is none, the place is beyond the end. */
+static inline uint32_t skyloop_take_zeros(skyloop_bit_reader_t *reader)
+{
+    uint32_t zeros = 0U;
+    while ((zeros < 0x10000U) && (reader->at < reader->bits)) {
+        if (skyloop_take_bits(reader, 1U) == 1U) {
+            return zeros;
+        }
+        zeros++;
+    }
+    reader->at = reader->bits + 1U;
+    return 0U;
+}
+
+/* The pixel of a mapped sample after the pixel `last`. */
+static inline uint16_t skyloop_unmap(uint32_t last, uint32_t sample, uint32_t most)
+{
+    const uint32_t side = (last < most - last) ? last : (most - last);
+    uint32_t pixel = last + (sample / 2U);
+    if (sample > 2U * side) {
+        pixel = (last == side) ? sample : (most - sample);
+    } else if ((sample % 2U) == 1U) {
+        pixel = last - ((sample + 1U) / 2U);
+    } else {
+        /* above the last */
+    }
+    return (uint16_t)pixel;
+}
+
+/* The `count` pixels of a Compressed packet's data; `bits` is that of the FrameHeader. */
+static inline skyloop_error_t skyloop_decompress(const uint8_t *data, size_t length, uint8_t bits, uint16_t *pixels,
+                                                 size_t count)
+{
+    if ((bits < 1U) || (bits > 16U)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    skyloop_bit_reader_t reader = {data, length * 8U, 0U};
+    const uint32_t most = ((uint32_t)1U << bits) - 1U;
+    const unsigned option_bits = (bits <= 8U) ? 3U : 4U;
+    const uint32_t uncompressed = ((uint32_t)1U << option_bits) - 1U;
+    for (size_t first = 0U; first < count; first += 16U) {
+        uint32_t samples[16] = {0U};
+        const uint32_t option = skyloop_take_bits(&reader, option_bits);
+        const unsigned low = (option == uncompressed) ? bits : (unsigned)(option - 1U);
+        const size_t reference = (first == 0U) ? 1U : 0U;
+        if (option == 0U) {
+            return SKYLOOP_BAD_VALUE;
+        }
+        if (reference == 1U) {
+            samples[0] = skyloop_take_bits(&reader, bits);
+        }
+        for (size_t n = reference; (option != uncompressed) && (n < 16U); n++) {
+            samples[n] = skyloop_take_zeros(&reader);
+        }
+        for (size_t n = reference; n < 16U; n++) {
+            const uint32_t sample = (samples[n] << low) | skyloop_take_bits(&reader, low);
+            const size_t place = first + n;
+            samples[n] = sample;
+            if ((sample > most) || (reader.at > reader.bits) ||
+                ((place >= count) && (sample != 0U))) {
+                return SKYLOOP_BAD_VALUE;
+            }
+        }
+        for (size_t n = 0U; (n < 16U) && (first + n < count); n++) {
+            const size_t place = first + n;
+            pixels[place] = (place == 0U) ? (uint16_t)samples[0] : skyloop_unmap(pixels[place - 1U], samples[n], most);
+        }
+    }
+    const size_t unused = reader.bits - ((reader.at < reader.bits) ? reader.at : reader.bits);
+    return ((unused < 8U) && (skyloop_take_bits(&reader, (unsigned)unused) == 0U)) ? SKYLOOP_OK : SKYLOOP_BAD_VALUE;
+}
+
 /* ---- serial lines: RFC 1055 around packet and CRC-32 ------------------------------------------------------------- */
 
 /* Most octets that a frame of a packet of `length` octets has. */

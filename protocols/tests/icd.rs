@@ -187,6 +187,7 @@ fn every_field_has_its_row() {
         "hex",
         "opcode",
         "pixels",
+        "pixel_bits",
         "places",
         "records",
     ];

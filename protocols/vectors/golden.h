@@ -1655,6 +1655,85 @@ static void good_36(void)
     RELEASE();
 }
 
+static void good_37(void)
+{
+    static const uint8_t packet[] = {
+        0x0a, 0x09, 0xc0, 0x01, 0x00, 0x5f, 0x73, 0x97, 0xdf, 0x7b, 0x00, 0x00, 0x00, 0x00, 0x02, 0x00, 0x00, 0x00, 0x06, 0x00,
+        0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x31, 0x40, 0x1b, 0x4c, 0xe2, 0x28, 0x85, 0x95, 0xbb, 0x3f, 0xe5, 0x54,
+        0x30, 0x3f, 0x80, 0x14, 0x00, 0x50, 0x03, 0x60, 0x0f, 0x3f, 0xd5, 0xe3, 0xcb, 0x77, 0xb8, 0x81, 0x38, 0x72, 0xc7, 0x7e,
+        0x3b, 0x35, 0xc9, 0x2c, 0xde, 0x88, 0xe7, 0x1e, 0x17, 0xe4, 0x64, 0x31, 0x01, 0x01, 0xff, 0xcb, 0x61, 0x65, 0x15, 0xcb,
+        0x3f, 0xff, 0xff, 0xf0, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x30, 0x00, 0x00, 0x85, 0xff, 0xfe,
+        0x00, 0x86,
+    };
+    skyloop_downlink_t made;
+    skyloop_downlink_t got;
+    (void)memset(&made, 0, sizeof made);
+    made.header.apid = SKYLOOP_APID_COMPRESSED;
+    made.header.sequence_count = 1U;
+    made.header.time = 0x7397df7b00000000U;
+    made.as.compressed_block.frame = 6U;
+    made.as.compressed_block.index = 0U;
+    made.as.compressed_block.first_pixel = 0U;
+    made.as.compressed_block.count = 49U;
+    static const uint8_t rest[] = {
+        0x40, 0x1b, 0x4c, 0xe2, 0x28, 0x85, 0x95, 0xbb, 0x3f, 0xe5, 0x54, 0x30, 0x3f, 0x80, 0x14, 0x00, 0x50, 0x03, 0x60, 0x0f,
+        0x3f, 0xd5, 0xe3, 0xcb, 0x77, 0xb8, 0x81, 0x38, 0x72, 0xc7, 0x7e, 0x3b, 0x35, 0xc9, 0x2c, 0xde, 0x88, 0xe7, 0x1e, 0x17,
+        0xe4, 0x64, 0x31, 0x01, 0x01, 0xff, 0xcb, 0x61, 0x65, 0x15, 0xcb, 0x3f, 0xff, 0xff, 0xf0, 0x00, 0x00, 0x00, 0x00, 0x00,
+        0x00, 0x00, 0x00, 0x00, 0x00, 0x30, 0x00, 0x00, 0x85, 0xff, 0xfe,
+    };
+    made.as.compressed_block.data = rest;
+    made.as.compressed_block.data_length = 71U;
+    TAKEN(downlink, "compressed, 14 bits", packet, made, got);
+    SAME(got.as.compressed_block.frame, 6U);
+    SAME(got.as.compressed_block.index, 0U);
+    SAME(got.as.compressed_block.first_pixel, 0U);
+    SAME(got.as.compressed_block.count, 49U);
+    static const uint16_t pixels[] = {
+        109U, 98U, 101U, 112U, 110U, 106U, 90U, 104U, 97U, 110U, 91U, 95U, 93U, 101U, 105U, 97U, 102U, 107U, 93U, 108U,
+        8170U, 429U, 7101U, 13374U, 9158U, 5966U, 12761U, 5229U, 2357U, 4547U, 14576U, 4151U, 4333U, 58U, 174U, 6863U, 16383U, 0U, 0U, 0U,
+        0U, 0U, 0U, 0U, 0U, 3U, 3U, 4U, 3U,
+    };
+    check_compressed(got.as.compressed_block.data, got.as.compressed_block.data_length, 14U, pixels, sizeof pixels / sizeof pixels[0]);
+    SAME(got.as.compressed_block.data_length, 71U);
+    CHECK(memcmp(got.as.compressed_block.data, rest, 71U) == 0);
+    RELEASE();
+}
+
+static void good_38(void)
+{
+    static const uint8_t packet[] = {
+        0x0a, 0x09, 0xc0, 0x02, 0x00, 0x1c, 0x73, 0x97, 0xdf, 0x7b, 0x00, 0x00, 0x00, 0x00, 0x02, 0x00, 0x00, 0x00, 0x06, 0x00,
+        0x00, 0x00, 0x09, 0x00, 0x00, 0x02, 0xbc, 0x00, 0x01, 0x3f, 0xff, 0xff, 0xc0, 0x89, 0x0a,
+    };
+    skyloop_downlink_t made;
+    skyloop_downlink_t got;
+    (void)memset(&made, 0, sizeof made);
+    made.header.apid = SKYLOOP_APID_COMPRESSED;
+    made.header.sequence_count = 2U;
+    made.header.time = 0x7397df7b00000000U;
+    made.as.compressed_block.frame = 6U;
+    made.as.compressed_block.index = 9U;
+    made.as.compressed_block.first_pixel = 700U;
+    made.as.compressed_block.count = 1U;
+    static const uint8_t rest[] = {
+        0x3f, 0xff, 0xff, 0xc0,
+    };
+    made.as.compressed_block.data = rest;
+    made.as.compressed_block.data_length = 4U;
+    TAKEN(downlink, "compressed, 8 bits, one pixel", packet, made, got);
+    SAME(got.as.compressed_block.frame, 6U);
+    SAME(got.as.compressed_block.index, 9U);
+    SAME(got.as.compressed_block.first_pixel, 700U);
+    SAME(got.as.compressed_block.count, 1U);
+    static const uint16_t pixels[] = {
+        255U,
+    };
+    check_compressed(got.as.compressed_block.data, got.as.compressed_block.data_length, 8U, pixels, sizeof pixels / sizeof pixels[0]);
+    SAME(got.as.compressed_block.data_length, 4U);
+    CHECK(memcmp(got.as.compressed_block.data, rest, 4U) == 0);
+    RELEASE();
+}
+
 static void bad_0(void)
 {
     static const uint8_t packet[] = {
@@ -2736,6 +2815,8 @@ static void golden(void)
     good_34();
     good_35();
     good_36();
+    good_37();
+    good_38();
     bad_0();
     bad_1();
     bad_2();

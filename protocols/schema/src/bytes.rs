@@ -62,7 +62,8 @@ impl Bits {
             if self.used.is_multiple_of(8) {
                 self.octets.push(0);
             }
-            if let (1, Some(last)) = (value >> bit & 1, self.octets.last_mut()) {
+            let set = bit < 64 && value >> bit & 1 == 1;
+            if let (true, Some(last)) = (set, self.octets.last_mut()) {
                 *last |= 0x80 >> (self.used % 8);
             }
             self.used += 1;

@@ -110,11 +110,30 @@ fn put(
             }
             Ok(())
         }
+        Kind::Rest(Rest::Octets) if value.is_table() => {
+            let (bits, pixels) = compressed(value)?;
+            out.extend(crate::rice::encode(&pixels, bits));
+            Ok(())
+        }
         Kind::Rest(Rest::Octets | Rest::Utf8) => {
             out.extend(text_or_hex(value.as_str().ok_or("not a text")?)?);
             Ok(())
         }
     }
+}
+
+/// Bits of a pixel and the pixels of `{ bits, rice }`.
+///
+/// # Errors
+/// Anything else.
+pub fn compressed(value: &Value) -> Result<(usize, Vec<u64>), String> {
+    let bits = value
+        .get("bits")
+        .and_then(Value::as_integer)
+        .ok_or("no bits")?;
+    let pixels = numbers(value.get("rice").ok_or("no rice")?)?;
+    let pixels: Result<Vec<u64>, String> = pixels.iter().map(unsigned).collect();
+    Ok((bits as usize, pixels?))
 }
 
 /// Text, or octets after `hex:`.

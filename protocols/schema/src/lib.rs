@@ -10,6 +10,7 @@ pub mod encode;
 pub mod icd;
 pub mod model;
 pub mod query;
+pub mod rice;
 pub mod rust;
 pub mod vectors;
 pub mod xtce;

@@ -5,7 +5,7 @@ use toml::{Table, Value};
 
 use crate::NOTE;
 use crate::bytes::{crc32, from_hex, hex};
-use crate::encode::{Around, can_frames, float, numbers, packet, payload, unsigned};
+use crate::encode::{Around, can_frames, compressed, float, numbers, packet, payload, unsigned};
 use crate::model::{Field, Kind, Message, Number, Rest, Schema};
 
 #[derive(Debug, Deserialize)]
@@ -397,6 +397,17 @@ fn shown(field: &Field, value: &Value) -> Vec<(String, String)> {
         }
         // Records stand in `vectors.toml`, field by field.
         Kind::Rest(Rest::Records) => Vec::new(),
+        Kind::Rest(Rest::Octets) if value.is_table() => {
+            let (bits, pixels) = compressed(value).unwrap_or_default();
+            let data = hex(&crate::rice::encode(&pixels, bits), 2000);
+            let pixels: Vec<String> = pixels.iter().map(u64::to_string).collect();
+            [
+                named(&field.name, data),
+                named("pixel_bits", bits.to_string()),
+                named("pixels", pixels.join(" ")),
+            ]
+            .concat()
+        }
         _ => {
             let text = value.as_str().unwrap_or_default();
             named(

@@ -240,6 +240,28 @@ static void check_pixels(void)
     }
 }
 
+/* The code gives the pixels; cut short or damaged anywhere it gives some answer, without a wrong access. */
+static void check_compressed(const uint8_t *data, size_t length, uint8_t bits, const uint16_t *pixels, size_t count)
+{
+    uint16_t got[2048];
+    SAME(skyloop_decompress(data, length, bits, got, count), SKYLOOP_OK);
+    CHECK(memcmp(got, pixels, count * sizeof pixels[0]) == 0);
+    for (size_t cut = 0U; cut < length; cut++) {
+        uint8_t *copy = copied(data, cut);
+        SAME(skyloop_decompress(copy, cut, bits, got, count), SKYLOOP_BAD_VALUE);
+        free(copy);
+    }
+    for (size_t bit = 0U; bit < length * 8U; bit++) {
+        uint8_t *copy = copied(data, length);
+        copy[bit / 8U] ^= (uint8_t)(0x80U >> (bit % 8U));
+        for (uint8_t wrong = 0U; wrong <= 17U; wrong++) {
+            (void)skyloop_decompress(copy, length, wrong, got, 2048U);
+            (void)skyloop_decompress(copy, length, wrong, got, count);
+        }
+        free(copy);
+    }
+}
+
 #include "../../vectors/golden.h"
 
 int main(void)

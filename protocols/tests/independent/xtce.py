@@ -62,7 +62,8 @@ def check(entry):
         assert packet["Attitude_flags"] == ("position_m" in entry)
         seen.add("Attitude_flags")
     for key, text in entry.items():
-        if key in ("name", "message", "sequence_count", "time", "opcode", "hex", "octets", "records", "places", "data") \
+        if key in ("name", "message", "sequence_count", "time", "opcode", "hex", "octets", "records", "places", "data",
+                   "pixel_bits") \
                 or (key == "pixels" and f"{prefix}_data" in packet):
             continue
         name = f"{prefix}_{key.removeprefix('answers_')}"

@@ -4,7 +4,7 @@ use toml::Value;
 
 use super::{snake, upper};
 use crate::NOTE;
-use crate::encode::{float, numbers, unsigned};
+use crate::encode::{compressed, float, numbers, unsigned};
 use crate::model::{Field, Kind, Number, Receiver, Schema};
 use crate::vectors::{Good, Vectors};
 
@@ -146,6 +146,18 @@ fn good(schema: &Schema, vector: &Good, number: usize) -> Result<String, String>
         };
         match &field.kind {
             Kind::Rest(_) => {
+                if value.get("rice").is_some() {
+                    let (bits, pixels) = compressed(value)?;
+                    let pixels: Vec<String> =
+                        pixels.iter().map(|pixel| format!("{pixel}U")).collect();
+                    let pixels = pixels
+                        .chunks(20)
+                        .map(|line| format!("        {},\n", line.join(", ")));
+                    same += &format!(
+                        "    static const uint16_t pixels[] = {{\n{}    }};\n    check_compressed(got.{path}, got.{path}_length, {bits}U, pixels, sizeof pixels / sizeof pixels[0]);\n",
+                        pixels.collect::<String>()
+                    );
+                }
                 set += &octets("rest", rest);
                 set += &format!(
                     "    made.{path} = rest;\n    made.{path}_length = {}U;\n",
