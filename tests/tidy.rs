@@ -321,7 +321,12 @@ fn nothing_panics_on_purpose() {
         "todo!(",
         "unimplemented!(",
     ];
-    for folder in ["src", "protocols/src", "firmware-sim/src"] {
+    for folder in [
+        "src",
+        "protocols/src",
+        "protocols/schema/src",
+        "firmware-sim/src",
+    ] {
         let tests = root().join("src/orbit/tests");
         let paths = files(&root().join(folder));
         for path in paths
