@@ -67,6 +67,8 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         orbit,
         timeout: TIMEOUT,
         pace: Pace::Stepped { most_hz: None },
+        output: None,
+        positions: None,
     };
     // Said before anything is opened or written.
     let exposure_s = config.camera.exposure_s;

@@ -83,7 +83,10 @@ fn over(scheme: &str, camera: &str) -> Vec<Seen> {
         let report = FlightComputer::new(port, mission).run(|event| {
             match event {
                 Event::Frame { frame, labels, .. } => {
-                    seen.push((frame.pixels.clone(), labels.unwrap_or_default().to_string()));
+                    seen.push((
+                        frame.pixels().to_vec(),
+                        labels.unwrap_or_default().to_string(),
+                    ));
                 }
                 other => println!("{scheme}: {other:?}"),
             }

@@ -32,7 +32,7 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &["blobs", "mission"],
     &["detector"],
     &["received"],
-    &["reassembly", "score"],
+    &["contents", "reassembly", "score"],
     &["report"],
     &["event", "exchange"],
     &["flight_computer"],

@@ -48,7 +48,7 @@ pub struct Detection {
     pub saturated: bool,
 }
 
-/// The detections of one frame. They come from [`detect`] only and do not change: holding them proves that the frame's
+/// The detections of one frame. They come from [`detect`] and [`detect_windows`] only and do not change: holding them proves that the frame's
 /// labels played no part.
 #[derive(Debug)]
 pub struct Detections {
@@ -57,6 +57,12 @@ pub struct Detections {
 }
 
 impl Detections {
+    fn new(frame: u32, mut list: Vec<Detection>, settings: &DetectorSettings) -> Self {
+        list.sort_by(|a, b| b.flux_e.total_cmp(&a.flux_e));
+        list.truncate(settings.most);
+        Self { frame, list }
+    }
+
     /// The frame they belong to.
     #[must_use]
     pub fn frame(&self) -> u32 {
@@ -84,12 +90,35 @@ pub fn detect(image: &Image<'_>, settings: &DetectorSettings) -> Detections {
                 .filter_map(|blob| signal.measure(image, blob, &blobs)),
         );
     }
-    list.sort_by(|a, b| b.flux_e.total_cmp(&a.flux_e));
-    list.truncate(settings.most);
-    Detections {
-        frame: image.frame,
-        list,
+    Detections::new(image.frame, list, settings)
+}
+
+/// Finds the blobs of light in windows of a frame, each with column and row of its first pixel. Their edges count as
+/// the frame's. What lies in several windows is told once.
+#[must_use]
+pub fn detect_windows<'a>(
+    frame: u32,
+    windows: impl Iterator<Item = ([u16; 2], Image<'a>)>,
+    settings: &DetectorSettings,
+) -> Detections {
+    /// Closer than this two detections are the same light, px.
+    const SAME_PX: f64 = 1.0;
+    let mut list: Vec<Detection> = Vec::new();
+    for ([column, row], image) in windows {
+        for mut found in detect(&image, settings).list {
+            found.x_px += f64::from(column);
+            found.y_px += f64::from(row);
+            let same = |other: &&mut Detection| {
+                (other.x_px - found.x_px).hypot(other.y_px - found.y_px) < SAME_PX
+            };
+            match list.iter_mut().find(same) {
+                Some(other) if other.edge && !found.edge => *other = found,
+                Some(_) => {}
+                None => list.push(found),
+            }
+        }
     }
+    Detections::new(frame, list, settings)
 }
 
 impl Signal {

@@ -45,11 +45,11 @@ impl fmt::Display for Loss {
 pub enum Event<'a> {
     /// A whole frame, detected and scored.
     Frame {
-        /// Header and pixels.
+        /// Header and what pixels were sent.
         frame: &'a ReceivedFrame,
         /// What was found in the pixels.
         detections: &'a Detections,
-        /// The label text, if it is text.
+        /// The label text, if text was sent and is text; objects open by [`ReceivedFrame::objects`].
         labels: Option<&'a str>,
         /// Detections against labels, if the labels can be read.
         score: Option<&'a Score>,

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use hifitime::Epoch;
 use skyloop_protocols::sequence::SequenceCounts;
-use skyloop_protocols::{Ack, Command, MAX_PACKET, Reply, Status, WireTime, apid};
+use skyloop_protocols::{Ack, Command, MAX_PACKET, Reply, Status, WireTime};
 
 use crate::pacing::Pacing;
 use crate::port::{Port, PortError};
@@ -37,6 +37,18 @@ pub(crate) enum Incoming {
     Other,
 }
 
+/// What became of a command.
+pub(crate) enum Answer {
+    /// It was carried out.
+    Done,
+    /// It was refused.
+    Refused(NackRecord),
+    /// Nobody answered.
+    Silence,
+    /// The caller broke it off.
+    Stopped,
+}
+
 /// One end of the conversation.
 pub(crate) struct Exchange<P> {
     port: P,
@@ -44,6 +56,8 @@ pub(crate) struct Exchange<P> {
     pacing: Pacing,
     assembler: Assembler,
     undecodable: u64,
+    /// Octets of all packets that came.
+    octets: u64,
 }
 
 impl<P: Port> Exchange<P> {
@@ -54,20 +68,40 @@ impl<P: Port> Exchange<P> {
             pacing: Pacing::new(WINDOW),
             assembler: Assembler::new(Limits::default()),
             undecodable: 0,
+            octets: 0,
         }
     }
 
-    /// Resets the emulator's side and opens a new exchange. False if nobody answered within `timeout`; `tick` comes
-    /// at least five times a second and may break it off.
+    /// Resets the emulator's side and opens a new exchange. [`Answer::Silence`] if nobody answered within `timeout`;
+    /// `tick` comes at least five times a second and may break it off.
     pub(crate) fn open(
         &mut self,
         timeout: Duration,
+        tick: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<Answer, PortError> {
+        let answer = self.ask(&Command::Reset, timeout, tick)?;
+        // An emulator that does not reset is there all the same.
+        if matches!(answer, Answer::Done | Answer::Refused(_)) {
+            self.pacing = Pacing::new(WINDOW);
+            self.assembler = Assembler::new(Limits::default());
+            self.grant()?;
+        }
+        Ok(answer)
+    }
+
+    /// Sends a command until it is answered, `timeout` at most; `tick` comes at least five times a second and may
+    /// break it off.
+    pub(crate) fn ask(
+        &mut self,
+        command: &Command,
+        timeout: Duration,
         mut tick: impl FnMut() -> ControlFlow<()>,
-    ) -> Result<ControlFlow<(), bool>, PortError> {
-        /// A Reset may be lost: it is sent as often as this.
+    ) -> Result<Answer, PortError> {
+        /// A command or its answer may be lost: it is sent as often as this.
         const TRIES: u32 = 4;
+        let mut asked = Vec::new();
         for _ in 0..TRIES {
-            let count = self.command(&Command::Reset)?;
+            asked.push((command.apid(), self.command(command)?));
             let deadline = Instant::now() + timeout / TRIES;
             loop {
                 let left = deadline.saturating_duration_since(Instant::now());
@@ -75,27 +109,22 @@ impl<P: Port> Exchange<P> {
                     break;
                 }
                 if tick().is_break() {
-                    return Ok(ControlFlow::Break(()));
+                    return Ok(Answer::Stopped);
                 }
-                let answered = match self.receive(left.min(TICK))? {
-                    Some(Incoming::Ack(ack)) => {
-                        (ack.apid, ack.sequence_count) == (apid::COMMAND, count)
+                match self.receive(left.min(TICK))? {
+                    Some(Incoming::Ack(ack)) if asked.contains(&(ack.apid, ack.sequence_count)) => {
+                        return Ok(Answer::Done);
                     }
-                    // An emulator that does not reset is there all the same.
-                    Some(Incoming::Nack(nack)) => {
-                        (nack.apid, nack.sequence_count) == (apid::COMMAND, count)
+                    Some(Incoming::Nack(nack))
+                        if asked.contains(&(nack.apid, nack.sequence_count)) =>
+                    {
+                        return Ok(Answer::Refused(nack));
                     }
-                    _ => false,
-                };
-                if answered {
-                    self.pacing = Pacing::new(WINDOW);
-                    self.assembler = Assembler::new(Limits::default());
-                    self.grant()?;
-                    return Ok(ControlFlow::Continue(true));
+                    _ => {}
                 }
             }
         }
-        Ok(ControlFlow::Continue(false))
+        Ok(Answer::Silence)
     }
 
     /// Sends a command that is about the present moment; gives its sequence count.
@@ -127,6 +156,7 @@ impl<P: Port> Exchange<P> {
         let Some(packet) = self.port.recv(timeout)? else {
             return Ok(None);
         };
+        self.octets += packet.len() as u64;
         let Ok((header, reply)) = Reply::decode(&packet) else {
             self.undecodable += 1;
             return Ok(Some(Incoming::Other));
@@ -165,6 +195,7 @@ impl<P: Port> Exchange<P> {
     /// Writes its counts into the report.
     pub(crate) fn account(&self, report: &mut Report) {
         report.undecodable = self.undecodable;
+        report.octets = self.octets;
         report.dropped = self.port.dropped();
         report.missing_packets = self.pacing.missing();
         report.assembly = self.assembler.counts();

@@ -18,6 +18,7 @@ mod background;
 mod blobs;
 pub mod can;
 pub mod console;
+pub mod contents;
 pub mod detector;
 pub mod event;
 mod exchange;

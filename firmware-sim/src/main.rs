@@ -1,5 +1,7 @@
 //! `skyloop-fc`: a flight computer for an emulator on the other end of a UDP or serial link.
 
+mod cli;
+
 use std::cmp::Ordering;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -9,6 +11,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{ArgGroup, Parser};
+use cli::OutputArgs;
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::AttitudeList;
@@ -18,6 +21,7 @@ use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::link;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
+use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{file_and_name, read_text};
@@ -72,6 +76,8 @@ struct Args {
         allow_negative_numbers = true
     )]
     timeout: f64,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 /// Refusals that are told as they come.
@@ -157,6 +163,7 @@ fn mission(args: &Args) -> Result<Mission> {
         false => Pace::Stepped { most_hz: args.rate },
     };
     let profile = profile(args, start)?;
+    let (output, positions) = args.output.wanted()?;
     Ok(Mission {
         start,
         period_s: args.period,
@@ -165,6 +172,8 @@ fn mission(args: &Args) -> Result<Mission> {
         orbit,
         timeout,
         pace,
+        output,
+        positions,
     })
 }
 
@@ -216,6 +225,12 @@ fn tell(event: &Event<'_>) -> std::io::Result<()> {
             let ms = latency.map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3);
             let matched = score.map_or(0, |score| score.matches.len());
             let (number, found) = (frame.header.attitude_sequence, detections.list().len());
+            if frame.content == Content::None {
+                let objects = frame.objects(detections).map_or(0, |list| list.len());
+                return say(format_args!(
+                    "frame {number}: {objects} objects, no pixels, after {ms:.1} ms\n"
+                ));
+            }
             say(format_args!(
                 "frame {number}: {found} detections, {matched} matched, last block after {ms:.1} ms\n"
             ))

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use hifitime::Epoch;
 
-use skyloop_protocols::{Attitude, OrbitState};
+use skyloop_protocols::{Attitude, OrbitState, Output, Positions};
 
 use crate::profile::{OrbitSource, Profile, ProfileError};
 
@@ -25,6 +25,10 @@ pub struct Mission {
     pub timeout: Duration,
     /// What sets the pace.
     pub pace: Pace,
+    /// What of each frame the emulator is asked to send; without it, what it is configured to.
+    pub output: Option<Output>,
+    /// Where windows are asked for; without it, where the emulator is configured to cut them.
+    pub positions: Option<Positions>,
 }
 
 impl Mission {

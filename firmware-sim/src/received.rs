@@ -2,24 +2,52 @@
 
 use std::time::Instant;
 
-use skyloop_protocols::{FrameHeader, WireTime};
+use skyloop_protocols::{FrameHeader, LabelLevel, ObjectPart, ObjectRecord, WireTime};
 use thiserror::Error;
 
-use crate::detector::Detections;
+use crate::detector::{Detections, DetectorSettings, detect, detect_windows};
 use crate::image::Image;
 
-/// A frame with all its pixels and its labels, the labels still sealed.
+/// Which of a frame's pixels came.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Content {
+    /// None.
+    #[default]
+    None,
+    /// Windows.
+    Windows(Vec<Cutout>),
+    /// All, DN, row by row from pixel (0, 0): `width * height` of them, checked against the header's CRC-32.
+    Frame(Vec<u16>),
+}
+
+/// A window of a frame.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Cutout {
+    /// Column of its first pixel in the frame.
+    pub column: u16,
+    /// Row of its first pixel in the frame.
+    pub row: u16,
+    /// Columns and rows.
+    pub size: u16,
+    /// DN, row by row.
+    pub pixels: Vec<u16>,
+}
+
+/// A frame with the pixels and labels that were sent, the labels still sealed.
 #[derive(Clone, Debug)]
 pub struct ReceivedFrame {
     /// The header as it came.
     pub header: FrameHeader,
     /// Middle of the exposure.
     pub mid_exposure: WireTime,
-    /// DN, row by row from pixel (0, 0): `width * height` of them.
-    pub pixels: Vec<u16>,
-    /// When the last pixel block arrived.
+    /// Its pixels.
+    pub content: Content,
+    /// Octets that the pixels took on the wire, packed or compressed.
+    pub pixel_octets: u64,
+    /// When the last packet with pixels arrived; of a frame without any, with labels.
     pub last_block: Instant,
-    /// The label text as octets, to be read through [`ReceivedFrame::labels`] only.
+    /// Label text or object records as octets, to be read through [`ReceivedFrame::labels`] and
+    /// [`ReceivedFrame::objects`] only.
     pub(crate) sealed_labels: Vec<u8>,
 }
 
@@ -47,14 +75,37 @@ pub enum SealError {
 }
 
 impl ReceivedFrame {
-    /// What the detector may see.
+    /// All pixels of the frame, if all were sent.
+    #[must_use]
+    pub fn pixels(&self) -> &[u16] {
+        match &self.content {
+            Content::Frame(pixels) => pixels,
+            Content::None | Content::Windows(_) => &[],
+        }
+    }
+
+    /// Its windows, if windows were sent.
+    #[must_use]
+    pub fn windows(&self) -> &[Cutout] {
+        match &self.content {
+            Content::Windows(windows) => windows,
+            Content::None | Content::Frame(_) => &[],
+        }
+    }
+
+    /// What the detector may see of a whole frame; empty if not all pixels were sent.
     #[must_use]
     pub fn image(&self) -> Image<'_> {
+        let (width, height) = (self.header.width.into(), self.header.height.into());
+        self.image_of(width, height, self.pixels())
+    }
+
+    fn image_of<'a>(&self, width: usize, height: usize, pixels: &'a [u16]) -> Image<'a> {
         Image {
             frame: self.header.frame,
-            width: usize::from(self.header.width),
-            height: usize::from(self.header.height),
-            pixels: &self.pixels,
+            width,
+            height,
+            pixels,
             gain_e_per_dn: self.header.gain_e_per_dn,
             offset_dn: self.header.offset_dn,
             // 1 to 16 bits by the decoder.
@@ -64,21 +115,78 @@ impl ReceivedFrame {
         }
     }
 
-    /// The label text: JSON, one line. It opens for the fixed detections of this frame only.
+    /// Detects stars in the pixels that came; in none, none.
+    #[must_use]
+    pub fn detect(&self, settings: &DetectorSettings) -> Detections {
+        if let Content::Windows(windows) = &self.content {
+            let images = windows.iter().map(|window| {
+                let size = window.size.into();
+                let image = self.image_of(size, size, &window.pixels);
+                ([window.column, window.row], image)
+            });
+            detect_windows(self.header.frame, images, settings)
+        } else {
+            detect(&self.image(), settings)
+        }
+    }
+
+    /// Whether the pixels around this place came: all within two pixels that the frame has.
+    #[must_use]
+    pub fn shows(&self, x_px: f64, y_px: f64) -> bool {
+        const AROUND: f64 = 2.0;
+        let within = |at: f64, first: u16, size: u16, end: u16| {
+            let (first, last) = (f64::from(first), f64::from(first) + f64::from(size) - 1.0);
+            let limit = |at: f64| at.clamp(0.0, f64::from(end) - 1.0);
+            (first..=last).contains(&limit(at - AROUND))
+                && (first..=last).contains(&limit(at + AROUND))
+        };
+        let (width, height) = (self.header.width, self.header.height);
+        match &self.content {
+            Content::None => false,
+            Content::Frame(_) => true,
+            Content::Windows(windows) => windows.iter().any(|window| {
+                within(x_px, window.column, window.size, width)
+                    && within(y_px, window.row, window.size, height)
+            }),
+        }
+    }
+
+    /// The label text: JSON, one line; empty if no text was sent. It opens for the fixed detections of this frame only.
     ///
     /// # Errors
     /// [`SealError`].
     pub fn labels(&self, detections: &Detections) -> Result<&str, SealError> {
-        let frame = self.header.frame;
-        if detections.frame() != frame {
+        let octets = self.opened(detections, LabelLevel::Text)?;
+        std::str::from_utf8(octets).map_err(|error| SealError::NotText {
+            frame: self.header.frame,
+            octet: error.valid_up_to(),
+        })
+    }
+
+    /// The brightest objects, the brightest first; none if only text was sent, or nothing. They open for the fixed
+    /// detections of this frame only.
+    ///
+    /// # Errors
+    /// [`SealError::OtherFrame`].
+    pub fn objects(&self, detections: &Detections) -> Result<Vec<ObjectRecord>, SealError> {
+        let all = ObjectPart {
+            frame: self.header.frame,
+            part: 0,
+            parts: 1,
+            data: self.opened(detections, LabelLevel::Objects)?,
+        };
+        Ok(all.objects().collect())
+    }
+
+    /// The labels of this level, or nothing.
+    fn opened(&self, detections: &Detections, level: LabelLevel) -> Result<&[u8], SealError> {
+        if detections.frame() != self.header.frame {
             return Err(SealError::OtherFrame {
-                frame,
+                frame: self.header.frame,
                 detected: detections.frame(),
             });
         }
-        std::str::from_utf8(&self.sealed_labels).map_err(|error| SealError::NotText {
-            frame,
-            octet: error.valid_up_to(),
-        })
+        let is_theirs = self.header.label_level == level;
+        Ok(if is_theirs { &self.sealed_labels } else { &[] })
     }
 }

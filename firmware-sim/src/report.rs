@@ -4,6 +4,7 @@ use std::fmt;
 
 use skyloop_protocols::{Reason, Status};
 
+use crate::contents::Contents;
 use crate::reassembly::AssemblyCounts;
 use crate::score::Score;
 use crate::times::Times;
@@ -51,6 +52,10 @@ pub struct Report {
     pub late: u32,
     /// Attitude sent to last pixel block received.
     pub latencies: Times,
+    /// What the frames brought.
+    pub contents: Contents,
+    /// Octets of all packets that came.
+    pub octets: u64,
     /// The scores of all frames added up.
     pub totals: Totals,
     /// How many Nacks came.
@@ -173,6 +178,11 @@ impl fmt::Display for Report {
                 "last block after p50 {p50:.2} ms, p99 {p99:.2} ms, max {max:.2} ms"
             )?;
         }
+        writeln!(
+            f,
+            "received         {} octets{}",
+            self.octets, self.contents
+        )?;
         writeln!(
             f,
             "visible labels   {} stars, {} RSOs",

@@ -1,6 +1,7 @@
 //! Detections against labels, once the detections are fixed.
 
 use serde::Deserialize;
+use skyloop_protocols::{LabelLevel, ObjectRecord};
 use thiserror::Error;
 
 use crate::detector::Detections;
@@ -34,6 +35,22 @@ pub struct Label {
     pub in_frame: bool,
     /// In frame, lit, not occulted, snr >= 3.
     pub visible: bool,
+}
+
+impl From<ObjectRecord> for Label {
+    fn from(object: ObjectRecord) -> Self {
+        let id = String::from_utf8_lossy(&object.id);
+        Self {
+            kind: if object.is_rso { "rso" } else { "star" }.into(),
+            id: id.trim_end_matches('\0').into(),
+            x_px: object.x_px,
+            y_px: object.y_px,
+            electrons: object.electrons.into(),
+            snr: object.snr.into(),
+            in_frame: object.in_frame,
+            visible: object.visible,
+        }
+    }
 }
 
 /// A frame's labels; fields that the score has no use for are passed over.
@@ -94,27 +111,59 @@ pub struct Score {
     pub detections: usize,
     /// Labels with their detections.
     pub matches: Vec<Match>,
-    /// Identifiers of visible, isolated labels of snr >= [`BRIGHT_SNR`] without a detection.
+    /// Identifiers of visible, isolated labels of snr >= [`BRIGHT_SNR`] without a detection, where pixels came.
     pub missed: Vec<String>,
-    /// Detections without any labelled light nearby.
+    /// Detections without any labelled light nearby. Where the labels are the brightest objects only: those more than
+    /// twice as bright as the faintest of them.
     pub false_detections: usize,
 }
 
-/// Opens the labels of a frame and compares its detections with them.
+/// Opens the labels of a frame, text or objects, and compares its detections with them.
 ///
 /// # Errors
 /// [`ScoreError`]: detections of another frame, or labels that cannot be read.
 pub fn score(frame: &ReceivedFrame, detections: &Detections) -> Result<Score, ScoreError> {
-    let text = frame.labels(detections)?;
-    let labels: Labels = serde_json::from_str(text).map_err(|reason| ScoreError::BadLabels {
-        frame: frame.header.frame,
-        reason,
-    })?;
-    Ok(compare(labels.objects, detections))
+    let (labels, complete) = match frame.header.label_level {
+        LabelLevel::None => {
+            let detections = detections.list().len();
+            return Ok(Score {
+                detections,
+                ..Score::default()
+            });
+        }
+        LabelLevel::Objects => {
+            let objects = frame.objects(detections)?;
+            (objects.into_iter().map(Label::from).collect(), false)
+        }
+        LabelLevel::Text => {
+            let text = frame.labels(detections)?;
+            let labels: Result<Labels, _> = serde_json::from_str(text);
+            let labels = labels.map_err(|reason| ScoreError::BadLabels {
+                frame: frame.header.frame,
+                reason,
+            })?;
+            (labels.objects, true)
+        }
+    };
+    Ok(compare(labels, complete, frame, detections))
 }
 
 /// Matches nearest pairs first, each label and each detection once.
-fn compare(labels: Vec<Label>, detections: &Detections) -> Score {
+fn compare(
+    labels: Vec<Label>,
+    complete: bool,
+    frame: &ReceivedFrame,
+    detections: &Detections,
+) -> Score {
+    /// A detection so much brighter than the faintest label would have one itself.
+    const CLEARLY: f64 = 2.0;
+    let faintest = labels.iter().map(|label| label.electrons);
+    let faintest = faintest.min_by(f64::total_cmp).unwrap_or(f64::INFINITY);
+    let due_e = if complete {
+        f64::MIN
+    } else {
+        CLEARLY * faintest
+    };
     let field = Field::new(labels);
     let found = detections.list();
     let visible = |kind: &str| {
@@ -160,12 +209,13 @@ fn compare(labels: Vec<Label>, detections: &Detections) -> Score {
     score.false_detections = found
         .iter()
         .zip(&used)
-        .filter(|(at, used)| !**used && !field.is_lit(at.x_px, at.y_px))
+        .filter(|(at, used)| !**used && at.flux_e > due_e && !field.is_lit(at.x_px, at.y_px))
         .count();
     score.missed = (0..field.0.len())
         .filter(|&index| {
             let label = &field.0[index];
-            label.visible && label.snr >= BRIGHT_SNR && !labelled[index] && field.is_isolated(index)
+            let bright = label.visible && label.snr >= BRIGHT_SNR && !labelled[index];
+            bright && field.is_isolated(index) && frame.shows(label.x_px, label.y_px)
         })
         .map(|index| field.0[index].id.clone())
         .collect();

@@ -53,8 +53,8 @@ fn feed(
 fn assert_is_frame(frame: &ReceivedFrame, number: u32) {
     let (header, pixels, text) = material(number);
     assert_eq!(
-        (frame.header, &frame.pixels, frame.mid_exposure),
-        (header, &pixels, WireTime(7))
+        (frame.header, frame.pixels(), frame.mid_exposure),
+        (header, &pixels[..], WireTime(7))
     );
     let detections = detect(&frame.image(), &DetectorSettings::default());
     assert_eq!(frame.labels(&detections), Ok(text.as_str()));

@@ -7,7 +7,8 @@ use skyloop_protocols::{
     Ack, Command, Counters, Header, Nack, Output, Packing, Reason, Reply, Status,
 };
 
-use super::wire::{Sender, header, labels, now};
+use super::levels::Exposed;
+use super::wire::{Sender, now};
 use super::{Field, Noise};
 
 /// What the small emulator does to the packets of the frame of one attitude.
@@ -19,6 +20,12 @@ pub struct Emulator {
     mischief: Mischief,
     /// Attitudes that it refuses.
     pub refuses: fn(u32) -> bool,
+    /// What each frame brings.
+    pub output: Output,
+    /// Centres of the windows.
+    pub positions: Vec<[u16; 2]>,
+    /// Why it refuses every Output.
+    pub refuses_output: Option<&'static str>,
     sender: Sender,
     credit: CreditAccount,
     /// Resets so far.
@@ -39,6 +46,9 @@ impl Emulator {
             },
             mischief,
             refuses: |_| false,
+            output: Output::default(),
+            positions: Vec::new(),
+            refuses_output: None,
             sender: Sender::default(),
             credit: CreditAccount::new(),
             resets: 0,
@@ -79,6 +89,23 @@ impl Emulator {
                 self.waiting.clear();
                 out.push(self.sender.reply(&ack, now()));
             }
+            Command::Output(output) => {
+                let (apid, count) = (header.apid, header.sequence_count);
+                out.push(match self.refuses_output {
+                    Some(why) => {
+                        let nack = Nack::new(apid, count, Reason::ValueOutOfRange, why);
+                        self.sender.reply(&Reply::Nack(nack), now())
+                    }
+                    None => {
+                        self.output = output;
+                        self.sender.reply(&ack, now())
+                    }
+                });
+            }
+            Command::Positions(positions) => {
+                self.positions = positions.centres().to_vec();
+                out.push(self.sender.reply(&ack, now()));
+            }
             Command::Credit { packets } => assert!(self.credit.grant(packets)),
             Command::Ping => {
                 out.push(self.sender.reply(&ack, now()));
@@ -100,13 +127,14 @@ impl Emulator {
         let mut noise = Noise::new(u64::from(attitude) + 100);
         let stars = field.grid(16, 4000.0, &mut noise);
         let pixels = field.expose(&field.electrons(&stars, (0.0, 0.0)), &mut noise);
-        let text = labels(&field, frame, &stars);
-        self.sender.frame(
-            &header(&field, frame, attitude, &pixels, &text),
-            &pixels,
-            &text,
-            now(),
-        )
+        let exposed = Exposed {
+            field: &field,
+            frame,
+            attitude,
+            stars: &stars,
+            pixels: &pixels,
+        };
+        exposed.packets(&mut self.sender, &self.output, &self.positions, now())
     }
 
     fn status(&self) -> Status {
@@ -116,7 +144,7 @@ impl Emulator {
             height: self.field.height as u16,
             bits: 12,
             packing: Packing::Bits12,
-            output: Output::default(),
+            output: self.output,
             exposure_s: 0.1,
             gain_e_per_dn: 4.0,
             frame_rate_hz: 2.0,

@@ -3,6 +3,8 @@
 #![allow(dead_code, reason = "each test file uses its share")]
 
 pub mod emulator;
+pub mod levels;
+pub mod loops;
 pub mod wire;
 
 use skyloop_firmware_sim::image::Image;

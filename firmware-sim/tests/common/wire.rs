@@ -50,16 +50,24 @@ impl Sender {
             };
             packets.push(self.reply(&Reply::PixelBlock(block), time));
         }
-        for (part, text) in (0..).zip(label_texts(labels.as_bytes())) {
-            let part = LabelPart {
-                frame: header.frame,
-                part,
-                parts: header.label_parts,
-                text,
-            };
-            packets.push(self.reply(&Reply::Labels(part), time));
-        }
+        packets.extend(self.texts(header, labels, time));
         packets
+    }
+
+    /// The label parts of one frame, in order.
+    pub fn texts(&mut self, header: &FrameHeader, labels: &str, time: WireTime) -> Vec<Vec<u8>> {
+        let texts = (0..).zip(label_texts(labels.as_bytes()));
+        texts
+            .map(|(part, text)| {
+                let part = LabelPart {
+                    frame: header.frame,
+                    part,
+                    parts: header.label_parts,
+                    text,
+                };
+                self.reply(&Reply::Labels(part), time)
+            })
+            .collect()
     }
 }
 

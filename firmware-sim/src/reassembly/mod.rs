@@ -3,14 +3,15 @@
 //! Memory is bounded: two frames under way, each within [`Limits`], and a few early packets of a frame whose header
 //! has not come yet.
 
-use std::collections::VecDeque;
-use std::time::Instant;
+mod arrivals;
+mod partial;
 
-use skyloop_protocols::crc::Crc32;
-use skyloop_protocols::pixels::pixels_per_block;
-use skyloop_protocols::{FrameHeader, Header, LabelPart, PixelBlock, Reply, WireTime};
+use std::collections::VecDeque;
+
+use skyloop_protocols::{FrameHeader, Header, PixelLevel, Reply, WireTime};
 use thiserror::Error;
 
+use self::partial::Partial;
 use crate::received::ReceivedFrame;
 
 /// Frames under way at once.
@@ -48,10 +49,18 @@ pub struct AssemblyCounts {
     pub out_of_order: u64,
     /// Packets that contradict their frame's header, or ask for more than the limits.
     pub refused: u64,
-    /// Whole frames whose pixels do not have the header's CRC-32.
+    /// Whole frames whose pixels leave gaps or do not have the header's CRC-32.
     pub bad_pixels: u64,
     /// Frames given up incomplete.
     pub incomplete: u64,
+}
+
+impl AssemblyError {
+    /// Whether all of a frame came, and is no use.
+    #[must_use]
+    pub fn is_damaged_frame(&self) -> bool {
+        matches!(self, Self::BadPixels { .. } | Self::Gap { .. })
+    }
 }
 
 /// Why a frame packet is no use.
@@ -87,6 +96,18 @@ pub enum AssemblyError {
         /// CRC-32 of the received pixels.
         found: u32,
         /// CRC-32 in the header.
+        expected: u32,
+    },
+    /// All compressed blocks came, but they leave pixels out or overlap.
+    #[error("frame {frame}: compressed block {block} begins at pixel {first}, not at {expected}")]
+    Gap {
+        /// The frame's number.
+        frame: u32,
+        /// The block's number within the frame.
+        block: u32,
+        /// Its first pixel.
+        first: u32,
+        /// The pixel after those of the block before.
         expected: u32,
     },
 }
@@ -144,7 +165,10 @@ impl Assembler {
         let frame = match reply {
             Reply::FrameHeader(opening) => opening.frame,
             Reply::PixelBlock(block) => block.frame,
+            Reply::Windows(block) => block.frame,
+            Reply::Compressed(block) => block.frame,
             Reply::Labels(part) => part.frame,
+            Reply::Objects(part) => part.frame,
             _ => return Ok(None),
         };
         if self.done.contains(&(frame, header.time)) {
@@ -156,21 +180,7 @@ impl Assembler {
             .iter_mut()
             .find(|partial| partial.header.frame == frame);
         let taken = match (known, reply) {
-            (Some(partial), Reply::PixelBlock(block)) => {
-                partial.take_block(block, &mut self.counts)
-            }
-            (Some(partial), Reply::Labels(part)) => partial.take_labels(part, &mut self.counts),
-            (Some(partial), Reply::FrameHeader(again)) if partial.header != *again => {
-                Err(AssemblyError::Contradiction {
-                    frame,
-                    what: "a second header",
-                    number: 0,
-                })
-            }
-            (Some(_), _) => {
-                self.counts.duplicates += 1;
-                Ok(())
-            }
+            (Some(partial), _) => partial.take(reply, &mut self.counts),
             (None, Reply::FrameHeader(opening)) => self.open(header.time, opening),
             (None, _) => {
                 self.keep_early(frame, packet);
@@ -210,12 +220,18 @@ impl Assembler {
                 })
             }
         };
-        let (width, height) = (usize::from(header.width), usize::from(header.height));
-        within(
-            "width * height",
-            width.saturating_mul(height),
-            self.limits.pixels,
-        )?;
+        let size = usize::from(header.window_size);
+        let (what, pixels) = match header.pixel_level {
+            PixelLevel::None => ("width * height", 0),
+            PixelLevel::Windows => (
+                "pixels in windows",
+                size * size * usize::from(header.windows),
+            ),
+            PixelLevel::Frame | PixelLevel::Compressed => {
+                ("width * height", header.pixels() as usize)
+            }
+        };
+        within(what, pixels, self.limits.pixels)?;
         within(
             "label text",
             header.label_bytes as usize,
@@ -233,11 +249,10 @@ impl Assembler {
             .partition(|(number, _)| *number == frame);
         self.early = others;
         for (_, packet) in early {
+            // Only packets that decoded are kept.
             let taken = match Reply::decode(&packet) {
-                Ok((_, Reply::PixelBlock(block))) => partial.take_block(&block, &mut self.counts),
-                Ok((_, Reply::Labels(part))) => partial.take_labels(&part, &mut self.counts),
-                // Only packets that decoded to one of the two are kept.
-                _ => Ok(()),
+                Ok((_, reply)) => partial.take(&reply, &mut self.counts),
+                Err(_) => Ok(()),
             };
             self.counts.out_of_order += 1;
             self.counts.refused += u64::from(taken.is_err());
@@ -263,23 +278,9 @@ impl Assembler {
             return Ok(None);
         };
         self.remember(&partial);
-        let expected = partial.header.pixels_crc32;
-        let found = Crc32::new().update_pixels(&partial.pixels).finish();
-        if found != expected {
-            self.counts.bad_pixels += 1;
-            return Err(AssemblyError::BadPixels {
-                frame,
-                found,
-                expected,
-            });
-        }
-        Ok(Some(ReceivedFrame {
-            header: partial.header,
-            mid_exposure: partial.mid_exposure,
-            pixels: partial.pixels,
-            last_block: partial.last_block,
-            sealed_labels: partial.text,
-        }))
+        let finished = partial.finish();
+        self.counts.bad_pixels += u64::from(finished.is_err());
+        finished.map(Some)
     }
 
     fn remember(&mut self, partial: &Partial) {
@@ -288,144 +289,5 @@ impl Assembler {
         }
         self.done
             .push_back((partial.header.frame, partial.mid_exposure));
-    }
-}
-
-/// A frame under way.
-#[derive(Debug)]
-struct Partial {
-    header: FrameHeader,
-    mid_exposure: WireTime,
-    pixels: Vec<u16>,
-    text: Vec<u8>,
-    blocks: Arrivals,
-    parts: Arrivals,
-    last_block: Instant,
-}
-
-impl Partial {
-    /// The header has passed the decoder's checks and the limits.
-    fn new(header: FrameHeader, mid_exposure: WireTime) -> Self {
-        Self {
-            pixels: vec![0; usize::from(header.width) * usize::from(header.height)],
-            text: vec![0; header.label_bytes as usize],
-            blocks: Arrivals::of(header.blocks as usize),
-            parts: Arrivals::of(usize::from(header.label_parts)),
-            last_block: Instant::now(),
-            header,
-            mid_exposure,
-        }
-    }
-
-    fn take_block(
-        &mut self,
-        block: &PixelBlock<'_>,
-        counts: &mut AssemblyCounts,
-    ) -> Result<(), AssemblyError> {
-        let refused = AssemblyError::Contradiction {
-            frame: block.frame,
-            what: "pixel block",
-            number: block.index,
-        };
-        let left = self.pixels.len().saturating_sub(block.first_pixel as usize);
-        let expected = left.min(pixels_per_block(self.header.packing));
-        if block.packing != self.header.packing || usize::from(block.count) != expected {
-            return Err(refused);
-        }
-        match self.blocks.state(block.index as usize) {
-            None => Err(refused),
-            Some(true) => {
-                counts.duplicates += 1;
-                Ok(())
-            }
-            Some(false) if !block.place(&mut self.pixels) => Err(refused),
-            Some(false) => {
-                counts.out_of_order += u64::from(self.blocks.book(block.index as usize));
-                self.last_block = Instant::now();
-                Ok(())
-            }
-        }
-    }
-
-    fn take_labels(
-        &mut self,
-        part: &LabelPart<'_>,
-        counts: &mut AssemblyCounts,
-    ) -> Result<(), AssemblyError> {
-        let number = u32::from(part.part);
-        let refused = AssemblyError::Contradiction {
-            frame: part.frame,
-            what: "label part",
-            number,
-        };
-        let end = part.offset() + part.text.len();
-        let is_last = part.part.checked_add(1) == Some(part.parts);
-        if part.parts != self.header.label_parts || is_last != (end == self.text.len()) {
-            return Err(refused);
-        }
-        match (
-            self.parts.state(usize::from(part.part)),
-            self.text.get_mut(part.offset()..end),
-        ) {
-            (Some(true), _) => counts.duplicates += 1,
-            (Some(false), Some(place)) => {
-                place.copy_from_slice(part.text);
-                counts.out_of_order += u64::from(self.parts.book(usize::from(part.part)));
-            }
-            _ => return Err(refused),
-        }
-        Ok(())
-    }
-
-    fn is_whole(&self) -> bool {
-        self.blocks.missing == 0 && self.parts.missing == 0
-    }
-
-    fn progress(&self) -> Progress {
-        // Both come from fields of these widths.
-        let parts = self.header.label_parts;
-        Progress {
-            frame: self.header.frame,
-            blocks: (
-                self.header.blocks - self.blocks.missing as u32,
-                self.header.blocks,
-            ),
-            label_parts: (parts - self.parts.missing as u16, parts),
-        }
-    }
-}
-
-/// Which of a known number of pieces have come.
-#[derive(Debug)]
-struct Arrivals {
-    seen: Vec<bool>,
-    missing: usize,
-    /// One after the highest that came.
-    next: usize,
-}
-
-impl Arrivals {
-    fn of(pieces: usize) -> Self {
-        Self {
-            seen: vec![false; pieces],
-            missing: pieces,
-            next: 0,
-        }
-    }
-
-    /// Whether a piece has come; `None` if there is no such piece.
-    fn state(&self, piece: usize) -> Option<bool> {
-        self.seen.get(piece).copied()
-    }
-
-    /// Books a piece that had not come. Says whether a later one came before it.
-    fn book(&mut self, piece: usize) -> bool {
-        if let Some(seen) = self.seen.get_mut(piece) {
-            *seen = true;
-            self.missing = self.missing.saturating_sub(1);
-        }
-        let late = piece < self.next;
-        self.next = self.next.max(piece + 1);
-        late
     }
 }

@@ -1,0 +1,112 @@
+//! The options of `skyloop-fc` about what of each frame is sent.
+
+use anyhow::{Result, anyhow, bail};
+use clap::{Args, ValueEnum};
+use skyloop_protocols::output::{MAX_POSITIONS, MAX_WINDOW};
+use skyloop_protocols::{LabelLevel, Output, PixelLevel, Positions};
+
+/// What of each frame the emulator is asked to send.
+#[derive(Clone, Debug, Args)]
+pub struct OutputArgs {
+    /// What to ask for of each frame [default: what the emulator is configured to send]
+    #[arg(long, value_enum)]
+    output: Option<Level>,
+    /// Windows around so many stars, the brightest [default: 20]
+    #[arg(long, value_name = "K", requires = "output")]
+    windows: Option<u8>,
+    /// Columns and rows of a window [default: 11]
+    #[arg(long, value_name = "N", requires = "output", value_parser = clap::value_parser!(u8).range(1..=i64::from(MAX_WINDOW)))]
+    window_size: Option<u8>,
+    /// Windows around these pixels instead of the brightest stars
+    #[arg(long, value_name = "x,y;x,y...", requires = "output", value_parser = parse_positions)]
+    positions: Option<Positions>,
+    /// Labels of so many objects, the brightest [default: 12]
+    #[arg(long, value_name = "K", requires = "output")]
+    objects: Option<u16>,
+}
+
+/// One level of output. No help for each: it would turn all of `--help` into paragraphs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Level {
+    // All pixels and the label text.
+    Frame,
+    // All pixels losslessly compressed, and the label text.
+    Compressed,
+    // Windows, and the brightest objects as numbers.
+    Windows,
+    // No pixels; the brightest objects as numbers.
+    Labels,
+}
+
+impl OutputArgs {
+    /// What to ask for, and where windows lie.
+    ///
+    /// # Errors
+    /// An option that the level has no use for.
+    pub fn wanted(&self) -> Result<(Option<Output>, Option<Positions>)> {
+        let Some(level) = self.output else {
+            return Ok((None, None));
+        };
+        let windows = level == Level::Windows;
+        let objects = windows || level == Level::Labels;
+        for (given, used, option, levels) in [
+            (self.windows.is_some(), windows, "--windows", "windows"),
+            (
+                self.window_size.is_some(),
+                windows,
+                "--window-size",
+                "windows",
+            ),
+            (self.positions.is_some(), windows, "--positions", "windows"),
+            (
+                self.objects.is_some(),
+                objects,
+                "--objects",
+                "windows or --output labels",
+            ),
+        ] {
+            if given && !used {
+                bail!("{option} is for --output {levels} only: leave it out, or choose that");
+            }
+        }
+        if self.windows.is_some() && self.positions.is_some() {
+            bail!("--windows and --positions both say where windows lie: give one of them");
+        }
+        let (pixels, labels) = match level {
+            Level::Frame => (PixelLevel::Frame, LabelLevel::Text),
+            Level::Compressed => (PixelLevel::Compressed, LabelLevel::Text),
+            Level::Windows => (PixelLevel::Windows, LabelLevel::Objects),
+            Level::Labels => (PixelLevel::None, LabelLevel::Objects),
+        };
+        let usual = Output::default();
+        let output = Output {
+            pixels,
+            labels,
+            window_size: self.window_size.unwrap_or(usual.window_size),
+            windows: self.windows.unwrap_or(usual.windows),
+            objects: self.objects.unwrap_or(usual.objects),
+        };
+        // Without positions: the brightest stars, even where another client has left some.
+        let positions = match (windows, self.positions) {
+            (true, None) => Positions::new(&[]),
+            (_, positions) => positions,
+        };
+        Ok((Some(output), positions))
+    }
+}
+
+fn parse_positions(text: &str) -> Result<Positions> {
+    let centres: Option<Vec<[u16; 2]>> = text
+        .split(';')
+        .map(|pair| {
+            let (x, y) = pair.split_once(',')?;
+            Some([x.trim().parse().ok()?, y.trim().parse().ok()?])
+        })
+        .collect();
+    let centres = centres.ok_or_else(|| {
+        anyhow!("\"{text}\" is not column,row;column,row... in whole pixels, as 128,96;20,40")
+    })?;
+    let count = centres.len();
+    Positions::new(&centres)
+        .ok_or_else(|| anyhow!("{count} positions where at most {MAX_POSITIONS} may be given"))
+}

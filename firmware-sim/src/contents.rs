@@ -1,0 +1,63 @@
+//! What the frames of a run brought.
+
+use std::fmt;
+
+use skyloop_protocols::PixelLevel;
+use skyloop_protocols::pixels::packed_length;
+
+use crate::detector::Detections;
+use crate::received::ReceivedFrame;
+
+/// Sums over frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Contents {
+    /// Windows.
+    pub windows: u64,
+    /// Objects as numbers.
+    pub objects: u64,
+    /// Pixels that came compressed.
+    pub compressed_pixels: u64,
+    /// Octets of their code.
+    pub compressed_octets: u64,
+    /// Octets that they would have taken packed.
+    pub packed_octets: u64,
+}
+
+impl Contents {
+    /// Adds a frame whose detections are fixed.
+    pub fn add(&mut self, frame: &ReceivedFrame, detections: &Detections) {
+        let header = &frame.header;
+        self.windows += frame.windows().len() as u64;
+        self.objects += frame
+            .objects(detections)
+            .map_or(0, |objects| objects.len() as u64);
+        if header.pixel_level == PixelLevel::Compressed {
+            let pixels = frame.pixels().len();
+            self.compressed_pixels += pixels as u64;
+            self.compressed_octets += frame.pixel_octets;
+            self.packed_octets += packed_length(header.packing, pixels) as u64;
+        }
+    }
+}
+
+impl fmt::Display for Contents {
+    /// Nothing, or each kind that came with a semicolon before it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.windows > 0 {
+            write!(f, "; {} windows", self.windows)?;
+        }
+        if self.objects > 0 {
+            write!(f, "; {} objects", self.objects)?;
+        }
+        if self.compressed_octets > 0 {
+            let octets = self.compressed_octets as f64;
+            write!(
+                f,
+                "; compressed to {:.2} bits a pixel, {:.2} times smaller than packed",
+                8.0 * octets / self.compressed_pixels as f64,
+                self.packed_octets as f64 / octets
+            )?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,60 @@
+//! Why a run cannot go on.
+
+use std::time::Duration;
+
+use hifitime::Epoch;
+use skyloop_orbit::time::utc_text;
+use thiserror::Error;
+
+use crate::port::PortError;
+use crate::profile::ProfileError;
+use crate::report::{NackRecord, Report};
+
+/// Why a run cannot go on.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// The link is gone.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// Nobody answered a Reset.
+    #[error(
+        "no answer within {} s: is an emulator (skyloop run) listening on this link, and at this baud rate? \
+         One that another client has left without a Reset is free when that one has been silent for its idle_s (5 s)",
+        waited.as_secs_f64()
+    )]
+    NoAnswer {
+        /// How long it was waited for.
+        waited: Duration,
+    },
+    /// The emulator does not send what is asked for.
+    #[error("the emulator refuses what is asked for: {}; ask for less, or for it on a faster link", nack.detail)]
+    Refused {
+        /// Its words.
+        nack: NackRecord,
+    },
+    /// The mission had begun; what came of it is in the report.
+    #[error("{source}")]
+    CutShort {
+        /// The report until then.
+        report: Box<Report>,
+        /// What went wrong.
+        source: Box<RunError>,
+    },
+    /// There is no attitude or no state for a frame.
+    #[error(transparent)]
+    Profile(#[from] ProfileError),
+    /// An epoch that the wire's time field does not hold.
+    #[error("{} is outside the wire's time, 1958 to 2094: choose another epoch", utc_text(*epoch))]
+    Time {
+        /// The epoch.
+        epoch: Epoch,
+    },
+    /// A setting out of its range.
+    #[error("{what} is {value}; it must be finite and above 0")]
+    Setting {
+        /// The setting.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+}

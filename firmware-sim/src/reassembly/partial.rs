@@ -1,0 +1,301 @@
+//! A frame under way: its header, and what came of it so far.
+
+use std::time::Instant;
+
+use skyloop_protocols::crc::Crc32;
+use skyloop_protocols::pixels::{
+    OBJECT_LENGTH, OBJECTS_PER_PART, pixels_per_block, unpack, windows_per_block,
+};
+use skyloop_protocols::{
+    CompressedBlock, FrameHeader, LabelLevel, PixelBlock, PixelLevel, Reply, WindowBlock, WireTime,
+    rice,
+};
+
+use super::arrivals::Arrivals;
+use super::{AssemblyCounts, AssemblyError, Progress};
+use crate::received::{Content, Cutout, ReceivedFrame};
+
+#[derive(Debug)]
+pub(super) struct Partial {
+    pub(super) header: FrameHeader,
+    pub(super) mid_exposure: WireTime,
+    /// All pixels of the frame, if all are sent.
+    pixels: Vec<u16>,
+    /// All windows, if windows are sent.
+    windows: Vec<Cutout>,
+    /// First pixel and number of pixels of each compressed block.
+    spans: Vec<(u32, u32)>,
+    /// Label text or object records.
+    labels: Vec<u8>,
+    blocks: Arrivals,
+    parts: Arrivals,
+    pixel_octets: u64,
+    last_block: Instant,
+}
+
+/// A part of the labels, of either kind.
+struct Part<'a> {
+    level: LabelLevel,
+    part: u16,
+    parts: u16,
+    offset: usize,
+    octets: &'a [u8],
+}
+
+impl Partial {
+    /// The header has passed the decoder's checks and the limits.
+    pub(super) fn new(header: FrameHeader, mid_exposure: WireTime) -> Self {
+        let blocks = header.blocks as usize;
+        let (whole, spans, windows) = match header.pixel_level {
+            PixelLevel::None => (0, 0, 0),
+            PixelLevel::Windows => (0, 0, header.windows),
+            PixelLevel::Frame => (header.pixels(), 0, 0),
+            PixelLevel::Compressed => (header.pixels(), blocks, 0),
+        };
+        Self {
+            pixels: vec![0; whole as usize],
+            windows: vec![Cutout::default(); usize::from(windows)],
+            spans: vec![(0, 0); spans],
+            labels: vec![0; header.label_bytes as usize],
+            blocks: Arrivals::of(blocks),
+            parts: Arrivals::of(usize::from(header.label_parts)),
+            pixel_octets: 0,
+            last_block: Instant::now(),
+            header,
+            mid_exposure,
+        }
+    }
+
+    /// Takes a packet of this frame.
+    pub(super) fn take(
+        &mut self,
+        reply: &Reply<'_>,
+        counts: &mut AssemblyCounts,
+    ) -> Result<(), AssemblyError> {
+        match reply {
+            Reply::FrameHeader(again) if self.header != *again => {
+                Err(self.contradiction("a second header", 0))
+            }
+            Reply::FrameHeader(_) => {
+                counts.duplicates += 1;
+                Ok(())
+            }
+            Reply::PixelBlock(block) => {
+                self.take_pixels("pixel block", block.index, counts, |frame| {
+                    frame.place_block(block).then_some(block.data.len())
+                })
+            }
+            Reply::Windows(block) => self.take_pixels("windows", block.index, counts, |frame| {
+                frame.place_windows(block).then_some(block.data.len())
+            }),
+            Reply::Compressed(block) => {
+                self.take_pixels("compressed block", block.index, counts, |frame| {
+                    frame.place_compressed(block).then_some(block.data.len())
+                })
+            }
+            Reply::Labels(part) => {
+                let offset = part.offset();
+                let part = Part {
+                    level: LabelLevel::Text,
+                    part: part.part,
+                    parts: part.parts,
+                    offset,
+                    octets: part.text,
+                };
+                self.take_labels(&part, counts)
+            }
+            Reply::Objects(part) => {
+                let offset = usize::from(part.part) * OBJECTS_PER_PART * OBJECT_LENGTH;
+                let part = Part {
+                    level: LabelLevel::Objects,
+                    part: part.part,
+                    parts: part.parts,
+                    offset,
+                    octets: part.data,
+                };
+                self.take_labels(&part, counts)
+            }
+            // Not of a frame.
+            _ => Ok(()),
+        }
+    }
+
+    fn contradiction(&self, what: &'static str, number: u32) -> AssemblyError {
+        AssemblyError::Contradiction {
+            frame: self.header.frame,
+            what,
+            number,
+        }
+    }
+
+    /// Books a packet with pixels; `place` puts them where they belong and says how many octets they were.
+    fn take_pixels(
+        &mut self,
+        what: &'static str,
+        index: u32,
+        counts: &mut AssemblyCounts,
+        place: impl FnOnce(&mut Self) -> Option<usize>,
+    ) -> Result<(), AssemblyError> {
+        let refused = self.contradiction(what, index);
+        match self.blocks.state(index as usize) {
+            None => Err(refused),
+            Some(true) => {
+                counts.duplicates += 1;
+                Ok(())
+            }
+            Some(false) => {
+                self.pixel_octets += place(self).ok_or(refused)? as u64;
+                counts.out_of_order += u64::from(self.blocks.book(index as usize));
+                self.last_block = Instant::now();
+                Ok(())
+            }
+        }
+    }
+
+    fn place_block(&mut self, block: &PixelBlock<'_>) -> bool {
+        let left = self.pixels.len().saturating_sub(block.first_pixel as usize);
+        let expected = left.min(pixels_per_block(self.header.packing));
+        self.header.pixel_level == PixelLevel::Frame
+            && block.packing == self.header.packing
+            && usize::from(block.count) == expected
+            && block.place(&mut self.pixels)
+    }
+
+    fn place_windows(&mut self, block: &WindowBlock<'_>) -> bool {
+        let header = &self.header;
+        let (first, size) = (usize::from(block.first), block.size);
+        let left = self.windows.len().saturating_sub(first);
+        let expected = left.min(windows_per_block(header.packing, size));
+        let inside = |at: u16, end: u16| u32::from(at) + u32::from(size) <= u32::from(end);
+        let fits = header.pixel_level == PixelLevel::Windows
+            && (block.packing, size) == (header.packing, header.window_size)
+            && usize::from(block.count) == expected
+            && block.windows().all(|window| {
+                inside(window.column, header.width) && inside(window.row, header.height)
+            });
+        let places = self.windows.iter_mut().skip(first);
+        for (place, window) in places.zip(block.windows()).take(usize::from(fits) * left) {
+            let mut pixels = vec![0; usize::from(size) * usize::from(size)];
+            unpack(block.packing, window.data, &mut pixels);
+            *place = Cutout {
+                column: window.column,
+                row: window.row,
+                size: size.into(),
+                pixels,
+            };
+        }
+        fits
+    }
+
+    fn place_compressed(&mut self, block: &CompressedBlock<'_>) -> bool {
+        let (first, count) = (block.first_pixel as usize, usize::from(block.count));
+        let pixels = self
+            .pixels
+            .get_mut(first..)
+            .and_then(|p| p.get_mut(..count));
+        let span = self.spans.get_mut(block.index as usize);
+        let (Some(pixels), Some(span)) = (pixels, span) else {
+            return false;
+        };
+        *span = (block.first_pixel, block.count.into());
+        rice::decode(block.data, self.header.bits, pixels).is_ok()
+    }
+
+    fn take_labels(
+        &mut self,
+        part: &Part<'_>,
+        counts: &mut AssemblyCounts,
+    ) -> Result<(), AssemblyError> {
+        let refused = self.contradiction("label part", part.part.into());
+        let end = part.offset + part.octets.len();
+        let is_last = part.part.checked_add(1) == Some(part.parts);
+        if part.level != self.header.label_level
+            || part.parts != self.header.label_parts
+            || is_last != (end == self.labels.len())
+        {
+            return Err(refused);
+        }
+        match (
+            self.parts.state(usize::from(part.part)),
+            self.labels.get_mut(part.offset..end),
+        ) {
+            (Some(true), _) => counts.duplicates += 1,
+            (Some(false), Some(place)) => {
+                place.copy_from_slice(part.octets);
+                counts.out_of_order += u64::from(self.parts.book(usize::from(part.part)));
+                if self.header.blocks == 0 {
+                    self.last_block = Instant::now();
+                }
+            }
+            _ => return Err(refused),
+        }
+        Ok(())
+    }
+
+    pub(super) fn is_whole(&self) -> bool {
+        self.blocks.missing() == 0 && self.parts.missing() == 0
+    }
+
+    pub(super) fn progress(&self) -> Progress {
+        // Both come from fields of these widths.
+        let (blocks, parts) = (self.header.blocks, self.header.label_parts);
+        Progress {
+            frame: self.header.frame,
+            blocks: (blocks - self.blocks.missing() as u32, blocks),
+            label_parts: (parts - self.parts.missing() as u16, parts),
+        }
+    }
+
+    /// The received frame of a partial one that is whole.
+    ///
+    /// # Errors
+    /// The pixels are not those that were sent.
+    pub(super) fn finish(self) -> Result<ReceivedFrame, AssemblyError> {
+        let frame = self.header.frame;
+        let content = match self.header.pixel_level {
+            PixelLevel::None => Content::None,
+            PixelLevel::Windows => Content::Windows(self.windows),
+            PixelLevel::Frame | PixelLevel::Compressed => {
+                let mut expected = 0;
+                for (block, (first, count)) in (0..).zip(&self.spans) {
+                    if *first != expected {
+                        return Err(AssemblyError::Gap {
+                            frame,
+                            block,
+                            first: *first,
+                            expected,
+                        });
+                    }
+                    expected += count;
+                }
+                let blocks = self.header.blocks;
+                if !self.spans.is_empty() && expected != self.header.pixels() {
+                    return Err(AssemblyError::Gap {
+                        frame,
+                        block: blocks,
+                        first: self.header.pixels(),
+                        expected,
+                    });
+                }
+                let crc32 = self.header.pixels_crc32;
+                let found = Crc32::new().update_pixels(&self.pixels).finish();
+                if found != crc32 {
+                    return Err(AssemblyError::BadPixels {
+                        frame,
+                        found,
+                        expected: crc32,
+                    });
+                }
+                Content::Frame(self.pixels)
+            }
+        };
+        Ok(ReceivedFrame {
+            header: self.header,
+            mid_exposure: self.mid_exposure,
+            content,
+            pixel_octets: self.pixel_octets,
+            last_block: self.last_block,
+            sealed_labels: self.labels,
+        })
+    }
+}
