@@ -33,7 +33,7 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &["detector"],
     &["received"],
     &["contents", "reassembly", "score"],
-    &["report"],
+    &["recovery", "report"],
     &["event", "exchange"],
     &["flight_computer"],
 ];

@@ -6,12 +6,13 @@ use std::time::{Duration, Instant};
 
 use hifitime::Epoch;
 use skyloop_protocols::sequence::SequenceCounts;
-use skyloop_protocols::{Ack, Command, MAX_PACKET, Reply, Status, WireTime};
+use skyloop_protocols::{Ack, Command, MAX_PACKET, Reason, Reply, Status, WireTime, apid};
 
 use crate::pacing::Pacing;
 use crate::port::{Port, PortError};
-use crate::reassembly::{Assembler, AssemblyError, Limits, Progress};
+use crate::reassembly::{Assembler, AssemblyError, Limits, Progress, Run};
 use crate::received::ReceivedFrame;
+use crate::recovery::Recovery;
 use crate::report::{NackRecord, Report};
 use crate::time;
 
@@ -55,6 +56,7 @@ pub(crate) struct Exchange<P> {
     counts: SequenceCounts,
     pacing: Pacing,
     assembler: Assembler,
+    recovery: Recovery,
     undecodable: u64,
     /// Octets of all packets that came.
     octets: u64,
@@ -63,6 +65,7 @@ pub(crate) struct Exchange<P> {
 impl<P: Port> Exchange<P> {
     pub(crate) fn new(port: P) -> Self {
         Self {
+            recovery: Recovery::new(WINDOW, port.airtime(MAX_PACKET)),
             port,
             counts: SequenceCounts::new(),
             pacing: Pacing::new(WINDOW),
@@ -151,44 +154,136 @@ impl<P: Port> Exchange<P> {
         self.command(&Command::Credit { packets }).map(drop)
     }
 
-    /// Waits for one packet and books it; `None` if none came.
+    /// Waits for one packet and books it; `None` if none came. Asks for missing packets meanwhile.
     pub(crate) fn receive(&mut self, timeout: Duration) -> Result<Option<Incoming>, PortError> {
-        let Some(packet) = self.port.recv(timeout)? else {
-            return Ok(None);
-        };
-        self.octets += packet.len() as u64;
-        let Ok((header, reply)) = Reply::decode(&packet) else {
-            self.undecodable += 1;
-            return Ok(Some(Incoming::Other));
-        };
-        if reply.takes_credit() && self.pacing.arrived(header.apid, header.sequence_count) {
-            self.grant()?;
+        let deadline = Instant::now() + timeout;
+        loop {
+            let now = Instant::now();
+            let left = deadline.saturating_duration_since(now);
+            let wait = if self.assembler.is_idle() {
+                left
+            } else {
+                self.look(now)?;
+                left.min(self.recovery.pause())
+            };
+            match self.port.recv(wait)? {
+                Some(packet) => return self.book(&packet).map(Some),
+                None if wait == left => return Ok(None),
+                None => {}
+            }
         }
-        Ok(Some(match reply {
+    }
+
+    fn book(&mut self, packet: &[u8]) -> Result<Incoming, PortError> {
+        self.octets += packet.len() as u64;
+        let Ok((header, reply)) = Reply::decode(packet) else {
+            self.undecodable += 1;
+            return Ok(Incoming::Other);
+        };
+        if reply.takes_credit() {
+            let flowing = !self.assembler.is_idle();
+            self.recovery.arrived(Instant::now(), flowing);
+            if self.pacing.arrived(header.apid, header.sequence_count) {
+                self.grant()?;
+            }
+        }
+        Ok(match reply {
             Reply::Ack(ack) => Incoming::Ack(ack),
-            Reply::Nack(nack) => Incoming::Nack(NackRecord {
-                apid: nack.apid,
-                sequence_count: nack.sequence_count,
-                reason: nack.reason,
-                detail: nack.detail.to_owned(),
-            }),
+            Reply::Nack(nack) => {
+                if nack.apid == apid::COMMAND
+                    && let Some(frame) = self.recovery.refusal(nack.sequence_count)
+                {
+                    self.assembler.forsake(frame);
+                    if nack.reason == Reason::NotSupported {
+                        self.recovery.stop();
+                    }
+                    return Ok(Incoming::Other);
+                }
+                Incoming::Nack(NackRecord {
+                    apid: nack.apid,
+                    sequence_count: nack.sequence_count,
+                    reason: nack.reason,
+                    detail: nack.detail.to_owned(),
+                })
+            }
             Reply::Status(status) => {
-                self.pacing.rebase(status.packets_sent);
+                if self.pacing.rebase(status.packets_sent) {
+                    self.grant()?;
+                }
                 Incoming::Status(Box::new(status))
             }
-            _ => match self.assembler.accept(&packet, &header, &reply) {
+            _ => match self.assembler.accept(packet, &header, &reply) {
                 Ok(Some(frame)) => Incoming::Frame(Box::new(frame)),
                 Ok(None) => Incoming::Other,
                 Err(error) => Incoming::Useless(error),
             },
-        }))
+        })
+    }
+
+    /// Asks for what is missing, if it is time. In silence a grant may be what was lost, or a whole window.
+    fn look(&mut self, now: Instant) -> Result<(), PortError> {
+        let Some(demand) = self.recovery.demand(now) else {
+            return Ok(());
+        };
+        if demand.silent {
+            self.grant()?;
+            if self.recovery.is_long_silent() {
+                self.command(&Command::Ping)?;
+            }
+        }
+        for Run {
+            frame,
+            first,
+            count,
+        } in self.assembler.ask(now, &demand)
+        {
+            let request = Command::Resend {
+                frame,
+                first,
+                count,
+            };
+            let sequence_count = self.command(&request)?;
+            self.recovery.requested(sequence_count, frame);
+        }
+        Ok(())
+    }
+
+    /// Asks for the emulator's account, by which lost credit is mended.
+    pub(crate) fn query(&mut self) -> Result<(), PortError> {
+        self.command(&Command::Ping)?;
+        self.grant()
+    }
+
+    /// Missing packets are asked for of frames that show this attitude; without one, of all.
+    pub(crate) fn want(&mut self, attitude: Option<u32>) {
+        self.recovery.attitude = attitude;
+    }
+
+    /// When the last frame packet came.
+    pub(crate) fn heard(&self) -> Option<Instant> {
+        self.recovery.heard()
+    }
+
+    /// The usual time between frame packets.
+    pub(crate) fn spacing(&self) -> Duration {
+        self.recovery.spacing()
+    }
+
+    /// Whether some of a frame that may show this attitude has come.
+    pub(crate) fn has_begun(&self, attitude: u32) -> bool {
+        self.assembler.has_begun(attitude)
+    }
+
+    /// Whether some of this frame has come, and not all.
+    pub(crate) fn is_under_way(&self, frame: u32) -> bool {
+        self.assembler.is_under_way(frame)
     }
 
     /// After a frame did not come: forgets what came of it, and asks for a `Status`, which tells what was lost.
     pub(crate) fn give_up(&mut self) -> Result<Vec<Progress>, PortError> {
         let progress = self.assembler.abandon();
-        self.command(&Command::Ping)?;
-        self.grant()?;
+        self.pacing.forget();
+        self.query()?;
         Ok(progress)
     }
 
@@ -199,5 +294,7 @@ impl<P: Port> Exchange<P> {
         report.dropped = self.port.dropped();
         report.missing_packets = self.pacing.missing();
         report.assembly = self.assembler.counts();
+        report.recovery.asked = self.recovery.asked;
+        report.recovery.refused += self.recovery.refused;
     }
 }

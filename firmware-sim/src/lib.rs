@@ -33,6 +33,7 @@ pub mod profile;
 mod reader;
 pub mod reassembly;
 pub mod received;
+mod recovery;
 pub mod report;
 pub mod score;
 pub mod serial;

@@ -31,6 +31,8 @@ pub(crate) struct Pacing {
     next: [Option<u16>; PAID.len()],
     /// Packets lost on the way.
     missing: u64,
+    /// Packets that a `Status` has told of, and no sequence count yet.
+    foretold: u32,
 }
 
 impl Pacing {
@@ -42,6 +44,7 @@ impl Pacing {
             granted: window,
             next: [None; PAID.len()],
             missing: 0,
+            foretold: 0,
         }
     }
 
@@ -67,28 +70,47 @@ impl Pacing {
             return false;
         }
         *next = Some((sequence_count + 1) % SEQUENCE_MODULUS);
-        // The emulator cannot have sent more than was granted; a larger gap is a restarted count, not a loss.
+        // The emulator cannot have sent more than was granted, or told of; a larger gap is a restarted count, not a loss.
         let unused = self.granted.wrapping_sub(self.left);
-        let lost = if u32::from(ahead) < unused {
+        let lost = if u32::from(ahead) < unused.saturating_add(self.foretold) {
             u32::from(ahead)
         } else {
             0
         };
-        self.missing += u64::from(lost);
-        self.left = self.left.wrapping_add(lost + 1);
+        // What a Status has told of has been booked, as lost.
+        let told = self.foretold.min(lost + 1);
+        self.foretold -= told;
+        if told > lost {
+            self.missing = self.missing.saturating_sub(1);
+        } else {
+            self.missing += u64::from(lost - told);
+        }
+        self.left = self.left.wrapping_add(lost + 1 - told);
         self.target().wrapping_sub(self.granted) >= (self.window / 4).max(1)
     }
 
-    /// Takes the emulator's own count, from a `Status`: what left it and has not arrived by now is lost.
+    /// Takes the emulator's own count, from a `Status`: what left it and has not arrived by now is lost, or asked for
+    /// again. Says whether that was news.
     ///
     /// This frees a link on which a whole window was lost, when no gap can show it.
-    pub(crate) fn rebase(&mut self, packets_sent: u32) {
+    pub(crate) fn rebase(&mut self, packets_sent: u32) -> bool {
         let lost = packets_sent.wrapping_sub(self.left);
-        if (1..=self.granted.wrapping_sub(self.left)).contains(&lost) {
+        let news = (1..=self.granted.wrapping_sub(self.left)).contains(&lost);
+        if news {
             self.missing += u64::from(lost);
             self.left = packets_sent;
-            self.next = [None; PAID.len()];
+            // Where no count is known, none will tell of these packets.
+            if self.next.iter().any(Option::is_some) {
+                self.foretold += lost;
+            }
         }
+        news
+    }
+
+    /// After a frame was given up: none of its packets will come, and the next `Status` is the new base.
+    pub(crate) fn forget(&mut self) {
+        self.next = [None; PAID.len()];
+        self.foretold = 0;
     }
 
     /// The cumulative grant to send now; it is booked as sent.
@@ -140,6 +162,35 @@ mod tests {
         pacing.rebase(1000);
         pacing.rebase(2);
         assert_eq!((pacing.renew(), pacing.missing()), (17, 7));
+    }
+
+    #[test]
+    fn packets_sent_again_are_not_counted_again() {
+        let mut pacing = Pacing::new(8);
+        pacing.arrived(PIXEL_BLOCK, 0);
+        // Seven are lost; two of them come, asked for: one before a Status has told of them, one after.
+        pacing.arrived(PIXEL_BLOCK, 1);
+        assert!(pacing.rebase(8));
+        pacing.arrived(PIXEL_BLOCK, 2);
+        assert_eq!((pacing.renew(), pacing.missing()), (16, 5));
+        // Behind, in whatever order.
+        pacing.arrived(PIXEL_BLOCK, 7);
+        pacing.arrived(PIXEL_BLOCK, 4);
+        assert_eq!((pacing.renew(), pacing.missing()), (16, 4));
+        // The next one of the window after.
+        pacing.arrived(PIXEL_BLOCK, 8);
+        assert_eq!((pacing.renew(), pacing.missing()), (17, 4));
+    }
+
+    #[test]
+    fn a_frame_given_up_leaves_a_new_base() {
+        let mut pacing = Pacing::new(8);
+        pacing.arrived(PIXEL_BLOCK, 0);
+        pacing.forget();
+        assert!(pacing.rebase(8) && !pacing.rebase(8));
+        pacing.arrived(PIXEL_BLOCK, 8);
+        pacing.arrived(PIXEL_BLOCK, 9);
+        assert_eq!((pacing.renew(), pacing.missing()), (18, 7));
     }
 
     #[test]

@@ -25,6 +25,12 @@ pub trait Port {
     fn dropped(&self) -> u64 {
         0
     }
+
+    /// How long the line takes for a packet of so many octets; zero if the line is not what limits, or not known.
+    fn airtime(&self, octets: usize) -> Duration {
+        let _ = octets;
+        Duration::ZERO
+    }
 }
 
 impl<P: Port + ?Sized> Port for Box<P> {
@@ -38,6 +44,10 @@ impl<P: Port + ?Sized> Port for Box<P> {
 
     fn dropped(&self) -> u64 {
         (**self).dropped()
+    }
+
+    fn airtime(&self, octets: usize) -> Duration {
+        (**self).airtime(octets)
     }
 }
 

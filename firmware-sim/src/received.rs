@@ -44,6 +44,8 @@ pub struct ReceivedFrame {
     pub content: Content,
     /// Octets that the pixels took on the wire, packed or compressed.
     pub pixel_octets: u64,
+    /// When its header arrived.
+    pub header_at: Instant,
     /// When the last packet with pixels arrived; of a frame without any, with labels.
     pub last_block: Instant,
     /// Label text or object records as octets, to be read through [`ReceivedFrame::labels`] and

@@ -68,10 +68,25 @@ pub struct Report {
     pub dropped: u64,
     /// Frame packets missing in the emulator's sequence counts.
     pub missing_packets: u64,
+    /// What was asked for again.
+    pub recovery: RecoveryCounts,
     /// What the reassembly met.
     pub assembly: AssemblyCounts,
     /// The emulator's settings and counters at the end, if it answered.
     pub status: Option<Status>,
+}
+
+/// What was asked for again, and what came of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RecoveryCounts {
+    /// Requests for missing packets. What came of them: [`AssemblyCounts::recovered`].
+    pub asked: u64,
+    /// Attitudes sent again because nothing came of them.
+    pub attitudes: u64,
+    /// Frames that came a second time: both copies of the attitude had arrived.
+    pub duplicates: u64,
+    /// Requests and repeated attitudes that the emulator refused: they came too late.
+    pub refused: u64,
 }
 
 impl Report {
@@ -220,7 +235,7 @@ impl fmt::Display for Report {
             refused,
             bad_pixels,
             incomplete,
-            ..
+            recovered,
         } = self.assembly;
         write!(
             f,
@@ -232,6 +247,19 @@ impl fmt::Display for Report {
             ", {} damaged, {refused} contradictory or early; {bad_pixels} frames damaged, {incomplete} incomplete",
             self.undecodable + self.dropped
         )?;
+        let RecoveryCounts {
+            asked,
+            attitudes,
+            duplicates,
+            refused,
+        } = self.recovery;
+        if self.recovery != RecoveryCounts::default() {
+            write!(
+                f,
+                "asked again      {asked} times, {recovered} packets came; {attitudes} attitudes sent again"
+            )?;
+            writeln!(f, ", {duplicates} duplicate frames; {refused} too late")?;
+        }
         if totals.unscored > 0 {
             writeln!(
                 f,

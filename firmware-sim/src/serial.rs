@@ -33,6 +33,8 @@ pub const SERIAL: Scheme = Scheme {
 pub struct SerialPort {
     link: String,
     line: Box<dyn serialport::SerialPort>,
+    /// Bit/s; none: not known.
+    baud: Option<u32>,
     reader: Reader,
 }
 
@@ -60,6 +62,7 @@ impl SerialPort {
         let mut input = line.try_clone().map_err(set_up)?;
         input.set_timeout(READ_TIMEOUT).map_err(set_up)?;
         line.set_timeout(WRITE_TIMEOUT).map_err(set_up)?;
+        let baud = line.baud_rate().ok();
         let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
         let mut chunk = [0; 4096];
         let reader = Reader::start("skyloop-fc serial", move |intake| {
@@ -74,7 +77,12 @@ impl SerialPort {
             Ok(())
         })
         .map_err(|error| PortError::io(&link, "cannot start the reader thread", error))?;
-        Ok(Self { link, line, reader })
+        Ok(Self {
+            link,
+            line,
+            baud,
+            reader,
+        })
     }
 }
 
@@ -94,6 +102,17 @@ impl Port for SerialPort {
 
     fn dropped(&self) -> u64 {
         self.reader.dropped()
+    }
+
+    fn airtime(&self, octets: usize) -> Duration {
+        /// CRC-32 and two ENDs.
+        const AROUND: usize = 6;
+        /// Start bit, octet, stop bit.
+        const BITS: f64 = 10.0;
+        let baud = self.baud.filter(|baud| *baud > 0).map(f64::from);
+        baud.map_or(Duration::ZERO, |baud| {
+            Duration::from_secs_f64(BITS * (octets + AROUND) as f64 / baud)
+        })
     }
 }
 

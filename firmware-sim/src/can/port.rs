@@ -1,6 +1,7 @@
 //! The flight computer's end of a bus: whole packets, over SocketCAN or an adapter.
 
 use super::carrier::{self, Above, Next, Note, Waker};
+use super::pacing::Rates;
 use super::settings::Settings;
 use super::{CanBus, Opener, slcan, socket};
 use crate::port::{OpenError, Port, PortError, Refusal, Scheme};
@@ -74,6 +75,8 @@ pub struct CanPort {
     /// None once it is closed.
     to_bus: Option<SyncSender<Vec<u8>>>,
     from_bus: Receiver<Vec<u8>>,
+    rates: Rates,
+    fd: bool,
     waker: Waker,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -119,6 +122,8 @@ impl CanPort {
             link: link.into(),
             to_bus: Some(to_bus),
             from_bus,
+            rates: settings.rates,
+            fd: settings.fd,
             waker,
             shared,
             thread: Some(thread),
@@ -214,6 +219,10 @@ impl Port for CanPort {
 
     fn dropped(&self) -> u64 {
         self.shared.dropped.load(Ordering::Relaxed)
+    }
+
+    fn airtime(&self, octets: usize) -> Duration {
+        self.rates.packet_duration(octets, self.fd)
     }
 }
 

@@ -37,6 +37,10 @@ pub struct FlightComputer<P> {
     report: Report,
     /// When the latest attitudes left.
     sent: VecDeque<(u32, Instant)>,
+    /// Lock-step: the latest attitudes whose frames are in.
+    taken: VecDeque<u32>,
+    /// Lock-step: the usual time from an attitude to the first packet of its frame.
+    usual_answer: Option<Duration>,
 }
 
 impl<P: Port> FlightComputer<P> {
@@ -52,6 +56,8 @@ impl<P: Port> FlightComputer<P> {
             detector: DetectorSettings::default(),
             exchange: Exchange::new(port),
             sent: VecDeque::new(),
+            taken: VecDeque::new(),
+            usual_answer: None,
         }
     }
 
@@ -224,29 +230,36 @@ impl<P: Port> FlightComputer<P> {
 
     /// Asks for the emulator's account at the end. An emulator that has gone already gives none.
     fn ask_status(&mut self) -> Result<(), PortError> {
-        let ping = self.exchange.command(&Command::Ping)?;
-        let deadline = Instant::now() + STATUS_TIMEOUT;
+        /// The question or its answer may be lost.
+        const TRIES: u32 = 4;
+        let mut pings = Vec::new();
         let mut answered = false;
-        loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Ok(());
-            }
-            match self.exchange.receive(left)? {
-                // The Status before this Ack answers an earlier Ping.
-                Some(Incoming::Ack(ack)) => {
-                    answered |= (ack.apid, ack.sequence_count) == (apid::COMMAND, ping)
+        for _ in 0..TRIES {
+            pings.push(self.exchange.command(&Command::Ping)?);
+            let deadline = Instant::now() + STATUS_TIMEOUT / TRIES;
+            loop {
+                let left = deadline.saturating_duration_since(Instant::now());
+                if left.is_zero() {
+                    break;
                 }
-                Some(Incoming::Status(status)) => {
-                    self.report.status = Some(*status);
-                    if answered {
-                        return Ok(());
+                match self.exchange.receive(left)? {
+                    // The Status before this Ack answers an earlier Ping.
+                    Some(Incoming::Ack(ack)) => {
+                        answered |=
+                            ack.apid == apid::COMMAND && pings.contains(&ack.sequence_count);
                     }
+                    Some(Incoming::Status(status)) => {
+                        self.report.status = Some(*status);
+                        if answered {
+                            return Ok(());
+                        }
+                    }
+                    Some(Incoming::Nack(nack)) => self.report.nack(nack),
+                    _ => {}
                 }
-                Some(Incoming::Nack(nack)) => self.report.nack(nack),
-                _ => {}
             }
         }
+        Ok(())
     }
 }
 

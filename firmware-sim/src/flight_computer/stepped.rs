@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use skyloop_protocols::apid;
+use skyloop_protocols::{Reason, apid};
 
 use super::{FlightComputer, GRANT_AGAIN, RunError, Watch};
 use crate::event::{Event, Loss};
@@ -23,43 +23,73 @@ impl<P: Port> FlightComputer<P> {
             {
                 return Ok(ControlFlow::Break(()));
             }
-            let count = self.send_attitude(sequence, self.mission.epoch(sequence))?;
-            if self.await_frame(sequence, count, watch)?.is_break() {
+            if self.fly_to(sequence, watch)?.is_break() {
                 return Ok(ControlFlow::Break(()));
             }
         }
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Listens until the frame of one attitude is whole, refused or lost.
-    fn await_frame(
+    /// Sends one attitude, again if need be, and listens until its frame is whole, refused or lost.
+    fn fly_to(
         &mut self,
         sequence: u32,
-        count: u16,
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
-        let deadline = Instant::now() + self.mission.timeout;
+        let epoch = self.mission.epoch(sequence);
+        let mut copies = vec![self.send_attitude(sequence, epoch)?];
+        self.exchange.want(Some(sequence));
+        let begin = Instant::now();
+        let mut moved = begin;
         loop {
-            let left = deadline.saturating_duration_since(Instant::now());
+            let left = self.mission.timeout.saturating_sub(begin.elapsed());
             if left.is_zero() {
                 return self.time_out(sequence, watch);
             }
             if watch(Event::Tick).is_break() {
                 return Ok(ControlFlow::Break(()));
             }
-            match self.exchange.receive(left.min(GRANT_AGAIN))? {
-                None => self.exchange.grant()?,
+            moved = moved.max(self.exchange.heard().unwrap_or(begin));
+            let patience = self.patience(sequence) * copies.len() as u32;
+            let silent = moved.elapsed();
+            if silent >= patience {
+                // The emulator makes the same frame again.
+                copies.push(self.send_attitude(sequence, epoch)?);
+                self.report.recovery.attitudes += 1;
+                self.exchange.query()?;
+                moved = Instant::now();
+                continue;
+            }
+            let wait = left.min(GRANT_AGAIN).min(patience - silent);
+            match self.exchange.receive(wait)? {
+                None if wait == GRANT_AGAIN => self.exchange.grant()?,
+                None => {}
                 Some(Incoming::Frame(frame)) if frame.header.attitude_sequence == sequence => {
+                    if copies.len() == 1 {
+                        self.answered_after(frame.header_at.saturating_duration_since(begin));
+                    }
+                    self.book_taken(sequence);
                     return Ok(self.take(&frame, watch));
                 }
                 Some(Incoming::Nack(nack))
-                    if (nack.apid, nack.sequence_count) == (apid::ATTITUDE, count) =>
+                    if nack.apid == apid::ATTITUDE && copies.contains(&nack.sequence_count) =>
                 {
                     self.report.refused += 1;
                     return Ok(self.note_nack(nack, watch));
                 }
+                // A copy of an earlier attitude, late: its frame is in.
+                Some(Incoming::Nack(nack))
+                    if nack.apid == apid::ATTITUDE && nack.reason == Reason::TimeBackwards =>
+                {
+                    self.report.recovery.refused += 1;
+                }
                 Some(Incoming::Useless(error)) if error.is_damaged_frame() => {
                     return Ok(self.lose(sequence, Loss::Damaged(error), watch));
+                }
+                Some(Incoming::Frame(frame))
+                    if self.taken.contains(&frame.header.attitude_sequence) =>
+                {
+                    self.report.recovery.duplicates += 1;
                 }
                 Some(other) => {
                     if self.note(other, watch).is_break() {
@@ -68,6 +98,38 @@ impl<P: Port> FlightComputer<P> {
                 }
             }
         }
+    }
+
+    /// How long an attitude may stay without any answer before it is sent again.
+    fn patience(&self, sequence: u32) -> Duration {
+        /// Of the usual time to the first packet of a frame.
+        const TIMES: u32 = 4;
+        const LEAST: Duration = Duration::from_millis(150);
+        // Of a frame that has begun, missing packets are asked for first.
+        let most = self.mission.timeout / 4;
+        match self.usual_answer {
+            Some(usual) if !self.exchange.has_begun(sequence) => {
+                let least = LEAST.max(3 * self.exchange.spacing());
+                (TIMES * usual).max(least).min(most)
+            }
+            _ => most,
+        }
+    }
+
+    /// Books the time from an attitude to the first packet of its frame: a moving average over some eight.
+    fn answered_after(&mut self, time: Duration) {
+        let usual = self.usual_answer.map(|usual| (usual * 7 + time) / 8);
+        self.usual_answer = Some(usual.unwrap_or(time));
+    }
+
+    /// Remembers the attitude of a frame that is in, to know a second copy of it.
+    fn book_taken(&mut self, sequence: u32) {
+        /// More frames than are under way at once.
+        const REMEMBERED: usize = 64;
+        if self.taken.len() >= REMEMBERED {
+            self.taken.pop_front();
+        }
+        self.taken.push_back(sequence);
     }
 }
 

@@ -16,7 +16,7 @@ impl<P: Port> FlightComputer<P> {
     ) -> Result<ControlFlow<()>, RunError> {
         let begin = Instant::now();
         let (mut sequence, mut last_sign, mut last_grant) = (0u32, begin, begin);
-        let mut last_frame: Option<u32> = None;
+        let mut frames = Numbers::default();
         let mut flow = ControlFlow::Continue(());
         while flow.is_continue()
             && watch(Event::Tick).is_continue()
@@ -50,8 +50,7 @@ impl<P: Port> FlightComputer<P> {
                 None => ControlFlow::Continue(()),
                 Some(Incoming::Frame(frame)) => {
                     last_sign = Instant::now();
-                    let number = frame.header.frame;
-                    self.pass_over(last_frame.replace(number), number, watch);
+                    frames.arrived(frame.header.frame);
                     self.take(&frame, watch)
                 }
                 Some(Incoming::Useless(error)) if error.is_damaged_frame() => {
@@ -59,18 +58,77 @@ impl<P: Port> FlightComputer<P> {
                 }
                 Some(other) => self.note(other, watch),
             };
+            let exchange = &self.exchange;
+            for _ in 0..frames.settle(|number| exchange.is_under_way(number)) {
+                // The frame that told is taken all the same.
+                let _ = self.lose(self.last_sent(), Loss::Skipped, watch);
+            }
         }
         Ok(flow)
     }
+}
 
-    /// Counts the frames whose numbers are missing between two.
-    fn pass_over(&mut self, last: Option<u32>, number: u32, watch: &mut Watch<'_>) {
+/// The numbers of the frames that came, and of those passed over.
+#[derive(Debug, Default)]
+struct Numbers {
+    last: Option<u32>,
+    /// Passed over, not yet counted: some of them may be under way.
+    passed_over: Vec<u32>,
+}
+
+impl Numbers {
+    /// Books a whole frame.
+    fn arrived(&mut self, number: u32) {
         /// A larger step is another emulator's count.
         const MOST: u32 = 1000;
-        let skipped = last.map_or(0, |last| number.wrapping_sub(last).wrapping_sub(1));
-        for _ in 0..if skipped < MOST { skipped } else { 0 } {
-            // The frame that told is taken all the same.
-            let _ = self.lose(self.last_sent(), Loss::Skipped, watch);
+        let ahead = self.last.map_or(1, |last| number.wrapping_sub(last));
+        if (1..=MOST).contains(&ahead) {
+            let skipped = (1..ahead).rev().map(|before| number.wrapping_sub(before));
+            self.passed_over.extend(skipped);
+        } else if ahead.wrapping_neg() <= MOST {
+            // It was passed over, and has been mended.
+            self.passed_over.retain(|passed| *passed != number);
+            return;
+        } else {
+            self.passed_over.clear();
         }
+        self.last = Some(number);
+    }
+
+    /// Gives out how many of those passed over are not under way any more.
+    fn settle(&mut self, mut is_under_way: impl FnMut(u32) -> bool) -> usize {
+        let before = self.passed_over.len();
+        self.passed_over.retain(|number| is_under_way(*number));
+        before - self.passed_over.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Numbers;
+
+    #[test]
+    fn a_frame_passed_over_is_counted_when_it_is_not_under_way() {
+        let mut numbers = Numbers::default();
+        [7, 10]
+            .into_iter()
+            .for_each(|number| numbers.arrived(number));
+        assert_eq!(numbers.settle(|number| number == 9), 1);
+        numbers.arrived(9);
+        assert_eq!(numbers.settle(|_| false), 0, "9 was mended");
+        [12, 14]
+            .into_iter()
+            .for_each(|number| numbers.arrived(number));
+        assert_eq!(numbers.settle(|_| false), 2);
+        // Another emulator counts anew.
+        [15, 200_000, 3, 4]
+            .into_iter()
+            .for_each(|number| numbers.arrived(number));
+        assert_eq!(numbers.settle(|_| false), 0);
+        let mut numbers = Numbers::default();
+        [u32::MAX, 1]
+            .into_iter()
+            .for_each(|number| numbers.arrived(number));
+        assert_eq!(numbers.settle(|_| false), 1);
     }
 }

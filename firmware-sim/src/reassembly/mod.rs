@@ -4,13 +4,16 @@
 //! has not come yet.
 
 mod arrivals;
+mod early;
 mod partial;
 
 use std::collections::VecDeque;
+use std::time::{Duration, Instant};
 
 use skyloop_protocols::{FrameHeader, Header, PixelLevel, Reply, WireTime};
 use thiserror::Error;
 
+use self::early::Early;
 use self::partial::Partial;
 use crate::received::ReceivedFrame;
 
@@ -53,6 +56,36 @@ pub struct AssemblyCounts {
     pub bad_pixels: u64,
     /// Frames given up incomplete.
     pub incomplete: u64,
+    /// Missing packets that came after they were asked for.
+    pub recovered: u64,
+}
+
+/// Packets of a frame by their numbers: 0 is its header, then come its pixels, then its labels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// The frame's number.
+    pub frame: u32,
+    /// The first packet.
+    pub first: u32,
+    /// How many.
+    pub count: u32,
+}
+
+/// Which missing packets to ask for.
+#[derive(Clone, Copy, Debug)]
+pub struct Demand {
+    /// The attitude whose frames are wanted; none: all.
+    pub attitude: Option<u32>,
+    /// A packet is missing if a later one came so long before.
+    pub wait: Duration,
+    /// What was asked for before is missing too.
+    pub again: bool,
+    /// All that has not come is missing: nothing comes any more.
+    pub silent: bool,
+    /// Most runs.
+    pub runs: usize,
+    /// Most packets.
+    pub packets: usize,
 }
 
 impl AssemblyError {
@@ -128,8 +161,8 @@ pub struct Progress {
 pub struct Assembler {
     limits: Limits,
     under_way: VecDeque<Partial>,
-    /// Packets whose header has not come yet, with their frame's number.
-    early: VecDeque<(u32, Vec<u8>)>,
+    /// Packets whose header has not come yet.
+    early: Early,
     /// Frames that are finished or given up, with their exposure: an emulator started anew counts anew.
     done: VecDeque<(u32, WireTime)>,
     counts: AssemblyCounts,
@@ -183,7 +216,7 @@ impl Assembler {
             (Some(partial), _) => partial.take(reply, &mut self.counts),
             (None, Reply::FrameHeader(opening)) => self.open(header.time, opening),
             (None, _) => {
-                self.keep_early(frame, packet);
+                self.counts.refused += self.early.keep(frame, packet, self.limits.early);
                 Ok(())
             }
         };
@@ -204,6 +237,59 @@ impl Assembler {
         }
         self.early.clear();
         given_up
+    }
+
+    /// Whether nothing is under way.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.under_way.is_empty() && self.early.is_empty()
+    }
+
+    /// Whether some of this frame has come, and not all.
+    #[must_use]
+    pub fn is_under_way(&self, frame: u32) -> bool {
+        let partial = |partial: &Partial| partial.header.frame == frame;
+        self.early.has(frame) || self.under_way.iter().any(partial)
+    }
+
+    /// Whether some of a frame that may show this attitude has come, and not all.
+    #[must_use]
+    pub fn has_begun(&self, attitude: u32) -> bool {
+        let shows = |partial: &Partial| partial.header.attitude_sequence == attitude;
+        !self.early.is_empty() || self.under_way.iter().any(shows)
+    }
+
+    /// The missing packets to ask for now; they are booked as asked for.
+    pub fn ask(&mut self, now: Instant, demand: &Demand) -> Vec<Run> {
+        let header = |frame| Run {
+            frame,
+            first: 0,
+            count: 1,
+        };
+        let headers = self.early.ask(now, demand.wait, demand.again);
+        let mut runs: Vec<Run> = headers.into_iter().map(header).take(demand.runs).collect();
+        for partial in &mut self.under_way {
+            let attitude = partial.header.attitude_sequence;
+            let asked: u32 = runs.iter().map(|run| run.count).sum();
+            let left = Demand {
+                runs: demand.runs.saturating_sub(runs.len()),
+                packets: demand.packets.saturating_sub(asked as usize),
+                ..*demand
+            };
+            if demand.attitude.is_none_or(|wanted| wanted == attitude) {
+                runs.extend(partial.ask(now, &left));
+            }
+        }
+        runs
+    }
+
+    /// Asks for nothing more of this frame: its packets are not to be had.
+    pub fn forsake(&mut self, frame: u32) {
+        self.early.take(frame);
+        let known = self.under_way.iter_mut();
+        for partial in known.filter(|partial| partial.header.frame == frame) {
+            partial.forsaken = true;
+        }
     }
 
     fn open(&mut self, mid_exposure: WireTime, header: &FrameHeader) -> Result<(), AssemblyError> {
@@ -244,11 +330,9 @@ impl Assembler {
             self.remember(&oldest);
         }
         let mut partial = Partial::new(*header, mid_exposure);
-        let (early, others) = std::mem::take(&mut self.early)
-            .into_iter()
-            .partition(|(number, _)| *number == frame);
-        self.early = others;
-        for (_, packet) in early {
+        let (early, asked) = self.early.take(frame);
+        self.counts.recovered += u64::from(asked);
+        for packet in early {
             // Only packets that decoded are kept.
             let taken = match Reply::decode(&packet) {
                 Ok((_, reply)) => partial.take(&reply, &mut self.counts),
@@ -259,14 +343,6 @@ impl Assembler {
         }
         self.under_way.push_back(partial);
         Ok(())
-    }
-
-    fn keep_early(&mut self, frame: u32, packet: &[u8]) {
-        if self.early.len() >= self.limits.early {
-            self.early.pop_front();
-            self.counts.refused += 1;
-        }
-        self.early.push_back((frame, packet.to_vec()));
     }
 
     fn finish(&mut self, frame: u32) -> Result<Option<ReceivedFrame>, AssemblyError> {

@@ -1,5 +1,6 @@
 //! A frame under way: its header, and what came of it so far.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use skyloop_protocols::crc::Crc32;
@@ -11,8 +12,8 @@ use skyloop_protocols::{
     rice,
 };
 
-use super::arrivals::Arrivals;
-use super::{AssemblyCounts, AssemblyError, Progress};
+use super::arrivals::{Arrival, Arrivals};
+use super::{AssemblyCounts, AssemblyError, Demand, Progress, Run};
 use crate::received::{Content, Cutout, ReceivedFrame};
 
 #[derive(Debug)]
@@ -30,7 +31,12 @@ pub(super) struct Partial {
     blocks: Arrivals,
     parts: Arrivals,
     pixel_octets: u64,
+    header_at: Instant,
     last_block: Instant,
+    /// When a gap was seen that is not asked for yet, and one after the highest packet that had come then.
+    gap: Option<(Instant, usize)>,
+    /// Its packets are not to be had any more.
+    pub(super) forsaken: bool,
 }
 
 /// A part of the labels, of either kind.
@@ -40,6 +46,13 @@ struct Part<'a> {
     parts: u16,
     offset: usize,
     octets: &'a [u8],
+}
+
+impl AssemblyCounts {
+    fn add(&mut self, arrival: &Arrival) {
+        self.out_of_order += u64::from(arrival.late);
+        self.recovered += u64::from(arrival.asked);
+    }
 }
 
 impl Partial {
@@ -60,7 +73,10 @@ impl Partial {
             blocks: Arrivals::of(blocks),
             parts: Arrivals::of(usize::from(header.label_parts)),
             pixel_octets: 0,
+            header_at: Instant::now(),
             last_block: Instant::now(),
+            gap: None,
+            forsaken: false,
             header,
             mid_exposure,
         }
@@ -145,7 +161,7 @@ impl Partial {
             }
             Some(false) => {
                 self.pixel_octets += place(self).ok_or(refused)? as u64;
-                counts.out_of_order += u64::from(self.blocks.book(index as usize));
+                counts.add(&self.blocks.book(index as usize));
                 self.last_block = Instant::now();
                 Ok(())
             }
@@ -222,7 +238,7 @@ impl Partial {
             (Some(true), _) => counts.duplicates += 1,
             (Some(false), Some(place)) => {
                 place.copy_from_slice(part.octets);
-                counts.out_of_order += u64::from(self.parts.book(usize::from(part.part)));
+                counts.add(&self.parts.book(usize::from(part.part)));
                 if self.header.blocks == 0 {
                     self.last_block = Instant::now();
                 }
@@ -230,6 +246,62 @@ impl Partial {
             _ => return Err(refused),
         }
         Ok(())
+    }
+
+    /// The missing packets to ask for now.
+    pub(super) fn ask(&mut self, now: Instant, demand: &Demand) -> Vec<Run> {
+        if self.forsaken {
+            return Vec::new();
+        }
+        let blocks = self.header.blocks as usize;
+        // One after the highest packet that came, without the header.
+        let next = match self.parts.next() {
+            0 => self.blocks.next(),
+            parts => blocks + parts,
+        };
+        let all = blocks + usize::from(self.header.label_parts);
+        let end = match self.gap {
+            _ if demand.silent => all,
+            _ if demand.again => next,
+            // Only what was passed over when the gap was seen: the rest may just be late.
+            Some((since, end)) if now.saturating_duration_since(since) >= demand.wait => end,
+            Some(_) => return Vec::new(),
+            None => {
+                self.gap = Some((now, next)).filter(|_| self.missing_below(next));
+                return Vec::new();
+            }
+        };
+        self.gap = None;
+        let mut runs = Vec::new();
+        let mut left = (demand.runs, demand.packets);
+        let mut collect = |found: Vec<Range<usize>>, before: usize| {
+            for run in found {
+                left = (left.0.saturating_sub(1), left.1.saturating_sub(run.len()));
+                runs.push(Run {
+                    frame: self.header.frame,
+                    first: (before + run.start) as u32,
+                    count: run.len() as u32,
+                });
+            }
+            left
+        };
+        let (most_runs, most) = collect(
+            self.blocks
+                .ask(end, demand.again, demand.runs, demand.packets),
+            1,
+        );
+        let labels = end.saturating_sub(blocks);
+        collect(
+            self.parts.ask(labels, demand.again, most_runs, most),
+            1 + blocks,
+        );
+        runs
+    }
+
+    /// Whether a packet below `next`, that was not asked for, is missing.
+    fn missing_below(&self, next: usize) -> bool {
+        let blocks = self.header.blocks as usize;
+        self.blocks.has_gap(next) || self.parts.has_gap(next.saturating_sub(blocks))
     }
 
     pub(super) fn is_whole(&self) -> bool {
@@ -294,6 +366,7 @@ impl Partial {
             mid_exposure: self.mid_exposure,
             content,
             pixel_octets: self.pixel_octets,
+            header_at: self.header_at,
             last_block: self.last_block,
             sealed_labels: self.labels,
         })

@@ -1,5 +1,7 @@
 //! A small emulator: a frame of synthetic stars for every attitude, paced by credit, with mischief on request.
 
+use std::collections::VecDeque;
+
 use skyloop_protocols::command::Attitude;
 use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::reply::Mode;
@@ -20,6 +22,10 @@ pub struct Emulator {
     mischief: Mischief,
     /// Attitudes that it refuses.
     pub refuses: fn(u32) -> bool,
+    /// Of which copies of which attitudes it makes no frame.
+    pub swallows: fn(copy: usize, attitude: u32) -> bool,
+    /// Of which copies of which attitudes the frame comes only with the next.
+    pub delays: fn(copy: usize, attitude: u32) -> bool,
     /// What each frame brings.
     pub output: Output,
     /// Centres of the windows.
@@ -32,7 +38,14 @@ pub struct Emulator {
     pub resets: u32,
     /// Frames taken so far.
     frames: u32,
-    waiting: Vec<Vec<u8>>,
+    /// Packets that wait for credit, with their frame's number.
+    waiting: VecDeque<(u32, Vec<u8>)>,
+    /// Whether it sends packets again.
+    pub resends: bool,
+    /// The packets of the last frames, unharmed.
+    kept: VecDeque<(u32, Vec<Vec<u8>>)>,
+    /// Packets sent again.
+    pub resent: usize,
     pub attitudes: Vec<(Header, Attitude)>,
 }
 
@@ -46,6 +59,8 @@ impl Emulator {
             },
             mischief,
             refuses: |_| false,
+            swallows: |_, _| false,
+            delays: |_, _| false,
             output: Output::default(),
             positions: Vec::new(),
             refuses_output: None,
@@ -53,7 +68,10 @@ impl Emulator {
             credit: CreditAccount::new(),
             resets: 0,
             frames: 0,
-            waiting: Vec::new(),
+            waiting: VecDeque::new(),
+            resends: true,
+            kept: VecDeque::new(),
+            resent: 0,
             attitudes: Vec::new(),
         }
     }
@@ -69,44 +87,75 @@ impl Emulator {
         });
         match command {
             Command::Attitude(attitude) if (self.refuses)(attitude.sequence) => {
-                let nack = Nack::new(
-                    header.apid,
-                    header.sequence_count,
-                    Reason::TimeBackwards,
-                    "as the test asks",
-                );
-                out.push(self.sender.reply(&Reply::Nack(nack), now()));
+                out.push(self.refuse(&header, Reason::TimeBackwards, "as the test asks"));
             }
             Command::Attitude(attitude) => {
+                let before = self.attitudes.iter();
+                let same = |(_, other): &&(Header, Attitude)| other.sequence == attitude.sequence;
+                let copy = before.filter(same).count();
                 self.attitudes.push((header, attitude));
+                if (self.swallows)(copy, attitude.sequence) {
+                    return out;
+                }
+                let frame = self.frames;
                 let mut packets = self.frame(attitude.sequence);
+                self.kept.push_back((frame, packets.clone()));
+                if self.kept.len() > 2 {
+                    self.kept.pop_front();
+                }
                 (self.mischief)(attitude.sequence, &mut packets);
+                let packets = packets.into_iter().map(|packet| (frame, packet));
                 self.waiting.extend(packets);
+                if (self.delays)(copy, attitude.sequence) {
+                    return out;
+                }
             }
             Command::Reset => {
                 self.resets += 1;
                 self.credit = CreditAccount::new();
                 self.waiting.clear();
+                self.kept.clear();
                 out.push(self.sender.reply(&ack, now()));
             }
             Command::Output(output) => {
-                let (apid, count) = (header.apid, header.sequence_count);
-                out.push(match self.refuses_output {
-                    Some(why) => {
-                        let nack = Nack::new(apid, count, Reason::ValueOutOfRange, why);
-                        self.sender.reply(&Reply::Nack(nack), now())
-                    }
-                    None => {
-                        self.output = output;
-                        self.sender.reply(&ack, now())
-                    }
-                });
+                if let Some(why) = self.refuses_output {
+                    out.push(self.refuse(&header, Reason::ValueOutOfRange, why));
+                } else {
+                    self.output = output;
+                    out.push(self.sender.reply(&ack, now()));
+                }
             }
             Command::Positions(positions) => {
                 self.positions = positions.centres().to_vec();
                 out.push(self.sender.reply(&ack, now()));
             }
-            Command::Credit { packets } => assert!(self.credit.grant(packets)),
+            Command::Credit { packets } => {
+                if !self.credit.grant(packets) {
+                    out.push(self.refuse(&header, Reason::ValueOutOfRange, "Credit"));
+                }
+            }
+            Command::Resend { .. } if !self.resends => {
+                out.push(self.refuse(&header, Reason::NotSupported, "no Resend"));
+            }
+            Command::Resend {
+                frame,
+                first,
+                count,
+            } => {
+                let kept = self.kept.iter().find(|(number, _)| *number == frame);
+                let Some((_, packets)) = kept else {
+                    out.push(self.refuse(&header, Reason::ValueOutOfRange, "not kept"));
+                    return out;
+                };
+                // Only what has been sent is sent again.
+                let unsent = self.waiting.iter().filter(|(of, _)| *of == frame).count();
+                let sent = packets.len().saturating_sub(unsent);
+                let (first, count) = (first as usize, count as usize);
+                let again = packets.iter().take(sent).skip(first).take(count).cloned();
+                let before = out.len();
+                out.extend(again);
+                self.resent += out.len() - before;
+            }
             Command::Ping => {
                 out.push(self.sender.reply(&ack, now()));
                 let status = self.status();
@@ -116,9 +165,14 @@ impl Emulator {
         }
         while !self.waiting.is_empty() && self.credit.may_send() {
             self.credit.spend();
-            out.push(self.waiting.remove(0));
+            out.extend(self.waiting.pop_front().map(|(_, packet)| packet));
         }
         out
+    }
+
+    fn refuse(&mut self, header: &Header, reason: Reason, why: &str) -> Vec<u8> {
+        let nack = Nack::new(header.apid, header.sequence_count, reason, why);
+        self.sender.reply(&Reply::Nack(nack), now())
     }
 
     fn frame(&mut self, attitude: u32) -> Vec<Vec<u8>> {

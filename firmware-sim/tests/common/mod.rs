@@ -5,6 +5,7 @@
 pub mod emulator;
 pub mod levels;
 pub mod loops;
+pub mod lossy;
 pub mod wire;
 
 use skyloop_firmware_sim::image::Image;
