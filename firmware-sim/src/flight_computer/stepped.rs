@@ -61,9 +61,13 @@ impl<P: Port> FlightComputer<P> {
                 continue;
             }
             let wait = left.min(GRANT_AGAIN).min(patience - silent);
-            match self.exchange.receive(wait)? {
-                None if wait == GRANT_AGAIN => self.exchange.grant()?,
-                None => {}
+            let flow = match self.exchange.receive(wait)? {
+                None => {
+                    if wait == GRANT_AGAIN {
+                        self.exchange.grant()?;
+                    }
+                    ControlFlow::Continue(())
+                }
                 Some(Incoming::Frame(frame)) if frame.header.attitude_sequence == sequence => {
                     if copies.len() == 1 {
                         self.answered_after(frame.header_at.saturating_duration_since(begin));
@@ -82,6 +86,7 @@ impl<P: Port> FlightComputer<P> {
                     if nack.apid == apid::ATTITUDE && nack.reason == Reason::TimeBackwards =>
                 {
                     self.report.recovery.refused += 1;
+                    ControlFlow::Continue(())
                 }
                 Some(Incoming::Useless(error)) if error.is_damaged_frame() => {
                     return Ok(self.lose(sequence, Loss::Damaged(error), watch));
@@ -90,12 +95,12 @@ impl<P: Port> FlightComputer<P> {
                     if self.taken.contains(&frame.header.attitude_sequence) =>
                 {
                     self.report.recovery.duplicates += 1;
+                    ControlFlow::Continue(())
                 }
-                Some(other) => {
-                    if self.note(other, watch).is_break() {
-                        return Ok(ControlFlow::Break(()));
-                    }
-                }
+                Some(other) => self.note(other, watch),
+            };
+            if flow.is_break() {
+                return Ok(flow);
             }
         }
     }
