@@ -8,7 +8,7 @@ use skyloop::config::Clock;
 use skyloop::link::fault::{Book, CAPACITY, Plan, wrap};
 use skyloop::link::{self, Outbound, Wire};
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{Command, Counters, Direction, Fault, FaultKind, Reason};
+use skyloop_protocols::{Command, Counters, Direction, Fault, FaultKind, Reason, Reply};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -209,6 +209,36 @@ fn a_live_fault_is_acknowledged_acts_and_ends() {
         client.recv(Duration::from_millis(20)).is_some()
     });
     assert!(started.elapsed() > Duration::from_millis(250));
+}
+
+#[test]
+fn a_link_that_was_down_and_is_back_counts_as_reconnected() {
+    let (_emulator, mut client) = serving("");
+    let before = client.status().counters;
+    let down = Command::Fault(Fault {
+        kind: FaultKind::Down,
+        direction: Direction::Out,
+        value: 1.0,
+        seconds: 0.2,
+    });
+    client.send(down);
+    assert!(client.recv(Duration::from_millis(100)).is_none());
+    std::thread::sleep(Duration::from_millis(300));
+    // The Ack of the command was lost.
+    client.line.send(&client_ping());
+    let mut status = None;
+    while let Some(packet) = client.line.recv(Duration::from_millis(300)) {
+        if let Ok((_, Reply::Status(found))) = Reply::decode(&packet) {
+            status = Some(found.counters);
+        }
+    }
+    let moved = moved(&before, &status.expect("the link is back"));
+    assert_eq!(moved, [("lost_outbound", 1), ("reconnects", 1)]);
+}
+
+/// The Ping after a Ping and a Fault.
+fn client_ping() -> Vec<u8> {
+    crate::support::client::packet(&Command::Ping, 2, EPOCH)
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod end;
 mod exchange;
 mod faults;
 mod levels;
+mod on_can;
 mod pacing;
 mod refusals;
 mod replay;

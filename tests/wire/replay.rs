@@ -182,3 +182,55 @@ fn a_run_over_a_bad_line_comes_again_octet_for_octet() {
         "{difference}"
     );
 }
+
+/// What a client has to say before anything comes over its link.
+fn says(line: &mut UdpLine, commands: &[Command]) {
+    let mut buffer = [0; MAX_PACKET];
+    for (count, command) in (0..).zip(commands) {
+        let length = command.encode(count, EPOCH, &mut buffer).unwrap();
+        line.send(&buffer[..length]);
+    }
+}
+
+#[test]
+fn several_links_are_replayed_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("run.pcapng");
+    let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
+    let mut links = link::open_all(&urls, &options(5.0)).unwrap();
+    let capture = Capture::packets(&file, &urls).unwrap();
+    let mut lines = Vec::new();
+    for (number, (wire, _)) in (0..).zip(&mut links) {
+        lines.push(UdpLine::to(&wire.address));
+        capture.tap(wire, number);
+    }
+    let emulator = Running::at(small(), Clock::Stepped, links);
+    let grant = Command::Credit { packets: 100_000 };
+    says(&mut lines[1], &[grant, Command::Ping]);
+    assert!(lines[1].recv(PATIENCE).is_some(), "the Ping's Ack");
+    says(&mut lines[0], &[grant]);
+    for i in 0..3 {
+        says(&mut lines[0], &[Command::Attitude(attitude(i))]);
+        emulator.shot();
+    }
+    for line in &mut lines {
+        while line.recv(Duration::from_millis(200)).is_some() {}
+    }
+    let counters = emulator.end();
+    assert_eq!(counters.frames_delivered, 3);
+    capture.finish().unwrap();
+    let same = replay(&file, small());
+    assert_eq!(same.difference, None);
+    // A frame's pixels went over one link, its labels over the other.
+    let frames: Vec<(u32, usize, bool)> = same
+        .frames
+        .iter()
+        .map(|frame| (frame.frame, frame.link, frame.whole))
+        .collect();
+    for i in 0..3 {
+        assert!(
+            frames.contains(&(i, 0, true)) && frames.contains(&(i, 1, true)),
+            "{frames:?}"
+        );
+    }
+}

@@ -1,6 +1,5 @@
-//! CAN frames in the log format of can-utils' `candump -l`: `(1436509052.249713) can0 123#DEADBEEF R`, with `##` and
-//! a digit of flags for FD frames. The direction at the end (R: towards the emulator, T: from it) is that of newer
-//! can-utils, whose readers pass it over where they do not know it.
+//! CAN frames in the log format of can-utils' `candump -l`: `(1436509052.249713) can0 123#DEADBEEF`, with `##` and a digit
+//! of flags for FD frames. The format has no direction, the identifiers do: what the emulator sends is 0x200 to 0x2FF.
 
 use super::{CaptureError, Record};
 use bytes::Bytes;
@@ -47,14 +46,11 @@ pub fn line(record: &Record<CanFrame>) -> String {
     for octet in record.item.payload() {
         let _ = write!(line, "{octet:02X}");
     }
-    line.push_str(match record.direction {
-        Direction::In => " R\n",
-        Direction::Out => " T\n",
-    });
+    line.push('\n');
     line
 }
 
-/// Reads a log of candump, ours or its own (without a direction, identifiers tell it: see `protocols/docs/icd.md`).
+/// Reads a log of candump; newer ones may state a direction (R, T) at a line's end.
 pub fn read(file: &Path, text: &str) -> Result<Vec<Record<CanFrame>>, CaptureError> {
     let lines = text.lines().enumerate();
     let lines = lines.filter(|(_, line)| !line.trim().is_empty());
@@ -81,7 +77,7 @@ fn parse(line: &str) -> Option<Record<CanFrame>> {
         Some("R") => Direction::In,
         Some("T") => Direction::Out,
         Some(_) => return None,
-        None if item.id & 0x700 == 0x200 => Direction::Out,
+        None if !item.extended && !item.error && item.id & 0x700 == 0x200 => Direction::Out,
         None => Direction::In,
     };
     let (s, us) = time.split_once('.')?;
@@ -194,19 +190,19 @@ mod tests {
         };
         // X-Val: the examples in the help and the manual page of can-utils' candump and cansend.
         for (frame, direction, text) in [
-            (classic, Direction::In, "123#DEADBEEF R"),
-            (fd, Direction::Out, "220##5070707070707070707070707 T"),
-            (extended, Direction::In, "12345678#DEADBEEF R"),
-            (remote, Direction::In, "123#R4 R"),
-            (error, Direction::In, "20000004#DEADBEEF R"),
+            (classic, Direction::In, "123#DEADBEEF"),
+            (fd, Direction::Out, "220##5070707070707070707070707"),
+            (extended, Direction::In, "12345678#DEADBEEF"),
+            (remote, Direction::In, "123#R4"),
+            (error, Direction::In, "20000004#DEADBEEF"),
         ] {
             let written = line(&record(frame, direction));
             assert_eq!(written, format!("(1436509052.249713) can0 {text}\n"));
             let read = read(Path::new("x"), &written).unwrap();
             assert_eq!(read, [record(frame, direction)]);
         }
-        // As candump itself writes it.
-        let plain = "(1436509052.249713) vcan0 210#0102\n\n(1436509052.249714) vcan0 110#05\n";
+        // A direction that is stated is believed.
+        let plain = "(1436509052.249713) vcan0 110#0102 T\n\n(1436509052.249714) vcan0 210#05 R\n";
         let read = read(Path::new("x"), plain).unwrap();
         assert_eq!(
             [read[0].direction, read[1].direction],

@@ -1,0 +1,125 @@
+//! What goes wrong on a CAN bus: counted in `Status`, each by its kind. The bus is slcan over a pseudo-terminal.
+#![cfg(unix)]
+
+use crate::support::client::{Client, moved};
+use crate::support::line::MemoryLine;
+use crate::support::{Running, await_that, options, scene};
+use skyloop::config::Clock;
+use skyloop::link::fault::{Book, BusFaults, Plan};
+use skyloop::link::{self, BusInstruments};
+use skyloop_firmware_sim::can::{CanBus, Sending, Trouble};
+use skyloop_protocols::can::CanFrame;
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Command, Direction, Fault, FaultKind};
+use std::collections::VecDeque;
+use std::io;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// Frames that come out of nowhere.
+type Ghosts = Arc<Mutex<VecDeque<CanFrame>>>;
+
+struct Haunted(Box<dyn CanBus>, Ghosts);
+
+impl CanBus for Haunted {
+    fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
+        self.0.send(frame)
+    }
+
+    fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
+        match self.1.lock().unwrap().pop_front() {
+            Some(frame) => Ok(Some(frame)),
+            None => self.0.recv(timeout),
+        }
+    }
+
+    fn share(&self) -> io::Result<Box<dyn CanBus>> {
+        Ok(Box::new(Haunted(self.0.share()?, self.1.clone())))
+    }
+}
+
+/// An emulator on a bus with faults and ghosts.
+fn on_a_bus() -> (Running, Client<MemoryLine>, Ghosts) {
+    let ghosts = Ghosts::default();
+    let of_bus = ghosts.clone();
+    let book = Arc::new(Mutex::new(Book::default()));
+    let mut options = options(5.0);
+    options.bus = Some(BusInstruments {
+        faults: true,
+        at: Arc::new(move |address| {
+            let faults = BusFaults::new(address, &Plan::default(), &NATIVE, &book);
+            let ghosts = of_bus.clone();
+            Box::new(move |bus| faults.around(Box::new(Haunted(bus, ghosts.clone()))))
+        }),
+    });
+    let (wire, port) = link::loopback("slcan", &options).unwrap();
+    let emulator = Running::start(scene(), Clock::Stepped, wire);
+    (emulator, Client::new(MemoryLine(port)), ghosts)
+}
+
+#[test]
+fn each_trouble_of_a_bus_moves_its_counter() {
+    let (_emulator, mut client, ghosts) = on_a_bus();
+    let mut before = client.status().counters;
+    let mut moves = |client: &mut Client<MemoryLine>, name| {
+        let mut found = Vec::new();
+        await_that("the counter moves", || {
+            let after = client.status().counters;
+            found = moved(&before, &after);
+            before = after;
+            !found.is_empty()
+        });
+        assert_eq!(found, [(name, 1)]);
+    };
+    // An error frame: a bit error, seen by the controller.
+    ghosts.lock().unwrap().push_back(Trouble::Error.frame());
+    moves(&mut client, "bus_errors");
+    // The first frame of an attitude whose others never come: given up after 1 s.
+    let begin = CanFrame::new(0x100, false, &[0; 8]).unwrap();
+    ghosts.lock().unwrap().push_back(begin);
+    moves(&mut client, "incomplete");
+    // A message of 4095 octets is announced.
+    let first = CanFrame::new(0x120, false, &[0x1F, 0xFF, 1, 2, 3, 4, 5, 6]).unwrap();
+    ghosts.lock().unwrap().push_back(first);
+    moves(&mut client, "oversize");
+}
+
+#[test]
+fn a_controller_that_leaves_the_bus_is_counted_and_loses_nothing_that_leaves() {
+    let (_emulator, mut client, _) = on_a_bus();
+    let before = client.status().counters;
+    // Off before the Ack can leave: it waits for the bus.
+    client.done(Command::Fault(Fault {
+        kind: FaultKind::BusOff,
+        direction: Direction::Out,
+        value: 1.0,
+        seconds: 0.3,
+    }));
+    let after = client.status().counters;
+    // Bus-off is an error frame too.
+    assert_eq!(moved(&before, &after), [("bus_errors", 1), ("bus_off", 1)]);
+}
+
+#[test]
+fn faults_are_switched_over_the_bus_that_they_harm() {
+    let (_emulator, mut client, _) = on_a_bus();
+    let drop = |value| {
+        Command::Fault(Fault {
+            kind: FaultKind::Drop,
+            direction: Direction::In,
+            value,
+            seconds: 0.0,
+        })
+    };
+    let before = client.status().counters;
+    client.done(drop(1.0));
+    for _ in 0..3 {
+        client.send(Command::Ping);
+    }
+    assert!(client.recv(Duration::from_millis(200)).is_none());
+    client.done(drop(0.0));
+    assert_eq!(
+        moved(&before, &client.status().counters),
+        [("sequence_gaps", 3)]
+    );
+}
