@@ -52,6 +52,17 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     if received == 0 {
         bail!("{}: nothing was received in it", args.file.display());
     }
+    if sent == 0 {
+        bail!(
+            "{}: no {} was sent in it: there is nothing to compare",
+            args.file.display(),
+            if recording.on_the_bus {
+                "whole frame"
+            } else {
+                "packet"
+            }
+        );
+    }
     say(format_args!(
         "replaying {}: {received} packets received, {sent} sent\n",
         args.file.display()

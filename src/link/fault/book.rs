@@ -2,7 +2,7 @@
 
 use super::engine::{How, Injection, What};
 use super::plan::name;
-use skyloop_protocols::{Direction, packet};
+use skyloop_protocols::Direction;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs::File;
@@ -137,17 +137,15 @@ fn line(address: &str, injection: &Injection, zero: Duration) -> String {
         What::Ends => write!(text, ",\"event\":\"ends\""),
         What::Item {
             number,
-            octets,
+            length,
+            members,
             how,
         } => {
+            let comma = if members.is_empty() { "" } else { "," };
             let _ = write!(
                 text,
-                ",\"event\":\"injected\",\"item\":{number},\"octets\":{}",
-                octets.len()
+                ",\"event\":\"injected\",\"item\":{number},\"octets\":{length}{comma}{members}"
             );
-            if let Some((apid, count)) = packet::identify(octets) {
-                let _ = write!(text, ",\"apid\":{apid},\"sequence_count\":{count}");
-            }
             match how {
                 How::Plainly => Ok(()),
                 How::CutTo(left) => write!(text, ",\"cut_to\":{left}"),

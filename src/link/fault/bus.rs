@@ -36,6 +36,10 @@ impl Damageable for CanFrame {
         self.len = length;
         self
     }
+
+    fn members(&self) -> String {
+        format!("\"can_id\":{}", self.id)
+    }
 }
 
 /// The faults of one bus, for as many openings of it as there are.
@@ -218,9 +222,12 @@ impl CanBus for FaultyBus {
             if let Some(frame) = now.and_then(|now| state.way_in.pop_due(now)) {
                 return Ok(Some(frame));
             }
+            let due = [state.way_in.next_due(), state.way_out.next_due()];
+            let due = due.into_iter().flatten().min().zip(now);
             drop(state);
             let left = deadline.saturating_duration_since(Instant::now());
-            match self.bus.recv(left.min(TICK))? {
+            let wait = due.map_or(TICK, |(due, now)| due.saturating_sub(now).min(TICK));
+            match self.bus.recv(left.min(wait))? {
                 Some(frame) => {
                     let mut state = self.faults.lock();
                     if state.off == 0 {

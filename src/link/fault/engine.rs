@@ -12,6 +12,8 @@ pub trait Damageable: Clone {
     fn octets(&self) -> Option<&[u8]>;
     /// The same with other octets, at most as many.
     fn with_octets(self, octets: Vec<u8>) -> Self;
+    /// What it is called in the book: members of a JSON object.
+    fn members(&self) -> String;
 }
 
 /// Something that was done, or a rule that begins or ends.
@@ -38,8 +40,10 @@ pub enum What {
     Item {
         /// Number of the item in its direction, from 0.
         number: u64,
-        /// Its octets before.
-        octets: Vec<u8>,
+        /// How many octets it had.
+        length: usize,
+        /// What it is called: members of a JSON object.
+        members: String,
         /// How it was harmed, if there is more to say than its kind.
         how: How,
     },
@@ -149,7 +153,8 @@ impl<T: Damageable> Faults<T> {
                     kind,
                     what: What::Item {
                         number,
-                        octets: octets.clone(),
+                        length: octets.len(),
+                        members: item.members(),
                         how,
                     },
                 });
@@ -237,6 +242,10 @@ mod tests {
 
         fn with_octets(self, octets: Vec<u8>) -> Vec<u8> {
             octets
+        }
+
+        fn members(&self) -> String {
+            String::new()
         }
     }
 

@@ -6,7 +6,7 @@ use super::plan::{Plan, impossible};
 use crate::link::inbox::inbox;
 use crate::link::{Inbound, Inbox, Intake, LinkError, Outbound, Outbox, QUEUE, Tally, Wire, count};
 use bytes::Bytes;
-use skyloop_protocols::{Command, Direction, FaultKind, Personality};
+use skyloop_protocols::{Command, Direction, FaultKind, Personality, packet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -76,6 +76,17 @@ impl Damageable for Inbound {
         let packet = Bytes::from(octets);
         Inbound { packet, ..self }
     }
+
+    fn members(&self) -> String {
+        members(&self.packet)
+    }
+}
+
+/// APID and sequence count, as the octets state them.
+fn members(packet: &[u8]) -> String {
+    packet::identify(packet).map_or(String::new(), |(apid, count)| {
+        format!("\"apid\":{apid},\"sequence_count\":{count}")
+    })
 }
 
 impl Damageable for Outbound {
@@ -94,6 +105,10 @@ impl Damageable for Outbound {
             },
             release => release,
         }
+    }
+
+    fn members(&self) -> String {
+        self.octets().map_or(String::new(), members)
     }
 }
 
