@@ -1,6 +1,6 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
-use super::{instruments, mission, progress};
+use super::{instruments, levels, mission, progress, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -30,6 +30,9 @@ pub struct Args {
     /// Scene file [default: the built-in FAI on CASSIOPE, 15 June 2019]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
+    /// What frames bring [default: the scene's]
+    #[arg(long, value_name = "LEVEL", value_parser = levels())]
+    output: Option<String>,
     /// Number of frames [default: the scene's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_negative_numbers = true)]
     frames: Option<u32>,
@@ -55,6 +58,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if let (Some(sequence), Some(frames)) = (&mut config.sequence, args.frames) {
         sequence.frames = frames;
     }
+    config.run.output = with_level(config.run.output, args.output.as_deref());
     let mission = mission(&config, args.scene.as_deref())?;
     let frames = mission.frames;
     let idle = Duration::from_secs_f64(config.run.idle_s);
@@ -71,7 +75,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let emulator = Emulator::new(&mut config);
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     say(format_args!(
-        "{frames} frames of {} over {}\n",
+        "{}{frames} frames of {} over {}\n",
+        server.levels(),
         config.camera.name,
         server.addresses().join(" and ")
     ))?;

@@ -9,11 +9,13 @@ mod replay;
 mod run;
 
 use anyhow::Context;
+use clap::builder::PossibleValuesParser;
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use skyloop::config::Config;
 use skyloop::flight;
 use skyloop_firmware_sim::mission::Mission;
+use skyloop_protocols::Output;
 use std::io::IsTerminal;
 use std::path::Path;
 use tracing::level_filters::LevelFilter;
@@ -81,6 +83,21 @@ fn mission(config: &Config, scene: Option<&Path>) -> anyhow::Result<Mission> {
         Some(scene) => mission.with_context(|| scene.display().to_string()),
         None => Ok(mission?),
     }
+}
+
+/// The output levels that `--output` takes.
+fn levels() -> PossibleValuesParser {
+    PossibleValuesParser::new(Output::PRESETS.map(|(name, ..)| name))
+}
+
+/// `output` at the level called `name`, if one is given.
+fn with_level(output: Output, name: Option<&str>) -> Output {
+    let preset = name.and_then(Output::preset);
+    preset.map_or(output, |preset| Output {
+        pixels: preset.pixels,
+        labels: preset.labels,
+        ..output
+    })
 }
 
 /// A progress bar over `frames`; nothing where standard error is no terminal.

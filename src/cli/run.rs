@@ -1,6 +1,6 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
-use super::instruments;
+use super::{instruments, levels, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -23,6 +23,9 @@ pub struct Args {
     /// roles=truth, pixels, labels [default: the file's]
     #[arg(long, value_name = "URL")]
     link: Vec<String>,
+    /// What frames bring until a client says otherwise [default: the file's]
+    #[arg(long, value_name = "LEVEL", value_parser = levels())]
+    output: Option<String>,
     /// End after this many frames [default: at Ctrl-C]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     frames: Option<u32>,
@@ -50,7 +53,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let links = link::open_all(urls, &options)?;
     let links = instruments.around(links)?;
     let (objects, clock) = (config.objects.len(), config.run.clock);
-    let output = config.run.output;
+    let output = with_level(config.run.output, args.output.as_deref());
     let emulator = Emulator::new(&mut config);
     let mut server = Server::new(emulator, links, output, clock, &NATIVE);
     server.fits().map_err(anyhow::Error::msg)?;
