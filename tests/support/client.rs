@@ -142,6 +142,11 @@ impl<L: Line> Client<L> {
         }
     }
 
+    /// Gives a packet back, to be the next one.
+    pub fn put_back(&mut self, packet: Vec<u8>) {
+        self.early.push_front(packet);
+    }
+
     /// Whether nothing has come but what was asked for.
     pub fn has_nothing_left(&mut self) -> bool {
         self.early.is_empty() && self.recv(Duration::from_millis(5)).is_none()

@@ -1,6 +1,8 @@
 //! The emulator at the wire, with a client that knows nothing but `skyloop-protocols`.
 
 mod bad_packets;
+#[cfg(unix)]
+mod can;
 mod content;
 mod counted;
 mod end;

@@ -17,6 +17,14 @@ pub fn open(_: &super::settings::Settings) -> Result<Box<dyn super::CanBus>, sup
     })
 }
 
+/// Whether the system has an interface of any kind with this name.
+#[cfg(target_os = "linux")]
+fn exists(interface: &str) -> bool {
+    std::path::Path::new("/sys/class/net")
+        .join(interface)
+        .exists()
+}
+
 /// Whether an interface carries FD frames, 72 octets to the kernel; the longest classic one has 16. One that is not there
 /// does.
 #[must_use]
@@ -27,7 +35,7 @@ pub fn carries_fd(interface: &str) -> bool {
 
 #[cfg(target_os = "linux")]
 mod linux {
-    use super::carries_fd;
+    use super::{carries_fd, exists};
     use crate::can::settings::Settings;
     use crate::can::{CanBus, Refusal, Sending};
     use skyloop_protocols::can::CanFrame;
@@ -75,6 +83,9 @@ mod linux {
         }
         let refuse = |source: io::Error| {
             let remedy = match source.raw_os_error() {
+                Some(ENODEV | ENXIO) if exists(name) => {
+                    format!("{name} is no CAN interface: `ip -br link` lists all")
+                }
                 Some(ENODEV | ENXIO) => format!(
                     "there is no CAN interface {name:?}: `ip -br link` lists them; `ip link add dev {name} type vcan && ip link set {name} up` makes a virtual one"
                 ),

@@ -16,6 +16,7 @@ pub mod node;
 mod receiver;
 mod sender;
 pub mod slcan;
+mod stuffing;
 
 pub use frame::CanFrame;
 pub use isotp::Parameters;

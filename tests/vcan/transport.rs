@@ -1,0 +1,265 @@
+//! The kernel's ISO-TP against ours: whole frames from the emulator, long commands to it.
+
+use crate::support::client::Client;
+use crate::support::line::Line;
+use crate::tools::{Listening, hex, isotpsend};
+use crate::{CLASSIC, FD, VCAN0, VCAN1, emulator};
+use skyloop_protocols::{Ack, Command, MAX_PACKET, Reply, WireTime};
+use socket2::{Domain, Protocol, SockAddr, Socket as RawSocket, Type};
+use socketcan::{CanAddr, CanFdSocket, EmbeddedFrame, Socket, SocketOptions, StandardId};
+use std::io::Read;
+use std::os::fd::{AsRawFd, RawFd};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Settings of the kernel's ISO-TP (`linux/can/isotp.h`).
+#[derive(Clone, Copy)]
+pub struct Settings {
+    pub fd: bool,
+    /// Frames that the emulator may send until the next flow control; 0: all.
+    pub block_size: u8,
+    /// Between two of the emulator's frames: up to 0x7F ms, from 0xF1 on 100 us.
+    pub st_min: u8,
+    /// Frames are filled up with 0xCC, as ours are.
+    pub padding: bool,
+}
+
+/// A flight computer that has the kernel cut its packets.
+pub struct KernelLine {
+    transport: Arc<Transport>,
+    packets: Receiver<Vec<u8>>,
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+/// How long a thread waits before it looks whether it is still wanted.
+const TICK: Duration = Duration::from_millis(50);
+
+struct Transport(RawSocket);
+
+impl AsRawFd for Transport {
+    fn as_raw_fd(&self) -> RawFd {
+        self.0.as_raw_fd()
+    }
+}
+
+impl SocketOptions for Transport {}
+
+impl KernelLine {
+    pub fn new(interface: &str, settings: Settings) -> KernelLine {
+        // X-Val: AF_CAN = 29 (`linux/socket.h`), CAN_ISOTP = 6 (`linux/can.h`), SOL_CAN_ISOTP = 106.
+        const LEVEL: i32 = 106;
+        let socket = RawSocket::new(Domain::from(29), Type::DGRAM, Some(Protocol::from(6)));
+        let transport = Transport(socket.unwrap());
+        // CAN_ISOTP_OPTS = 1: flags u32 (CAN_ISOTP_TX_PADDING = 4), frame_txtime u32, address, padding out and in, address.
+        let mut options = [0; 12];
+        let flags: u32 = if settings.padding { 4 } else { 0 };
+        options[..4].copy_from_slice(&flags.to_ne_bytes());
+        (options[9], options[10]) = (0xCC, 0xCC);
+        transport
+            .set_socket_option_bytes(LEVEL, 1, &options)
+            .unwrap();
+        // CAN_ISOTP_RECV_FC = 2: block size, STmin, number of waits.
+        let flow = [settings.block_size, settings.st_min, 0];
+        transport.set_socket_option_bytes(LEVEL, 2, &flow).unwrap();
+        if settings.fd {
+            // CAN_ISOTP_LL_OPTS = 5: CANFD_MTU = 72, TX_DL 64, flags CANFD_BRS = 1.
+            transport
+                .set_socket_option_bytes(LEVEL, 5, &[72, 64, 1])
+                .unwrap();
+        }
+        let ids = [0x220, 0x120].map(|id| StandardId::new(id).unwrap());
+        let address = CanAddr::from_iface_isotp(interface, ids[0], ids[1]).unwrap();
+        transport.0.bind(&SockAddr::from(address)).unwrap();
+        transport.0.set_read_timeout(Some(TICK)).unwrap();
+        let plain = CanFdSocket::open(interface).unwrap();
+        plain.set_read_timeout(TICK).unwrap();
+
+        let transport = Arc::new(transport);
+        let stop = Arc::new(AtomicBool::new(false));
+        let (to_test, packets) = channel();
+        let (long, reading, stopped) = (to_test.clone(), transport.clone(), stop.clone());
+        let kernels = std::thread::spawn(move || {
+            let mut buffer = [0; 4096];
+            while !stopped.load(Ordering::Relaxed) {
+                let Ok(length) = (&reading.0).read(&mut buffer) else {
+                    continue;
+                };
+                let packet = &buffer[..length];
+                // An Ack that came before it may still be on its way through the other thread.
+                if !Reply::decode(packet).is_ok_and(|(_, reply)| reply.takes_credit()) {
+                    std::thread::sleep(TICK);
+                }
+                let _ = long.send(packet.to_vec());
+            }
+        });
+        let stopped = stop.clone();
+        let acks = std::thread::spawn(move || {
+            let mut count = 0;
+            while !stopped.load(Ordering::Relaxed) {
+                let frame = plain.read_frame();
+                if let Some(packet) = frame.ok().and_then(|f| ack(f.id(), f.data(), count)) {
+                    count += 1;
+                    let _ = to_test.send(packet);
+                }
+            }
+        });
+        KernelLine {
+            transport,
+            packets,
+            stop,
+            threads: vec![kernels, acks],
+        }
+    }
+}
+
+impl Drop for KernelLine {
+    /// A socket that is left open answers the next test's messages.
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.threads
+            .drain(..)
+            .for_each(|thread| thread.join().unwrap());
+    }
+}
+
+/// The packet that a short Ack stands for.
+fn ack(id: socketcan::Id, data: &[u8], count: u16) -> Option<Vec<u8>> {
+    // X-Val: protocols/docs/skyloop.dbc, ShortAck: 0x210, APID and sequence count, 16 bits each.
+    let &[a, b, c, d] = data else {
+        return None;
+    };
+    if id != socketcan::Id::from(StandardId::new(0x210)?) {
+        return None;
+    }
+    let reply = Reply::Ack(Ack {
+        apid: u16::from_be_bytes([a, b]),
+        sequence_count: u16::from_be_bytes([c, d]),
+    });
+    let mut buffer = [0; MAX_PACKET];
+    let length = reply.encode(count, WireTime(0), &mut buffer).unwrap();
+    Some(buffer[..length].to_vec())
+}
+
+impl Line for KernelLine {
+    fn send(&mut self, packet: &[u8]) {
+        assert_eq!(self.transport.0.send(packet).unwrap(), packet.len());
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Option<Vec<u8>> {
+        self.packets.recv_timeout(timeout).ok()
+    }
+}
+
+const PLAIN: Settings = Settings {
+    fd: false,
+    block_size: 0,
+    st_min: 0,
+    padding: true,
+};
+
+/// Long commands, and answers longer than a frame.
+fn converse(client: &mut Client<KernelLine>) {
+    let centres: Vec<[u16; 2]> = (0..64).map(|n| [n, 2 * n]).collect();
+    let positions = skyloop_protocols::Positions::new(&centres).unwrap();
+    for _ in 0..3 {
+        client.done(Command::Positions(positions));
+        let status = client.status();
+        assert_eq!(
+            (status.counters.incomplete, status.counters.sequence_gaps),
+            (0, 0)
+        );
+    }
+}
+
+#[test]
+#[ignore = "needs vcan: run tests/vcan/run"]
+fn our_segments_and_the_kernels_fit_with_every_setting() {
+    for (interface, rates, settings) in [
+        (VCAN1, CLASSIC, PLAIN),
+        (
+            VCAN1,
+            CLASSIC,
+            Settings {
+                padding: false,
+                block_size: 4,
+                ..PLAIN
+            },
+        ),
+        (
+            VCAN1,
+            CLASSIC,
+            Settings {
+                block_size: 1,
+                st_min: 2,
+                ..PLAIN
+            },
+        ),
+        (VCAN0, FD, Settings { fd: true, ..PLAIN }),
+        (
+            VCAN0,
+            FD,
+            Settings {
+                fd: true,
+                padding: false,
+                block_size: 2,
+                st_min: 0xF5,
+            },
+        ),
+        // A socket of the kernel takes one format only: FD with classic frames cannot be.
+    ] {
+        let emulator = emulator(interface, rates);
+        let mut client = Client::new(KernelLine::new(interface, settings));
+        converse(&mut client);
+        let counters = emulator.end();
+        assert_eq!(
+            (
+                counters.commands,
+                counters.incomplete,
+                counters.lost_outbound
+            ),
+            (6, 0, 0)
+        );
+    }
+}
+
+#[test]
+#[ignore = "needs vcan: run tests/vcan/run"]
+fn the_kernel_puts_whole_frames_together() {
+    let emulator = emulator(VCAN0, FD);
+    let mut client = Client::new(KernelLine::new(VCAN0, Settings { fd: true, ..PLAIN }));
+    let frame = client.good_frame(7);
+    let shot = emulator.shot();
+    assert!(frame.pixels == shot.frame.digits && frame.labels == shot.json);
+    println!(
+        "{} packets of a frame by the kernel's ISO-TP",
+        frame.packets
+    );
+}
+
+#[test]
+#[ignore = "needs vcan: run tests/vcan/run"]
+fn isotpsend_and_isotprecv_talk_to_the_emulator() {
+    let emulator = emulator(VCAN1, CLASSIC);
+    let dump = Listening::candump(VCAN1);
+    let receiver = Listening::start("isotprecv -s 120 -d 220 vcan1");
+    // X-Val: golden vector "ping at time 0", protocols/vectors/golden.txt.
+    let ping = [
+        0x19, 0x02, 0xC0, 0x05, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 0, 2, 6, 0x5D, 0xA7,
+    ];
+    isotpsend("-s 120 -d 220 vcan1", &ping);
+    // The Ack of command 5 (APID 0x102), then the Status, which takes several frames.
+    dump.line(|line| line.ends_with(" 210#01020005"));
+    let octets = receiver.line(|_| true);
+    let packet: Vec<u8> = octets
+        .split(' ')
+        .map(|octet| u8::from_str_radix(octet, 16).unwrap())
+        .collect();
+    assert_eq!(hex(&packet), octets);
+    let (_, reply) = Reply::decode(&packet).unwrap();
+    assert!(matches!(reply, Reply::Status(status) if status.counters.commands == 1));
+    assert_eq!(emulator.end().commands, 1);
+}

@@ -1,0 +1,118 @@
+//! Interfaces that are missing, wrong, down, gone and back, full; controllers that report errors.
+
+use crate::support::line::Line;
+use crate::support::{await_that, options};
+use crate::tools::{cansend, run};
+use crate::{CLASSIC, FD, VCAN0, VCAN1, client, emulator};
+use skyloop::link;
+use skyloop_protocols::Command;
+use std::time::Duration;
+
+fn refused(url: &str) -> String {
+    let error = link::open(url, &options(5.0)).err().unwrap().to_string();
+    println!("{error}");
+    assert!(error.contains(url) && !error.contains('\n'), "{error}");
+    error
+}
+
+#[test]
+#[ignore = "needs vcan: run tests/vcan/run"]
+fn what_cannot_be_opened_is_told_with_the_command_that_mends_it() {
+    let error = refused("can://nosuchcan0");
+    assert!(error.contains("there is no CAN interface \"nosuchcan0\""));
+    assert!(error.contains("ip link add dev nosuchcan0 type vcan"));
+    assert!(refused("can://vcan1?fd=8000000").contains("ip link set vcan1 mtu 72"));
+    assert!(refused("can://lo").contains("lo is no CAN interface"));
+    run("ip link set vcan1 down");
+    let error = refused("can://vcan1");
+    run("ip link set vcan1 up");
+    assert!(error.contains("Network is down") && error.contains("run `ip link set vcan1 up`"));
+}
+
+/// Waits until the emulator answers a Ping again.
+fn answers(client: &mut crate::Client<crate::MemoryLine>) {
+    await_that("the emulator answers again", || {
+        client.send(Command::Ping);
+        client.line.recv(Duration::from_millis(500)).is_some()
+    });
+    while client.line.recv(Duration::from_millis(500)).is_some() {}
+}
+
+#[test]
+#[ignore = "needs vcan: run tests/vcan/run"]
+fn an_interface_that_goes_down_and_up_is_used_again() {
+    let emulator = emulator(VCAN0, FD);
+    let mut client = client(VCAN0, FD);
+    assert_eq!(client.status().counters.reconnects, 0);
+    for _ in 0..2 {
+        run("ip link set vcan0 down");
+        std::thread::sleep(Duration::from_millis(700));
+        run("ip link set vcan0 up");
+        answers(&mut client);
+    }
+    assert_eq!(emulator.end().reconnects, 2);
+}
+
+#[test]
+#[ignore = "needs vcan: run tests/vcan/run"]
+fn an_interface_that_is_removed_and_made_again_is_used_again() {
+    let make = || {
+        run("ip link add dev vcan2 type vcan");
+        run("ip link set vcan2 up");
+    };
+    make();
+    let emulator = emulator("vcan2", CLASSIC);
+    let mut client = client("vcan2", CLASSIC);
+    client.done(Command::Reset);
+    run("ip link del vcan2");
+    std::thread::sleep(Duration::from_millis(700));
+    make();
+    answers(&mut client);
+    assert_eq!(emulator.end().reconnects, 1);
+    run("ip link del vcan2");
+}
+
+#[test]
+#[ignore = "needs vcan: run tests/vcan/run"]
+fn error_frames_are_counted_and_the_run_goes_on() {
+    let emulator = emulator(VCAN0, FD);
+    let mut client = client(VCAN0, FD);
+    client.done(Command::Reset);
+    // X-Val: linux/can/error.h: CAN_ERR_FLAG 0x20000000 with CAN_ERR_BUSERROR, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED.
+    for class in ["20000080", "20000040", "20000100"] {
+        cansend(VCAN0, &format!("{class}#0000000000000000"));
+    }
+    await_that("the errors are counted", || {
+        let counters = client.status().counters;
+        (counters.bus_errors, counters.bus_off) == (2, 1)
+    });
+    drop(client);
+    assert_eq!(emulator.end().bus_off, 1);
+}
+
+#[test]
+#[ignore = "needs vcan: run tests/vcan/run"]
+fn a_full_transmit_queue_is_waited_out() {
+    // A queue of 10 frames (16 octets each to the kernel) that empties at 780 frames a second; the pace sends 7,400.
+    run("tc qdisc add dev vcan1 root tbf rate 100kbit burst 160 limit 160");
+    let emulator = emulator(VCAN1, CLASSIC);
+    let mut client = client(VCAN1, CLASSIC);
+    for _ in 0..20 {
+        let counters = client.status().counters;
+        assert_eq!(
+            (
+                counters.incomplete,
+                counters.lost_outbound,
+                counters.sequence_gaps
+            ),
+            (0, 0, 0)
+        );
+    }
+    let statistics = run("tc -s qdisc show dev vcan1");
+    run("tc qdisc del dev vcan1 root");
+    println!("{statistics}");
+    let dropped = statistics.split("dropped ").nth(1).unwrap();
+    let dropped: u32 = dropped.split(',').next().unwrap().parse().unwrap();
+    assert!(dropped > 0, "the queue has been full");
+    assert_eq!(emulator.end().reconnects, 0);
+}
