@@ -25,7 +25,8 @@ const LAYERS: &[&[&str]] = &[
 /// The modules of `firmware-sim/src/`, likewise.
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
-        "console", "image", "pacing", "pointing", "port", "reader", "text", "time", "times",
+        "console", "image", "pacing", "pointing", "port", "reader", "roles", "text", "time",
+        "times",
     ],
     &["attitude_list", "background", "can", "serial", "udp"],
     &["link", "profile", "signal"],
@@ -33,8 +34,9 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &["detector"],
     &["received"],
     &["contents", "reassembly", "score"],
-    &["recovery", "report"],
+    &["join", "recovery", "report"],
     &["event", "exchange"],
+    &["links"],
     &["flight_computer"],
 ];
 

@@ -100,12 +100,12 @@ impl<P: Port> Exchange<P> {
         timeout: Duration,
         mut tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
-        /// A command or its answer may be lost: it is sent as often as this.
-        const TRIES: u32 = 4;
+        /// A command or its answer may be lost: it is sent again after these shares of the time-out.
+        const SIXTEENTHS: [u32; 4] = [1, 2, 4, 9];
         let mut asked = Vec::new();
-        for _ in 0..TRIES {
+        for share in SIXTEENTHS {
             asked.push((command.apid(), self.command(command)?));
-            let deadline = Instant::now() + timeout / TRIES;
+            let deadline = Instant::now() + timeout * share / 16;
             loop {
                 let left = deadline.saturating_duration_since(Instant::now());
                 if left.is_zero() {
@@ -259,6 +259,16 @@ impl<P: Port> Exchange<P> {
         self.recovery.attitude = attitude;
     }
 
+    /// See [`Assembler::look_out_for`].
+    pub(crate) fn look_out_for(&mut self, frame: u32) {
+        self.assembler.look_out_for(frame);
+    }
+
+    /// See [`Assembler::dismiss`].
+    pub(crate) fn dismiss(&mut self, frame: u32) {
+        self.assembler.dismiss(frame);
+    }
+
     /// When the last frame packet came.
     pub(crate) fn heard(&self) -> Option<Instant> {
         self.recovery.heard()
@@ -287,14 +297,14 @@ impl<P: Port> Exchange<P> {
         Ok(progress)
     }
 
-    /// Writes its counts into the report.
+    /// Adds its counts to the report.
     pub(crate) fn account(&self, report: &mut Report) {
-        report.undecodable = self.undecodable;
-        report.octets = self.octets;
-        report.dropped = self.port.dropped();
-        report.missing_packets = self.pacing.missing();
-        report.assembly = self.assembler.counts();
-        report.recovery.asked = self.recovery.asked;
+        report.undecodable += self.undecodable;
+        report.octets += self.octets;
+        report.dropped += self.port.dropped();
+        report.missing_packets += self.pacing.missing();
+        report.assembly.add_all(&self.assembler.counts());
+        report.recovery.asked += self.recovery.asked;
         report.recovery.refused += self.recovery.refused;
     }
 }

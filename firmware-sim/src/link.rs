@@ -2,21 +2,25 @@
 
 use crate::can::port::{CAN, SLCAN};
 use crate::port::{OpenError, Port, PortError, Scheme};
+use crate::roles::Roles;
 use crate::serial::SERIAL;
 use crate::udp::UDP;
 
 /// Every kind of link that an address can name.
 pub const SCHEMES: &[Scheme] = &[UDP, SERIAL, CAN, SLCAN];
 
-/// Opens `udp://HOST:PORT`, `serial://PATH[?baud=N]`, or what else [`SCHEMES`] has.
+/// Opens `udp://HOST:PORT`, `serial://PATH[?baud=N]`, or what else [`SCHEMES`] has; option `roles` of any of them says
+/// what for.
 ///
 /// # Errors
 /// [`PortError::Address`] if the text names no link, [`PortError::Io`] if it cannot be opened.
-pub fn open(link: &str) -> Result<Box<dyn Port + Send>, PortError> {
+pub fn open(link: &str) -> Result<(Box<dyn Port + Send>, Roles), PortError> {
     let (name, rest) = link.split_once("://").unwrap_or((link, ""));
-    let opened = match SCHEMES.iter().find(|scheme| scheme.name == name) {
-        Some(scheme) => (scheme.open)(rest),
-        None => Err(OpenError::Wrong(format!("no scheme is called \"{name}\""))),
+    let scheme = SCHEMES.iter().find(|scheme| scheme.name == name);
+    let opened = match (scheme, Roles::split(rest)) {
+        (None, _) => Err(OpenError::Wrong(format!("no scheme is called \"{name}\""))),
+        (_, Err(reason)) => Err(OpenError::Wrong(reason)),
+        (Some(scheme), Ok((rest, roles))) => (scheme.open)(&rest).map(|port| (port, roles)),
     };
     opened.map_err(|error| match error {
         OpenError::Failed(error) => error,
@@ -44,6 +48,7 @@ mod tests {
             ("tcp://127.0.0.1:5", "no scheme is called \"tcp\""),
             ("serial:///dev/ttyX?baud=fast", "baud=NUMBER"),
             ("serial:///dev/ttyX?baud=0", "baud=NUMBER"),
+            ("udp://127.0.0.1:5?roles=eyes", "roles=eyes must be truth"),
         ] {
             let error = open(text).err().unwrap().to_string();
             assert!(

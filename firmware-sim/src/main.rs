@@ -30,9 +30,9 @@ use skyloop_orbit::{file_and_name, read_text};
 #[derive(Debug, Parser)]
 #[command(name = "skyloop-fc", version, group = ArgGroup::new("profile").required(true))]
 struct Args {
-    /// udp://127.0.0.1:PORT or serial:///dev/NAME?baud=115200
-    #[arg(long)]
-    link: String,
+    /// udp://127.0.0.1:PORT, serial:///dev/NAME?baud=115200, can:// or slcan://; several with roles=truth+pixels+labels each
+    #[arg(long, value_name = "URL", required = true)]
+    link: Vec<String>,
     /// TLE, 3LE or CCSDS OEM file; NAME picks an object by name or identifier
     #[arg(long, value_name = "FILE[:NAME]")]
     orbit: Option<String>,
@@ -107,10 +107,11 @@ fn main() -> ExitCode {
 
 fn run(args: Args) -> Result<()> {
     let mission = mission(&args)?;
-    let port = link::open(&args.link)?;
+    let links = args.link.iter().map(|link| link::open(link));
+    let links = links.collect::<Result<Vec<_>, _>>()?;
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let mut refusals = 0;
-    let flown = FlightComputer::new(port, mission).run(|event| {
+    let flown = FlightComputer::on_links(links, mission).run(|event| {
         refusals += u32::from(matches!(event, Event::Nack(_)));
         let told = match (&event, refusals.cmp(&TOLD)) {
             (Event::Nack(_), Ordering::Greater) => Ok(()),

@@ -77,6 +77,16 @@ pub enum SealError {
 }
 
 impl ReceivedFrame {
+    /// The same frame with the labels that came over another link.
+    pub(crate) fn with_labels_of(mut self, other: Self) -> Self {
+        self.header.label_level = other.header.label_level;
+        self.header.label_parts = other.header.label_parts;
+        self.header.label_bytes = other.header.label_bytes;
+        self.sealed_labels = other.sealed_labels;
+        self.header_at = self.header_at.min(other.header_at);
+        self
+    }
+
     /// All pixels of the frame, if all were sent.
     #[must_use]
     pub fn pixels(&self) -> &[u16] {

@@ -15,7 +15,7 @@ const LATE: Duration = Duration::from_millis(30);
 /// Nothing comes any more after this long at least.
 const SILENCE: Duration = Duration::from_millis(100);
 /// The same before the usual time between packets is known.
-const FIRST_SILENCE: Duration = Duration::from_millis(500);
+const FIRST_SILENCE: Duration = Duration::from_millis(300);
 /// The silence before the next round doubles so often at most.
 const MOST_DOUBLINGS: u32 = 5;
 /// Requests whose refusal is known as such.

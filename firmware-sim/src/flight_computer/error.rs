@@ -26,6 +26,12 @@ pub enum RunError {
         /// How long it was waited for.
         waited: Duration,
     },
+    /// The links leave something out.
+    #[error("no link has the role {role}: add it to the roles= of one, or give another link")]
+    Role {
+        /// What is missing.
+        role: &'static str,
+    },
     /// The emulator does not send what is asked for.
     #[error("the emulator refuses what is asked for: {}; ask for less, or for it on a faster link", nack.detail)]
     Refused {

@@ -16,11 +16,13 @@ use skyloop_protocols::{Command, LabelLevel, apid};
 pub use self::error::RunError;
 use crate::detector::DetectorSettings;
 use crate::event::{Event, Loss};
-use crate::exchange::{Answer, Exchange, Incoming, TICK};
+use crate::exchange::{Answer, Incoming, TICK};
+use crate::links::Links;
 use crate::mission::{Mission, Pace};
 use crate::port::{Port, PortError};
 use crate::received::ReceivedFrame;
 use crate::report::{NackRecord, Report};
+use crate::roles::Roles;
 use crate::score::score;
 use crate::time;
 
@@ -33,7 +35,7 @@ const STATUS_TIMEOUT: Duration = Duration::from_secs(1);
 pub struct FlightComputer<P> {
     mission: Mission,
     detector: DetectorSettings,
-    exchange: Exchange<P>,
+    links: Links<P>,
     report: Report,
     /// When the latest attitudes left.
     sent: VecDeque<(u32, Instant)>,
@@ -44,17 +46,24 @@ pub struct FlightComputer<P> {
 }
 
 impl<P: Port> FlightComputer<P> {
-    /// A flight computer that has not said anything yet.
+    /// A flight computer on one link for all, that has not said anything yet.
     #[must_use]
     pub fn new(port: P, mission: Mission) -> Self {
+        Self::on_links(vec![(port, Roles::ALL)], mission)
+    }
+
+    /// A flight computer on several links: attitudes leave on the first of role truth, pixels and labels are taken from
+    /// whichever bring them.
+    #[must_use]
+    pub fn on_links(links: Vec<(P, Roles)>, mission: Mission) -> Self {
         Self {
+            links: Links::new(links, mission.output),
             report: Report {
                 requested: mission.frames,
                 ..Report::default()
             },
             mission,
             detector: DetectorSettings::default(),
-            exchange: Exchange::new(port),
             sent: VecDeque::new(),
             taken: VecDeque::new(),
             usual_answer: None,
@@ -73,13 +82,13 @@ impl<P: Port> FlightComputer<P> {
     ) -> Result<Report, RunError> {
         self.check()?;
         let waited = self.mission.timeout;
-        match self.exchange.open(waited, || watch(Event::Tick))? {
+        match self.links.open(waited, || watch(Event::Tick))? {
             Answer::Done | Answer::Refused(_) => {}
             Answer::Silence => return Err(RunError::NoAnswer { waited }),
             Answer::Stopped => return Ok(self.report),
         }
         if self.set_output(&mut watch)?.is_break() {
-            let _ = self.exchange.command(&Command::Reset);
+            self.links.release();
             return Ok(self.report);
         }
         // A run that is broken off has a report like any other, and an emulator may leave when the frames are in.
@@ -89,8 +98,8 @@ impl<P: Port> FlightComputer<P> {
         };
         let _ = self.ask_status();
         // Frees the emulator: the next client need not wait until this one counts as silent.
-        let _ = self.exchange.command(&Command::Reset);
-        self.exchange.account(&mut self.report);
+        self.links.release();
+        self.links.account(&mut self.report);
         match flown {
             Ok(_) => Ok(self.report),
             Err(source) => Err(RunError::CutShort {
@@ -109,6 +118,14 @@ impl<P: Port> FlightComputer<P> {
                 Err(RunError::Setting { what, value })
             }
         };
+        for (role, has) in [
+            ("truth", self.links.any(|roles| roles.truth)),
+            ("pixels or labels", self.links.any(Roles::bring_frames)),
+        ] {
+            if !has {
+                return Err(RunError::Role { role });
+            }
+        }
         match self.mission.pace {
             Pace::Stepped { most_hz } => {
                 positive("the period", self.mission.period_s)?;
@@ -128,20 +145,17 @@ impl<P: Port> FlightComputer<P> {
     /// Says what of each frame is wanted, before the first.
     fn set_output(&mut self, watch: &mut Watch<'_>) -> Result<ControlFlow<()>, RunError> {
         let waited = self.mission.timeout;
-        let output = self.mission.output.map(Command::Output);
-        let positions = self.mission.positions.map(Command::Positions);
-        for command in output.into_iter().chain(positions) {
-            match self.exchange.ask(&command, waited, || watch(Event::Tick))? {
-                Answer::Done => {}
-                Answer::Refused(nack) => {
-                    let _ = self.exchange.command(&Command::Reset);
-                    return Err(RunError::Refused { nack });
-                }
-                Answer::Silence => return Err(RunError::NoAnswer { waited }),
-                Answer::Stopped => return Ok(ControlFlow::Break(())),
+        let (output, positions) = (self.mission.output, self.mission.positions);
+        let tick = || watch(Event::Tick);
+        match self.links.set(output, positions, waited, tick)? {
+            Answer::Done => Ok(ControlFlow::Continue(())),
+            Answer::Refused(nack) => {
+                self.links.release();
+                Err(RunError::Refused { nack })
             }
+            Answer::Silence => Err(RunError::NoAnswer { waited }),
+            Answer::Stopped => Ok(ControlFlow::Break(())),
         }
-        Ok(ControlFlow::Continue(()))
     }
 
     /// Sends the attitude at an epoch; gives its packet's sequence count.
@@ -154,7 +168,7 @@ impl<P: Port> FlightComputer<P> {
             self.sent.pop_front();
         }
         self.sent.push_back((sequence, Instant::now()));
-        Ok(self.exchange.send(&Command::Attitude(attitude), time)?)
+        Ok(self.links.send(&Command::Attitude(attitude), time)?)
     }
 
     /// Number of the latest attitude.
@@ -201,7 +215,7 @@ impl<P: Port> FlightComputer<P> {
         sequence: u32,
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
-        let progress = self.exchange.give_up()?.pop();
+        let progress = self.links.give_up()?.pop();
         Ok(self.lose(sequence, Loss::TimedOut(progress), watch))
     }
 
@@ -235,14 +249,14 @@ impl<P: Port> FlightComputer<P> {
         let mut pings = Vec::new();
         let mut answered = false;
         for _ in 0..TRIES {
-            pings.push(self.exchange.command(&Command::Ping)?);
+            pings.push(self.links.command(&Command::Ping)?);
             let deadline = Instant::now() + STATUS_TIMEOUT / TRIES;
             loop {
                 let left = deadline.saturating_duration_since(Instant::now());
                 if left.is_zero() {
                     break;
                 }
-                match self.exchange.receive(left)? {
+                match self.links.receive(left)? {
                     // The Status before this Ack answers an earlier Ping.
                     Some(Incoming::Ack(ack)) => {
                         answered |=

@@ -38,7 +38,7 @@ impl<P: Port> FlightComputer<P> {
     ) -> Result<ControlFlow<()>, RunError> {
         let epoch = self.mission.epoch(sequence);
         let mut copies = vec![self.send_attitude(sequence, epoch)?];
-        self.exchange.want(Some(sequence));
+        self.links.want(Some(sequence));
         let begin = Instant::now();
         let mut moved = begin;
         loop {
@@ -49,22 +49,22 @@ impl<P: Port> FlightComputer<P> {
             if watch(Event::Tick).is_break() {
                 return Ok(ControlFlow::Break(()));
             }
-            moved = moved.max(self.exchange.heard().unwrap_or(begin));
+            moved = moved.max(self.links.heard().unwrap_or(begin));
             let patience = self.patience(sequence) * copies.len() as u32;
             let silent = moved.elapsed();
             if silent >= patience {
                 // The emulator makes the same frame again.
                 copies.push(self.send_attitude(sequence, epoch)?);
                 self.report.recovery.attitudes += 1;
-                self.exchange.query()?;
+                self.links.query()?;
                 moved = Instant::now();
                 continue;
             }
             let wait = left.min(GRANT_AGAIN).min(patience - silent);
-            let flow = match self.exchange.receive(wait)? {
+            let flow = match self.links.receive(wait)? {
                 None => {
                     if wait == GRANT_AGAIN {
-                        self.exchange.grant()?;
+                        self.links.grant()?;
                     }
                     ControlFlow::Continue(())
                 }
@@ -113,10 +113,11 @@ impl<P: Port> FlightComputer<P> {
         // Of a frame that has begun, missing packets are asked for first.
         let most = self.mission.timeout / 4;
         match self.usual_answer {
-            Some(usual) if !self.exchange.has_begun(sequence) => {
-                let least = LEAST.max(3 * self.exchange.spacing());
+            Some(usual) if !self.links.has_begun(sequence) => {
+                let least = LEAST.max(3 * self.links.spacing());
                 (TIMES * usual).max(least).min(most)
             }
+            None if !self.links.has_begun(sequence) => most / 2,
             _ => most,
         }
     }

@@ -40,13 +40,13 @@ impl<P: Port> FlightComputer<P> {
             }
             if last_grant.elapsed() >= GRANT_AGAIN {
                 last_grant = Instant::now();
-                self.exchange.grant()?;
+                self.links.grant()?;
             }
             let wait = due
                 .saturating_sub(begin.elapsed())
                 .min(GRANT_AGAIN)
                 .max(Duration::from_micros(100));
-            flow = match self.exchange.receive(wait)? {
+            flow = match self.links.receive(wait)? {
                 None => ControlFlow::Continue(()),
                 Some(Incoming::Frame(frame)) => {
                     last_sign = Instant::now();
@@ -58,8 +58,8 @@ impl<P: Port> FlightComputer<P> {
                 }
                 Some(other) => self.note(other, watch),
             };
-            let exchange = &self.exchange;
-            for _ in 0..frames.settle(|number| exchange.is_under_way(number)) {
+            let links = &self.links;
+            for _ in 0..frames.settle(|number| links.is_under_way(number)) {
                 // The frame that told is taken all the same.
                 let _ = self.lose(self.last_sent(), Loss::Skipped, watch);
             }

@@ -32,29 +32,47 @@ impl Early {
 
     /// Keeps a packet; says how many had to go for it, so that `most` are kept.
     pub(super) fn keep(&mut self, frame: u32, packet: &[u8], most: usize) -> u64 {
-        let known = self.frames.iter_mut().find(|early| early.frame == frame);
-        match known {
-            Some(early) => early.packets.push(packet.to_vec()),
-            None => self.frames.push_back(Headless {
-                frame,
-                since: Instant::now(),
-                asked: false,
-                packets: vec![packet.to_vec()],
-            }),
-        }
+        self.of(frame).packets.push(packet.to_vec());
         self.count += 1;
         let mut gone = 0;
         while self.count > most
             && let Some(oldest) = self.frames.front_mut()
         {
-            oldest.packets.remove(0);
+            if !oldest.packets.is_empty() {
+                oldest.packets.remove(0);
+                self.count -= 1;
+                gone += 1;
+            }
             if oldest.packets.is_empty() {
                 self.frames.pop_front();
             }
-            self.count -= 1;
-            gone += 1;
         }
         gone
+    }
+
+    /// A frame of which another link has told: its header is missing.
+    pub(super) fn look_out_for(&mut self, frame: u32) {
+        self.of(frame);
+    }
+
+    /// A frame that need not come: forgets it if nothing of it has.
+    pub(super) fn dismiss(&mut self, frame: u32) {
+        let kept = |early: &Headless| early.frame != frame || !early.packets.is_empty();
+        self.frames.retain(kept);
+    }
+
+    fn of(&mut self, frame: u32) -> &mut Headless {
+        let known = self.frames.iter().position(|early| early.frame == frame);
+        let place = known.unwrap_or_else(|| {
+            self.frames.push_back(Headless {
+                frame,
+                since: Instant::now(),
+                asked: false,
+                packets: Vec::new(),
+            });
+            self.frames.len() - 1
+        });
+        &mut self.frames[place]
     }
 
     /// Gives the packets of a frame out, and whether its header was asked for.

@@ -60,6 +60,26 @@ pub struct AssemblyCounts {
     pub recovered: u64,
 }
 
+impl AssemblyCounts {
+    /// Adds those of another link.
+    pub(crate) fn add_all(&mut self, other: &Self) {
+        let Self {
+            duplicates,
+            out_of_order,
+            refused,
+            bad_pixels,
+            incomplete,
+            recovered,
+        } = other;
+        self.duplicates += duplicates;
+        self.out_of_order += out_of_order;
+        self.refused += refused;
+        self.bad_pixels += bad_pixels;
+        self.incomplete += incomplete;
+        self.recovered += recovered;
+    }
+}
+
 /// Packets of a frame by their numbers: 0 is its header, then come its pixels, then its labels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
@@ -281,6 +301,19 @@ impl Assembler {
             }
         }
         runs
+    }
+
+    /// A frame of which another link has told: its header is missing, unless it comes soon.
+    pub fn look_out_for(&mut self, frame: u32) {
+        let done = self.done.iter().any(|(number, _)| *number == frame);
+        if !done && !self.is_under_way(frame) {
+            self.early.look_out_for(frame);
+        }
+    }
+
+    /// A frame that need not come any more, if nothing of it has.
+    pub fn dismiss(&mut self, frame: u32) {
+        self.early.dismiss(frame);
     }
 
     /// Asks for nothing more of this frame: its packets are not to be had.

@@ -6,7 +6,8 @@ use skyloop_protocols::command::Attitude;
 use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::reply::Mode;
 use skyloop_protocols::{
-    Ack, Command, Counters, Header, Nack, Output, Packing, Reason, Reply, Status,
+    Ack, Command, Counters, Header, LabelLevel, Nack, Output, Packing, PixelLevel, Reason, Reply,
+    Status, WireTime,
 };
 
 use super::levels::Exposed;
@@ -19,13 +20,15 @@ pub type Mischief = fn(attitude: u32, packets: &mut Vec<Vec<u8>>);
 /// Answers every attitude by a frame of stars, paced by credit.
 pub struct Emulator {
     pub field: Field,
-    mischief: Mischief,
+    pub mischief: Mischief,
     /// Attitudes that it refuses.
     pub refuses: fn(u32) -> bool,
     /// Of which copies of which attitudes it makes no frame.
     pub swallows: fn(copy: usize, attitude: u32) -> bool,
     /// Of which copies of which attitudes the frame comes only with the next.
     pub delays: fn(copy: usize, attitude: u32) -> bool,
+    /// Whether pixels and labels go out on this link.
+    pub brings: (bool, bool),
     /// What each frame brings.
     pub output: Output,
     /// Centres of the windows.
@@ -61,6 +64,7 @@ impl Emulator {
             refuses: |_| false,
             swallows: |_, _| false,
             delays: |_, _| false,
+            brings: (true, true),
             output: Output::default(),
             positions: Vec::new(),
             refuses_output: None,
@@ -188,7 +192,16 @@ impl Emulator {
             stars: &stars,
             pixels: &pixels,
         };
-        exposed.packets(&mut self.sender, &self.output, &self.positions, now())
+        let mut output = self.output;
+        if !self.brings.0 {
+            output.pixels = PixelLevel::None;
+        }
+        if !self.brings.1 {
+            output.labels = LabelLevel::None;
+        }
+        // The same on every link.
+        let time = WireTime(u64::from(frame) << 32);
+        exposed.packets(&mut self.sender, &output, &self.positions, time)
     }
 
     fn status(&self) -> Status {

@@ -1,0 +1,262 @@
+//! All links of a run, each with its roles and its own exchange, as if they were one.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use skyloop_protocols::{Command, LabelLevel, Output, PixelLevel, Positions, WireTime};
+
+use crate::exchange::{Answer, Exchange, Incoming};
+use crate::join::Joiner;
+use crate::port::{Port, PortError};
+use crate::reassembly::Progress;
+use crate::report::Report;
+use crate::roles::Roles;
+
+/// How long to listen to one of several links at a time.
+const SLICE: Duration = Duration::from_millis(1);
+
+/// The links.
+pub(crate) struct Links<P> {
+    ends: Vec<End<P>>,
+    joiner: Joiner,
+    /// Which link to listen to first.
+    turn: usize,
+}
+
+struct End<P> {
+    exchange: Exchange<P>,
+    roles: Roles,
+    /// What comes of a frame: the roles, without what the output leaves out.
+    brings: Roles,
+}
+
+impl<P: Port> Links<P> {
+    /// Links with their roles, on which frames bring `output`, if that is known.
+    pub(crate) fn new(ports: Vec<(P, Roles)>, output: Option<Output>) -> Self {
+        let ends: Vec<End<P>> = ports
+            .into_iter()
+            .map(|(port, roles)| End {
+                exchange: Exchange::new(port),
+                roles,
+                brings: Roles {
+                    truth: false,
+                    pixels: roles.pixels && output.is_none_or(|o| o.pixels != PixelLevel::None),
+                    labels: roles.labels && output.is_none_or(|o| o.labels != LabelLevel::None),
+                },
+            })
+            .collect();
+        Self {
+            joiner: Joiner::new(ends.iter().map(|end| end.brings)),
+            ends,
+            turn: 0,
+        }
+    }
+
+    /// Whether some link has this.
+    pub(crate) fn any(&self, has: impl Fn(&Roles) -> bool) -> bool {
+        self.ends.iter().any(|end| has(&end.roles))
+    }
+
+    /// The link that attitudes leave on: the first with that role.
+    fn truth(&mut self) -> Result<&mut Exchange<P>, PortError> {
+        let mut ends = self.ends.iter_mut();
+        let truth = ends.find(|end| end.roles.truth);
+        truth.map(|end| &mut end.exchange).ok_or(PortError::Closed)
+    }
+
+    /// Opens an exchange on each link; stops at the first that does not answer.
+    pub(crate) fn open(
+        &mut self,
+        timeout: Duration,
+        mut tick: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<Answer, PortError> {
+        for end in &mut self.ends {
+            let answer = end.exchange.open(timeout, &mut tick)?;
+            if matches!(answer, Answer::Silence | Answer::Stopped) {
+                return Ok(answer);
+            }
+        }
+        Ok(Answer::Done)
+    }
+
+    /// Says on each link that brings frames what of them is wanted there; stops at the first that refuses.
+    pub(crate) fn set(
+        &mut self,
+        output: Option<Output>,
+        positions: Option<Positions>,
+        timeout: Duration,
+        mut tick: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<Answer, PortError> {
+        for end in self.ends.iter_mut().filter(|end| end.roles.bring_frames()) {
+            let output = output.map(|mut output| {
+                if !end.roles.pixels {
+                    output.pixels = PixelLevel::None;
+                }
+                if !end.roles.labels {
+                    output.labels = LabelLevel::None;
+                }
+                Command::Output(output)
+            });
+            let positions = positions.map(Command::Positions);
+            for command in output.into_iter().chain(positions) {
+                match end.exchange.ask(&command, timeout, &mut tick)? {
+                    Answer::Done => {}
+                    other => return Ok(other),
+                }
+            }
+        }
+        Ok(Answer::Done)
+    }
+
+    /// Sends a command that is about the present moment, by the link of the truth; gives its sequence count.
+    pub(crate) fn command(&mut self, command: &Command) -> Result<u16, PortError> {
+        self.truth()?.command(command)
+    }
+
+    /// Sends a command by the link of the truth; gives its sequence count.
+    pub(crate) fn send(&mut self, command: &Command, time: WireTime) -> Result<u16, PortError> {
+        self.truth()?.send(command, time)
+    }
+
+    /// Frees the emulator's side of all links. A link that has gone is free already.
+    pub(crate) fn release(&mut self) {
+        for end in &mut self.ends {
+            let _ = end.exchange.command(&Command::Reset);
+        }
+    }
+
+    /// See [`Exchange::grant`].
+    pub(crate) fn grant(&mut self) -> Result<(), PortError> {
+        self.each(Exchange::grant)
+    }
+
+    /// See [`Exchange::query`].
+    pub(crate) fn query(&mut self) -> Result<(), PortError> {
+        self.each(Exchange::query)
+    }
+
+    fn each(
+        &mut self,
+        act: impl Fn(&mut Exchange<P>) -> Result<(), PortError>,
+    ) -> Result<(), PortError> {
+        self.ends
+            .iter_mut()
+            .try_for_each(|end| act(&mut end.exchange))
+    }
+
+    /// Waits for one packet on any link and books it; `None` if none came.
+    pub(crate) fn receive(&mut self, timeout: Duration) -> Result<Option<Incoming>, PortError> {
+        if let [end] = &mut self.ends[..] {
+            let incoming = end.exchange.receive(timeout)?;
+            return Ok(incoming.map(|incoming| self.heard_on(0, incoming)));
+        }
+        let deadline = Instant::now() + timeout;
+        loop {
+            self.turn = (self.turn + 1) % self.ends.len().max(1);
+            let left = deadline.saturating_duration_since(Instant::now());
+            // All of them first, then the one whose turn it is for a moment.
+            let count = self.ends.len();
+            for step in 0..=count {
+                let at = (self.turn + step) % count.max(1);
+                let wait = if step < count {
+                    Duration::ZERO
+                } else {
+                    left.min(SLICE)
+                };
+                let Some(end) = self.ends.get_mut(at) else {
+                    return Err(PortError::Closed);
+                };
+                if let Some(incoming) = end.exchange.receive(wait)? {
+                    return Ok(Some(self.heard_on(at, incoming)));
+                }
+            }
+            if left.is_zero() {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// What a packet of one link means for the run.
+    fn heard_on(&mut self, at: usize, incoming: Incoming) -> Incoming {
+        let Some(end) = self.ends.get(at) else {
+            return incoming;
+        };
+        match incoming {
+            Incoming::Frame(frame) => {
+                let number = frame.header.frame;
+                match self.joiner.join(*frame, end.brings) {
+                    Ok(Some(frame)) => {
+                        for end in &mut self.ends {
+                            end.exchange.dismiss(number);
+                        }
+                        Incoming::Frame(Box::new(frame))
+                    }
+                    Ok(None) => {
+                        // Of its other part not even the header may have come.
+                        for end in &mut self.ends {
+                            if self.joiner.lacks(number, end.brings) {
+                                end.exchange.look_out_for(number);
+                            }
+                        }
+                        Incoming::Other
+                    }
+                    Err(error) => Incoming::Useless(error),
+                }
+            }
+            // The account of the run is that of the truth's link.
+            Incoming::Ack(_) | Incoming::Status(_) if !end.roles.truth => Incoming::Other,
+            other => other,
+        }
+    }
+
+    /// See [`Exchange::want`].
+    pub(crate) fn want(&mut self, attitude: Option<u32>) {
+        for end in &mut self.ends {
+            end.exchange.want(attitude);
+        }
+    }
+
+    /// When the last frame packet came.
+    pub(crate) fn heard(&self) -> Option<Instant> {
+        self.ends
+            .iter()
+            .filter_map(|end| end.exchange.heard())
+            .max()
+    }
+
+    /// The usual time between frame packets on the slowest link.
+    pub(crate) fn spacing(&self) -> Duration {
+        let spacings = self.ends.iter().map(|end| end.exchange.spacing());
+        spacings.max().unwrap_or_default()
+    }
+
+    /// Whether some of a frame that may show this attitude has come.
+    pub(crate) fn has_begun(&self, attitude: u32) -> bool {
+        let mut ends = self.ends.iter();
+        self.joiner.has_begun(attitude) || ends.any(|end| end.exchange.has_begun(attitude))
+    }
+
+    /// Whether some of this frame has come, and not all.
+    pub(crate) fn is_under_way(&self, frame: u32) -> bool {
+        let mut ends = self.ends.iter();
+        self.joiner.has(frame) || ends.any(|end| end.exchange.is_under_way(frame))
+    }
+
+    /// See [`Exchange::give_up`].
+    pub(crate) fn give_up(&mut self) -> Result<Vec<Progress>, PortError> {
+        let mut progress = self.joiner.abandon();
+        for end in &mut self.ends {
+            progress.extend(end.exchange.give_up()?);
+        }
+        Ok(progress)
+    }
+
+    /// Adds its counts to the report.
+    pub(crate) fn account(&self, report: &mut Report) {
+        for end in &self.ends {
+            end.exchange.account(report);
+        }
+        report.recovery.duplicates += self.joiner.duplicates;
+        report.assembly.incomplete += self.joiner.incomplete;
+    }
+}

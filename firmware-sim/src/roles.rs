@@ -1,0 +1,128 @@
+//! What a link is for: `roles=truth+pixels+labels` in its address.
+
+use std::fmt;
+
+/// What a link carries besides answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Roles {
+    /// Attitudes and the camera's commands go out.
+    pub truth: bool,
+    /// Pixels come in.
+    pub pixels: bool,
+    /// Labels come in.
+    pub labels: bool,
+}
+
+impl Roles {
+    /// One link for all.
+    pub const ALL: Self = Self {
+        truth: true,
+        pixels: true,
+        labels: true,
+    };
+    const NONE: Self = Self {
+        truth: false,
+        pixels: false,
+        labels: false,
+    };
+
+    /// Takes option `roles` out of an address: the rest of it, and the roles; all where none are given.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn split(address: &str) -> Result<(String, Self), String> {
+        let Some((place, options)) = address.split_once('?') else {
+            return Ok((address.into(), Self::ALL));
+        };
+        let mut roles = None;
+        let mut others = Vec::new();
+        for option in options.split('&') {
+            match option.strip_prefix("roles=") {
+                Some(_) if roles.is_some() => return Err("roles are given twice".into()),
+                Some(text) => roles = Some(Self::parse(text)?),
+                None => others.push(option),
+            }
+        }
+        let rest = match &others[..] {
+            [] => place.into(),
+            others => format!("{place}?{}", others.join("&")),
+        };
+        Ok((rest, roles.unwrap_or(Self::ALL)))
+    }
+
+    fn parse(text: &str) -> Result<Self, String> {
+        let mut roles = Self::NONE;
+        for name in text.split('+') {
+            match name {
+                "truth" => roles.truth = true,
+                "pixels" => roles.pixels = true,
+                "labels" => roles.labels = true,
+                _ => {
+                    return Err(format!(
+                        "roles={text} must be truth, pixels or labels, or several joined by +"
+                    ));
+                }
+            }
+        }
+        Ok(roles)
+    }
+
+    /// Whether anything of a frame comes in.
+    #[must_use]
+    pub fn bring_frames(&self) -> bool {
+        self.pixels || self.labels
+    }
+}
+
+impl fmt::Display for Roles {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = [
+            (self.truth, "truth"),
+            (self.pixels, "pixels"),
+            (self.labels, "labels"),
+        ];
+        let names = names
+            .into_iter()
+            .filter_map(|(has, name)| has.then_some(name));
+        f.write_str(&names.collect::<Vec<_>>().join("+"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn roles_are_taken_out_of_an_address() {
+        let truth = Roles {
+            truth: true,
+            ..Roles::NONE
+        };
+        let frames = Roles {
+            truth: false,
+            ..Roles::ALL
+        };
+        for (address, rest, roles) in [
+            ("127.0.0.1:5", "127.0.0.1:5", Roles::ALL),
+            ("127.0.0.1:5?roles=truth", "127.0.0.1:5", truth),
+            ("/dev/x?baud=9600", "/dev/x?baud=9600", Roles::ALL),
+            (
+                "/dev/x?roles=labels+pixels&baud=9600",
+                "/dev/x?baud=9600",
+                frames,
+            ),
+            ("can0?fd=1&roles=truth&load=1", "can0?fd=1&load=1", truth),
+        ] {
+            assert_eq!(Roles::split(address), Ok((rest.into(), roles)), "{address}");
+        }
+        for (address, part) in [
+            ("x?roles=", "roles= must be"),
+            ("x?roles=truth+sound", "roles=truth+sound must be"),
+            ("x?roles=truth&roles=labels", "twice"),
+        ] {
+            let error = Roles::split(address).unwrap_err();
+            assert!(error.contains(part), "{error}");
+        }
+        assert_eq!(frames.to_string(), "pixels+labels");
+    }
+}
