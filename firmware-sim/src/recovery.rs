@@ -13,7 +13,7 @@ const RUNS: usize = 8;
 /// How long a packet may follow a later one at least: reordered, not lost.
 const LATE: Duration = Duration::from_millis(30);
 /// Nothing comes any more after this long at least.
-const SILENCE: Duration = Duration::from_millis(100);
+const SILENCE: Duration = Duration::from_millis(50);
 /// The same before the usual time between packets is known.
 const FIRST_SILENCE: Duration = Duration::from_millis(300);
 /// The silence before the next round doubles so often at most.
@@ -188,12 +188,12 @@ mod tests {
                 demand.is_some_and(|demand| demand.silent)
             })
             .collect();
-        // 100 ms, then twice as long each; looked at every 10 ms.
-        assert_eq!(rounds, [100, 300, 700, 1500]);
+        // 50 ms, then twice as long each; looked at every 10 ms.
+        assert_eq!(rounds, [50, 150, 350, 750, 1550]);
         recovery.arrived(start + ms(2100), false);
-        let demand = recovery.demand(start + ms(2150)).unwrap();
+        let demand = recovery.demand(start + ms(2140)).unwrap();
         assert!(!demand.silent && demand.wait == ms(30), "{demand:?}");
-        assert!(recovery.demand(start + ms(2201)).unwrap().silent);
+        assert!(recovery.demand(start + ms(2151)).unwrap().silent);
     }
 
     #[test]

@@ -38,7 +38,7 @@ impl Default for Limits {
         Self {
             pixels: 8192 * 8192,
             label_bytes: 1 << 24,
-            early: 256,
+            early: 1024,
         }
     }
 }
