@@ -3,12 +3,16 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
+use std::time::Duration;
 
 use skyloop::camera::Camera;
-use skyloop::config::Config;
+use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
 use skyloop::flight;
+use skyloop::link::{self, Options, Roles};
 use skyloop::load::{CAMERAS, DEFAULT_TOML, Folder};
+use skyloop::serve::Server;
+use skyloop_protocols::personality::NATIVE;
 
 const README: &str = include_str!("../README.md");
 const ARCHITECTURE: &str = include_str!("../ARCHITECTURE.md");
@@ -327,4 +331,52 @@ fn the_architecture_has_every_room_and_dependency() {
         first_column(section(ARCHITECTURE, "## Dependencies")),
         wanted
     );
+}
+
+/// The cells of a table's row.
+fn cells(row: &str) -> Vec<&str> {
+    row.trim_matches('|').split('|').map(str::trim).collect()
+}
+
+#[test]
+fn the_readme_says_how_long_each_output_level_takes() {
+    let text = section(README, "### Output levels");
+    let mut rows = text.lines().skip_while(|row| !row.starts_with("| | `"));
+    let links = cells(rows.next().expect("the table's head"));
+    let rows: Vec<Vec<&str>> = rows
+        .skip(1)
+        .take_while(|row| row.starts_with('|'))
+        .map(cells)
+        .collect();
+    for (column, link) in links.iter().enumerate().skip(1) {
+        let mut config = Config::builtin().unwrap();
+        let options = Options {
+            idle: Duration::from_secs(5),
+            personality: &NATIVE,
+            bus: None,
+        };
+        let (wire, _client) = link::loopback(link.trim_matches('`'), &options).unwrap();
+        let output = config.run.output;
+        let emulator = Emulator::new(&mut config);
+        let server = Server::new(
+            emulator,
+            [(wire, Roles::ALL)],
+            output,
+            Clock::Stepped,
+            &NATIVE,
+        );
+        let levels = server.levels();
+        assert_eq!(levels.lines().count(), rows.len() + 1, "{levels}");
+        for (row, line) in rows.iter().zip(levels.lines().skip(1)) {
+            let said = line
+                .trim()
+                .strip_prefix(row[0])
+                .unwrap_or_else(|| panic!("{line}"));
+            let seconds = format!(" octets {:>10} s ", row[column]);
+            assert!(
+                said.contains(&seconds),
+                "{link}: README has {seconds:?}, the program{said}"
+            );
+        }
+    }
 }
