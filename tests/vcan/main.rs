@@ -35,5 +35,5 @@ fn emulator(interface: &str, rates: &str) -> Running {
 /// A client on an interface, as `skyloop-fc` opens it.
 fn client(interface: &str, rates: &str) -> Client<MemoryLine> {
     let port = skyloop_firmware_sim::link::open(&format!("can://{interface}?{rates}"));
-    Client::new(MemoryLine(port.unwrap()))
+    Client::new(MemoryLine(port.unwrap().0))
 }
