@@ -27,7 +27,7 @@ pub(super) struct Channel {
 #[derive(Debug, Default)]
 pub(super) struct Exchange {
     pub number: u32,
-    /// Whether its client has said anything.
+    /// Whether its client has sent a valid packet: nobody else gets frames.
     pub heard: bool,
     pub credit: CreditAccount,
     pub gaps: GapDetector,

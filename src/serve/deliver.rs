@@ -46,17 +46,19 @@ impl Server {
         let mut whole = true;
         while !under_way.is_empty() {
             let mut pause = Some(LISTEN);
-            let mut left = Vec::with_capacity(under_way.len());
-            for mut delivery in under_way {
-                match self.step(&mut delivery)? {
-                    Step::Done => continue,
+            let mut at = 0;
+            while let Some(delivery) = under_way.get_mut(at) {
+                match self.step(delivery)? {
+                    Step::Done => {
+                        under_way.remove(at);
+                        continue;
+                    }
                     Step::Moved => pause = None,
                     Step::NoRoom => pause = pause.map(|pause| pause.min(BREATH)),
                     Step::NoCredit => {}
                 }
-                left.push(delivery);
+                at += 1;
             }
-            under_way = left;
             let Some(pause) = pause.filter(|_| !under_way.is_empty()) else {
                 continue;
             };

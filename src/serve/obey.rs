@@ -120,7 +120,11 @@ impl Server {
                     });
                 }
                 let listed = (!positions.centres().is_empty()).then_some(positions);
-                self.channels[at].exchange.positions = listed;
+                let before = std::mem::replace(&mut self.channels[at].exchange.positions, listed);
+                let output = self.channels[at].exchange.output;
+                let rate_hz = self.emulator.camera().rate_hz;
+                self.must_fit(at, &output, rate_hz, "Positions")
+                    .inspect_err(|_| self.channels[at].exchange.positions = before)?;
             }
             Command::Resend {
                 frame,
@@ -165,6 +169,11 @@ impl Server {
         }
         let channel = &self.channels[at];
         let camera = self.emulator.camera();
+        let listed = channel.exchange.positions.as_ref();
+        let output = &Output {
+            windows: listed.map_or(output.windows, |listed| listed.centres().len() as u8),
+            ..*output
+        };
         let fits = budget::fits(&channel.wire, channel.roles, &camera, output, rate_hz);
         fits.map_err(|why| Refusal {
             reason: Reason::ValueOutOfRange,

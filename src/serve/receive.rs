@@ -72,7 +72,6 @@ impl Server {
         if inbound.exchange != self.channels[at].exchange.number {
             self.open_exchange(at, inbound.exchange);
         }
-        self.channels[at].exchange.heard = true;
         let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
             Ok(decoded) => decoded,
             Err(error) => {
@@ -82,6 +81,7 @@ impl Server {
                 return self.nack(at, apid, count, error.reason(), &error.to_string());
             }
         };
+        self.channels[at].exchange.heard = true;
         // A Reset begins the counts anew.
         let missing = match command {
             Command::Reset => 0,

@@ -312,4 +312,15 @@ fn by_the_wall_clock_output_that_cannot_leave_in_time_is_refused_with_the_arithm
     ] {
         assert!(nack.detail.contains(word), "{word:?} in {:?}", nack.detail);
     }
+    let centres: Vec<[u16; 2]> = (0..64).map(|n| [n, n]).collect();
+    client.send(Command::Positions(Positions::new(&centres).unwrap()));
+    let nack = client.nack();
+    assert!(
+        nack.detail.contains("Positions: 64 windows"),
+        "{}",
+        nack.detail
+    );
+    client.done(Command::Positions(Positions::new(&centres[..3]).unwrap()));
+    // Three windows leave in time where twenty did not.
+    client.done(Command::FrameRate { hz: 20.0 });
 }
