@@ -1,7 +1,6 @@
 //! CAN through the kernel's SocketCAN, classic or FD.
 
 use super::{Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Wire, bus};
-use skyloop_firmware_sim::can::pacing::Rates;
 use skyloop_firmware_sim::can::port::CanPort;
 use skyloop_firmware_sim::can::settings::Settings;
 use skyloop_firmware_sim::can::{Opener, socket};
@@ -37,10 +36,10 @@ fn start(url: &LinkUrl, options: &Options, settings: &Settings) -> Result<Wire, 
     )
 }
 
-/// Time on the bus of a packet in segments.
+/// Time of a packet in segments.
 pub(super) fn airtime(settings: &Settings) -> Airtime {
-    let (rates, fd): (Rates, bool) = (settings.rates, settings.fd);
-    Arc::new(move |octets| rates.packet_duration(octets, fd))
+    let settings = settings.clone();
+    Arc::new(move |octets| settings.packet_duration(octets))
 }
 
 /// Both ends on the virtual interface that the user has set up.

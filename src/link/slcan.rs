@@ -1,10 +1,8 @@
 //! CAN through a LAWICEL-style adapter on a serial port or a pseudo-terminal: for hosts without CAN in their kernel.
 
-use super::{Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Wire, bus, can};
+use super::{BothEnds, Link, LinkError, LinkUrl, Options, Wire, bus, can};
 use skyloop_firmware_sim::can::settings::Settings;
 use skyloop_firmware_sim::can::{Opener, slcan};
-use std::sync::Arc;
-use std::time::Duration;
 
 /// Adapters.
 pub const SLCAN: Link = Link {
@@ -17,7 +15,8 @@ pub const SLCAN: Link = Link {
 const KEYS: &[&str] = &["bitrate", "fd", "load", "baud"];
 
 fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
-    let settings = bus::settings(url, &url.target, KEYS)?;
+    let mut settings = bus::settings(url, &url.target, KEYS)?;
+    settings.baud.get_or_insert(slcan::BAUD);
     check(url, &settings)?;
     start(url, options, &settings)
 }
@@ -38,28 +37,8 @@ fn start(url: &LinkUrl, options: &Options, settings: &Settings) -> Result<Wire, 
         open,
         Some(opener),
         settings,
-        airtime(settings),
+        can::airtime(settings),
     )
-}
-
-/// The bus or, where its baud rate is given, the serial line: 10 bit times an octet, two octets a digit pair.
-fn airtime(settings: &Settings) -> Airtime {
-    let on_bus = can::airtime(settings);
-    let Some(baud) = settings.baud else {
-        return on_bus;
-    };
-    // Data octets of a frame that segments carry, and octets of its line: letter, identifier 3, length 1, digits, CR.
-    let (carried, line) = if settings.fd {
-        (63, 6 + 2 * 64)
-    } else {
-        (7, 6 + 2 * 8)
-    };
-    let frame = Duration::from_secs(10) * line / baud;
-    Arc::new(move |octets| {
-        // The first frame of a packet carries one octet less.
-        let frames = (octets + 1).div_ceil(carried);
-        on_bus(octets).max(frame * u32::try_from(frames).unwrap_or(u32::MAX))
-    })
 }
 
 /// Both ends on a pseudo-terminal.
@@ -78,7 +57,7 @@ fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
         slcan::over(Box::new(slave), &settings).map_err(refused)?,
         slcan::over(Box::new(master), &settings).map_err(refused)?,
     );
-    let wire = bus::start(url, options, ours, None, &settings, airtime(&settings))?;
+    let wire = bus::start(url, options, ours, None, &settings, can::airtime(&settings))?;
     let port = CanPort::over(&settings.place, client, None, &settings);
     Ok((
         wire,

@@ -96,17 +96,19 @@ pub(crate) struct Standstill {
     tally: Arc<Tally>,
     patience: Duration,
     octets: u32,
+    begun: Instant,
     since: Instant,
     told: bool,
 }
 
 impl Standstill {
-    /// Over when nothing has left for `patience`.
+    /// Over when nothing has left for `patience`, and after three times as long if a slow line still moves.
     pub fn of(tally: &Arc<Tally>, patience: Duration) -> Standstill {
         Standstill {
             tally: tally.clone(),
             patience,
             octets: tally.moved.load(Ordering::Relaxed),
+            begun: Instant::now(),
             since: Instant::now(),
             told: false,
         }
@@ -119,9 +121,14 @@ impl Standstill {
         let octets = self.tally.moved.load(Ordering::Relaxed);
         if octets != self.octets {
             (self.octets, self.since) = (octets, Instant::now());
-        } else if self.since.elapsed() > SOON && !std::mem::replace(&mut self.told, true) {
-            tracing::warn!("waiting for the client to read what is left");
         }
-        self.since.elapsed() >= self.patience
+        let most = 3 * self.patience;
+        if self.begun.elapsed() > SOON && !std::mem::replace(&mut self.told, true) {
+            tracing::warn!(
+                "waiting for the client to read what is left: {} s at most",
+                most.as_secs()
+            );
+        }
+        self.since.elapsed() >= self.patience || self.begun.elapsed() >= most
     }
 }

@@ -130,7 +130,7 @@ pub(super) fn fits(
         return Ok(());
     }
     Err(format!(
-        "{} of {octets} octets takes {s:.3} s, and {rate_hz} Hz leaves {:.3} s: at most {:.3} Hz, or less output",
+        "{} of {octets} octets takes {s:.3} s, and {rate_hz} Hz leaves {:.3} s: at most {:.3} Hz, or less output (labels, windows)",
         name(output),
         1.0 / rate_hz,
         1.0 / s
@@ -147,18 +147,20 @@ fn name(output: &Output) -> String {
             n = output.window_size
         )),
         PixelLevel::Frame => Some("the frame".to_string()),
-        PixelLevel::Compressed => Some("the frame compressed (about)".to_string()),
+        PixelLevel::Compressed => Some("the frame compressed".to_string()),
     };
     let labels = match output.labels {
         LabelLevel::None => None,
         LabelLevel::Objects => Some(format!("{} objects", output.objects)),
-        LabelLevel::Text => Some("label text (about)".to_string()),
+        LabelLevel::Text => Some("label text".to_string()),
     };
-    match (pixels, labels) {
+    let about = output.pixels == PixelLevel::Compressed || output.labels == LabelLevel::Text;
+    let name = match (pixels, labels) {
         (Some(pixels), Some(labels)) => format!("{pixels} with {labels}"),
         (Some(one), None) | (None, Some(one)) => one,
         (None, None) => "a header".to_string(),
-    }
+    };
+    if about { name + " (about)" } else { name }
 }
 
 /// The levels that a client may choose, and what each takes on the link; nothing where the link is not what limits.
@@ -169,6 +171,7 @@ pub fn table(wire: &Wire, roles: Roles, camera: &Camera, output: &Output) -> Str
         (PixelLevel::Windows, LabelLevel::None),
         (PixelLevel::Windows, LabelLevel::Objects),
         (PixelLevel::Compressed, LabelLevel::None),
+        (PixelLevel::Compressed, LabelLevel::Text),
         (PixelLevel::Frame, LabelLevel::None),
         (PixelLevel::Frame, LabelLevel::Text),
     ] {

@@ -21,6 +21,8 @@ pub(super) struct Channel {
     pub exchange: Exchange,
     /// Packets that never got into the link's queue.
     pub lost: u32,
+    /// Whether the log says that nobody is there.
+    pub told: bool,
 }
 
 /// What one client has agreed with the emulator on a link.
@@ -66,6 +68,7 @@ impl Channel {
             counts: SequenceCounts::new(),
             exchange,
             lost: 0,
+            told: false,
         }
     }
 

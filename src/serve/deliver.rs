@@ -43,7 +43,7 @@ impl Server {
     /// Sends what each client wants of a shot; complete only if all of them got all of it.
     pub(super) fn deliver(&mut self, shot: &Shot, stop: &AtomicBool) -> Result<(), Undelivered> {
         let mut under_way = self.cut(shot)?;
-        let mut whole = true;
+        let mut whole = !under_way.is_empty();
         while !under_way.is_empty() {
             let mut pause = Some(LISTEN);
             let mut at = 0;
@@ -84,7 +84,17 @@ impl Server {
         let mut under_way = Vec::new();
         for (at, channel) in self.channels.iter_mut().enumerate() {
             let exchange = &channel.exchange;
-            if !channel.roles.brings_frames() || !exchange.heard {
+            if !channel.roles.brings_frames() {
+                continue;
+            }
+            if !exchange.heard {
+                if !std::mem::replace(&mut channel.told, true) {
+                    tracing::warn!(
+                        "{} has no client yet, and gets nothing of frame {}: a client says Ping or Credit first",
+                        channel.wire.address,
+                        shot.number
+                    );
+                }
                 continue;
             }
             let positions = exchange.positions.as_ref();

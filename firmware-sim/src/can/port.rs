@@ -1,7 +1,6 @@
 //! The flight computer's end of a bus: whole packets, over SocketCAN or an adapter.
 
 use super::carrier::{self, Above, Next, Note, Waker};
-use super::pacing::Rates;
 use super::settings::Settings;
 use super::{CanBus, Opener, slcan, socket};
 use crate::port::{OpenError, Port, PortError, Refusal, Scheme};
@@ -31,8 +30,9 @@ pub const SLCAN: Scheme = Scheme {
     name: "slcan",
     example: "slcan:///dev/NAME?bitrate=500000",
     open: |text| {
-        let settings =
+        let mut settings =
             Settings::parse(text, &["bitrate", "fd", "load", "baud"]).map_err(OpenError::Wrong)?;
+        settings.baud.get_or_insert(slcan::BAUD);
         slcan::commands(&settings).map_err(OpenError::Wrong)?;
         open("slcan", settings, slcan::open)
     },
@@ -75,8 +75,7 @@ pub struct CanPort {
     /// None once it is closed.
     to_bus: Option<SyncSender<Vec<u8>>>,
     from_bus: Receiver<Vec<u8>>,
-    rates: Rates,
-    fd: bool,
+    settings: Settings,
     waker: Waker,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -122,8 +121,7 @@ impl CanPort {
             link: link.into(),
             to_bus: Some(to_bus),
             from_bus,
-            rates: settings.rates,
-            fd: settings.fd,
+            settings: settings.clone(),
             waker,
             shared,
             thread: Some(thread),
@@ -222,7 +220,7 @@ impl Port for CanPort {
     }
 
     fn airtime(&self, octets: usize) -> Duration {
-        self.rates.packet_duration(octets, self.fd)
+        self.settings.packet_duration(octets)
     }
 }
 

@@ -1,6 +1,7 @@
 //! What a link's address says about a bus: `can://vcan0?bitrate=500000&fd=8000000&load=0.9`.
 
 use super::pacing::Rates;
+use std::time::Duration;
 
 /// A bus by its address.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,7 +12,7 @@ pub struct Settings {
     pub fd: bool,
     /// How fast, and which share of the bus.
     pub rates: Rates,
-    /// Speed of the serial line of an adapter, baud, if it is given.
+    /// Speed of the serial line of an adapter, baud; none where no line limits the bus.
     pub baud: Option<u32>,
 }
 
@@ -116,6 +117,26 @@ impl Settings {
         Ok(())
     }
 
+    /// Time of one packet of so many octets: on the bus or, where that takes longer, on the serial line of the adapter
+    /// (10 bit times an octet, two hexadecimal digits an octet of data).
+    #[must_use]
+    pub fn packet_duration(&self, octets: usize) -> Duration {
+        let on_bus = self.rates.packet_duration(octets, self.fd);
+        let Some(baud) = self.baud else {
+            return on_bus;
+        };
+        // Octets of data that a segment carries, and octets of its line: letter, identifier 3, length 1, digits, CR.
+        let (carried, line) = if self.fd {
+            (63, 6 + 2 * 64)
+        } else {
+            (7, 6 + 2 * 8)
+        };
+        // The first segment of a packet carries one octet less.
+        let segments = u32::try_from((octets + 1).div_ceil(carried)).unwrap_or(u32::MAX);
+        let on_line = (Duration::from_secs(10) * line / baud.max(1)).saturating_mul(segments);
+        on_bus.max(on_line)
+    }
+
     /// Its keys again, for people.
     #[must_use]
     pub fn describe(&self) -> String {
@@ -129,7 +150,11 @@ impl Settings {
         } else {
             String::new()
         };
-        format!("{}?bitrate={bitrate}{fd}&load={load}", self.place)
+        let baud = match self.baud {
+            Some(baud) => format!("&baud={baud}"),
+            None => String::new(),
+        };
+        format!("{}?bitrate={bitrate}{fd}&load={load}{baud}", self.place)
     }
 }
 

@@ -17,7 +17,7 @@ use std::time::Duration;
 /// How long a write waits for a line that does not take more now.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
 /// Speed of the line where none is given. Adapters on USB have none of their own.
-const BAUD: u32 = 115_200;
+pub const BAUD: u32 = 115_200;
 
 /// An adapter, or a line to another host.
 pub struct SlcanBus {
