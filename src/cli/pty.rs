@@ -22,8 +22,9 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let pair = Pair::open([&args.a, &args.b], args.baud)?;
+    // Before the names are made, so that whatever ends it removes them.
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
+    let pair = Pair::open([&args.a, &args.b], args.baud)?;
     say(format_args!(
         "{} <-> {} at {} baud, {} octets/s each way; Ctrl-C removes both\n",
         args.a.display(),

@@ -50,6 +50,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         personality: &NATIVE,
         bus: instruments.bus(),
     };
+    // Before the links: what they make (the name of a pseudo-terminal) is removed at the end.
+    let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let links = link::open_all(urls, &options)?;
     let links = instruments.around(links)?;
     let (objects, clock) = (config.objects.len(), config.run.clock);
@@ -58,7 +60,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut server = Server::new(emulator, links, output, clock, &NATIVE);
     server.fits().map_err(anyhow::Error::msg)?;
 
-    let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let pace = match clock {
         Clock::Stepped => "a frame for each attitude".to_string(),
         Clock::Wall => format!(
