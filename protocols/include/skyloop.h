@@ -547,7 +547,7 @@ static inline bool skyloop_is_mode(uint8_t code)
 
 /* Which pixels of a frame are sent. */
 #define SKYLOOP_PIXEL_LEVEL_NONE 0U /* No pixels: the header, and what labels there are. */
-#define SKYLOOP_PIXEL_LEVEL_WINDOWS 1U /* Square windows around the brightest sources or around listed positions. */
+#define SKYLOOP_PIXEL_LEVEL_WINDOWS 1U /* Square windows around the brightest stars or around listed positions. */
 #define SKYLOOP_PIXEL_LEVEL_FRAME 2U /* Every pixel. */
 #define SKYLOOP_PIXEL_LEVEL_COMPRESSED 3U /* Every pixel, losslessly compressed. */
 
@@ -665,7 +665,7 @@ typedef struct {
     uint8_t pixels; /* Which pixels */
     uint8_t labels; /* Which labels */
     uint8_t window_size; /* Columns and rows of a window [px] */
-    uint8_t windows; /* Windows around so many of the brightest sources */
+    uint8_t windows; /* Windows around so many of the brightest stars */
     uint16_t objects; /* Records of so many of the brightest objects */
 } skyloop_output_t;
 #define SKYLOOP_OUTPUT_LENGTH 6U

@@ -23,7 +23,7 @@ wire_enum! {
     pub enum PixelLevel: u8 {
         /// No pixels: the header, and what labels there are.
         None = 0,
-        /// Square windows around the brightest sources or around listed positions.
+        /// Square windows around the brightest stars or around listed positions.
         Windows = 1,
         /// Every pixel.
         Frame = 2,

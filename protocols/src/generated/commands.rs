@@ -84,7 +84,7 @@ pub struct Output {
     pub labels: LabelLevel,
     /// Columns and rows of a window. Unit: px.
     pub window_size: u8,
-    /// Windows around so many of the brightest sources.
+    /// Windows around so many of the brightest stars.
     pub windows: u8,
     /// Records of so many of the brightest objects.
     pub objects: u16,
