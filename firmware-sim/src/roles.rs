@@ -1,15 +1,13 @@
 //! What a link is for: `roles=truth+pixels+labels` in its address.
 
-use std::fmt;
-
 /// What a link carries besides answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Roles {
-    /// Attitudes and the camera's commands go out.
+    /// Attitudes and the camera's commands, to the emulator.
     pub truth: bool,
-    /// Pixels come in.
+    /// Pixels, from it.
     pub pixels: bool,
-    /// Labels come in.
+    /// Labels, from it.
     pub labels: bool,
 }
 
@@ -50,7 +48,11 @@ impl Roles {
         Ok((rest, roles.unwrap_or(Self::ALL)))
     }
 
-    fn parse(text: &str) -> Result<Self, String> {
+    /// Reads names joined by `+`: `pixels+labels`.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn parse(text: &str) -> Result<Self, String> {
         let mut roles = Self::NONE;
         for name in text.split('+') {
             match name {
@@ -67,24 +69,10 @@ impl Roles {
         Ok(roles)
     }
 
-    /// Whether anything of a frame comes in.
+    /// Whether anything of a frame is carried.
     #[must_use]
     pub fn bring_frames(&self) -> bool {
         self.pixels || self.labels
-    }
-}
-
-impl fmt::Display for Roles {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let names = [
-            (self.truth, "truth"),
-            (self.pixels, "pixels"),
-            (self.labels, "labels"),
-        ];
-        let names = names
-            .into_iter()
-            .filter_map(|(has, name)| has.then_some(name));
-        f.write_str(&names.collect::<Vec<_>>().join("+"))
     }
 }
 
@@ -123,6 +111,5 @@ mod tests {
             let error = Roles::split(address).unwrap_err();
             assert!(error.contains(part), "{error}");
         }
-        assert_eq!(frames.to_string(), "pixels+labels");
     }
 }

@@ -66,12 +66,12 @@ fn records_frames(buses: &[bool]) -> bool {
 
 impl Instruments {
     /// What stands between a CAN bus and its link. The recording is next to the emulator: it holds what that received.
-    pub fn bus(&self) -> Option<BusInstruments> {
+    pub fn bus(&self) -> BusInstruments {
         let faults = self.faults.clone();
         let capture = self.capture.as_ref();
         let capture = capture.filter(|_| records_frames(&self.buses));
         let recorder = capture.map(Capture::recorder);
-        Some(BusInstruments {
+        BusInstruments {
             faults: faults.is_some(),
             at: Arc::new(move |address| {
                 let faults = faults.as_ref();
@@ -89,15 +89,14 @@ impl Instruments {
                     }
                 })
             }),
-        })
+        }
     }
 
     /// Puts them around the open links, where they do not stand at a bus.
     pub fn around(&self, links: Vec<(Wire, Roles)>) -> Result<Vec<(Wire, Roles)>, LinkError> {
         let mut around = Vec::with_capacity(links.len());
-        for (number, (mut wire, roles)) in (0..).zip(links) {
-            let on_bus = self.buses.get(around.len()).is_some_and(|bus| *bus);
-            if let Some((plan, book)) = self.faults.as_ref().filter(|_| !on_bus) {
+        for (number, ((mut wire, roles), on_bus)) in (0..).zip(links.into_iter().zip(&self.buses)) {
+            if let (Some((plan, book)), false) = (&self.faults, on_bus) {
                 wire = wrap(wire, plan, &NATIVE, book)?;
             }
             if let Some(capture) = self

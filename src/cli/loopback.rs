@@ -66,7 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let options = link::Options {
         idle,
         personality: &NATIVE,
-        bus: instruments.bus(),
+        bus: Some(instruments.bus()),
     };
     let (wire, port) = link::loopback(&args.link, &options)?;
     let writer = Writer::create(&args.out, frames)?;

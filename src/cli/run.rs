@@ -48,7 +48,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let options = link::Options {
         idle,
         personality: &NATIVE,
-        bus: instruments.bus(),
+        bus: Some(instruments.bus()),
     };
     // Before the links: what they make (the name of a pseudo-terminal) is removed at the end.
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;

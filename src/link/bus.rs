@@ -2,8 +2,8 @@
 
 use super::inbox::{Watch, inbox};
 use super::{
-    Airtime, AroundBus, Inbound, Intake, LinkError, LinkUrl, NO_FAULTS, Options, Outbound, Outbox,
-    QUEUE, Tally, Wire, count,
+    AroundBus, Inbound, Intake, LinkError, LinkUrl, NO_FAULTS, Options, Outbound, Outbox, QUEUE,
+    Tally, Wire, count,
 };
 use bytes::Bytes;
 use skyloop_firmware_sim::can::carrier::{self, Above, Next, Note, Waker};
@@ -16,6 +16,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
 use std::time::Instant;
+
+/// Opens a bus.
+pub(super) type OpenBus = fn(&Settings) -> Result<Box<dyn CanBus>, Refusal>;
 
 /// What a URL says about its bus. `place` is its interface or device.
 pub(super) fn settings(url: &LinkUrl, place: &str, keys: &[&str]) -> Result<Settings, LinkError> {
@@ -54,6 +57,19 @@ fn set(settings: &mut Settings, url: &LinkUrl, keys: &[&str]) -> Result<(), Link
     settings.check().map_err(|reason| url.refuse(reason))
 }
 
+/// Opens the bus of `settings` by `open`, now and each time that it has gone, and carries packets over it.
+pub(super) fn open(
+    url: &LinkUrl,
+    options: &Options,
+    settings: &Settings,
+    open: OpenBus,
+) -> Result<Wire, LinkError> {
+    let bus = open(settings).map_err(|refusal| refused(url, settings, refusal))?;
+    let again = settings.clone();
+    let opener: Opener = Box::new(move || open(&again));
+    start(url, options, bus, Some(opener), settings)
+}
+
 /// Carries packets over an open bus; with an `opener` the link survives that the bus goes.
 pub(super) fn start(
     url: &LinkUrl,
@@ -61,7 +77,6 @@ pub(super) fn start(
     bus: Box<dyn CanBus>,
     opener: Option<Opener>,
     settings: &Settings,
-    airtime: Airtime,
 ) -> Result<Wire, LinkError> {
     let address = format!("{}://{}", url.scheme, settings.describe());
     let (bus, opener) = match &options.bus {
@@ -95,12 +110,13 @@ pub(super) fn start(
         address: address.clone(),
         faults: options.bus.as_ref().is_some_and(|bus| bus.faults),
     };
+    let line = settings.clone();
     Ok(Wire {
         address,
         inbox,
         outbox: Box::new(outbox),
         tally,
-        airtime: Some(airtime),
+        airtime: Some(Arc::new(move |octets| line.packet_duration(octets))),
         sender: Some(sender),
     })
 }

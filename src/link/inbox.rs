@@ -86,9 +86,7 @@ impl Shared {
         // What a thread that panicked leaves behind is a queue like any other.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
 
-impl Shared {
     /// Lets go of the queue, and wakes who waits for it.
     fn wake(&self, state: MutexGuard<'_, State>) {
         let reader = state.reader.clone();

@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 pub const MEMORY: Link = Link {
     scheme: "memory",
     example: "memory (loopback only)",
+    is_bus: false,
     open: no_outside,
     loopback,
 };

@@ -17,7 +17,6 @@ mod paced;
 mod pseudo;
 #[cfg(target_os = "linux")]
 mod pty;
-mod roles;
 mod serial;
 mod slcan;
 mod tally;
@@ -27,7 +26,6 @@ mod url;
 pub use inbox::{Inbox, Intake};
 #[cfg(target_os = "linux")]
 pub use pty::Pair;
-pub use roles::Roles;
 pub(crate) use tally::Standstill;
 pub use tally::Tally;
 pub use url::LinkUrl;
@@ -35,6 +33,7 @@ pub use url::LinkUrl;
 use bytes::Bytes;
 use skyloop_firmware_sim::can::CanBus;
 use skyloop_firmware_sim::port::{Port, Refusal};
+pub use skyloop_firmware_sim::roles::Roles;
 use skyloop_protocols::{FaultKind, Personality};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -59,6 +58,8 @@ pub struct Link {
     pub scheme: &'static str,
     /// An example of its URL, for messages.
     pub example: &'static str,
+    /// Whether it is a CAN bus: faults and recordings stand at its frames, not at the packets.
+    pub is_bus: bool,
     /// Opens the emulator's end.
     pub open: fn(&LinkUrl, &Options) -> Result<Wire, LinkError>,
     /// Opens both ends on this machine.
@@ -223,8 +224,11 @@ pub enum LinkError {
 
 /// Opens the emulator's end of the link that `url` names.
 pub fn open(url: &str, options: &Options) -> Result<Wire, LinkError> {
-    let url = LinkUrl::parse(url)?;
-    (by_scheme(&url.scheme, &url.text)?.open)(&url, options)
+    open_parsed(&LinkUrl::parse(url)?, options)
+}
+
+fn open_parsed(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
+    (by_scheme(&url.scheme, &url.text)?.open)(url, options)
 }
 
 /// Opens the emulator's ends of a run's links. One of them, and no more, brings the truth.
@@ -233,7 +237,10 @@ pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>
         .iter()
         .map(|url| LinkUrl::parse(url))
         .collect::<Result<_, _>>()?;
-    let roles: Vec<Roles> = parsed.iter().map(Roles::of).collect::<Result<_, _>>()?;
+    let roles: Vec<Roles> = parsed
+        .iter()
+        .map(LinkUrl::roles)
+        .collect::<Result<_, _>>()?;
     let mut truth = parsed.iter().zip(&roles).filter(|(_, roles)| roles.truth);
     match (truth.next(), truth.next(), parsed.first()) {
         (_, Some((second, _)), _) => {
@@ -248,10 +255,9 @@ pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>
         }
         _ => {}
     }
-    let wires = urls.iter().map(|url| open(url, options));
-    wires
-        .zip(roles)
-        .map(|(wire, roles)| Ok((wire?, roles)))
+    let links = parsed.iter().zip(roles);
+    links
+        .map(|(url, roles)| Ok((open_parsed(url, options)?, roles)))
         .collect()
 }
 
@@ -259,6 +265,18 @@ pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>
 pub fn loopback(text: &str, options: &Options) -> Result<BothEnds, LinkError> {
     let url = LinkUrl::parse_loopback(text)?;
     (by_scheme(&url.scheme, &url.text)?.loopback)(&url, options)
+}
+
+/// Starts a thread of the link that `url` names.
+fn thread(
+    url: &LinkUrl,
+    name: &str,
+    body: impl FnOnce() + Send + 'static,
+) -> Result<JoinHandle<()>, LinkError> {
+    const REMEDY: &str = "check the limits of this process";
+    let thread = std::thread::Builder::new().name(name.to_string());
+    let started = thread.spawn(body);
+    started.map_err(|error| url.failed("start its thread", error, REMEDY))
 }
 
 fn by_scheme(scheme: &str, text: &str) -> Result<&'static Link, LinkError> {
@@ -275,9 +293,9 @@ fn by_scheme(scheme: &str, text: &str) -> Result<&'static Link, LinkError> {
 /// Whether a link, by URL or scheme, is a CAN bus.
 pub fn is_bus(text: &str) -> bool {
     let scheme = text.split([':', '?']).next();
-    [can::CAN.scheme, slcan::SLCAN.scheme]
-        .map(Some)
-        .contains(&scheme)
+    LINKS
+        .iter()
+        .any(|link| link.is_bus && Some(link.scheme) == scheme)
 }
 
 fn examples() -> String {

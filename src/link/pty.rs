@@ -2,11 +2,13 @@
 //! carries octets both ways at the pace of a baud rate. SLIP frames with CRC-32, two threads.
 
 use super::inbox::inbox;
-use super::line::{Ear, Put, airtime, baud_of, outbox, write};
+use super::line::{Ear, LineOutbox, Put, airtime, baud_of, outbox, write};
 use super::pace::{Pace, sleep_until};
 use super::paced::{PIECE, PacedEar, relay, write_all};
 use super::pseudo::{Heard, Pseudo, Refusal};
-use super::{BothEnds, Link, LinkError, LinkUrl, Options, Outbound, Outbox, Tally, Wire, count};
+use super::{
+    BothEnds, Link, LinkError, LinkUrl, Options, Outbound, Outbox, Tally, Wire, count, thread,
+};
 use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
 use std::io;
 use std::path::Path;
@@ -18,6 +20,7 @@ use std::time::{Duration, Instant};
 pub const PTY: Link = Link {
     scheme: "pty",
     example: "pty://star-tracker?baud=115200",
+    is_bus: false,
     open,
     loopback,
 };
@@ -64,39 +67,27 @@ fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32) -> Result<Wire, LinkError> {
     let (reading, stop, heard) = (pseudo.clone(), ended.clone(), tally.clone());
     let watch = arrivals.watch();
     let (ear, wanted) = (Ear::new(arrivals, tally.clone()), move || watch.is_wanted());
-    let thread = |name: &str| std::thread::Builder::new().name(name.to_string());
-    let no_thread = |error| {
-        url.failed(
-            "start its thread",
-            error,
-            "check the limits of this process",
-        )
-    };
-    thread("pty-read")
-        .spawn(move || {
-            if let Err(error) = read(&reading, baud, ear, &heard, &stop) {
-                tracing::error!(%error, "{} can no longer be read", reading.name());
-            }
-        })
-        .map_err(no_thread)?;
+    thread(url, "pty-read", move || {
+        if let Err(error) = read(&reading, baud, ear, &heard, &stop) {
+            tracing::error!(%error, "{} can no longer be read", reading.name());
+        }
+    })?;
     let (writing, sent) = (pseudo.clone(), tally.clone());
-    let sender = thread("pty-write")
-        .spawn(move || {
-            let mut pace = Pace::of_baud(baud);
-            write(&departures, &sent, |exchange, octets, idle| {
-                if idle {
-                    pace.rest(Instant::now());
-                }
-                put(&writing, &mut pace, exchange, octets, &sent, &wanted)
-            });
-            // The end of the master takes along what the client has not read yet.
-            let end = Instant::now();
-            while writing.is_held() && wanted() && end.elapsed() < LINGER {
-                std::thread::sleep(PIECE);
+    let sender = thread(url, "pty-write", move || {
+        let mut pace = Pace::of_baud(baud);
+        write(&departures, &sent, |exchange, octets, idle| {
+            if idle {
+                pace.rest(Instant::now());
             }
-            ended.store(true, Ordering::Relaxed);
-        })
-        .map_err(no_thread)?;
+            put(&writing, &mut pace, exchange, octets, &sent, &wanted)
+        });
+        // The end of the master takes along what the client has not read yet.
+        let end = Instant::now();
+        while writing.is_held() && wanted() && end.elapsed() < LINGER {
+            std::thread::sleep(PIECE);
+        }
+        ended.store(true, Ordering::Relaxed);
+    })?;
     Ok(Wire {
         address,
         inbox,
@@ -108,18 +99,18 @@ fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32) -> Result<Wire, LinkError> {
 }
 
 /// The queue to the writer; the name goes with it, before the last packets have left.
-struct NamedOutbox<O> {
-    outbox: O,
+struct NamedOutbox {
+    outbox: LineOutbox,
     pseudo: Arc<Pseudo>,
 }
 
-impl<O: Outbox> Outbox for NamedOutbox<O> {
+impl Outbox for NamedOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
         self.outbox.offer(what)
     }
 }
 
-impl<O> Drop for NamedOutbox<O> {
+impl Drop for NamedOutbox {
     fn drop(&mut self) {
         self.pseudo.remove_name();
     }

@@ -4,7 +4,7 @@ use super::line::{Ear, Put, READ_TIMEOUT, airtime, baud_of, outbox, write};
 #[cfg(target_os = "linux")]
 use super::low_latency;
 use super::{
-    Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Tally, Wire, count, inbox::inbox,
+    Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Tally, Wire, count, inbox::inbox, thread,
 };
 use serialport::SerialPort;
 use std::io::ErrorKind;
@@ -16,6 +16,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 pub const SERIAL: Link = Link {
     scheme: "serial",
     example: "serial:///dev/ttyUSB0?baud=921600",
+    is_bus: false,
     open,
     loopback,
 };
@@ -52,26 +53,16 @@ fn start(
     let (reading, stop) = (line.clone(), ended.clone());
     let watch = arrivals.watch();
     let (ear, wanted) = (Ear::new(arrivals, tally.clone()), move || watch.is_wanted());
-    let thread = |name: &str| std::thread::Builder::new().name(name.to_string());
-    let no_thread = |error| {
-        url.failed(
-            "start its thread",
-            error,
-            "check the limits of this process",
-        )
-    };
-    thread("serial-read")
-        .spawn(move || read(&reading, input, ear, &stop))
-        .map_err(no_thread)?;
-    let sender = thread("serial-write")
-        .spawn(move || {
-            let tally = line.tally.clone();
-            write(&departures, &tally, |_, octets, _| {
-                line.put(octets, &wanted)
-            });
-            ended.store(true, Ordering::Relaxed);
-        })
-        .map_err(no_thread)?;
+    thread(url, "serial-read", move || {
+        read(&reading, input, ear, &stop)
+    })?;
+    let sender = thread(url, "serial-write", move || {
+        let tally = line.tally.clone();
+        write(&departures, &tally, |_, octets, _| {
+            line.put(octets, &wanted)
+        });
+        ended.store(true, Ordering::Relaxed);
+    })?;
     Ok(Wire {
         address,
         inbox,

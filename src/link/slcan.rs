@@ -1,13 +1,14 @@
 //! CAN through a LAWICEL-style adapter on a serial port or a pseudo-terminal: for hosts without CAN in their kernel.
 
-use super::{BothEnds, Link, LinkError, LinkUrl, Options, Wire, bus, can};
+use super::{BothEnds, Link, LinkError, LinkUrl, Options, Wire, bus};
 use skyloop_firmware_sim::can::settings::Settings;
-use skyloop_firmware_sim::can::{Opener, slcan};
+use skyloop_firmware_sim::can::slcan;
 
 /// Adapters.
 pub const SLCAN: Link = Link {
     scheme: "slcan",
     example: "slcan:///dev/ttyACM0?bitrate=500000",
+    is_bus: true,
     open,
     loopback,
 };
@@ -18,27 +19,13 @@ fn open(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
     let mut settings = bus::settings(url, &url.target, KEYS)?;
     settings.baud.get_or_insert(slcan::BAUD);
     check(url, &settings)?;
-    start(url, options, &settings)
+    bus::open(url, options, &settings, slcan::open)
 }
 
 /// Refuses bit rates that adapters do not have.
 fn check(url: &LinkUrl, settings: &Settings) -> Result<(), LinkError> {
     let commands = slcan::commands(settings);
     commands.map(drop).map_err(|reason| url.refuse(reason))
-}
-
-fn start(url: &LinkUrl, options: &Options, settings: &Settings) -> Result<Wire, LinkError> {
-    let open = slcan::open(settings).map_err(|refusal| bus::refused(url, settings, refusal))?;
-    let again = settings.clone();
-    let opener: Opener = Box::new(move || slcan::open(&again));
-    bus::start(
-        url,
-        options,
-        open,
-        Some(opener),
-        settings,
-        can::airtime(settings),
-    )
 }
 
 /// Both ends on a pseudo-terminal.
@@ -57,7 +44,7 @@ fn loopback(url: &LinkUrl, options: &Options) -> Result<BothEnds, LinkError> {
         slcan::over(Box::new(slave), &settings).map_err(refused)?,
         slcan::over(Box::new(master), &settings).map_err(refused)?,
     );
-    let wire = bus::start(url, options, ours, None, &settings, can::airtime(&settings))?;
+    let wire = bus::start(url, options, ours, None, &settings)?;
     let port = CanPort::over(&settings.place, client, None, &settings);
     Ok((
         wire,

@@ -3,7 +3,7 @@
 use super::pace::Pace;
 use super::{
     Airtime, BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE,
-    Tally, Wire, count, inbox::inbox,
+    Tally, Wire, count, inbox::inbox, thread,
 };
 use bytes::Bytes;
 use skyloop_firmware_sim::udp::UdpPort;
@@ -17,6 +17,7 @@ use tokio::sync::mpsc::{Receiver, Sender, channel, error::TrySendError as TryQue
 pub const UDP: Link = Link {
     scheme: "udp",
     example: "udp://127.0.0.1:4810",
+    is_bus: false,
     open,
     loopback,
 };
@@ -92,18 +93,12 @@ fn listen(
             "start its thread",
             "check the limits of this process",
         ))?;
-    let sender = std::thread::Builder::new()
-        .name("udp".to_string())
-        .spawn(move || {
-            let ended = runtime.block_on(carry(socket, arrivals, departures, exchange, limit));
-            if let Err(error) = ended {
-                tracing::error!(%error, "the udp link has ended");
-            }
-        })
-        .map_err(failed(
-            "start its thread",
-            "check the limits of this process",
-        ))?;
+    let sender = thread(url, "udp", move || {
+        let ended = runtime.block_on(carry(socket, arrivals, departures, exchange, limit));
+        if let Err(error) = ended {
+            tracing::error!(%error, "the udp link has ended");
+        }
+    })?;
     let address = format!("udp://{local}");
     let outbox = UdpOutbox {
         queue: outbox,

@@ -1,6 +1,6 @@
 //! Link URLs: `scheme://target?key=value&...`, and for `loopback`, which chooses the target, `scheme?key=value&...`.
 
-use super::{LINKS, LinkError, examples};
+use super::{LINKS, LinkError, Roles, examples};
 use std::ops::RangeInclusive;
 
 /// A link URL in parts.
@@ -104,6 +104,12 @@ impl LinkUrl {
                 )))
             }
         }
+    }
+
+    /// What the link is for, by option `roles`; all where it is not given.
+    pub fn roles(&self) -> Result<Roles, LinkError> {
+        let roles = self.value("roles").map_or(Ok(Roles::ALL), Roles::parse);
+        roles.map_err(|reason| self.refuse(reason))
     }
 
     /// Refuses options that the link does not have. Every link has `roles`.

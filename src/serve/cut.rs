@@ -155,16 +155,15 @@ impl<'a> Cut<'a> {
             _ => {
                 let packing = self.header.packing;
                 let size = pixels_per_block(packing);
-                let first = index as usize * size;
-                let digits = self.shot.frame.digits.get(first..).unwrap_or_default();
-                let pixels = digits.chunks(size).next().ok_or(NO_SUCH_PACKET)?;
+                let pixels = self.shot.frame.digits.chunks(size).nth(index as usize);
+                let pixels = pixels.ok_or(NO_SUCH_PACKET)?;
                 let mut packed = [0; MAX_PACKET];
                 let data = &mut packed[..packed_length(packing, pixels.len())];
                 pack(packing, pixels, data)?;
                 encode(&Reply::PixelBlock(PixelBlock {
                     frame: self.header.frame,
                     index,
-                    first_pixel: first as u32,
+                    first_pixel: index * size as u32,
                     count: pixels.len() as u16,
                     packing,
                     data,
@@ -180,9 +179,8 @@ impl<'a> Cut<'a> {
     ) -> Result<T, EncodeError> {
         let (packing, size) = (self.header.packing, self.header.window_size);
         let most = windows_per_block(packing, size);
-        let first = index as usize * most;
-        let windows = self.windows.get(first..).unwrap_or_default();
-        let windows = windows.chunks(most).next().ok_or(NO_SUCH_PACKET)?;
+        let windows = self.windows.chunks(most).nth(index as usize);
+        let windows = windows.ok_or(NO_SUCH_PACKET)?;
         let (width, side) = (usize::from(self.header.width), usize::from(size));
         let mut data = Vec::with_capacity(windows.len() * window_length(packing, size));
         let mut pixels = Vec::with_capacity(side * side);
@@ -202,7 +200,7 @@ impl<'a> Cut<'a> {
         encode(&Reply::Windows(WindowBlock {
             frame: self.header.frame,
             index,
-            first: first as u16,
+            first: (index as usize * most) as u16,
             count: windows.len() as u8,
             size,
             packing,
@@ -220,8 +218,7 @@ impl<'a> Cut<'a> {
             LabelLevel::Objects => (&self.records[..], OBJECTS_PER_PART * OBJECT_LENGTH),
             _ => (self.shot.json.as_bytes(), LABEL_TEXT_PER_PART),
         };
-        let octets = all.get(usize::from(part) * most..).unwrap_or_default();
-        let octets = octets.chunks(most).next().ok_or(NO_SUCH_PACKET)?;
+        let octets = all.chunks(most).nth(part.into()).ok_or(NO_SUCH_PACKET)?;
         match self.header.label_level {
             LabelLevel::Objects => encode(&Reply::Objects(ObjectPart {
                 frame,

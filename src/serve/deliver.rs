@@ -84,7 +84,7 @@ impl Server {
         let mut under_way = Vec::new();
         for (at, channel) in self.channels.iter_mut().enumerate() {
             let exchange = &channel.exchange;
-            if !channel.roles.brings_frames() {
+            if !channel.roles.bring_frames() {
                 continue;
             }
             if !exchange.heard {

@@ -41,7 +41,7 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
     if pcapng::is_pcapng(&octets) {
         let Packets { links, records } = pcapng::read(file, &octets)?;
         let roles = |link: &String| match LinkUrl::parse(link) {
-            Ok(url) => Roles::of(&url).unwrap_or(Roles::ALL),
+            Ok(url) => url.roles().unwrap_or(Roles::ALL),
             // A loopback.
             Err(_) => Roles::ALL,
         };
