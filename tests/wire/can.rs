@@ -10,7 +10,11 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// The other end of an adapter's line.
-struct Far(TTYPort);
+struct Far {
+    line: TTYPort,
+    /// What has come behind what was read.
+    text: String,
+}
 
 impl Far {
     /// A pseudo-terminal that can be opened as `name`.
@@ -19,23 +23,31 @@ impl Far {
         near.set_timeout(Duration::from_millis(20)).unwrap();
         let _ = std::fs::remove_file(name);
         std::os::unix::fs::symlink(far.name().unwrap(), name).unwrap();
-        Far(near)
+        Far {
+            line: near,
+            text: String::new(),
+        }
     }
 
     fn write(&mut self, lines: &str) {
-        self.0.write_all(lines.as_bytes()).unwrap();
+        self.line.write_all(lines.as_bytes()).unwrap();
     }
 
-    /// Reads until `wanted` has come.
+    /// Reads until `wanted` has come, and no further.
     fn read(&mut self, wanted: &str) {
-        let started = Instant::now();
-        let (mut text, mut buffer) = (String::new(), [0; 4096]);
-        while !text.contains(wanted) {
-            assert!(started.elapsed() < PATIENCE, "no {wanted:?} in {text:?}");
-            if let Ok(length) = self.0.read(&mut buffer) {
-                text.push_str(std::str::from_utf8(&buffer[..length]).unwrap());
+        let (started, mut buffer) = (Instant::now(), [0; 4096]);
+        let end = loop {
+            if let Some(place) = self.text.find(wanted) {
+                break place + wanted.len();
             }
-        }
+            let text = &self.text;
+            assert!(started.elapsed() < PATIENCE, "no {wanted:?} in {text:?}");
+            if let Ok(length) = self.line.read(&mut buffer) {
+                self.text
+                    .push_str(std::str::from_utf8(&buffer[..length]).unwrap());
+            }
+        };
+        self.text.drain(..end);
     }
 }
 
