@@ -9,7 +9,7 @@ use super::{
 use serialport::SerialPort;
 use std::io::ErrorKind;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Serial ports.
@@ -44,6 +44,7 @@ fn start(
         device,
         output: Mutex::new(Some(output)),
         back: Condvar::new(),
+        losses: AtomicU32::new(0),
         tally: Arc::new(Tally::default()),
     });
     let tally = line.tally.clone();
@@ -120,9 +121,12 @@ impl Device {
 /// What the two threads share.
 struct Line {
     device: Device,
-    /// The port to write to; none while it has gone. An open handle would keep its name from coming back.
+    /// The port to write to; none while the writer has it, and while it has gone: an open handle would keep its name
+    /// from coming back.
     output: Mutex<Option<Port>>,
     back: Condvar,
+    /// How often the port has been lost. Whoever notices first counts; the other sees it by the number.
+    losses: AtomicU32,
     tally: Arc<Tally>,
 }
 
@@ -131,33 +135,47 @@ impl Line {
         self.output.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Counts a loss, unless it has been counted since there were `known` of them.
+    fn lose(&self, known: u32) {
+        let (relaxed, next) = (Ordering::Relaxed, known.wrapping_add(1));
+        // Counted by the other thread: as good.
+        let _ = self.losses.compare_exchange(known, next, relaxed, relaxed);
+    }
+
     /// Writes all of `octets`, however long its other end takes: then the queue stays full, and it is the emulator
-    /// that gives frames up, whole. While the port has gone the packet waits, and the queue behind it.
+    /// that gives frames up, whole. While the port has gone the packet waits, and the queue behind it. The reader
+    /// never waits for a write.
     fn put(&self, mut octets: &[u8], wanted: &dyn Fn() -> bool) -> Put {
         let mut output = self.output();
-        while output.is_none() {
+        let mut port = loop {
+            if let Some(port) = output.take() {
+                break port;
+            }
             if !wanted() {
                 return Put::Unwanted;
             }
             let waited = self.back.wait_timeout(output, READ_TIMEOUT);
             (output, _) = waited.unwrap_or_else(PoisonError::into_inner);
-        }
-        let Some(port) = output.as_mut() else {
-            return Put::Lost;
         };
+        let known = self.losses.load(Ordering::Relaxed);
+        drop(output);
+        let is_there = || self.losses.load(Ordering::Relaxed) == known;
         while !octets.is_empty() {
             match port.write(octets) {
                 Ok(length) if length > 0 => {
                     self.tally.moved(length);
                     octets = &octets[length..];
                 }
-                Err(error) if is_passing(&error) && wanted() => {}
-                // The reader learns it from the missing port.
+                Err(error) if is_passing(&error) && wanted() && is_there() => {}
                 _ => {
-                    *output = None;
+                    self.lose(known);
                     return Put::Lost;
                 }
             }
+        }
+        let mut output = self.output();
+        if is_there() {
+            *output = Some(port);
         }
         Put::Sent
     }
@@ -170,13 +188,17 @@ fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
     let mut input = Some(port);
     // Whether the line has been lost, and since then not worked.
     let mut lost = false;
+    let mut known = 0;
     while !stop.load(Ordering::Relaxed) {
         let Some(port) = &mut input else {
             std::thread::sleep(READ_TIMEOUT);
             match line.device.open() {
                 Ok((reading, writing)) => {
                     input = Some(reading);
-                    *line.output() = Some(writing);
+                    let mut output = line.output();
+                    known = line.losses.load(Ordering::Relaxed);
+                    *output = Some(writing);
+                    drop(output);
                     line.back.notify_one();
                 }
                 Err(error) => tracing::debug!(%error, "{path} is not back"),
@@ -185,7 +207,9 @@ fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
         };
         let heard = match port.read(&mut buffer) {
             Ok(0) => Err(ErrorKind::BrokenPipe.into()),
-            Err(error) if is_passing(&error) && line.output().is_some() => Ok(0),
+            Err(error) if is_passing(&error) && line.losses.load(Ordering::Relaxed) == known => {
+                Ok(0)
+            }
             heard => heard,
         };
         match heard {
@@ -202,6 +226,7 @@ fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
                 if !std::mem::replace(&mut lost, true) {
                     tracing::warn!("the serial line {path} has gone ({error}): waiting for it");
                 }
+                line.lose(known);
                 *line.output() = None;
                 input = None;
                 ear.restart();
@@ -330,6 +355,19 @@ mod tests {
             offer(&mut wire, vec![1; 100]);
         }
         assert_eq!(close(wire, Duration::from_millis(500)), 5);
+    }
+
+    #[test]
+    fn a_client_that_does_not_read_is_heard() {
+        let (wire, mut client) = with_queued(40);
+        // The writer is stuck by now, and the reader has had nothing to read for a while.
+        std::thread::sleep(3 * READ_TIMEOUT);
+        for round in 0..5 {
+            send(&mut client, b"hello");
+            let heard = wire.inbox.recv_timeout(5 * READ_TIMEOUT);
+            assert_eq!(&heard.expect("it is heard").packet[..], b"hello", "{round}");
+            std::thread::sleep(2 * READ_TIMEOUT);
+        }
     }
 
     /// Both ends of a pseudo-terminal: the emulator's with `packets` of 1400 octets queued, and the client's.
