@@ -5,6 +5,28 @@ pub use crate::generated::codes::{Direction, FaultKind};
 pub use crate::generated::commands::Fault;
 use crate::rules::rule;
 
+impl FaultKind {
+    /// Every kind and its name in files and on command lines.
+    pub const NAMES: [(&'static str, FaultKind); 11] = [
+        ("bit_flips", FaultKind::BitFlips),
+        ("drop", FaultKind::Drop),
+        ("duplicate", FaultKind::Duplicate),
+        ("reorder", FaultKind::Reorder),
+        ("truncate", FaultKind::Truncate),
+        ("delay", FaultKind::Delay),
+        ("jitter", FaultKind::Jitter),
+        ("stuck", FaultKind::Stuck),
+        ("down", FaultKind::Down),
+        ("overrun", FaultKind::Overrun),
+        ("bus_off", FaultKind::BusOff),
+    ];
+
+    /// Whether it is on or off, and nothing passes while it is on.
+    pub fn is_switch(self) -> bool {
+        matches!(self, FaultKind::Stuck | FaultKind::Down | FaultKind::BusOff)
+    }
+}
+
 impl Fault {
     /// Refuses values that the kind does not allow.
     pub fn check(&self) -> Result<(), DecodeError> {

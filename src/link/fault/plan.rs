@@ -13,24 +13,9 @@ pub struct Plan {
     pub(super) rules: Vec<Rule>,
 }
 
-/// Every kind by its name in files.
-const KINDS: [(&str, FaultKind); 11] = [
-    ("bit_flips", FaultKind::BitFlips),
-    ("drop", FaultKind::Drop),
-    ("duplicate", FaultKind::Duplicate),
-    ("reorder", FaultKind::Reorder),
-    ("truncate", FaultKind::Truncate),
-    ("delay", FaultKind::Delay),
-    ("jitter", FaultKind::Jitter),
-    ("stuck", FaultKind::Stuck),
-    ("down", FaultKind::Down),
-    ("overrun", FaultKind::Overrun),
-    ("bus_off", FaultKind::BusOff),
-];
-
 /// The name of a kind.
 pub fn name(kind: FaultKind) -> &'static str {
-    KINDS
+    FaultKind::NAMES
         .iter()
         .find(|(_, known)| *known == kind)
         .map_or("", |(name, _)| name)
@@ -118,8 +103,8 @@ fn rule(
             ));
         }
     };
-    let Some((_, kind)) = KINDS.iter().find(|(name, _)| *name == raw.kind) else {
-        let names: Vec<&str> = KINDS.iter().map(|(name, _)| *name).collect();
+    let Some((_, kind)) = FaultKind::NAMES.iter().find(|(name, _)| *name == raw.kind) else {
+        let names: Vec<&str> = FaultKind::NAMES.iter().map(|(name, _)| *name).collect();
         return Err(check.refuse(&key("kind"), format!("{:?}", raw.kind), names.join(", ")));
     };
     if let Some(why) = impossible(*kind).filter(|_| !can) {
@@ -132,7 +117,7 @@ fn rule(
     };
     let value = match (raw.value, kind) {
         (Some(value), _) => value,
-        (None, FaultKind::Stuck | FaultKind::Down | FaultKind::BusOff) => 1.0,
+        (None, kind) if kind.is_switch() => 1.0,
         (None, _) => {
             return Err(check.explain(
                 &key("value"),
@@ -145,6 +130,13 @@ fn rule(
         _ => 1.0,
     };
     let value = check.range(&key("value"), value, 0.0..=most)?;
+    if kind.is_switch() && value != 0.0 && value != 1.0 {
+        return Err(check.refuse(
+            &key("value"),
+            value,
+            format!("0 or 1, as {} is on or off", raw.kind),
+        ));
+    }
     let from = Duration::from_secs_f64(at_s);
     Ok(Rule::new(
         Fault {
@@ -208,6 +200,10 @@ mod tests {
             (
                 one("value = 1").replace("drop", "bus_off"),
                 vec!["faults[0].kind", "bus_off", "CAN", "use down"],
+            ),
+            (
+                one("value = 0.5").replace("drop", "stuck"),
+                vec!["faults[0].value = 0.5", "0 or 1", "stuck"],
             ),
             (
                 one("value = 61.0").replace("drop", "delay"),
