@@ -52,16 +52,16 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     if received == 0 {
         bail!("{}: nothing was received in it", args.file.display());
     }
+    let left_out = recording.left_out.to_string();
     if sent == 0 {
-        bail!(
-            "{}: no {} was sent in it: there is nothing to compare",
-            args.file.display(),
-            if recording.on_the_bus {
-                "whole frame"
-            } else {
-                "packet"
+        let file = args.file.display();
+        match (recording.on_the_bus, left_out.as_str()) {
+            (false, _) => bail!("{file}: no packet was sent in it: there is nothing to compare"),
+            (true, "") => {
+                bail!("{file}: no whole frame was sent in it: there is nothing to compare")
             }
-        );
+            (true, why) => bail!("{file}: no frame in it can be compared: {why}"),
+        }
     }
     say(format_args!(
         "replaying {}: {received} packets received, {sent} sent\n",
@@ -118,5 +118,8 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         "the same: {whole} frames, {} packets\n",
         progress.packets
     ))?;
+    if !left_out.is_empty() {
+        say(format_args!("frames not compared: {left_out}\n"))?;
+    }
     Ok(())
 }

@@ -12,6 +12,7 @@ use skyloop_firmware_sim::can::{CanBus, Opener, Refusal, Trouble, socket};
 use skyloop_firmware_sim::port::PortError;
 use skyloop_protocols::FaultKind;
 use skyloop_protocols::can::{Node, Side};
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
@@ -166,8 +167,12 @@ impl Outbox for BusOutbox {
         Ok(None)
     }
 
-    fn injects(&self, _: FaultKind) -> Result<(), &'static str> {
-        if self.faults { Ok(()) } else { Err(NO_FAULTS) }
+    fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
+        if self.faults {
+            Ok(())
+        } else {
+            Err(NO_FAULTS.into())
+        }
     }
 }
 

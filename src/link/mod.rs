@@ -35,6 +35,7 @@ use skyloop_firmware_sim::can::CanBus;
 use skyloop_firmware_sim::port::{Port, Refusal};
 pub use skyloop_firmware_sim::roles::Roles;
 use skyloop_protocols::{FaultKind, Personality};
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -128,6 +129,9 @@ pub enum Outbound {
     },
 }
 
+/// What stands before the reason in the answer to a fault that is refused.
+pub(crate) const FAULT_REFUSED: &str = "Fault: ";
+
 /// Why a link injects no faults.
 const NO_FAULTS: &str =
     "no faults are injected here: start the emulator with --faults or --fault-log";
@@ -138,8 +142,8 @@ pub trait Outbox: Send {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError>;
 
     /// Whether faults of this kind can be switched live; else why not, and the remedy.
-    fn injects(&self, _: FaultKind) -> Result<(), &'static str> {
-        Err(NO_FAULTS)
+    fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
+        Err(NO_FAULTS.into())
     }
 }
 

@@ -5,8 +5,10 @@ use super::receive::Refusal;
 use super::{Server, Truth};
 use crate::camera::{EXPOSURE_S, GAIN_E_PER_DN, RATE_HZ};
 use crate::config::Clock;
+use crate::link::FAULT_REFUSED;
 use crate::scene::turn_at;
 use skyloop_protocols::{Command, Header, Output, Reason};
+use std::borrow::Cow;
 use std::ops::RangeInclusive;
 use std::time::Instant;
 
@@ -144,9 +146,9 @@ impl Server {
             }
             // The link has done it as the packet passed.
             Command::Fault(fault) => {
-                let refused = |why| Refusal {
+                let refused = |why: Cow<'_, str>| Refusal {
                     reason: Reason::NotSupported,
-                    detail: format!("Fault: {why}"),
+                    detail: format!("{FAULT_REFUSED}{why}"),
                 };
                 let outbox = &self.channels[at].wire.outbox;
                 outbox.injects(fault.kind).map_err(refused)?;

@@ -59,13 +59,24 @@ fn a_recorded_loopback_is_replayed() {
 fn a_log_of_can_frames_is_replayed() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let (code, text) = say(at, "loopback --link slcan --frames 2 --capture run.log");
+    let (code, text) = say(at, "loopback --link slcan --frames 3 --capture run.log");
     assert_eq!(code, Some(0), "{text}");
     let log = std::fs::read_to_string(at.join("run.log")).unwrap();
     has(&log, &[" can0 220##5", " can0 100##5"]);
     let (code, text) = say(at, "replay run.log");
     assert_eq!(code, Some(0), "{text}");
-    has(&text, &["the same: 2 frames"]);
+    // On a busy machine the client may have asked for packets again: all frames are accounted for.
+    let number = |after: &str| {
+        let (_, rest) = text.split_once(after)?;
+        rest.split(' ').next()?.parse::<u32>().ok()
+    };
+    let same = number("the same: ").unwrap();
+    let left_out = number("frames not compared: ").unwrap_or(0);
+    assert_eq!(same + left_out, 3, "{text}");
+    assert!(
+        same > 0 && (left_out == 0 || text.contains("sent again")),
+        "{text}"
+    );
 }
 
 #[test]
@@ -133,7 +144,10 @@ fn wrong_inputs_are_refused_in_a_line() {
             "loopback --faults off.toml",
             vec!["off.toml: faults[0].kind", "CAN", "use down"],
         ),
-        ("loopback --fault-log no/log", vec!["--fault-log no/log"]),
+        (
+            "loopback --fault-log no/log",
+            vec!["--fault-log no/log: ", "check that its folder exists"],
+        ),
         (
             "loopback --capture no/run.pcapng",
             vec!["no/run.pcapng", "folder"],

@@ -10,7 +10,9 @@ use skyloop::link::capture::replay::{Progress, Replay, load};
 use skyloop::link::fault::{Book, Plan, wrap};
 use skyloop::serve::Server;
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{Command, Counters, MAX_PACKET, Reply};
+use skyloop_protocols::{
+    Command, Counters, Direction, Fault, FaultKind, MAX_PACKET, Reason, Reply,
+};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -232,5 +234,89 @@ fn several_links_are_replayed_together() {
             frames.contains(&(i, 0, true)) && frames.contains(&(i, 1, true)),
             "{frames:?}"
         );
+    }
+}
+
+/// Sends a command and awaits the reason of its refusal; none if it is obeyed.
+fn refused(line: &mut UdpLine, count: u16, command: &Command) -> Option<(Reason, String)> {
+    let mut buffer = [0; MAX_PACKET];
+    let length = command.encode(count, EPOCH, &mut buffer).unwrap();
+    line.send(&buffer[..length]);
+    let packet = line.recv(PATIENCE).expect("an answer");
+    match Reply::decode(&packet).unwrap().1 {
+        Reply::Nack(nack) => Some((nack.reason, nack.detail.to_string())),
+        Reply::Ack(_) => None,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn fault(kind: FaultKind) -> Command {
+    Command::Fault(Fault {
+        kind,
+        direction: Direction::Out,
+        value: 0.0,
+        seconds: 0.0,
+    })
+}
+
+/// With faults and without: bus-off is refused on UDP, a delay is where none are injected. Acks follow.
+#[test]
+fn refused_faults_are_refused_again() {
+    let folder = tempfile::tempdir().unwrap();
+    for injected in [false, true] {
+        let file = folder.path().join(format!("{injected}.pcapng"));
+        let mut wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
+        let mut line = UdpLine::to(&wire.address);
+        if injected {
+            let book = Arc::new(Mutex::new(Book::default()));
+            wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
+        }
+        let capture = Capture::packets(&file, std::slice::from_ref(&wire.address)).unwrap();
+        capture.tap(&mut wire, 0);
+        let emulator = Running::start(small(), Clock::Stepped, wire);
+        let delay = refused(&mut line, 0, &fault(FaultKind::Delay));
+        assert_eq!(delay.is_some(), !injected, "{delay:?}");
+        let off = refused(&mut line, 1, &fault(FaultKind::BusOff)).unwrap();
+        assert_eq!(off.0, Reason::NotSupported);
+        assert_eq!(off.1.contains("use down"), injected, "{off:?}");
+        assert_eq!(
+            refused(&mut line, 2, &Command::Exposure { seconds: 0.05 }),
+            None
+        );
+        emulator.end();
+        capture.finish().unwrap();
+        let same = replay(&file, small());
+        assert_eq!((same.difference, same.packets), (None, 3));
+    }
+}
+
+/// The answer names the link of the truth, which has another address in a replay.
+#[test]
+fn addresses_in_refusals_are_not_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("run.pcapng");
+    let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
+    let mut links = link::open_all(&urls, &options(5.0)).unwrap();
+    let capture = Capture::packets(&file, &urls).unwrap();
+    capture.tap(&mut links[0].0, 0);
+    capture.tap(&mut links[1].0, 1);
+    let mut line = UdpLine::to(&links[1].0.address);
+    let emulator = Running::at(small(), Clock::Stepped, links);
+    let (reason, detail) = refused(&mut line, 0, &Command::SingleShot).unwrap();
+    assert_eq!(reason, Reason::NotSupported);
+    assert!(detail.contains("send them over udp://"), "{detail}");
+    assert_eq!(refused(&mut line, 1, &Command::Reset), None);
+    emulator.end();
+    capture.finish().unwrap();
+    let same = replay(&file, small());
+    assert_eq!((same.difference, same.packets), (None, 2));
+    // All else is: what it answers, its words.
+    let spoilt = folder.path().join("spoilt.pcapng");
+    for (octet, says) in [(15 + 3, "sequence_count"), (15 + 8, "detail")] {
+        alter(&file, &spoilt, |reply| {
+            matches!(reply, Reply::Nack(_)).then_some(octet)
+        });
+        let difference = replay(&spoilt, small()).difference.unwrap();
+        assert!(difference.contains(says), "{octet}: {difference}");
     }
 }

@@ -2,7 +2,7 @@
 
 use skyloop_protocols::packet::{HEADER_LENGTH, identify, reseal};
 use skyloop_protocols::pixels::unpack;
-use skyloop_protocols::{Counters, MAX_PACKET, Personality, PixelBlock, Reply, Status};
+use skyloop_protocols::{Counters, MAX_PACKET, Nack, Personality, PixelBlock, Reply, Status};
 
 /// What a packet is called.
 pub fn called(personality: &Personality, packet: &[u8]) -> String {
@@ -54,6 +54,24 @@ pub fn first(
             }
             line(&blind(was), &blind(is))
         }
+        (Ok((was_header, Reply::Nack(was))), Ok((is_header, Reply::Nack(is)))) => {
+            // Each run's links have addresses of their own.
+            let (was_text, is_text) = (without_addresses(was.detail), without_addresses(is.detail));
+            let (was, is) = (
+                Nack {
+                    detail: &was_text,
+                    ..was
+                },
+                Nack {
+                    detail: &is_text,
+                    ..is
+                },
+            );
+            if (was_header, was) == (is_header, is) {
+                return None;
+            }
+            line(&was, &is).or_else(|| line(&was_header, &is_header))
+        }
         (Ok((_, was)), Ok((_, is))) => {
             if std::mem::discriminant(&was) == std::mem::discriminant(&is) {
                 line(&was, &is)
@@ -71,6 +89,13 @@ pub fn sealed(packet: &[u8]) -> Vec<u8> {
     let mut packet = packet.to_vec();
     reseal(&mut packet);
     packet
+}
+
+/// A text whose words that are links' addresses all read the same.
+fn without_addresses(text: &str) -> String {
+    let words = text.split(' ');
+    let words = words.map(|word| if word.contains("://") { "://" } else { word });
+    words.collect::<Vec<_>>().join(" ")
 }
 
 fn pixel(width: u16, was: &PixelBlock<'_>, is: &PixelBlock<'_>) -> Option<String> {

@@ -6,11 +6,13 @@ pub mod candump;
 mod difference;
 pub mod pcapng;
 pub mod replay;
+mod whole;
 
 use super::inbox::Observer;
 use super::{Inbound, LinkError, Outbound, Outbox, Wire};
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::{Direction, FaultKind};
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -266,7 +268,7 @@ impl Outbox for TappedOutbox {
         Ok(back)
     }
 
-    fn injects(&self, kind: FaultKind) -> Result<(), &'static str> {
+    fn injects(&self, kind: FaultKind) -> Result<(), Cow<'static, str>> {
         self.to.injects(kind)
     }
 }

@@ -7,13 +7,17 @@
 
 use super::difference::{called, first, sealed};
 use super::pcapng::Packets;
+use super::whole::{LeftOut, due, frame_of, whole_frames};
 use super::{CaptureError, Record, candump, pcapng};
 use crate::link::inbox::{Observer, inbox};
-use crate::link::{Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, Roles, Tally, Wire};
+use crate::link::{
+    FAULT_REFUSED, Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, Roles, Tally, Wire,
+};
 use bytes::Bytes;
 use skyloop_protocols::crc::Crc32;
-use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH};
-use skyloop_protocols::{Direction, FaultKind, FrameHeader, Personality, Reply};
+use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH, identify};
+use skyloop_protocols::{Direction, FaultKind, Personality, Reply};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,6 +34,8 @@ pub struct Recording {
     /// Whether it was made on the bus and not at the emulator's end: packets were queued between the two, and short ones
     /// overtook long ones. Then only whole frames are compared, and not their sequence counts.
     pub on_the_bus: bool,
+    /// Frames that are in it and not compared.
+    pub left_out: LeftOut,
 }
 
 /// Reads a recording, whichever format it has.
@@ -49,15 +55,18 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
             links: links.iter().map(roles).collect(),
             events: records,
             on_the_bus: false,
+            left_out: LeftOut::default(),
         });
     }
     match String::from_utf8(octets) {
         Ok(text) if text.trim_start().starts_with('(') => {
             let events = candump::packets(&candump::read(file, &text)?);
+            let (events, left_out) = whole_frames(personality, events);
             Ok(Recording {
                 links: vec![Roles::ALL],
-                events: whole_frames(personality, events),
+                events,
                 on_the_bus: true,
+                left_out,
             })
         }
         _ => Err(CaptureError::Format {
@@ -115,6 +124,8 @@ struct End {
     intake: Option<Intake>,
     /// Whether the emulator has looked for a packet in vain since the last.
     looked: bool,
+    /// The packet that it took last: APID and sequence count.
+    taken: Option<(u16, u16)>,
     /// Packets that the recording still has of each frame.
     left: BTreeMap<u32, u32>,
     /// The frame under way: its place in the progress, its columns, its packets, the sum of their payloads.
@@ -148,6 +159,7 @@ impl Replay {
             links,
             events,
             on_the_bus,
+            left_out: _,
         } = recording;
         let (mut ends, mut inboxes) = (Vec::new(), Vec::new());
         for link in 0..links.len() {
@@ -166,6 +178,7 @@ impl Replay {
             ends.push(End {
                 intake: Some(intake),
                 looked: true,
+                taken: None,
                 left,
                 frame: 0,
                 width: 1,
@@ -195,7 +208,7 @@ impl Replay {
             };
             inbox.observe(Box::new(played.clone()));
             let wire = Wire {
-                address: format!("recording, link {link}"),
+                address: format!("recording://{link}"),
                 inbox,
                 outbox: Box::new(played),
                 tally,
@@ -281,9 +294,10 @@ impl Replay {
 }
 
 impl Observer for Played {
-    fn taken(&self, _: &Inbound, _: bool) {
+    fn taken(&self, inbound: &Inbound, _: bool) {
         let mut state = self.replay.lock();
         state.ends[self.link].looked = false;
+        state.ends[self.link].taken = identify(&inbound.packet);
         self.replay.advance(&mut state);
     }
 
@@ -341,13 +355,37 @@ impl Outbox for Played {
         Ok(None)
     }
 
-    fn injects(&self, _: FaultKind) -> Result<(), &'static str> {
-        // The recording was made behind the faults.
-        Ok(())
+    /// As the recorded run answered: the recording was made behind the faults, and does not say whether there were any.
+    fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
+        let state = self.replay.lock();
+        match state.refusal(self.link) {
+            None => Ok(()),
+            Some(detail) => {
+                let why = detail.strip_prefix(FAULT_REFUSED).unwrap_or(&detail);
+                Err(why.to_string().into())
+            }
+        }
     }
 }
 
 impl State {
+    /// Why the recorded emulator refused the packet that was taken last from this link; none if it did not.
+    fn refusal(&self, link: usize) -> Option<String> {
+        let taken = self.ends[link].taken?;
+        let own = |e: &&Record<Bytes>| e.direction == Direction::Out && e.link as usize == link;
+        let mut answers = self.events.get(self.at..)?.iter().filter(own);
+        answers.find_map(|event| {
+            // The first answer to it: sequence counts come again.
+            match (self.personality.decode_reply)(&event.item).ok()?.1 {
+                Reply::Ack(ack) if (ack.apid, ack.sequence_count) == taken => Some(None),
+                Reply::Nack(nack) if (nack.apid, nack.sequence_count) == taken => {
+                    Some(Some(nack.detail.to_string()))
+                }
+                _ => None,
+            }
+        })?
+    }
+
     /// Books a packet that came as recorded.
     fn book(&mut self, link: usize, packet: &[u8], frame: Option<u32>) {
         self.progress.packets += 1;
@@ -385,43 +423,6 @@ impl State {
         same.crc32 = end.crc.finish();
         same.whole = same.packets == end.due;
     }
-}
-
-/// Packets of a frame.
-fn due(header: &FrameHeader) -> u32 {
-    1 + header.blocks + u32::from(header.label_parts)
-}
-
-/// The frame that a packet belongs to: the first field of all packets that take credit.
-fn frame_of(personality: &Personality, packet: &[u8]) -> Option<u32> {
-    let sealed = sealed(packet);
-    let (_, reply) = (personality.decode_reply)(&sealed).ok()?;
-    if !reply.takes_credit() {
-        return None;
-    }
-    let field = packet.get(HEADER_LENGTH..)?.first_chunk()?;
-    Some(u32::from_be_bytes(*field))
-}
-
-/// The events without the answers and without the frames that are not whole.
-fn whole_frames(personality: &Personality, events: Vec<Record<Bytes>>) -> Vec<Record<Bytes>> {
-    let mut missing = BTreeMap::new();
-    for event in events.iter().filter(|e| e.direction == Direction::Out) {
-        let Some(frame) = frame_of(personality, &event.item) else {
-            continue;
-        };
-        let missing = missing.entry(frame).or_insert(0_i64);
-        *missing -= 1;
-        if let Ok((_, Reply::FrameHeader(header))) = (personality.decode_reply)(&event.item) {
-            *missing += i64::from(due(&header));
-        }
-    }
-    let kept = |event: &Record<Bytes>| {
-        event.direction == Direction::In
-            || frame_of(personality, &event.item)
-                .is_some_and(|frame| missing.get(&frame) == Some(&0))
-    };
-    events.into_iter().filter(kept).collect()
 }
 
 /// The packet with the sequence count of another.

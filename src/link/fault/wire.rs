@@ -7,6 +7,7 @@ use crate::link::inbox::inbox;
 use crate::link::{Inbound, Inbox, Intake, LinkError, Outbound, Outbox, QUEUE, Tally, Wire, count};
 use bytes::Bytes;
 use skyloop_protocols::{Command, Direction, FaultKind, Personality, packet};
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -358,10 +359,10 @@ impl Outbox for FaultyOutbox {
         refused
     }
 
-    fn injects(&self, kind: FaultKind) -> Result<(), &'static str> {
+    fn injects(&self, kind: FaultKind) -> Result<(), Cow<'static, str>> {
         match impossible(kind) {
             None => Ok(()),
-            Some(why) => Err(why),
+            Some(why) => Err(why.into()),
         }
     }
 }
