@@ -1,6 +1,6 @@
 //! What `run` and `loopback` can put between a link and the emulator: faults and a recording.
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::Args;
 use skyloop::link::capture::Capture;
 use skyloop::link::fault::{Book, BusFaults, Plan, wrap};
@@ -42,8 +42,12 @@ impl Choice {
             None => self.fault_log.as_ref().map(|_| Plan::default()),
         };
         let book = match &self.fault_log {
-            Some(file) => Book::writing(file)
-                .with_context(|| format!("--fault-log {}: cannot be written", file.display()))?,
+            Some(file) => Book::writing(file).map_err(|why| {
+                let file = file.display();
+                anyhow!(
+                    "--fault-log {file}: {why}; check that its folder exists and may be written"
+                )
+            })?,
             None => Book::default(),
         };
         let capture = match &self.capture {
@@ -113,12 +117,18 @@ impl Instruments {
 
     /// What they have to say in a run's table.
     pub fn rows(&self) -> Vec<(String, String)> {
-        let faults = self.faults.as_ref();
-        let rows = faults.map(|(_, book)| {
-            let book = book.lock().unwrap_or_else(PoisonError::into_inner);
-            row("faults injected", book.summary())
-        });
-        rows.into_iter().collect()
+        let faults = self.faults();
+        faults
+            .map(|done| row("faults injected", done))
+            .into_iter()
+            .collect()
+    }
+
+    /// What the faults have done, if any are injected.
+    pub fn faults(&self) -> Option<String> {
+        let (_, book) = self.faults.as_ref()?;
+        let book = book.lock().unwrap_or_else(PoisonError::into_inner);
+        Some(book.summary())
     }
 
     /// Ends their files; an error if one of them is not whole.

@@ -1,7 +1,7 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
 use super::{instruments, levels, mission, progress, with_level};
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
@@ -11,7 +11,7 @@ use skyloop::serve::Server;
 use skyloop::stats::{RunStats, row, table, times};
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::event::Event;
-use skyloop_firmware_sim::flight_computer::FlightComputer;
+use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::report::Report;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
@@ -115,12 +115,19 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         bail!("a thread of the run has panicked: please report it with the command you gave");
     };
     written.context("writing the frames")?;
-    let (stats, report) = (served?, report?);
+    let stats = served?;
+    let (report, cut_short) = match report {
+        Ok(report) => (report, None),
+        Err(error) => blamed(error, instruments.faults())?,
+    };
     let mut rows = rows(&stats, &report);
     rows.extend(instruments.rows());
     let table = table(&rows);
     say(format_args!("{table}wrote {}\n", args.out.display()))?;
     instruments.finish()?;
+    if let Some(error) = cut_short {
+        return Err(error);
+    }
     if report.frames != frames {
         bail!(
             "{} of {frames} frames did not arrive whole (see the log above)",
@@ -128,6 +135,28 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         );
     }
     Ok(())
+}
+
+/// The report of a run that its faults may have ended, and how that is told; an error that has nothing to do with them.
+fn blamed(
+    error: RunError,
+    faults: Option<String>,
+) -> anyhow::Result<(Report, Option<anyhow::Error>)> {
+    let (report, why) = match (error, faults) {
+        (RunError::NoAnswer { waited }, Some(done)) => (
+            Report::default(),
+            anyhow!(
+                "no answer within {} s: faults are injected ({done}); give those that let nothing through a for_s, or an at_s \
+                 after the start",
+                waited.as_secs_f64()
+            ),
+        ),
+        (RunError::CutShort { report, source }, Some(done)) => {
+            (*report, anyhow!("{source}; faults are injected ({done})"))
+        }
+        (error, _) => return Err(error.into()),
+    };
+    Ok((report, Some(why)))
 }
 
 fn write(mut writer: Writer, shots: Receiver<Shot>) -> Result<(), OutputError> {
@@ -159,4 +188,31 @@ fn rows(stats: &RunStats, report: &Report) -> Vec<(String, String)> {
         ),
     ));
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_emulator_that_faults_silence_is_not_said_to_be_missing() {
+        let silent = || RunError::NoAnswer {
+            waited: Duration::from_secs(30),
+        };
+        let done = "in: stuck 4; out: none".to_string();
+        let (report, why) = blamed(silent(), Some(done.clone())).unwrap();
+        let text = why.unwrap().to_string();
+        for word in ["within 30 s", "faults are injected (in: stuck 4", "for_s"] {
+            assert!(text.contains(word), "no {word:?} in {text}");
+        }
+        assert!(!text.contains("listening"), "{text}");
+        assert_eq!(report.frames, 0);
+        let short = RunError::CutShort {
+            report: Box::default(),
+            source: Box::new(silent()),
+        };
+        let (_, why) = blamed(short, Some(done)).unwrap();
+        assert!(why.unwrap().to_string().contains("faults are injected"));
+        assert!(blamed(silent(), None).is_err());
+    }
 }
