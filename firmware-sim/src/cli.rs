@@ -1,4 +1,8 @@
-//! The options of `skyloop-fc` about what of each frame is sent.
+//! The options of `skyloop-fc` about what of each frame is sent, and how a fault is written.
+
+mod faults;
+
+pub use faults::parse_fault;
 
 use anyhow::{Result, anyhow, bail};
 use clap::{Args, ValueEnum};

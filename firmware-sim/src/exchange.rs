@@ -98,14 +98,25 @@ impl<P: Port> Exchange<P> {
         &mut self,
         command: &Command,
         timeout: Duration,
-        mut tick: impl FnMut() -> ControlFlow<()>,
+        tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
         /// A command or its answer may be lost: it is sent again after these shares of the time-out.
         const SIXTEENTHS: [u32; 4] = [1, 2, 4, 9];
+        let waits = SIXTEENTHS.map(|share| timeout * share / 16);
+        self.ask_after(command, &waits, tick)
+    }
+
+    /// Sends a command once for each of `waits`, and waits so long for the answer.
+    pub(crate) fn ask_after(
+        &mut self,
+        command: &Command,
+        waits: &[Duration],
+        mut tick: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<Answer, PortError> {
         let mut asked = Vec::new();
-        for share in SIXTEENTHS {
+        for wait in waits {
             asked.push((command.apid(), self.command(command)?));
-            let deadline = Instant::now() + timeout * share / 16;
+            let deadline = Instant::now() + *wait;
             loop {
                 let left = deadline.saturating_duration_since(Instant::now());
                 if left.is_zero() {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use skyloop_protocols::{Command, LabelLevel, Output, PixelLevel, Positions, WireTime};
+use skyloop_protocols::{Command, Fault, LabelLevel, Output, PixelLevel, Positions, WireTime};
 
 use crate::exchange::{Answer, Exchange, Incoming};
 use crate::join::Joiner;
@@ -103,6 +103,32 @@ impl<P: Port> Links<P> {
                     Answer::Done => {}
                     other => return Ok(other),
                 }
+            }
+        }
+        Ok(Answer::Done)
+    }
+
+    /// Begins a fault on each link; stops at the first that refuses.
+    pub(crate) fn begin_fault(
+        &mut self,
+        fault: Fault,
+        timeout: Duration,
+        mut tick: impl FnMut() -> ControlFlow<()>,
+    ) -> Result<Answer, PortError> {
+        /// Nothing passes, perhaps not even the answer; sent again, the fault would begin anew. A refusal comes sooner.
+        const ONCE: Duration = Duration::from_millis(300);
+        let command = Command::Fault(fault);
+        let stops = fault.kind.is_switch() && fault.value > 0.0;
+        for end in &mut self.ends {
+            let answer = if stops {
+                end.exchange.ask_after(&command, &[ONCE], &mut tick)?
+            } else {
+                end.exchange.ask(&command, timeout, &mut tick)?
+            };
+            match answer {
+                Answer::Done => {}
+                Answer::Silence if stops => {}
+                other => return Ok(other),
             }
         }
         Ok(Answer::Done)

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{ArgGroup, Parser};
-use cli::OutputArgs;
+use cli::{OutputArgs, parse_fault};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::AttitudeList;
@@ -25,6 +25,7 @@ use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{file_and_name, read_text};
+use skyloop_protocols::Fault;
 
 /// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
 #[derive(Debug, Parser)]
@@ -76,6 +77,9 @@ struct Args {
         allow_negative_numbers = true
     )]
     timeout: f64,
+    /// Has the emulator inject this, from the start and for S seconds or to the end; may be repeated; kinds: the README
+    #[arg(long, value_name = "KIND:in|out:VALUE[:S]", value_parser = parse_fault)]
+    fault: Vec<Fault>,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -111,7 +115,8 @@ fn run(args: Args) -> Result<()> {
     let links = links.collect::<Result<Vec<_>, _>>()?;
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let mut refusals = 0;
-    let flown = FlightComputer::on_links(links, mission).run(|event| {
+    let flown = FlightComputer::on_links(links, mission).with_faults(args.fault);
+    let flown = flown.run(|event| {
         refusals += u32::from(matches!(event, Event::Nack(_)));
         let told = match (&event, refusals.cmp(&TOLD)) {
             (Event::Nack(_), Ordering::Greater) => Ok(()),

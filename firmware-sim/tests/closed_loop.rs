@@ -19,7 +19,7 @@ use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::time::to_epoch;
 use skyloop_firmware_sim::udp::UdpPort;
-use skyloop_protocols::Reason;
+use skyloop_protocols::{Direction, Fault, FaultKind, Reason};
 
 /// Runs a mission; gives the report and what happened, a word a piece.
 fn fly(port: impl Port, mission: Mission) -> (Report, Vec<String>) {
@@ -430,4 +430,36 @@ fn a_watcher_may_break_the_run_off() {
         .unwrap();
     thread.join().unwrap();
     assert_eq!((report.requested, report.frames), (50, 1));
+}
+
+#[test]
+fn faults_begin_before_the_first_attitude_and_a_refusal_ends_the_run() {
+    let fault = |kind, value| Fault {
+        kind,
+        direction: Direction::Out,
+        value,
+        seconds: 2.0,
+    };
+    let faults = vec![fault(FaultKind::Drop, 0.05), fault(FaultKind::Down, 1.0)];
+    let (port, thread) = over_memory(Emulator::new(|_, _| {}));
+    let flown = FlightComputer::new(port, mission(2)).with_faults(faults.clone());
+    let report = flown.run(|_| ControlFlow::Continue(())).unwrap();
+    assert_eq!(report.frames, 2);
+    let begun = thread.join().unwrap().faults;
+    assert_eq!(begun, faults.iter().map(|f| (*f, 0)).collect::<Vec<_>>());
+
+    let mut emulator = Emulator::new(|_, _| {});
+    emulator.refuses_faults = true;
+    let (port, thread) = over_memory(emulator);
+    let flown = FlightComputer::new(port, mission(2)).with_faults(faults);
+    let error = flown.run(|_| ControlFlow::Continue(())).unwrap_err();
+    assert!(
+        error
+            .to_string()
+            .contains("refuses the fault: no faults here"),
+        "{error}"
+    );
+    let emulator = thread.join().unwrap();
+    // It frees the emulator.
+    assert_eq!((emulator.attitudes.len(), emulator.resets), (0, 2));
 }

@@ -38,6 +38,22 @@ pub enum RunError {
         /// Its words.
         nack: NackRecord,
     },
+    /// The emulator does not inject a fault.
+    #[error("the emulator refuses the fault: {}", nack.detail)]
+    FaultRefused {
+        /// Its words.
+        nack: NackRecord,
+    },
+    /// Nobody answered a Fault.
+    #[error(
+        "no answer to a fault within {} s: the faults before it may let nothing through; begin with the others, or give it a \
+         time",
+        waited.as_secs_f64()
+    )]
+    FaultUnanswered {
+        /// How long it was waited for.
+        waited: Duration,
+    },
     /// The mission had begun; what came of it is in the report.
     #[error("{source}")]
     CutShort {

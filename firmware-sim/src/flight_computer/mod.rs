@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use hifitime::Epoch;
-use skyloop_protocols::{Command, LabelLevel, apid};
+use skyloop_protocols::{Command, Fault, LabelLevel, apid};
 
 pub use self::error::RunError;
 use crate::detector::DetectorSettings;
@@ -34,6 +34,8 @@ const STATUS_TIMEOUT: Duration = Duration::from_secs(1);
 /// The flight computer on one end of a link.
 pub struct FlightComputer<P> {
     mission: Mission,
+    /// Faults that begin before the first attitude.
+    faults: Vec<Fault>,
     detector: DetectorSettings,
     links: Links<P>,
     report: Report,
@@ -63,11 +65,18 @@ impl<P: Port> FlightComputer<P> {
                 ..Report::default()
             },
             mission,
+            faults: Vec::new(),
             detector: DetectorSettings::default(),
             sent: VecDeque::new(),
             taken: VecDeque::new(),
             usual_answer: None,
         }
+    }
+
+    /// Has the emulator inject these faults into each link, from before the first attitude on.
+    #[must_use]
+    pub fn with_faults(self, faults: Vec<Fault>) -> Self {
+        Self { faults, ..self }
     }
 
     /// Opens the exchange by a Reset and flies the mission. `watch` sees all that happens and may break the run off.
@@ -87,7 +96,7 @@ impl<P: Port> FlightComputer<P> {
             Answer::Silence => return Err(RunError::NoAnswer { waited }),
             Answer::Stopped => return Ok(self.report),
         }
-        if self.set_output(&mut watch)?.is_break() {
+        if self.set_output(&mut watch)?.is_break() || self.begin_faults(&mut watch)?.is_break() {
             self.links.release();
             return Ok(self.report);
         }
@@ -156,6 +165,26 @@ impl<P: Port> FlightComputer<P> {
             Answer::Silence => Err(RunError::NoAnswer { waited }),
             Answer::Stopped => Ok(ControlFlow::Break(())),
         }
+    }
+
+    /// Has the faults begin.
+    fn begin_faults(&mut self, watch: &mut Watch<'_>) -> Result<ControlFlow<()>, RunError> {
+        let waited = self.mission.timeout;
+        for fault in &self.faults {
+            match self
+                .links
+                .begin_fault(*fault, waited, || watch(Event::Tick))?
+            {
+                Answer::Done => {}
+                Answer::Refused(nack) => {
+                    self.links.release();
+                    return Err(RunError::FaultRefused { nack });
+                }
+                Answer::Silence => return Err(RunError::FaultUnanswered { waited }),
+                Answer::Stopped => return Ok(ControlFlow::Break(())),
+            }
+        }
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Sends the attitude at an epoch; gives its packet's sequence count.

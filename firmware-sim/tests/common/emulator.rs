@@ -6,8 +6,8 @@ use skyloop_protocols::command::Attitude;
 use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::reply::Mode;
 use skyloop_protocols::{
-    Ack, Command, Counters, Header, LabelLevel, Nack, Output, Packing, PixelLevel, Reason, Reply,
-    Status, WireTime,
+    Ack, Command, Counters, Fault, Header, LabelLevel, Nack, Output, Packing, PixelLevel, Reason,
+    Reply, Status, WireTime,
 };
 
 use super::levels::Exposed;
@@ -35,6 +35,10 @@ pub struct Emulator {
     pub positions: Vec<[u16; 2]>,
     /// Why it refuses every Output.
     pub refuses_output: Option<&'static str>,
+    /// Whether faults are refused.
+    pub refuses_faults: bool,
+    /// Faults, each with the number of attitudes before it.
+    pub faults: Vec<(Fault, usize)>,
     sender: Sender,
     credit: CreditAccount,
     /// Resets so far.
@@ -68,6 +72,8 @@ impl Emulator {
             output: Output::default(),
             positions: Vec::new(),
             refuses_output: None,
+            refuses_faults: false,
+            faults: Vec::new(),
             sender: Sender::default(),
             credit: CreditAccount::new(),
             resets: 0,
@@ -128,6 +134,13 @@ impl Emulator {
                     self.output = output;
                     out.push(self.sender.reply(&ack, now()));
                 }
+            }
+            Command::Fault(_) if self.refuses_faults => {
+                out.push(self.refuse(&header, Reason::NotSupported, "no faults here"));
+            }
+            Command::Fault(fault) => {
+                self.faults.push((fault, self.attitudes.len()));
+                out.push(self.sender.reply(&ack, now()));
             }
             Command::Positions(positions) => {
                 self.positions = positions.centres().to_vec();
