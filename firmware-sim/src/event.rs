@@ -3,6 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
+use crate::cause::Cause;
 use crate::detector::Detections;
 use crate::reassembly::{AssemblyError, Progress};
 use crate::received::ReceivedFrame;
@@ -12,8 +13,13 @@ use crate::score::Score;
 /// Why a frame is lost.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Loss {
-    /// It was not whole in time; what had come of it, if its header had.
-    TimedOut(Option<Progress>),
+    /// It was not whole in time.
+    TimedOut {
+        /// What had come of it, if its header had.
+        progress: Option<Progress>,
+        /// Why, if that can be told.
+        cause: Option<Cause>,
+    },
     /// It came damaged.
     Damaged(AssemblyError),
     /// Its number was passed over (wall clock): the emulator gave it up, or all its packets were lost.
@@ -23,16 +29,22 @@ pub enum Loss {
 impl fmt::Display for Loss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TimedOut(None) => write!(f, "nothing of it came in time"),
-            Self::TimedOut(Some(Progress {
-                frame,
-                blocks: (b, of_b),
-                label_parts: (l, of_l),
-            })) => {
-                write!(
-                    f,
-                    "frame {frame} was not whole in time: {b} of {of_b} pixel blocks, {l} of {of_l} label parts"
-                )
+            Self::TimedOut { progress, cause } => {
+                match progress {
+                    None => write!(f, "nothing of it came in time")?,
+                    Some(Progress {
+                        frame,
+                        blocks: (b, of_b),
+                        label_parts: (l, of_l),
+                    }) => write!(
+                        f,
+                        "frame {frame} was not whole in time: {b} of {of_b} pixel blocks, {l} of {of_l} label parts"
+                    )?,
+                }
+                match cause {
+                    None => Ok(()),
+                    Some(cause) => write!(f, "; {cause}"),
+                }
             }
             Self::Damaged(error) => error.fmt(f),
             Self::Skipped => write!(f, "the emulator went on to the next frame"),

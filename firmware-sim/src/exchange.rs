@@ -6,14 +6,19 @@ use std::time::{Duration, Instant};
 
 use hifitime::Epoch;
 use skyloop_protocols::sequence::SequenceCounts;
-use skyloop_protocols::{Ack, Command, MAX_PACKET, Reason, Reply, Status, WireTime, apid};
+use skyloop_protocols::{
+    Ack, Command, FrameHeader, LabelLevel, MAX_PACKET, PixelLevel, Reason, Reply, Status, WireTime,
+    apid,
+};
 
+use crate::cause::Cause;
 use crate::pacing::Pacing;
 use crate::port::{Port, PortError};
 use crate::reassembly::{Assembler, AssemblyError, Limits, Progress, Run};
 use crate::received::ReceivedFrame;
 use crate::recovery::Recovery;
 use crate::report::{NackRecord, Report};
+use crate::roles::Roles;
 use crate::time;
 
 /// Frame packets that may be under way: their datagrams fit a socket's usual receive buffer (some 90 of 1,400 octets).
@@ -60,6 +65,10 @@ pub(crate) struct Exchange<P> {
     undecodable: u64,
     /// Octets of all packets that came.
     octets: u64,
+    /// The latest frame header.
+    header: Option<FrameHeader>,
+    /// What frame headers have announced so far.
+    announced: Roles,
 }
 
 impl<P: Port> Exchange<P> {
@@ -72,6 +81,8 @@ impl<P: Port> Exchange<P> {
             assembler: Assembler::new(Limits::default()),
             undecodable: 0,
             octets: 0,
+            header: None,
+            announced: Roles::NONE,
         }
     }
 
@@ -87,6 +98,7 @@ impl<P: Port> Exchange<P> {
         if matches!(answer, Answer::Done | Answer::Refused(_)) {
             self.pacing = Pacing::new(WINDOW);
             self.assembler = Assembler::new(Limits::default());
+            (self.header, self.announced) = (None, Roles::NONE);
             self.grant()?;
         }
         Ok(answer)
@@ -198,6 +210,14 @@ impl<P: Port> Exchange<P> {
                 self.grant()?;
             }
         }
+        if let Reply::FrameHeader(header) = reply {
+            self.header = Some(header);
+            self.announced = self.announced.with(Roles {
+                truth: false,
+                pixels: header.pixel_level != PixelLevel::None,
+                labels: header.label_level != LabelLevel::None,
+            });
+        }
         Ok(match reply {
             Reply::Ack(ack) => Incoming::Ack(ack),
             Reply::Nack(nack) => {
@@ -306,6 +326,22 @@ impl<P: Port> Exchange<P> {
         self.pacing.forget();
         self.query()?;
         Ok(progress)
+    }
+
+    /// The port's name, for people.
+    pub(crate) fn name(&self) -> &str {
+        self.port.name()
+    }
+
+    /// What of frames has come so far, by their headers.
+    pub(crate) fn announced(&self) -> Roles {
+        self.announced
+    }
+
+    /// Whether the line does not carry the latest frame in this time.
+    pub(crate) fn slow(&self, timeout: Duration) -> Option<Cause> {
+        let header = self.header.as_ref()?;
+        Cause::slow(header, |octets| self.port.airtime(octets), timeout)
     }
 
     /// Adds its counts to the report.

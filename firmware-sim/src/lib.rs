@@ -17,6 +17,7 @@ pub mod attitude_list;
 mod background;
 mod blobs;
 pub mod can;
+pub mod cause;
 pub mod console;
 pub mod contents;
 pub mod detector;

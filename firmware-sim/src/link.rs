@@ -18,6 +18,9 @@ pub fn open(link: &str) -> Result<(Box<dyn Port + Send>, Roles), PortError> {
     let (name, rest) = link.split_once("://").unwrap_or((link, ""));
     let scheme = SCHEMES.iter().find(|scheme| scheme.name == name);
     let opened = match (scheme, Roles::split(rest)) {
+        (None, _) if name == "pty" => Err(OpenError::Wrong(
+            "a pty of the emulator is opened as serial://NAME".into(),
+        )),
         (None, _) => Err(OpenError::Wrong(format!("no scheme is called \"{name}\""))),
         (_, Err(reason)) => Err(OpenError::Wrong(reason)),
         (Some(scheme), Ok((rest, roles))) => (scheme.open)(&rest).map(|port| (port, roles)),
@@ -27,13 +30,17 @@ pub fn open(link: &str) -> Result<(Box<dyn Port + Send>, Roles), PortError> {
         OpenError::Wrong(reason) => PortError::Address {
             text: link.into(),
             reason,
-            examples: SCHEMES
-                .iter()
-                .map(|scheme| scheme.example)
-                .collect::<Vec<_>>()
-                .join(" or "),
+            examples: match scheme {
+                Some(scheme) => scheme.example.into(),
+                None => examples(),
+            },
         },
     })
+}
+
+fn examples() -> String {
+    let examples: Vec<&str> = SCHEMES.iter().map(|scheme| scheme.example).collect();
+    examples.join(" or ")
 }
 
 #[cfg(test)]
@@ -46,15 +53,40 @@ mod tests {
             ("udp://127.0.0.1", "no IP address and port"),
             ("udp://localhost:5", "no IP address and port"),
             ("tcp://127.0.0.1:5", "no scheme is called \"tcp\""),
-            ("serial:///dev/ttyX?baud=fast", "baud=NUMBER"),
-            ("serial:///dev/ttyX?baud=0", "baud=NUMBER"),
+            ("serial:///dev/ttyX?baud=fast", "must be a whole number"),
+            ("serial:///dev/ttyX?baud=12", "9600 to 3000000"),
+            (
+                "serial:///dev/ttyX?speed=9600",
+                "unknown option \"speed\"; serial has baud, roles",
+            ),
+            (
+                "serial:///dev/ttyX?baud=9600&baud=9600",
+                "baud is given twice",
+            ),
             ("udp://127.0.0.1:5?roles=eyes", "roles=eyes must be truth"),
+            (
+                "udp://127.0.0.1:5?role=pixels",
+                "unknown option \"role\"; udp has roles",
+            ),
+            (
+                "can://vcan0?role=pixels",
+                "unknown option \"role\"; it has bitrate, fd, load, roles",
+            ),
+            ("pty://tracker", "is opened as serial://NAME"),
         ] {
             let error = open(text).err().unwrap().to_string();
-            assert!(
-                error.contains(part) && error.contains("udp://127.0.0.1:PORT"),
-                "{text}: {error}"
-            );
+            let examples: Vec<&str> = SCHEMES
+                .iter()
+                .filter(|scheme| error.contains(&format!("{}://", scheme.name)))
+                .map(|scheme| scheme.name)
+                .collect();
+            let name = text.split(':').next().unwrap();
+            let due = match SCHEMES.iter().any(|scheme| scheme.name == name) {
+                true => vec![name],
+                false => SCHEMES.iter().map(|scheme| scheme.name).collect(),
+            };
+            assert!(error.contains(part), "{text}: {error}");
+            assert_eq!(examples, due, "{text}: {error}");
         }
         let error = open("serial:///dev/there-is-no-such-port")
             .err()

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use skyloop_protocols::{Command, Fault, LabelLevel, Output, PixelLevel, Positions, WireTime};
 
+use crate::cause::{Cause, Named};
 use crate::exchange::{Answer, Exchange, Incoming};
 use crate::join::Joiner;
 use crate::port::{Port, PortError};
@@ -28,6 +29,15 @@ struct End<P> {
     roles: Roles,
     /// What comes of a frame: the roles, without what the output leaves out.
     brings: Roles,
+}
+
+impl<P: Port> End<P> {
+    fn named(&self) -> Named {
+        Named {
+            name: self.exchange.name().into(),
+            roles: self.roles,
+        }
+    }
 }
 
 impl<P: Port> Links<P> {
@@ -275,6 +285,37 @@ impl<P: Port> Links<P> {
             progress.extend(end.exchange.give_up()?);
         }
         Ok(progress)
+    }
+
+    /// Whether a link brings what is awaited on another, or one brings nothing while others do: their roles are not
+    /// those of the emulator's links.
+    pub(crate) fn misplaced(&self) -> Option<Cause> {
+        let mut missing = Roles::ALL;
+        for end in &self.ends {
+            missing = missing.without(end.exchange.announced().and(end.brings));
+        }
+        for on in &self.ends {
+            let stray = on.exchange.announced().without(on.roles).and(missing);
+            for off in &self.ends {
+                let what = stray.and(off.brings);
+                if what.bring_frames() {
+                    let (on, off) = (on.named(), off.named());
+                    return Some(Cause::Elsewhere { what, on, off });
+                }
+            }
+        }
+        let brought = |end: &End<P>| end.exchange.announced() != Roles::NONE;
+        let mut ends = self.ends.iter();
+        let silent = ends.find(|end| end.brings.and(missing).bring_frames() && !brought(end));
+        silent
+            .filter(|_| self.ends.iter().any(brought))
+            .map(|end| Cause::Silent { link: end.named() })
+    }
+
+    /// Whether a line does not carry its share of a frame in this time.
+    pub(crate) fn slow(&self, timeout: Duration) -> Option<Cause> {
+        let mut ends = self.ends.iter();
+        ends.find_map(|end| end.exchange.slow(timeout))
     }
 
     /// Adds its counts to the report.

@@ -24,7 +24,7 @@ use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
 use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion};
 use skyloop_orbit::time::parse_utc;
-use skyloop_orbit::{file_and_name, read_text};
+use skyloop_orbit::{LoadError, file_and_name, read_text};
 use skyloop_protocols::Fault;
 
 /// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
@@ -186,8 +186,9 @@ fn mission(args: &Args) -> Result<Mission> {
 fn profile(args: &Args, start: Epoch) -> Result<Profile> {
     if let Some(path) = &args.attitudes {
         let name = path.display().to_string();
-        let text =
-            read_text(path).with_context(|| format!("cannot read the attitudes in {name}"))?;
+        let text = read_text(path).map_err(|error| {
+            anyhow!("cannot read the attitudes in {name}: {error}; --attitudes takes a text file of lines UTC x y z w")
+        })?;
         Ok(Profile::List(AttitudeList::parse(&text, &name)?))
     } else if let Some(attitude) = args.hold {
         Ok(Profile::Hold(attitude))
@@ -205,7 +206,10 @@ fn profile(args: &Args, start: Epoch) -> Result<Profile> {
 /// The object that `FILE[:NAME]` names.
 fn orbit(text: &str) -> Result<OrbitSource> {
     let (file, name) = file_and_name(text, |file| Path::new(file).exists());
-    let loaded = skyloop_orbit::load(Path::new(file))?;
+    let loaded = skyloop_orbit::load(Path::new(file)).map_err(|error| match error {
+        LoadError::Read { .. } => anyhow!("{error}; --orbit takes a TLE, 3LE or OEM file"),
+        other => other.into(),
+    })?;
     let (object, rejected) = loaded.pick(name).map_err(|why| anyhow!("{file}: {why}"))?;
     for rejected in rejected.iter().take(5) {
         eprintln!("skyloop-fc: {rejected}");

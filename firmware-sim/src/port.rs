@@ -31,6 +31,11 @@ pub trait Port {
         let _ = octets;
         Duration::ZERO
     }
+
+    /// What to call it, for people.
+    fn name(&self) -> &str {
+        "a link"
+    }
 }
 
 impl<P: Port + ?Sized> Port for Box<P> {
@@ -48,6 +53,10 @@ impl<P: Port + ?Sized> Port for Box<P> {
 
     fn airtime(&self, octets: usize) -> Duration {
         (**self).airtime(octets)
+    }
+
+    fn name(&self) -> &str {
+        (**self).name()
     }
 }
 

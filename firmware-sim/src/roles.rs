@@ -18,7 +18,7 @@ impl Roles {
         pixels: true,
         labels: true,
     };
-    const NONE: Self = Self {
+    pub(crate) const NONE: Self = Self {
         truth: false,
         pixels: false,
         labels: false,
@@ -69,10 +69,49 @@ impl Roles {
         Ok(roles)
     }
 
+    /// These and the others.
+    pub(crate) fn with(self, other: Self) -> Self {
+        Self {
+            truth: self.truth || other.truth,
+            pixels: self.pixels || other.pixels,
+            labels: self.labels || other.labels,
+        }
+    }
+
+    /// These that the others are not.
+    pub(crate) fn without(self, other: Self) -> Self {
+        Self {
+            truth: self.truth && !other.truth,
+            pixels: self.pixels && !other.pixels,
+            labels: self.labels && !other.labels,
+        }
+    }
+
+    /// Those of both.
+    pub(crate) fn and(self, other: Self) -> Self {
+        self.without(self.without(other))
+    }
+
     /// Whether anything of a frame is carried.
     #[must_use]
     pub fn bring_frames(&self) -> bool {
         self.pixels || self.labels
+    }
+}
+
+impl std::fmt::Display for Roles {
+    /// As an address has them: `truth+labels`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let names = [
+            (self.truth, "truth"),
+            (self.pixels, "pixels"),
+            (self.labels, "labels"),
+        ];
+        let names: Vec<&str> = names
+            .into_iter()
+            .filter_map(|(has, name)| has.then_some(name))
+            .collect();
+        f.write_str(&names.join("+"))
     }
 }
 

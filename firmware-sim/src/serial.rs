@@ -15,19 +15,36 @@ pub const SERIAL: Scheme = Scheme {
     name: "serial",
     example: "serial:///dev/NAME?baud=115200",
     open: |text| {
-        const DEFAULT_BAUD: u32 = 115_200;
         let (path, options) = text.split_once('?').unwrap_or((text, ""));
-        let baud = match options.strip_prefix("baud=").map(str::parse) {
-            Some(Ok(baud)) if baud > 0 => baud,
-            None if options.is_empty() => DEFAULT_BAUD,
-            _ => {
-                let reason = format!("\"{options}\" is not baud=NUMBER");
-                return Err(OpenError::Wrong(reason));
-            }
-        };
+        let baud = baud_of(options).map_err(OpenError::Wrong)?;
         Ok(Box::new(SerialPort::open(path, baud)?))
     },
 };
+
+/// The baud rate that options state; the usual one where they do not.
+fn baud_of(options: &str) -> Result<u32, String> {
+    /// What the emulator's links take too.
+    const RANGE: std::ops::RangeInclusive<u32> = 9_600..=3_000_000;
+    const USUAL: u32 = 115_200;
+    let mut baud = None;
+    for option in options.split('&').filter(|option| !option.is_empty()) {
+        let (key, value) = option.split_once('=').unwrap_or((option, ""));
+        if key != "baud" {
+            return Err(format!("unknown option \"{key}\"; serial has baud, roles"));
+        }
+        let Ok(number) = value.parse() else {
+            return Err(format!("baud = \"{value}\" must be a whole number"));
+        };
+        if !RANGE.contains(&number) {
+            let (least, most) = RANGE.into_inner();
+            return Err(format!("baud = {number} must be {least} to {most}"));
+        }
+        if baud.replace(number).is_some() {
+            return Err("baud is given twice".into());
+        }
+    }
+    Ok(baud.unwrap_or(USUAL))
+}
 
 /// A serial port that carries packets.
 pub struct SerialPort {
@@ -113,6 +130,10 @@ impl Port for SerialPort {
         baud.map_or(Duration::ZERO, |baud| {
             Duration::from_secs_f64(BITS * (octets + AROUND) as f64 / baud)
         })
+    }
+
+    fn name(&self) -> &str {
+        &self.link
     }
 }
 

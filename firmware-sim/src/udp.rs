@@ -13,7 +13,13 @@ use crate::reader::{READ_TIMEOUT, Reader};
 pub const UDP: Scheme = Scheme {
     name: "udp",
     example: "udp://127.0.0.1:PORT",
-    open: |address| {
+    open: |text| {
+        let (address, options) = text.split_once('?').unwrap_or((text, ""));
+        if let Some(option) = options.split('&').find(|option| !option.is_empty()) {
+            let key = option.split('=').next().unwrap_or_default();
+            let reason = format!("unknown option \"{key}\"; udp has roles");
+            return Err(OpenError::Wrong(reason));
+        }
         let wrong = |_| OpenError::Wrong(format!("\"{address}\" is no IP address and port"));
         let address = address.parse().map_err(wrong)?;
         Ok(Box::new(UdpPort::connect(address)?))
@@ -87,6 +93,10 @@ impl Port for UdpPort {
 
     fn dropped(&self) -> u64 {
         self.reader.dropped()
+    }
+
+    fn name(&self) -> &str {
+        &self.link
     }
 }
 

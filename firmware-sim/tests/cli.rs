@@ -189,7 +189,11 @@ fn errors_say_what_to_do() {
         (&["--nadir"], "--orbit"),
         (
             &["--nadir", "--orbit", "no-such-file.oem"],
-            "no-such-file.oem",
+            "no-such-file.oem: No such file or directory (os error 2); --orbit takes a TLE, 3LE or OEM file",
+        ),
+        (
+            &["--attitudes", "no-such-file.txt"],
+            "--attitudes takes a text file of lines UTC x y z w",
         ),
         (
             &["--nadir", "--orbit", &pick],

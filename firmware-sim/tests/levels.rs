@@ -319,7 +319,7 @@ fn an_output_that_does_not_fit_ends_the_run_with_the_emulators_arithmetic() {
     assert!(matches!(error, RunError::Refused { .. }), "{error:?}");
     let text = error.to_string();
     assert!(
-        text.contains("8.7 s at 115,200 baud") && text.contains("ask for less"),
+        text.contains("8.7 s at 115,200 baud") && text.contains("change --output"),
         "{text}"
     );
     let emulator = thread.join().unwrap();

@@ -14,7 +14,7 @@ use common::{Field, Noise};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::mission::{Mission, Pace};
-use skyloop_firmware_sim::port::Port;
+use skyloop_firmware_sim::port::{Port, PortError};
 use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::udp::UdpPort;
 use skyloop_protocols::{LabelLevel, Output, PixelLevel};
@@ -203,4 +203,61 @@ fn udp_with_loss_and_reordering_both_ways() {
     let report = fly(Lossy::new(port, seed, 0.05, 0.05), mission(40));
     thread.join().unwrap();
     assert_eq!((report.frames, report.lost), (40, 0));
+}
+
+/// A port on a line of 9600 baud.
+struct Line<P>(P);
+
+impl<P: Port> Port for Line<P> {
+    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
+        self.0.send(packet)
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
+        self.0.recv(timeout)
+    }
+
+    fn airtime(&self, octets: usize) -> Duration {
+        Duration::from_secs(octets as u64) * 10 / 9600
+    }
+}
+
+#[test]
+fn a_loss_on_a_line_too_slow_for_the_frame_says_so() {
+    for (output, remedy) in [
+        (
+            Output::default(),
+            "choose --output windows or labels, or a longer --timeout",
+        ),
+        (
+            Output {
+                pixels: PixelLevel::Windows,
+                labels: LabelLevel::Objects,
+                ..Output::default()
+            },
+            "ask for fewer --windows and --objects",
+        ),
+    ] {
+        let mut emulator = Emulator::new(|_, packets| packets.truncate(3));
+        emulator.resends = false;
+        let (port, thread) = over_memory(emulator);
+        let short = Mission {
+            timeout: Duration::from_millis(300),
+            output: Some(output),
+            ..mission(1)
+        };
+        let mut lost = Vec::new();
+        let flown = FlightComputer::new(Line(port), short).run(|event| {
+            if let Event::Lost { loss, .. } = event {
+                lost.push(loss.to_string());
+            }
+            ControlFlow::Continue(())
+        });
+        flown.unwrap();
+        thread.join().unwrap();
+        assert!(
+            lost[0].contains("on this line and is waited for 0.3 s") && lost[0].contains(remedy),
+            "{lost:?}"
+        );
+    }
 }

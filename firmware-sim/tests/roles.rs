@@ -209,7 +209,16 @@ fn a_part_that_does_not_come_loses_the_frame_and_no_other() {
     let mut lost = Vec::new();
     let report = FlightComputer::on_links(links, short).run(|event| {
         if let Event::Lost { sequence, loss } = event {
-            assert!(matches!(loss, Loss::TimedOut(Some(_))), "{loss:?}");
+            assert!(
+                matches!(
+                    loss,
+                    Loss::TimedOut {
+                        progress: Some(_),
+                        cause: None
+                    }
+                ),
+                "{loss:?}"
+            );
             lost.push(sequence);
         }
         ControlFlow::Continue(())
@@ -282,4 +291,61 @@ fn links_that_leave_a_role_out_are_refused() {
         );
         thread.join().unwrap();
     }
+}
+
+/// What is told of a run on links whose roles here are not the emulator's.
+fn told(emulators: &[&str], ours: &[&str], output: Option<Output>) -> Vec<String> {
+    let (links, thread) = over_memory(emulators, |_, _| {});
+    let links = links.into_iter().zip(ours);
+    let links = links.map(|((port, _), ours)| (port, roles(ours)));
+    let short = Mission {
+        timeout: Duration::from_millis(500),
+        output,
+        ..mission(1)
+    };
+    let mut told = Vec::new();
+    let flown = FlightComputer::on_links(links.collect(), short).run(|event| {
+        match event {
+            Event::Lost { loss, .. } => told.push(loss.to_string()),
+            Event::Problem(problem) => told.push(problem),
+            _ => {}
+        }
+        ControlFlow::Continue(())
+    });
+    flown.unwrap();
+    thread.join().unwrap();
+    told
+}
+
+#[test]
+fn roles_that_differ_at_both_ends_are_named_in_the_loss() {
+    let lost = told(
+        &["truth", "pixels+labels"],
+        &["truth+pixels", "labels"],
+        None,
+    );
+    assert!(
+        lost[0].contains(
+            "pixels come on a link (here roles=labels) and not on a link (here roles=truth+pixels)"
+        ) && lost[0].contains("give a link roles=pixels+labels and a link roles=truth, or"),
+        "{lost:?}"
+    );
+    // Where each link is told what to bring, the one that should bring the pixels brings nothing.
+    let lost = told(
+        &["truth", "pixels+labels"],
+        &["truth+pixels", "labels"],
+        Some(Output::default()),
+    );
+    let nothing = "nothing of a frame has come on a link (here roles=truth+pixels)";
+    assert!(lost[0].contains(nothing), "{lost:?}");
+    // Frames that are whole without their pixels.
+    let problems = told(
+        &["truth+pixels", "labels"],
+        &["truth", "pixels+labels"],
+        None,
+    );
+    assert!(
+        problems[0].contains("pixels come on a link (here roles=truth) and not on"),
+        "{problems:?}"
+    );
 }

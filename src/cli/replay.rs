@@ -1,5 +1,6 @@
 //! `skyloop replay`: the inputs of a recording once more, and what comes of them compared.
 
+use super::{levels, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -23,6 +24,9 @@ pub struct Args {
     /// Scene file of the recorded loopback [default: the built-in scene]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
+    /// The recorded run's --output, if it had one
+    #[arg(long, value_name = "LEVEL", value_parser = levels())]
+    output: Option<String>,
 }
 
 /// An emulator that sends and takes nothing for this long does not come where the recorded one was.
@@ -69,7 +73,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     ))?;
 
     let (links, replay) = Replay::of(recording, &NATIVE);
-    let output = config.run.output;
+    let output = with_level(config.run.output, args.output.as_deref());
     let emulator = Emulator::new(&mut config);
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     let served = std::thread::scope(|scope| {
@@ -106,7 +110,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     }
     if let Some(difference) = progress.difference {
         bail!(
-            "after {whole} frames that are the same: {difference} (is it the same {}?)",
+            "after {whole} frames that are the same: {difference} (is it the same {}, and --output?)",
             if args.config.is_some() {
                 "--config"
             } else {

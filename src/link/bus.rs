@@ -23,7 +23,6 @@ pub(super) type OpenBus = fn(&Settings) -> Result<Box<dyn CanBus>, Refusal>;
 
 /// What a URL says about its bus. `place` is its interface or device.
 pub(super) fn settings(url: &LinkUrl, place: &str, keys: &[&str]) -> Result<Settings, LinkError> {
-    url.only(keys)?;
     if place.is_empty() {
         return Err(url.refuse("it names no interface or device".to_string()));
     }
@@ -38,7 +37,6 @@ pub(super) fn loopback_settings(
     place: &str,
     keys: &[&str],
 ) -> Result<Settings, LinkError> {
-    url.only(keys)?;
     let mut settings = Settings::new(place);
     (settings.rates.bitrate, settings.rates.load) = (1_000_000, 1.0);
     if url.value("bitrate").is_none() && socket::carries_fd(place) {

@@ -9,6 +9,7 @@ pub const CAN: Link = Link {
     scheme: "can",
     example: "can://vcan0?bitrate=500000&fd=8000000",
     is_bus: true,
+    keys: KEYS,
     open,
     loopback,
 };

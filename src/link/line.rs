@@ -69,10 +69,12 @@ impl Ear {
                         FrameError::BadEscape { .. } => &self.tally.bad_framing,
                         FrameError::BadCrc32 { .. } => &self.tally.bad_crc,
                     });
+                    tracing::debug!("passed over: {error}");
                     self.bad = self.bad.saturating_add(1);
                     if self.bad == 8 || (self.bad == 1 && !self.heard) {
                         tracing::warn!(
-                            "octets come that hold no packet: check the baud rate of both ends, and the framing (SLIP)"
+                            "octets come that hold no packet: check the baud rate of both ends, and the framing \
+                             (SLIP, with a CRC-32 after the packet); -v says what is wrong with each frame"
                         );
                     }
                 }

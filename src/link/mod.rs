@@ -61,6 +61,8 @@ pub struct Link {
     pub example: &'static str,
     /// Whether it is a CAN bus: faults and recordings stand at its frames, not at the packets.
     pub is_bus: bool,
+    /// The options that its URLs may have, besides `roles`.
+    pub keys: &'static [&'static str],
     /// Opens the emulator's end.
     pub open: fn(&LinkUrl, &Options) -> Result<Wire, LinkError>,
     /// Opens both ends on this machine.
@@ -232,7 +234,7 @@ pub fn open(url: &str, options: &Options) -> Result<Wire, LinkError> {
 }
 
 fn open_parsed(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
-    (by_scheme(&url.scheme, &url.text)?.open)(url, options)
+    (of(url)?.open)(url, options)
 }
 
 /// Opens the emulator's ends of a run's links. One of them, and no more, brings the truth.
@@ -241,6 +243,10 @@ pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>
         .iter()
         .map(|url| LinkUrl::parse(url))
         .collect::<Result<_, _>>()?;
+    // A mistyped `roles` would else be told as what its lack leads to.
+    for url in &parsed {
+        of(url)?;
+    }
     let roles: Vec<Roles> = parsed
         .iter()
         .map(LinkUrl::roles)
@@ -268,7 +274,7 @@ pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>
 /// Opens both ends of the link that `text` names: a scheme, and options behind a question mark.
 pub fn loopback(text: &str, options: &Options) -> Result<BothEnds, LinkError> {
     let url = LinkUrl::parse_loopback(text)?;
-    (by_scheme(&url.scheme, &url.text)?.loopback)(&url, options)
+    (of(&url)?.loopback)(&url, options)
 }
 
 /// Starts a thread of the link that `url` names.
@@ -283,15 +289,16 @@ fn thread(
     started.map_err(|error| url.failed("start its thread", error, REMEDY))
 }
 
-fn by_scheme(scheme: &str, text: &str) -> Result<&'static Link, LinkError> {
-    LINKS
-        .iter()
-        .find(|link| link.scheme == scheme)
-        .ok_or_else(|| LinkError::Url {
-            url: text.to_string(),
-            reason: format!("unknown scheme {scheme:?}"),
-            examples: examples(),
-        })
+/// The link of a URL, whose options it has.
+fn of(url: &LinkUrl) -> Result<&'static Link, LinkError> {
+    let link = by_scheme(&url.scheme)
+        .ok_or_else(|| url.refuse(format!("unknown scheme {:?}", url.scheme)))?;
+    url.only(link.keys)?;
+    Ok(link)
+}
+
+fn by_scheme(scheme: &str) -> Option<&'static Link> {
+    LINKS.iter().find(|link| link.scheme == scheme)
 }
 
 /// Whether a link, by URL or scheme, is a CAN bus.

@@ -21,6 +21,7 @@ pub const PTY: Link = Link {
     scheme: "pty",
     example: "pty://star-tracker?baud=115200",
     is_bus: false,
+    keys: &["baud"],
     open,
     loopback,
 };
@@ -29,21 +30,20 @@ pub const PTY: Link = Link {
 const LINGER: Duration = Duration::from_millis(400);
 
 fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
-    url.only(&["baud"])?;
     let baud = baud_of(url, 115_200)?;
     if url.target.is_empty() {
         return Err(url.refuse("no name for the client to open".to_string()));
     }
     let pseudo = Pseudo::open(Some(Path::new(&url.target))).map_err(|error| error.of(url))?;
-    start(url, pseudo, baud)
+    start(url, pseudo, baud, false)
 }
 
 fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
-    url.only(&["baud"])?;
     let baud = baud_of(url, 3_000_000)?;
     let pseudo = Pseudo::open(None).map_err(|error| error.of(url))?;
     let name = pseudo.name();
-    let wire = start(url, pseudo, baud)?;
+    // The loopback's own client is the only one.
+    let wire = start(url, pseudo, baud, true)?;
     let port = FlightComputerPort::open(&name, baud).map_err(|error| {
         let error = io::Error::other(error);
         url.failed("open the client's end", error, "try again")
@@ -57,18 +57,21 @@ impl Refusal {
     }
 }
 
-fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32) -> Result<Wire, LinkError> {
+/// `last`: nobody is to come after the first client.
+fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, LinkError> {
     let address = format!("pty://{}?baud={baud}", pseudo.name());
     let pseudo = Arc::new(pseudo);
     let tally = Arc::new(Tally::default());
     let (arrivals, inbox) = inbox(tally.clone());
     let (outbox, departures) = outbox(&address, &tally);
     let ended = Arc::new(AtomicBool::new(false));
+    let last = Arc::new(AtomicBool::new(last));
     let (reading, stop, heard) = (pseudo.clone(), ended.clone(), tally.clone());
+    let parting = last.clone();
     let watch = arrivals.watch();
     let (ear, wanted) = (Ear::new(arrivals, tally.clone()), move || watch.is_wanted());
     thread(url, "pty-read", move || {
-        if let Err(error) = read(&reading, baud, ear, &heard, &stop) {
+        if let Err(error) = read(&reading, baud, ear, &heard, [&stop, &parting]) {
             tracing::error!(%error, "{} can no longer be read", reading.name());
         }
     })?;
@@ -91,7 +94,11 @@ fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32) -> Result<Wire, LinkError> {
     Ok(Wire {
         address,
         inbox,
-        outbox: Box::new(NamedOutbox { outbox, pseudo }),
+        outbox: Box::new(NamedOutbox {
+            outbox,
+            pseudo,
+            last,
+        }),
         tally,
         airtime: Some(airtime(baud)),
         sender: Some(sender),
@@ -102,6 +109,8 @@ fn start(url: &LinkUrl, pseudo: Pseudo, baud: u32) -> Result<Wire, LinkError> {
 struct NamedOutbox {
     outbox: LineOutbox,
     pseudo: Arc<Pseudo>,
+    /// Set when no other client is to come.
+    last: Arc<AtomicBool>,
 }
 
 impl Outbox for NamedOutbox {
@@ -112,24 +121,30 @@ impl Outbox for NamedOutbox {
 
 impl Drop for NamedOutbox {
     fn drop(&mut self) {
+        self.last.store(true, Ordering::Relaxed);
         self.pseudo.remove_name();
     }
 }
 
-/// Octets in, packets into the queue, until the writer has ended (the emulator dropped its end).
+/// Octets in, packets into the queue, until the writer has ended (`stop`: the emulator dropped its end). A `last` client
+/// that goes is not missed.
 fn read(
     pseudo: &Pseudo,
     baud: u32,
     mut ear: Ear,
     tally: &Tally,
-    stop: &AtomicBool,
+    [stop, last]: [&AtomicBool; 2],
 ) -> io::Result<()> {
     let mut paced = PacedEar::new(baud);
     let mut clients = 0;
     while !stop.load(Ordering::Relaxed) {
         let (heard, octets) = paced.hear(pseudo)?;
         if heard == Heard::Left {
-            tracing::warn!("nobody holds {} any more: waiting", pseudo.name());
+            if last.load(Ordering::Relaxed) {
+                tracing::debug!("nobody holds {} any more", pseudo.name());
+            } else {
+                tracing::warn!("nobody holds {} any more: waiting", pseudo.name());
+            }
             ear.restart();
         }
         let before = std::mem::replace(&mut clients, pseudo.clients());

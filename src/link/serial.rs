@@ -17,27 +17,29 @@ pub const SERIAL: Link = Link {
     scheme: "serial",
     example: "serial:///dev/ttyUSB0?baud=921600",
     is_bus: false,
+    keys: &["baud"],
     open,
     loopback,
 };
 
 fn open(url: &LinkUrl, _: &Options) -> Result<Wire, LinkError> {
-    url.only(&["baud"])?;
     let baud = baud_of(url, 115_200)?;
-    start(url, &url.target, baud, Some(airtime(baud)))
+    start(url, &url.target, baud, Some(airtime(baud)), false)
 }
 
-/// Opens the port called `path`.
+/// Opens the port called `path`; in a `loopback`, where it goes with its only client.
 fn start(
     url: &LinkUrl,
     path: &str,
     baud: u32,
     airtime: Option<Airtime>,
+    loopback: bool,
 ) -> Result<Wire, LinkError> {
     let address = format!("serial://{path}?baud={baud}");
     let device = Device {
         path: path.to_string(),
         baud,
+        loopback,
     };
     let (input, output) = device.open().map_err(|error| refusal(url, path, error))?;
     let line = Arc::new(Line {
@@ -99,6 +101,8 @@ fn refusal(url: &LinkUrl, path: &str, error: serialport::Error) -> LinkError {
 struct Device {
     path: String,
     baud: u32,
+    /// Whether it goes with the loopback's only client.
+    loopback: bool,
 }
 
 type Port = Box<dyn SerialPort>;
@@ -223,7 +227,7 @@ fn read(line: &Line, port: Port, mut ear: Ear, stop: &AtomicBool) {
                 }
             }
             Err(error) => {
-                if !std::mem::replace(&mut lost, true) {
+                if !std::mem::replace(&mut lost, true) && !line.device.loopback {
                     tracing::warn!("the serial line {path} has gone ({error}): waiting for it");
                 }
                 line.lose(known);
@@ -247,7 +251,6 @@ fn is_passing(error: &std::io::Error) -> bool {
 fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
     use serialport::TTYPort;
     use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
-    url.only(&["baud"])?;
     let baud = baud_of(url, 115_200)?;
     let (master, slave) = TTYPort::pair().map_err(|error| {
         const REMEDY: &str = "check that /dev/ptmx and /dev/pts exist";
@@ -255,7 +258,7 @@ fn loopback(url: &LinkUrl, _: &Options) -> Result<BothEnds, LinkError> {
     })?;
     let device = slave.name().unwrap_or_default();
     // A pseudo-terminal carries octets as fast as they come, whatever rate it is set to.
-    let wire = start(url, &device, baud, None)?;
+    let wire = start(url, &device, baud, None, true)?;
     drop(slave);
     let port = FlightComputerPort::over(Box::new(master)).map_err(|error| {
         let error = std::io::Error::other(error);
@@ -286,7 +289,7 @@ mod tests {
     fn at(path: &Path) -> Wire {
         let path = path.to_str().unwrap();
         let url = LinkUrl::parse(&format!("serial://{path}")).unwrap();
-        start(&url, path, 115_200, None).unwrap()
+        start(&url, path, 115_200, None, false).unwrap()
     }
 
     fn send(client: &mut TTYPort, packet: &[u8]) {

@@ -9,6 +9,7 @@ pub const SLCAN: Link = Link {
     scheme: "slcan",
     example: "slcan:///dev/ttyACM0?bitrate=500000",
     is_bus: true,
+    keys: KEYS,
     open,
     loopback,
 };

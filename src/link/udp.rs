@@ -18,6 +18,7 @@ pub const UDP: Link = Link {
     scheme: "udp",
     example: "udp://127.0.0.1:4810",
     is_bus: false,
+    keys: &["rate_mbit"],
     open,
     loopback,
 };
@@ -61,7 +62,6 @@ fn listen(
     address: SocketAddr,
     options: &Options,
 ) -> Result<(Wire, SocketAddr), LinkError> {
-    url.only(&["rate_mbit"])?;
     let limit = limit(url)?;
     let failed = |action, remedy| move |source| url.failed(action, source, remedy);
     let socket = std::net::UdpSocket::bind(address).map_err(failed(

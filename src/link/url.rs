@@ -1,6 +1,6 @@
 //! Link URLs: `scheme://target?key=value&...`, and for `loopback`, which chooses the target, `scheme?key=value&...`.
 
-use super::{LINKS, LinkError, Roles, examples};
+use super::{LINKS, LinkError, Roles, by_scheme, examples};
 use std::ops::RangeInclusive;
 
 /// A link URL in parts.
@@ -124,12 +124,13 @@ impl LinkUrl {
         }
     }
 
-    /// The error for this URL.
+    /// The error for this URL, with an example of its scheme; of all, if it has none of them.
     pub fn refuse(&self, reason: String) -> LinkError {
+        let example = by_scheme(&self.scheme).map(|link| link.example.to_string());
         LinkError::Url {
             url: self.text.clone(),
             reason,
-            examples: examples(),
+            examples: example.unwrap_or_else(examples),
         }
     }
 
@@ -169,6 +170,13 @@ mod tests {
         assert!(url.only(&["baud"]).is_ok());
         let unknown = refused(url.only(&["rate_mbit"]));
         assert!(unknown.contains("unknown option \"baud\"; serial has rate_mbit, roles"));
+        assert!(
+            unknown.ends_with("write for example serial:///dev/ttyUSB0?baud=921600"),
+            "{unknown}"
+        );
+        let strange = LinkUrl::parse("pigeon://loft").unwrap();
+        let strange = strange.refuse("why".to_string()).to_string();
+        assert!(strange.contains("udp://") && strange.contains("can://"));
     }
 
     #[test]

@@ -99,7 +99,7 @@ impl Server {
                     return Err(Refusal {
                         reason: Reason::ValueOutOfRange,
                         detail: format!(
-                            "Output.window_size = {}: the frame has {most} pixels across",
+                            "Output.window_size = {}: the frame has {most} pixels across; ask for no more",
                             output.window_size
                         ),
                     });
@@ -116,7 +116,7 @@ impl Server {
                     return Err(Refusal {
                         reason: Reason::ValueOutOfRange,
                         detail: format!(
-                            "Positions: ({column}, {row}) is outside the frame of {} x {} pixels",
+                            "Positions: ({column}, {row}) is outside the frame of {} x {} pixels; give centres inside it",
                             detector.width, detector.height
                         ),
                     });

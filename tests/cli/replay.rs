@@ -190,3 +190,17 @@ fn a_full_disk_is_told_and_the_run_goes_on() {
     assert_eq!(code, Some(1), "{text}");
     has(&text, &["capture /dev/full"]);
 }
+
+#[test]
+fn a_run_at_another_output_level_is_replayed_at_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let run = "loopback --output labels --frames 2 --capture run.pcapng";
+    let (code, text) = say(at, run);
+    assert_eq!(code, Some(0), "{text}");
+    let (code, text) = say(at, "replay run.pcapng --output labels");
+    assert_eq!(code, Some(0), "{text}");
+    let (code, text) = say(at, "replay run.pcapng");
+    assert_eq!(code, Some(1), "{text}");
+    has(&text, &["pixel_level", "recorded None", "replayed Frame"]);
+}

@@ -158,8 +158,15 @@ fn roles_that_make_no_run_are_refused_by_name() {
         (&["pixels", "labels"], "no link has the role truth"),
         (&["truth+video"], "must be truth, pixels or labels"),
         (&[""], "must be truth, pixels or labels"),
+        // A mistyped key comes before what its lack leads to.
+        (
+            &["truth", "truth&role=pixels"],
+            "unknown option \"role\"; udp has rate_mbit, roles",
+        ),
     ] {
         let text = refused(roles);
         assert!(text.contains(word) && text.contains("roles="), "{text}");
+        let example = text.split_once("for example").map(|(_, example)| example);
+        assert_eq!(example, Some(" udp://127.0.0.1:4810"), "{text}");
     }
 }

@@ -222,6 +222,10 @@ impl Port for CanPort {
     fn airtime(&self, octets: usize) -> Duration {
         self.settings.packet_duration(octets)
     }
+
+    fn name(&self) -> &str {
+        &self.link
+    }
 }
 
 impl Drop for CanPort {

@@ -52,7 +52,7 @@ impl Settings {
             let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
             if !known.contains(&key) {
                 return Err(format!(
-                    "unknown key \"{key}\": it has {}",
+                    "unknown option \"{key}\"; it has {}, roles",
                     known.join(", ")
                 ));
             }
@@ -194,7 +194,7 @@ mod tests {
             ("can0?baud=0", "above 0"),
             (
                 "can0?speed=3",
-                "unknown key \"speed\": it has bitrate, fd, load, baud",
+                "unknown option \"speed\"; it has bitrate, fd, load, baud, roles",
             ),
         ] {
             let error = Settings::parse(text, ALL).unwrap_err();

@@ -33,7 +33,7 @@ pub enum RunError {
         role: &'static str,
     },
     /// The emulator does not send what is asked for.
-    #[error("the emulator refuses what is asked for: {}; ask for less, or for it on a faster link", nack.detail)]
+    #[error("the emulator refuses what is asked for: {}; change --output or what is given with it", nack.detail)]
     Refused {
         /// Its words.
         nack: NackRecord,

@@ -45,6 +45,8 @@ pub struct FlightComputer<P> {
     taken: VecDeque<u32>,
     /// Lock-step: the usual time from an attitude to the first packet of its frame.
     usual_answer: Option<Duration>,
+    /// Whether it has been told that whole frames leave out what comes on another link.
+    warned: bool,
 }
 
 impl<P: Port> FlightComputer<P> {
@@ -70,6 +72,7 @@ impl<P: Port> FlightComputer<P> {
             sent: VecDeque::new(),
             taken: VecDeque::new(),
             usual_answer: None,
+            warned: false,
         }
     }
 
@@ -217,6 +220,12 @@ impl<P: Port> FlightComputer<P> {
             .find(|(number, _)| *number == sequence);
         let latency = sent.map(|(_, at)| frame.last_block.saturating_duration_since(*at));
         self.report.frames += 1;
+        if !self.warned
+            && let Some(cause) = self.links.misplaced()
+        {
+            self.warned = true;
+            watch(Event::Problem(cause.to_string()))?;
+        }
         self.report.contents.add(frame, &detections);
         if let Some(latency) = latency {
             self.report.latencies.add(latency);
@@ -245,7 +254,9 @@ impl<P: Port> FlightComputer<P> {
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
         let progress = self.links.give_up()?.pop();
-        Ok(self.lose(sequence, Loss::TimedOut(progress), watch))
+        let misplaced = self.links.misplaced();
+        let cause = misplaced.or_else(|| self.links.slow(self.mission.timeout));
+        Ok(self.lose(sequence, Loss::TimedOut { progress, cause }, watch))
     }
 
     fn lose(&mut self, sequence: u32, loss: Loss, watch: &mut Watch<'_>) -> ControlFlow<()> {
