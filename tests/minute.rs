@@ -1,7 +1,7 @@
 //! A minute of attitudes at 10 Hz over each wire, at the output level that fits it: what arrives is what the in-process
 //! link brings for the same attitude, and what does not arrive is counted.
 
-use hifitime::{Epoch, Unit};
+use hifitime::Epoch;
 use skyloop::attitude::Attitude;
 use skyloop::config::{Clock, Config, Sequence, TimedAttitude};
 use skyloop::engine::Emulator;
@@ -40,7 +40,6 @@ fn config() -> Config {
         attitudes,
         rates: [0.001, -0.002, 0.0005],
     });
-    assert!((Unit::Second * 0.1 * f64::from(FRAMES - 1)).to_seconds() < 59.95);
     config
 }
 

@@ -23,7 +23,7 @@ counters! {
     bad_length,
     /// Packets with an unknown APID, opcode, type bit or header flag.
     unknown_type,
-    /// Serial frames with a bad escape, CAN frames that belong to nothing.
+    /// Serial frames with a bad escape, lines of a CAN adapter that are none.
     bad_framing,
     /// Attitudes whose quaternion is not of unit length or that hold a NaN or an infinity.
     bad_attitude,
