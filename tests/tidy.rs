@@ -25,8 +25,8 @@ const LAYERS: &[&[&str]] = &[
 /// The modules of `firmware-sim/src/`, likewise.
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
-        "console", "image", "pacing", "pointing", "port", "reader", "roles", "text", "time",
-        "times",
+        "console", "datagram", "image", "pacing", "pointing", "port", "reader", "roles", "text",
+        "time", "times",
     ],
     &[
         "attitude_list",

@@ -22,7 +22,7 @@ pub(crate) struct Joiner {
     done: VecDeque<(u32, WireTime)>,
     /// Frames and parts of frames that had come over another link.
     pub(crate) duplicates: u64,
-    /// Frames of which only one part came.
+    /// Frames of which only one part came, or parts that contradict each other.
     pub(crate) incomplete: u64,
 }
 
@@ -80,7 +80,9 @@ impl Joiner {
                 frame,
                 has: brought,
             },
-            Some(other) => self.merge(other, frame, brought)?,
+            Some(other) => self.merge(other, frame, brought).inspect_err(|_| {
+                self.incomplete += 1;
+            })?,
         };
         let whole =
             (half.has.pixels || !self.wanted.pixels) && (half.has.labels || !self.wanted.labels);

@@ -20,6 +20,7 @@ pub mod can;
 pub mod cause;
 pub mod console;
 pub mod contents;
+pub mod datagram;
 pub mod detector;
 pub mod event;
 mod exchange;

@@ -41,13 +41,14 @@ impl Intake {
     pub(crate) fn take(&self, packet: &[u8]) {
         // Once the flight computer has gone, the thread is about to be stopped.
         if let Err(TrySendError::Full(_)) = self.queue.try_send(packet.to_vec()) {
-            self.drop_one();
+            self.lose(1);
         }
     }
 
-    /// Counts a packet that came damaged.
-    pub(crate) fn drop_one(&self) {
-        self.shared.dropped.fetch_add(1, Ordering::Relaxed);
+    /// Counts packets that came damaged, or not at all.
+    pub(crate) fn lose(&self, packets: u32) {
+        let dropped = &self.shared.dropped;
+        dropped.fetch_add(packets.into(), Ordering::Relaxed);
     }
 }
 
@@ -101,7 +102,7 @@ impl Reader {
         }
     }
 
-    /// Packets that came damaged or found the queue full.
+    /// Packets that came damaged, or found no room in the queue or the socket.
     pub(crate) fn dropped(&self) -> u64 {
         self.shared.dropped.load(Ordering::Relaxed)
     }

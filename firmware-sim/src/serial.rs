@@ -87,7 +87,7 @@ impl SerialPort {
             for octet in &chunk[..count] {
                 match decoder.push(*octet) {
                     None => {}
-                    Some(Err(_)) => intake.drop_one(),
+                    Some(Err(_)) => intake.lose(1),
                     Some(Ok(packet)) => intake.take(packet),
                 }
             }

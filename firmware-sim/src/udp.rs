@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use skyloop_protocols::MAX_PACKET;
 
+use crate::datagram::Datagrams;
 use crate::port::{OpenError, Port, PortError, Scheme};
 use crate::reader::{READ_TIMEOUT, Reader};
 
@@ -54,11 +55,13 @@ impl UdpPort {
             .try_clone()
             .and_then(|socket| {
                 socket.set_read_timeout(Some(READ_TIMEOUT))?;
+                let mut datagrams = Datagrams::of(&socket)?;
                 // One octet more than a packet may have: longer datagrams stay too long, and are refused as such.
                 let mut buffer = [0; MAX_PACKET + 1];
                 Reader::start("skyloop-fc udp", move |intake| {
-                    let length = socket.recv(&mut buffer)?;
-                    intake.take(&buffer[..length]);
+                    let datagram = datagrams.receive(&mut buffer)?;
+                    intake.lose(datagram.lost);
+                    intake.take(&buffer[..datagram.length]);
                     Ok(())
                 })
             })

@@ -230,6 +230,25 @@ fn a_part_that_does_not_come_loses_the_frame_and_no_other() {
 }
 
 #[test]
+fn parts_of_different_skies_are_no_frame() {
+    let (links, thread) = over_memory(&["truth", "pixels", "labels"], |at, emulator| {
+        if at == 2 {
+            emulator.field.background_e += 40.0;
+        }
+    });
+    let short = Mission {
+        timeout: Duration::from_secs(1),
+        ..mission(2)
+    };
+    let report = FlightComputer::on_links(links, short)
+        .run(|_| ControlFlow::Continue(()))
+        .unwrap();
+    assert_eq!((report.frames, report.lost), (0, 2));
+    assert!(report.assembly.incomplete >= 2, "{:?}", report.assembly);
+    thread.join().unwrap();
+}
+
+#[test]
 fn a_part_of_which_nothing_came_is_asked_for_when_the_other_has_come() {
     let (links, thread) = over_memory(&["truth", "pixels", "labels"], |at, emulator| {
         if at == 2 {

@@ -8,6 +8,7 @@ use crate::packet::{CRC_LENGTH, HEADER_LENGTH};
 use crate::pixels::{
     self, BLOCK_FIELDS_LENGTH, LABEL_TEXT_PER_PART, packed_length, pixels_per_block, unpack,
 };
+use crate::rice;
 use crate::rules::rule;
 
 impl Packing {
@@ -61,7 +62,7 @@ impl FrameHeader {
         )?;
         let blocks = match self.blocks_due() {
             Some(blocks) => self.blocks == blocks,
-            None => (1..=self.pixels()).contains(&self.blocks),
+            None => (1..=self.pixels().div_ceil(rice::BLOCK as u32)).contains(&self.blocks),
         };
         rule(
             blocks,

@@ -6,10 +6,13 @@ use super::{
     Tally, Wire, count, inbox::inbox, thread,
 };
 use bytes::Bytes;
+use skyloop_firmware_sim::datagram::{Datagram, Datagrams};
 use skyloop_firmware_sim::udp::UdpPort;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, UdpSocket as SystemSocket};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
+use tokio::io::Interest;
 use tokio::net::UdpSocket;
 use tokio::sync::mpsc::{Receiver, Sender, channel, error::TrySendError as TryQueue};
 
@@ -62,19 +65,39 @@ fn listen(
     address: SocketAddr,
     options: &Options,
 ) -> Result<(Wire, SocketAddr), LinkError> {
-    let limit = limit(url)?;
+    let (socket, datagrams, local) = bind(url, address)?;
+    Ok((start(url, options, socket, datagrams, local)?, local))
+}
+
+/// A socket that receives from now on, and its address.
+fn bind(
+    url: &LinkUrl,
+    address: SocketAddr,
+) -> Result<(SystemSocket, Datagrams, SocketAddr), LinkError> {
     let failed = |action, remedy| move |source| url.failed(action, source, remedy);
-    let socket = std::net::UdpSocket::bind(address).map_err(failed(
+    let socket = SystemSocket::bind(address).map_err(failed(
         "listen",
         "choose a free port and an address of this machine (port 0 takes any free port)",
     ))?;
     let local = socket
         .local_addr()
         .map_err(failed("read its address", "try again"))?;
-    socket
+    let datagrams = socket
         .set_nonblocking(true)
+        .and_then(|()| Datagrams::of(&socket))
         .map_err(failed("set it up", "try again"))?;
+    Ok((socket, datagrams, local))
+}
 
+/// Carries what comes to the socket `local`, and what leaves it.
+fn start(
+    url: &LinkUrl,
+    options: &Options,
+    socket: SystemSocket,
+    datagrams: Datagrams,
+    local: SocketAddr,
+) -> Result<Wire, LinkError> {
+    let limit = limit(url)?;
     let tally = Arc::new(Tally::default());
     let (arrivals, inbox) = inbox(tally.clone());
     let (outbox, departures) = channel(QUEUE);
@@ -89,13 +112,13 @@ fn listen(
         .enable_io()
         .enable_time()
         .build()
-        .map_err(failed(
-            "start its thread",
-            "check the limits of this process",
-        ))?;
+        .map_err(|source| {
+            let remedy = "check the limits of this process";
+            url.failed("start its thread", source, remedy)
+        })?;
     let sender = thread(url, "udp", move || {
-        let ended = runtime.block_on(carry(socket, arrivals, departures, exchange, limit));
-        if let Err(error) = ended {
+        let carried = carry(socket, datagrams, arrivals, departures, exchange, limit);
+        if let Err(error) = runtime.block_on(carried) {
             tracing::error!(%error, "the udp link has ended");
         }
     })?;
@@ -105,17 +128,14 @@ fn listen(
         tally: tally.clone(),
         address: address.clone(),
     };
-    Ok((
-        Wire {
-            address,
-            inbox,
-            outbox: Box::new(outbox),
-            tally,
-            airtime: limit.map(airtime),
-            sender: Some(sender),
-        },
-        local,
-    ))
+    Ok(Wire {
+        address,
+        inbox,
+        outbox: Box::new(outbox),
+        tally,
+        airtime: limit.map(airtime),
+        sender: Some(sender),
+    })
 }
 
 struct UdpOutbox {
@@ -149,7 +169,8 @@ async fn until(next: Option<Instant>) {
 
 /// Carries packets until the emulator drops its end.
 async fn carry(
-    socket: std::net::UdpSocket,
+    socket: SystemSocket,
+    mut datagrams: Datagrams,
     arrivals: Intake,
     mut departures: Receiver<Outbound>,
     mut exchange: Exchange,
@@ -163,9 +184,10 @@ async fn carry(
     let mut buffer = vec![0; 1 << 16];
     loop {
         tokio::select! {
-            received = socket.recv_from(&mut buffer) => {
+            received = socket.async_io(Interest::READABLE, || datagrams.receive(&mut buffer)) => {
                 // An error here answers an earlier datagram to a client that has gone.
-                let Ok((length, from)) = received else { continue };
+                let Ok(Datagram { length, from, lost }) = received else { continue };
+                exchange.tally.dropped.fetch_add(lost, Ordering::Relaxed);
                 let packet = &buffer[..length];
                 if !exchange.admit(from, packet) {
                     exchange.ignore(from);
@@ -297,7 +319,7 @@ mod tests {
         };
         let url = LinkUrl::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}")).unwrap();
         let (mut wire, address) = listen(&url, at(0), &options).unwrap();
-        let client = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        let client = SystemSocket::bind("127.0.0.1:0").unwrap();
         client.send_to(b"hello", address).unwrap();
         wire.inbox.recv_timeout(patience).unwrap();
         let packets = (mbit * 1e6 / 8.0 / OCTETS as f64) as u32;
@@ -349,6 +371,41 @@ mod tests {
             println!("{mbit} Mbit/s: {rates:.0?} octets/s of {nominal}");
             assert!(rates.last().is_some_and(close), "{mbit}: {rates:?}");
         }
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn datagrams_that_found_no_room_are_counted() {
+        const SENT: u32 = 20_000;
+        let patience = Duration::from_secs(20);
+        let options = Options {
+            idle: patience,
+            personality: &NATIVE,
+            bus: None,
+        };
+        let url = LinkUrl::parse("udp://127.0.0.1:0").unwrap();
+        // Nobody reads while they come: most find the system's buffer full.
+        let (socket, datagrams, local) = bind(&url, at(0)).unwrap();
+        let client = SystemSocket::bind("127.0.0.1:0").unwrap();
+        for _ in 0..SENT {
+            client.send_to(&[0; 1400], local).unwrap();
+        }
+        let wire = start(&url, &options, socket, datagrams, local).unwrap();
+        let mut taken = 0;
+        while wire.inbox.recv_timeout(Duration::from_millis(200)).is_ok() {
+            taken += 1;
+        }
+        client.send_to(b"next", local).unwrap();
+        wire.inbox.recv_timeout(patience).unwrap();
+        // Each was taken, or found the system's buffer or the inbound queue full.
+        let counters = wire.tally.counters();
+        assert_eq!(taken + counters.overflows, SENT);
+        assert!(taken < SENT / 2, "{taken} found room");
+        let others = skyloop_protocols::Counters {
+            overflows: 0,
+            ..counters
+        };
+        assert_eq!(others, skyloop_protocols::Counters::default());
     }
 
     #[test]

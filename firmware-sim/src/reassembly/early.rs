@@ -3,6 +3,9 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
+/// Frames of which nothing has come that are looked out for.
+const LOOKED_OUT_FOR: usize = 4;
+
 /// The packets of one frame.
 #[derive(Debug)]
 struct Headless {
@@ -50,9 +53,15 @@ impl Early {
         gone
     }
 
-    /// A frame of which another link has told: its header is missing.
+    /// A frame of which another link has told: its header is missing. Of those of which nothing comes, the oldest go.
     pub(super) fn look_out_for(&mut self, frame: u32) {
         self.of(frame);
+        let empty = |early: &Headless| early.packets.is_empty();
+        if self.frames.iter().filter(|early| empty(early)).count() > LOOKED_OUT_FOR
+            && let Some(oldest) = self.frames.iter().position(empty)
+        {
+            self.frames.remove(oldest);
+        }
     }
 
     /// A frame that need not come: forgets it if nothing of it has.
@@ -100,5 +109,22 @@ impl Early {
             early.frame
         })
         .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_never_comes_is_looked_out_for_in_few_frames() {
+        let mut early = Early::default();
+        early.keep(7, b"block", 10);
+        for frame in 100..10_000 {
+            early.look_out_for(frame);
+        }
+        assert_eq!(early.frames.len(), 1 + LOOKED_OUT_FOR);
+        assert!(early.has(7) && early.has(9_999) && !early.has(100));
+        assert_eq!(early.take(7).0, [b"block"]);
     }
 }

@@ -50,7 +50,7 @@ static inline bool skyloop_has_its_blocks(const skyloop_frame_header_t *in)
         holds = in->blocks == skyloop_divided_up(pixels, skyloop_pixels_per_block(in->packing));
         break;
     default:
-        holds = (in->blocks >= 1U) && (in->blocks <= pixels);
+        holds = (in->blocks >= 1U) && (in->blocks <= skyloop_divided_up(pixels, 16U));
         break;
     }
     return holds;

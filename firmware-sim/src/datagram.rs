@@ -1,0 +1,149 @@
+//! Datagrams as they come, and how many the system threw away before them: its buffer had no room.
+//!
+//! Linux tells that with a datagram (`SO_RXQ_OVFL`, socket(7)); elsewhere such losses show in the sequence counts alone.
+
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+
+/// A socket's receiving side.
+#[derive(Debug)]
+pub struct Datagrams {
+    socket: UdpSocket,
+    /// What the system had thrown away by the last datagram, modulo 2^32.
+    lost: u32,
+}
+
+/// What came, besides its octets.
+#[derive(Clone, Copy, Debug)]
+pub struct Datagram {
+    /// Octets, as many as there was room for.
+    pub length: usize,
+    /// Who sent it.
+    pub from: SocketAddr,
+    /// Datagrams lost between the one before and this.
+    pub lost: u32,
+}
+
+impl Datagrams {
+    /// Of this socket, from now on.
+    ///
+    /// # Errors
+    /// The system cannot copy the handle, or does not count.
+    pub fn of(socket: &UdpSocket) -> io::Result<Self> {
+        let socket = socket.try_clone()?;
+        system::count_losses(&socket)?;
+        Ok(Self { socket, lost: 0 })
+    }
+
+    /// The next one, as the socket waits: it may block, or have a time-out.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Datagram> {
+        let (length, from, lost) = system::receive(&self.socket, buffer)?;
+        // A socket that has lost nothing yet does not say so.
+        let lost = lost.unwrap_or(self.lost);
+        let since = lost.wrapping_sub(std::mem::replace(&mut self.lost, lost));
+        Ok(Datagram {
+            length,
+            from,
+            lost: since,
+        })
+    }
+}
+
+#[cfg(target_os = "linux")]
+mod system {
+    use nix::sys::socket::{
+        ControlMessageOwned, MsgFlags, SockaddrStorage, cmsg_space, recvmsg, setsockopt, sockopt,
+    };
+    use std::io::{self, IoSliceMut};
+    use std::net::{SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
+    use std::os::fd::AsRawFd;
+
+    pub(super) fn count_losses(socket: &UdpSocket) -> io::Result<()> {
+        Ok(setsockopt(socket, sockopt::RxqOvfl, &1)?)
+    }
+
+    pub(super) fn receive(
+        socket: &UdpSocket,
+        buffer: &mut [u8],
+    ) -> io::Result<(usize, SocketAddr, Option<u32>)> {
+        let mut told = [0; cmsg_space::<u32>()];
+        let mut parts = [IoSliceMut::new(buffer)];
+        let flags = MsgFlags::empty();
+        let fd = socket.as_raw_fd();
+        let message = recvmsg::<SockaddrStorage>(fd, &mut parts, Some(&mut told), flags)?;
+        let lost = message.cmsgs()?.find_map(|told| match told {
+            ControlMessageOwned::RxqOvfl(lost) => Some(lost),
+            _ => None,
+        });
+        let four = |from: &SockaddrStorage| from.as_sockaddr_in().map(|v4| SocketAddrV4::from(*v4));
+        let six = |from: &SockaddrStorage| from.as_sockaddr_in6().map(|v6| SocketAddrV6::from(*v6));
+        let from = message.address.as_ref().and_then(|from| {
+            let four = four(from).map(SocketAddr::from);
+            four.or_else(|| six(from).map(SocketAddr::from))
+        });
+        let from = from.ok_or_else(|| io::Error::other("a datagram from no address"))?;
+        Ok((message.bytes, from, lost))
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+mod system {
+    use std::io;
+    use std::net::{SocketAddr, UdpSocket};
+
+    pub(super) fn count_losses(_: &UdpSocket) -> io::Result<()> {
+        Ok(())
+    }
+
+    pub(super) fn receive(
+        socket: &UdpSocket,
+        buffer: &mut [u8],
+    ) -> io::Result<(usize, SocketAddr, Option<u32>)> {
+        let (length, from) = socket.recv_from(buffer)?;
+        Ok((length, from, None))
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_found_no_room_is_counted_once() {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.set_nonblocking(true).unwrap();
+        let mut datagrams = Datagrams::of(&socket).unwrap();
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let mut buffer = [0; 2000];
+        for round in 0..2 {
+            // More than any default buffer holds: each takes some 2 KiB of it.
+            let sent = 20_000;
+            for number in 0..sent {
+                let packet = [number as u8; 1400];
+                sender
+                    .send_to(&packet, socket.local_addr().unwrap())
+                    .unwrap();
+            }
+            let (mut taken, mut lost) = (0, 0);
+            while let Ok(datagram) = datagrams.receive(&mut buffer) {
+                assert_eq!(datagram.length, 1400);
+                assert_eq!(datagram.from, sender.local_addr().unwrap());
+                (taken, lost) = (taken + 1, lost + datagram.lost);
+            }
+            assert!(taken < sent, "{taken} found room");
+            // The next one tells of those lost after the last that found room.
+            sender
+                .send_to(b"next", socket.local_addr().unwrap())
+                .unwrap();
+            let next = datagrams.receive(&mut buffer).unwrap();
+            assert_eq!(
+                (next.length, lost + next.lost),
+                (4, sent - taken),
+                "{round}"
+            );
+        }
+    }
+}
