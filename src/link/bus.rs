@@ -147,13 +147,7 @@ impl Outbox for BusOutbox {
         let Outbound::Packet { exchange, packet } = what else {
             return Ok(None);
         };
-        // Booked first: the carrier may be done with it before we are back.
-        self.tally.queued();
-        let sent = self.queue.try_send(packet);
-        if sent.is_err() {
-            self.tally.done();
-        }
-        match sent {
+        match self.tally.queue(|| self.queue.try_send(packet)) {
             Ok(()) => self.waker.wake(),
             Err(TrySendError::Full(packet)) => {
                 return Ok(Some(Outbound::Packet { exchange, packet }));
@@ -232,8 +226,13 @@ impl Above for End {
             Note::Trouble(Trouble::BusOff) => {
                 count(&tally.bus_off);
                 count(&tally.bus_errors);
+                let restart = if address.starts_with("slcan") {
+                    "the adapter is opened anew"
+                } else {
+                    "it waits for a restart (`ip link set NAME type can restart-ms 100` makes it automatic)"
+                };
                 tracing::warn!(
-                    "{address}: bus-off, the controller has left the bus after too many errors: it waits for a restart (`ip link set NAME type can restart-ms 100` makes it automatic)"
+                    "{address}: bus-off, the controller has left the bus after too many errors: {restart}"
                 );
             }
             Note::Trouble(Trouble::Restarted) => tracing::warn!("{address}: on the bus again"),

@@ -119,8 +119,9 @@ impl Outbox for LineOutbox {
         let Outbound::Packet { exchange, packet } = what else {
             return Ok(None);
         };
-        match self.queue.try_send((exchange, packet)) {
-            Ok(()) => self.tally.queued(),
+        let departure = (exchange, packet);
+        match self.tally.queue(|| self.queue.try_send(departure)) {
+            Ok(()) => {}
             Err(TrySendError::Full((exchange, packet))) => {
                 return Ok(Some(Outbound::Packet { exchange, packet }));
             }

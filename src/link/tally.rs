@@ -68,6 +68,12 @@ impl Tally {
         count(&self.waiting);
     }
 
+    /// Puts a packet into the outbound queue. It is booked first: it may have left the queue before `try_send` is back.
+    pub(super) fn queue<E>(&self, try_send: impl FnOnce() -> Result<(), E>) -> Result<(), E> {
+        self.queued();
+        try_send().inspect_err(|_| self.done())
+    }
+
     /// Books a packet that has left the queue for good.
     pub(super) fn done(&self) {
         self.waiting.fetch_sub(1, Ordering::Relaxed);

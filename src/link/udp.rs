@@ -147,13 +147,17 @@ struct UdpOutbox {
 impl Outbox for UdpOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
         let is_packet = matches!(what, Outbound::Packet { .. });
-        match self.queue.try_send(what) {
-            Ok(()) if is_packet => self.tally.queued(),
-            Ok(()) => {}
-            Err(TryQueue::Full(what)) => return Ok(Some(what)),
-            Err(TryQueue::Closed(_)) => return Err(LinkError::Closed(self.address.clone())),
+        let try_send = || self.queue.try_send(what);
+        let sent = if is_packet {
+            self.tally.queue(try_send)
+        } else {
+            try_send()
+        };
+        match sent {
+            Ok(()) => Ok(None),
+            Err(TryQueue::Full(what)) => Ok(Some(what)),
+            Err(TryQueue::Closed(_)) => Err(LinkError::Closed(self.address.clone())),
         }
-        Ok(None)
     }
 }
 

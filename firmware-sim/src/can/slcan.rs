@@ -4,11 +4,11 @@
 //! commands that come from there are passed over.
 
 use super::settings::Settings;
-use super::{CanBus, Refusal, Sending};
+use super::{CanBus, Refusal, Sending, Trouble};
 use serialport::SerialPort;
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::can::slcan::{
-    Answer, BIT_RATES, Command, DATA_RATES, Decoder, Line, MAX_LINE, encode,
+    Answer, BIT_RATES, Command, DATA_RATES, Decoder, Line, MAX_LINE, State, encode,
 };
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
@@ -18,6 +18,9 @@ use std::time::Duration;
 const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
 /// Speed of the line where none is given. Adapters on USB have none of their own.
 pub const BAUD: u32 = 115_200;
+
+/// Frames refused one after the other by which an adapter shows that it is off the bus.
+const REFUSED: u32 = 64;
 
 /// An adapter, or a line to another host.
 pub struct SlcanBus {
@@ -29,6 +32,10 @@ pub struct SlcanBus {
     garbled: u32,
     /// Commands that the adapter may still answer.
     unanswered: usize,
+    /// Frames that it has refused since it took one.
+    refused: u32,
+    /// Whether it takes no part in the bus any more, which it does again after it is opened anew.
+    off: bool,
 }
 
 /// The adapter's commands for the bit rates of `settings`.
@@ -112,6 +119,8 @@ pub fn over(
         received: VecDeque::new(),
         garbled: 0,
         unanswered: commands.len(),
+        refused: 0,
+        off: false,
     }))
 }
 
@@ -130,14 +139,40 @@ impl SlcanBus {
     /// The adapter refuses a frame: its transmit queue is full, or it has left the bus. The command to close it may be refused:
     /// it was closed.
     fn hear(&mut self, answer: Answer) {
-        match answer {
+        let trouble = match answer {
             // The empty line in front is answered by some.
-            Answer::Done => {}
-            Answer::Sent { .. } => self.unanswered = 0,
-            Answer::Refused if self.unanswered > 0 => self.unanswered -= 1,
-            Answer::Refused => self.received.push_back(overflow()),
-            Answer::Status(_) | Answer::Version(_) | Answer::Serial(_) => {}
-        }
+            Answer::Done => {
+                self.refused = 0;
+                return;
+            }
+            Answer::Sent { .. } => {
+                (self.unanswered, self.refused) = (0, 0);
+                return;
+            }
+            Answer::Refused if self.unanswered > 0 => {
+                self.unanswered -= 1;
+                return;
+            }
+            Answer::Refused => {
+                self.refused += 1;
+                self.off |= self.refused >= REFUSED;
+                overflow()
+            }
+            Answer::State {
+                state: State::BusOff,
+                ..
+            } => {
+                self.off = true;
+                Trouble::BusOff.frame()
+            }
+            Answer::State {
+                state: State::Active,
+                ..
+            } => return,
+            Answer::State { .. } | Answer::Errors(_) => Trouble::Error.frame(),
+            Answer::Status(_) | Answer::Version(_) | Answer::Serial(_) => return,
+        };
+        self.received.push_back(trouble);
     }
 }
 
@@ -190,6 +225,10 @@ impl CanBus for SlcanBus {
         if let Some(frame) = self.received.pop_front() {
             return Ok(Some(frame));
         }
+        if self.off {
+            let why = "the adapter has left the bus, or refuses every frame";
+            return Err(io::Error::new(ErrorKind::NotConnected, why));
+        }
         self.line.set_timeout(timeout)?;
         let mut octets = [0; 4096];
         match self.line.read(&mut octets) {
@@ -211,6 +250,8 @@ impl CanBus for SlcanBus {
             received: VecDeque::new(),
             garbled: 0,
             unanswered: self.unanswered,
+            refused: 0,
+            off: false,
         }))
     }
 
@@ -264,6 +305,36 @@ mod tests {
             refused.error,
             "a frame that the adapter refuses is an error of the bus"
         );
+    }
+
+    #[test]
+    fn an_adapter_that_leaves_the_bus_is_to_be_opened_anew() {
+        let trouble = |bus: &mut Box<dyn CanBus>| {
+            let frame = bus.recv(Duration::from_secs(5))?;
+            io::Result::Ok(frame.as_ref().and_then(Trouble::of))
+        };
+        // X-Val: lines of Linux's slcan driver: an acknowledgement missed, error passive, bus-off.
+        let (mut bus, mut other) = line("bitrate=250000");
+        other.write_all(b"e1a\rsp000128\rsb000256\r").unwrap();
+        assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::Error));
+        assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::Error));
+        assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::BusOff));
+        let gone = trouble(&mut bus).unwrap_err();
+        assert_eq!(gone.kind(), ErrorKind::NotConnected);
+        assert_eq!(bus.garbled(), 0);
+        // One that does not say so refuses all it is to send. The first three may answer C, S and O.
+        let (mut bus, mut other) = line("bitrate=250000");
+        let most = REFUSED as usize - 1;
+        other.write_all(&vec![0x07; 3 + most]).unwrap();
+        other.write_all(b"z\r").unwrap();
+        other.write_all(&vec![0x07; most]).unwrap();
+        for _ in 0..2 * most {
+            // It took one in between.
+            assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::Error));
+        }
+        other.write_all(b"\x07").unwrap();
+        assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::Error));
+        assert!(trouble(&mut bus).is_err());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The text of an [slcan](crate::can::slcan) line, read and written.
 
 use crate::can::frame::{CanFrame, LENGTHS, MAX_CLASSIC_DATA, MAX_DATA, dlc};
-use crate::can::slcan::{Answer, BEL, CR, Command, DATA_RATES, Line, LineError};
+use crate::can::slcan::{Answer, BEL, CR, Command, DATA_RATES, Line, LineError, State};
 
 /// Reads a line without its CR.
 pub(crate) fn parse(line: &[u8]) -> Result<Line, LineError> {
@@ -10,7 +10,7 @@ pub(crate) fn parse(line: &[u8]) -> Result<Line, LineError> {
     };
     let parsed = match first {
         b't' | b'T' | b'r' | b'R' | b'd' | b'D' | b'b' | b'B' => parse_frame(*first, rest),
-        b'S' | b'Y' | b'O' | b'L' | b'C' | b'F' | b'V' | b'N' | b'Z' | b'z' => {
+        b'S' | b'Y' | b'O' | b'L' | b'C' | b'F' | b'V' | b'N' | b'Z' | b'z' | b's' | b'e' => {
             parse_other(*first, rest)
         }
         _ => return Err(LineError::Unknown { first: *first }),
@@ -49,8 +49,43 @@ fn parse_answer(first: u8, rest: &[u8]) -> Option<Answer> {
         (b'F', [_, _]) => Some(Answer::Status(number(rest)? as u8)),
         (b'V', [_, ..]) => Some(Answer::Version(text)),
         (b'N', [_, ..]) => Some(Answer::Serial(text)),
+        (b's', [letter, counters @ ..]) => {
+            let (receive, transmit) = counters.split_at_checked(3)?;
+            let (state, _) = STATES.iter().find(|(_, known)| known == letter)?;
+            Some(Answer::State {
+                state: *state,
+                receive_errors: decimal(receive)?,
+                transmit_errors: decimal(transmit)?,
+            })
+        }
+        (b'e', [count @ b'1'..=b'8', letters @ ..]) => {
+            let mut told = [0; 8];
+            let told_now = told.get_mut(..usize::from(count - b'0'))?;
+            if letters.len() != told_now.len() || !letters.iter().all(u8::is_ascii_alphabetic) {
+                return None;
+            }
+            told_now.copy_from_slice(letters);
+            Some(Answer::Errors(told))
+        }
         _ => None,
     }
+}
+
+/// States of a controller and their letters.
+const STATES: [(State, u8); 4] = [
+    (State::Active, b'a'),
+    (State::Warning, b'w'),
+    (State::Passive, b'p'),
+    (State::BusOff, b'b'),
+];
+
+/// Three decimal digits.
+fn decimal(digits: &[u8]) -> Option<u16> {
+    let [_, _, _] = digits else { return None };
+    digits.iter().try_fold(0, |number, octet| {
+        let digit = char::from(*octet).to_digit(10)?;
+        Some(number * 10 + digit as u16)
+    })
 }
 
 fn parse_frame(first: u8, rest: &[u8]) -> Option<Line> {
@@ -134,6 +169,26 @@ fn encode_answer(answer: Answer, put: &mut impl FnMut(u8)) {
         }
         Answer::Version(text) => [b'V'].into_iter().chain(text).for_each(put),
         Answer::Serial(text) => [b'N'].into_iter().chain(text).for_each(put),
+        Answer::State {
+            state,
+            receive_errors,
+            transmit_errors,
+        } => {
+            put(b's');
+            let known = STATES.iter().filter(|(known, _)| *known == state);
+            known.for_each(|(_, letter)| put(*letter));
+            for counter in [receive_errors, transmit_errors] {
+                for place in [100, 10, 1] {
+                    put(b'0' + (counter / place % 10) as u8);
+                }
+            }
+        }
+        Answer::Errors(letters) => {
+            put(b'e');
+            let letters = letters.iter().filter(|letter| **letter != 0);
+            put(b'0' + letters.clone().count() as u8);
+            letters.for_each(|letter| put(*letter));
+        }
     }
 }
 

@@ -12,6 +12,8 @@
 //! | `O`, `L`, `C` | open, open to listen only, close |
 //! | `F`, `V`, `N` | status flags, version, serial number: answered by `FXX`, `VXXXX`, `NXXXX` |
 //! | `Z0`, `Z1` | time stamps off, on |
+//! | `sXRRRTTT` | unasked: state of the controller, receive and transmit error counter (Linux: `drivers/net/can/slcan`) |
+//! | `eNXX..` | unasked: N errors on the bus, a letter each |
 //! | empty, `z`, `Z` | done; sent, 11- or 29-bit |
 
 pub use crate::can::line::encode;
@@ -98,6 +100,31 @@ pub enum Answer {
     Version([u8; 4]),
     /// Serial number, likewise.
     Serial([u8; 4]),
+    /// State of the controller, told when it changes.
+    State {
+        /// The state.
+        state: State,
+        /// Its receive error counter.
+        receive_errors: u16,
+        /// Its transmit error counter.
+        transmit_errors: u16,
+    },
+    /// Errors on the bus, 1 to 8, a letter each: `a` acknowledgement, `b` `B` bit 0 or 1, `c` CRC, `f` form, `s` stuffing, `o` `O`
+    /// receive or transmit overrun. 0 after the last.
+    Errors([u8; 8]),
+}
+
+/// How a controller takes part in the bus (ISO 11898-1, fault confinement).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// As it should.
+    Active,
+    /// An error counter has reached 96.
+    Warning,
+    /// It signals errors passively.
+    Passive,
+    /// Not at all: too many errors.
+    BusOff,
 }
 
 /// Why octets up to a CR are no line.

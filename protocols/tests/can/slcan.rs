@@ -7,7 +7,7 @@ use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::can::adapter::Adapter;
 use skyloop_protocols::can::frame::{LENGTHS, MAX_EXTENDED_ID};
 use skyloop_protocols::can::slcan::{
-    Answer, Command, DATA_RATES, Decoder, Line, LineError, MAX_LINE, encode,
+    Answer, Command, DATA_RATES, Decoder, Line, LineError, MAX_LINE, State, encode,
 };
 
 fn decode(text: &[u8]) -> Vec<Result<Line, LineError>> {
@@ -68,6 +68,25 @@ fn lines_of_the_lawicel_manual() {
         ("NA123\r", Line::Answer(Answer::Serial(*b"A123"))),
         ("Z0\r", Line::Command(Command::TimeStamps(false))),
         ("Z1\r", Line::Command(Command::TimeStamps(true))),
+        // X-Val: Linux, drivers/net/can/slcan/slcan-core.c, the examples of slcan_bump_state and slcan_bump_err.
+        (
+            "sb256256\r",
+            Line::Answer(Answer::State {
+                state: State::BusOff,
+                receive_errors: 256,
+                transmit_errors: 256,
+            }),
+        ),
+        (
+            "sa057033\r",
+            Line::Answer(Answer::State {
+                state: State::Active,
+                receive_errors: 57,
+                transmit_errors: 33,
+            }),
+        ),
+        ("e1a\r", Line::Answer(Answer::Errors(*b"a\0\0\0\0\0\0\0"))),
+        ("e3bcO\r", Line::Answer(Answer::Errors(*b"bcO\0\0\0\0\0"))),
         ("\r", Line::Answer(Answer::Done)),
         ("z\r", Line::Answer(Answer::Sent { extended: false })),
         ("Z\r", Line::Answer(Answer::Sent { extended: true })),
@@ -257,6 +276,16 @@ fn any_line() -> impl Strategy<Value = Line> {
         any::<u8>().prop_map(Answer::Status),
         four().prop_map(Answer::Version),
         four().prop_map(Answer::Serial),
+        (0_u16..1000, 0_u16..1000).prop_map(|(receive_errors, transmit_errors)| Answer::State {
+            state: State::Passive,
+            receive_errors,
+            transmit_errors,
+        }),
+        (1_usize..=8).prop_map(|count| {
+            let mut letters = [0; 8];
+            letters[..count].fill(b's');
+            Answer::Errors(letters)
+        }),
         Just(Answer::Refused),
     ];
     prop_oneof![
