@@ -5,9 +5,7 @@ pub use crate::generated::codes::Packing;
 pub use crate::generated::frames::{FrameHeader, LabelPart, PixelBlock};
 use crate::output::{LabelLevel, MAX_WINDOW, PixelLevel};
 use crate::packet::{CRC_LENGTH, HEADER_LENGTH};
-use crate::pixels::{
-    self, BLOCK_FIELDS_LENGTH, LABEL_TEXT_PER_PART, packed_length, pixels_per_block, unpack,
-};
+use crate::pixels::{self, LABEL_TEXT_PER_PART, packed_length, pixels_per_block, unpack};
 use crate::rice;
 use crate::rules::rule;
 
@@ -126,7 +124,7 @@ impl PixelBlock<'_> {
             "must be index times the pixels of a full block",
         )?;
         let length = packed_length(self.packing, count);
-        same_length("PixelBlock", BLOCK_FIELDS_LENGTH, self.data.len(), length)?;
+        same_length("PixelBlock", Self::FIELDS_LENGTH, self.data.len(), length)?;
         rule(
             is_padded(self.packing, count, self.data),
             "PixelBlock.data",

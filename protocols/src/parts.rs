@@ -3,9 +3,7 @@
 use crate::error::{DecodeError, EncodeError};
 use crate::frame::{Packing, is_padded, same_length};
 pub use crate::generated::frames::{CompressedBlock, ObjectPart, ObjectRecord, WindowBlock};
-use crate::pixels::{
-    OBJECT_LENGTH, OBJECTS_PER_PART, WINDOWS_FIELDS_LENGTH, packed_length, windows_per_block,
-};
+use crate::pixels::{OBJECT_LENGTH, OBJECTS_PER_PART, packed_length, windows_per_block};
 use crate::rules::rule;
 use crate::wire::{Reader, Writer};
 
@@ -60,7 +58,7 @@ impl<'a> WindowBlock<'a> {
             "must be index times the windows of a full packet",
         )?;
         let length = count * window_length(self.packing, self.size);
-        same_length("Windows", WINDOWS_FIELDS_LENGTH, self.data.len(), length)?;
+        same_length("Windows", Self::FIELDS_LENGTH, self.data.len(), length)?;
         rule(
             self.windows()
                 .all(|window| is_padded(self.packing, self.size.into(), window.data)),

@@ -5,30 +5,23 @@
 
 use crate::error::EncodeError;
 use crate::frame::Packing;
+use crate::generated::frames::{
+    CompressedBlock, LabelPart, ObjectPart, ObjectRecord, PixelBlock, WindowBlock,
+};
 use crate::packet::MAX_PAYLOAD;
 use crate::parts::window_length;
 
-/// Octets of a `PixelBlock` payload before the pixels.
-pub const BLOCK_FIELDS_LENGTH: usize = 15;
-/// Octets of a `Labels` payload before the text.
-pub const LABEL_FIELDS_LENGTH: usize = 8;
 /// Octets of label text in every part but the last.
-pub const LABEL_TEXT_PER_PART: usize = MAX_PAYLOAD - LABEL_FIELDS_LENGTH;
+pub const LABEL_TEXT_PER_PART: usize = MAX_PAYLOAD - LabelPart::FIELDS_LENGTH;
 
-/// Octets of a `Windows` payload before the windows.
-pub const WINDOWS_FIELDS_LENGTH: usize = 13;
-/// Octets of an `Objects` payload before the records.
-pub const OBJECTS_FIELDS_LENGTH: usize = 8;
 /// Octets of one object's record.
-pub const OBJECT_LENGTH: usize = 54;
+pub const OBJECT_LENGTH: usize = ObjectRecord::FIELDS_LENGTH;
 /// Records in every `Objects` part but the last.
-pub const OBJECTS_PER_PART: usize = (MAX_PAYLOAD - OBJECTS_FIELDS_LENGTH) / OBJECT_LENGTH;
-/// Octets of a `Compressed` payload before the code.
-pub const COMPRESSED_FIELDS_LENGTH: usize = 14;
+pub const OBJECTS_PER_PART: usize = (MAX_PAYLOAD - ObjectPart::FIELDS_LENGTH) / OBJECT_LENGTH;
 /// Most octets of code in a `Compressed` packet.
-pub const COMPRESSED_DATA: usize = MAX_PAYLOAD - COMPRESSED_FIELDS_LENGTH;
+pub const COMPRESSED_DATA: usize = MAX_PAYLOAD - CompressedBlock::FIELDS_LENGTH;
 
-const BLOCK_DATA: usize = MAX_PAYLOAD - BLOCK_FIELDS_LENGTH;
+const BLOCK_DATA: usize = MAX_PAYLOAD - PixelBlock::FIELDS_LENGTH;
 const MAX_12_BIT: u16 = 0xFFF;
 
 /// Most pixels that fit one block; a whole number of pairs when packed to 12 bits.
@@ -50,7 +43,7 @@ pub const fn packed_length(packing: Packing, count: usize) -> usize {
 /// Windows of `size` columns and rows that fit one `Windows` packet; 0 for those beyond
 /// [`MAX_WINDOW`](crate::output::MAX_WINDOW).
 pub const fn windows_per_block(packing: Packing, size: u8) -> usize {
-    (MAX_PAYLOAD - WINDOWS_FIELDS_LENGTH) / window_length(packing, size)
+    (MAX_PAYLOAD - WindowBlock::FIELDS_LENGTH) / window_length(packing, size)
 }
 
 /// Parts of `objects` records.

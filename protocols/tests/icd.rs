@@ -7,11 +7,10 @@ use std::collections::BTreeSet;
 use common::{golden, hex};
 use skyloop_protocols::command::Opcode;
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH, MAX_PAYLOAD, VERSION};
-use skyloop_protocols::pixels::{
-    BLOCK_FIELDS_LENGTH, LABEL_FIELDS_LENGTH, LABEL_TEXT_PER_PART, pixels_per_block,
-};
+use skyloop_protocols::pixels::{LABEL_TEXT_PER_PART, pixels_per_block};
 use skyloop_protocols::reply::MAX_DETAIL;
 use skyloop_protocols::{Counters, MAX_PACKET, Mode, Packing, Reason, apid, slip};
+use skyloop_protocols::{LabelPart, PixelBlock};
 
 const ICD: &str = include_str!("../docs/icd.md");
 
@@ -229,8 +228,14 @@ fn every_limit_is_named() {
         format!("1 to {LABEL_TEXT_PER_PART} octets"),
         format!("0 to {MAX_DETAIL} octets"),
         format!("one of more than {} drops", slip::BUFFER),
-        format!("| {} | n | | data |", HEADER_LENGTH + BLOCK_FIELDS_LENGTH),
-        format!("| {} | n | | text |", HEADER_LENGTH + LABEL_FIELDS_LENGTH),
+        format!(
+            "| {} | n | | data |",
+            HEADER_LENGTH + PixelBlock::FIELDS_LENGTH
+        ),
+        format!(
+            "| {} | n | | text |",
+            HEADER_LENGTH + LabelPart::FIELDS_LENGTH
+        ),
     ];
     let text = ICD.split_whitespace().collect::<Vec<_>>().join(" ");
     for sentence in sentences {

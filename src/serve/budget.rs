@@ -4,18 +4,18 @@ use crate::camera::Camera;
 use crate::link::{Roles, Wire};
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH};
 use skyloop_protocols::pixels::{
-    BLOCK_FIELDS_LENGTH, COMPRESSED_DATA, COMPRESSED_FIELDS_LENGTH, LABEL_FIELDS_LENGTH,
-    LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_FIELDS_LENGTH, OBJECTS_PER_PART,
-    WINDOWS_FIELDS_LENGTH, packed_length, pixels_per_block, windows_per_block,
+    COMPRESSED_DATA, LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_PER_PART, packed_length,
+    pixels_per_block, windows_per_block,
 };
 use skyloop_protocols::reply::window_length;
-use skyloop_protocols::{LabelLevel, Output, Packing, PixelLevel};
+use skyloop_protocols::{
+    CompressedBlock, FrameHeader, LabelLevel, LabelPart, ObjectPart, Output, Packing, PixelBlock,
+    PixelLevel, WindowBlock,
+};
 use std::time::Duration;
 
 /// Octets of a packet beside its fields.
 const AROUND: usize = HEADER_LENGTH + CRC_LENGTH;
-/// Octets of a `FrameHeader`.
-const FRAME_HEADER: usize = 90;
 /// Octets of label text a star takes, about: the built-in scene's 1,157 stars a frame take 405 kB.
 const TEXT_PER_STAR: f64 = 350.0;
 /// Stars a square degree, on the average: 78,367 on the sphere's 41,253 square degrees.
@@ -31,7 +31,7 @@ struct Packets {
 fn packets(camera: &Camera, output: &Output, roles: Roles) -> Vec<Packets> {
     let mut all = vec![Packets {
         count: 1,
-        octets: FRAME_HEADER,
+        octets: AROUND + FrameHeader::FIELDS_LENGTH,
     }];
     let mut cut = |items: usize, most: usize, octets: &dyn Fn(usize) -> usize| {
         for (count, items) in [(items / most, most), (1, items % most)] {
@@ -52,16 +52,16 @@ fn packets(camera: &Camera, output: &Output, roles: Roles) -> Vec<Packets> {
             let most = windows_per_block(packing, output.window_size).max(1);
             let window = window_length(packing, output.window_size);
             cut(usize::from(output.windows), most, &|n| {
-                WINDOWS_FIELDS_LENGTH + n * window
+                WindowBlock::FIELDS_LENGTH + n * window
             });
         }
         PixelLevel::Frame => cut(detector.pixels(), pixels_per_block(packing), &|n| {
-            BLOCK_FIELDS_LENGTH + packed_length(packing, n)
+            PixelBlock::FIELDS_LENGTH + packed_length(packing, n)
         }),
         PixelLevel::Compressed => {
             let octets = detector.pixels() as f64 * bits_a_pixel(camera) / 8.0;
             cut(octets as usize, COMPRESSED_DATA, &|n| {
-                COMPRESSED_FIELDS_LENGTH + n
+                CompressedBlock::FIELDS_LENGTH + n
             });
         }
     }
@@ -69,7 +69,7 @@ fn packets(camera: &Camera, output: &Output, roles: Roles) -> Vec<Packets> {
         _ if !roles.labels => {}
         LabelLevel::None => {}
         LabelLevel::Objects => cut(usize::from(output.objects), OBJECTS_PER_PART, &|n| {
-            OBJECTS_FIELDS_LENGTH + n * OBJECT_LENGTH
+            ObjectPart::FIELDS_LENGTH + n * OBJECT_LENGTH
         }),
         LabelLevel::Text => {
             let [x, y] =
@@ -81,7 +81,7 @@ fn packets(camera: &Camera, output: &Output, roles: Roles) -> Vec<Packets> {
             cut(
                 (stars * TEXT_PER_STAR) as usize + 500,
                 LABEL_TEXT_PER_PART,
-                &|n| LABEL_FIELDS_LENGTH + n,
+                &|n| LabelPart::FIELDS_LENGTH + n,
             );
         }
     }

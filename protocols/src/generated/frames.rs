@@ -128,6 +128,11 @@ impl FrameHeader {
     }
 }
 
+impl FrameHeader {
+    /// Octets of its fields, the rest of variable length aside.
+    pub const FIELDS_LENGTH: usize = 73;
+}
+
 /// A run of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PixelBlock<'a> {
@@ -181,6 +186,11 @@ impl<'a> PixelBlock<'a> {
     }
 }
 
+impl PixelBlock<'_> {
+    /// Octets of its fields, the rest of variable length aside.
+    pub const FIELDS_LENGTH: usize = 15;
+}
+
 /// A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without a newline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LabelPart<'a> {
@@ -223,6 +233,11 @@ impl<'a> LabelPart<'a> {
         rule((1..=1375).contains(&self.text.len()), "LabelPart.text", "must be 1 to 1375 octets")?;
         Ok(())
     }
+}
+
+impl LabelPart<'_> {
+    /// Octets of its fields, the rest of variable length aside.
+    pub const FIELDS_LENGTH: usize = 8;
 }
 
 /// Square windows cut out of a frame.
@@ -284,6 +299,11 @@ impl<'a> WindowBlock<'a> {
     }
 }
 
+impl WindowBlock<'_> {
+    /// Octets of its fields, the rest of variable length aside.
+    pub const FIELDS_LENGTH: usize = 13;
+}
+
 /// Records of the brightest objects in a frame, brightest first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ObjectPart<'a> {
@@ -325,6 +345,11 @@ impl<'a> ObjectPart<'a> {
         rule((1..).contains(&self.parts), "ObjectPart.parts", "must be 1 to 65535")?;
         Ok(())
     }
+}
+
+impl ObjectPart<'_> {
+    /// Octets of its fields, the rest of variable length aside.
+    pub const FIELDS_LENGTH: usize = 8;
 }
 
 /// One object of the labels.
@@ -401,6 +426,11 @@ impl ObjectRecord {
     }
 }
 
+impl ObjectRecord {
+    /// Octets of its fields, the rest of variable length aside.
+    pub const FIELDS_LENGTH: usize = 54;
+}
+
 /// A run of pixels, losslessly compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CompressedBlock<'a> {
@@ -448,4 +478,9 @@ impl<'a> CompressedBlock<'a> {
         rule((1..=1369).contains(&self.data.len()), "CompressedBlock.data", "must be 1 to 1369 octets")?;
         Ok(())
     }
+}
+
+impl CompressedBlock<'_> {
+    /// Octets of its fields, the rest of variable length aside.
+    pub const FIELDS_LENGTH: usize = 14;
 }

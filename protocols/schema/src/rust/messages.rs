@@ -3,7 +3,7 @@
 use super::doc;
 use super::structures::{Structure, field_range, write_value};
 use crate::c::upper;
-use crate::model::{Kind, Message, Opcode, Receiver, Schema};
+use crate::model::{Field, Kind, Message, Opcode, Receiver, Schema};
 
 /// What a client sends.
 pub(super) fn commands(schema: &Schema) -> String {
@@ -31,15 +31,28 @@ pub(super) fn frames(schema: &Schema) -> String {
         .to_owned();
     for message in to(schema, Receiver::Client).filter(|message| is_of_frame(message)) {
         out += &of_message(message).text(schema);
+        out += &length(message.type_name(), message.borrows, &message.fields);
         for record in message
             .fields
             .iter()
             .filter_map(|field| field.record.as_deref())
         {
             out += &of_structure(schema, record);
+            if let Some(structure) = schema.structure(record) {
+                out += &length(record, false, &structure.fields);
+            }
         }
     }
     out
+}
+
+/// How long the fields are that are always the same.
+fn length(name: &str, borrows: bool, fields: &[Field]) -> String {
+    let octets: usize = fields.iter().filter_map(Field::octets).sum();
+    let lifetime = if borrows { "<'_>" } else { "" };
+    format!(
+        "\nimpl {name}{lifetime} {{\n    /// Octets of its fields, the rest of variable length aside.\n    pub const FIELDS_LENGTH: usize = {octets};\n}}\n"
+    )
 }
 
 /// The other packets, and the enum over all.
