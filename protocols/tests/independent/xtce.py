@@ -1,14 +1,19 @@
-"""docs/skyloop.xtce.xml reads every golden packet: space_packet_parser decodes it, every field is compared."""
+"""docs/skyloop.xtce.xml is XTCE 1.2 by the OMG's XML schema, and reads every golden packet: space_packet_parser decodes
+it, every field is compared."""
 import struct
 import sys
 import warnings
+from pathlib import Path
 
+import space_packet_parser
 from space_packet_parser.xtce.definitions import XtcePacketDefinition
+from space_packet_parser.xtce.validation import validate_xtce
 
 from vectors import PROTOCOLS, golden
 
 warnings.simplefilter("error")  # octets that no parameter has claimed
-definition = XtcePacketDefinition.from_xtce(PROTOCOLS / "docs/skyloop.xtce.xml")
+FILE = PROTOCOLS / "docs/skyloop.xtce.xml"
+definition = XtcePacketDefinition.from_xtce(FILE)
 HEADER = {"VERSION", "TYPE", "SEC_HDR_FLG", "PKT_APID", "SEQ_FLGS", "SRC_SEQ_CTR", "PKT_LEN", "TIME", "FORMAT_VERSION",
           "CRC"}
 PARTS = {4: "xyzw", 3: "xyz"}
@@ -88,6 +93,13 @@ def check(entry):
     return len(seen)
 
 
+# The package brings the OMG's schema along.
+XSD = Path(space_packet_parser.__file__).parent / "xtce/schemas/SpaceSystem.xsd"
+for level, schema in (("schema", XSD), ("structure", None)):
+    verdict = validate_xtce(FILE, level=level, local_xsd=schema, raise_on_error=False, print_results=False)
+    if not verdict.valid:
+        sys.exit(f"xtce.py: {FILE.name}: not XTCE by its {level}: {verdict.errors[0]}")
+
 fields = packets = 0
 for vector in golden():
     if "message" in vector:
@@ -97,4 +109,4 @@ for vector in golden():
             sys.exit(f"xtce.py: [{vector['name']}]: {type(error).__name__}: {error}")
         packets += 1
 assert packets >= 30
-print(f"skyloop.xtce.xml: {packets} packets, {fields} fields as in golden.txt")
+print(f"skyloop.xtce.xml: valid XTCE; {packets} packets, {fields} fields as in golden.txt")
