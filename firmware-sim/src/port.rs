@@ -1,6 +1,7 @@
 //! The flight computer's end of a link: whole packets out, whole packets in.
 
 use std::io;
+use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
@@ -120,6 +121,34 @@ pub struct Refusal {
     pub source: io::Error,
     /// What to do.
     pub remedy: String,
+}
+
+impl Refusal {
+    /// Why the serial port `path` cannot be opened.
+    #[must_use]
+    pub fn of_serial_port(path: &str, error: serialport::Error) -> Self {
+        let place = Path::new(path);
+        let text = error.description.to_lowercase();
+        let remedy = if !place.exists() {
+            "check that the device exists: its name and its cable"
+        } else if place.is_dir() || place.is_file() || text.contains("typewriter") {
+            "this is no serial port: name a device such as /dev/ttyUSB0"
+        } else if matches!(
+            error.kind(),
+            serialport::ErrorKind::Io(io::ErrorKind::PermissionDenied)
+        ) {
+            "you may not use the device: join the group that owns it (see ls -l; often dialout)"
+        } else if text.contains("busy") || text.contains("lock") {
+            "another program has it open: end that one, or choose another port"
+        } else {
+            "check that the device is a serial port and takes this baud rate"
+        };
+        Self {
+            action: "open the serial port",
+            source: error.into(),
+            remedy: remedy.to_string(),
+        }
+    }
 }
 
 /// A kind of link that an address can name.

@@ -55,13 +55,17 @@ impl Roles {
     pub fn parse(text: &str) -> Result<Self, String> {
         let mut roles = Self::NONE;
         for name in text.split('+') {
-            match name {
-                "truth" => roles.truth = true,
-                "pixels" => roles.pixels = true,
-                "labels" => roles.labels = true,
+            let role = match name {
+                "truth" => Some(&mut roles.truth),
+                "pixels" => Some(&mut roles.pixels),
+                "labels" => Some(&mut roles.labels),
+                _ => None,
+            };
+            match role {
+                Some(role) if !*role => *role = true,
                 _ => {
                     return Err(format!(
-                        "roles={text} must be truth, pixels or labels, or several joined by +"
+                        "roles={text} must be truth, pixels or labels, or several joined by +, each once"
                     ));
                 }
             }

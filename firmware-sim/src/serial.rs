@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use skyloop_protocols::slip;
 
-use crate::port::{OpenError, Port, PortError, Scheme};
+use crate::port::{OpenError, Port, PortError, Refusal, Scheme};
 use crate::reader::{READ_TIMEOUT, Reader};
 
 /// How long a write may be stuck: a line whose other end does not read is gone.
@@ -62,9 +62,10 @@ impl SerialPort {
     /// [`PortError::Io`] with the path.
     pub fn open(path: &str, baud: u32) -> Result<Self, PortError> {
         let line = serialport::new(path, baud).timeout(READ_TIMEOUT).open();
-        const WHAT: &str =
-            "cannot open the serial port (it must exist, be free, and be yours to read and write)";
-        Self::over(line.map_err(|error| PortError::io(path, WHAT, error.into()))?)
+        Self::over(line.map_err(|error| PortError::Refused {
+            link: path.to_string(),
+            source: Refusal::of_serial_port(path, error),
+        })?)
     }
 
     /// Takes over an open serial port.

@@ -7,8 +7,8 @@ use super::{
     Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Tally, Wire, count, inbox::inbox, thread,
 };
 use serialport::SerialPort;
+use skyloop_firmware_sim::port::Refusal;
 use std::io::ErrorKind;
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -41,7 +41,10 @@ fn start(
         baud,
         loopback,
     };
-    let (input, output) = device.open().map_err(|error| refusal(url, path, error))?;
+    let (input, output) = device.open().map_err(|error| LinkError::Refused {
+        url: url.text.clone(),
+        source: Refusal::of_serial_port(path, error),
+    })?;
     let line = Arc::new(Line {
         device,
         output: Mutex::new(Some(output)),
@@ -74,27 +77,6 @@ fn start(
         airtime,
         sender: Some(sender),
     })
-}
-
-/// Why a port cannot be opened, and what to do.
-fn refusal(url: &LinkUrl, path: &str, error: serialport::Error) -> LinkError {
-    let place = Path::new(path);
-    let text = error.description.to_lowercase();
-    let remedy = if !place.exists() {
-        "check that the device exists: its name and its cable"
-    } else if place.is_dir() || place.is_file() {
-        "this is no serial port: name a device such as /dev/ttyUSB0"
-    } else if matches!(
-        error.kind(),
-        serialport::ErrorKind::Io(ErrorKind::PermissionDenied)
-    ) {
-        "you may not use the device: join the group that owns it (see ls -l; often dialout)"
-    } else if text.contains("busy") || text.contains("lock") {
-        "another program has it open: end that one, or choose another port"
-    } else {
-        "check that the device is a serial port and takes this baud rate"
-    };
-    url.failed("open the port", error.into(), remedy)
 }
 
 /// A port's place and speed.
@@ -282,6 +264,7 @@ mod tests {
     use serialport::TTYPort;
     use skyloop_protocols::slip;
     use std::io::{Read, Write};
+    use std::path::Path;
     use std::sync::mpsc::RecvTimeoutError;
     use std::time::Duration;
 

@@ -340,7 +340,7 @@ fn serial_ports() {
         "serial:///dev/null",
         &[
             "serial:///dev/null",
-            "check that the device is a serial port",
+            "this is no serial port",
         ],
     );
     let (_near, far) = serialport::TTYPort::pair().unwrap();

@@ -158,6 +158,7 @@ fn roles_that_make_no_run_are_refused_by_name() {
         (&["pixels", "labels"], "no link has the role truth"),
         (&["truth+video"], "must be truth, pixels or labels"),
         (&[""], "must be truth, pixels or labels"),
+        (&["truth+truth"], "each once"),
         // A mistyped key comes before what its lack leads to.
         (
             &["truth", "truth&role=pixels"],

@@ -80,12 +80,7 @@ pub fn commands(settings: &Settings) -> Result<Vec<Command>, String> {
 /// There is no such device, or it is not to be had.
 pub fn open(settings: &Settings) -> Result<Box<dyn CanBus>, Refusal> {
     let line = serialport::new(&settings.place, settings.baud.unwrap_or(BAUD)).open();
-    let line = line.map_err(|error| Refusal {
-        action: "open the adapter's serial port",
-        source: error.into(),
-        remedy: "check that the device exists, is not in use and may be read and written by you"
-            .to_string(),
-    })?;
+    let line = line.map_err(|error| Refusal::of_serial_port(&settings.place, error))?;
     over(line, settings)
 }
 
