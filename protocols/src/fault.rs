@@ -35,10 +35,11 @@ impl Fault {
             FaultKind::Delay | FaultKind::Jitter => 60.0,
             _ => 1.0,
         };
+        let fits = (0.0..=most).contains(&self.value);
         rule(
-            (0.0..=most).contains(&self.value),
+            fits && (!self.kind.is_switch() || self.value == 0.0 || self.value == 1.0),
             "Fault.value",
-            "must be a probability from 0 to 1, or 0 to 60 s of Delay and Jitter",
+            "must be a probability from 0 to 1, 0 to 60 s of Delay and Jitter, or 0 or 1 of Stuck, Down and BusOff",
         )
     }
 }

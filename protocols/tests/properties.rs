@@ -149,10 +149,15 @@ fn command() -> impl Strategy<Value = Command> {
             count
         }),
         (1..=11_u8, 0..2_u8, 0.0..=1.0, 0.0..1e6).prop_map(|(kind, direction, value, seconds)| {
+            let kind = FaultKind::from_code(kind).expect("kind");
             Command::Fault(Fault {
-                kind: FaultKind::from_code(kind).expect("kind"),
+                kind,
                 direction: Direction::from_code(direction).expect("direction"),
-                value,
+                value: if kind.is_switch() {
+                    f64::round(value)
+                } else {
+                    value
+                },
                 seconds,
             })
         }),

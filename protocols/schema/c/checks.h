@@ -14,11 +14,16 @@ static inline skyloop_error_t skyloop_check_attitude(const skyloop_attitude_t *i
     return ((squared >= low * low) && (squared <= high * high)) ? SKYLOOP_OK : SKYLOOP_QUATERNION_NOT_UNIT;
 }
 
-/* A probability, or a time of at most 60 s. */
+/* A probability, a time of at most 60 s, or on and off. */
 static inline skyloop_error_t skyloop_check_fault(const skyloop_fault_t *in)
 {
     const bool is_time = (in->kind == SKYLOOP_FAULT_KIND_DELAY) || (in->kind == SKYLOOP_FAULT_KIND_JITTER);
-    return skyloop_rule((in->value >= 0.0) && (in->value <= (is_time ? 60.0 : 1.0)));
+    const bool is_switch = (in->kind == SKYLOOP_FAULT_KIND_STUCK) || (in->kind == SKYLOOP_FAULT_KIND_DOWN) ||
+                           (in->kind == SKYLOOP_FAULT_KIND_BUS_OFF);
+    const bool fits = (in->value >= 0.0) && (in->value <= (is_time ? 60.0 : 1.0));
+    /* Between the two there is nothing: no comparison for equality is needed. */
+    const bool is_half = (in->value > 0.0) && (in->value < 1.0);
+    return skyloop_rule(fits && !(is_switch && is_half));
 }
 
 /* Octets of one window: its place and its pixels. */
