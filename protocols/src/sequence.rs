@@ -16,12 +16,19 @@ impl SequenceCounts {
 
     /// The count for the next packet with this APID; 0 for an unknown one.
     pub fn next(&mut self, apid: u16) -> u16 {
-        let Some(slot) = apid::index(apid).and_then(|row| self.0.get_mut(row)) else {
-            return 0;
-        };
-        let count = *slot;
-        *slot = (count + 1) % SEQUENCE_MODULUS;
+        let count = self.peek(apid);
+        if let Some(slot) = apid::index(apid).and_then(|row| self.0.get_mut(row)) {
+            *slot = (count + 1) % SEQUENCE_MODULUS;
+        }
         count
+    }
+
+    /// The same, not taken yet: for a packet that may not leave.
+    pub fn peek(&self, apid: u16) -> u16 {
+        apid::index(apid)
+            .and_then(|row| self.0.get(row))
+            .copied()
+            .unwrap_or(0)
     }
 }
 

@@ -11,6 +11,7 @@ use skyloop_firmware_sim::console::say;
 use skyloop_protocols::Direction;
 use skyloop_protocols::personality::NATIVE;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Arguments of `skyloop replay`.
@@ -27,10 +28,20 @@ pub struct Args {
     /// The recorded run's --output, if it had one
     #[arg(long, value_name = "LEVEL", value_parser = levels())]
     output: Option<String>,
+    /// Give up when the emulator works on one step, such as a frame, for longer than this
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "600", allow_negative_numbers = true)]
+    patience: Duration,
 }
 
-/// An emulator that sends and takes nothing for this long does not come where the recorded one was.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// An emulator that has nothing to do for this long does not come where the recorded one was. It gives a frame up that
+/// finds no room after 2 s.
+const SILENCE: Duration = Duration::from_secs(10);
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse::<f64>().ok().filter(|s| *s > 0.0);
+    let duration = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+    duration.ok_or_else(|| "seconds, above 0".to_string())
+}
 
 /// Runs the command; `verbose`: lists the frames.
 pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
@@ -56,7 +67,10 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     if received == 0 {
         bail!("{}: nothing was received in it", args.file.display());
     }
-    let left_out = recording.left_out.to_string();
+    let left_out = match recording.torn {
+        0 => String::new(),
+        torn => format!("{torn} because packets of them are missing"),
+    };
     if sent == 0 {
         let file = args.file.display();
         match (recording.on_the_bus, left_out.as_str()) {
@@ -76,20 +90,34 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     let output = with_level(config.run.output, args.output.as_deref());
     let emulator = Emulator::new(&mut config);
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
-    let served = std::thread::scope(|scope| {
-        let serving = scope.spawn(|| server.run(replay.over(), None, |_| {}));
-        while !serving.is_finished() {
-            std::thread::sleep(Duration::from_millis(5));
-            if replay.idle() > PATIENCE {
-                replay.give_up();
-            }
-        }
-        serving.join()
+    // Not scoped: a frame that takes too long cannot be stopped, only left alone.
+    let serving = std::thread::spawn({
+        let replay = replay.clone();
+        move || server.run(replay.over(), None, |_| {}).map(|_| ())
     });
-    let Ok(served) = served else {
-        bail!("a thread of the replay has panicked: please report it with the recording");
-    };
-    served.context("replaying")?;
+    while !replay.over().load(Ordering::Relaxed) {
+        if serving.is_finished() {
+            let Ok(served) = serving.join() else {
+                bail!("a thread of the replay has panicked: please report it with the recording");
+            };
+            served.context("replaying")?;
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+        if replay.idle() > SILENCE {
+            replay.give_up();
+        }
+        if replay.still() > args.patience {
+            let done = replay.progress().frames;
+            bail!(
+                "{}: after {} frames that are the same, the emulator works on what comes next for more than {} s: give it longer \
+                 with --patience",
+                args.file.display(),
+                done.iter().filter(|frame| frame.whole).count(),
+                args.patience.as_secs_f64()
+            );
+        }
+    }
     let progress = replay.progress();
     let whole = progress.frames.iter().filter(|frame| frame.whole).count();
     if verbose {

@@ -5,6 +5,7 @@ use super::{Server, Undelivered};
 use crate::engine::Shot;
 use crate::link::LinkError;
 use bytes::Bytes;
+use skyloop_protocols::packet::identify;
 use skyloop_protocols::{MAX_PACKET, Reply};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -133,11 +134,11 @@ impl Server {
                 }
                 return Ok(Step::NoCredit);
             }
-            let (personality, counts) = (self.personality, &mut channel.counts);
+            let (personality, counts) = (self.personality, &channel.counts);
             let time = delivery.cut.time;
             let mut buffer = [0; MAX_PACKET];
             let packet = delivery.cut.next(|reply: &Reply<'_>| {
-                let count = counts.next(reply.apid());
+                let count = counts.peek(reply.apid());
                 let length = (personality.encode_reply)(reply, count, time, &mut buffer)?;
                 Ok(Bytes::copy_from_slice(&buffer[..length]))
             });
@@ -156,6 +157,10 @@ impl Server {
         if !sent.map_err(Undelivered::Link)? {
             *refused = true;
             return Ok(Step::NoRoom);
+        }
+        // What is given up before it leaves takes no count.
+        if let Some((apid, _)) = identify(packet) {
+            channel.counts.next(apid);
         }
         channel.exchange.credit.spend();
         if let Some(kept) = channel.exchange.kept.back_mut() {

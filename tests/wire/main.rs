@@ -13,6 +13,7 @@ mod on_can;
 mod pacing;
 mod refusals;
 mod replay;
+mod replay_on_can;
 mod roles;
 #[path = "../support/mod.rs"]
 mod support;

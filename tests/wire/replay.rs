@@ -35,7 +35,7 @@ faults = [
 const ATTITUDES: u32 = 40;
 
 /// The built-in scene on a detector of 64 x 64 pixels.
-fn small() -> Config {
+pub fn small() -> Config {
     let mut config = scene();
     (config.camera.detector.width, config.camera.detector.height) = (64, 64);
     config
@@ -88,7 +88,8 @@ fn record(file: &Path) -> (Counters, u64) {
     (counters, injected)
 }
 
-fn replay(file: &Path, mut config: Config) -> Progress {
+/// What comes of a recording with this configuration.
+pub fn replay(file: &Path, mut config: Config) -> Progress {
     let (links, replay) = Replay::of(load(file, &NATIVE).unwrap(), &NATIVE);
     let output = config.run.output;
     let emulator = Emulator::new(&mut config);
@@ -318,5 +319,48 @@ fn addresses_in_refusals_are_not_compared() {
         });
         let difference = replay(&spoilt, small()).difference.unwrap();
         assert!(difference.contains(says), "{octet}: {difference}");
+    }
+}
+
+/// The client takes 5 packets of a frame and stands still; 2 s later the frame is given up. Another one follows.
+#[test]
+fn a_frame_that_was_given_up_is_given_up_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("run.pcapng");
+    let mut wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
+    let mut line = UdpLine::to(&wire.address);
+    let capture = Capture::packets(&file, std::slice::from_ref(&wire.address)).unwrap();
+    capture.tap(&mut wire, 0);
+    let emulator = Running::start(small(), Clock::Stepped, wire);
+    says(&mut line, &[Command::Credit { packets: 5 }]);
+    says(&mut line, &[Command::Attitude(attitude(0))]);
+    emulator.shot();
+    says(&mut line, &[Command::Credit { packets: 50_000 }]);
+    says(&mut line, &[Command::Attitude(attitude(1))]);
+    emulator.shot();
+    while line.recv(Duration::from_millis(200)).is_some() {}
+    let counters = emulator.end();
+    assert_eq!(
+        (counters.frames_abandoned, counters.frames_delivered),
+        (1, 1)
+    );
+    capture.finish().unwrap();
+    let same = replay(&file, small());
+    assert_eq!(same.difference, None);
+    let frames: Vec<_> = same
+        .frames
+        .iter()
+        .map(|frame| (frame.frame, frame.whole))
+        .collect();
+    assert_eq!(frames, [(0, false), (1, true)]);
+    // A sequence count that nothing explains is named: of the header, whose last octet of the count is the fourth.
+    let spoilt = folder.path().join("spoilt.pcapng");
+    alter(&file, &spoilt, |reply| match reply {
+        Reply::PixelBlock(block) if block.frame == 1 && block.index == 0 => Some(3),
+        _ => None,
+    });
+    let difference = replay(&spoilt, small()).difference.unwrap();
+    for word in ["PixelBlock 0 of frame 1", "header octet 3"] {
+        assert!(difference.contains(word), "no {word:?} in {difference}");
     }
 }

@@ -5,7 +5,9 @@ mod bus;
 pub mod candump;
 mod difference;
 pub mod pcapng;
+mod recording;
 pub mod replay;
+mod silence;
 mod whole;
 
 use super::inbox::Observer;

@@ -5,13 +5,14 @@
 //! back until the emulator has sent what the recording has before it, and sending waits until it has taken what the
 //! recording has before that. No clock is asked.
 
+use super::Record;
 use super::difference::{called, first, sealed};
-use super::pcapng::Packets;
-use super::whole::{LeftOut, due, frame_of, whole_frames};
-use super::{CaptureError, Record, candump, pcapng};
+pub use super::recording::{Recording, load};
+use super::silence::Silence;
+use super::whole::{Place, due, place_of};
 use crate::link::inbox::{Observer, inbox};
 use crate::link::{
-    FAULT_REFUSED, Inbound, Intake, LinkError, LinkUrl, Outbound, Outbox, Roles, Tally, Wire,
+    FAULT_REFUSED, Inbound, Intake, LinkError, Outbound, Outbox, Roles, Tally, Wire,
 };
 use bytes::Bytes;
 use skyloop_protocols::crc::Crc32;
@@ -19,62 +20,9 @@ use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH, identify};
 use skyloop_protocols::{Direction, FaultKind, Personality, Reply};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
-
-/// A recording.
-#[derive(Debug)]
-pub struct Recording {
-    /// The links of the run.
-    pub links: Vec<Roles>,
-    /// Their packets.
-    pub events: Vec<Record<Bytes>>,
-    /// Whether it was made on the bus and not at the emulator's end: packets were queued between the two, and short ones
-    /// overtook long ones. Then only whole frames are compared, and not their sequence counts.
-    pub on_the_bus: bool,
-    /// Frames that are in it and not compared.
-    pub left_out: LeftOut,
-}
-
-/// Reads a recording, whichever format it has.
-pub fn load(file: &Path, personality: &Personality) -> Result<Recording, CaptureError> {
-    let octets = std::fs::read(file).map_err(|source| CaptureError::Read {
-        file: file.display().to_string(),
-        source,
-    })?;
-    if pcapng::is_pcapng(&octets) {
-        let Packets { links, records } = pcapng::read(file, &octets)?;
-        let roles = |link: &String| match LinkUrl::parse(link) {
-            Ok(url) => url.roles().unwrap_or(Roles::ALL),
-            // A loopback.
-            Err(_) => Roles::ALL,
-        };
-        return Ok(Recording {
-            links: links.iter().map(roles).collect(),
-            events: records,
-            on_the_bus: false,
-            left_out: LeftOut::default(),
-        });
-    }
-    match String::from_utf8(octets) {
-        Ok(text) if text.trim_start().starts_with('(') => {
-            let events = candump::packets(&candump::read(file, &text)?);
-            let (events, left_out) = whole_frames(personality, events);
-            Ok(Recording {
-                links: vec![Roles::ALL],
-                events,
-                on_the_bus: true,
-                left_out,
-            })
-        }
-        _ => Err(CaptureError::Format {
-            file: file.display().to_string(),
-            reason: "neither pcapng nor a log of candump: record one with --capture".to_string(),
-        }),
-    }
-}
+use std::time::{Duration, Instant};
 
 /// A frame that came again as it was recorded.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,7 +62,11 @@ struct State {
     fed: bool,
     ends: Vec<End>,
     progress: Progress,
-    moved: Instant,
+    /// Packets of frames that have been sent, as they were recorded (on the bus).
+    sent: BTreeMap<Place, Bytes>,
+    /// Packets that were recorded a second time, otherwise.
+    altered: BTreeMap<Place, Vec<Bytes>>,
+    silence: Silence,
     personality: &'static Personality,
 }
 
@@ -159,7 +111,8 @@ impl Replay {
             links,
             events,
             on_the_bus,
-            left_out: _,
+            altered,
+            torn: _,
         } = recording;
         let (mut ends, mut inboxes) = (Vec::new(), Vec::new());
         for link in 0..links.len() {
@@ -171,7 +124,7 @@ impl Replay {
                 event.direction == Direction::Out && event.link as usize == link
             };
             for event in events.iter().filter(own) {
-                if let Some(frame) = frame_of(personality, &event.item) {
+                if let Some(Place { frame, .. }) = place_of(personality, &event.item) {
                     *left.entry(frame).or_default() += 1;
                 }
             }
@@ -194,7 +147,9 @@ impl Replay {
                 fed: false,
                 ends,
                 progress: Progress::default(),
-                moved: Instant::now(),
+                sent: BTreeMap::new(),
+                altered,
+                silence: Silence::from(Instant::now()),
                 personality,
             })),
             over: Arc::new(AtomicBool::new(false)),
@@ -225,9 +180,14 @@ impl Replay {
         &self.over
     }
 
-    /// Time since anything was taken or sent.
-    pub fn idle(&self) -> std::time::Duration {
-        self.lock().moved.elapsed()
+    /// How long the emulator has had nothing to do, and nothing has been taken or sent.
+    pub fn idle(&self) -> Duration {
+        self.lock().silence.idle()
+    }
+
+    /// How long nothing has been taken or sent, whatever the emulator does.
+    pub fn still(&self) -> Duration {
+        self.lock().silence.lasts(Instant::now())
     }
 
     /// Ends a replay that stands still: what should have come next is the difference.
@@ -281,8 +241,25 @@ impl Replay {
     fn advance(&self, state: &mut State) {
         state.at += 1;
         state.fed = false;
-        state.moved = Instant::now();
+        state.silence.broken(Instant::now());
         self.feed(state);
+    }
+
+    /// Whether a packet is the recorded one; else that is the difference, and the end.
+    fn compare(&self, state: &mut State, link: usize, recorded: &[u8], packet: &[u8]) -> bool {
+        let counted = if state.on_the_bus {
+            counted_as(packet, recorded)
+        } else {
+            packet.to_vec()
+        };
+        let width = state.ends[link].width;
+        let Some(words) = first(state.personality, width, recorded, &counted) else {
+            return true;
+        };
+        let name = called(state.personality, recorded);
+        state.progress.difference = Some(format!("{name}: {words}"));
+        self.end(state);
+        false
     }
 
     fn end(&self, state: &mut State) {
@@ -304,6 +281,7 @@ impl Observer for Played {
     fn empty(&self) {
         let mut state = self.replay.lock();
         state.ends[self.link].looked = true;
+        state.silence.looked(Instant::now());
         self.replay.feed(&mut state);
     }
 }
@@ -315,18 +293,24 @@ impl Outbox for Played {
         };
         let (replay, link) = (&self.replay, self.link);
         let mut state = replay.lock();
-        let personality = state.personality;
-        let frame = frame_of(personality, packet);
+        if state.progress.difference.is_some() {
+            return Ok(None);
+        }
+        let place = place_of(state.personality, packet);
+        let frame = place.map(|place| place.frame);
         let left = frame.and_then(|frame| state.ends[link].left.get(&frame).copied());
         if state.on_the_bus && left.is_none() {
+            return Ok(None);
+        }
+        let before = place.and_then(|place| state.sent.get(&place).cloned());
+        if let Some(recorded) = before {
+            // Sent again, on the client's request: on the bus that may have stood anywhere.
+            replay.compare(&mut state, link, &recorded, packet);
             return Ok(None);
         }
         let Some(event) = state.events.get(state.at).cloned() else {
             return Ok(None);
         };
-        if state.progress.difference.is_some() {
-            return Ok(None);
-        }
         if event.direction == Direction::In {
             // The recorded emulator took a packet first.
             return Ok(Some(what));
@@ -337,18 +321,17 @@ impl Outbox for Played {
         }
         if frame.is_some() && left.unwrap_or(0) == 0 {
             // The recorded emulator gave this frame up here, and so will this one.
+            state.silence.excused();
             return Ok(Some(what));
         }
-        let counted = if state.on_the_bus {
-            counted_as(packet, &event.item)
-        } else {
-            packet.to_vec()
-        };
-        if let Some(words) = first(personality, state.ends[link].width, &event.item, &counted) {
-            let name = called(personality, &event.item);
-            state.progress.difference = Some(format!("{name}: {words}"));
-            replay.end(&mut state);
+        let altered = place.and_then(|place| state.altered.get(&place).cloned());
+        let mut versions = [event.item].into_iter().chain(altered.unwrap_or_default());
+        if !versions.all(|recorded| replay.compare(&mut state, link, &recorded, packet)) {
             return Ok(None);
+        }
+        if let (true, Some(place)) = (state.on_the_bus, place) {
+            let recorded = state.events[state.at].item.clone();
+            state.sent.insert(place, recorded);
         }
         state.book(link, packet, frame);
         replay.advance(&mut state);

@@ -1,4 +1,5 @@
-//! Which frames of a recording made on the bus can be compared: those whose packets are all there, each once.
+//! Which frames of a recording made on the bus can be compared: those whose packets are all there. What stands on a bus
+//! was queued before, and the parts that a client asked for again stand among others than where they are sent.
 
 use super::Record;
 use super::difference::sealed;
@@ -6,86 +7,126 @@ use bytes::Bytes;
 use skyloop_protocols::packet::HEADER_LENGTH;
 use skyloop_protocols::{Command, Direction, FrameHeader, Personality, Reply};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
-
-/// Frames of a recording that are not compared.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct LeftOut {
-    /// The client has asked for packets of them again: on the bus those stand among others, where they do not come again.
-    pub resent: usize,
-    /// Packets of them are missing, or there twice.
-    pub torn: usize,
-}
-
-impl fmt::Display for LeftOut {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let reasons = [
-            (self.resent, "the client had packets of them sent again"),
-            (self.torn, "packets of them are missing"),
-        ];
-        let told = reasons.iter().filter(|(frames, _)| *frames > 0);
-        let told: Vec<String> = told
-            .map(|(frames, why)| format!("{frames} because {why}"))
-            .collect();
-        f.write_str(&told.join(", "))
-    }
-}
 
 /// Packets of a frame.
 pub fn due(header: &FrameHeader) -> u32 {
     1 + header.blocks + u32::from(header.label_parts)
 }
 
-/// The frame that a packet belongs to: the first field of all packets that take credit.
-pub fn frame_of(personality: &Personality, packet: &[u8]) -> Option<u32> {
-    let sealed = sealed(packet);
-    let (_, reply) = (personality.decode_reply)(&sealed).ok()?;
-    if !reply.takes_credit() {
-        return None;
-    }
-    let field = packet.get(HEADER_LENGTH..)?.first_chunk()?;
-    Some(u32::from_be_bytes(*field))
+/// Where a packet belongs: in order of frames, and of the packets of each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    /// Its frame.
+    pub frame: u32,
+    /// Header, pixels, labels.
+    part: u8,
+    /// Its number among those.
+    number: u32,
 }
 
-/// The events without the answers and without the frames that are left out.
-pub fn whole_frames(
-    personality: &Personality,
-    events: Vec<Record<Bytes>>,
-) -> (Vec<Record<Bytes>>, LeftOut) {
-    let mut missing = BTreeMap::new();
-    let mut again = BTreeSet::new();
-    for event in &events {
+/// Where a packet belongs in its frame; none for an answer.
+pub fn place_of(personality: &Personality, packet: &[u8]) -> Option<Place> {
+    let sealed = sealed(packet);
+    let (_, reply) = (personality.decode_reply)(&sealed).ok()?;
+    let (part, number) = match &reply {
+        Reply::FrameHeader(_) => (0, 0),
+        Reply::PixelBlock(block) => (1, block.index),
+        Reply::Windows(block) => (1, block.index),
+        Reply::Compressed(block) => (1, block.index),
+        Reply::Labels(labels) => (2, labels.part.into()),
+        Reply::Objects(objects) => (2, objects.part.into()),
+        Reply::Status(_) | Reply::Ack(_) | Reply::Nack(_) => return None,
+    };
+    // The first field of all packets of frames.
+    let frame = packet.get(HEADER_LENGTH..)?.first_chunk()?;
+    Some(Place {
+        frame: u32::from_be_bytes(*frame),
+        part,
+        number,
+    })
+}
+
+/// What can be compared of a recording made on the bus.
+pub struct OnTheBus {
+    /// What was received, and the packets of whole frames, each once and where it was sent first at the latest.
+    pub events: Vec<Record<Bytes>>,
+    /// Packets that came again otherwise than the first time.
+    pub altered: BTreeMap<Place, Vec<Bytes>>,
+    /// Frames of which packets are missing, or there twice although nobody asked.
+    pub torn: usize,
+}
+
+/// What a recording has of one frame.
+#[derive(Default)]
+struct Found {
+    /// Packets that it should have.
+    due: Option<u32>,
+    /// Where each of its packets stands first.
+    places: BTreeMap<Place, usize>,
+    /// Whether packets are there twice.
+    twice: bool,
+}
+
+/// Sorts out what can be compared.
+pub fn whole_frames(personality: &Personality, events: Vec<Record<Bytes>>) -> OnTheBus {
+    let mut frames: BTreeMap<u32, Found> = BTreeMap::new();
+    let mut asked = BTreeSet::new();
+    let mut altered: BTreeMap<Place, Vec<Bytes>> = BTreeMap::new();
+    let mut moments: Vec<Option<(usize, Option<Place>)>> = vec![None; events.len()];
+    for (at, event) in events.iter().enumerate() {
         if event.direction == Direction::In {
+            moments[at] = Some((at, None));
             let command = (personality.decode_command)(&event.item);
             if let Ok((_, Command::Resend { frame, .. })) = command {
-                again.insert(frame);
+                asked.insert(frame);
             }
             continue;
         }
-        let Some(frame) = frame_of(personality, &event.item) else {
+        let Some(place) = place_of(personality, &event.item) else {
             continue;
         };
-        let missing = missing.entry(frame).or_insert(0_i64);
-        *missing -= 1;
+        let found = frames.entry(place.frame).or_default();
         if let Ok((_, Reply::FrameHeader(header))) = (personality.decode_reply)(&event.item) {
-            *missing += i64::from(due(&header));
+            found.due = Some(due(&header));
+        }
+        match found.places.get(&place) {
+            None => {
+                found.places.insert(place, at);
+            }
+            Some(before) => {
+                found.twice = true;
+                if events[*before].item != event.item {
+                    altered.entry(place).or_default().push(event.item.clone());
+                }
+            }
         }
     }
-    let mut left_out = LeftOut::default();
-    missing.retain(|frame, missing| {
-        // What had not been sent yet when it was asked for came once.
-        match (*missing, again.contains(frame)) {
-            (0, _) => return true,
-            (_, true) => left_out.resent += 1,
-            (_, false) => left_out.torn += 1,
+    let mut torn = 0;
+    for (frame, found) in &frames {
+        let whole = found.due == u32::try_from(found.places.len()).ok();
+        if !whole || (found.twice && !asked.contains(frame)) {
+            torn += 1;
+            altered.retain(|place, _| place.frame != *frame);
+            continue;
         }
-        false
-    });
-    let kept = |event: &Record<Bytes>| {
-        event.direction == Direction::In
-            || frame_of(personality, &event.item).is_some_and(|frame| missing.contains_key(&frame))
-    };
-    (events.into_iter().filter(kept).collect(), left_out)
+        // The emulator sends a packet before those behind it: one that stands later was lost there, and sent again.
+        let mut next = usize::MAX;
+        for (place, at) in found.places.iter().rev() {
+            next = next.min(*at);
+            moments[*at] = Some((next, Some(*place)));
+        }
+    }
+    let mut kept: Vec<_> = events
+        .into_iter()
+        .zip(moments)
+        .filter_map(|(event, moment)| Some((moment?, event)))
+        .collect();
+    kept.sort_by_key(|(moment, _)| *moment);
+    OnTheBus {
+        events: kept.into_iter().map(|(_, event)| event).collect(),
+        altered,
+        torn,
+    }
 }
 
 #[cfg(test)]
@@ -105,32 +146,100 @@ mod tests {
         }
     }
 
-    /// Parts of frames without their headers; of one, parts were asked for again.
-    #[test]
-    fn frames_that_are_left_out_are_counted_with_the_reason() {
+    /// The header, from the golden vectors' own codec, of a frame with `parts` parts of labels and no pixels.
+    fn header(frame: u32, parts: u16) -> Record<Bytes> {
+        let golden = skyloop_protocols::FrameHeader {
+            frame,
+            attitude_sequence: 0,
+            width: 8,
+            height: 8,
+            bits: 12,
+            packing: skyloop_protocols::Packing::Bits12,
+            pixel_level: skyloop_protocols::PixelLevel::None,
+            label_level: skyloop_protocols::LabelLevel::Text,
+            window_size: 0,
+            windows: 0,
+            blocks: 0,
+            label_parts: parts,
+            label_bytes: 1375 * u32::from(parts),
+            exposure_start: WireTime(0),
+            exposure_end: WireTime(1),
+            seed: 1,
+            gain_e_per_dn: 1.0,
+            offset_dn: 0.0,
+            pixels_crc32: 0,
+        };
+        out(&Reply::FrameHeader(golden))
+    }
+
+    fn part(frame: u32, part: u16, parts: u16, letter: u8) -> Record<Bytes> {
+        let text = [letter; 1375];
+        out(&Reply::Labels(LabelPart {
+            frame,
+            part,
+            parts,
+            text: &text,
+        }))
+    }
+
+    fn out(reply: &Reply<'_>) -> Record<Bytes> {
         let mut buffer = [0; MAX_PACKET];
-        let mut events = Vec::new();
-        for frame in [1, 1, 2] {
-            let part = Reply::Labels(LabelPart {
-                frame,
-                part: 0,
-                parts: 1,
-                text: b"{}",
-            });
-            let length = part.encode(0, WireTime::default(), &mut buffer).unwrap();
-            events.push(event(Direction::Out, &buffer[..length]));
-        }
+        let length = reply.encode(0, WireTime::default(), &mut buffer).unwrap();
+        event(Direction::Out, &buffer[..length])
+    }
+
+    fn resend(frame: u32) -> Record<Bytes> {
         let resend = Command::Resend {
-            frame: 1,
+            frame,
             first: 1,
             count: 1,
         };
+        let mut buffer = [0; MAX_PACKET];
         let length = resend.encode(0, WireTime::default(), &mut buffer).unwrap();
-        events.push(event(Direction::In, &buffer[..length]));
-        let (kept, left_out) = whole_frames(&NATIVE, events);
-        assert_eq!(kept.len(), 1, "the command");
-        let told = "1 because the client had packets of them sent again, 1 because packets of them are missing";
-        assert_eq!(left_out.to_string(), told);
-        assert_eq!(LeftOut::default().to_string(), "");
+        event(Direction::In, &buffer[..length])
+    }
+
+    #[test]
+    fn torn_frames_are_left_out_and_counted() {
+        // Without its header; with a part there twice for which nobody asked; whole.
+        let events = vec![
+            part(1, 0, 1, b'a'),
+            header(2, 1),
+            part(2, 0, 1, b'a'),
+            part(2, 0, 1, b'a'),
+            header(3, 1),
+            part(3, 0, 1, b'a'),
+        ];
+        let found = whole_frames(&NATIVE, events.clone());
+        assert_eq!((found.torn, &found.events[..]), (2, &events[4..]));
+        assert!(found.altered.is_empty());
+    }
+
+    #[test]
+    fn what_was_sent_again_stands_where_it_was_sent_first() {
+        // Part 1 was lost on the way to the log, part 0 was not; the next frame has begun meanwhile.
+        let events = vec![
+            header(1, 3),
+            part(1, 0, 3, b'a'),
+            part(1, 2, 3, b'c'),
+            resend(1),
+            header(2, 0),
+            part(1, 0, 3, b'a'),
+            part(1, 1, 3, b'b'),
+        ];
+        let found = whole_frames(&NATIVE, events.clone());
+        let order = [0, 1, 6, 2, 3, 4].map(|at: usize| events[at].clone());
+        assert_eq!(found.events, order);
+        assert_eq!((found.torn, found.altered.len()), (0, 0));
+    }
+
+    #[test]
+    fn what_came_again_otherwise_is_kept() {
+        let other = part(1, 0, 1, b'b');
+        let events = vec![header(1, 1), part(1, 0, 1, b'a'), resend(1), other.clone()];
+        let found = whole_frames(&NATIVE, events.clone());
+        assert_eq!(found.events, events[..3]);
+        let altered: Vec<_> = found.altered.into_values().collect();
+        assert_eq!(altered, [vec![other.item]]);
     }
 }

@@ -1,0 +1,143 @@
+//! Logs of CAN frames are replayed: frames of which the client had packets sent again too. The logs are made without a bus
+//! and without time: each packet in its frames, one after the other.
+
+use crate::replay::{replay, small};
+use crate::support::client::packet;
+use crate::support::line::{Line, MemoryLine};
+use crate::support::{EPOCH, PATIENCE, attitude, later, on_memory};
+use skyloop::config::Clock;
+use skyloop::link::capture::replay::load;
+use skyloop::link::capture::{Record, candump};
+use skyloop_protocols::can::{Lane, Node, Side};
+use skyloop_protocols::packet::reseal;
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Command, Direction, Reply};
+use std::path::Path;
+use std::time::Duration;
+
+type Exchange = Vec<(Direction, Vec<u8>)>;
+
+/// The packets of an exchange as a log of the bus that they crossed one by one.
+fn log(exchange: &Exchange) -> String {
+    let mut ends = [
+        Node::new(Side::Emulator, true),
+        Node::new(Side::Client, true),
+    ];
+    let (mut text, mut us) = (String::new(), 1_500_000_000_000_000);
+    for (direction, packet) in exchange {
+        let from = usize::from(*direction == Direction::In);
+        ends[from].send(packet, us).unwrap();
+        let idle = |node: &Node| {
+            [Lane::Plain, Lane::Long]
+                .into_iter()
+                .all(|lane| node.is_idle(lane))
+        };
+        while !ends.iter().all(idle) {
+            us += 100;
+            for (sender, direction) in [(0, Direction::Out), (1, Direction::In)] {
+                while let Some(frame) = ends[sender].next_frame(us) {
+                    ends[1 - sender].receive(&frame, us);
+                    text += &candump::line(&Record {
+                        at: Duration::from_micros(us),
+                        direction,
+                        link: 0,
+                        exchange: 0,
+                        first: false,
+                        item: frame,
+                    });
+                }
+            }
+        }
+    }
+    text
+}
+
+/// Two frames, and packets 1 to 3 of the first twice: at once, and after the header of the second.
+fn exchange() -> Exchange {
+    let (_emulator, mut line) = on_memory(small(), Clock::Stepped);
+    let mut exchange = Vec::new();
+    let say = |line: &mut MemoryLine, exchange: &mut Exchange, command: Command, i: u16| {
+        let packet = packet(&command, i, later(EPOCH, f64::from(i) / 10.0));
+        line.send(&packet);
+        exchange.push((Direction::In, packet));
+    };
+    let hear = |line: &mut MemoryLine, exchange: &mut Exchange, packets: u32| {
+        for _ in 0..packets {
+            let packet = line.recv(PATIENCE).expect("the packet comes");
+            exchange.push((Direction::Out, packet));
+        }
+    };
+    let again = Command::Resend {
+        frame: 0,
+        first: 1,
+        count: 3,
+    };
+    for i in 0..2 {
+        say(
+            &mut line,
+            &mut exchange,
+            Command::Attitude(attitude(i)),
+            i as u16,
+        );
+        hear(&mut line, &mut exchange, 1);
+        let (_, last) = exchange.last().unwrap();
+        let Ok((_, Reply::FrameHeader(header))) = Reply::decode(last) else {
+            panic!("a frame begins with its header");
+        };
+        hear(
+            &mut line,
+            &mut exchange,
+            header.blocks + u32::from(header.label_parts),
+        );
+        say(&mut line, &mut exchange, again, i as u16);
+        hear(&mut line, &mut exchange, 3);
+    }
+    exchange
+}
+
+/// What comes of an exchange: the first difference, whole frames, frames not compared.
+fn replayed(folder: &Path, exchange: &Exchange) -> (Option<String>, usize, usize) {
+    let file = folder.join("run.log");
+    std::fs::write(&file, log(exchange)).unwrap();
+    let torn = load(&file, &NATIVE).unwrap().torn;
+    let progress = replay(&file, small());
+    let whole = progress.frames.iter().filter(|frame| frame.whole).count();
+    (progress.difference, whole, torn)
+}
+
+#[test]
+fn frames_of_which_packets_were_sent_again_are_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let as_it_was = exchange();
+    assert_eq!(replayed(folder.path(), &as_it_was), (None, 2, 0));
+
+    // The log has only the second one of packet 2.
+    let mut lost = as_it_was.clone();
+    lost.remove(1 + 2);
+    assert_eq!(replayed(folder.path(), &lost), (None, 2, 0));
+
+    // Only one of the two is as it was.
+    let places: Vec<usize> = (0..as_it_was.len())
+        .filter(|at| as_it_was[*at].1 == as_it_was[3].1)
+        .collect();
+    assert_eq!(places.len(), 3, "once, and twice again");
+    for place in places {
+        let mut altered = as_it_was.clone();
+        let octets = &mut altered[place].1;
+        octets[100] ^= 1;
+        reseal(octets);
+        let (difference, ..) = replayed(folder.path(), &altered);
+        let difference = difference.expect("it differs");
+        assert!(
+            difference.contains("PixelBlock 1 of frame 0: pixel (column "),
+            "{difference}"
+        );
+    }
+
+    // Without the commands nobody has asked for them, and nothing explains them.
+    let unasked = as_it_was.into_iter().filter(|(direction, packet)| {
+        let resend = |packet| matches!(Command::decode(packet), Ok((_, Command::Resend { .. })));
+        *direction == Direction::Out || !resend(packet)
+    });
+    assert_eq!(replayed(folder.path(), &unasked.collect()), (None, 1, 1));
+}
