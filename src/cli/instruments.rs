@@ -77,10 +77,10 @@ impl Instruments {
         let recorder = capture.map(Capture::recorder);
         BusInstruments {
             faults: faults.is_some(),
-            at: Arc::new(move |address| {
+            at: Arc::new(move |address, tally| {
                 let faults = faults.as_ref();
                 let faults =
-                    faults.map(|(plan, book)| BusFaults::new(address, plan, &NATIVE, book));
+                    faults.map(|(plan, book)| BusFaults::new(address, tally, plan, &NATIVE, book));
                 let recorder = recorder.clone();
                 Box::new(move |bus| {
                     let bus = match &faults {

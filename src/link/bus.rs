@@ -78,11 +78,11 @@ pub(super) fn start(
     settings: &Settings,
 ) -> Result<Wire, LinkError> {
     let address = format!("{}://{}", url.scheme, settings.describe());
+    let tally = Arc::new(Tally::default());
     let (bus, opener) = match &options.bus {
         None => (bus, opener),
-        Some(instruments) => around((instruments.at)(&address), bus, opener),
+        Some(instruments) => around((instruments.at)(&address, &tally), bus, opener),
     };
-    let tally = Arc::new(Tally::default());
     let (arrivals, inbox) = inbox(tally.clone());
     let (queue, departures) = sync_channel(QUEUE);
     let end = End {

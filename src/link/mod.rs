@@ -10,6 +10,8 @@ mod line;
 #[cfg(target_os = "linux")]
 mod low_latency;
 mod memory;
+#[cfg(target_os = "linux")]
+mod name;
 mod pace;
 #[cfg(target_os = "linux")]
 mod paced;
@@ -89,17 +91,23 @@ pub struct Options {
 /// Puts something around an open bus.
 pub type AroundBus = Box<dyn Fn(Box<dyn CanBus>) -> Box<dyn CanBus> + Send>;
 
+/// Makes what is put around a bus at an address whose link has this tally.
+pub type AtBus = dyn Fn(&str, &Arc<Tally>) -> AroundBus + Send + Sync;
+
 /// What stands between a CAN bus and its link: faults, a recording.
 #[derive(Clone)]
 pub struct BusInstruments {
-    /// What is put around the bus at an address, each time it is opened.
-    pub at: Arc<dyn Fn(&str) -> AroundBus + Send + Sync>,
+    /// What is put around the bus, each time it is opened.
+    pub at: Arc<AtBus>,
     /// Whether faults are injected.
     pub faults: bool,
 }
 
 /// Packets in a queue; beyond this the sender waits and the receiver drops the oldest (and counts).
 pub(crate) const QUEUE: usize = 256;
+
+/// How long the end of a run waits for its threads to let go.
+const PARTING: Duration = Duration::from_millis(100);
 
 /// A packet from a client.
 #[derive(Debug, Clone)]
@@ -177,6 +185,11 @@ impl Wire {
         let left = self.tally.give_up();
         if left > 0 {
             tracing::warn!("{left} packets for the client could not be sent: they are lost");
+        }
+        // What stands before the link lets go of it now, and the link of what it made: its name.
+        let given_up = Instant::now();
+        while !sender.is_finished() && given_up.elapsed() < PARTING {
+            std::thread::sleep(Duration::from_millis(1));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use skyloop_protocols::Counters;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 /// What a link counts.
@@ -12,6 +12,8 @@ pub struct Tally {
     waiting: AtomicU32,
     /// Octets that have left, modulo 2^32.
     moved: AtomicU32,
+    /// Whether nobody waits any more for what has not left.
+    given_up: AtomicBool,
     /// Packets from others than the client.
     pub(super) foreign: AtomicU32,
     /// Packets thrown away because the inbound queue was full.
@@ -83,7 +85,13 @@ impl Tally {
     pub(super) fn give_up(&self) -> u32 {
         let left = self.waiting.load(Ordering::Relaxed);
         self.lost.fetch_add(left, Ordering::Relaxed);
+        self.given_up.store(true, Ordering::Relaxed);
         left
+    }
+
+    /// Whether all that waits is lost: who holds a link lets go of it.
+    pub(super) fn is_given_up(&self) -> bool {
+        self.given_up.load(Ordering::Relaxed)
     }
 
     /// Books octets that have left.

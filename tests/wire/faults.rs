@@ -8,7 +8,7 @@ use skyloop::config::Clock;
 use skyloop::link::fault::{Book, CAPACITY, Plan, wrap};
 use skyloop::link::{self, Outbound, Wire};
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{Command, Counters, Direction, Fault, FaultKind, Reason, Reply};
+use skyloop_protocols::{Ack, Command, Counters, Direction, Fault, FaultKind, Reason, Reply};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -161,9 +161,11 @@ const PINGS: u32 = 20;
 #[test]
 fn each_fault_moves_its_counter() {
     // What vanishes is missing in the sequence counts.
-    for kind in [FaultKind::Drop, FaultKind::Stuck, FaultKind::Down] {
+    for kind in [FaultKind::Drop, FaultKind::Stuck] {
         assert_eq!(moved_by(kind, 1.0), [("sequence_gaps", PINGS)], "{kind:?}");
     }
+    let down = moved_by(FaultKind::Down, 1.0);
+    assert_eq!(down, [("sequence_gaps", PINGS), ("reconnects", 1)]);
     let overrun = moved_by(FaultKind::Overrun, 1.0);
     assert_eq!(overrun, [("overflows", PINGS), ("sequence_gaps", PINGS)]);
     // Every bit inverted: the lengths no longer fit, and the counts are not believed.
@@ -211,34 +213,100 @@ fn a_live_fault_is_acknowledged_acts_and_ends() {
     assert!(started.elapsed() > Duration::from_millis(250));
 }
 
-#[test]
-fn a_link_that_was_down_and_is_back_counts_as_reconnected() {
-    let (_emulator, mut client) = serving("");
-    let before = client.status().counters;
-    let down = Command::Fault(Fault {
-        kind: FaultKind::Down,
-        direction: Direction::Out,
-        value: 1.0,
-        seconds: 0.2,
-    });
-    client.send(down);
-    assert!(client.recv(Duration::from_millis(100)).is_none());
-    std::thread::sleep(Duration::from_millis(300));
-    // The Ack of the command was lost.
-    client.line.send(&client_ping());
-    let mut status = None;
-    while let Some(packet) = client.line.recv(Duration::from_millis(300)) {
-        if let Ok((_, Reply::Status(found))) = Reply::decode(&packet) {
-            status = Some(found.counters);
-        }
-    }
-    let moved = moved(&before, &status.expect("the link is back"));
-    assert_eq!(moved, [("lost_outbound", 1), ("reconnects", 1)]);
+/// Whether the next packet, if one comes at all, is the Ack of this command. What else was lost is not missed.
+fn is_acknowledged(client: &mut Client<Box<dyn Line + Send>>, command: Command) -> bool {
+    let (packet, count) = client.prepare(&command, EPOCH);
+    client.line.send(&packet);
+    let Some(answer) = client.line.recv(PATIENCE) else {
+        return false;
+    };
+    let answers = |ack: Ack| (ack.apid, ack.sequence_count) == (command.apid(), count);
+    matches!(Reply::decode(&answer), Ok((_, Reply::Ack(ack))) if answers(ack))
 }
 
-/// The Ping after a Ping and a Fault.
-fn client_ping() -> Vec<u8> {
-    crate::support::client::packet(&Command::Ping, 2, EPOCH)
+/// Packets that come while none is asked for.
+fn what_comes(client: &mut Client<Box<dyn Line + Send>>) -> Vec<Vec<u8>> {
+    std::iter::from_fn(|| client.line.recv(Duration::from_millis(200))).collect()
+}
+
+#[test]
+fn whatever_befalls_the_answers_that_of_the_fault_comes_whole() {
+    let (_emulator, mut client) = serving("");
+    for kind in [
+        FaultKind::Drop,
+        FaultKind::Stuck,
+        FaultKind::Down,
+        FaultKind::BitFlips,
+        FaultKind::Truncate,
+        FaultKind::Duplicate,
+        FaultKind::Overrun,
+    ] {
+        let mut switch = |value| is_acknowledged(&mut client, live(kind, Direction::Out, value));
+        assert!(switch(1.0), "{kind:?}");
+        // In force already: the next one's comes too.
+        assert!(switch(1.0), "{kind:?}");
+        client.send(Command::Ping);
+        let came = what_comes(&mut client);
+        let whole = came.iter().filter(|packet| Reply::decode(packet).is_ok());
+        // An Ack and a Status: lost, spoilt or there twice.
+        let whole = whole.count();
+        assert_eq!(
+            whole,
+            4 * usize::from(kind == FaultKind::Duplicate),
+            "{kind:?}"
+        );
+        let off = live(kind, Direction::Out, 0.0);
+        assert!(is_acknowledged(&mut client, off), "{kind:?}");
+        assert!(what_comes(&mut client).is_empty(), "{kind:?}: once");
+    }
+    // In its turn where everything is late; a refusal likewise.
+    let late = Instant::now();
+    assert!(is_acknowledged(
+        &mut client,
+        live(FaultKind::Delay, Direction::Out, 0.1)
+    ));
+    client.send(Command::Ping);
+    client.send(live(FaultKind::BusOff, Direction::Out, 1.0));
+    let came = what_comes(&mut client);
+    let nack = Reply::decode(&came[2]).unwrap().1;
+    assert!(matches!(nack, Reply::Nack(_)), "{nack:?}");
+    assert!(came.len() == 3 && late.elapsed() > Duration::from_millis(300));
+}
+
+#[test]
+fn a_link_that_was_down_and_is_back_counts_once_in_any_direction() {
+    use Direction::{In, Out};
+    for (directions, lost) in [
+        (&[In][..], ("sequence_gaps", 1)),
+        (&[Out], ("lost_outbound", 2)),
+        (&[In, Out], ("sequence_gaps", 1)),
+    ] {
+        let (_emulator, mut client) = serving("");
+        let before = client.status().counters;
+        for direction in directions {
+            let down = Command::Fault(Fault {
+                kind: FaultKind::Down,
+                direction: *direction,
+                value: 1.0,
+                seconds: 0.3,
+            });
+            assert!(is_acknowledged(&mut client, down));
+        }
+        client.send(Command::Ping);
+        assert!(what_comes(&mut client).is_empty());
+        std::thread::sleep(Duration::from_millis(300));
+        let (ping, _) = client.prepare(&Command::Ping, EPOCH);
+        client.line.send(&ping);
+        let came = what_comes(&mut client);
+        let status = came.iter().find_map(|packet| match Reply::decode(packet) {
+            Ok((_, Reply::Status(status))) => Some(status.counters),
+            _ => None,
+        });
+        let moved = moved(&before, &status.expect("the link is back"));
+        let mut expected = [lost, ("reconnects", 1)];
+        expected.sort_by_key(|(name, _)| moved.iter().position(|(known, _)| known == name));
+        assert_eq!(moved, expected, "{directions:?}");
+    }
 }
 
 #[test]

@@ -46,8 +46,8 @@ fn on_a_bus() -> (Running, Client<MemoryLine>, Ghosts) {
     let mut options = options(5.0);
     options.bus = Some(BusInstruments {
         faults: true,
-        at: Arc::new(move |address| {
-            let faults = BusFaults::new(address, &Plan::default(), &NATIVE, &book);
+        at: Arc::new(move |address, tally| {
+            let faults = BusFaults::new(address, tally, &Plan::default(), &NATIVE, &book);
             let ghosts = of_bus.clone();
             Box::new(move |bus| faults.around(Box::new(Haunted(bus, ghosts.clone()))))
         }),

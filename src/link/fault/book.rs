@@ -126,15 +126,16 @@ fn line(address: &str, injection: &Injection, zero: Duration) -> String {
     };
     let seconds = |t: Duration| format!("{}.{:09}", t.as_secs(), t.subsec_nanos());
     let mut text = format!(
-        "{{\"t_s\":{},\"unix_s\":{},\"link\":{address:?},\"direction\":\"{direction}\",\"kind\":\"{}\"",
+        "{{\"t_s\":{},\"unix_s\":{},\"link\":{},\"direction\":\"{direction}\",\"kind\":\"{}\"",
         seconds(injection.at),
         seconds(zero + injection.at),
+        serde_json::Value::from(address),
         name(injection.kind)
     );
     // Writing to a string cannot fail.
     let _ = match &injection.what {
         What::Begins(value) => write!(text, ",\"event\":\"begins\",\"value\":{value}"),
-        What::Ends => write!(text, ",\"event\":\"ends\""),
+        What::Ends(_) => write!(text, ",\"event\":\"ends\""),
         What::Item {
             number,
             length,
@@ -161,4 +162,39 @@ fn line(address: &str, injection: &Injection, zero: Duration) -> String {
     };
     text.push_str("}\n");
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use skyloop_protocols::FaultKind;
+
+    /// Names of devices may have any characters.
+    #[test]
+    fn every_address_gives_a_line_of_json() {
+        for address in [
+            "udp://127.0.0.1:4810",
+            "pty://a \"b\" \\ c",
+            "pty://\u{1}\t\u{7f}\u{e9}\u{200b}\u{1f680}",
+        ] {
+            let injection = Injection {
+                at: Duration::from_millis(1500),
+                direction: Direction::In,
+                kind: FaultKind::Drop,
+                what: What::Begins(1e-7),
+            };
+            let line = line(address, &injection, Duration::from_secs(10));
+            let value: serde_json::Value = serde_json::from_str(&line).unwrap();
+            assert_eq!(value["link"], address);
+            assert_eq!(
+                (&value["t_s"], &value["unix_s"]),
+                (&1.5.into(), &11.5.into())
+            );
+            assert_eq!(
+                (&value["event"], &value["value"]),
+                (&"begins".into(), &1e-7.into())
+            );
+            assert_eq!(line.lines().count(), 1);
+        }
+    }
 }

@@ -5,9 +5,13 @@
 //! error frame as the kernel would tell it.
 
 use super::book::Book;
-use super::engine::{Damageable, Faults, Injection, Pushed, What};
+use super::engine::{Damageable, Faults, Pushed};
+use super::outage::{Change, Outage, in_order};
 use super::plan::Plan;
+use super::spared::Spared;
+use crate::link::{Tally, count};
 use skyloop_firmware_sim::can::{CanBus, Sending, Trouble};
+use skyloop_protocols::can::form::SHORT_ACK;
 use skyloop_protocols::can::{CanFrame, Node, Side, frame};
 use skyloop_protocols::{Command, Direction, FaultKind, Personality};
 use std::collections::VecDeque;
@@ -53,22 +57,28 @@ struct State {
     way_out: Faults<CanFrame>,
     /// A late frame that the bus had no room for.
     stopped: Option<CanFrame>,
-    /// Rules that keep the controller off the bus.
-    off: u32,
-    /// What the controller reports.
+    /// Whether the controller is off the bus.
+    off: Outage,
+    /// Whether the link is down.
+    down: Outage,
+    /// What the controller reports, and commands that switch faults.
     reports: VecDeque<CanFrame>,
+    /// The answers that suffer nothing.
+    spared: Spared,
     /// Hears what the client commands, however the bus harms it afterwards.
     listener: Node,
     personality: &'static Personality,
     book: Arc<Mutex<Book>>,
+    tally: Arc<Tally>,
     address: String,
     flushed: Instant,
 }
 
 impl BusFaults {
-    /// The faults of `plan`, and those that the client commands, at the bus at `address`.
+    /// The faults of `plan`, and those that the client commands, at the bus at `address` whose link counts in `tally`.
     pub fn new(
         address: &str,
+        tally: &Arc<Tally>,
         plan: &Plan,
         personality: &'static Personality,
         book: &Arc<Mutex<Book>>,
@@ -78,11 +88,14 @@ impl BusFaults {
             way_in: Faults::new(Direction::In, &plan.rules),
             way_out: Faults::new(Direction::Out, &plan.rules),
             stopped: None,
-            off: 0,
+            off: Outage::of(FaultKind::BusOff),
+            down: Outage::of(FaultKind::Down),
             reports: VecDeque::new(),
+            spared: Spared::default(),
             listener: Node::new(Side::Emulator, false),
             personality,
             book: book.clone(),
+            tally: tally.clone(),
             address: address.to_string(),
             flushed: Instant::now(),
         })))
@@ -118,10 +131,8 @@ impl State {
         let Some(now) = self.zero.map(|zero| zero.elapsed()) else {
             return Ok(());
         };
-        self.way_in.turn(now);
-        self.way_out.turn(now);
-        self.note();
-        while self.off == 0 {
+        self.note(now);
+        while !self.off.is_on() {
             let due = self.stopped.take();
             let Some(frame) = due.or_else(|| self.way_out.pop_due(now)) else {
                 break;
@@ -131,15 +142,23 @@ impl State {
                 break;
             }
         }
-        self.note();
         Ok(())
     }
 
-    fn note(&mut self) {
-        let mut injected = self.way_in.injected();
-        injected.extend(self.way_out.injected());
+    /// Writes down what has been injected, and tells the link when its controller leaves the bus, or is back.
+    fn note(&mut self, now: Duration) {
+        self.way_in.turn(now);
+        self.way_out.turn(now);
+        let injected = in_order(self.way_in.injected(), self.way_out.injected());
         for injection in &injected {
-            self.report(injection);
+            match self.off.see(injection) {
+                Some(Change::Lost) => self.reports.push_back(Trouble::BusOff.frame()),
+                Some(Change::Back) => self.reports.push_back(Trouble::Restarted.frame()),
+                None => {}
+            }
+            if self.down.see(injection) == Some(Change::Back) {
+                count(&self.tally.reconnects);
+            }
         }
         let mut book = self.book.lock().unwrap_or_else(PoisonError::into_inner);
         book.note(&self.address, &injected);
@@ -149,29 +168,26 @@ impl State {
         }
     }
 
-    /// Tells the link that its controller leaves the bus, or is back.
-    fn report(&mut self, injection: &Injection) {
-        let before = self.off;
-        match (injection.kind, &injection.what) {
-            (FaultKind::BusOff, What::Begins(_)) => self.off += 1,
-            (FaultKind::BusOff, What::Ends) => self.off = self.off.saturating_sub(1),
-            _ => {}
-        }
-        match (before, self.off) {
-            (0, 1) => self.reports.push_back(Trouble::BusOff.frame()),
-            (1, 0) => self.reports.push_back(Trouble::Restarted.frame()),
-            _ => {}
+    /// Whether a frame is the answer to a command that switched a fault.
+    fn is_spared(&mut self, frame: &CanFrame) -> bool {
+        match (frame.id, frame.payload()) {
+            (SHORT_ACK, [a, b, c, d]) => {
+                let [apid, count] = [[*a, *b], [*c, *d]].map(u16::from_be_bytes);
+                self.spared.is_answered(apid, count)
+            }
+            _ => false,
         }
     }
 
-    /// A frame has come from the bus.
+    /// A frame has come from the bus. A controller that is off it hears no more than the end of its being off.
     fn arrived(&mut self, frame: CanFrame) {
         let now = self.now();
         let us = now.as_micros() as u64;
         let command = self.listener.receive(&frame, us).map(<[u8]>::to_vec);
         while self.listener.next_frame(us).is_some() {}
         let decoded = command.and_then(|packet| (self.personality.decode_command)(&packet).ok());
-        if let Some((_, Command::Fault(fault))) = decoded {
+        if let Some((header, Command::Fault(fault))) = decoded {
+            self.spared.remember(header.apid, header.sequence_count);
             match fault.direction {
                 Direction::In => self.way_in.switch(fault, now),
                 Direction::Out => self.way_out.switch(fault, now),
@@ -180,8 +196,10 @@ impl State {
             self.reports.push_back(frame);
             return;
         }
-        // What is lost is in the book, and missing on the bus like any frame that is lost.
-        let _: Pushed<CanFrame> = self.way_in.push(frame, now);
+        if !self.off.is_on() {
+            // What is lost is in the book, and missing on the bus like any frame that is lost.
+            let _: Pushed<CanFrame> = self.way_in.push(frame, now);
+        }
     }
 }
 
@@ -196,12 +214,17 @@ impl CanBus for FaultyBus {
         let mut state = self.faults.lock();
         let now = state.now();
         state.pump(self.bus.as_mut())?;
-        if state.off > 0 || state.stopped.is_some() {
+        if state.off.is_on() || state.stopped.is_some() || !state.way_out.has_room() {
             return Ok(Sending::Full);
         }
-        match state.way_out.push(*frame, now) {
+        let pushed = if state.is_spared(frame) {
+            state.way_out.pass(*frame, now)
+        } else {
+            state.way_out.push(*frame, now)
+        };
+        match pushed {
             Pushed::Full(_) | Pushed::Lost(FaultKind::BusOff) => {
-                state.note();
+                state.note(now);
                 return Ok(Sending::Full);
             }
             Pushed::Taken | Pushed::Lost(_) => {}
@@ -228,12 +251,7 @@ impl CanBus for FaultyBus {
             let left = deadline.saturating_duration_since(Instant::now());
             let wait = due.map_or(TICK, |(due, now)| due.saturating_sub(now).min(TICK));
             match self.bus.recv(left.min(wait))? {
-                Some(frame) => {
-                    let mut state = self.faults.lock();
-                    if state.off == 0 {
-                        state.arrived(frame);
-                    }
-                }
+                Some(frame) => self.faults.lock().arrived(frame),
                 None if left.is_zero() => return Ok(None),
                 None => {}
             }
@@ -280,7 +298,7 @@ mod tests {
         let client = Cable(b, Arc::new(Mutex::new(to_b)));
         let plan = Plan::parse("faults.toml", plan, true).unwrap();
         let book = Arc::new(Mutex::new(Book::default()));
-        let faults = BusFaults::new("bus", &plan, &NATIVE, &book);
+        let faults = BusFaults::new("bus", &Arc::default(), &plan, &NATIVE, &book);
         (faults.around(Box::new(ours)), client, book)
     }
 

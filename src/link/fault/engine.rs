@@ -34,8 +34,8 @@ pub struct Injection {
 pub enum What {
     /// The rule begins, with this value.
     Begins(f64),
-    /// The rule ends.
-    Ends,
+    /// The rule ends, that had this value.
+    Ends(f64),
     /// An item was harmed.
     Item {
         /// Number of the item in its direction, from 0.
@@ -176,6 +176,17 @@ impl<T: Damageable> Faults<T> {
         Pushed::Taken
     }
 
+    /// Takes an item that suffers nothing; late in its turn, where others are.
+    pub fn pass(&mut self, item: T, now: Duration) -> Pushed<T> {
+        self.turn(now);
+        if !self.has_room() {
+            return Pushed::Full(item);
+        }
+        self.number += 1;
+        self.line.put(item, now, Order::Kept);
+        Pushed::Taken
+    }
+
     /// The next item that goes on at `now`.
     pub fn pop_due(&mut self, now: Duration) -> Option<T> {
         self.turn(now);
@@ -213,7 +224,7 @@ impl<T: Damageable> Faults<T> {
                     direction: self.direction,
                     kind: rule.fault.kind,
                     what: if ends {
-                        What::Ends
+                        What::Ends(value)
                     } else {
                         What::Begins(value)
                     },
@@ -436,7 +447,10 @@ mod tests {
             .filter(|injection| !matches!(injection.what, What::Item { .. }))
             .map(|injection| (injection.at, injection.what))
             .collect();
-        assert_eq!(turns, [(from, What::Begins(1.0)), (ms(20), What::Ends)]);
+        assert_eq!(
+            turns,
+            [(from, What::Begins(1.0)), (ms(20), What::Ends(1.0))]
+        );
     }
 
     #[test]

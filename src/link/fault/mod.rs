@@ -8,8 +8,10 @@ mod bus;
 mod engine;
 mod harm;
 mod line;
+mod outage;
 mod plan;
 mod rule;
+mod spared;
 mod wire;
 
 pub use book::Book;

@@ -1,8 +1,10 @@
 //! The faults around an open link: a thread each way between the link's own queues and those of the emulator.
 
 use super::book::Book;
-use super::engine::{Damageable, Faults, Pushed, What};
+use super::engine::{Damageable, Faults, Pushed};
+use super::outage::{Change, Outage, in_order};
 use super::plan::{Plan, impossible};
+use super::spared::Spared;
 use crate::link::inbox::inbox;
 use crate::link::{Inbound, Inbox, Intake, LinkError, Outbound, Outbox, QUEUE, Tally, Wire, count};
 use bytes::Bytes;
@@ -25,7 +27,13 @@ const FLUSH: Duration = Duration::from_secs(1);
 struct Shared {
     /// The first packet of either direction.
     zero: OnceLock<Instant>,
-    out: Mutex<Faults<Outbound>>,
+    way_in: Mutex<Faults<Inbound>>,
+    way_out: Mutex<Faults<Outbound>>,
+    /// The answers that suffer nothing.
+    spared: Mutex<Spared>,
+    /// Whether the link is down, in any direction.
+    down: Mutex<Outage>,
+    personality: &'static Personality,
     book: Arc<Mutex<Book>>,
     tally: Arc<Tally>,
     address: String,
@@ -48,16 +56,23 @@ impl Shared {
         self.zero.get_or_init(start).elapsed()
     }
 
-    /// Writes down what one direction has injected.
-    fn note<T: Damageable>(&self, faults: &mut Faults<T>) {
-        let injected = faults.injected();
-        if !injected.is_empty() {
-            lock(&self.book).note(&self.address, &injected);
-            for injection in &injected {
-                let told = injection.kind == FaultKind::Down && injection.what == What::Ends;
-                if told && injection.direction == Direction::Out {
-                    count(&self.tally.reconnects);
-                }
+    /// Writes down what has been injected, of both directions together: what happened first comes first.
+    fn note(&self) {
+        let Some(now) = self.now() else { return };
+        let mut down = lock(&self.down);
+        let injected = {
+            let (mut way_in, mut way_out) = (lock(&self.way_in), lock(&self.way_out));
+            way_in.turn(now);
+            way_out.turn(now);
+            in_order(way_in.injected(), way_out.injected())
+        };
+        if injected.is_empty() {
+            return;
+        }
+        lock(&self.book).note(&self.address, &injected);
+        for injection in &injected {
+            if down.see(injection) == Some(Change::Back) {
+                count(&self.tally.reconnects);
             }
         }
     }
@@ -123,7 +138,11 @@ pub fn wrap(
 ) -> Result<Wire, LinkError> {
     let shared = Arc::new(Shared {
         zero: OnceLock::new(),
-        out: Mutex::new(Faults::new(Direction::Out, &plan.rules)),
+        way_in: Mutex::new(Faults::new(Direction::In, &plan.rules)),
+        way_out: Mutex::new(Faults::new(Direction::Out, &plan.rules)),
+        spared: Mutex::new(Spared::default()),
+        down: Mutex::new(Outage::of(FaultKind::Down)),
+        personality,
         book: book.clone(),
         tally: wire.tally.clone(),
         address: wire.address.clone(),
@@ -134,9 +153,7 @@ pub fn wrap(
     let way_in = WayIn {
         from: wire.inbox,
         to: intake,
-        faults: Faults::new(Direction::In, &plan.rules),
         shared: shared.clone(),
-        personality,
     };
     let way_out = WayOut {
         from: departures,
@@ -177,18 +194,17 @@ pub fn wrap(
 struct WayIn {
     from: Inbox,
     to: Intake,
-    faults: Faults<Inbound>,
     shared: Arc<Shared>,
-    personality: &'static Personality,
 }
 
 impl WayIn {
     /// Carries packets until the link or the emulator has gone.
-    fn run(mut self) {
+    fn run(self) {
         let mut gone = false;
         let mut flushed = Instant::now();
         while !self.shared.ended.load(Ordering::Relaxed) {
-            let wait = pause(self.faults.next_due(), self.shared.now());
+            let due = lock(&self.shared.way_in).next_due();
+            let wait = pause(due, self.shared.now());
             if gone {
                 std::thread::sleep(wait);
             } else {
@@ -199,14 +215,15 @@ impl WayIn {
                 }
             }
             let now = self.shared.now();
-            while let Some(mut inbound) = now.and_then(|now| self.faults.pop_due(now)) {
+            let due = || now.and_then(|now| lock(&self.shared.way_in).pop_due(now));
+            while let Some(mut inbound) = due() {
                 inbound.arrived = Instant::now();
                 if self.to.push(inbound).is_err() {
                     return;
                 }
             }
-            self.shared.note(&mut self.faults);
-            if gone && self.faults.waiting() == 0 {
+            self.shared.note();
+            if gone && lock(&self.shared.way_in).waiting() == 0 {
                 return;
             }
             if flushed.elapsed() > FLUSH {
@@ -216,22 +233,27 @@ impl WayIn {
         }
     }
 
-    fn take(&mut self, inbound: Inbound) {
-        let now = self.shared.start();
-        if let Ok((_, Command::Fault(fault))) = (self.personality.decode_command)(&inbound.packet) {
+    fn take(&self, inbound: Inbound) {
+        let shared = &self.shared;
+        let now = shared.start();
+        let decoded = (shared.personality.decode_command)(&inbound.packet);
+        if let Ok((header, Command::Fault(fault))) = decoded {
+            // Before it can be answered.
+            lock(&shared.spared).remember(header.apid, header.sequence_count);
             // The emulator refuses what cannot be injected.
             if impossible(fault.kind).is_none() {
                 match fault.direction {
-                    Direction::In => self.faults.switch(fault, now),
-                    Direction::Out => lock(&self.shared.out).switch(fault, now),
+                    Direction::In => lock(&shared.way_in).switch(fault, now),
+                    Direction::Out => lock(&shared.way_out).switch(fault, now),
                 }
             }
             // Whoever switches a fault off must get through to it.
             let _ = self.to.push(inbound);
             return;
         }
-        match self.faults.push(inbound, now) {
-            Pushed::Lost(FaultKind::Overrun) | Pushed::Full(_) => count(&self.shared.tally.dropped),
+        let pushed = lock(&shared.way_in).push(inbound, now);
+        match pushed {
+            Pushed::Lost(FaultKind::Overrun) | Pushed::Full(_) => count(&shared.tally.dropped),
             Pushed::Taken | Pushed::Lost(_) => {}
         }
     }
@@ -248,12 +270,13 @@ struct WayOut {
 }
 
 impl WayOut {
-    /// Carries packets until the emulator has dropped its end and all have left, or the link has gone.
+    /// Carries packets until the emulator has dropped its end and all have left or are given up, or the link has gone.
     fn run(mut self) {
-        while let Ok(true) = self.turn() {}
+        let tally = self.shared.tally.clone();
+        while !tally.is_given_up() && matches!(self.turn(), Ok(true)) {}
         self.shared.ended.store(true, Ordering::Relaxed);
         drop(self.to);
-        if let Some(sender) = self.sender {
+        if let Some(sender) = self.sender.filter(|_| !tally.is_given_up()) {
             // Its panic has been told; there is nothing to take from it.
             let _ = sender.join();
         }
@@ -263,8 +286,8 @@ impl WayOut {
     fn turn(&mut self) -> Result<bool, LinkError> {
         self.hand_on()?;
         let (due, has_room, waiting) = {
-            let mut faults = lock(&self.shared.out);
-            self.shared.note(&mut faults);
+            self.shared.note();
+            let faults = lock(&self.shared.way_out);
             (faults.next_due(), faults.has_room(), faults.waiting())
         };
         let wait = match self.stopped {
@@ -290,7 +313,7 @@ impl WayOut {
         loop {
             let next = self.stopped.take();
             let now = self.shared.now();
-            let due = || now.and_then(|now| lock(&self.shared.out).pop_due(now));
+            let due = || now.and_then(|now| lock(&self.shared.way_out).pop_due(now));
             let next = next.or_else(due);
             let Some(what) = next else { return Ok(()) };
             let is_packet = what.octets().is_some();
@@ -308,9 +331,15 @@ impl WayOut {
         let tally = &self.shared.tally;
         let is_packet = what.octets().is_some();
         let now = self.shared.start();
-        let mut faults = lock(&self.shared.out);
+        let spared = lock(&self.shared.spared).is_spared(self.shared.personality, what.octets());
+        let mut faults = lock(&self.shared.way_out);
         let before = faults.waiting();
-        match faults.push(what, now) {
+        let pushed = if spared {
+            faults.pass(what, now)
+        } else {
+            faults.push(what, now)
+        };
+        match pushed {
             Pushed::Taken => {
                 for _ in 1..faults.waiting() - before {
                     tally.queued();
