@@ -72,11 +72,14 @@ const FENCES: &[(&str, &[&str])] = &[
     ("rustix::", &["link/low_latency", "link/pseudo"]),
     ("rayon::", &["render", "scene", "sky/population"]),
     ("sofars::", &["sky/bodies"]),
-    ("serde_json::", &["label"]),
+    ("serde_json::", &["label", "link/fault/book"]),
     ("toml::", &["load"]),
     ("image::", &["output"]),
     ("embedded_graphics::", &["output"]),
-    ("std::fs::", &["link/capture", "link/fault/book", "output"]),
+    (
+        "std::fs::",
+        &["link/capture", "link/fault/book", "link/name", "output"],
+    ),
     ("std::net::", &["link/udp"]),
     // The binary alone reports; the library says what is wrong in types.
     ("anyhow::", &["cli"]),

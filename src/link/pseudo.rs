@@ -4,6 +4,7 @@
 //! client would read them; the settings of one client, exclusive use included, outlast it; the master learns that
 //! nobody holds the other end (POLLHUP) only after somebody did.
 
+use super::name::Name;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
@@ -13,7 +14,7 @@ use rustix::termios::{
 };
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -23,7 +24,7 @@ const SOON: Duration = Duration::from_millis(10);
 /// One pseudo-terminal.
 pub(super) struct Pseudo {
     /// The name that clients open, if it is not the system's own.
-    name: Option<PathBuf>,
+    name: Option<Name>,
     state: Mutex<State>,
 }
 
@@ -74,11 +75,9 @@ impl Pseudo {
             source,
             remedy: "check that /dev/ptmx and /dev/pts exist",
         })?;
-        if let Some(name) = name {
-            give_name(name, &device)?;
-        }
+        let name = name.map(|name| Name::give(name, &device)).transpose()?;
         Ok(Pseudo {
-            name: name.map(Path::to_path_buf),
+            name,
             state: Mutex::new(State {
                 master: Arc::new(master),
                 device,
@@ -91,7 +90,7 @@ impl Pseudo {
     /// What a client opens.
     pub fn name(&self) -> String {
         match &self.name {
-            Some(name) => name.display().to_string(),
+            Some(name) => name.path.display().to_string(),
             None => self.state().device.clone(),
         }
     }
@@ -140,7 +139,7 @@ impl Pseudo {
             tracing::debug!(%error, "{} is replaced", state.device);
             let (master, device) = pair()?;
             if let Some(name) = &self.name {
-                rename(name, &state.device, &device)?;
+                name.lead(&state.device, &device)?;
             }
             (state.master, state.device) = (Arc::new(master), device);
         }
@@ -187,11 +186,8 @@ impl Pseudo {
 
     /// Takes the name away, if it is still this pseudo-terminal's.
     pub fn remove_name(&self) {
-        if let Some(name) = &self.name
-            && leads_to(name, &self.state().device)
-        {
-            // Whoever has taken it away before us has done what we want.
-            let _ = rustix::fs::unlink(name);
+        if let Some(name) = &self.name {
+            name.remove(&self.state().device);
         }
     }
 }
@@ -254,43 +250,6 @@ fn ready(master: &OwnedFd, events: PollFlags, wait: Duration) -> io::Result<Poll
     }
 }
 
-/// Makes `name` lead to `device`. What stands there is replaced only if it is the dead name of another run.
-fn give_name(name: &Path, device: &str) -> Result<(), Refusal> {
-    let refused = |remedy| {
-        move |source: io::Error| Refusal {
-            action: "give it that name",
-            source,
-            remedy,
-        }
-    };
-    if let Ok(found) = name.symlink_metadata() {
-        let dead = found.is_symlink()
-            && !name.exists()
-            && name.read_link().is_ok_and(|to| to.starts_with("/dev/pts"));
-        if !dead {
-            const REMEDY: &str = "choose another name, or remove what is there";
-            return Err(refused(REMEDY)(io::ErrorKind::AlreadyExists.into()));
-        }
-        // What cannot be removed cannot be replaced either, as is told below.
-        let _ = rustix::fs::unlink(name);
-    }
-    let made = rustix::fs::symlink(device, name);
-    made.map_err(|error| refused("choose a name in a folder that you may write")(error.into()))
-}
-
-/// Lets `name` lead to another device, if it is ours.
-fn rename(name: &Path, from: &str, to: &str) -> io::Result<()> {
-    if leads_to(name, from) {
-        rustix::fs::unlink(name)?;
-        rustix::fs::symlink(to, name)?;
-    }
-    Ok(())
-}
-
-fn leads_to(name: &Path, device: &str) -> bool {
-    name.read_link().is_ok_and(|to| to == Path::new(device))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -350,21 +309,14 @@ mod tests {
     }
 
     #[test]
-    fn a_name_in_use_is_not_taken_and_a_dead_one_is() {
+    fn a_name_in_use_is_not_taken_and_is_left_when_it_is_anothers() {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().join("port");
-        let kind = |name: &Path| Pseudo::open(Some(name)).err().unwrap().source.kind();
-        std::fs::write(&name, "mine").unwrap();
-        assert_eq!(kind(&name), io::ErrorKind::AlreadyExists);
-        assert_eq!(std::fs::read(&name).unwrap(), b"mine");
-        std::fs::remove_file(&name).unwrap();
-        std::os::unix::fs::symlink("/dev/pts/999999", &name).unwrap();
         let pseudo = Pseudo::open(Some(&name)).ok().unwrap();
-        assert_eq!(kind(&name), io::ErrorKind::AlreadyExists, "it is alive");
-        assert_eq!(
-            kind(&folder.path().join("no/port")),
-            io::ErrorKind::NotFound
-        );
+        let again = Pseudo::open(Some(&name)).err().unwrap();
+        assert_eq!(again.source.kind(), io::ErrorKind::AlreadyExists);
+        assert_eq!(pseudo.write(b"-", None).unwrap(), Written::Nobody);
+        let _port = client(&pseudo);
         // Another's name is left alone.
         std::fs::remove_file(&name).unwrap();
         std::os::unix::fs::symlink("/dev/null", &name).unwrap();

@@ -3,6 +3,7 @@
 
 use super::inbox::inbox;
 use super::line::{Ear, LineOutbox, Put, airtime, baud_of, outbox, write};
+use super::name::is_one;
 use super::pace::{Pace, sleep_until};
 use super::paced::{PIECE, PacedEar, relay, write_all};
 use super::pseudo::{Heard, Pseudo, Refusal};
@@ -198,6 +199,14 @@ pub struct Pair {
 impl Pair {
     /// Makes both; their names lead to them until the pair is dropped.
     pub fn open(names: [&Path; 2], baud: u32) -> Result<Pair, LinkError> {
+        if is_one(names[0], names[1]) {
+            return Err(LinkError::Io {
+                url: names[1].display().to_string(),
+                action: "give both ends one name",
+                source: io::ErrorKind::AlreadyExists.into(),
+                remedy: "name them differently",
+            });
+        }
         let end = |name: &Path| {
             Pseudo::open(Some(name)).map_err(|error| LinkError::Io {
                 url: name.display().to_string(),

@@ -56,3 +56,83 @@ fn a_client_opens_the_emulators_own_port() {
     let name = std::path::Path::new(&name);
     assert!(name.symlink_metadata().is_err(), "the name is gone");
 }
+
+/// A name that leads to the terminal of whoever got the killed one's number.
+#[test]
+fn the_names_of_a_run_that_was_killed_are_taken_over() {
+    let here = tempfile::tempdir().unwrap();
+    let names = ["a", "b"].map(|name| here.path().join(name).display().to_string());
+    let start = |names: [&String; 2]| {
+        let shown = format!("{} <-> {} at ", names[0], names[1]);
+        Process::of(&["pty", names[0], names[1]], &shown)
+    };
+    let first = start([&names[0], &names[1]]);
+    // While it lives nobody else gets them.
+    let again = crate::skyloop(here.path())
+        .args(["pty", &names[0], "c"])
+        .output();
+    let again = again.unwrap();
+    let text = String::from_utf8(again.stderr).unwrap();
+    assert!(
+        text.contains("skyloop serves has it; choose another name"),
+        "{text}"
+    );
+    assert!(again.status.code() == Some(1) && text.trim().lines().count() == 1);
+    first.signal("-KILL");
+    let _ = first.end();
+    assert!(here.path().join("a").symlink_metadata().is_ok(), "killed");
+    // The other way round: the numbers of both are in use again while their names are given.
+    let second = start([&names[1], &names[0]]);
+    for name in &names {
+        serialport::new(name, 115_200).open().unwrap();
+    }
+    second.signal("-INT");
+    assert_eq!(second.end().0, Some(0));
+    assert!(here.path().read_dir().unwrap().next().is_none());
+}
+
+#[test]
+fn one_name_for_both_ends_is_refused_in_a_line() {
+    let here = tempfile::tempdir().unwrap();
+    for other in ["a", "./a"] {
+        let output = crate::skyloop(here.path())
+            .args(["pty", "a", other])
+            .output();
+        let output = output.unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1));
+        let told = text.contains("give both ends one name") && text.contains("differently");
+        assert!(told && text.trim().lines().count() == 1, "{text}");
+        assert!(here.path().read_dir().unwrap().next().is_none());
+    }
+}
+
+/// A client that opens the port, asks for frames and reads nothing; faults stand between.
+#[test]
+fn a_client_that_reads_nothing_keeps_no_name_alive() {
+    let here = tempfile::tempdir().unwrap();
+    let name = here.path().join("tracker").display().to_string();
+    let log = here.path().join("log.jsonl").display().to_string();
+    let link = format!("pty://{name}?baud=3000000");
+    let config = crate::repository("configs/run.toml");
+    let run = [
+        "run",
+        "--config",
+        &config,
+        "--link",
+        &link,
+        "--fault-log",
+        &log,
+    ];
+    let process = Process::of(&run, "listening on ");
+    let mut client = crate::support::client::Client::new(PtyLine::at(&name));
+    client.window = None;
+    for sequence in 0..3 {
+        client.point(crate::support::attitude(sequence), crate::support::EPOCH);
+    }
+    std::thread::sleep(std::time::Duration::from_secs(1));
+    process.signal("-INT");
+    assert_eq!(process.end().0, Some(0));
+    let name = std::path::Path::new(&name);
+    assert!(name.symlink_metadata().is_err(), "the name is gone");
+}

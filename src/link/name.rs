@@ -1,0 +1,197 @@
+//! The name of a pseudo-terminal in the file system, a symbolic link.
+//!
+//! A run that is killed leaves its name behind, and the system soon gives the number of its device to another terminal.
+//! So the link shows who made it (`/dev/pts/./N` leads where `/dev/pts/N` does), and a socket in the abstract namespace of
+//! Linux, which ends with its process, whether that one still lives. Nothing else is ever removed.
+
+use super::pseudo::Refusal;
+use skyloop_protocols::crc::Crc32;
+use std::io;
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::{MetadataExt, symlink};
+use std::os::unix::net::{SocketAddr, UnixDatagram};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Where the system has the other ends.
+const DEVICES: &str = "/dev/pts/";
+/// The same place, as skyloop writes it.
+const OURS: &str = "/dev/pts/./";
+
+/// A name that leads to a device.
+pub(super) struct Name {
+    pub path: PathBuf,
+    /// Nobody else has the name while this is there.
+    claim: Mutex<Option<UnixDatagram>>,
+}
+
+impl Name {
+    /// Makes `path` lead to `device`. What stands there is replaced only if it is the name of a run that has ended.
+    pub fn give(path: &Path, device: &str) -> Result<Name, Refusal> {
+        const FOLDER: &str = "choose a name in a folder that you may write";
+        const OTHER: &str = "choose another name, or remove what is there";
+        let claim = key(path).and_then(claim).map_err(|source| {
+            let taken = source.kind() == io::ErrorKind::AlreadyExists;
+            refused(source, if taken { "choose another name" } else { FOLDER })
+        })?;
+        if let Ok(found) = path.symlink_metadata() {
+            if !(found.is_symlink() && is_dead(path, device)) {
+                return Err(refused(io::ErrorKind::AlreadyExists.into(), OTHER));
+            }
+            std::fs::remove_file(path).map_err(|error| refused(error, FOLDER))?;
+            tracing::warn!(
+                "{}: a run that was killed left this name behind: it is taken over",
+                path.display()
+            );
+        }
+        symlink(marked(device), path).map_err(|error| refused(error, FOLDER))?;
+        Ok(Name {
+            path: path.to_path_buf(),
+            claim: Mutex::new(Some(claim)),
+        })
+    }
+
+    /// Lets it lead to another device, if it leads to `from`.
+    pub fn lead(&self, from: &str, to: &str) -> io::Result<()> {
+        if self.leads_to(from) {
+            std::fs::remove_file(&self.path)?;
+            symlink(marked(to), &self.path)?;
+        }
+        Ok(())
+    }
+
+    /// Takes it away, if it leads to `device`.
+    pub fn remove(&self, device: &str) {
+        if self.leads_to(device) {
+            // Whoever has taken it away before us has done what we want.
+            let _ = std::fs::remove_file(&self.path);
+        }
+        let mut claim = self.claim.lock().unwrap_or_else(PoisonError::into_inner);
+        drop(claim.take());
+    }
+
+    fn leads_to(&self, device: &str) -> bool {
+        leads_to(&self.path, device)
+    }
+}
+
+/// Whether two paths are one name.
+pub(super) fn is_one(a: &Path, b: &Path) -> bool {
+    a == b || matches!((key(a), key(b)), (Ok(a), Ok(b)) if a == b)
+}
+
+fn refused(source: io::Error, remedy: &'static str) -> Refusal {
+    Refusal {
+        action: "give it that name",
+        source,
+        remedy,
+    }
+}
+
+/// Whether the owner of a link, for which nobody has a claim, has gone. `device` is a new one's.
+fn is_dead(path: &Path, device: &str) -> bool {
+    let Ok(to) = path.read_link() else {
+        return false;
+    };
+    let to = to.as_os_str().as_bytes();
+    to.starts_with(OURS.as_bytes())
+        || leads_to(path, device)
+        || (to.starts_with(DEVICES.as_bytes()) && !path.exists())
+}
+
+/// Paths are compared without their `.`.
+fn leads_to(path: &Path, device: &str) -> bool {
+    path.read_link().is_ok_and(|to| to == Path::new(device))
+}
+
+fn marked(device: &str) -> String {
+    match device.strip_prefix(DEVICES) {
+        Some(number) => format!("{OURS}{number}"),
+        None => device.to_string(),
+    }
+}
+
+/// What a name is called among sockets: its folder and its last part.
+fn key(path: &Path) -> io::Result<String> {
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let folder = std::fs::metadata(folder)?;
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    Ok(format!(
+        "skyloop-pty {:x} {:x} {:08x}",
+        folder.dev(),
+        folder.ino(),
+        Crc32::new().update(name.as_bytes()).finish()
+    ))
+}
+
+fn claim(key: String) -> io::Result<UnixDatagram> {
+    let address = SocketAddr::from_abstract_name(key)?;
+    UnixDatagram::bind_addr(&address).map_err(|error| match error.kind() {
+        io::ErrorKind::AddrInUse => io::Error::new(
+            io::ErrorKind::AlreadyExists,
+            "another end that skyloop serves has it",
+        ),
+        _ => error,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(path: &Path, device: &str) -> io::ErrorKind {
+        Name::give(path, device).err().unwrap().source.kind()
+    }
+
+    #[test]
+    fn a_dead_name_of_ours_is_taken_over_though_its_number_lives() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        // Any device that is there stands for a terminal of somebody else that has got the number.
+        for to in ["/dev/pts/./ptmx", "/dev/pts/./999999", "/dev/pts/999999"] {
+            symlink(to, &path).unwrap();
+            let name = Name::give(&path, "/dev/pts/5").ok().unwrap();
+            assert_eq!(path.read_link().unwrap(), Path::new("/dev/pts/5"), "{to}");
+            assert_eq!(refusal(&path, "/dev/pts/6"), io::ErrorKind::AlreadyExists);
+            name.lead("/dev/pts/5", "/dev/pts/7").unwrap();
+            name.remove("/dev/pts/5");
+            assert!(leads_to(&path, "/dev/pts/7"), "it is another's by now");
+            name.remove("/dev/pts/7");
+            assert!(path.symlink_metadata().is_err());
+        }
+        // An older one's, whose number is ours now.
+        symlink("/dev/pts/ptmx", &path).unwrap();
+        assert!(Name::give(&path, "/dev/pts/ptmx").is_ok());
+    }
+
+    #[test]
+    fn what_others_made_is_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        for to in ["/dev/pts/ptmx", "/dev/null", "nowhere"] {
+            symlink(to, &path).unwrap();
+            assert_eq!(refusal(&path, "/dev/pts/5"), io::ErrorKind::AlreadyExists);
+            assert_eq!(path.read_link().unwrap(), Path::new(to));
+            std::fs::remove_file(&path).unwrap();
+        }
+        std::fs::write(&path, "mine").unwrap();
+        assert_eq!(refusal(&path, "/dev/pts/5"), io::ErrorKind::AlreadyExists);
+        assert_eq!(std::fs::read(&path).unwrap(), b"mine");
+        let nowhere = folder.path().join("no/port");
+        assert_eq!(refusal(&nowhere, "/dev/pts/5"), io::ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn one_name_has_many_spellings() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("in")).unwrap();
+        let at = |text: &str| folder.path().join(text);
+        assert!(is_one(&at("a"), &at("in/../a")) && is_one(Path::new("a"), Path::new("./a")));
+        assert!(!is_one(&at("a"), &at("b")) && !is_one(&at("a"), &at("in/a")));
+        assert!(is_one(&at("no/a"), &at("no/a")));
+    }
+}
