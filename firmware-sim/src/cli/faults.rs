@@ -38,10 +38,10 @@ pub fn parse_fault(text: &str) -> Result<Fault> {
         value: number(value)?,
         seconds: number(seconds)?,
     };
-    fault.check()?;
     if kind.is_switch() && fault.value != 0.0 && fault.value != 1.0 {
         bail!("the value {value} is neither 1 (on) nor 0 (off)");
     }
+    fault.check()?;
     Ok(fault)
 }
 
