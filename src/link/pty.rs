@@ -202,9 +202,9 @@ impl Pair {
         if is_one(names[0], names[1]) {
             return Err(LinkError::Io {
                 url: names[1].display().to_string(),
-                action: "give both ends one name",
-                source: io::ErrorKind::AlreadyExists.into(),
-                remedy: "name them differently",
+                action: "give it that name",
+                source: io::Error::new(io::ErrorKind::AlreadyExists, "the other end has it"),
+                remedy: "choose another name",
             });
         }
         let end = |name: &Path| {

@@ -338,10 +338,7 @@ fn serial_ports() {
     // kind is refused to everybody.
     link(
         "serial:///dev/null",
-        &[
-            "serial:///dev/null",
-            "this is no serial port",
-        ],
+        &["serial:///dev/null", "this is no serial port"],
     );
     let (_near, far) = serialport::TTYPort::pair().unwrap();
     let device = serialport::SerialPort::name(&far).unwrap();

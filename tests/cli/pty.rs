@@ -101,7 +101,7 @@ fn one_name_for_both_ends_is_refused_in_a_line() {
         let output = output.unwrap();
         let text = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(1));
-        let told = text.contains("give both ends one name") && text.contains("differently");
+        let told = text.contains("the other end has it; choose another name");
         assert!(told && text.trim().lines().count() == 1, "{text}");
         assert!(here.path().read_dir().unwrap().next().is_none());
     }
