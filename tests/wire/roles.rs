@@ -2,7 +2,7 @@
 
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
-use crate::support::{EPOCH, Running, attitude, options, scene};
+use crate::support::{EPOCH, Running, attitude, await_that, options, scene};
 use skyloop::config::Clock;
 use skyloop::link;
 use skyloop_protocols::{Command, LabelLevel, Output, PixelLevel, Reason};
@@ -135,6 +135,31 @@ fn a_client_that_stops_reading_costs_the_others_no_frame() {
     assert_eq!(
         (counters.frames_delivered, counters.frames_abandoned),
         (1, 1)
+    );
+}
+
+#[test]
+fn a_frame_that_nobody_is_there_for_counts_as_abandoned() {
+    let (emulator, mut clients) = at(&["truth", "pixels+labels"]);
+    let [truth, frames] = &mut clients[..] else {
+        panic!("two clients");
+    };
+    truth.point(attitude(1), EPOCH);
+    await_that("the frame is given up", || {
+        truth.status().counters.frames_abandoned == 1
+    });
+    frames.done(Command::Ping);
+    frames.next(false);
+    truth.point(attitude(2), EPOCH);
+    assert_eq!(frames.parcel().0.attitude_sequence, 2);
+    let counters = emulator.end();
+    assert_eq!(
+        (
+            counters.frames_rendered,
+            counters.frames_delivered,
+            counters.frames_abandoned
+        ),
+        (2, 1, 1)
     );
 }
 
