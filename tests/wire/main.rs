@@ -1,6 +1,7 @@
 //! The emulator at the wire, with a client that knows nothing but `skyloop-protocols`.
 
 mod bad_packets;
+mod bus_faults;
 #[cfg(unix)]
 mod can;
 mod content;

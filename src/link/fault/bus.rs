@@ -1,6 +1,7 @@
 //! The faults around a CAN bus: its frames are harmed one by one.
 //!
-//! The link reads with one handle and sends with the other; what is late is sent by whichever handle comes first. While
+//! The link reads with one handle and sends with the other; what is late is sent by whichever handle comes first, while the
+//! other goes on with its own. Frames that the receiver throws away, or that find the delay line full, count as overflows. While
 //! the bus is off (either direction), nothing comes, what is to be sent waits in the controller's queue, and the link is told by an
 //! error frame as the kernel would tell it.
 
@@ -55,8 +56,10 @@ struct State {
     zero: Option<Instant>,
     way_in: Faults<CanFrame>,
     way_out: Faults<CanFrame>,
-    /// A late frame that the bus had no room for.
+    /// A frame that was due, and that the bus has not taken.
     stopped: Option<CanFrame>,
+    /// A handle is sending what is due: the others leave it to that one, so that the order is kept.
+    sending: bool,
     /// Whether the controller is off the bus.
     off: Outage,
     /// Whether the link is down.
@@ -88,6 +91,7 @@ impl BusFaults {
             way_in: Faults::new(Direction::In, &plan.rules),
             way_out: Faults::new(Direction::Out, &plan.rules),
             stopped: None,
+            sending: false,
             off: Outage::of(FaultKind::BusOff),
             down: Outage::of(FaultKind::Down),
             reports: VecDeque::new(),
@@ -126,23 +130,21 @@ impl State {
         zero.elapsed()
     }
 
-    /// Sends what is due, and books what has been injected.
-    fn pump(&mut self, bus: &mut dyn CanBus) -> io::Result<()> {
-        let Some(now) = self.zero.map(|zero| zero.elapsed()) else {
-            return Ok(());
-        };
+    /// Books what has been injected by now, and gives the next frame to send.
+    fn next_due(&mut self) -> Option<CanFrame> {
+        let now = self.zero?.elapsed();
         self.note(now);
-        while !self.off.is_on() {
-            let due = self.stopped.take();
-            let Some(frame) = due.or_else(|| self.way_out.pop_due(now)) else {
-                break;
-            };
-            if bus.send(&frame)? == Sending::Full {
-                self.stopped = Some(frame);
-                break;
-            }
+        if self.off.is_on() || self.sending {
+            return None;
         }
-        Ok(())
+        self.stopped.take().or_else(|| self.way_out.pop_due(now))
+    }
+
+    /// When a handle that reads is to look again. What is due and cannot leave is no reason.
+    fn wake_at(&self) -> Option<Duration> {
+        let blocked = self.off.is_on() || self.stopped.is_some() || self.sending;
+        let out = self.way_out.next_due().filter(|_| !blocked);
+        self.way_in.next_due().into_iter().chain(out).min()
     }
 
     /// Writes down what has been injected, and tells the link when its controller leaves the bus, or is back.
@@ -196,9 +198,13 @@ impl State {
             self.reports.push_back(frame);
             return;
         }
-        if !self.off.is_on() {
-            // What is lost is in the book, and missing on the bus like any frame that is lost.
-            let _: Pushed<CanFrame> = self.way_in.push(frame, now);
+        if self.off.is_on() {
+            return;
+        }
+        match self.way_in.push(frame, now) {
+            Pushed::Lost(FaultKind::Overrun) | Pushed::Full(_) => count(&self.tally.dropped),
+            // What else is lost is in the book, and missing on the bus like any frame that is lost.
+            Pushed::Taken | Pushed::Lost(_) => {}
         }
     }
 }
@@ -209,11 +215,31 @@ struct FaultyBus {
     faults: BusFaults,
 }
 
+impl FaultyBus {
+    /// Sends what is due. The lock is not held meanwhile: a bus may take its time, and the other handle has frames to read.
+    fn hand_on(&mut self) -> io::Result<()> {
+        let mut state = self.faults.lock();
+        while let Some(frame) = state.next_due() {
+            state.sending = true;
+            drop(state);
+            let sent = self.bus.send(&frame);
+            state = self.faults.lock();
+            state.sending = false;
+            if !matches!(sent, Ok(Sending::Sent)) {
+                state.stopped = Some(frame);
+                return sent.map(drop);
+            }
+        }
+        Ok(())
+    }
+}
+
 impl CanBus for FaultyBus {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
+        self.faults.lock().now();
+        self.hand_on()?;
         let mut state = self.faults.lock();
         let now = state.now();
-        state.pump(self.bus.as_mut())?;
         if state.off.is_on() || state.stopped.is_some() || !state.way_out.has_room() {
             return Ok(Sending::Full);
         }
@@ -229,15 +255,17 @@ impl CanBus for FaultyBus {
             }
             Pushed::Taken | Pushed::Lost(_) => {}
         }
-        state.pump(self.bus.as_mut())?;
+        drop(state);
+        // The frame is ours now. A bus that has gone says so again next time.
+        let _ = self.hand_on();
         Ok(Sending::Sent)
     }
 
     fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
         let deadline = Instant::now() + timeout;
         loop {
+            self.hand_on()?;
             let mut state = self.faults.lock();
-            state.pump(self.bus.as_mut())?;
             if let Some(report) = state.reports.pop_front() {
                 return Ok(Some(report));
             }
@@ -245,8 +273,7 @@ impl CanBus for FaultyBus {
             if let Some(frame) = now.and_then(|now| state.way_in.pop_due(now)) {
                 return Ok(Some(frame));
             }
-            let due = [state.way_in.next_due(), state.way_out.next_due()];
-            let due = due.into_iter().flatten().min().zip(now);
+            let due = state.wake_at().zip(now);
             drop(state);
             let left = deadline.saturating_duration_since(Instant::now());
             let wait = due.map_or(TICK, |(due, now)| due.saturating_sub(now).min(TICK));
