@@ -803,11 +803,11 @@ typedef struct {
     uint32_t bad_version; /* Packets of another version */
     uint32_t bad_length; /* Packets of a wrong length */
     uint32_t unknown_type; /* Packets with an unknown APID, opcode, type bit or header flag */
-    uint32_t bad_framing; /* Serial frames with a bad escape, lines of a CAN adapter that are none */
+    uint32_t bad_framing; /* Serial frames with a bad escape, lines of a CAN adapter that are none, CAN frames on our identifiers that cannot be right (section 4.4) */
     uint32_t bad_attitude; /* Attitudes whose quaternion is not of unit length or that hold a NaN or an infinity */
     uint32_t time_backwards; /* Attitudes earlier than the last one accepted */
     uint32_t foreign_packets; /* Packets from others than the client of the exchange */
-    uint32_t overflows; /* Packets thrown away because the receiver was full */
+    uint32_t overflows; /* Packets, on a CAN bus frames, thrown away because the receiver was full */
     uint32_t bad_value; /* Packets with a value out of range */
     uint32_t refused; /* Valid packets refused as Busy or NotSupported */
     uint32_t sequence_gaps; /* Packets missing in the client's sequence counts */

@@ -1,5 +1,6 @@
 //! Interfaces that are missing, wrong, down, gone and back, full; controllers that report errors.
 
+use crate::support::client::moved;
 use crate::support::line::Line;
 use crate::support::{await_that, options};
 use crate::tools::{cansend, run};
@@ -88,6 +89,34 @@ fn error_frames_are_counted_and_the_run_goes_on() {
     });
     drop(client);
     assert_eq!(emulator.end().bus_off, 1);
+}
+
+#[test]
+#[ignore = "needs vcan: run tests/vcan/run"]
+fn frames_that_cannot_be_right_are_counted_and_those_of_others_are_not() {
+    let emulator = emulator(VCAN1, CLASSIC);
+    let mut client = client(VCAN1, CLASSIC);
+    let before = client.status().counters;
+    // Other identifiers, and ours in 29 bits.
+    for frame in ["0FF#00", "111#00000000000000", "7FF#R", "00000110#00"] {
+        cansend(VCAN1, frame);
+    }
+    assert_eq!(moved(&before, &client.status().counters), []);
+    // A short command and an attitude's frame cut off, single frames of no octet, remote frames.
+    for frame in [
+        "110#0600", "100#00", "120#", "120#0000", "100#R", "110#R7", "120#R",
+    ] {
+        let before = client.status().counters;
+        cansend(VCAN1, frame);
+        let mut found = Vec::new();
+        await_that("it is counted", || {
+            found = moved(&before, &client.status().counters);
+            !found.is_empty()
+        });
+        assert_eq!(found, [("bad_framing", 1)], "{frame}");
+    }
+    drop(client);
+    emulator.end();
 }
 
 #[test]

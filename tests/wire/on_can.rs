@@ -78,10 +78,55 @@ fn each_trouble_of_a_bus_moves_its_counter() {
     let begin = CanFrame::new(0x100, false, &[0; 8]).unwrap();
     ghosts.lock().unwrap().push_back(begin);
     moves(&mut client, "incomplete");
+    // On our identifiers: a frame of another length than the form's, a single frame of no octet (ISO 15765-2, 9.6.2), one that asks.
+    let short = CanFrame::new(0x110, false, &[6, 0, 1, 0]).unwrap();
+    let nothing = CanFrame::new(0x120, false, &[0; 8]).unwrap();
+    let asks = |id| CanFrame {
+        remote: true,
+        ..CanFrame::new(id, false, &[]).unwrap()
+    };
+    for frame in [short, nothing, asks(0x100), asks(0x110), asks(0x120)] {
+        ghosts.lock().unwrap().push_back(frame);
+        moves(&mut client, "bad_framing");
+    }
     // A message of 4095 octets is announced.
     let first = CanFrame::new(0x120, false, &[0x1F, 0xFF, 1, 2, 3, 4, 5, 6]).unwrap();
     ghosts.lock().unwrap().push_back(first);
     moves(&mut client, "oversize");
+    // Those of others are nobody's loss: other identifiers, our own, and 29 bits.
+    let far = CanFrame {
+        extended: true,
+        ..short
+    };
+    let others = |id| CanFrame::new(id, false, &[6, 0, 1, 0]).unwrap();
+    let before = client.status().counters;
+    let ids = [0x0FF, 0x111, 0x7FF, 0x210, 0x220];
+    ghosts.lock().unwrap().extend(ids.map(others));
+    ghosts.lock().unwrap().extend([far, asks(0x7FF)]);
+    await_that("they are read", || ghosts.lock().unwrap().is_empty());
+    assert_eq!(moved(&before, &client.status().counters), []);
+}
+
+#[test]
+fn frames_that_a_receiver_throws_away_count_as_overflows() {
+    let (_emulator, mut client, ghosts) = on_a_bus();
+    let overrun = |value| {
+        Command::Fault(Fault {
+            kind: FaultKind::Overrun,
+            direction: Direction::In,
+            value,
+            seconds: 0.0,
+        })
+    };
+    let before = client.status().counters;
+    client.done(overrun(1.0));
+    // Foreign frames, so that nothing else is missing.
+    let stray = CanFrame::new(0x7FF, false, &[0; 8]).unwrap();
+    ghosts.lock().unwrap().extend([stray; 5]);
+    await_that("they are read", || ghosts.lock().unwrap().is_empty());
+    client.done(overrun(0.0));
+    let after = client.status().counters;
+    assert_eq!(moved(&before, &after), [("overflows", 5)]);
 }
 
 #[test]

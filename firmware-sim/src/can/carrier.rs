@@ -52,7 +52,7 @@ pub enum Note {
     Unsent(u32),
     /// Messages that began to arrive and were never whole.
     Incomplete(u32),
-    /// What came and was no frame.
+    /// What came and was no frame, or one on our identifiers that cannot be right.
     Garbled(u32),
     /// Messages longer than any packet.
     Oversize(u32),
@@ -159,12 +159,8 @@ impl Reader {
                         Err(error) => (Some(Event::Gone(error)), true),
                     };
                     let garbled = Some(bus.garbled()).filter(|more| *more > 0);
-                    let events_now = garbled.map(Event::Garbled).into_iter().chain(event);
-                    if events_now
-                        .into_iter()
-                        .any(|event| events.send(event).is_err())
-                        || gone
-                    {
+                    let mut events_now = garbled.map(Event::Garbled).into_iter().chain(event);
+                    if events_now.any(|event| events.send(event).is_err()) || gone {
                         return;
                     }
                 }
@@ -365,6 +361,9 @@ impl<A: Above> Carrier<A> {
         if let Some(more) = more(now.oversize, before.oversize) {
             self.above.note(Note::Oversize(more));
         }
+        if let Some(more) = more(now.malformed, before.malformed) {
+            self.above.note(Note::Garbled(more));
+        }
     }
 
     /// Waits for a bus that has gone. The packet under way is not lost yet: the node's timers tell.
@@ -375,25 +374,28 @@ impl<A: Above> Carrier<A> {
             return false;
         };
         self.above.note(Note::Gone(error));
-        let bus = loop {
+        loop {
             std::thread::sleep(RETRY);
             if !self.above.is_wanted() {
                 return false;
             }
-            if let Ok(bus) = opener() {
-                break bus;
+            let Ok(bus) = opener() else {
+                continue;
+            };
+            // The frames that the old reader left behind belong to the old bus.
+            while let Ok(event) = self.events.try_recv() {
+                if let Event::Garbled(more) = event {
+                    self.above.note(Note::Garbled(more));
+                }
             }
-        };
-        // What the old reader left behind belongs to the old bus.
-        while self.events.try_recv().is_ok() {}
-        let reader = bus
-            .share()
-            .and_then(|bus| Reader::start(&self.name, bus, self.wake.clone()));
-        match reader {
-            Ok(reader) => (self.bus, self.reader) = (bus, Some(reader)),
-            Err(error) => return self.recover(error),
+            let shared = bus.share();
+            let reader = shared.and_then(|bus| Reader::start(&self.name, bus, self.wake.clone()));
+            // Without a second handle or a thread for it, it is tried again like one that is not there.
+            if let Ok(reader) = reader {
+                (self.bus, self.reader) = (bus, Some(reader));
+                self.above.note(Note::Back);
+                return true;
+            }
         }
-        self.above.note(Note::Back);
-        true
     }
 }

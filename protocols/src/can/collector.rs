@@ -11,6 +11,14 @@ use crate::command::Opcode;
 use crate::packet::{self, apid};
 use crate::time::WireTime;
 
+/// Whether this side receives plain frames with this identifier.
+pub(crate) const fn is_plain(side: Side, id: u32) -> bool {
+    match side {
+        Side::Emulator => matches!(id, ATTITUDE_BEGIN..=ATTITUDE_END | SHORT_COMMAND),
+        Side::Client => id == SHORT_ACK,
+    }
+}
+
 /// Puts packets together again from plain frames.
 #[derive(Debug, Clone)]
 pub(crate) struct Collector {
@@ -58,7 +66,7 @@ impl Collector {
         }
     }
 
-    /// Takes a frame with an 11-bit identifier; the packet that it completes.
+    /// Takes a frame with one of the plain frames' identifiers; the packet that it completes.
     pub(crate) fn receive(
         &mut self,
         frame: &CanFrame,
@@ -77,8 +85,9 @@ impl Collector {
             }
             (Side::Emulator, SHORT_COMMAND, 7) => self.command(word)?,
             (Side::Client, SHORT_ACK, 4) => self.ack((word >> 32) as u32)?,
+            // Of another length than the form has.
             _ => {
-                count(&mut counts.ignored);
+                count(&mut counts.malformed);
                 return None;
             }
         };

@@ -7,7 +7,7 @@
 //! Packets of one APID keep their order. An attitude may overtake a long command: a client whose command must act on its
 //! next attitude waits for the Ack.
 
-use crate::can::collector::Collector;
+use crate::can::collector::{Collector, is_plain};
 use crate::can::form::{FROM_EMULATOR, Frames, TO_EMULATOR};
 use crate::can::frame::CanFrame;
 use crate::can::isotp::{Parameters, Pdu};
@@ -51,7 +51,10 @@ pub struct Counts {
     pub unsent: u32,
     /// Messages announced as longer than any packet, refused.
     pub oversize: u32,
-    /// Frames that mean nothing here: unknown identifiers, lengths or types, late or repeated parts.
+    /// Frames on our identifiers that cannot be right whatever came before: remote frames, other lengths than the form's, data
+    /// that is no protocol data unit.
+    pub malformed: u32,
+    /// Frames that mean nothing here: those of others, and late or repeated parts.
     pub ignored: u32,
 }
 
@@ -186,15 +189,20 @@ impl Node {
     /// Takes a frame from the bus; the packet that it completes.
     pub fn receive(&mut self, frame: &CanFrame, now_us: u64) -> Option<&[u8]> {
         self.expire(now_us);
-        if !frame.is_valid() || frame.extended || frame.remote || frame.error {
-            count(&mut self.counts.ignored);
-            return None;
-        }
         let counts = &mut self.counts;
         let long = match self.side {
             Side::Emulator => TO_EMULATOR,
             Side::Client => FROM_EMULATOR,
         };
+        let is_ours = !frame.extended && (frame.id == long || is_plain(self.side, frame.id));
+        if frame.error || !is_ours {
+            count(&mut counts.ignored);
+            return None;
+        }
+        if frame.remote || !frame.is_valid() {
+            count(&mut counts.malformed);
+            return None;
+        }
         if frame.id != long {
             return self.collector.receive(frame, now_us, counts);
         }
@@ -208,7 +216,7 @@ impl Node {
                     .receive(pdu, frame.len.into(), &self.parameters, now_us, counts)
             }
             None => {
-                count(&mut counts.ignored);
+                count(&mut counts.malformed);
                 None
             }
         }

@@ -23,7 +23,7 @@ counters! {
     bad_length,
     /// Packets with an unknown APID, opcode, type bit or header flag.
     unknown_type,
-    /// Serial frames with a bad escape, lines of a CAN adapter that are none.
+    /// Serial frames with a bad escape, lines of a CAN adapter that are none, CAN frames on our identifiers that cannot be right (section 4.4).
     bad_framing,
     /// Attitudes whose quaternion is not of unit length or that hold a NaN or an infinity.
     bad_attitude,
@@ -31,7 +31,7 @@ counters! {
     time_backwards,
     /// Packets from others than the client of the exchange.
     foreign_packets,
-    /// Packets thrown away because the receiver was full.
+    /// Packets, on a CAN bus frames, thrown away because the receiver was full.
     overflows,
     /// Packets with a value out of range.
     bad_value,

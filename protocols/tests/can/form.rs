@@ -288,7 +288,7 @@ fn an_attitude_that_stops_is_given_up_in_time() {
 }
 
 #[test]
-fn frames_of_other_lengths_are_ignored() {
+fn frames_of_other_lengths_are_counted_and_those_of_others_are_not() {
     let mut node = Node::new(Side::Emulator, true);
     for (id, octets) in [
         (0x100, 7),
@@ -305,10 +305,27 @@ fn frames_of_other_lengths_are_ignored() {
     assert_eq!(
         node.counts(),
         Counts {
-            ignored: 7,
+            malformed: 4,
+            ignored: 3,
             ..Counts::default()
         }
     );
+    // Remote frames: on our identifiers nobody answers them. A 29-bit identifier is another, whatever its number.
+    let asks = |id, extended| CanFrame {
+        extended,
+        remote: true,
+        ..CanFrame::new(id, false, &[]).expect("valid")
+    };
+    for (id, extended) in [
+        (0x100, false),
+        (0x110, false),
+        (0x120, false),
+        (0x110, true),
+        (0x7FF, false),
+    ] {
+        assert_eq!(node.receive(&asks(id, extended), 0), None);
+    }
+    assert_eq!((node.counts().malformed, node.counts().ignored), (7, 5));
     // Any opcode gives a packet: the emulator says what is wrong with it.
     let unknown = CanFrame::new(0x110, false, &[0xEE, 0, 1, 0, 0, 0, 0]).expect("valid");
     let packet = node.receive(&unknown, 0).expect("a packet").to_vec();

@@ -208,7 +208,7 @@ fn separation_times() {
 }
 
 #[test]
-fn data_that_is_no_pdu_is_ignored() {
+fn data_that_is_no_pdu_is_counted() {
     // Reserved types; lengths 0, beyond the frame, and those that belong in a shorter one; cut heads.
     for data in [
         "",
@@ -235,7 +235,7 @@ fn data_that_is_no_pdu_is_ignored() {
         assert_eq!(
             node.counts(),
             Counts {
-                ignored: 1,
+                malformed: 1,
                 ..Counts::default()
             },
             "{data}"

@@ -73,7 +73,8 @@ fn unexpected_frames_at_a_receiver() {
     assert_eq!(
         client.counts(),
         Counts {
-            ignored: 3,
+            ignored: 2,
+            malformed: 1,
             ..ignored
         }
     );

@@ -50,6 +50,7 @@ fn note(counts: Counts, seen: &mut Seen) {
         size(counts.ignored),
         size(counts.incomplete),
         size(counts.timeouts),
+        size(counts.malformed),
     ));
     seen.note((
         size(counts.sequence_errors),
