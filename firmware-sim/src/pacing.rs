@@ -3,22 +3,8 @@
 //! The grant is cumulative: frame packets that have left the emulator so far, plus a window. Packets that were lost
 //! have left it too: the gaps in their sequence counts say how many, and after a silence a `Status` does.
 
+use skyloop_protocols::credit::PAID;
 use skyloop_protocols::packet::SEQUENCE_MODULUS;
-
-/// The APIDs that credit pays for.
-const PAID: [u16; 6] = {
-    use skyloop_protocols::apid::{
-        COMPRESSED, FRAME_HEADER, LABELS, OBJECTS, PIXEL_BLOCK, WINDOWS,
-    };
-    [
-        FRAME_HEADER,
-        PIXEL_BLOCK,
-        LABELS,
-        WINDOWS,
-        OBJECTS,
-        COMPRESSED,
-    ]
-};
 
 /// Credit granted against frame packets seen.
 #[derive(Clone, Debug)]

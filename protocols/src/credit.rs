@@ -2,7 +2,19 @@
 //!
 //! The number is cumulative, so a lost or repeated `Credit` packet does no harm: the next one repairs it.
 
-/// The emulator's account of frame packets (`FrameHeader`, `PixelBlock`, `Labels`) in one exchange.
+use crate::packet::apid;
+
+/// The APIDs of frame packets: those that credit pays for.
+pub const PAID: [u16; 6] = [
+    apid::FRAME_HEADER,
+    apid::PIXEL_BLOCK,
+    apid::LABELS,
+    apid::WINDOWS,
+    apid::OBJECTS,
+    apid::COMPRESSED,
+];
+
+/// The emulator's account of frame packets ([`PAID`]) in one exchange.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CreditAccount {
     granted: Option<u32>,

@@ -1,5 +1,6 @@
 //! What the emulator answers: the packets of a frame, status, acknowledgements.
 
+use crate::credit::PAID;
 use crate::error::Reason;
 use crate::error::{DecodeError, EncodeError};
 use crate::frame::fits_packing;
@@ -53,8 +54,8 @@ impl<'a> Nack<'a> {
 
 impl<'a> Reply<'a> {
     /// Whether its packets take credit: those of a frame do, answers do not.
-    pub const fn takes_credit(&self) -> bool {
-        !matches!(self, Self::Status(_) | Self::Ack(_) | Self::Nack(_))
+    pub fn takes_credit(&self) -> bool {
+        PAID.contains(&self.apid())
     }
 
     /// Reads exactly one packet.
