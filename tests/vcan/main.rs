@@ -3,8 +3,11 @@
 #![cfg(target_os = "linux")]
 
 mod attitude;
+#[path = "../support/flight.rs"]
+mod flight;
 mod levels;
 mod loopback;
+mod minute;
 mod pacing;
 #[path = "../support/mod.rs"]
 mod support;

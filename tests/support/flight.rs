@@ -1,0 +1,210 @@
+//! A minute of attitudes at 10 Hz: flown over a link, and compared with the same minute over another.
+#![allow(dead_code, reason = "each test program uses its own part of this")]
+
+use hifitime::Epoch;
+use skyloop::attitude::Attitude;
+use skyloop::config::{Clock, Config, Sequence, TimedAttitude};
+use skyloop::engine::Emulator;
+use skyloop::link::fault::{Book, BusFaults, Plan, wrap};
+use skyloop::link::{self, Airtime, BothEnds, BusInstruments, Options, Roles};
+use skyloop::serve::Server;
+use skyloop_firmware_sim::event::Event;
+use skyloop_firmware_sim::flight_computer::FlightComputer;
+use skyloop_firmware_sim::received::Cutout;
+use skyloop_firmware_sim::report::Report;
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Counters, ObjectRecord, Output};
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// What is flown: the sky of the built-in scene from CASSIOPE, slowly turning, at 10 Hz.
+#[derive(Clone, Copy)]
+pub struct Course {
+    /// How many attitudes.
+    pub frames: u32,
+    /// Columns and rows in the middle of the detector.
+    pub side: usize,
+}
+
+/// A minute with the whole detector.
+pub const MINUTE: Course = Course {
+    frames: 600,
+    side: 256,
+};
+
+fn config(course: Course) -> Config {
+    let mut config = Config::builtin().unwrap();
+    let (camera, side) = (&mut config.camera, course.side);
+    (camera.detector.width, camera.detector.height) = (side, side);
+    camera.optics.principal_px = [(side as f64 - 1.0) / 2.0; 2];
+    // The ephemerides cover 23:35:30 to 23:36:30, light time and exposures included.
+    config.camera.exposure_s = 0.05;
+    let epoch = Epoch::from_gregorian_utc(2019, 6, 15, 23, 35, 30, 50_000_000);
+    // X-Val: the touchstone of the conventions, RA 248.112 Dec +9.215 degrees.
+    let attitude = Attitude::from_xyzw([-0.070834, -0.644137, 0.733522, -0.204975]).unwrap();
+    let attitudes = vec![TimedAttitude { epoch, attitude }];
+    config.sequence = Some(Sequence {
+        epoch,
+        frames: course.frames,
+        period_s: 0.1,
+        attitudes,
+        rates: [0.001, -0.002, 0.0005],
+    });
+    config
+}
+
+/// What came of one attitude.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Delivered {
+    pub pixels_crc32: u32,
+    pub pixels: Vec<u16>,
+    pub windows: Vec<Cutout>,
+    pub objects: Vec<ObjectRecord>,
+    pub text: String,
+}
+
+/// What came of a run.
+pub struct Flight {
+    pub report: Report,
+    /// By the attitude's number.
+    pub frames: BTreeMap<u32, Delivered>,
+    pub counters: Counters,
+    /// From the first frame to the last.
+    pub took: Duration,
+    /// From one frame to the next, at least: the exposure is made and sent in this time.
+    pub shortest: Duration,
+    /// How long the link says that packets take.
+    pub airtime: Option<Airtime>,
+}
+
+/// Both ends of `link`, with the faults of `plan`.
+fn both_ends(link: &str, plan: &str) -> BothEnds {
+    let (plan, book) = (Plan::parse("faults", plan, false).unwrap(), Arc::default());
+    let (mut wire, port) = link::loopback(link, &options(None)).unwrap();
+    if !plan.is_empty() {
+        wire = wrap(wire, &plan, &NATIVE, &book).unwrap();
+    }
+    (wire, port)
+}
+
+/// What a link is told; on a bus with these faults, told in the book.
+pub fn options(faults: Option<(Plan, Arc<Mutex<Book>>)>) -> Options {
+    Options {
+        idle: Duration::from_secs(5),
+        personality: &NATIVE,
+        bus: faults.map(|(plan, book)| BusInstruments {
+            faults: true,
+            at: Arc::new(move |address, tally| {
+                let faults = BusFaults::new(address, tally, &plan, &NATIVE, &book);
+                Box::new(move |bus| faults.around(bus))
+            }),
+        }),
+    }
+}
+
+/// Flies over `loopback`'s link `link`, under the faults of `plan`.
+pub fn fly(course: Course, link: &str, level: &str, plan: &str) -> Flight {
+    fly_between(course, link, both_ends(link, plan), level, |_| {})
+}
+
+/// Flies between two ends; `seen` learns the number of each attitude whose frame has come.
+pub fn fly_between(
+    course: Course,
+    link: &str,
+    (wire, port): BothEnds,
+    level: &str,
+    mut seen: impl FnMut(u32),
+) -> Flight {
+    let mut config = config(course);
+    let mut mission = skyloop::flight::mission(&config).unwrap();
+    mission.output = Output::preset(level);
+    let airtime = wire.airtime.clone();
+    let stop = AtomicBool::new(false);
+    let emulator = Emulator::new(&mut config);
+    let links = [(wire, Roles::ALL)];
+    let mut server = Server::new(emulator, links, Output::default(), Clock::Stepped, &NATIVE);
+    let mut frames = BTreeMap::new();
+    let mut times = Vec::new();
+    let (report, counters) = std::thread::scope(|scope| {
+        let stop = &stop;
+        let emulator = scope.spawn(move || {
+            server
+                .run(stop, None, |_| {})
+                .expect("no error of the link");
+            server.close().1
+        });
+        let report = FlightComputer::new(port, mission).run(|event| {
+            if let Event::Frame {
+                frame,
+                detections,
+                labels,
+                ..
+            } = event
+            {
+                times.push(Instant::now());
+                let delivered = Delivered {
+                    pixels_crc32: frame.header.pixels_crc32,
+                    pixels: frame.pixels().to_vec(),
+                    windows: frame.windows().to_vec(),
+                    objects: frame.objects(detections).unwrap(),
+                    text: labels.unwrap_or_default().to_string(),
+                };
+                frames.insert(frame.header.attitude_sequence, delivered);
+                seen(frame.header.attitude_sequence);
+            }
+            ControlFlow::Continue(())
+        });
+        stop.store(true, Ordering::Relaxed);
+        (report.unwrap(), emulator.join().unwrap())
+    });
+    let between = times.windows(2).map(|pair| pair[1] - pair[0]);
+    let shortest = between.clone().min().unwrap_or_default();
+    let took = between.sum();
+    println!("{link} {level}: {took:.1?}, {shortest:.1?} a frame at least; {counters:?}\n{report}");
+    Flight {
+        report,
+        frames,
+        counters,
+        took,
+        shortest,
+        airtime,
+    }
+}
+
+impl Flight {
+    /// How long the link says that a frame of 20 windows and 12 objects takes.
+    // X-Val: packets of a header, four times five windows, and the objects: 90, 1260 and 673 octets (src/serve/budget.rs).
+    pub fn windows_airtime(&self) -> Duration {
+        let airtime = self.airtime.as_ref().unwrap();
+        airtime(90) + 4 * airtime(1260) + airtime(673)
+    }
+}
+
+/// Every attitude has its frame or is counted as lost, and every frame is the reference's.
+pub fn compare(flight: &Flight, reference: &Flight) {
+    let report = &flight.report;
+    assert_eq!(
+        report.frames + report.lost + report.refused,
+        report.requested
+    );
+    assert_eq!(flight.frames.len() as u32, report.frames);
+    for (sequence, frame) in &flight.frames {
+        assert!(
+            *frame == reference.frames[sequence],
+            "the frame of attitude {sequence} is another"
+        );
+    }
+}
+
+/// The label's frame number is that of the frame, not of the attitude: after an attitude that came twice they differ.
+pub fn without_number(mut flight: Flight) -> Flight {
+    for frame in flight.frames.values_mut() {
+        if let Some((_, rest)) = frame.text.split_once(",\"seed\":") {
+            frame.text = rest.to_string();
+        }
+    }
+    flight
+}
