@@ -5,7 +5,7 @@ use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
-use skyloop::link::capture::replay::{Replay, Same, load};
+use skyloop::link::capture::replay::{Recording, Replay, Same, load};
 use skyloop::serve::Server;
 use skyloop_firmware_sim::console::say;
 use skyloop_protocols::Direction;
@@ -67,19 +67,14 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     if received == 0 {
         bail!("{}: nothing was received in it", args.file.display());
     }
-    let left_out = match recording.torn {
-        0 => String::new(),
-        torn => format!("{torn} because packets of them are missing"),
-    };
+    let gaps = gaps(&recording);
     if sent == 0 {
         let file = args.file.display();
-        match (recording.on_the_bus, left_out.as_str()) {
-            (false, _) => bail!("{file}: no packet was sent in it: there is nothing to compare"),
-            (true, "") => {
-                bail!("{file}: no whole frame was sent in it: there is nothing to compare")
-            }
-            (true, why) => bail!("{file}: no frame in it can be compared: {why}"),
-        }
+        let what = match recording.on_the_bus {
+            true => "packet of a frame",
+            false => "packet",
+        };
+        bail!("{file}: no {what} was sent in it: there is nothing to compare{gaps}");
     }
     say(format_args!(
         "replaying {}: {received} packets received, {sent} sent\n",
@@ -150,8 +145,26 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         "the same: {whole} frames, {} packets\n",
         progress.packets
     ))?;
-    if !left_out.is_empty() {
-        say(format_args!("frames not compared: {left_out}\n"))?;
+    if !gaps.is_empty() {
+        say(format_args!("{}\n", gaps.trim_start_matches("; ")))?;
     }
     Ok(())
+}
+
+/// What a recording made on the bus cannot show.
+fn gaps(recording: &Recording) -> String {
+    let mut text = String::new();
+    if recording.torn > 0 {
+        let torn = recording.torn;
+        text += &format!(
+            "; frames of which packets are missing in it: {torn} (the others were compared)"
+        );
+    }
+    if recording.doubled > 0 {
+        let doubled = recording.doubled;
+        text += &format!(
+            "; frames not compared: {doubled}, packets of them are there twice and nobody asked for them"
+        );
+    }
+    text
 }

@@ -11,6 +11,7 @@ use skyloop::link::capture::{Record, candump};
 use skyloop_protocols::can::{Lane, Node, Side};
 use skyloop_protocols::packet::reseal;
 use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::sequence::SequenceCounts;
 use skyloop_protocols::{Command, Direction, Reply};
 use std::path::Path;
 use std::time::Duration;
@@ -95,7 +96,7 @@ fn exchange() -> Exchange {
     exchange
 }
 
-/// What comes of an exchange: the first difference, whole frames, frames not compared.
+/// What comes of an exchange: the first difference, whole frames, frames of which packets are missing.
 fn replayed(folder: &Path, exchange: &Exchange) -> (Option<String>, usize, usize) {
     let file = folder.join("run.log");
     std::fs::write(&file, log(exchange)).unwrap();
@@ -139,5 +140,74 @@ fn frames_of_which_packets_were_sent_again_are_compared() {
         let resend = |packet| matches!(Command::decode(packet), Ok((_, Command::Resend { .. })));
         *direction == Direction::Out || !resend(packet)
     });
-    assert_eq!(replayed(folder.path(), &unasked.collect()), (None, 1, 1));
+    let unasked: Exchange = unasked.collect();
+    assert_eq!(replayed(folder.path(), &unasked), (None, 1, 0));
+    let file = folder.path().join("run.log");
+    assert_eq!(load(&file, &NATIVE).unwrap().doubled, 1);
+}
+
+/// A frame of which a packet is lost on the bus, one that is given up for want of credit, and one that a Reset ends while
+/// packets of it wait for the bus: what there is of them is compared, and those that follow are whole.
+#[test]
+fn frames_of_which_packets_are_missing_are_compared_as_far_as_they_are_there() {
+    let (_emulator, mut line) = on_memory(small(), Clock::Stepped);
+    let mut exchange = Vec::new();
+    let mut counts = SequenceCounts::new();
+    let mut say = |line: &mut MemoryLine, exchange: &mut Exchange, command: Command| {
+        let packet = packet(&command, counts.next(command.apid()), EPOCH);
+        line.send(&packet);
+        exchange.push((Direction::In, packet));
+    };
+    // As many packets as come.
+    let hear = |line: &mut MemoryLine, exchange: &mut Exchange| {
+        let before = exchange.len();
+        while let Some(packet) = line.recv(Duration::from_millis(400)) {
+            exchange.push((Direction::Out, packet));
+        }
+        exchange.len() - before
+    };
+    let grant = |packets| Command::Credit { packets };
+    say(&mut line, &mut exchange, grant(1000));
+    say(&mut line, &mut exchange, Command::Attitude(attitude(0)));
+    let whole = hear(&mut line, &mut exchange) as u32;
+    let lost = exchange.remove(2 + 4);
+    say(&mut line, &mut exchange, Command::Reset);
+    hear(&mut line, &mut exchange);
+    say(&mut line, &mut exchange, grant(5));
+    say(&mut line, &mut exchange, Command::Attitude(attitude(1)));
+    assert_eq!(hear(&mut line, &mut exchange), 5);
+    std::thread::sleep(Duration::from_secs(2));
+    // Enough for the next one, and not for the rest of the one before too.
+    say(&mut line, &mut exchange, grant(5 + whole + 2));
+    say(&mut line, &mut exchange, Command::Attitude(attitude(2)));
+    assert!(hear(&mut line, &mut exchange) as u32 >= whole);
+    say(&mut line, &mut exchange, Command::Reset);
+    hear(&mut line, &mut exchange);
+    say(&mut line, &mut exchange, grant(4));
+    say(&mut line, &mut exchange, Command::Attitude(attitude(3)));
+    assert_eq!(hear(&mut line, &mut exchange), 4);
+    // Two of the four were still queued when it came.
+    let reset = exchange.len();
+    say(&mut line, &mut exchange, Command::Reset);
+    exchange.swap(reset, reset - 2);
+    hear(&mut line, &mut exchange);
+    say(&mut line, &mut exchange, Command::Attitude(attitude(4)));
+    assert!(hear(&mut line, &mut exchange) as u32 >= whole);
+
+    let folder = tempfile::tempdir().unwrap();
+    assert_eq!(replayed(folder.path(), &exchange), (None, 2, 3));
+    // One pixel of the frame that was given up.
+    let given_up = exchange.iter_mut().rev().find(|(_, packet)| {
+        let reply = Reply::decode(packet);
+        matches!(reply, Ok((_, Reply::PixelBlock(block))) if (block.frame, block.index) == (1, 2))
+    });
+    let octets = &mut given_up.unwrap().1;
+    octets[100] ^= 1;
+    reseal(octets);
+    let difference = replayed(folder.path(), &exchange).0.unwrap();
+    assert!(
+        difference.contains("PixelBlock 2 of frame 1: pixel"),
+        "{difference}"
+    );
+    assert_eq!(lost.0, Direction::Out);
 }

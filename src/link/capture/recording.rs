@@ -1,7 +1,7 @@
 //! A recording, read from its file for a replay.
 
 use super::pcapng::Packets;
-use super::whole::{OnTheBus, Place, whole_frames};
+use super::whole::{OnTheBus, Place, sorted_out};
 use super::{CaptureError, Record, candump, pcapng};
 use crate::link::{LinkUrl, Roles};
 use bytes::Bytes;
@@ -17,12 +17,14 @@ pub struct Recording {
     /// Their packets.
     pub events: Vec<Record<Bytes>>,
     /// Whether it was made on the bus and not at the emulator's end: packets were queued between the two, and short ones
-    /// overtook long ones. Then only whole frames are compared, and not their sequence counts.
+    /// overtook long ones. Then only frames are compared, and not their sequence counts.
     pub on_the_bus: bool,
     /// Packets that came again, on the client's request, otherwise than the first time.
     pub(super) altered: BTreeMap<Place, Vec<Bytes>>,
-    /// Frames that are in it and not compared: packets of them are missing.
+    /// Frames of which packets are missing in it, on the bus: the others are compared.
     pub torn: usize,
+    /// Frames that are in it and not compared: packets of them are there twice, and nobody had asked.
+    pub doubled: usize,
 }
 
 /// Reads a recording, whichever format it has.
@@ -51,13 +53,15 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
                 events,
                 altered,
                 torn,
-            } = whole_frames(personality, events);
+                doubled,
+            } = sorted_out(personality, events);
             Ok(Recording {
                 links: vec![Roles::ALL],
                 events,
                 on_the_bus: true,
                 altered,
                 torn,
+                doubled,
             })
         }
         _ => Err(CaptureError::Format {

@@ -19,7 +19,7 @@ use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::packet::{CRC_LENGTH, HEADER_LENGTH, identify};
 use skyloop_protocols::{Direction, FaultKind, Personality, Reply};
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -62,6 +62,8 @@ struct State {
     fed: bool,
     ends: Vec<End>,
     progress: Progress,
+    /// Packets of frames that were recorded on the bus, and have not been sent yet.
+    ahead: BTreeSet<Place>,
     /// Packets of frames that have been sent, as they were recorded (on the bus).
     sent: BTreeMap<Place, Bytes>,
     /// Packets that were recorded a second time, otherwise.
@@ -113,6 +115,7 @@ impl Replay {
             on_the_bus,
             altered,
             torn: _,
+            doubled: _,
         } = recording;
         let (mut ends, mut inboxes) = (Vec::new(), Vec::new());
         for link in 0..links.len() {
@@ -139,6 +142,12 @@ impl Replay {
                 crc: Crc32::new(),
             });
         }
+        let ahead = events
+            .iter()
+            .filter(|event| on_the_bus && event.direction == Direction::Out);
+        let ahead = ahead
+            .filter_map(|event| place_of(personality, &event.item))
+            .collect();
         let replay = Replay {
             state: Arc::new(Mutex::new(State {
                 events,
@@ -147,6 +156,7 @@ impl Replay {
                 fed: false,
                 ends,
                 progress: Progress::default(),
+                ahead,
                 sent: BTreeMap::new(),
                 altered,
                 silence: Silence::from(Instant::now()),
@@ -299,7 +309,8 @@ impl Outbox for Played {
         let place = place_of(state.personality, packet);
         let frame = place.map(|place| place.frame);
         let left = frame.and_then(|frame| state.ends[link].left.get(&frame).copied());
-        if state.on_the_bus && left.is_none() {
+        if state.on_the_bus && place.is_none() {
+            // Short answers overtake there.
             return Ok(None);
         }
         let before = place.and_then(|place| state.sent.get(&place).cloned());
@@ -324,6 +335,9 @@ impl Outbox for Played {
             state.silence.excused();
             return Ok(Some(what));
         }
+        if place.is_some_and(|place| state.is_lost(&place)) {
+            return Ok(None);
+        }
         let altered = place.and_then(|place| state.altered.get(&place).cloned());
         let mut versions = [event.item].into_iter().chain(altered.unwrap_or_default());
         if !versions.all(|recorded| replay.compare(&mut state, link, &recorded, packet)) {
@@ -331,6 +345,7 @@ impl Outbox for Played {
         }
         if let (true, Some(place)) = (state.on_the_bus, place) {
             let recorded = state.events[state.at].item.clone();
+            state.ahead.remove(&place);
             state.sent.insert(place, recorded);
         }
         state.book(link, packet, frame);
@@ -352,6 +367,11 @@ impl Outbox for Played {
 }
 
 impl State {
+    /// Whether a packet is missing in a recording made on the bus, though others of its frame come.
+    fn is_lost(&self, place: &Place) -> bool {
+        self.on_the_bus && !self.ahead.contains(place)
+    }
+
     /// Why the recorded emulator refused the packet that was taken last from this link; none if it did not.
     fn refusal(&self, link: usize) -> Option<String> {
         let taken = self.ends[link].taken?;

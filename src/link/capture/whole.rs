@@ -1,5 +1,6 @@
-//! Which frames of a recording made on the bus can be compared: those whose packets are all there. What stands on a bus
-//! was queued before, and the parts that a client asked for again stand among others than where they are sent.
+//! What can be compared of a recording made on the bus, and in which order. What stands on a bus was queued before it:
+//! packets that a client asked for again stand among others than where they are sent, and those of a frame that a Reset ends
+//! still come after it. What the bus lost is not there.
 
 use super::Record;
 use super::difference::sealed;
@@ -22,6 +23,15 @@ pub struct Place {
     part: u8,
     /// Its number among those.
     number: u32,
+}
+
+impl Place {
+    /// Behind all others.
+    const LAST: Place = Place {
+        frame: u32::MAX,
+        part: u8::MAX,
+        number: u32::MAX,
+    };
 }
 
 /// Where a packet belongs in its frame; none for an answer.
@@ -48,12 +58,14 @@ pub fn place_of(personality: &Personality, packet: &[u8]) -> Option<Place> {
 
 /// What can be compared of a recording made on the bus.
 pub struct OnTheBus {
-    /// What was received, and the packets of whole frames, each once and where it was sent first at the latest.
+    /// What was received, and the packets of frames, each once and where it was sent first at the latest.
     pub events: Vec<Record<Bytes>>,
     /// Packets that came again otherwise than the first time.
     pub altered: BTreeMap<Place, Vec<Bytes>>,
-    /// Frames of which packets are missing, or there twice although nobody asked.
+    /// Frames of which packets are missing: given up, or lost on the bus.
     pub torn: usize,
+    /// Frames that are left out, as packets of them are there twice although nobody asked.
+    pub doubled: usize,
 }
 
 /// What a recording has of one frame.
@@ -68,17 +80,19 @@ struct Found {
 }
 
 /// Sorts out what can be compared.
-pub fn whole_frames(personality: &Personality, events: Vec<Record<Bytes>>) -> OnTheBus {
+pub fn sorted_out(personality: &Personality, events: Vec<Record<Bytes>>) -> OnTheBus {
     let mut frames: BTreeMap<u32, Found> = BTreeMap::new();
     let mut asked = BTreeSet::new();
+    let mut resets = Vec::new();
     let mut altered: BTreeMap<Place, Vec<Bytes>> = BTreeMap::new();
-    let mut moments: Vec<Option<(usize, Option<Place>)>> = vec![None; events.len()];
     for (at, event) in events.iter().enumerate() {
         if event.direction == Direction::In {
-            moments[at] = Some((at, None));
-            let command = (personality.decode_command)(&event.item);
-            if let Ok((_, Command::Resend { frame, .. })) = command {
-                asked.insert(frame);
+            match (personality.decode_command)(&event.item) {
+                Ok((_, Command::Resend { frame, .. })) => {
+                    asked.insert(frame);
+                }
+                Ok((_, Command::Reset)) => resets.push(at),
+                _ => {}
             }
             continue;
         }
@@ -101,32 +115,61 @@ pub fn whole_frames(personality: &Personality, events: Vec<Record<Bytes>>) -> On
             }
         }
     }
-    let mut torn = 0;
-    for (frame, found) in &frames {
-        let whole = found.due == u32::try_from(found.places.len()).ok();
-        if !whole || (found.twice && !asked.contains(frame)) {
-            torn += 1;
-            altered.retain(|place, _| place.frame != *frame);
-            continue;
-        }
-        // The emulator sends a packet before those behind it: one that stands later was lost there, and sent again.
-        let mut next = usize::MAX;
-        for (place, at) in found.places.iter().rev() {
-            next = next.min(*at);
-            moments[*at] = Some((next, Some(*place)));
-        }
-    }
-    let mut kept: Vec<_> = events
-        .into_iter()
-        .zip(moments)
+    let all = frames.len();
+    frames.retain(|frame, found| !found.twice || asked.contains(frame));
+    altered.retain(|place, _| frames.contains_key(&place.frame));
+    let whole = |found: &&Found| found.due == u32::try_from(found.places.len()).ok();
+    let moments = moments(&events, &frames, &resets);
+    let kept = events.into_iter().zip(moments);
+    let mut kept: Vec<_> = kept
         .filter_map(|(event, moment)| Some((moment?, event)))
         .collect();
     kept.sort_by_key(|(moment, _)| *moment);
     OnTheBus {
         events: kept.into_iter().map(|(_, event)| event).collect(),
         altered,
-        torn,
+        torn: frames.len() - frames.values().filter(whole).count(),
+        doubled: all - frames.len(),
     }
+}
+
+/// When it happened, in order: after which event of the recording, and what first of that.
+type Moment = (usize, Option<Place>);
+
+/// When the emulator took or sent each event; none of those that are left out.
+fn moments(
+    events: &[Record<Bytes>],
+    frames: &BTreeMap<u32, Found>,
+    resets: &[usize],
+) -> Vec<Option<Moment>> {
+    let mut moments = vec![None; events.len()];
+    for found in frames.values() {
+        // It sends a packet before those behind it: one that stands later was lost there, and sent again.
+        let mut next = usize::MAX;
+        for (place, at) in found.places.iter().rev() {
+            next = next.min(*at);
+            moments[*at] = Some((next, Some(*place)));
+        }
+    }
+    // A Reset ends the frame under way: what is there of it had been sent. What was received keeps its order.
+    let mut earliest = 0;
+    for (at, _) in events
+        .iter()
+        .enumerate()
+        .filter(|(_, event)| event.direction == Direction::In)
+    {
+        if resets.contains(&at) {
+            let begun = frames.values().filter_map(|found| {
+                let first = found.places.values().min()?;
+                (*first < at).then_some(found.places.values().max()?)
+            });
+            earliest = begun.copied().max().unwrap_or(0).max(earliest);
+        }
+        // Behind all packets of that moment: those have a place, and in that order come first.
+        earliest = earliest.max(at);
+        moments[at] = Some((earliest, Some(Place::LAST)));
+    }
+    moments
 }
 
 #[cfg(test)]
@@ -189,18 +232,21 @@ mod tests {
     }
 
     fn resend(frame: u32) -> Record<Bytes> {
-        let resend = Command::Resend {
+        command(&Command::Resend {
             frame,
             first: 1,
             count: 1,
-        };
+        })
+    }
+
+    fn command(command: &Command) -> Record<Bytes> {
         let mut buffer = [0; MAX_PACKET];
-        let length = resend.encode(0, WireTime::default(), &mut buffer).unwrap();
+        let length = command.encode(0, WireTime::default(), &mut buffer).unwrap();
         event(Direction::In, &buffer[..length])
     }
 
     #[test]
-    fn torn_frames_are_left_out_and_counted() {
+    fn torn_frames_are_counted_and_doubled_ones_left_out() {
         // Without its header; with a part there twice for which nobody asked; whole.
         let events = vec![
             part(1, 0, 1, b'a'),
@@ -210,9 +256,30 @@ mod tests {
             header(3, 1),
             part(3, 0, 1, b'a'),
         ];
-        let found = whole_frames(&NATIVE, events.clone());
-        assert_eq!((found.torn, &found.events[..]), (2, &events[4..]));
+        let found = sorted_out(&NATIVE, events.clone());
+        let left = [0, 4, 5].map(|at: usize| events[at].clone());
+        assert_eq!(
+            (found.torn, found.doubled, &found.events[..]),
+            (1, 1, &left[..])
+        );
         assert!(found.altered.is_empty());
+    }
+
+    #[test]
+    fn what_stands_behind_a_reset_was_sent_before_it() {
+        let events = vec![
+            header(1, 3),
+            command(&Command::Reset),
+            command(&Command::Ping),
+            part(1, 0, 3, b'a'),
+            part(1, 1, 3, b'b'),
+            command(&Command::Ping),
+            header(2, 1),
+            part(2, 0, 1, b'a'),
+        ];
+        let found = sorted_out(&NATIVE, events.clone());
+        let order = [0, 3, 4, 1, 2, 5, 6, 7].map(|at: usize| events[at].clone());
+        assert_eq!((found.events, found.torn), (order.to_vec(), 1));
     }
 
     #[test]
@@ -227,7 +294,7 @@ mod tests {
             part(1, 0, 3, b'a'),
             part(1, 1, 3, b'b'),
         ];
-        let found = whole_frames(&NATIVE, events.clone());
+        let found = sorted_out(&NATIVE, events.clone());
         let order = [0, 1, 6, 2, 3, 4].map(|at: usize| events[at].clone());
         assert_eq!(found.events, order);
         assert_eq!((found.torn, found.altered.len()), (0, 0));
@@ -237,7 +304,7 @@ mod tests {
     fn what_came_again_otherwise_is_kept() {
         let other = part(1, 0, 1, b'b');
         let events = vec![header(1, 1), part(1, 0, 1, b'a'), resend(1), other.clone()];
-        let found = whole_frames(&NATIVE, events.clone());
+        let found = sorted_out(&NATIVE, events.clone());
         assert_eq!(found.events, events[..3]);
         let altered: Vec<_> = found.altered.into_values().collect();
         assert_eq!(altered, [vec![other.item]]);
