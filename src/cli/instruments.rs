@@ -1,13 +1,13 @@
 //! What `run` and `loopback` can put between a link and the emulator: faults and a recording.
 
-use anyhow::anyhow;
+use anyhow::{anyhow, bail};
 use clap::Args;
 use skyloop::link::capture::Capture;
 use skyloop::link::fault::{Book, BusFaults, Plan, wrap};
 use skyloop::link::{self, BusInstruments, LinkError, Roles, Wire};
 use skyloop::stats::row;
 use skyloop_protocols::personality::NATIVE;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Arguments of both commands.
@@ -36,6 +36,7 @@ pub struct Instruments {
 impl Choice {
     /// Opens their files, for these links.
     pub fn prepare(&self, links: &[String]) -> anyhow::Result<Instruments> {
+        self.are_different()?;
         let buses: Vec<bool> = links.iter().map(|link| link::is_bus(link)).collect();
         let plan = match &self.faults {
             Some(file) => Some(Plan::load(file, buses.iter().all(|bus| *bus))?),
@@ -60,6 +61,38 @@ impl Choice {
             capture,
             buses,
         })
+    }
+}
+
+impl Choice {
+    /// Refuses to write into a file that is written or read already.
+    fn are_different(&self) -> anyhow::Result<()> {
+        let files = [
+            ("--faults", &self.faults),
+            ("--fault-log", &self.fault_log),
+            ("--capture", &self.capture),
+        ];
+        let given: Vec<_> = files
+            .into_iter()
+            .filter_map(|(name, file)| Some((name, file.as_ref()?)))
+            .collect();
+        for (place, (name, file)) in given.iter().enumerate() {
+            if let Some((other, _)) = given[..place].iter().find(|(_, other)| is_one(other, file)) {
+                bail!(
+                    "{name} {}: {other} names the same file; choose another",
+                    file.display()
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether two paths lead to one file, which need not be there yet. A terminal or a pipe may be written twice.
+fn is_one(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b && a.is_file(),
+        _ => a == b,
     }
 }
 

@@ -158,6 +158,14 @@ fn wrong_inputs_are_refused_in_a_line() {
             vec!["--fault-log no/log: ", "check that its folder exists"],
         ),
         (
+            "loopback --faults off.toml --fault-log ./off.toml",
+            vec!["--fault-log ./off.toml: --faults names the same file"],
+        ),
+        (
+            "loopback --capture run --fault-log run",
+            vec!["--capture run: --fault-log names the same file", "another"],
+        ),
+        (
             "loopback --capture no/run.pcapng",
             vec!["no/run.pcapng", "folder"],
         ),
