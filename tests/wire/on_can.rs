@@ -10,7 +10,7 @@ use skyloop::link::{self, BusInstruments};
 use skyloop_firmware_sim::can::{CanBus, Sending, Trouble};
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{Command, Direction, Fault, FaultKind};
+use skyloop_protocols::{Command, Direction, Fault, FaultKind, Reply};
 use std::collections::VecDeque;
 use std::io;
 use std::sync::{Arc, Mutex};
@@ -167,4 +167,48 @@ fn faults_are_switched_over_the_bus_that_they_harm() {
         moved(&before, &client.status().counters),
         [("sequence_gaps", 3)]
     );
+}
+
+fn live(kind: FaultKind, direction: Direction, value: f64, seconds: f64) -> Command {
+    Command::Fault(Fault {
+        kind,
+        direction,
+        value,
+        seconds,
+    })
+}
+
+/// Nothing leaves but the Acks of the commands that say so. Down in both directions and back counts once.
+#[test]
+fn the_acks_of_faults_pass_a_bus_that_loses_everything() {
+    let (_emulator, mut client, _) = on_a_bus();
+    let before = client.status().counters;
+    for kind in [FaultKind::Drop, FaultKind::Stuck, FaultKind::BitFlips] {
+        client.done(live(kind, Direction::Out, 1.0, 0.0));
+        client.done(live(kind, Direction::Out, 0.0, 0.0));
+    }
+    client.done(live(FaultKind::Down, Direction::Out, 1.0, 0.3));
+    client.done(live(FaultKind::Down, Direction::In, 1.0, 0.3));
+    client.send(Command::Ping);
+    assert!(client.recv(Duration::from_millis(500)).is_none());
+    assert_eq!(
+        moved(&before, &client.status().counters),
+        [("sequence_gaps", 1), ("reconnects", 1)]
+    );
+}
+
+/// Its Ack waits for the bus, and so does that of the command which ends it.
+#[test]
+fn a_controller_that_is_off_for_good_is_called_back() {
+    let (_emulator, mut client, _) = on_a_bus();
+    let off = client.send(live(FaultKind::BusOff, Direction::In, 1.0, 0.0));
+    assert!(client.recv(Duration::from_millis(300)).is_none());
+    let on = client.send(live(FaultKind::BusOff, Direction::In, 0.0, 0.0));
+    let acks = [client.next(false), client.next(false)].map(|packet| {
+        match Reply::decode(&packet).unwrap().1 {
+            Reply::Ack(ack) => ack.sequence_count,
+            other => panic!("{other:?}"),
+        }
+    });
+    assert_eq!(acks, [off, on]);
 }
