@@ -131,10 +131,9 @@ fn key(path: &Path) -> io::Result<String> {
 fn claim(key: String) -> io::Result<UnixDatagram> {
     let address = SocketAddr::from_abstract_name(key)?;
     UnixDatagram::bind_addr(&address).map_err(|error| match error.kind() {
-        io::ErrorKind::AddrInUse => io::Error::new(
-            io::ErrorKind::AlreadyExists,
-            "another end that skyloop serves has it",
-        ),
+        io::ErrorKind::AddrInUse => {
+            io::Error::new(io::ErrorKind::AlreadyExists, "a running skyloop has it")
+        }
         _ => error,
     })
 }

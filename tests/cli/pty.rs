@@ -74,7 +74,7 @@ fn the_names_of_a_run_that_was_killed_are_taken_over() {
     let again = again.unwrap();
     let text = String::from_utf8(again.stderr).unwrap();
     assert!(
-        text.contains("skyloop serves has it; choose another name"),
+        text.contains("a running skyloop has it; choose another name"),
         "{text}"
     );
     assert!(again.status.code() == Some(1) && text.trim().lines().count() == 1);

@@ -187,10 +187,10 @@ fn the_acks_of_faults_pass_a_bus_that_loses_everything() {
         client.done(live(kind, Direction::Out, 1.0, 0.0));
         client.done(live(kind, Direction::Out, 0.0, 0.0));
     }
-    client.done(live(FaultKind::Down, Direction::Out, 1.0, 0.3));
-    client.done(live(FaultKind::Down, Direction::In, 1.0, 0.3));
+    client.done(live(FaultKind::Down, Direction::Out, 1.0, 1.0));
+    client.done(live(FaultKind::Down, Direction::In, 1.0, 1.0));
     client.send(Command::Ping);
-    assert!(client.recv(Duration::from_millis(500)).is_none());
+    assert!(client.recv(Duration::from_millis(1200)).is_none());
     assert_eq!(
         moved(&before, &client.status().counters),
         [("sequence_gaps", 1), ("reconnects", 1)]

@@ -50,8 +50,15 @@ pub fn line(record: &Record<CanFrame>) -> String {
     line
 }
 
-/// Reads a log of candump; newer ones may state a direction (R, T) at a line's end.
+/// Reads a log of candump; newer ones may state a direction (R, T) at a line's end. What a recording that broke off has
+/// of its last line is left out.
 pub fn read(file: &Path, text: &str) -> Result<Vec<Record<CanFrame>>, CaptureError> {
+    let (whole, rest) = text.split_at(text.rfind('\n').map_or(0, |end| end + 1));
+    let text = if parse(rest).is_some() || whole.is_empty() {
+        text
+    } else {
+        whole
+    };
     let lines = text.lines().enumerate();
     let lines = lines.filter(|(_, line)| !line.trim().is_empty());
     lines
@@ -228,6 +235,9 @@ mod tests {
             let text = format!("(1.000000) can0 123#00 R\n{bad}\n");
             let error = read(Path::new("x.log"), &text).unwrap_err().to_string();
             assert!(error.contains("x.log: line 2"), "{error}");
+            // Without its end it may be one that broke off.
+            let broken = read(Path::new("x.log"), text.trim_end()).unwrap();
+            assert_eq!(broken.len(), 1, "{bad:?}");
         }
     }
 }
