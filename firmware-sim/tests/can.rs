@@ -25,6 +25,8 @@ struct State {
     room: Option<usize>,
     sent: usize,
     refused: usize,
+    /// How often the system will refuse a second handle.
+    no_handle: usize,
 }
 
 /// A bus in memory, from one of its ends.
@@ -101,7 +103,13 @@ impl CanBus for Memory {
     }
 
     fn share(&self) -> io::Result<Box<dyn CanBus>> {
-        Ok(Box::new(self.clone()))
+        self.set(|state| {
+            if state.no_handle > 0 {
+                state.no_handle -= 1;
+                return Err(ErrorKind::OutOfMemory.into());
+            }
+            Ok(Box::new(self.clone()) as Box<dyn CanBus>)
+        })
     }
 }
 
@@ -285,6 +293,28 @@ fn a_bus_that_goes_is_opened_again() {
     }
     rig.client.send(&long(3)).unwrap();
     assert_eq!(rig.received.recv_timeout(LONG).unwrap(), long(3));
+    rig.close();
+}
+
+#[test]
+fn a_bus_that_comes_back_without_a_second_handle_is_opened_again() {
+    let mut rig = Rig::new("bitrate=1000000");
+    rig.bus.set(|state| state.down = true);
+    rig.note(|note| matches!(note, Note::Gone(_)));
+    rig.bus
+        .set(|state| (state.down, state.no_handle) = (false, 3));
+    rig.note(|note| matches!(note, Note::Back));
+    // Whichever end met the refusals: both are there in the end.
+    let begin = Instant::now();
+    loop {
+        assert!(begin.elapsed() < LONG);
+        rig.client.send(&command(&Command::Ping)).unwrap();
+        let came = rig.received.recv_timeout(Duration::from_millis(100));
+        if came.is_ok() {
+            break;
+        }
+    }
+    assert_eq!(rig.bus.set(|state| state.no_handle), 0);
     rig.close();
 }
 
