@@ -274,6 +274,8 @@ impl WayOut {
     fn run(mut self) {
         let tally = self.shared.tally.clone();
         while !tally.is_given_up() && matches!(self.turn(), Ok(true)) {}
+        // What was injected last.
+        self.shared.note();
         self.shared.ended.store(true, Ordering::Relaxed);
         drop(self.to);
         if let Some(sender) = self.sender.filter(|_| !tally.is_given_up()) {
