@@ -191,7 +191,10 @@ struct RawRun {
 
 /// One text, or an array of them.
 #[derive(Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "must be a link or a list of links, such as \"udp://127.0.0.1:4810\""
+)]
 enum OneOrMore {
     One(String),
     More(Vec<String>),

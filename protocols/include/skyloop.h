@@ -810,7 +810,7 @@ typedef struct {
     uint32_t overflows; /* Packets, on a CAN bus frames, thrown away because the receiver was full */
     uint32_t bad_value; /* Packets with a value out of range */
     uint32_t refused; /* Valid packets refused as Busy or NotSupported */
-    uint32_t sequence_gaps; /* Packets missing in the client's sequence counts */
+    uint32_t sequence_gaps; /* Packets missing in the client's sequence counts when a later one came; one that comes late counts, too */
     uint32_t rejected_records; /* Records of orbit files refused at the start */
     uint32_t objects_without_state; /* Times that an object could not be shown in a frame: its orbit had no state there */
     uint32_t lost_outbound; /* Packets that never left: their client had gone or read nothing, or the system refused to send */

@@ -362,8 +362,14 @@ fn gaps_are_told_from_late_packets() {
     assert_eq!(missing(16382), 0); // late
     assert_eq!(missing(16383), 0); // again
     assert_eq!(missing(2), 2); // 0 and 1, over the wrap
+    assert_eq!(missing(16382), 0); // late, from before the wrap
+    assert_eq!(missing(3), 0);
     assert_eq!(gaps.missing(apid::LABELS, 77), 0); // another kind
     assert_eq!(gaps.missing(0x7FF, 5), 0); // no kind of ours
+    // The gap begins before the wrap and ends behind it: 16383, 0 and 1 are missing.
+    let mut gaps = GapDetector::new();
+    assert_eq!(gaps.missing(apid::LABELS, 16382), 0);
+    assert_eq!(gaps.missing(apid::LABELS, 2), 3);
 }
 
 #[test]

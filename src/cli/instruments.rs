@@ -46,7 +46,7 @@ impl Choice {
             Some(file) => Book::writing(file).map_err(|why| {
                 let file = file.display();
                 anyhow!(
-                    "--fault-log {file}: {why}; check that its folder exists and may be written"
+                    "--fault-log {file}: {why}; check that its folder exists, may be written and has room"
                 )
             })?,
             None => Book::default(),

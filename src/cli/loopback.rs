@@ -9,7 +9,7 @@ use skyloop::link::{self, Roles};
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::Server;
 use skyloop::stats::{RunStats, row, table, times};
-use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::report::Report;
@@ -81,6 +81,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         server.addresses().join(" and ")
     ))?;
 
+    let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
     let stop = AtomicBool::new(false);
     let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
     let bar = progress(frames);
@@ -105,7 +106,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                 Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
                 Event::Tick => {}
             }
-            ControlFlow::Continue(())
+            match interrupted.load(Ordering::Relaxed) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
         });
         stop.store(true, Ordering::Relaxed);
         (report, emulator.join(), writing.join())
@@ -127,6 +131,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     instruments.finish()?;
     if let Some(error) = cut_short {
         return Err(error);
+    }
+    if interrupted.load(Ordering::Relaxed) {
+        bail!("stopped after {} of {frames} frames", report.frames);
     }
     if report.frames != frames {
         bail!(

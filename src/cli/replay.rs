@@ -5,9 +5,9 @@ use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
-use skyloop::link::capture::replay::{Recording, Replay, Same, load};
+use skyloop::link::capture::replay::{Progress, Recording, Replay, Same, load};
 use skyloop::serve::Server;
-use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_protocols::Direction;
 use skyloop_protocols::personality::NATIVE;
 use std::path::PathBuf;
@@ -81,6 +81,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         args.file.display()
     ))?;
 
+    let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
     let (links, replay) = Replay::of(recording, &NATIVE);
     let output = with_level(config.run.output, args.output.as_deref());
     let emulator = Emulator::new(&mut config);
@@ -99,22 +100,27 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
             break;
         }
         std::thread::sleep(Duration::from_millis(5));
+        if interrupted.load(Ordering::Relaxed) {
+            bail!(
+                "stopped after {} frames that are the same",
+                whole_of(&replay.progress())
+            );
+        }
         if replay.idle() > SILENCE {
             replay.give_up();
         }
         if replay.still() > args.patience {
-            let done = replay.progress().frames;
             bail!(
                 "{}: after {} frames that are the same, the emulator works on what comes next for more than {} s: give it longer \
                  with --patience",
                 args.file.display(),
-                done.iter().filter(|frame| frame.whole).count(),
+                whole_of(&replay.progress()),
                 args.patience.as_secs_f64()
             );
         }
     }
     let progress = replay.progress();
-    let whole = progress.frames.iter().filter(|frame| frame.whole).count();
+    let whole = whole_of(&progress);
     if verbose {
         for Same {
             frame,
@@ -133,12 +139,19 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     }
     if let Some(difference) = progress.difference {
         bail!(
-            "after {whole} frames that are the same: {difference} (is it the same {}, and --output?)",
-            if args.config.is_some() {
-                "--config"
-            } else {
-                "--scene"
+            "after {whole} frames that are the same: {difference} ({})",
+            match (&args.config, &args.scene) {
+                (Some(_), _) => "is it the same --config, and --output?",
+                (None, Some(_)) => "is it the same --scene, and --output?",
+                (None, None) =>
+                    "it was a loopback's built-in scene? A run needs its --config, another scene its --scene, both their --output",
             }
+        );
+    }
+    if whole == 0 {
+        bail!(
+            "{}: no whole frame is in it: there is nothing to compare{gaps}",
+            args.file.display()
         );
     }
     say(format_args!(
@@ -149,6 +162,11 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         say(format_args!("{}\n", gaps.trim_start_matches("; ")))?;
     }
     Ok(())
+}
+
+/// Whole frames that were the same.
+fn whole_of(progress: &Progress) -> usize {
+    progress.frames.iter().filter(|frame| frame.whole).count()
 }
 
 /// What a recording made on the bus cannot show.

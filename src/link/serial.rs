@@ -275,6 +275,13 @@ mod tests {
         start(&url, path, 115_200, None, false).unwrap()
     }
 
+    /// Both ends of a pseudo-terminal, the second one as `path`.
+    fn named(path: &Path) -> (TTYPort, TTYPort) {
+        let (client, device) = TTYPort::pair().unwrap();
+        std::os::unix::fs::symlink(device.name().unwrap(), path).unwrap();
+        (client, device)
+    }
+
     fn send(client: &mut TTYPort, packet: &[u8]) {
         let mut line = Vec::new();
         slip::encode(packet, &mut |octet| line.push(octet));
@@ -294,12 +301,7 @@ mod tests {
     fn a_port_that_goes_is_opened_again_when_it_is_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
-        let plug = || {
-            let (client, device) = TTYPort::pair().unwrap();
-            std::os::unix::fs::symlink(device.name().unwrap(), &path).unwrap();
-            (client, device)
-        };
-        let (mut client, mut device) = plug();
+        let (mut client, mut device) = named(&path);
         let mut wire = at(&path);
         send(&mut client, b"first");
         let patience = 200 * READ_TIMEOUT;
@@ -308,13 +310,14 @@ mod tests {
             b"first"
         );
         for round in 1..=2 {
-            // With both ends closed here the pseudo-terminal goes, as an adapter that is unplugged.
-            drop((client, device));
+            // With both ends closed here the pseudo-terminal goes, as an adapter that is unplugged. Its name goes first:
+            // the system gives the number to the next who asks.
             std::fs::remove_file(&path).unwrap();
+            drop((client, device));
             let quiet = wire.inbox.recv_timeout(3 * READ_TIMEOUT).unwrap_err();
             assert_eq!(quiet, RecvTimeoutError::Timeout, "the link lives on");
             offer(&mut wire, b"meanwhile".to_vec());
-            (client, device) = plug();
+            (client, device) = named(&path);
             client.set_timeout(patience).unwrap();
             let mut line = [0; 15];
             client.read_exact(&mut line).unwrap();
@@ -334,9 +337,12 @@ mod tests {
 
     #[test]
     fn a_link_that_waits_for_its_port_can_be_closed() {
-        let (client, device) = TTYPort::pair().unwrap();
-        let mut wire = at(Path::new(&device.name().unwrap()));
-        drop((client, device));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        let ends = named(&path);
+        let mut wire = at(&path);
+        std::fs::remove_file(&path).unwrap();
+        drop(ends);
         for _ in 0..5 {
             offer(&mut wire, vec![1; 100]);
         }

@@ -31,6 +31,8 @@ pub(super) struct Exchange {
     pub number: u32,
     /// Whether its client has sent a valid packet: nobody else gets frames.
     pub heard: bool,
+    /// Whether its client took nothing for so long that it gets no frames until it says something.
+    pub deaf: bool,
     pub credit: CreditAccount,
     pub gaps: GapDetector,
     /// What each frame brings.

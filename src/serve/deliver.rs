@@ -85,7 +85,7 @@ impl Server {
         let mut under_way = Vec::new();
         for (at, channel) in self.channels.iter_mut().enumerate() {
             let exchange = &channel.exchange;
-            if !channel.roles.bring_frames() {
+            if !channel.roles.bring_frames() || exchange.deaf {
                 continue;
             }
             if !exchange.heard {
@@ -179,8 +179,20 @@ impl Server {
             && delivery.since.elapsed() < STALL
     }
 
-    /// A packet that the link has refused is lost with its frame.
+    /// A packet that the link has refused is lost with its frame. A client that takes nothing must not hold up the frames
+    /// of others again.
     fn give_up(&mut self, delivery: &Delivery<'_>) {
+        let others = self.channels.iter().enumerate();
+        let mut others =
+            others.filter(|(at, channel)| *at != delivery.at && channel.roles.bring_frames());
+        if delivery.since.elapsed() >= STALL && others.next().is_some() {
+            let channel = &mut self.channels[delivery.at];
+            channel.exchange.deaf = true;
+            tracing::warn!(
+                "the client at {} takes nothing: it gets no frames until it says something",
+                channel.wire.address
+            );
+        }
         if let Some((_, true)) = delivery.waiting {
             let channel = &mut self.channels[delivery.at];
             channel.lost = channel.lost.wrapping_add(1);

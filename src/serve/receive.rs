@@ -69,9 +69,18 @@ impl Server {
     }
 
     fn handle(&mut self, at: usize, inbound: Inbound) -> Result<(), LinkError> {
-        if inbound.exchange != self.channels[at].exchange.number {
+        let newer = inbound
+            .exchange
+            .wrapping_sub(self.channels[at].exchange.number);
+        if newer > u32::MAX / 2 {
+            // Of a client that another has followed: it was late.
+            self.counters.foreign_packets = self.counters.foreign_packets.wrapping_add(1);
+            return Ok(());
+        }
+        if newer != 0 {
             self.open_exchange(at, inbound.exchange);
         }
+        self.channels[at].exchange.deaf = false;
         let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
             Ok(decoded) => decoded,
             Err(error) => {

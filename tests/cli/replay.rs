@@ -1,7 +1,10 @@
 //! `--faults`, `--fault-log`, `--capture` and `skyloop replay`, as a user has them.
 
 use crate::skyloop;
+use crate::support::await_that;
 use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
 /// Exit code and all that a command printed.
 fn say(at: &Path, words: &str) -> (Option<i32>, String) {
@@ -220,4 +223,46 @@ fn a_run_at_another_output_level_is_replayed_at_it() {
     let (code, text) = say(at, "replay run.pcapng");
     assert_eq!(code, Some(1), "{text}");
     has(&text, &["pixel_level", "recorded None", "replayed Frame"]);
+}
+
+#[test]
+fn ctrl_c_ends_a_loopback_with_its_table_and_a_recording_that_is_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let file = at.join("run.pcapng");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_skyloop"))
+        .args(
+            "loopback --frames 50 --link pty?baud=9600 --output labels --capture run.pcapng"
+                .split(' '),
+        )
+        .current_dir(at)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    await_that("a frame is recorded", || {
+        std::thread::sleep(Duration::from_millis(20));
+        file.metadata().is_ok_and(|file| file.len() > 4000)
+    });
+    let id = child.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &id])
+            .status()
+            .unwrap()
+            .success()
+    );
+    await_that("it ends", || child.try_wait().unwrap().is_some());
+    let ended = child.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(1));
+    has(
+        &String::from_utf8(ended.stdout).unwrap(),
+        &["frames   ", "wrote "],
+    );
+    has(
+        &String::from_utf8(ended.stderr).unwrap(),
+        &["stopped after ", " of 50 frames"],
+    );
+    let (code, text) = say(at, "replay run.pcapng --output labels");
+    assert_eq!(code, Some(0), "{text}");
 }

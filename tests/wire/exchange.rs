@@ -1,10 +1,16 @@
 //! Whom the emulator answers, and how an exchange changes hands.
 
 use crate::support::client::Client;
-use crate::support::line::Line;
-use crate::support::{EPOCH, PATIENCE, attitude, await_that, later, on_udp, scene};
+use crate::support::line::{Line, UdpLine};
+use crate::support::{
+    EPOCH, PATIENCE, Running, attitude, await_that, later, on_udp, options, scene,
+};
 use skyloop::config::Clock;
-use skyloop_protocols::{Command, Reply, apid};
+use skyloop::link;
+use skyloop::link::fault::{Book, Plan, wrap};
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Command, Output, Reply, apid};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 #[test]
@@ -110,4 +116,27 @@ fn where_nobody_is_the_client_bad_packets_are_answered() {
     });
     assert!(second.recv(Duration::from_millis(5)).is_none());
     assert_eq!(first.status().counters.bad_length, bad);
+}
+
+#[test]
+fn what_comes_late_from_the_last_client_is_ignored() {
+    // What comes in the first 0.1 s is late by up to 3 s: with this seed by 2.6 s. It is overtaken.
+    let plan = "[[faults]]\ndirection = \"in\"\nkind = \"jitter\"\nvalue = 3.0\nfor_s = 0.1\n";
+    let plan = Plan::parse("faults.toml", plan, false).unwrap();
+    let book = Arc::new(Mutex::new(Book::default()));
+    let wire = link::open("udp://127.0.0.1:0", &options(0.15)).unwrap();
+    let wire = wrap(wire, &plan, &NATIVE, &book).unwrap();
+    let line = UdpLine::to(&wire.address);
+    let mut second = Client::new(line.another());
+    let mut first = Client::new(line);
+    let _emulator = Running::start(scene(), Clock::Stepped, wire);
+    first.send(Command::Output(Output::preset("windows").unwrap()));
+    std::thread::sleep(Duration::from_millis(300));
+    let labels = Output::preset("labels").unwrap();
+    second.done(Command::Output(labels));
+    await_that("the late packet has come", || {
+        std::thread::sleep(Duration::from_millis(50));
+        second.status().counters.foreign_packets == 1
+    });
+    assert_eq!(second.status().output, labels);
 }

@@ -8,7 +8,9 @@ use skyloop::config::Clock;
 use skyloop::link::fault::{Book, CAPACITY, Plan, wrap};
 use skyloop::link::{self, Outbound, Wire};
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{Ack, Command, Counters, Direction, Fault, FaultKind, Reason, Reply};
+use skyloop_protocols::{
+    Ack, Command, Counters, Direction, Fault, FaultKind, MAX_PACKET, Output, Reason, Reply, slip,
+};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -57,12 +59,12 @@ fn errors(mut delays: Vec<Duration>) -> Vec<f64> {
     delays.iter().map(error).collect()
 }
 
-/// Times between sending and receiving `PACKETS` packets, a hundred of them under way at once. They come in order;
+/// Numbers of packets and times between sending and receiving them, of `PACKETS` packets, a hundred of them under way at once. They come in order;
 /// a machine that stands still for 50 ms may lose some in the queues around the delay line.
 fn measure(
     mut send: impl FnMut(Vec<u8>) + Send,
     mut recv: impl FnMut(Duration) -> Option<(Vec<u8>, Instant)>,
-) -> Vec<Duration> {
+) -> Vec<(usize, Duration)> {
     let (sent, times) = std::sync::mpsc::channel();
     std::thread::scope(|scope| {
         scope.spawn(move || {
@@ -83,7 +85,7 @@ fn measure(
                 }
             };
             assert_eq!(packet, number.to_be_bytes().repeat(4), "whole");
-            delays.push(came - left);
+            delays.push((number as usize, came - left));
             if number as usize == PACKETS - 1 {
                 break;
             }
@@ -93,7 +95,7 @@ fn measure(
 }
 
 /// A machine that is busy with other things may keep the line waiting: the best of three.
-fn judge(link: &str, direction: &str, mut measure: impl FnMut() -> Vec<Duration>) {
+fn judge(link: &str, direction: &str, mut measure: impl FnMut() -> Vec<(usize, Duration)>) {
     let mut rounds = 0;
     while !is_close(link, direction, measure()) {
         rounds += 1;
@@ -101,23 +103,36 @@ fn judge(link: &str, direction: &str, mut measure: impl FnMut() -> Vec<Duration>
     }
 }
 
-/// Whether the median is.
-fn is_close(link: &str, direction: &str, delays: Vec<Duration>) -> bool {
+/// Whether the median is close, of all and of those at each place in the ring, where it wraps too.
+fn is_close(link: &str, direction: &str, delays: Vec<(usize, Duration)>) -> bool {
+    /// Packets that make a place: of three laps a machine that pauses spoils one.
+    const PLACE: usize = 8;
+    let mut places = vec![Vec::new(); CAPACITY / PLACE];
+    for (number, delay) in &delays {
+        places[number % CAPACITY / PLACE].push(*delay);
+    }
+    let worst = places.into_iter().map(|delays| {
+        let errors = errors(delays);
+        errors[errors.len() / 2]
+    });
+    let worst = worst.fold(0.0, f64::max);
     let came = delays.len();
-    let errors = errors(delays);
+    let errors = errors(delays.into_iter().map(|(_, delay)| delay).collect());
     let (p50, p99) = (errors[came / 2], errors[came * 99 / 100]);
     let (least, most) = (errors[0], errors[came - 1]);
     println!(
-        "{link} {direction}: 20 ms delay, {came} of {PACKETS} packets: error p50 {:.3} p99 {:.3} max {:.3} ms",
+        "{link} {direction}: 20 ms delay, {came} of {PACKETS} packets: error p50 {:.3} p99 {:.3} max {:.3} ms; \
+         p50 at the worst place of the ring {:.3} ms",
         p50 * 1e3,
         p99 * 1e3,
-        most * 1e3
+        most * 1e3,
+        worst * 1e3
     );
     assert!(came > PACKETS * 9 / 10, "{came}");
     // Never too early. Of a busy machine no more can be said than that it is late seldom.
     assert!(least >= 0.0, "{least}");
     assert!(most < 0.3, "{most}");
-    p50 < 2e-3
+    p50 < 2e-3 && worst < 10e-3
 }
 
 #[test]
@@ -395,4 +410,48 @@ fn frames_pass_a_wire_with_faults_that_are_not_in_force() {
     plain.good_frame(1);
     plain.point(attitude(2), EPOCH);
     assert_eq!(client.frame(), plain.frame());
+}
+
+/// What is on its way at the end of a run waits for a client that reads a little later, faults or none.
+#[test]
+#[cfg(target_os = "linux")]
+fn the_end_of_a_run_is_read_through_a_link_with_faults_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("port").display().to_string();
+    for faults in [false, true] {
+        let mut config = scene();
+        config.run.output = Output::preset("labels").unwrap();
+        let mut wire = link::open(&format!("pty://{name}?baud=921600"), &options(5.0)).unwrap();
+        if faults {
+            let book = Arc::new(Mutex::new(Book::default()));
+            wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
+        }
+        let emulator = Running::start(config, Clock::Stepped, wire);
+        let mut port = serialport::new(&name, 921_600)
+            .timeout(Duration::from_millis(500))
+            .open()
+            .unwrap();
+        let mut buffer = [0; MAX_PACKET];
+        let attitude = Command::Attitude(attitude(0));
+        let length = attitude.encode(0, EPOCH, &mut buffer).unwrap();
+        let mut octets = Vec::new();
+        slip::encode(&buffer[..length], &mut |octet| octets.push(octet));
+        port.write_all(&octets).unwrap();
+        emulator.shot();
+        let ending = std::thread::spawn(move || emulator.end());
+        std::thread::sleep(Duration::from_millis(200));
+        let mut decoder = slip::Decoder::<{ slip::BUFFER }>::new();
+        let (mut packets, mut chunk) = (0, [0; 1024]);
+        while let Ok(count @ 1..) = port.read(&mut chunk) {
+            let mut whole = |octet: &u8| matches!(decoder.push(*octet), Some(Ok(_)));
+            packets += chunk[..count].iter().filter(|octet| whole(octet)).count();
+        }
+        let counters = ending.join().unwrap();
+        // A FrameHeader and 12 objects.
+        assert_eq!(
+            (packets, counters.lost_outbound),
+            (2, 0),
+            "faults: {faults}"
+        );
+    }
 }

@@ -37,7 +37,7 @@ counters! {
     bad_value,
     /// Valid packets refused as Busy or NotSupported.
     refused,
-    /// Packets missing in the client's sequence counts.
+    /// Packets missing in the client's sequence counts when a later one came; one that comes late counts, too.
     sequence_gaps,
     /// Records of orbit files refused at the start.
     rejected_records,

@@ -256,6 +256,15 @@ fn an_attitude_is_latched_whole_or_counted_once() {
         );
         assert_eq!(incomplete(node.counts()), (0, 1));
     }
+    // The same attitude twice, a frame of the one among those of the other: all octets are right, and so is the CRC.
+    let (zeros, ones) = (frames_of(&packet, 0), frames_of(&packet, 1));
+    for strange in 0..zeros.len() {
+        let mut node = Node::new(Side::Emulator, false);
+        let mut frames = zeros.clone();
+        frames[strange] = ones[strange];
+        assert!(receive(&mut node, &frames).is_empty(), "frame {strange}");
+        assert!(node.counts().incomplete >= 1, "frame {strange}");
+    }
     // Other order between the first and the last does no harm.
     let mut node = Node::new(Side::Emulator, false);
     let mut frames = second.clone();

@@ -49,7 +49,7 @@ const FLUSH: Duration = Duration::from_secs(1);
 #[derive(Debug, Error)]
 pub enum CaptureError {
     /// The file cannot be made.
-    #[error("capture {file}: {source}; check that its folder exists and may be written")]
+    #[error("capture {file}: {source}; check that its folder exists, may be written and has room")]
     Create {
         /// As given.
         file: String,
@@ -300,7 +300,9 @@ fn write(
             flushed = Instant::now();
         }
         if let Err(error) = done {
-            tracing::warn!(%error, "the capture can no longer be written to {file}: the run goes on without");
+            tracing::warn!(
+                "the capture can no longer be written to {file} ({error}): the run goes on, and it ends here"
+            );
             failed = Some(error);
             lost += 1;
         }

@@ -202,7 +202,9 @@ impl WayIn {
     fn run(self) {
         let mut gone = false;
         let mut flushed = Instant::now();
-        while !self.shared.ended.load(Ordering::Relaxed) {
+        let shared = self.shared.clone();
+        let over = || shared.ended.load(Ordering::Relaxed) || shared.tally.is_given_up();
+        while !over() {
             let due = lock(&self.shared.way_in).next_due();
             let wait = pause(due, self.shared.now());
             if gone {
@@ -276,12 +278,13 @@ impl WayOut {
         while !tally.is_given_up() && matches!(self.turn(), Ok(true)) {}
         // What was injected last.
         self.shared.note();
-        self.shared.ended.store(true, Ordering::Relaxed);
         drop(self.to);
         if let Some(sender) = self.sender.filter(|_| !tally.is_given_up()) {
             // Its panic has been told; there is nothing to take from it.
             let _ = sender.join();
         }
+        // Not before: a link without its way in lets go of what it still has.
+        self.shared.ended.store(true, Ordering::Relaxed);
     }
 
     /// Hands on what is due, then waits for more; false at the end.
