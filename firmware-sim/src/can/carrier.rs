@@ -366,28 +366,43 @@ impl<A: Above> Carrier<A> {
         }
     }
 
-    /// Waits for a bus that has gone. The packet under way is not lost yet: the node's timers tell.
-    fn recover(&mut self, error: io::Error) -> bool {
-        self.reader = None;
-        let Some(opener) = &mut self.opener else {
-            self.above.note(Note::Ended(error));
-            return false;
+    /// Ends the reader of a bus that has gone. The frames that it leaves behind belong to that bus, and so does what it
+    /// says of its end: it must not be heard of the next one.
+    fn dismiss_reader(&mut self) {
+        let Some(reader) = self.reader.take() else {
+            return;
         };
-        self.above.note(Note::Gone(error));
-        loop {
-            std::thread::sleep(RETRY);
-            if !self.above.is_wanted() {
-                return false;
-            }
-            let Ok(bus) = opener() else {
-                continue;
-            };
-            // The frames that the old reader left behind belong to the old bus.
+        reader.stop.store(true, Ordering::Relaxed);
+        let begin = Instant::now();
+        let mut ended = false;
+        while !ended && begin.elapsed() < 4 * READ_TIMEOUT {
+            ended = reader.thread.as_ref().is_none_or(JoinHandle::is_finished);
             while let Ok(event) = self.events.try_recv() {
                 if let Event::Garbled(more) = event {
                     self.above.note(Note::Garbled(more));
                 }
             }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Waits for a bus that has gone. The packet under way is not lost yet: the node's timers tell.
+    fn recover(&mut self, error: io::Error) -> bool {
+        if self.opener.is_none() {
+            self.reader = None;
+            self.above.note(Note::Ended(error));
+            return false;
+        }
+        self.above.note(Note::Gone(error));
+        self.dismiss_reader();
+        loop {
+            std::thread::sleep(RETRY);
+            if !self.above.is_wanted() {
+                return false;
+            }
+            let Some(Ok(bus)) = self.opener.as_mut().map(|open| open()) else {
+                continue;
+            };
             let shared = bus.share();
             let reader = shared.and_then(|bus| Reader::start(&self.name, bus, self.wake.clone()));
             // Without a second handle or a thread for it, it is tried again like one that is not there.
