@@ -350,6 +350,48 @@ fn serial_ports() {
     );
 }
 
+/// Root may open everything: then the program runs as another user.
+#[test]
+#[cfg(unix)]
+fn a_port_that_is_not_permitted() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    use std::os::unix::process::CommandExt;
+    const NOBODY: u32 = 65_534;
+    let here = tempfile::tempdir().unwrap();
+    let (_near, far) = serialport::TTYPort::pair().unwrap();
+    let device = serialport::SerialPort::name(&far).unwrap();
+    let permit = |path: &std::path::Path, mode| {
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+    };
+    permit(device.as_ref(), 0o000);
+    permit(here.path(), 0o755);
+    let program = here.path().join("skyloop");
+    // Where it is, that user may not be let in.
+    let built = env!("CARGO_BIN_EXE_skyloop");
+    std::fs::hard_link(built, &program)
+        .or_else(|_| std::fs::copy(built, &program).map(drop))
+        .unwrap();
+    let config = here.path().join("seed.toml");
+    std::fs::write(&config, "seed = 1\n").unwrap();
+    let mut command = std::process::Command::new(&program);
+    command.args(["run", "--config", "seed.toml", "--link"]);
+    command.arg(format!("serial://{device}"));
+    command.current_dir(here.path());
+    if here.path().metadata().unwrap().uid() == 0 {
+        command.uid(NOBODY).gid(NOBODY);
+    }
+    let output = command.output().unwrap();
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(
+        (output.status.code(), log.lines().count()),
+        (Some(1), 1),
+        "{log}"
+    );
+    for word in [&device, "you may not use the device: join the group"] {
+        assert!(log.contains(word), "no {word:?} in {log}");
+    }
+}
+
 #[test]
 fn buses() {
     let link = |url: &str, words: &[&str]| {
