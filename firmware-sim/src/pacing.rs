@@ -3,8 +3,14 @@
 //! The grant is cumulative: frame packets that have left the emulator so far, plus a window. Packets that were lost
 //! have left it too: the gaps in their sequence counts say how many, and after a silence a `Status` does.
 
+use std::time::{Duration, Instant};
+
 use skyloop_protocols::credit::PAID;
 use skyloop_protocols::packet::SEQUENCE_MODULUS;
+
+/// Where packets take long, a grant goes out with the first that comes so long after the last grant: whoever sends them
+/// hears often enough that they are taken.
+const GRANT_AFTER: Duration = Duration::from_millis(250);
 
 /// Credit granted against frame packets seen.
 #[derive(Clone, Debug)]
@@ -13,6 +19,8 @@ pub(crate) struct Pacing {
     /// Frame packets that have left the emulator, as far as arrivals and gaps tell, modulo 2^32.
     left: u32,
     granted: u32,
+    /// When the last grant went out.
+    renewed: Instant,
     /// The next sequence count of each paid APID.
     next: [Option<u16>; PAID.len()],
     /// Packets lost on the way.
@@ -28,6 +36,7 @@ impl Pacing {
             window,
             left: 0,
             granted: window,
+            renewed: Instant::now(),
             next: [None; PAID.len()],
             missing: 0,
             foretold: 0,
@@ -72,7 +81,11 @@ impl Pacing {
             self.missing += u64::from(lost - told);
         }
         self.left = self.left.wrapping_add(lost + 1 - told);
-        self.target().wrapping_sub(self.granted) >= (self.window / 4).max(1)
+        let enough = match self.renewed.elapsed() >= GRANT_AFTER {
+            true => 1,
+            false => (self.window / 4).max(1),
+        };
+        self.target().wrapping_sub(self.granted) >= enough
     }
 
     /// Takes the emulator's own count, from a `Status`: what left it and has not arrived by now is lost, or asked for
@@ -101,7 +114,7 @@ impl Pacing {
 
     /// The cumulative grant to send now; it is booked as sent.
     pub(crate) fn renew(&mut self) -> u32 {
-        self.granted = self.target();
+        (self.granted, self.renewed) = (self.target(), Instant::now());
         self.granted
     }
 
@@ -133,6 +146,17 @@ mod tests {
         assert!(!pacing.arrived(PIXEL_BLOCK, 1));
         assert_eq!((pacing.renew(), pacing.missing()), (14, 3));
         assert!(!pacing.arrived(STATUS, 77));
+    }
+
+    #[test]
+    fn packets_that_come_slowly_are_granted_for_one_by_one() {
+        let mut pacing = Pacing::new(64);
+        for packet in 0..3 {
+            assert!(!pacing.arrived(PIXEL_BLOCK, 2 * packet), "within 0.25 s");
+            pacing.renewed = Instant::now().checked_sub(GRANT_AFTER).unwrap();
+            assert!(pacing.arrived(PIXEL_BLOCK, 2 * packet + 1));
+            assert_eq!(pacing.renew(), 64 + 2 * u32::from(packet) + 2);
+        }
     }
 
     #[test]

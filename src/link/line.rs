@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 /// How long a thread of a line waits before it looks whether the link is still wanted.
 pub(super) const READ_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// Baud rates that a line may have. At less than some 7000 a packet takes longer than the 2 s after which a client
-/// that takes nothing has gone.
+/// Baud rates that a line may have. At the least of them a packet takes 1.5 s: the first must come within the 2 s after
+/// which a client that grants nothing has gone, wherever octets leave before they are on the line.
 const BAUD: RangeInclusive<u32> = 9_600..=3_000_000;
 
 /// The baud rate that a URL states.

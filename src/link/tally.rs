@@ -83,7 +83,7 @@ impl Tally {
 
     /// Books all that waits as lost; how much that is.
     pub(super) fn give_up(&self) -> u32 {
-        let left = self.waiting.load(Ordering::Relaxed);
+        let left = self.waiting();
         self.lost.fetch_add(left, Ordering::Relaxed);
         self.given_up.store(true, Ordering::Relaxed);
         left
@@ -92,6 +92,16 @@ impl Tally {
     /// Whether all that waits is lost: who holds a link lets go of it.
     pub(super) fn is_given_up(&self) -> bool {
         self.given_up.load(Ordering::Relaxed)
+    }
+
+    /// Packets that have not left yet.
+    pub(crate) fn waiting(&self) -> u32 {
+        self.waiting.load(Ordering::Relaxed)
+    }
+
+    /// Octets that have left, modulo 2^32.
+    pub(crate) fn octets(&self) -> u32 {
+        self.moved.load(Ordering::Relaxed)
     }
 
     /// Books octets that have left.
@@ -121,7 +131,7 @@ impl Standstill {
         Standstill {
             tally: tally.clone(),
             patience,
-            octets: tally.moved.load(Ordering::Relaxed),
+            octets: tally.octets(),
             begun: Instant::now(),
             since: Instant::now(),
             told: false,
@@ -132,7 +142,7 @@ impl Standstill {
     pub fn is_over(&mut self) -> bool {
         const SOON: Duration = Duration::from_millis(500);
         std::thread::sleep(Duration::from_millis(2));
-        let octets = self.tally.moved.load(Ordering::Relaxed);
+        let octets = self.tally.octets();
         if octets != self.octets {
             (self.octets, self.since) = (octets, Instant::now());
         }

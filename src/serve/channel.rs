@@ -2,7 +2,8 @@
 
 use crate::link::{LinkError, Outbound, Roles, Wire};
 use bytes::Bytes;
-use skyloop_protocols::credit::CreditAccount;
+use skyloop_protocols::credit::{CreditAccount, PAID};
+use skyloop_protocols::packet::identify;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
 use skyloop_protocols::{Output, Positions};
 use std::collections::VecDeque;
@@ -23,6 +24,8 @@ pub(super) struct Channel {
     pub lost: u32,
     /// Whether the log says that nobody is there.
     pub told: bool,
+    /// Packets that the link got after the last frame packet.
+    behind: u32,
 }
 
 /// What one client has agreed with the emulator on a link.
@@ -71,6 +74,7 @@ impl Channel {
             exchange,
             lost: 0,
             told: false,
+            behind: 0,
         }
     }
 
@@ -144,12 +148,23 @@ impl Channel {
     /// Hands one packet to the link; false if it has no room.
     pub fn offer(&mut self, packet: &Bytes) -> Result<bool, LinkError> {
         let exchange = self.exchange.number;
+        let paid = identify(packet).is_some_and(|(apid, _)| PAID.contains(&apid));
         let packet = packet.clone();
         let back = self
             .wire
             .outbox
             .offer(Outbound::Packet { exchange, packet })?;
-        Ok(back.is_none())
+        let Some(Outbound::Packet { .. }) = back else {
+            self.behind = if paid { 0 } else { self.behind.wrapping_add(1) };
+            return Ok(true);
+        };
+        Ok(false)
+    }
+
+    /// Whether frame packets, sent again or not, have been given to the link and have not left it: the client cannot
+    /// grant for them yet.
+    pub fn carries_frames(&self) -> bool {
+        self.wire.tally.waiting() > self.behind
     }
 
     /// Counts the answers that wait as lost.

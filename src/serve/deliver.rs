@@ -1,5 +1,6 @@
 //! To the wire: a shot as its packets, on every link that brings frames, paced by each client's credit.
 
+use super::channel::Channel;
 use super::cut::Cut;
 use super::{Server, Undelivered};
 use crate::engine::Shot;
@@ -10,7 +11,7 @@ use skyloop_protocols::{MAX_PACKET, Reply};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// A client that takes nothing for this long has gone: its frame is abandoned.
+/// A client that takes nothing, and grants nothing for what it has got, for this long has gone: its frame is abandoned.
 const STALL: Duration = Duration::from_secs(2);
 /// How long to listen while a frame waits for credit.
 pub(super) const LISTEN: Duration = Duration::from_millis(5);
@@ -27,9 +28,36 @@ struct Delivery<'a> {
     resets: u32,
     /// A packet that waits for room, and whether the link has refused it.
     waiting: Option<(Bytes, bool)>,
-    /// Since when nothing has moved.
+    watch: Watch,
+}
+
+/// Since when nothing has moved, neither frame packets nor credit.
+struct Watch {
     since: Instant,
     credit: u32,
+    /// Octets that had left the link.
+    octets: u32,
+}
+
+impl Watch {
+    fn of(channel: &Channel) -> Watch {
+        Watch {
+            since: Instant::now(),
+            credit: channel.exchange.credit.granted(),
+            octets: channel.wire.tally.octets(),
+        }
+    }
+
+    /// How long the client has done nothing. While octets of frame packets leave, or such that a frame packet waits
+    /// for (`blocked`), it can do nothing: on a slow line that takes longer than its patience.
+    fn standstill(&mut self, channel: &Channel, blocked: bool) -> Duration {
+        let now = Watch::of(channel);
+        let moves = now.octets != self.octets && (blocked || channel.carries_frames());
+        if moves || now.credit != self.credit {
+            *self = now;
+        }
+        self.since.elapsed()
+    }
 }
 
 /// What became of an attempt to send.
@@ -64,7 +92,7 @@ impl Server {
                 continue;
             };
             let alive = self.receive(pause).map_err(Undelivered::Link)?;
-            under_way.retain(|delivery| {
+            under_way.retain_mut(|delivery| {
                 let stands = alive && !stop.load(Ordering::Relaxed) && self.stands(delivery);
                 if !stands {
                     whole = false;
@@ -106,8 +134,7 @@ impl Server {
                 exchange: exchange.number,
                 resets: exchange.resets,
                 waiting: None,
-                since: Instant::now(),
-                credit: exchange.credit.granted(),
+                watch: Watch::of(channel),
             });
             channel.keep(shot.number);
         }
@@ -125,10 +152,6 @@ impl Server {
         }
         if delivery.waiting.is_none() {
             if !channel.exchange.credit.may_send() {
-                let credit = channel.exchange.credit.granted();
-                if credit != delivery.credit {
-                    (delivery.credit, delivery.since) = (credit, Instant::now());
-                }
                 if delivery.cut.is_over() {
                     return Ok(Step::Done);
                 }
@@ -167,16 +190,17 @@ impl Server {
             kept.packets
                 .extend(delivery.waiting.take().map(|(packet, _)| packet));
         }
-        delivery.since = Instant::now();
+        delivery.watch = Watch::of(channel);
         Ok(Step::Moved)
     }
 
     /// Whether the client is still there and takes what it gets.
-    fn stands(&self, delivery: &Delivery<'_>) -> bool {
-        let exchange = &self.channels[delivery.at].exchange;
-        exchange.number == delivery.exchange
-            && exchange.resets == delivery.resets
-            && delivery.since.elapsed() < STALL
+    fn stands(&self, delivery: &mut Delivery<'_>) -> bool {
+        let channel = &self.channels[delivery.at];
+        let blocked = delivery.waiting.is_some();
+        channel.exchange.number == delivery.exchange
+            && channel.exchange.resets == delivery.resets
+            && delivery.watch.standstill(channel, blocked) < STALL
     }
 
     /// A packet that the link has refused is lost with its frame. A client that takes nothing must not hold up the frames
@@ -185,7 +209,7 @@ impl Server {
         let others = self.channels.iter().enumerate();
         let mut others =
             others.filter(|(at, channel)| *at != delivery.at && channel.roles.bring_frames());
-        if delivery.since.elapsed() >= STALL && others.next().is_some() {
+        if delivery.watch.since.elapsed() >= STALL && others.next().is_some() {
             let channel = &mut self.channels[delivery.at];
             channel.exchange.deaf = true;
             tracing::warn!(

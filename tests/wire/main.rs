@@ -16,6 +16,7 @@ mod refusals;
 mod replay;
 mod replay_on_can;
 mod roles;
+mod slow_line;
 #[path = "../support/mod.rs"]
 mod support;
 mod wall_clock;
