@@ -238,6 +238,7 @@ impl<P: Port> Exchange<P> {
                 })
             }
             Reply::Status(status) => {
+                self.recovery.accounted();
                 if self.pacing.rebase(status.packets_sent) {
                     self.grant()?;
                 }
@@ -256,11 +257,10 @@ impl<P: Port> Exchange<P> {
         let Some(demand) = self.recovery.demand(now) else {
             return Ok(());
         };
-        if demand.silent {
+        if self.recovery.knocks() {
+            // The Status follows what the grant sets free.
             self.grant()?;
-            if self.recovery.is_long_silent() {
-                self.command(&Command::Ping)?;
-            }
+            self.command(&Command::Ping)?;
         }
         for Run {
             frame,

@@ -1,7 +1,9 @@
 //! When to ask for missing packets again. It counts time only; what is missing knows the reassembly.
 //!
-//! A packet is missing when a later one has come and it has not followed soon, or when nothing comes any more. How soon
-//! goes by the usual time between packets, so that a slow line is not asked for what is still on its way.
+//! A packet is missing when a later one has come and it has not followed soon. How soon goes by the usual time between
+//! packets, so that a slow line is not asked for what is still on its way. When nothing comes any more, the packets
+//! behind the last may be lost or may stand in a queue that rests: the emulator is asked for its Status, which takes its
+//! place behind what has been sent. They are missing when that has come and they have not.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -32,10 +34,16 @@ pub(crate) struct Recovery {
     spacing: Option<Duration>,
     /// When the last frame packet came.
     heard: Option<Instant>,
-    /// When it was last asked in silence.
-    asked_in_silence: Option<Instant>,
-    /// Rounds of asking in this silence.
+    /// When the last round of this silence began.
+    round: Option<Instant>,
+    /// Rounds of this silence.
     rounds: u32,
+    /// Whether the emulator is to be asked for its Status.
+    knocks: bool,
+    /// Whether a Status has come since the round began and nothing has been asked for.
+    accounted: bool,
+    /// The last round of this silence in which it was asked for packets.
+    served: u32,
     looked: Option<Instant>,
     /// When gaps were last asked for although they had been before.
     again: Option<Instant>,
@@ -57,8 +65,11 @@ impl Recovery {
             airtime,
             spacing: None,
             heard: None,
-            asked_in_silence: None,
+            round: None,
             rounds: 0,
+            knocks: false,
+            accounted: false,
+            served: 0,
             looked: None,
             again: None,
             requests: VecDeque::new(),
@@ -80,7 +91,13 @@ impl Recovery {
             );
         }
         self.heard = Some(now);
-        (self.rounds, self.asked_in_silence) = (0, None);
+        (self.rounds, self.round) = (0, None);
+        (self.knocks, self.accounted, self.served) = (false, false, 0);
+    }
+
+    /// Books a Status: what the emulator had sent before it has come by now, or is lost.
+    pub(crate) fn accounted(&mut self) {
+        self.accounted = self.rounds > self.served;
     }
 
     /// When the last frame packet came.
@@ -117,10 +134,13 @@ impl Recovery {
             return None;
         }
         self.looked = Some(now);
-        let quiet = since(self.heard.max(self.asked_in_silence)).unwrap_or_default();
-        let silent = quiet >= self.silence();
+        let silent = std::mem::take(&mut self.accounted);
         if silent {
-            self.asked_in_silence = Some(now);
+            self.served = self.rounds;
+        }
+        let quiet = since(self.heard.max(self.round)).unwrap_or_default();
+        if quiet >= self.silence() {
+            (self.round, self.knocks) = (Some(now), true);
             self.rounds += 1;
         }
         // By then an answer would have come, behind a whole window.
@@ -139,9 +159,10 @@ impl Recovery {
         })
     }
 
-    /// Whether it is the time to ask for the emulator's account too: each second round of a silence.
-    pub(crate) fn is_long_silent(&self) -> bool {
-        self.rounds > 0 && self.rounds.is_multiple_of(2)
+    /// Whether to grant again, which may be what was lost, and to ask for the emulator's Status: once each round of a
+    /// silence.
+    pub(crate) fn knocks(&mut self) -> bool {
+        std::mem::take(&mut self.knocks)
     }
 
     /// Books a request.
@@ -176,24 +197,54 @@ mod tests {
         Duration::from_millis(ms)
     }
 
+    /// Looks every millisecond from `start` on; when there is a knock.
+    fn knocks(recovery: &mut Recovery, start: Instant, most: u64) -> Vec<u64> {
+        let knocks = |at: &u64| {
+            let demand = recovery.demand(start + ms(*at));
+            assert!(!demand.is_some_and(|demand| demand.silent), "{at}");
+            recovery.knocks()
+        };
+        (0..most).filter(knocks).collect()
+    }
+
     #[test]
-    fn silence_is_asked_into_ever_more_seldom() {
+    fn silence_is_knocked_into_ever_more_seldom() {
         let start = Instant::now();
         let mut recovery = Recovery::new(64, Duration::ZERO);
         recovery.arrived(start, false);
         recovery.arrived(start + ms(1), true);
-        let rounds: Vec<u64> = (0..2000)
-            .filter(|at| {
-                let demand = recovery.demand(start + ms(1 + at));
-                demand.is_some_and(|demand| demand.silent)
-            })
-            .collect();
-        // 50 ms, then twice as long each; looked at every 10 ms.
+        // 50 ms, then twice as long each; looked at every 10 ms. Without a Status nothing is asked for.
+        let rounds = knocks(&mut recovery, start + ms(1), 2000);
         assert_eq!(rounds, [50, 150, 350, 750, 1550]);
         recovery.arrived(start + ms(2100), false);
         let demand = recovery.demand(start + ms(2140)).unwrap();
         assert!(!demand.silent && demand.wait == ms(30), "{demand:?}");
-        assert!(recovery.demand(start + ms(2151)).unwrap().silent);
+        assert_eq!(knocks(&mut recovery, start + ms(2141), 100), [9]);
+    }
+
+    #[test]
+    fn packets_behind_the_last_are_asked_for_once_for_each_status() {
+        let start = Instant::now();
+        let mut recovery = Recovery::new(64, Duration::ZERO);
+        let mut at = 0;
+        let mut silent = |recovery: &mut Recovery, status: bool| {
+            at += 20;
+            if status {
+                recovery.accounted();
+            }
+            recovery.demand(start + ms(at)).unwrap().silent
+        };
+        recovery.arrived(start, false);
+        recovery.arrived(start + ms(1), true);
+        assert!(!silent(&mut recovery, true), "there is no silence");
+        while !recovery.knocks() {
+            assert!(!silent(&mut recovery, false));
+        }
+        // Two came at once.
+        assert!(silent(&mut recovery, true) && !silent(&mut recovery, true));
+        // They come, and a late Status with them.
+        recovery.arrived(start + ms(200), true);
+        assert!(!silent(&mut recovery, true));
     }
 
     #[test]
@@ -207,11 +258,8 @@ mod tests {
                 recovery.arrived(start + airtime * packet, packet > 0);
             }
             let last = start + airtime * (packets - 1);
-            for at in 0..2900 {
-                let demand = recovery.demand(last + ms(at));
-                assert!(!demand.is_some_and(|demand| demand.silent), "{at}");
-            }
-            assert!(recovery.demand(last + 3 * airtime).unwrap().silent);
+            assert!(knocks(&mut recovery, last, 2900).is_empty());
+            assert!(recovery.demand(last + 3 * airtime).is_some() && recovery.knocks());
             assert!(recovery.demand(last + 6 * airtime).unwrap().wait >= 2 * airtime);
         }
     }

@@ -10,6 +10,7 @@ use std::time::Duration;
 use common::emulator::Emulator;
 use common::loops::{mission, over_memory};
 use common::lossy::Lossy;
+use common::slow::Slow;
 use common::{Field, Noise};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
@@ -203,6 +204,28 @@ fn udp_with_loss_and_reordering_both_ways() {
     let report = fly(Lossy::new(port, seed, 0.05, 0.05), mission(40));
     thread.join().unwrap();
     assert_eq!((report.frames, report.lost), (40, 0));
+}
+
+#[test]
+fn a_rest_of_the_line_is_no_loss() {
+    // 0.5 s for a frame, and 0.4 s of rest when it has begun, has half come, is all but here.
+    for before in [10, 40, 70] {
+        let field = Field {
+            width: 256,
+            height: 256,
+            ..SMALL
+        };
+        let mut emulator = Emulator::new(|_, _| {});
+        emulator.field = field;
+        let (port, thread) = over_memory(emulator);
+        let rest = (before, Duration::from_millis(400));
+        let port = Slow::new(port, Duration::from_millis(6), rest);
+        let report = fly(port, mission(2));
+        let emulator = thread.join().unwrap();
+        assert_eq!((report.frames, report.lost), (2, 0));
+        assert_eq!((emulator.resent, report.recovery.asked), (0, 0), "{before}");
+        assert_eq!(report.missing_packets, 0);
+    }
 }
 
 /// A port on a line of 9600 baud.

@@ -6,6 +6,7 @@ pub mod emulator;
 pub mod levels;
 pub mod loops;
 pub mod lossy;
+pub mod slow;
 pub mod wire;
 
 use skyloop_firmware_sim::image::Image;
