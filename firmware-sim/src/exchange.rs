@@ -35,6 +35,8 @@ pub(crate) enum Incoming {
     Ack(Ack),
     /// A packet was refused.
     Nack(NackRecord),
+    /// A packet came damaged at the emulator: it is lost, and may be sent again.
+    Damaged(NackRecord),
     /// Settings and counters.
     Status(Box<Status>),
     /// A frame, or a packet of it, is of no use.
@@ -125,7 +127,10 @@ impl<P: Port> Exchange<P> {
         waits: &[Duration],
         mut tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
+        /// A command damaged on the way is sent again at once, but not for ever.
+        const MOST_DAMAGED: usize = 16;
         let mut asked = Vec::new();
+        let mut damaged = Vec::new();
         for wait in waits {
             asked.push((command.apid(), self.command(command)?));
             let deadline = Instant::now() + *wait;
@@ -146,11 +151,20 @@ impl<P: Port> Exchange<P> {
                     {
                         return Ok(Answer::Refused(nack));
                     }
+                    Some(Incoming::Damaged(nack))
+                        if asked.contains(&(nack.apid, nack.sequence_count)) =>
+                    {
+                        damaged.push(nack);
+                        if damaged.len() < MOST_DAMAGED {
+                            asked.push((command.apid(), self.command(command)?));
+                        }
+                    }
                     _ => {}
                 }
             }
         }
-        Ok(Answer::Silence)
+        // Of a line that harms every copy, or an emulator that has another layout, the words say more than silence.
+        Ok(damaged.pop().map_or(Answer::Silence, Answer::Refused))
     }
 
     /// Sends a command that is about the present moment; gives its sequence count.
@@ -221,21 +235,30 @@ impl<P: Port> Exchange<P> {
         Ok(match reply {
             Reply::Ack(ack) => Incoming::Ack(ack),
             Reply::Nack(nack) => {
+                let record = NackRecord {
+                    apid: nack.apid,
+                    sequence_count: nack.sequence_count,
+                    reason: nack.reason,
+                    detail: nack.detail.to_owned(),
+                };
+                // A request that is lost on the way is made again, as long as packets are missing.
+                if matches!(nack.reason, Reason::BadCrc | Reason::BadLength) {
+                    self.recovery.damaged += 1;
+                    return Ok(Incoming::Damaged(record));
+                }
                 if nack.apid == apid::COMMAND
                     && let Some(frame) = self.recovery.refusal(nack.sequence_count)
                 {
-                    self.assembler.forsake(frame);
+                    // One that is busy may have them later.
+                    if nack.reason != Reason::Busy {
+                        self.assembler.forsake(frame);
+                    }
                     if nack.reason == Reason::NotSupported {
                         self.recovery.stop();
                     }
                     return Ok(Incoming::Other);
                 }
-                Incoming::Nack(NackRecord {
-                    apid: nack.apid,
-                    sequence_count: nack.sequence_count,
-                    reason: nack.reason,
-                    detail: nack.detail.to_owned(),
-                })
+                Incoming::Nack(record)
             }
             Reply::Status(status) => {
                 self.recovery.accounted();
@@ -353,5 +376,6 @@ impl<P: Port> Exchange<P> {
         report.assembly.add_all(&self.assembler.counts());
         report.recovery.asked += self.recovery.asked;
         report.recovery.refused += self.recovery.refused;
+        report.recovery.damaged += self.recovery.damaged;
     }
 }

@@ -56,6 +56,8 @@ pub(crate) struct Recovery {
     pub(crate) asked: u64,
     /// Requests that were refused: too late.
     pub(crate) refused: u64,
+    /// Packets of ours that came damaged at the emulator.
+    pub(crate) damaged: u64,
 }
 
 impl Recovery {
@@ -77,6 +79,7 @@ impl Recovery {
             attitude: None,
             asked: 0,
             refused: 0,
+            damaged: 0,
         }
     }
 

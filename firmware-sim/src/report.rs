@@ -87,6 +87,8 @@ pub struct RecoveryCounts {
     pub duplicates: u64,
     /// Requests and repeated attitudes that the emulator refused: they came too late.
     pub refused: u64,
+    /// Packets that the emulator got damaged (`Nack` BadCrc or BadLength): losses, not refusals.
+    pub damaged: u64,
 }
 
 impl Report {
@@ -252,13 +254,17 @@ impl fmt::Display for Report {
             attitudes,
             duplicates,
             refused,
+            damaged,
         } = self.recovery;
         if self.recovery != RecoveryCounts::default() {
             write!(
                 f,
                 "asked again      {asked} times, {recovered} packets came; {attitudes} attitudes sent again"
             )?;
-            writeln!(f, ", {duplicates} duplicate frames; {refused} too late")?;
+            writeln!(
+                f,
+                ", {duplicates} duplicate frames; {refused} too late, {damaged} damaged on the way there"
+            )?;
         }
         if totals.unscored > 0 {
             writeln!(

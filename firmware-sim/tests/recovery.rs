@@ -4,12 +4,12 @@ mod common;
 
 use std::net::UdpSocket;
 use std::ops::ControlFlow;
-use std::thread::spawn;
+use std::thread::{JoinHandle, spawn};
 use std::time::Duration;
 
 use common::emulator::Emulator;
 use common::loops::{mission, over_memory};
-use common::lossy::Lossy;
+use common::lossy::{Lossy, Truncating};
 use common::slow::Slow;
 use common::{Field, Noise};
 use skyloop_firmware_sim::event::Event;
@@ -18,7 +18,8 @@ use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::port::{Port, PortError};
 use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::udp::UdpPort;
-use skyloop_protocols::{LabelLevel, Output, PixelLevel};
+use skyloop_protocols::packet::identify;
+use skyloop_protocols::{LabelLevel, Output, PixelLevel, apid};
 
 /// Flies, and prints all that goes wrong.
 fn fly(port: impl Port, mission: Mission) -> Report {
@@ -183,23 +184,72 @@ fn by_the_wall_clock_frames_are_mended_while_others_come() {
     assert!(report.assembly.recovered > 10, "{report}");
 }
 
-#[test]
-fn udp_with_loss_and_reordering_both_ways() {
+/// An emulator on UDP; it ends when the flight computer has been silent for three seconds.
+fn over_udp(mut emulator: Emulator) -> (UdpPort, JoinHandle<Emulator>) {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let address = socket.local_addr().unwrap();
     let timeout = Duration::from_secs(3);
     socket.set_read_timeout(Some(timeout)).unwrap();
     let thread = spawn(move || {
-        let mut emulator = Emulator::new(|_, _| {});
         let mut buffer = [0; 2048];
-        // Ends when the flight computer has been silent for the time-out.
         while let Ok((length, client)) = socket.recv_from(&mut buffer) {
             for answer in emulator.answer(&buffer[..length]) {
                 socket.send_to(&answer, client).unwrap();
             }
         }
+        emulator
     });
-    let port = UdpPort::connect(address).unwrap();
+    (UdpPort::connect(address).unwrap(), thread)
+}
+
+#[test]
+fn udp_with_packets_cut_short_both_ways() {
+    for seed in 0..3 {
+        let mut emulator = Emulator::new(|_, _| {});
+        emulator.expects_damage = true;
+        let (port, thread) = over_udp(emulator);
+        let seed = Noise::new(70 + seed).bits();
+        let report = fly(Truncating::new(port, seed, 0.1), mission(40));
+        let emulator = thread.join().unwrap();
+        assert_eq!((report.frames, report.lost, report.refused), (40, 0, 0));
+        let damaged = report.recovery.damaged;
+        assert!(damaged > 0 && damaged <= emulator.damaged, "{report}");
+        assert_eq!(report.nack_count, 0, "damage is no refusal");
+    }
+}
+
+/// Harms every copy of every attitude on its way out.
+struct Spoiling<P>(P);
+
+impl<P: Port> Port for Spoiling<P> {
+    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
+        let mut packet = packet.to_vec();
+        if identify(&packet).map(|(apid, _)| apid) == Some(apid::ATTITUDE) {
+            packet[20] ^= 1;
+        }
+        self.0.send(&packet)
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
+        self.0.recv(timeout)
+    }
+}
+
+#[test]
+fn an_attitude_damaged_every_time_counts_as_refused_in_the_end() {
+    let mut emulator = Emulator::new(|_, _| {});
+    emulator.expects_damage = true;
+    let (port, thread) = over_memory(emulator);
+    let report = fly(Spoiling(port), mission(2));
+    let emulator = thread.join().unwrap();
+    assert_eq!((report.frames, report.lost, report.refused), (0, 0, 2));
+    assert!((4..100).contains(&emulator.damaged), "{}", emulator.damaged);
+    assert!(report.nacks[0].detail.contains("damaged"), "{report}");
+}
+
+#[test]
+fn udp_with_loss_and_reordering_both_ways() {
+    let (port, thread) = over_udp(Emulator::new(|_, _| {}));
     let seed = Noise::new(7).bits();
     let report = fly(Lossy::new(port, seed, 0.05, 0.05), mission(40));
     thread.join().unwrap();

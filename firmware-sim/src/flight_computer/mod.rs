@@ -277,7 +277,7 @@ impl<P: Port> FlightComputer<P> {
             Incoming::Useless(error) => return watch(Event::Problem(error.to_string())),
             Incoming::Status(status) => self.report.status = Some(*status),
             Incoming::Frame(_) => self.report.late += 1,
-            Incoming::Ack(_) | Incoming::Other => {}
+            Incoming::Ack(_) | Incoming::Damaged(_) | Incoming::Other => {}
         }
         ControlFlow::Continue(())
     }

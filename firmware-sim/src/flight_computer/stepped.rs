@@ -36,11 +36,14 @@ impl<P: Port> FlightComputer<P> {
         sequence: u32,
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
+        /// Copies of an attitude that may come damaged at the emulator, before that counts as a refusal.
+        const MOST_DAMAGED: u32 = 16;
         let epoch = self.mission.epoch(sequence);
         let mut copies = vec![self.send_attitude(sequence, epoch)?];
         self.links.want(Some(sequence));
         let begin = Instant::now();
         let mut moved = begin;
+        let mut damaged = 0;
         loop {
             let left = self.mission.timeout.saturating_sub(begin.elapsed());
             if left.is_zero() {
@@ -80,6 +83,20 @@ impl<P: Port> FlightComputer<P> {
                 {
                     self.report.refused += 1;
                     return Ok(self.note_nack(nack, watch));
+                }
+                // Lost like one that never arrived, only known sooner.
+                Some(Incoming::Damaged(nack))
+                    if nack.apid == apid::ATTITUDE && copies.contains(&nack.sequence_count) =>
+                {
+                    damaged += 1;
+                    if damaged > MOST_DAMAGED {
+                        self.report.refused += 1;
+                        return Ok(self.note_nack(nack, watch));
+                    }
+                    copies.push(self.send_attitude(sequence, epoch)?);
+                    self.report.recovery.attitudes += 1;
+                    moved = Instant::now();
+                    ControlFlow::Continue(())
                 }
                 // A copy of an earlier attitude, late: its frame is in.
                 Some(Incoming::Nack(nack))

@@ -4,10 +4,11 @@ use std::collections::VecDeque;
 
 use skyloop_protocols::command::Attitude;
 use skyloop_protocols::credit::CreditAccount;
+use skyloop_protocols::packet::identify;
 use skyloop_protocols::reply::Mode;
 use skyloop_protocols::{
-    Ack, Command, Counters, Fault, Header, LabelLevel, Nack, Output, Packing, PixelLevel, Reason,
-    Reply, Status, WireTime,
+    Ack, Command, Counters, DecodeError, Fault, Header, LabelLevel, Nack, Output, Packing,
+    PixelLevel, Reason, Reply, Status, WireTime,
 };
 
 use super::levels::Exposed;
@@ -39,6 +40,10 @@ pub struct Emulator {
     pub refuses_faults: bool,
     /// Faults, each with the number of attitudes before it.
     pub faults: Vec<(Fault, usize)>,
+    /// Whether packets may come damaged.
+    pub expects_damage: bool,
+    /// Packets that came damaged.
+    pub damaged: u64,
     sender: Sender,
     credit: CreditAccount,
     /// Resets so far.
@@ -74,6 +79,8 @@ impl Emulator {
             refuses_output: None,
             refuses_faults: false,
             faults: Vec::new(),
+            expects_damage: false,
+            damaged: 0,
             sender: Sender::default(),
             credit: CreditAccount::new(),
             resets: 0,
@@ -88,8 +95,10 @@ impl Emulator {
 
     /// What it sends in answer to one packet.
     pub fn answer(&mut self, packet: &[u8]) -> Vec<Vec<u8>> {
-        let (header, command) =
-            Command::decode(packet).expect("the flight computer's packets are sound");
+        let (header, command) = match Command::decode(packet) {
+            Ok(decoded) => decoded,
+            Err(error) => return self.complain(packet, error),
+        };
         let mut out = Vec::new();
         let ack = Reply::Ack(Ack {
             apid: header.apid,
@@ -185,6 +194,18 @@ impl Emulator {
             out.extend(self.waiting.pop_front().map(|(_, packet)| packet));
         }
         out
+    }
+
+    /// About a packet damaged on the way, as the emulator does.
+    fn complain(&mut self, packet: &[u8], error: DecodeError) -> Vec<Vec<u8>> {
+        assert!(
+            self.expects_damage,
+            "the flight computer's packets: {error}"
+        );
+        self.damaged += 1;
+        let (apid, count) = identify(packet).unwrap_or((0, 0));
+        let nack = Nack::new(apid, count, error.reason(), "damaged");
+        vec![self.sender.reply(&Reply::Nack(nack), now())]
     }
 
     fn refuse(&mut self, header: &Header, reason: Reason, why: &str) -> Vec<u8> {

@@ -1,4 +1,4 @@
-//! A port that loses and reorders packets both ways, the same ones in every run.
+//! Ports that lose and reorder packets, or cut them short, both ways, the same ones in every run.
 
 use std::time::Duration;
 
@@ -74,5 +74,42 @@ impl<P: Port> Port for Lossy<P> {
             self.overtaken = self.held_in.take();
             return Ok(Some(packet));
         }
+    }
+}
+
+/// Cuts packets short, each with this probability, to any length.
+pub struct Truncating<P> {
+    port: P,
+    noise: Noise,
+    probability: f64,
+}
+
+impl<P> Truncating<P> {
+    pub fn new(port: P, seed: u64, probability: f64) -> Self {
+        Self {
+            port,
+            noise: Noise::new(seed),
+            probability,
+        }
+    }
+
+    fn cut<'a>(&mut self, packet: &'a [u8]) -> &'a [u8] {
+        if self.noise.uniform() >= self.probability {
+            return packet;
+        }
+        let most = packet.len() - 1;
+        &packet[..1 + (self.noise.uniform() * most as f64) as usize]
+    }
+}
+
+impl<P: Port> Port for Truncating<P> {
+    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
+        let packet = self.cut(packet);
+        self.port.send(packet)
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
+        let packet = self.port.recv(timeout)?;
+        Ok(packet.map(|packet| self.cut(&packet).to_vec()))
     }
 }
