@@ -57,6 +57,12 @@ pub(crate) enum Answer {
     Stopped,
 }
 
+/// A command or its answer may be lost: it is sent again after these waits.
+fn waits(timeout: Duration) -> [Duration; 4] {
+    const SIXTEENTHS: [u32; 4] = [1, 2, 4, 9];
+    SIXTEENTHS.map(|share| timeout * share / 16)
+}
+
 /// One end of the conversation.
 pub(crate) struct Exchange<P> {
     port: P,
@@ -67,6 +73,8 @@ pub(crate) struct Exchange<P> {
     undecodable: u64,
     /// Octets of all packets that came.
     octets: u64,
+    /// When the last of them came.
+    last_packet: Option<Instant>,
     /// The latest frame header.
     header: Option<FrameHeader>,
     /// What frame headers have announced so far.
@@ -83,19 +91,22 @@ impl<P: Port> Exchange<P> {
             assembler: Assembler::new(Limits::default()),
             undecodable: 0,
             octets: 0,
+            last_packet: None,
             header: None,
             announced: Roles::NONE,
         }
     }
 
-    /// Resets the emulator's side and opens a new exchange. [`Answer::Silence`] if nobody answered within `timeout`;
-    /// `tick` comes at least five times a second and may break it off.
+    /// Resets the emulator's side and opens a new exchange, after each of `before`, whose answers are not awaited.
+    /// [`Answer::Silence`] if nobody answered within `timeout`; `tick` comes at least five times a second and may break it off.
     pub(crate) fn open(
         &mut self,
+        before: &[Command],
         timeout: Duration,
         tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
-        let answer = self.ask(&Command::Reset, timeout, tick)?;
+        let waits = waits(timeout);
+        let answer = self.ask_after(before, &Command::Reset, &waits, tick)?;
         // An emulator that does not reset is there all the same.
         if matches!(answer, Answer::Done | Answer::Refused(_)) {
             self.pacing = Pacing::new(WINDOW);
@@ -114,15 +125,13 @@ impl<P: Port> Exchange<P> {
         timeout: Duration,
         tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
-        /// A command or its answer may be lost: it is sent again after these shares of the time-out.
-        const SIXTEENTHS: [u32; 4] = [1, 2, 4, 9];
-        let waits = SIXTEENTHS.map(|share| timeout * share / 16);
-        self.ask_after(command, &waits, tick)
+        self.ask_after(&[], command, &waits(timeout), tick)
     }
 
-    /// Sends a command once for each of `waits`, and waits so long for the answer.
+    /// Sends a command once for each of `waits`, and waits so long for the answer; those of `before` go first each time.
     pub(crate) fn ask_after(
         &mut self,
+        before: &[Command],
         command: &Command,
         waits: &[Duration],
         mut tick: impl FnMut() -> ControlFlow<()>,
@@ -132,6 +141,9 @@ impl<P: Port> Exchange<P> {
         let mut asked = Vec::new();
         let mut damaged = Vec::new();
         for wait in waits {
+            for command in before {
+                self.command(command)?;
+            }
             asked.push((command.apid(), self.command(command)?));
             let deadline = Instant::now() + *wait;
             loop {
@@ -213,6 +225,7 @@ impl<P: Port> Exchange<P> {
 
     fn book(&mut self, packet: &[u8]) -> Result<Incoming, PortError> {
         self.octets += packet.len() as u64;
+        self.last_packet = Some(Instant::now());
         let Ok((header, reply)) = Reply::decode(packet) else {
             self.undecodable += 1;
             return Ok(Incoming::Other);
@@ -349,6 +362,21 @@ impl<P: Port> Exchange<P> {
         self.pacing.forget();
         self.query()?;
         Ok(progress)
+    }
+
+    /// Why nothing passes, if the line has gone.
+    pub(crate) fn gone(&self) -> Option<PortError> {
+        self.port.gone()
+    }
+
+    /// See [`Port::is_unheard`].
+    pub(crate) fn is_unheard(&self) -> bool {
+        self.port.is_unheard()
+    }
+
+    /// When the last packet of any kind came.
+    pub(crate) fn last_packet(&self) -> Option<Instant> {
+        self.last_packet
     }
 
     /// The port's name, for people.

@@ -22,6 +22,8 @@ pub(crate) struct Links<P> {
     joiner: Joiner,
     /// Which link to listen to first.
     turn: usize,
+    /// The link that was asked last.
+    asked: usize,
 }
 
 struct End<P> {
@@ -59,6 +61,7 @@ impl<P: Port> Links<P> {
             joiner: Joiner::new(ends.iter().map(|end| end.brings)),
             ends,
             turn: 0,
+            asked: 0,
         }
     }
 
@@ -74,14 +77,19 @@ impl<P: Port> Links<P> {
         truth.map(|end| &mut end.exchange).ok_or(PortError::Closed)
     }
 
-    /// Opens an exchange on each link; stops at the first that does not answer.
+    /// Opens an exchange on each link; stops at the first that does not answer. Those of `faults` that end one go before: what
+    /// an earlier client has left may let nothing else through.
     pub(crate) fn open(
         &mut self,
+        faults: &[Fault],
         timeout: Duration,
         mut tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
-        for end in &mut self.ends {
-            let answer = end.exchange.open(timeout, &mut tick)?;
+        let ending = faults.iter().filter(|fault| fault.value == 0.0);
+        let ending: Vec<Command> = ending.map(|fault| Command::Fault(*fault)).collect();
+        for (at, end) in self.ends.iter_mut().enumerate() {
+            self.asked = at;
+            let answer = end.exchange.open(&ending, timeout, &mut tick)?;
             if matches!(answer, Answer::Silence | Answer::Stopped) {
                 return Ok(answer);
             }
@@ -97,7 +105,9 @@ impl<P: Port> Links<P> {
         timeout: Duration,
         mut tick: impl FnMut() -> ControlFlow<()>,
     ) -> Result<Answer, PortError> {
-        for end in self.ends.iter_mut().filter(|end| end.roles.bring_frames()) {
+        let ends = self.ends.iter_mut().enumerate();
+        for (at, end) in ends.filter(|(_, end)| end.roles.bring_frames()) {
+            self.asked = at;
             let output = output.map(|mut output| {
                 if !end.roles.pixels {
                     output.pixels = PixelLevel::None;
@@ -129,9 +139,11 @@ impl<P: Port> Links<P> {
         const ONCE: Duration = Duration::from_millis(300);
         let command = Command::Fault(fault);
         let stops = fault.kind.is_switch() && fault.value > 0.0;
-        for end in &mut self.ends {
+        for (at, end) in self.ends.iter_mut().enumerate() {
+            self.asked = at;
             let answer = if stops {
-                end.exchange.ask_after(&command, &[ONCE], &mut tick)?
+                let exchange = &mut end.exchange;
+                exchange.ask_after(&[], &command, &[ONCE], &mut tick)?
             } else {
                 end.exchange.ask(&command, timeout, &mut tick)?
             };
@@ -159,6 +171,31 @@ impl<P: Port> Links<P> {
         for end in &mut self.ends {
             let _ = end.exchange.command(&Command::Reset);
         }
+    }
+
+    /// What the link that was asked last is called, and whether its system has said that nobody listens there.
+    pub(crate) fn unanswered(&self) -> (String, bool) {
+        let asked = self.ends.get(self.asked).map(|end| &end.exchange);
+        asked.map_or_else(Default::default, |asked| {
+            (asked.name().into(), asked.is_unheard())
+        })
+    }
+
+    /// The names of all.
+    pub(crate) fn names(&self) -> String {
+        let names: Vec<&str> = self.ends.iter().map(|end| end.exchange.name()).collect();
+        names.join(", ")
+    }
+
+    /// Why nothing passes on a link whose line has gone, if there is one.
+    pub(crate) fn gone(&self) -> Option<PortError> {
+        self.ends.iter().find_map(|end| end.exchange.gone())
+    }
+
+    /// When the last packet of any kind came, on any link.
+    pub(crate) fn last_packet(&self) -> Option<Instant> {
+        let packets = self.ends.iter().map(|end| end.exchange.last_packet());
+        packets.max().flatten()
     }
 
     /// See [`Exchange::grant`].

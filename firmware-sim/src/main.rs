@@ -20,6 +20,7 @@ use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::link;
 use skyloop_firmware_sim::mission::{Mission, Pace};
+use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
 use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion};
@@ -112,7 +113,10 @@ fn main() -> ExitCode {
 fn run(args: Args) -> Result<()> {
     let mission = mission(&args)?;
     let links = args.link.iter().map(|link| link::open(link));
-    let links = links.collect::<Result<Vec<_>, _>>()?;
+    let mut links = links.collect::<Result<Vec<_>, _>>()?;
+    for (link, _) in &mut links {
+        link.on_news(Box::new(|news| eprintln!("skyloop-fc: {news}")));
+    }
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let mut refusals = 0;
     let flown = FlightComputer::on_links(links, mission).with_faults(args.fault);
@@ -141,8 +145,13 @@ fn run(args: Args) -> Result<()> {
         return Err((*error).into());
     }
     let (came, asked) = (report.frames, report.requested);
+    let gone = report.gone.map(|gone| format!(": {gone}"));
+    let gone = gone.unwrap_or_default();
     if came < asked && stop.load(atomic::Ordering::Relaxed) {
-        bail!("stopped after {came} of {asked} frames");
+        bail!("stopped after {came} of {asked} frames{gone}");
+    }
+    if came < asked && !gone.is_empty() {
+        bail!("{came} of {asked} frames came whole{gone}");
     }
     if came < asked {
         bail!(

@@ -37,7 +37,25 @@ pub trait Port {
     fn name(&self) -> &str {
         "a link"
     }
+
+    /// Why nothing passes, if the line has gone and is waited for; what is sent meanwhile is lost, and counted as dropped.
+    fn gone(&self) -> Option<PortError> {
+        None
+    }
+
+    /// Whom to tell at once, from any thread, that the line has gone or is back.
+    fn on_news(&mut self, tell: Tell) {
+        drop(tell);
+    }
+
+    /// Whether the other end's system has said that nobody listens there.
+    fn is_unheard(&self) -> bool {
+        false
+    }
 }
+
+/// Takes a line of text for people.
+pub type Tell = Box<dyn Fn(&str) + Send>;
 
 impl<P: Port + ?Sized> Port for Box<P> {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
@@ -59,6 +77,18 @@ impl<P: Port + ?Sized> Port for Box<P> {
     fn name(&self) -> &str {
         (**self).name()
     }
+
+    fn gone(&self) -> Option<PortError> {
+        (**self).gone()
+    }
+
+    fn on_news(&mut self, tell: Tell) {
+        (**self).on_news(tell);
+    }
+
+    fn is_unheard(&self) -> bool {
+        (**self).is_unheard()
+    }
 }
 
 /// Why a link cannot be opened or used.
@@ -76,6 +106,16 @@ pub enum PortError {
         what: &'static str,
         /// The system's answer.
         source: io::Error,
+    },
+    /// The line that the link runs over has gone.
+    #[error("{link}: the line has gone ({source}): {remedy}")]
+    Gone {
+        /// The link's address.
+        link: String,
+        /// The system's answer.
+        source: io::Error,
+        /// What to do.
+        remedy: &'static str,
     },
     /// It cannot be opened, for a reason that has a remedy.
     #[error("{link}: {source}")]

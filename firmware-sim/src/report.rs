@@ -72,6 +72,8 @@ pub struct Report {
     pub recovery: RecoveryCounts,
     /// What the reassembly met.
     pub assembly: AssemblyCounts,
+    /// The line that had gone at the end, and what to do.
+    pub gone: Option<String>,
     /// The emulator's settings and counters at the end, if it answered.
     pub status: Option<Status>,
 }

@@ -1,5 +1,6 @@
 //! Packets over a serial line or a pseudo-terminal: SLIP frames.
 
+use std::io::{self, ErrorKind};
 use std::time::Duration;
 
 use skyloop_protocols::slip;
@@ -9,6 +10,9 @@ use crate::reader::{READ_TIMEOUT, Reader};
 
 /// How long a write may be stuck: a line whose other end does not read is gone.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// What brings a device back; it is not waited for.
+const REMEDY: &str = "check its cable, or what made the device (skyloop run on pty://, skyloop pty), and start again";
 
 /// `serial://PATH?baud=N`.
 pub const SERIAL: Scheme = Scheme {
@@ -104,18 +108,32 @@ impl SerialPort {
     }
 }
 
+impl SerialPort {
+    /// A line that is only stuck is there still.
+    fn failed(&self, what: &'static str, source: io::Error) -> PortError {
+        if source.kind() == ErrorKind::TimedOut {
+            return PortError::io(&self.link, what, source);
+        }
+        PortError::Gone {
+            link: self.link.clone(),
+            source,
+            remedy: REMEDY,
+        }
+    }
+}
+
 impl Port for SerialPort {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
         let mut octets = Vec::with_capacity(slip::max_encoded_length(packet.len()));
         slip::encode(packet, &mut |octet| octets.push(octet));
         self.line
             .write_all(&octets)
-            .map_err(|error| PortError::io(&self.link, "cannot send", error))
+            .map_err(|error| self.failed("cannot send", error))
     }
 
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
         let received = self.reader.recv(timeout);
-        received.map_err(|error| PortError::io(&self.link, "cannot receive", error))
+        received.map_err(|error| self.failed("cannot receive", error))
     }
 
     fn dropped(&self) -> u64 {
@@ -176,5 +194,26 @@ mod tests {
             );
         }
         assert_eq!(port.dropped(), 1);
+    }
+
+    #[test]
+    fn a_device_that_goes_is_named_with_the_remedy() {
+        let (master, slave) = TTYPort::pair().unwrap();
+        let mut port = SerialPort::over(Box::new(slave)).unwrap();
+        drop(master);
+        let begin = std::time::Instant::now();
+        let error = loop {
+            if let Err(error) = port.recv(Duration::from_millis(10)) {
+                break error.to_string();
+            }
+            assert!(begin.elapsed() < Duration::from_secs(5));
+        };
+        let sent = port.send(&[1; 100]).unwrap_err().to_string();
+        for error in [error, sent] {
+            assert!(
+                error.contains("the line has gone (") && error.contains("check its cable"),
+                "{error}"
+            );
+        }
     }
 }

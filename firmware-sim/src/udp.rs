@@ -1,7 +1,9 @@
 //! Packets over UDP: one a datagram.
 
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use skyloop_protocols::MAX_PACKET;
@@ -33,6 +35,8 @@ pub struct UdpPort {
     socket: UdpSocket,
     link: String,
     reader: Reader,
+    /// Whether a datagram was answered by "nobody listens there".
+    unheard: Arc<AtomicBool>,
 }
 
 impl UdpPort {
@@ -51,6 +55,8 @@ impl UdpPort {
         let socket = UdpSocket::bind(local)
             .and_then(|socket| socket.connect(emulator).map(|()| socket))
             .map_err(|error| PortError::io(&link, "cannot open a socket", error))?;
+        let unheard = Arc::new(AtomicBool::new(false));
+        let refused = Arc::clone(&unheard);
         let reader = socket
             .try_clone()
             .and_then(|socket| {
@@ -59,7 +65,9 @@ impl UdpPort {
                 // One octet more than a packet may have: longer datagrams stay too long, and are refused as such.
                 let mut buffer = [0; MAX_PACKET + 1];
                 Reader::start("skyloop-fc udp", move |intake| {
-                    let datagram = datagrams.receive(&mut buffer)?;
+                    let datagram = datagrams
+                        .receive(&mut buffer)
+                        .inspect_err(|error| note_refusal(&refused, error))?;
                     intake.lose(datagram.lost);
                     intake.take(&buffer[..datagram.length]);
                     Ok(())
@@ -70,13 +78,21 @@ impl UdpPort {
             socket,
             link,
             reader,
+            unheard,
         })
+    }
+}
+
+fn note_refusal(unheard: &AtomicBool, error: &io::Error) {
+    if error.kind() == ErrorKind::ConnectionRefused {
+        unheard.store(true, Ordering::Relaxed);
     }
 }
 
 impl Port for UdpPort {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
-        let sent = match self.socket.send(packet) {
+        let first = self.socket.send(packet);
+        let sent = match first.inspect_err(|error| note_refusal(&self.unheard, error)) {
             // This answers an earlier datagram that met nobody; this one has not been tried yet.
             Err(error) if error.kind() == ErrorKind::ConnectionRefused => self.socket.send(packet),
             sent => sent,
@@ -101,6 +117,10 @@ impl Port for UdpPort {
     fn name(&self) -> &str {
         &self.link
     }
+
+    fn is_unheard(&self) -> bool {
+        self.unheard.load(Ordering::Relaxed)
+    }
 }
 
 #[cfg(test)]
@@ -119,11 +139,13 @@ mod tests {
         peer.send_to(b"pong", client).unwrap();
         assert_eq!(port.recv(Duration::from_secs(5)).unwrap().unwrap(), b"pong");
         assert_eq!(port.recv(Duration::from_millis(5)).unwrap(), None);
+        assert!(!port.is_unheard());
         drop(peer);
         for _ in 0..3 {
             port.send(b"anybody?").unwrap();
             assert_eq!(port.recv(Duration::from_millis(5)).unwrap(), None);
         }
+        assert!(port.is_unheard() || !cfg!(target_os = "linux"));
     }
 
     #[test]

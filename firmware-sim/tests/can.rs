@@ -297,6 +297,64 @@ fn a_bus_that_goes_is_opened_again() {
 }
 
 #[test]
+fn a_client_whose_line_has_gone_says_so_and_waits_for_nothing() {
+    let mut rig = Rig::new("bitrate=1000000");
+    let (tell, news) = channel();
+    rig.client.on_news(Box::new(move |text| {
+        let _ = tell.send(text.to_string());
+    }));
+    rig.bus.set(|state| state.down = true);
+    let text = news.recv_timeout(LONG).unwrap();
+    assert!(
+        text.starts_with("warning: ")
+            && text.contains("the line has gone (")
+            && text.contains("check the adapter's cable"),
+        "{text}"
+    );
+    let begin = Instant::now();
+    for _ in 0..100 {
+        rig.client.send(&long(1)).unwrap();
+    }
+    assert!(
+        begin.elapsed() < Duration::from_secs(1),
+        "nothing is waited for"
+    );
+    assert_eq!(rig.client.dropped(), 100);
+    let gone = rig.client.gone().unwrap().to_string();
+    assert!(gone.contains("the line has gone ("), "{gone}");
+    rig.bus.set(|state| state.down = false);
+    let text = news.recv_timeout(LONG).unwrap();
+    assert!(text.ends_with("the line is back"), "{text}");
+    assert!(rig.client.gone().is_none());
+    rig.client.send(&long(2)).unwrap();
+    assert_eq!(rig.received.recv_timeout(LONG).unwrap(), long(2));
+    rig.bus.set(|state| state.down = true);
+    news.recv_timeout(LONG).unwrap();
+    let begin = Instant::now();
+    drop(rig.client);
+    assert!(
+        begin.elapsed() < Duration::from_millis(500),
+        "it ends at once"
+    );
+}
+
+#[test]
+fn nothing_waits_for_a_bus_on_which_nobody_answers() {
+    // A bus with nobody at the other end: each long message waits a second for its flow control.
+    let [bus, _] = Memory::pair();
+    let settings = Settings::parse("bus?bitrate=1000000", &["bitrate"]).unwrap();
+    let mut client = CanPort::over("can://bus", Box::new(bus), None, &settings).unwrap();
+    assert!(client.recv(Duration::from_millis(2100)).unwrap().is_none());
+    let begin = Instant::now();
+    for _ in 0..40 {
+        client.send(&long(1)).unwrap();
+    }
+    assert!(client.dropped() >= 20, "{}", client.dropped());
+    drop(client);
+    assert!(begin.elapsed() < Duration::from_millis(500));
+}
+
+#[test]
 fn a_bus_that_comes_back_without_a_second_handle_is_opened_again() {
     let mut rig = Rig::new("bitrate=1000000");
     rig.bus.set(|state| state.down = true);

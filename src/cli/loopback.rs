@@ -150,7 +150,7 @@ fn blamed(
     faults: Option<String>,
 ) -> anyhow::Result<(Report, Option<anyhow::Error>)> {
     let (report, why) = match (error, faults) {
-        (RunError::NoAnswer { waited }, Some(done)) => (
+        (RunError::NoAnswer { waited, .. }, Some(done)) => (
             Report::default(),
             anyhow!(
                 "no answer within {} s: faults are injected ({done}); give those that let nothing through a for_s, or an at_s \
@@ -204,6 +204,8 @@ mod tests {
     #[test]
     fn an_emulator_that_faults_silence_is_not_said_to_be_missing() {
         let silent = || RunError::NoAnswer {
+            link: "udp://A".into(),
+            hint: "",
             waited: Duration::from_secs(30),
         };
         let done = "in: stuck 4; out: none".to_string();

@@ -3,14 +3,14 @@
 use super::carrier::{self, Above, Next, Note, Waker};
 use super::settings::Settings;
 use super::{CanBus, Opener, slcan, socket};
-use crate::port::{OpenError, Port, PortError, Refusal, Scheme};
+use crate::port::{OpenError, Port, PortError, Refusal, Scheme, Tell};
 use skyloop_protocols::can::{Node, Side};
 use std::io::{self, ErrorKind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{
     Receiver, RecvTimeoutError, SyncSender, TryRecvError, TrySendError, sync_channel,
 };
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -38,6 +38,11 @@ pub const SLCAN: Scheme = Scheme {
     },
 };
 
+/// What brings a line back.
+const REMEDY: &str =
+    "check the adapter's cable, the interface (ip link), or what made the line (skyloop pty)";
+/// A line that goes and comes all the time is told of so often.
+const MOST_NEWS: u32 = 20;
 /// Packets that may wait to be sent.
 const OUTBOUND: usize = 16;
 /// Packets that may wait to be read: many credit windows.
@@ -46,6 +51,10 @@ const INBOUND: usize = 1024;
 const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 /// How long what is queued may take to leave at the end.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
+/// When nothing has come for so long, nobody takes what is queued: nothing waits for room, or at the end, any more.
+const SILENCE: Duration = Duration::from_secs(2);
+/// The time to leave at the end in such a silence: a short command needs no answer.
+const SILENT_CLOSE_TIMEOUT: Duration = Duration::from_millis(100);
 
 type OpenBus = fn(&Settings) -> Result<Box<dyn CanBus>, Refusal>;
 
@@ -79,6 +88,18 @@ pub struct CanPort {
     waker: Waker,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
+    /// Whether the last packet waited in vain for a bus that takes nothing: the next ones do not.
+    stuck: bool,
+    /// When the last packet came.
+    heard: Instant,
+    /// Whether a line that has gone is waited for.
+    opens_again: bool,
+}
+
+/// What a bus says that takes nothing.
+fn stuck() -> io::Error {
+    let why = "the bus takes no frames: is another node on it, with the same bit rate?";
+    io::Error::new(ErrorKind::TimedOut, why)
 }
 
 /// What both ends see.
@@ -86,15 +107,34 @@ pub struct CanPort {
 struct Shared {
     stop: AtomicBool,
     dropped: AtomicU64,
+    gone: Mutex<Option<io::Error>>,
+    tell: Mutex<Option<Tell>>,
 }
 
 impl Shared {
+    /// A thread that ends in the middle leaves what it held in order.
+    fn gone(&self) -> MutexGuard<'_, Option<io::Error>> {
+        self.gone.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn tell(&self) -> MutexGuard<'_, Option<Tell>> {
+        self.tell.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn is_gone(&self) -> bool {
+        self.gone().is_some()
+    }
+
     fn drop_some(&self, more: u32) {
         self.dropped.fetch_add(more.into(), Ordering::Relaxed);
     }
 }
 
 impl CanPort {
+    fn is_silent(&self) -> bool {
+        self.heard.elapsed() >= SILENCE
+    }
+
     /// Takes over an open bus; with an `opener` it survives that the bus goes.
     ///
     /// # Errors
@@ -109,11 +149,14 @@ impl CanPort {
         let (inbound, from_bus) = sync_channel(INBOUND);
         let shared = Arc::new(Shared::default());
         let end = End {
+            link: link.into(),
             outbound,
             inbound,
             shared: Arc::clone(&shared),
+            news: 0,
         };
         let node = Node::new(Side::Client, settings.fd);
+        let opens_again = opener.is_some();
         let (waker, thread) =
             carrier::start("skyloop-fc can", bus, opener, node, settings.rates, end)
                 .map_err(|error| PortError::io(link, "cannot start its threads", error))?;
@@ -125,15 +168,41 @@ impl CanPort {
             waker,
             shared,
             thread: Some(thread),
+            stuck: false,
+            heard: Instant::now(),
+            opens_again,
         })
     }
 }
 
 /// The carrier's end.
 struct End {
+    link: String,
     outbound: Receiver<Vec<u8>>,
     inbound: SyncSender<Vec<u8>>,
     shared: Arc<Shared>,
+    /// How often somebody has been told.
+    news: u32,
+}
+
+impl End {
+    /// Books that the line has gone or is back, and tells.
+    fn set_gone(&mut self, error: Option<io::Error>) {
+        let text = match &error {
+            Some(error) => format!(
+                "warning: {}: the line has gone ({error}) and is waited for: {REMEDY}",
+                self.link
+            ),
+            None => format!("{}: the line is back", self.link),
+        };
+        *self.shared.gone() = error;
+        self.news += 1;
+        if self.news <= MOST_NEWS
+            && let Some(tell) = &*self.shared.tell()
+        {
+            tell(&text);
+        }
+    }
 }
 
 impl Above for End {
@@ -171,12 +240,11 @@ impl Above for End {
             | Note::Garbled(more) => {
                 self.shared.drop_some(more);
             }
-            Note::Moved(_)
-            | Note::Done
-            | Note::Trouble(_)
-            | Note::Gone(_)
-            | Note::Back
-            | Note::Ended(_) => {}
+            Note::Gone(error) => self.set_gone(Some(error)),
+            Note::Back => self.set_gone(None),
+            // The queue ends too, which `recv` tells.
+            Note::Ended(error) => *self.shared.gone() = Some(error),
+            Note::Moved(_) | Note::Done | Note::Trouble(_) => {}
         }
     }
 }
@@ -185,20 +253,39 @@ impl Port for CanPort {
     fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
         let failed =
             |kind: ErrorKind| PortError::io(&self.link, "cannot send", io::Error::from(kind));
+        let broken = || self.gone().unwrap_or(failed(ErrorKind::BrokenPipe));
         let Some(to_bus) = &self.to_bus else {
             return Err(PortError::Closed);
         };
-        let deadline = Instant::now() + SEND_TIMEOUT;
+        let patience = match self.stuck {
+            true => Duration::ZERO,
+            false => SEND_TIMEOUT,
+        };
+        let deadline = Instant::now() + patience;
         let mut packet = packet.to_vec();
         loop {
+            // Until the line is back it is lost like any other.
+            if self.opens_again && self.shared.is_gone() {
+                self.shared.drop_some(1);
+                return Ok(());
+            }
+            let silent = self.is_silent();
             match to_bus.try_send(packet) {
                 Ok(()) => {
+                    self.stuck = false;
                     self.waker.wake();
                     return Ok(());
                 }
+                Err(TrySendError::Full(_)) if silent => {
+                    self.shared.drop_some(1);
+                    return Ok(());
+                }
                 Err(TrySendError::Full(back)) if Instant::now() < deadline => packet = back,
-                Err(TrySendError::Full(_)) => return Err(failed(ErrorKind::TimedOut)),
-                Err(TrySendError::Disconnected(_)) => return Err(failed(ErrorKind::BrokenPipe)),
+                Err(TrySendError::Full(_)) => {
+                    self.stuck = true;
+                    return Err(PortError::io(&self.link, "cannot send", stuck()));
+                }
+                Err(TrySendError::Disconnected(_)) => return Err(broken()),
             }
             std::thread::sleep(Duration::from_micros(500));
         }
@@ -206,11 +293,15 @@ impl Port for CanPort {
 
     fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
         match self.from_bus.recv_timeout(timeout) {
-            Ok(packet) => Ok(Some(packet)),
+            Ok(packet) => {
+                self.heard = Instant::now();
+                Ok(Some(packet))
+            }
             Err(RecvTimeoutError::Timeout) => Ok(None),
             Err(RecvTimeoutError::Disconnected) => {
-                let gone = ErrorKind::BrokenPipe.into();
-                Err(PortError::io(&self.link, "cannot receive", gone))
+                let broken = ErrorKind::BrokenPipe.into();
+                let error = PortError::io(&self.link, "cannot receive", broken);
+                Err(self.gone().unwrap_or(error))
             }
         }
     }
@@ -226,6 +317,20 @@ impl Port for CanPort {
     fn name(&self) -> &str {
         &self.link
     }
+
+    fn gone(&self) -> Option<PortError> {
+        let gone = self.shared.gone();
+        let error = gone.as_ref()?;
+        Some(PortError::Gone {
+            link: self.link.clone(),
+            source: io::Error::new(error.kind(), error.to_string()),
+            remedy: REMEDY,
+        })
+    }
+
+    fn on_news(&mut self, tell: Tell) {
+        *self.shared.tell() = Some(tell);
+    }
 }
 
 impl Drop for CanPort {
@@ -235,8 +340,17 @@ impl Drop for CanPort {
         let Some(thread) = self.thread.take() else {
             return;
         };
-        let deadline = Instant::now() + CLOSE_TIMEOUT;
-        while !thread.is_finished() && Instant::now() < deadline {
+        let patience = match self.is_silent() {
+            true => SILENT_CLOSE_TIMEOUT,
+            false => CLOSE_TIMEOUT,
+        };
+        let deadline = Instant::now() + patience;
+        // What waits for a line that has gone, or that takes nothing, does not leave any more.
+        while !thread.is_finished()
+            && !self.stuck
+            && !self.shared.is_gone()
+            && Instant::now() < deadline
+        {
             std::thread::sleep(Duration::from_millis(1));
         }
         // A thread that the system holds in a write ends with the process.

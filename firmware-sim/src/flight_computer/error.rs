@@ -18,11 +18,14 @@ pub enum RunError {
     Port(#[from] PortError),
     /// Nobody answered a Reset.
     #[error(
-        "no answer within {} s: is an emulator (skyloop run) listening on this link, and at this baud rate? \
-         One that another client has left without a Reset is free when that one has been silent for its idle_s (5 s)",
+        "{link}: no answer within {} s: is an emulator (skyloop run) listening on this link, and at this baud rate? {hint}",
         waited.as_secs_f64()
     )]
     NoAnswer {
+        /// The link's name.
+        link: String,
+        /// What fits the case.
+        hint: &'static str,
         /// How long it was waited for.
         waited: Duration,
     },
@@ -46,13 +49,28 @@ pub enum RunError {
     },
     /// Nobody answered a Fault.
     #[error(
-        "no answer to a fault within {} s: the faults before it may let nothing through; begin with the others, or give it a \
+        "{link}: no answer to a fault within {} s: the faults before it may let nothing through; begin with the others, or give it a \
          time",
         waited.as_secs_f64()
     )]
     FaultUnanswered {
+        /// The link's name.
+        link: String,
         /// How long it was waited for.
         waited: Duration,
+    },
+    /// The emulator has fallen silent.
+    #[error(
+        "{links}: nothing has come for {silent_s:.0} s, {attitudes} attitudes long: has the emulator ended, or does a fault stop \
+         the line?"
+    )]
+    Silent {
+        /// The names of all links.
+        links: String,
+        /// How long, s.
+        silent_s: f64,
+        /// Attitudes in a row of which nothing came.
+        attitudes: u32,
     },
     /// The mission had begun; what came of it is in the report.
     #[error("{source}")]

@@ -28,8 +28,15 @@ use crate::time;
 
 /// How long to listen before a grant is sent again: it may have been lost.
 const GRANT_AGAIN: Duration = TICK;
+/// What may keep an emulator that is there from answering.
+const IDLE: &str = "One that another client has left without a Reset is free when that one has been silent for its idle_s (5 s)";
+/// The same, where no fault is ended.
+const IDLE_OR_STUCK: &str = "One that another client has left without a Reset is free when that one has been silent for its \
+    idle_s (5 s); a live fault that it has left behind ends by --fault stuck:in:0 (or down, out)";
 /// How long to wait for the emulator's last Status.
 const STATUS_TIMEOUT: Duration = Duration::from_secs(1);
+/// The same when somebody wants the run to end.
+const HURRIED_STATUS_TIMEOUT: Duration = Duration::from_millis(200);
 
 /// The flight computer on one end of a link.
 pub struct FlightComputer<P> {
@@ -47,6 +54,10 @@ pub struct FlightComputer<P> {
     usual_answer: Option<Duration>,
     /// Whether it has been told that whole frames leave out what comes on another link.
     warned: bool,
+    /// When the first attitude left.
+    begin: Instant,
+    /// Attitudes in a row during which nothing at all came.
+    silent_attitudes: u32,
 }
 
 impl<P: Port> FlightComputer<P> {
@@ -73,6 +84,8 @@ impl<P: Port> FlightComputer<P> {
             taken: VecDeque::new(),
             usual_answer: None,
             warned: false,
+            begin: Instant::now(),
+            silent_attitudes: 0,
         }
     }
 
@@ -94,30 +107,67 @@ impl<P: Port> FlightComputer<P> {
     ) -> Result<Report, RunError> {
         self.check()?;
         let waited = self.mission.timeout;
-        match self.links.open(waited, || watch(Event::Tick))? {
+        let tick = || watch(Event::Tick);
+        match self.links.open(&self.faults, waited, tick)? {
             Answer::Done | Answer::Refused(_) => {}
-            Answer::Silence => return Err(RunError::NoAnswer { waited }),
-            Answer::Stopped => return Ok(self.report),
+            Answer::Silence => return Err(self.no_answer()),
+            Answer::Stopped => return Ok(self.report_of_lines()),
         }
         if self.set_output(&mut watch)?.is_break() || self.begin_faults(&mut watch)?.is_break() {
             self.links.release();
-            return Ok(self.report);
+            return Ok(self.report_of_lines());
         }
+        self.begin = Instant::now();
         // A run that is broken off has a report like any other, and an emulator may leave when the frames are in.
         let flown = match self.mission.pace {
             Pace::Stepped { most_hz } => self.run_stepped(most_hz, &mut watch),
             Pace::Wall { rate_hz } => self.run_wall(rate_hz, &mut watch),
         };
-        let _ = self.ask_status();
+        let patience = match flown {
+            Ok(ControlFlow::Continue(())) => STATUS_TIMEOUT,
+            _ => HURRIED_STATUS_TIMEOUT,
+        };
+        if self.links.gone().is_none() {
+            let _ = self.ask_status(patience);
+        }
         // Frees the emulator: the next client need not wait until this one counts as silent.
         self.links.release();
         self.links.account(&mut self.report);
         match flown {
-            Ok(_) => Ok(self.report),
+            Ok(_) => Ok(self.report_of_lines()),
             Err(source) => Err(RunError::CutShort {
-                report: Box::new(self.report),
+                report: Box::new(self.report_of_lines()),
                 source: Box::new(source),
             }),
+        }
+    }
+
+    /// The report, with the line that has gone.
+    fn report_of_lines(self) -> Report {
+        Report {
+            gone: self.links.gone().map(|gone| gone.to_string()),
+            ..self.report
+        }
+    }
+
+    /// Why nobody has answered, as far as that is known.
+    fn no_answer(&self) -> RunError {
+        if let Some(gone) = self.links.gone() {
+            return gone.into();
+        }
+        let (link, unheard) = self.links.unanswered();
+        let ends_some = self.faults.iter().any(|fault| fault.value == 0.0);
+        let hint = if unheard {
+            "Nobody listens there"
+        } else if ends_some {
+            IDLE
+        } else {
+            IDLE_OR_STUCK
+        };
+        RunError::NoAnswer {
+            link,
+            hint,
+            waited: self.mission.timeout,
         }
     }
 
@@ -165,7 +215,7 @@ impl<P: Port> FlightComputer<P> {
                 self.links.release();
                 Err(RunError::Refused { nack })
             }
-            Answer::Silence => Err(RunError::NoAnswer { waited }),
+            Answer::Silence => Err(self.no_answer()),
             Answer::Stopped => Ok(ControlFlow::Break(())),
         }
     }
@@ -183,7 +233,10 @@ impl<P: Port> FlightComputer<P> {
                     self.links.release();
                     return Err(RunError::FaultRefused { nack });
                 }
-                Answer::Silence => return Err(RunError::FaultUnanswered { waited }),
+                Answer::Silence => {
+                    let (link, _) = self.links.unanswered();
+                    return Err(RunError::FaultUnanswered { link, waited });
+                }
                 Answer::Stopped => return Ok(ControlFlow::Break(())),
             }
         }
@@ -253,10 +306,40 @@ impl<P: Port> FlightComputer<P> {
         sequence: u32,
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
+        self.hear_silence()?;
         let progress = self.links.give_up()?.pop();
         let misplaced = self.links.misplaced();
         let cause = misplaced.or_else(|| self.links.slow(self.mission.timeout));
         Ok(self.lose(sequence, Loss::TimedOut { progress, cause }, watch))
+    }
+
+    /// Ends the run if nothing at all has come for many attitudes; each of them was asked after by a Ping.
+    fn hear_silence(&mut self) -> Result<(), RunError> {
+        /// Attitudes in a row, and how long at least.
+        const MOST: u32 = 5;
+        const LEAST: Duration = Duration::from_secs(10);
+        let last = self.links.last_packet().max(Some(self.begin));
+        let silent = last.map(|at| at.elapsed()).unwrap_or_default();
+        if silent < self.mission.timeout {
+            self.silent_attitudes = 0;
+            return Ok(());
+        }
+        self.silent_attitudes += 1;
+        // A fault of this run's own may stop the line for its time.
+        let faults = self.faults.iter().map(|fault| fault.seconds);
+        let silent_s = silent.as_secs_f64();
+        let least_s = LEAST.as_secs_f64() + faults.fold(0.0, f64::max);
+        if self.silent_attitudes < MOST || silent_s < least_s {
+            return Ok(());
+        }
+        Err(match self.links.gone() {
+            Some(gone) => gone.into(),
+            None => RunError::Silent {
+                links: self.links.names(),
+                silent_s,
+                attitudes: self.silent_attitudes,
+            },
+        })
     }
 
     fn lose(&mut self, sequence: u32, loss: Loss, watch: &mut Watch<'_>) -> ControlFlow<()> {
@@ -283,14 +366,14 @@ impl<P: Port> FlightComputer<P> {
     }
 
     /// Asks for the emulator's account at the end. An emulator that has gone already gives none.
-    fn ask_status(&mut self) -> Result<(), PortError> {
+    fn ask_status(&mut self, patience: Duration) -> Result<(), PortError> {
         /// The question or its answer may be lost.
         const TRIES: u32 = 4;
         let mut pings = Vec::new();
         let mut answered = false;
         for _ in 0..TRIES {
             pings.push(self.links.command(&Command::Ping)?);
-            let deadline = Instant::now() + STATUS_TIMEOUT / TRIES;
+            let deadline = Instant::now() + patience / TRIES;
             loop {
                 let left = deadline.saturating_duration_since(Instant::now());
                 if left.is_zero() {

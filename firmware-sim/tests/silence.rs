@@ -1,0 +1,161 @@
+//! Emulators that do not answer: a line left stuck by an earlier client, one that nobody listens on, one that ends.
+
+mod common;
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use common::emulator::Emulator;
+use common::loops::{mission, over_memory};
+use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
+use skyloop_firmware_sim::mission::Mission;
+use skyloop_firmware_sim::port::{Port, PortError};
+use skyloop_firmware_sim::report::Report;
+use skyloop_firmware_sim::roles::Roles;
+use skyloop_protocols::{Command, Direction, Fault, FaultKind};
+
+/// A line with a name, which may stop.
+struct Line<P> {
+    port: P,
+    name: &'static str,
+    /// Whether only a `Fault` passes, as through the emulator's faults; one of value 0 ends it.
+    stuck: bool,
+    /// Nothing comes after so many packets.
+    packets: usize,
+}
+
+impl<P: Port> Port for Line<P> {
+    fn send(&mut self, packet: &[u8]) -> Result<(), PortError> {
+        if let Ok((_, Command::Fault(fault))) = Command::decode(packet) {
+            self.stuck &= fault.value != 0.0;
+        } else if self.stuck {
+            return Ok(());
+        }
+        self.port.send(packet)
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Result<Option<Vec<u8>>, PortError> {
+        if self.packets == 0 {
+            std::thread::sleep(timeout);
+            return Ok(None);
+        }
+        let packet = self.port.recv(timeout)?;
+        self.packets -= usize::from(packet.is_some());
+        Ok(packet)
+    }
+
+    fn name(&self) -> &str {
+        self.name
+    }
+}
+
+fn fly<P: Port>(
+    links: Vec<(P, Roles)>,
+    mission: Mission,
+    faults: &[Fault],
+) -> Result<Report, RunError> {
+    let computer = FlightComputer::on_links(links, mission).with_faults(faults.to_vec());
+    computer.run(|_| ControlFlow::Continue(()))
+}
+
+fn patient(timeout: Duration, frames: u32) -> Mission {
+    Mission {
+        timeout,
+        ..mission(frames)
+    }
+}
+
+#[test]
+fn a_line_left_stuck_is_freed_before_the_reset() {
+    let off = Fault {
+        kind: FaultKind::Stuck,
+        direction: Direction::In,
+        value: 0.0,
+        seconds: 0.0,
+    };
+    for (faults, frames) in [(&[off][..], 3), (&[], 0)] {
+        let (port, thread) = over_memory(Emulator::new(|_, _| {}));
+        let line = Line {
+            port,
+            name: "udp://A",
+            stuck: true,
+            packets: usize::MAX,
+        };
+        let timeout = Duration::from_secs(2);
+        let flown = fly(vec![(line, Roles::ALL)], patient(timeout, 3), faults);
+        thread.join().unwrap();
+        match flown {
+            Ok(report) => assert_eq!((report.frames, report.lost), (frames, 0)),
+            Err(error) => {
+                assert_eq!(frames, 0, "{error}");
+                let error = error.to_string();
+                assert!(
+                    error.starts_with("udp://A: no answer") && error.contains("--fault stuck:in:0"),
+                    "{error}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn of_several_links_the_one_that_does_not_answer_is_named() {
+    let mut threads = Vec::new();
+    let links = [("udp://A", "truth"), ("udp://B", "pixels+labels")].map(|(name, roles)| {
+        let (port, thread) = over_memory(Emulator::new(|_, _| {}));
+        threads.push(thread);
+        let line = Line {
+            port,
+            name,
+            stuck: name == "udp://B",
+            packets: usize::MAX,
+        };
+        (line, Roles::parse(roles).unwrap())
+    });
+    let timeout = Duration::from_millis(300);
+    let error = fly(links.into(), patient(timeout, 3), &[]).unwrap_err();
+    assert!(
+        error.to_string().starts_with("udp://B: no answer"),
+        "{error}"
+    );
+    for thread in threads {
+        thread.join().unwrap();
+    }
+}
+
+#[test]
+fn an_emulator_that_ends_ends_the_run() {
+    let (port, thread) = over_memory(Emulator::new(|_, _| {}));
+    let line = Line {
+        port,
+        name: "udp://A",
+        stuck: false,
+        packets: 60,
+    };
+    let begin = Instant::now();
+    let mission = patient(Duration::from_millis(500), 100_000);
+    let error = fly(vec![(line, Roles::ALL)], mission, &[]).unwrap_err();
+    thread.join().unwrap();
+    let text = error.to_string();
+    assert!(
+        text.starts_with("udp://A: nothing has come for 1"),
+        "{text}"
+    );
+    assert!(begin.elapsed() < Duration::from_secs(25));
+    let RunError::CutShort { report, .. } = error else {
+        panic!("it had begun: {error}");
+    };
+    assert!(report.frames >= 2 && report.lost >= 5, "{report}");
+}
+
+#[test]
+fn an_emulator_that_answers_without_frames_is_flown_to_the_end() {
+    let mut emulator = Emulator::new(|_, _| {});
+    emulator.swallows = |_, _| true;
+    let (port, thread) = over_memory(emulator);
+    // Longer than a silence may be.
+    let mission = patient(Duration::from_millis(1500), 8);
+    let report = fly(vec![(port, Roles::ALL)], mission, &[]).unwrap();
+    thread.join().unwrap();
+    assert_eq!((report.frames, report.lost), (0, 8));
+}
