@@ -43,6 +43,17 @@ pub enum Cause {
         /// The link.
         link: Named,
     },
+    /// Pixels were asked for, and no link is for them.
+    #[error(
+        "asked for {what}, but no link brings pixels: here {}; give one the role pixels, and the emulator's end of it too",
+        roles_of(links)
+    )]
+    NoPixels {
+        /// What was asked for.
+        what: &'static str,
+        /// All links.
+        links: Vec<Named>,
+    },
     /// The line does not carry a frame in that time.
     #[error(
         "a frame of {octets} octets takes {:.1} s on this line and is waited for {} s: {}",
@@ -63,6 +74,14 @@ pub enum Cause {
         /// Whether all pixels are sent.
         all_pixels: bool,
     },
+}
+
+/// Each link with its roles.
+fn roles_of(links: &[Named]) -> String {
+    let links = links
+        .iter()
+        .map(|link| format!("{} roles={}", link.name, link.roles));
+    links.collect::<Vec<_>>().join(", ")
 }
 
 /// Which roles would fit what comes.

@@ -1,8 +1,10 @@
 //! The options of `skyloop-fc` about what of each frame is sent, and how a fault is written.
 
 mod faults;
+mod range;
 
 pub use faults::parse_fault;
+pub use range::within;
 
 use anyhow::{Result, anyhow, bail};
 use clap::{Args, ValueEnum};

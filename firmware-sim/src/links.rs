@@ -20,6 +20,8 @@ const SLICE: Duration = Duration::from_millis(1);
 pub(crate) struct Links<P> {
     ends: Vec<End<P>>,
     joiner: Joiner,
+    /// What was asked for.
+    output: Option<Output>,
     /// Which link to listen to first.
     turn: usize,
     /// The link that was asked last.
@@ -60,6 +62,7 @@ impl<P: Port> Links<P> {
         Self {
             joiner: Joiner::new(ends.iter().map(|end| end.brings)),
             ends,
+            output,
             turn: 0,
             asked: 0,
         }
@@ -347,6 +350,23 @@ impl<P: Port> Links<P> {
         silent
             .filter(|_| self.ends.iter().any(brought))
             .map(|end| Cause::Silent { link: end.named() })
+    }
+
+    /// What is asked for in vain: pixels, where neither these links' roles nor the emulator's bring any.
+    pub(crate) fn without_pixels(&self, frames: u32) -> Option<Cause> {
+        let what = match self.output?.pixels {
+            PixelLevel::None => return None,
+            PixelLevel::Windows => "windows",
+            PixelLevel::Frame => "frames",
+            PixelLevel::Compressed => "compressed frames",
+        };
+        let come = self.ends.iter().any(|end| end.exchange.announced().pixels);
+        // Before the first frame only the roles here are known.
+        let known = frames > 0 || !self.any(|roles| roles.pixels);
+        (known && !come).then(|| Cause::NoPixels {
+            what,
+            links: self.ends.iter().map(End::named).collect(),
+        })
     }
 
     /// Whether a line does not carry its share of a frame in this time.

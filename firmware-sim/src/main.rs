@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::{ArgGroup, Parser};
-use cli::{OutputArgs, parse_fault};
+use cli::{OutputArgs, parse_fault, within};
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::AttitudeList;
@@ -49,6 +49,7 @@ struct Args {
         long,
         default_value_t = 0.5,
         value_name = "S",
+        value_parser = within(1e-6..=1e6, "s"),
         allow_negative_numbers = true
     )]
     period: f64,
@@ -65,7 +66,7 @@ struct Args {
     #[arg(long, requires = "orbit", group = "profile")]
     nadir: bool,
     /// Attitudes a second: at most (stepped), or by the clock (--wall, default 10)
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    #[arg(long, value_name = "HZ", value_parser = within(1e-6..=1e5, "Hz"), allow_negative_numbers = true)]
     rate: Option<f64>,
     /// Send attitudes by the wall clock and take the frames that come
     #[arg(long)]
@@ -75,6 +76,7 @@ struct Args {
         long,
         default_value_t = 8.0,
         value_name = "S",
+        value_parser = within(1e-3..=1e6, "s"),
         allow_negative_numbers = true
     )]
     timeout: f64,
@@ -167,9 +169,6 @@ fn mission(args: &Args) -> Result<Mission> {
         None => Epoch::now().map_err(|error| anyhow!("no system time ({error}): give --epoch"))?,
     };
     let orbit = args.orbit.as_deref().map(orbit).transpose()?;
-    if !(1e-3..=1e6).contains(&args.timeout) {
-        bail!("--timeout {} must be 0.001 to 1000000 s", args.timeout);
-    }
     let timeout = Duration::from_secs_f64(args.timeout);
     let pace = match args.wall {
         true => Pace::Wall {

@@ -72,6 +72,8 @@ pub struct Report {
     pub recovery: RecoveryCounts,
     /// What the reassembly met.
     pub assembly: AssemblyCounts,
+    /// What the frames did not bring although it was asked for, and why.
+    pub warning: Option<String>,
     /// The line that had gone at the end, and what to do.
     pub gone: Option<String>,
     /// The emulator's settings and counters at the end, if it answered.
@@ -296,9 +298,11 @@ impl fmt::Display for Report {
             )?;
         }
         if self.status.is_some() {
-            writeln!(f)
-        } else {
-            Ok(())
+            writeln!(f)?;
+        }
+        match &self.warning {
+            Some(warning) => writeln!(f, "warning          {warning}"),
+            None => Ok(()),
         }
     }
 }

@@ -161,6 +161,28 @@ fn ctrl_c_ends_a_run_with_its_report() {
 }
 
 #[test]
+fn numbers_out_of_range_are_refused_as_usage() {
+    let base = ["--link", "udp://127.0.0.1:9", "--hold", "0,0,0,1", "--wall"];
+    for (option, range) in [
+        ("--period", "0.000001 to 1000000 s"),
+        ("--rate", "0.000001 to 100000 Hz"),
+        ("--timeout", "0.001 to 1000000 s"),
+        ("--frames", "0 is not in 1.."),
+    ] {
+        for value in ["0", "-1", "1e300"] {
+            let output = skyloop_fc(&[&base[..], &[option, value]].concat());
+            let error = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(2), "{option} {value}: {error}");
+            let told = option == "--frames" && value != "0" || error.contains(range);
+            assert!(
+                told && error.contains(option) && error.len() < 250,
+                "{error}"
+            );
+        }
+    }
+}
+
+#[test]
 fn errors_say_what_to_do() {
     let base = [
         "--link",
@@ -213,8 +235,6 @@ fn errors_say_what_to_do() {
             &["--attitudes", &short_list],
             "give attitudes on both sides of every frame",
         ),
-        (&["--hold", "0,0,0,1", "--period", "-1"], "the period is -1"),
-        (&["--hold", "0,0,0,1", "--rate", "-1"], "the rate is -1"),
         (&["--hold", "0,0,0,1", "--frames", "0"], "--frames"),
         (&["--hold", "0,0,0,1", "--nadir"], "cannot be used with"),
         (&[], "required"),

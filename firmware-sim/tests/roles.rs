@@ -368,3 +368,37 @@ fn roles_that_differ_at_both_ends_are_named_in_the_loss() {
         "{problems:?}"
     );
 }
+
+#[test]
+fn pixels_asked_for_that_no_link_brings_are_told_in_one_line() {
+    let windows = Output {
+        pixels: PixelLevel::Windows,
+        labels: LabelLevel::Objects,
+        ..Output::default()
+    };
+    // The roles here leave pixels out, or those of the emulator's end do, or none.
+    for (ours, brings, warned) in [
+        ("truth+labels", true, true),
+        ("truth+pixels+labels", false, true),
+        ("truth+pixels+labels", true, false),
+    ] {
+        let mut emulator = Emulator::new(|_, _| {});
+        emulator.brings = (brings, true);
+        let (port, thread) = common::loops::over_memory(emulator);
+        let mission = Mission {
+            output: Some(windows),
+            ..mission(2)
+        };
+        let (report, _) = fly(vec![(port, roles(ours))], mission);
+        thread.join().unwrap();
+        assert_eq!(report.frames, 2);
+        let line =
+            format!("asked for windows, but no link brings pixels: here a link roles={ours}; ");
+        let told = report
+            .to_string()
+            .lines()
+            .filter(|text| text.contains(&line))
+            .count();
+        assert_eq!(told, usize::from(warned), "{report}");
+    }
+}

@@ -90,7 +90,7 @@ pub enum RunError {
         epoch: Epoch,
     },
     /// A setting out of its range.
-    #[error("{what} is {value}; it must be finite and above 0")]
+    #[error("{what} is {value:e}; it must be finite and above 0")]
     Setting {
         /// The setting.
         what: &'static str,

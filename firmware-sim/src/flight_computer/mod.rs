@@ -146,6 +146,10 @@ impl<P: Port> FlightComputer<P> {
     fn report_of_lines(self) -> Report {
         Report {
             gone: self.links.gone().map(|gone| gone.to_string()),
+            warning: self
+                .links
+                .without_pixels(self.report.frames)
+                .map(|cause| cause.to_string()),
             ..self.report
         }
     }
