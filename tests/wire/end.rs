@@ -30,18 +30,16 @@ fn what_a_client_never_reads_is_lost_and_counted() {
         for _ in 0..20 {
             client.send(Command::Ping);
         }
-        std::thread::sleep(Duration::from_millis(10));
+        // The inbound queue holds 256: a busy machine may pause for half a second.
+        std::thread::sleep(Duration::from_millis(40));
     }
+    // Nothing can be asked of a client that does not read.
+    std::thread::sleep(Duration::from_secs(1));
     let counters = emulator.end();
-    // A machine that is busy with other things may lose some to the inbound queue, or end before it has heard all.
-    let heard = counters.commands + counters.overflows;
-    assert!(
-        heard <= PINGS && counters.commands > PINGS / 2,
-        "{counters:?}"
-    );
+    assert_eq!((counters.commands, counters.overflows), (PINGS, 0));
     // Two answers each, 256 in the queue and 1024 behind it (ICD, 5.2): all of these are lost at the end but for
     // the some 20 KiB that the pseudo-terminal swallows, 250 answers at most.
-    let answers = 2 * counters.commands;
+    let answers = 2 * PINGS;
     assert!(
         (answers - 250..answers).contains(&counters.lost_outbound),
         "{counters:?}"

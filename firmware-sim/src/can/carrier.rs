@@ -212,6 +212,8 @@ impl<A: Above> Carrier<A> {
             Err(error) => return self.recover(error),
         };
         self.book();
+        // What has been given up just now has left its lane, too: at the end nobody must count it again.
+        self.finish();
         if self.closed && self.is_idle() || !self.above.is_wanted() {
             return false;
         }
