@@ -2,7 +2,8 @@
 
 use crate::attitude::Attitude;
 use crate::camera::Camera;
-use crate::fidelity::{Fidelity, PRESETS};
+use crate::effect::EFFECTS;
+use crate::fidelity::{Choice, Fidelity, PRESETS};
 use crate::load::{Check, ConfigError, DEFAULT_SCENE, Folder, RawTime, orbits, parse};
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
@@ -24,6 +25,8 @@ pub struct Config {
     pub camera: Camera,
     /// Error tolerances.
     pub fidelity: Fidelity,
+    /// Which effects may run.
+    pub choice: Choice,
     /// The faintest object that labels list, as signal-to-noise ratio.
     pub label_snr: f64,
     /// Which stars, and what moves and colours them.
@@ -121,6 +124,8 @@ struct Raw {
     #[serde(default = "default_label_snr")]
     label_snr: f64,
     #[serde(default)]
+    effects: RawEffects,
+    #[serde(default)]
     sky: RawSky,
     #[serde(default)]
     objects: RawObjects,
@@ -129,6 +134,13 @@ struct Raw {
     sequence: Option<RawSequence>,
     #[serde(default)]
     run: RawRun,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+struct RawEffects {
+    off: Vec<String>,
+    all: bool,
 }
 
 #[derive(Deserialize)]
@@ -319,6 +331,7 @@ impl Config {
                     format!("one of {}", names.join(", ")),
                 )
             })?,
+            choice: raw.effects.validate(&check)?,
             label_snr: check.range("label_snr", raw.label_snr, 0.0..=1e9)?,
             sky: raw.sky.validate(&check)?,
             objects,
@@ -327,6 +340,28 @@ impl Config {
             observer,
             sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
             run: raw.run.validate(&check)?,
+        })
+    }
+}
+
+impl RawEffects {
+    fn validate(self, check: &Check) -> Result<Choice, ConfigError> {
+        let mut off = Vec::new();
+        for name in &self.off {
+            // Without the last there would be no digits.
+            let names = EFFECTS.iter().map(|effect| effect.name);
+            let names: Vec<&str> = names.filter(|name| *name != "readout").collect();
+            let known = names.iter().find(|known| *known == name);
+            let allowed = || format!("names of effects: {}", names.join(", "));
+            off.push(
+                *known
+                    .ok_or_else(|| check.refuse("effects.off", format!("{name:?}"), allowed()))?,
+            );
+        }
+        Ok(Choice {
+            noise: true,
+            off,
+            all: self.all,
         })
     }
 }

@@ -3,13 +3,13 @@
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::config::Config;
-use crate::fidelity::Fidelity;
+use crate::fidelity::{Choice, Fidelity};
 use crate::frame::Frame;
 use crate::label::Label;
-use crate::plan::Plan;
+use crate::plan::{Plan, simulated};
 use crate::render::render;
 use crate::rng::NoiseKey;
-use crate::scene::{Exposure, Scene, Unobservable, World};
+use crate::scene::{Exposure, Scene, Unobservable, View, World};
 use crate::sky::catalog::Catalog;
 use crate::sky::{Population, StarField};
 use skyloop_orbit::OrbitError;
@@ -25,9 +25,9 @@ pub struct Emulator {
     fidelity: Fidelity,
     seed: u64,
     label_snr: f64,
-    /// Whether noise is drawn.
-    pub noise: bool,
-    /// Whether shots keep the expected electrons.
+    /// Which effects may run.
+    pub choice: Choice,
+    /// Whether shots keep the expected electrons and the charge.
     pub keep_expected: bool,
     next_frame: u32,
     rejected_records: u32,
@@ -76,7 +76,7 @@ impl Emulator {
             fidelity: config.fidelity,
             seed: config.seed,
             label_snr: config.label_snr,
-            noise: true,
+            choice: config.choice.clone(),
             keep_expected: false,
             next_frame: 0,
             rejected_records: config.rejected.len() as u32,
@@ -116,7 +116,7 @@ impl Emulator {
     /// The frame of an exposure whose middle is `vehicle`'s epoch. `repeat`: how many frames were made of the
     /// same attitude message before; 0 gives the same noise again.
     ///
-    /// Fails only where [`Scene::observe`] does.
+    /// Fails only where [`View::new`] does.
     pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, Unobservable> {
         self.shoot_with(&self.camera(), vehicle, repeat)
     }
@@ -135,23 +135,18 @@ impl Emulator {
             repeat,
         };
         let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
-        let scene = Scene::observe(
-            &self.world,
-            camera,
-            vehicle,
-            exposure,
-            &self.fidelity,
-            key,
-            self.noise,
-        )?;
-        let plan = Plan::new(&scene, &self.fidelity);
+        let (fidelity, choice) = (&self.fidelity, &self.choice);
+        let view = View::new(&self.world, camera, vehicle, exposure, fidelity, key)?;
+        let simulated = simulated(&view, fidelity, choice);
+        let scene = Scene::new(view, simulated, fidelity);
+        let plan = Plan::new(&scene, fidelity, choice);
         if self.next_frame == 0 {
             plan.log();
         }
         let frame = render(&plan, &scene, self.keep_expected);
-        drop(plan);
         let number = self.next_frame;
-        let label = Label::new(number, &scene, &self.world, self.label_snr);
+        let label = Label::new(number, &scene, &plan, &self.world, self.label_snr);
+        drop(plan);
         let json = label.to_json();
         self.next_frame = self.next_frame.wrapping_add(1);
         Ok(Shot {
@@ -162,7 +157,7 @@ impl Emulator {
             exposure,
             camera: camera.clone(),
             key,
-            unknown: scene.unknown,
+            unknown: scene.view.unknown,
             render_time: started.elapsed(),
         })
     }

@@ -9,8 +9,10 @@ pub struct Fidelity {
     /// points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
     /// ends: 2e-5 at 0.5. Light and centroid are kept whatever the step.
     pub track_step_sigma: f64,
-    /// A motion over the exposure below this (px) is drawn at its centroid without smear.
-    pub static_px: f64,
+    /// An effect without which no pixel's expected electrons change by more than this (e-) is skipped.
+    pub skip_e: f64,
+    /// An effect without which no image moves by more than this (px) is skipped; so is a source's own motion.
+    pub skip_px: f64,
 }
 
 impl Fidelity {
@@ -18,13 +20,15 @@ impl Fidelity {
     pub const REALTIME: Fidelity = Fidelity {
         psf_loss: 1e-6,
         track_step_sigma: 0.5,
-        static_px: 1e-3,
+        skip_e: 0.05,
+        skip_px: 1e-3,
     };
     /// The slow, obvious path that also serves the tests as truth.
     pub const REFERENCE: Fidelity = Fidelity {
         psf_loss: 1e-12,
         track_step_sigma: 0.1,
-        static_px: 0.0,
+        skip_e: 0.0,
+        skip_px: 0.0,
     };
 
     /// The preset called `name`.
@@ -38,3 +42,24 @@ pub const PRESETS: &[(&str, Fidelity)] = &[
     ("realtime", Fidelity::REALTIME),
     ("reference", Fidelity::REFERENCE),
 ];
+
+/// What a run wants of the effects, whatever its scenes call for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Choice {
+    /// Whether effects that draw random numbers run.
+    pub noise: bool,
+    /// Names of the effects that are switched off.
+    pub off: Vec<&'static str>,
+    /// Whether effects run that a scene does not call for.
+    pub all: bool,
+}
+
+impl Default for Choice {
+    fn default() -> Self {
+        Choice {
+            noise: true,
+            off: Vec::new(),
+            all: false,
+        }
+    }
+}

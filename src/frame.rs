@@ -13,6 +13,8 @@ pub struct Frame {
     pub digits: Vec<u16>,
     /// Expected electrons before any noise, in the same order, where they were asked for.
     pub expected_e: Option<Vec<f32>>,
+    /// The charge that the converter read, e-, likewise.
+    pub charge_e: Option<Vec<f32>>,
 }
 
 /// A band of whole rows while it is being rendered.
@@ -36,4 +38,12 @@ impl Tile<'_> {
     pub fn first_pixel(&self) -> usize {
         self.row * self.width
     }
+}
+
+/// The whole frame's charge while it is being rendered.
+pub struct Charge<'a> {
+    /// Columns.
+    pub width: usize,
+    /// Charge, e-, row-major.
+    pub electrons: &'a mut [f32],
 }

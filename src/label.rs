@@ -1,6 +1,8 @@
 //! Labels: what is in a frame, exactly. One JSON object a frame; its names are the contract of the README.
 
 use crate::camera::Camera;
+use crate::effect::Verdict;
+use crate::plan::{Plan, Step};
 use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
@@ -41,8 +43,53 @@ pub struct Label {
     /// Expected electrons of a pixel that no object lights, dark charge included, averaged over the frame.
     #[serde(serialize_with = "e4")]
     pub background_e_px: f64,
+    /// What was simulated and what was not, and why, in physical order.
+    pub effects: Vec<EffectLabel>,
     /// The objects in the frame or with light on the detector.
     pub objects: Vec<ObjectLabel>,
+}
+
+/// The plan's verdict on one effect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EffectLabel {
+    /// Its name.
+    pub effect: &'static str,
+    /// Whether it ran.
+    pub run: bool,
+    /// Why, or why not.
+    pub why: String,
+    /// What leaving it out costs at most: e- of a pixel's expectation, or rms where it is random.
+    #[serde(serialize_with = "short")]
+    pub error_e: f64,
+    /// px that an image or the end of its track is off without it, at most.
+    #[serde(serialize_with = "short")]
+    pub error_px: f64,
+    /// What it is expected to take, ms on one core; null where it did not run.
+    #[serde(serialize_with = "some_short")]
+    pub price_ms: Option<f64>,
+}
+
+impl EffectLabel {
+    /// The verdict of a plan's step.
+    pub fn new(step: &Step<'_>) -> EffectLabel {
+        let (run, why, error, price_ms) = match &step.verdict {
+            Verdict::Skip { why, error } => (false, why, error, None),
+            Verdict::Run {
+                because,
+                error,
+                price_ms,
+                ..
+            } => (true, because, error, Some(*price_ms)),
+        };
+        EffectLabel {
+            effect: step.effect.name,
+            run,
+            why: why.to_string(),
+            error_e: error.e,
+            error_px: error.px,
+            price_ms,
+        }
+    }
 }
 
 /// One object in a frame.
@@ -129,30 +176,32 @@ pub struct RsoLabel {
 impl Label {
     /// The label of `scene`, listing objects whose signal-to-noise ratio, were they neither hidden nor
     /// shaded, is at least `label_snr`.
-    pub fn new(frame: u32, scene: &Scene, world: &World, label_snr: f64) -> Label {
-        let Camera { name, mounting, .. } = scene.camera.as_ref();
-        let vehicle = &scene.vehicle;
+    pub fn new(frame: u32, scene: &Scene, plan: &Plan<'_>, world: &World, label_snr: f64) -> Label {
+        let view = &scene.view;
+        let Camera { name, mounting, .. } = view.camera.as_ref();
+        let (vehicle, exposure) = (&view.vehicle, &view.exposure);
         let centre = StateVector {
             position_m: Vector3::zeros(),
             velocity_m_s: Vector3::zeros(),
         };
         let state = vehicle.orbit.as_ref().unwrap_or(&centre);
         let (r, v) = (km(&state.position_m), km(&state.velocity_m_s));
-        let matrix = scene.pointing.matrix();
+        let matrix = view.pointing(0.5).matrix();
         Label {
             frame,
-            seed: scene.key.seed,
+            seed: view.key.seed,
             camera: name.clone(),
-            epoch_start: utc_text(scene.exposure.start),
-            epoch_mid: utc_text(scene.exposure.mid),
-            epoch_end: utc_text(scene.exposure.end),
-            exposure_s: scene.exposure.duration_s,
+            epoch_start: utc_text(exposure.start),
+            epoch_mid: utc_text(exposure.mid),
+            epoch_end: utc_text(exposure.end),
+            exposure_s: exposure.duration_s,
             q_icrf_to_body: vehicle.attitude.xyzw(),
             q_body_to_camera: mounting.xyzw(),
             rates_rad_s: vehicle.rates.into(),
             state_gcrf_km: [r[0], r[1], r[2], v[0], v[1], v[2]],
             r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
             background_e_px: scene.background_e(),
+            effects: plan.steps.iter().map(EffectLabel::new).collect(),
             objects: scene
                 .sources
                 .iter()
@@ -171,7 +220,7 @@ impl Label {
 fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
     let [x_px, y_px] = source.centroid;
     let ([x0_px, y0_px], [x1_px, y1_px]) = (source.start, source.end);
-    let exposure_s = scene.exposure.duration_s;
+    let exposure_s = scene.view.exposure.duration_s;
     let rate = |a: f64, b: f64| {
         if exposure_s > 0.0 {
             (b - a) / exposure_s
@@ -205,9 +254,10 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
             )
         }
     };
-    let in_frame = scene.camera.detector.contains([x_px, y_px]);
+    let in_frame = scene.view.camera.detector.contains([x_px, y_px]);
     let reason = why_not_visible(source, in_frame);
-    let irradiance = source.electrons / (scene.camera.electrons_per_second_at_zero() * exposure_s);
+    let irradiance =
+        source.electrons / (scene.view.camera.electrons_per_second_at_zero() * exposure_s);
     ObjectLabel {
         kind,
         id,
@@ -301,6 +351,20 @@ fn e6<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
 
 fn e9<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_f64(rounded(*value, 9))
+}
+
+/// Four digits: bounds and prices are no more exact.
+fn four_digits(value: f64) -> f64 {
+    let decimals = 3 - value.abs().max(1e-12).log10().floor() as i32;
+    rounded(value, decimals)
+}
+
+fn short<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(four_digits(*value))
+}
+
+fn some_short<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
+    value.map(four_digits).serialize(to)
 }
 
 fn some_e4<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {

@@ -3,7 +3,7 @@
 //! One straight corridor; each value is made once, by one room, and only read afterwards:
 //!
 //! ```text
-//! bytes -> Command -> VehicleState -> Scene -> Plan -> Frame + Label -> Reply -> bytes
+//! bytes -> Command -> VehicleState -> View -> Scene -> Plan -> Frame + Label -> Reply -> bytes
 //! ```
 //!
 //! In reading order: [`attitude`] holds the conventions; [`config`] and [`camera`] what a user writes;

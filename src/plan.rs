@@ -1,8 +1,9 @@
 //! The plan of one frame: every effect's verdict on the scene, in physical order.
 
-use crate::effect::{EFFECTS, Effect, Verdict};
-use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::effect::{EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict};
+use crate::fidelity::{Choice, Fidelity};
+use crate::scene::{Scene, Simulated, View};
+use std::borrow::Cow;
 
 /// One effect's verdict.
 pub struct Step<'s> {
@@ -18,28 +19,83 @@ pub struct Plan<'s> {
     pub steps: Vec<Step<'s>>,
 }
 
+/// The effects that this view's frame has: those that shape images where they are needed, and all others but those that
+/// are switched off. (What they leave out where they are not needed lies within the tolerances.)
+pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated {
+    let mut simulated = Simulated::default();
+    for effect in EFFECTS {
+        let runs = match &effect.judge {
+            Judge::Images(judge) => {
+                refusal(effect, &judge(view, fidelity), fidelity, choice).is_none()
+            }
+            Judge::Pixels(_) => !choice.off.contains(&effect.name),
+        };
+        if runs {
+            (effect.mark)(&mut simulated);
+        }
+    }
+    simulated
+}
+
+/// Why an effect does not run; none if it does.
+fn refusal(
+    effect: &Effect,
+    need: &Need,
+    fidelity: &Fidelity,
+    choice: &Choice,
+) -> Option<Cow<'static, str>> {
+    if choice.off.contains(&effect.name) {
+        return Some("it is switched off".into());
+    }
+    if effect.random && !choice.noise {
+        return Some("noise is switched off".into());
+    }
+    if choice.all || !need.error.is_within(fidelity) {
+        return None;
+    }
+    Some(if need.error == Loss::default() {
+        need.because.clone()
+    } else {
+        format!("within the tolerance: {}", need.because).into()
+    })
+}
+
 impl<'s> Plan<'s> {
     /// Asks every effect.
-    pub fn new(scene: &'s Scene, fidelity: &Fidelity) -> Plan<'s> {
-        let steps = EFFECTS
-            .iter()
-            .map(|effect| Step {
-                effect,
-                verdict: (effect.judge)(scene, fidelity),
-            })
-            .collect();
-        Plan { steps }
+    pub fn new(scene: &'s Scene, fidelity: &Fidelity, choice: &Choice) -> Plan<'s> {
+        let verdict = |effect: &'static Effect| {
+            let (need, pass) = match &effect.judge {
+                Judge::Images(judge) => (judge(&scene.view, fidelity), Pass::Images),
+                Judge::Pixels(judge) => judge(scene, fidelity),
+            };
+            match refusal(effect, &need, fidelity, choice) {
+                Some(why) => Verdict::Skip {
+                    why,
+                    error: need.error,
+                },
+                None => Verdict::Run {
+                    pass,
+                    because: need.because,
+                    error: need.error,
+                    price_ms: need.price_ms,
+                },
+            }
+        };
+        let steps = EFFECTS.iter().map(|effect| Step {
+            effect,
+            verdict: verdict(effect),
+        });
+        Plan {
+            steps: steps.collect(),
+        }
     }
 
     /// Logs what runs and what does not, and why.
     pub fn log(&self) {
         for Step { effect, verdict } in &self.steps {
             match verdict {
-                Verdict::Skip { why, error_e } => {
-                    tracing::debug!(
-                        "{}: skipped, {why}; leaves out {error_e} e- a pixel",
-                        effect.name
-                    );
+                Verdict::Skip { why, error } => {
+                    tracing::debug!("{}: skipped, {why}; leaves out {error}", effect.name);
                 }
                 Verdict::Run {
                     because, price_ms, ..

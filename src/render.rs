@@ -1,62 +1,74 @@
-//! Rendering: the plan's passes over bands of rows, in parallel. It cannot fail.
+//! Rendering: the plan's passes, over bands of rows in parallel or over the whole frame. It cannot fail.
 
-use crate::effect::{Stage, Verdict};
-use crate::frame::{Frame, Tile};
-use crate::plan::Plan;
+use crate::effect::{Pass, Stage, Verdict};
+use crate::frame::{Charge, Frame, Tile};
+use crate::plan::{Plan, Step};
 use crate::scene::Scene;
 use rayon::prelude::*;
 
 /// Rows of a tile: a tile of 1024 columns then keeps its charge in a core's second-level cache.
-const TILE_ROWS: usize = 32;
+pub const TILE_ROWS: usize = 32;
 
-/// Renders `scene`. Pixels depend neither on the number of threads nor on the tiles. `keep_expected` keeps the
-/// expected electrons too.
-pub fn render(plan: &Plan<'_>, scene: &Scene, keep_expected: bool) -> Frame {
-    let (width, height) = (scene.camera.detector.width, scene.camera.detector.height);
+/// Renders `scene`. Pixels depend neither on the number of threads nor on the tiles. `keep` keeps the expected
+/// electrons and the charge too.
+pub fn render(plan: &Plan<'_>, scene: &Scene, keep: bool) -> Frame {
+    let detector = &scene.view.camera.detector;
+    let (width, height) = (detector.width, detector.height);
     let mut digits = vec![0; width * height];
     let mut electrons = vec![0.0f32; width * height];
-    let mut expected = vec![0.0f32; if keep_expected { width * height } else { 0 }];
-    let in_tile = width * TILE_ROWS;
 
-    let tiles = electrons
-        .par_chunks_mut(in_tile)
-        .zip(digits.par_chunks_mut(in_tile));
-    let work = |(index, (electrons, digits)): (usize, (&mut [f32], &mut [u16])),
-                kept: &mut [f32]| {
-        let rows = digits.len() / width;
-        let mut tile = Tile {
-            row: index * TILE_ROWS,
-            rows,
-            width,
-            electrons,
-            digits,
-            key: scene.key,
-        };
-        run(plan, |stage| stage == Stage::Light, &mut tile);
-        kept.copy_from_slice(&tile.electrons[..kept.len()]);
-        run(plan, |stage| stage > Stage::Light, &mut tile);
-    };
-    if keep_expected {
-        let kept = expected.par_chunks_mut(in_tile);
-        tiles
-            .enumerate()
-            .zip(kept)
-            .for_each(|(tile, kept)| work(tile, kept));
-    } else {
-        tiles.enumerate().for_each(|tile| work(tile, &mut []));
-    }
+    let mut rest = &plan.steps[..];
+    let expected_e = keep.then(|| {
+        let light = rest.partition_point(|step| step.effect.stage <= Stage::Light);
+        let (light, later) = rest.split_at(light);
+        run(light, scene, &mut electrons, &mut digits);
+        rest = later;
+        electrons.clone()
+    });
+    run(rest, scene, &mut electrons, &mut digits);
     Frame {
         width,
         height,
         digits,
-        expected_e: keep_expected.then_some(expected),
+        expected_e,
+        charge_e: keep.then_some(electrons),
     }
 }
 
-fn run(plan: &Plan<'_>, wanted: impl Fn(Stage) -> bool, tile: &mut Tile<'_>) {
-    for step in plan.steps.iter().filter(|step| wanted(step.effect.stage)) {
-        if let Verdict::Run { pass, .. } = &step.verdict {
-            pass(tile);
+/// Passes over bands go together, band by band, up to a pass that needs the whole frame.
+fn run(steps: &[Step<'_>], scene: &Scene, electrons: &mut [f32], digits: &mut [u16]) {
+    let width = scene.view.camera.detector.width;
+    let passes = steps.iter().filter_map(|step| match &step.verdict {
+        Verdict::Run { pass, .. } => Some(pass),
+        Verdict::Skip { .. } => None,
+    });
+    let passes: Vec<&Pass<'_>> = passes.collect();
+    for group in passes.chunk_by(|a, b| !is_whole(a) && !is_whole(b)) {
+        if let [Pass::Frame(pass)] = group {
+            pass(&mut Charge { width, electrons });
+            continue;
         }
+        let bands = electrons
+            .par_chunks_mut(width * TILE_ROWS)
+            .zip(digits.par_chunks_mut(width * TILE_ROWS));
+        bands.enumerate().for_each(|(index, (electrons, digits))| {
+            let mut tile = Tile {
+                row: index * TILE_ROWS,
+                rows: digits.len() / width,
+                width,
+                electrons,
+                digits,
+                key: scene.view.key,
+            };
+            for pass in group {
+                if let Pass::Tile(pass) = pass {
+                    pass(&mut tile);
+                }
+            }
+        });
     }
+}
+
+fn is_whole(pass: &Pass<'_>) -> bool {
+    matches!(pass, Pass::Frame(_))
 }

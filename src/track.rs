@@ -37,6 +37,15 @@ const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 const MAX_PANELS: f64 = 16_384.0;
 
 impl Track {
+    /// The track of an image that is drawn where it stands at mid-exposure, wherever its ends are.
+    pub fn still(at: [f64; 2], start: Option<[f64; 2]>, end: Option<[f64; 2]>) -> Track {
+        Track {
+            start: start.unwrap_or(at),
+            end: end.unwrap_or(at),
+            samples: vec![Sample { at, weight: 1.0 }],
+        }
+    }
+
     /// Samples `at` (0: the exposure's start, 1: its end; none: behind the camera) in `pieces` pieces, each
     /// short enough to be nearly straight. Pieces that come near `window` are sampled finely enough for
     /// `fidelity`. None where the source is behind the camera all the time.
@@ -55,7 +64,7 @@ impl Track {
             .windows(2)
             .map(|ends| distance(ends[0], ends[1]))
             .sum();
-        if length <= fidelity.static_px
+        if length <= fidelity.skip_px
             && let Some(mid) = at(0.5)
         {
             return Some(Track {

@@ -58,7 +58,8 @@ fn the_readme_lists_the_labels_fields() {
         .unwrap();
     let label: serde_json::Value = serde_json::from_str(&shot.json).unwrap();
     let mut fields: Names = label.as_object().unwrap().keys().cloned().collect();
-    for object in label["objects"].as_array().unwrap() {
+    let of_frame = label["effects"].as_array().unwrap();
+    for object in of_frame.iter().chain(label["objects"].as_array().unwrap()) {
         fields.extend(object.as_object().unwrap().keys().cloned());
     }
     // The frame holds stars and satellites, seen ones and (too faint) unseen ones.
@@ -165,7 +166,7 @@ fn the_default_file_has_every_key_and_no_other() {
         )
     };
     let mut wanted = probe("no_such_key = 1", "");
-    let tables = ["sky", "objects", "observer", "run", "sequence"];
+    let tables = ["effects", "sky", "objects", "observer", "run", "sequence"];
     for table in tables {
         assert!(wanted.remove(table), "{table}");
         wanted.extend(probe(

@@ -253,7 +253,7 @@ fn without_noise_every_digit_is_the_rounded_mean() {
         ..FLAT
     };
     let mut emulator = flat.emulator(1);
-    emulator.noise = false;
+    emulator.choice.noise = false;
     // 1234 / 2.5 + 100 = 593.6.
     assert!(digits(&mut emulator, 0).iter().all(|dn| *dn == 594));
 }

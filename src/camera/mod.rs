@@ -54,6 +54,41 @@ impl Camera {
             * self.optics.aperture_area_m2()
     }
 
+    /// The greatest scale on the detector (px a rad), found at its corners, and the corners' greatest distance from
+    /// the principal point (px).
+    pub fn scale_and_corner_px(&self) -> (f64, f64) {
+        const STEP: f64 = 1e-3;
+        let optics = &self.optics;
+        let (w, h) = (
+            self.detector.width as f64 - 0.5,
+            self.detector.height as f64 - 0.5,
+        );
+        let corners = [
+            optics.principal_px,
+            [-0.5, -0.5],
+            [w, -0.5],
+            [-0.5, h],
+            [w, h],
+        ];
+        let directions = corners.map(|corner| optics.direction(corner));
+        let distance =
+            |a: [f64; 2]| (a[0] - optics.principal_px[0]).hypot(a[1] - optics.principal_px[1]);
+        let scale = corners.iter().zip(&directions).map(|(corner, direction)| {
+            // Outwards, where a projection changes fastest.
+            let outwards =
+                [0, 1].map(|i| corner[i] + STEP * (corner[i] - optics.principal_px[i] + 1e-3));
+            let moved = (outwards[0] - corner[0]).hypot(outwards[1] - corner[1]);
+            moved / optics.direction(outwards).angle(direction)
+        });
+        (
+            scale.fold(0.0, f64::max),
+            corners
+                .iter()
+                .map(|corner| distance(*corner))
+                .fold(0.0, f64::max),
+        )
+    }
+
     /// The angle from the boresight (rad) within which every pixel, widened by `margin_px`, lies.
     pub fn cone_rad(&self, margin_px: f64) -> f64 {
         let (w, h) = (

@@ -114,7 +114,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     let mission = mission(&config, args.scene.as_deref())?;
     let mut emulator = Emulator::new(&mut config);
-    emulator.noise = !args.no_noise;
+    emulator.choice.noise = !args.no_noise;
     emulator.keep_expected = args.no_noise;
     let mut writer = Writer::create(&args.out, mission.frames)?;
     let mut stats = RunStats::default();

@@ -1,6 +1,6 @@
 //! Dark current: its mean is added to the light, and shot noise covers both.
 
-use super::{Effect, Stage, Verdict, per_pixel};
+use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
 
@@ -8,20 +8,22 @@ use crate::scene::Scene;
 pub const DARK_CURRENT: Effect = Effect {
     name: "dark current",
     stage: Stage::Light,
-    judge,
+    random: false,
+    judge: Judge::Pixels(judge),
+    mark: |simulated| simulated.dark = true,
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
-    let dark_e = scene.camera.detector.dark_e(scene.exposure.duration_s);
-    if dark_e == 0.0 {
-        return Verdict::Skip {
-            why: "the detector has no dark current",
-            error_e: 0.0,
-        };
-    }
-    Verdict::Run {
-        because: "the detector has dark current",
-        price_ms: per_pixel(scene, 0.2),
-        pass: Box::new(move |tile| tile.electrons.iter_mut().for_each(|e| *e += dark_e as f32)),
-    }
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let detector = &scene.view.camera.detector;
+    let dark_e = detector.dark_e(scene.view.exposure.duration_s);
+    let need = if dark_e == 0.0 {
+        Need::none("the detector has no dark current")
+    } else {
+        let because = format!("{:.3} e-/s a pixel", detector.dark_e_s);
+        Need::of_pixels(scene, because, dark_e, 0.2)
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        tile.electrons.iter_mut().for_each(|e| *e += dark_e as f32);
+    }));
+    (need, pass)
 }

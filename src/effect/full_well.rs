@@ -1,6 +1,6 @@
 //! Full well: a pixel holds no more charge than this.
 
-use super::{Effect, Stage, Verdict, per_pixel};
+use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
 
@@ -8,26 +8,25 @@ use crate::scene::Scene;
 pub const FULL_WELL: Effect = Effect {
     name: "full well",
     stage: Stage::Charge,
-    judge,
+    random: false,
+    judge: Judge::Pixels(judge),
+    mark: |_| {},
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
-    let full = scene.camera.detector.full_well_e;
-    // The brightest pixel that could be: all sources' light on one. Ten sigma above it nothing is drawn.
-    let light: f64 = scene.sources.iter().map(|s| s.electrons).sum::<f64>() + scene.background_e();
-    if light + 10.0 * light.sqrt() + 10.0 < full {
-        return Verdict::Skip {
-            why: "all light together does not fill one pixel",
-            error_e: 0.0,
-        };
-    }
-    Verdict::Run {
-        because: "a source may fill a pixel",
-        price_ms: per_pixel(scene, 0.2),
-        pass: Box::new(move |tile| {
-            tile.electrons
-                .iter_mut()
-                .for_each(|e| *e = e.min(full as f32));
-        }),
-    }
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let full = scene.view.camera.detector.full_well_e;
+    let brightest = scene.peak_e + scene.background_e();
+    // Ten sigma and ten above its expectation nothing is drawn.
+    let most = brightest + 10.0 * brightest.sqrt() + 10.0;
+    let need = if most < full {
+        Need::none("no pixel fills up")
+    } else {
+        let over = (brightest - full).max(most - brightest);
+        Need::of_pixels(scene, "a source may fill a pixel", over, 0.2)
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        let pixels = tile.electrons.iter_mut();
+        pixels.for_each(|e| *e = e.min(full as f32));
+    }));
+    (need, pass)
 }

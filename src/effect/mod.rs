@@ -6,13 +6,16 @@ mod point;
 mod read;
 mod readout;
 mod shot;
+mod smear;
 
 use crate::fidelity::Fidelity;
-use crate::frame::Tile;
-use crate::scene::Scene;
+use crate::frame::{Charge, Tile};
+use crate::scene::{Scene, Simulated, View};
+use std::borrow::Cow;
 
 /// Every effect, in physical order.
 pub const EFFECTS: &[Effect] = &[
+    smear::SMEAR,
     point::STARS,
     point::RSOS,
     dark::DARK_CURRENT,
@@ -24,49 +27,129 @@ pub const EFFECTS: &[Effect] = &[
 
 /// Something between the sky and the digits.
 pub struct Effect {
-    /// Name, as plans give it.
+    /// Name, as plans and labels give it.
     pub name: &'static str,
     /// Where it stands in the chain.
     pub stage: Stage,
-    /// Whether this scene needs it.
-    pub judge: for<'s> fn(&'s Scene, &Fidelity) -> Verdict<'s>,
+    /// Whether it draws random numbers.
+    pub random: bool,
+    /// What a scene needs of it.
+    pub judge: Judge,
+    /// Sets the scene's mark that this effect is simulated, where the scene depends on it.
+    pub mark: fn(&mut Simulated),
+}
+
+/// How an effect is asked.
+pub enum Judge {
+    /// It shapes the images of sources, and is asked before they are made.
+    Images(fn(&View, &Fidelity) -> Need),
+    /// It works on pixels.
+    Pixels(for<'s> fn(&'s Scene, &Fidelity) -> (Need, Pass<'s>)),
 }
 
 /// The chain's stages, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// Adds expected electrons.
+    /// Shapes the images of sources.
+    Images,
+    /// Adds or takes expected electrons.
     Light,
-    /// Turns expected electrons into drawn ones, or clips them.
+    /// Turns expected electrons into drawn ones, moves or clips them.
     Charge,
-    /// Turns electrons into digits.
+    /// Turns electrons into digits, or changes digits.
     Digits,
 }
 
-/// What an effect does to one tile.
-pub type Pass<'s> = Box<dyn Fn(&mut Tile<'_>) + Send + Sync + 's>;
+/// What a scene needs of an effect.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Need {
+    /// What in the scene calls for it, or why nothing does.
+    pub because: Cow<'static, str>,
+    /// What leaving it out would cost at most.
+    pub error: Loss,
+    /// What it is expected to take, ms on one core.
+    pub price_ms: f64,
+}
+
+/// What leaving an effect out costs.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Loss {
+    /// e- of the pixel that it changes most: of its expectation, or rms where the effect is random.
+    pub e: f64,
+    /// px that it moves an image by, or the end of its track.
+    pub px: f64,
+}
+
+/// What an effect does where it runs.
+pub enum Pass<'s> {
+    /// Nothing more: it has shaped the images.
+    Images,
+    /// Works on each band of rows by itself.
+    Tile(Box<dyn Fn(&mut Tile<'_>) + Send + Sync + 's>),
+    /// Works on the whole frame's charge at once.
+    Frame(Box<dyn Fn(&mut Charge<'_>) + Send + Sync + 's>),
+}
 
 /// An effect's answer to a scene.
 pub enum Verdict<'s> {
-    /// The scene does not need it.
+    /// It does not run.
     Skip {
         /// Why not.
-        why: &'static str,
-        /// What leaving it out costs, e- a pixel at most.
-        error_e: f64,
+        why: Cow<'static, str>,
+        /// What leaving it out costs at most.
+        error: Loss,
     },
-    /// The scene needs it.
+    /// It runs.
     Run {
-        /// What it does to a tile.
+        /// What it does.
         pass: Pass<'s>,
         /// Why it is needed.
-        because: &'static str,
-        /// What it is expected to cost, ms on one core.
+        because: Cow<'static, str>,
+        /// What leaving it out would cost at most.
+        error: Loss,
+        /// What it is expected to take, ms on one core.
         price_ms: f64,
     },
 }
 
-/// The price (ms) of `ns` nanoseconds a pixel.
-fn per_pixel(scene: &Scene, ns: f64) -> f64 {
-    scene.camera.detector.pixels() as f64 * ns * 1e-6
+impl Need {
+    /// Nothing calls for the effect: without it, nothing changes.
+    fn none(why: &'static str) -> Need {
+        Need {
+            because: why.into(),
+            error: Loss::default(),
+            price_ms: 0.0,
+        }
+    }
+
+    /// Leaving it out changes a pixel by at most `e` electrons; running it takes `ns` a pixel.
+    fn of_pixels(scene: &Scene, because: impl Into<Cow<'static, str>>, e: f64, ns: f64) -> Need {
+        Need {
+            because: because.into(),
+            error: Loss { e, px: 0.0 },
+            price_ms: scene.view.camera.detector.pixels() as f64 * ns * 1e-6,
+        }
+    }
+}
+
+impl Loss {
+    /// Whether it lies within the tolerances.
+    pub fn is_within(&self, fidelity: &Fidelity) -> bool {
+        // An effect that moves images is judged by that; what it does to pixels follows from it.
+        if self.px > 0.0 {
+            self.px <= fidelity.skip_px
+        } else {
+            self.e <= fidelity.skip_e
+        }
+    }
+}
+
+impl std::fmt::Display for Loss {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.px > 0.0 {
+            write!(f, "{:.3e} px", self.px)
+        } else {
+            write!(f, "{:.3e} e-", self.e)
+        }
+    }
 }

@@ -4,7 +4,7 @@
 //! `N_xy = E_obj QE tau A_app t_int PSF(x, y, x_obj, y_obj)`. The PSF is integrated over each pixel, along the
 //! true track of the exposure.
 
-use super::{Effect, Stage, Verdict};
+use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Body, Scene, Source};
 
@@ -12,59 +12,60 @@ use crate::scene::{Body, Scene, Source};
 pub const STARS: Effect = Effect {
     name: "stars",
     stage: Stage::Light,
-    judge: judge_stars,
+    random: false,
+    judge: Judge::Pixels(judge_stars),
+    mark: |simulated| simulated.stars = true,
 };
 /// The resident space objects.
 pub const RSOS: Effect = Effect {
     name: "rsos",
     stage: Stage::Light,
-    judge: judge_rsos,
+    random: false,
+    judge: Judge::Pixels(judge_rsos),
+    mark: |simulated| simulated.rsos = true,
 };
 
-fn judge_stars<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
-    judge(
-        scene,
-        "no star's light falls on the detector",
-        "stars in the field",
-        |body| matches!(body, Body::Star(_)),
-    )
+fn judge_stars<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let is_star = |body: &Body| matches!(body, Body::Star(_));
+    judge(scene, "stars", is_star)
 }
 
-fn judge_rsos<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
-    judge(
-        scene,
-        "no object's light falls on the detector",
-        "objects in the field",
-        |body| matches!(body, Body::Rso(_)),
-    )
+fn judge_rsos<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let is_rso = |body: &Body| matches!(body, Body::Rso(_));
+    judge(scene, "objects", is_rso)
 }
 
 fn judge<'s>(
     scene: &'s Scene,
-    why: &'static str,
-    because: &'static str,
+    what: &'static str,
     kind: impl Fn(&Body) -> bool,
-) -> Verdict<'s> {
+) -> (Need, Pass<'s>) {
     let lit = |s: &&Source| kind(&s.body) && s.electrons > 0.0;
     let drawn: Vec<&Source> = scene.sources.iter().filter(lit).collect();
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
-    if pixels == 0 {
-        return Verdict::Skip { why, error_e: 0.0 };
-    }
-    Verdict::Run {
-        because,
-        price_ms: pixels as f64 * 1e-6,
-        pass: Box::new(move |tile| {
-            let (first, width) = (tile.row, tile.width);
-            for source in &drawn {
-                let electrons = source.electrons;
-                for (row, column, shares) in source.footprint.rows(first..first + tile.rows) {
-                    let from = (row - first) * width + column;
-                    for (pixel, share) in tile.electrons[from..].iter_mut().zip(shares) {
-                        *pixel += (electrons * f64::from(*share)) as f32;
-                    }
+    let need = if pixels == 0 {
+        Need::none("none of their light falls on the detector")
+    } else {
+        Need {
+            because: format!("{} {what} in the field", drawn.len()).into(),
+            error: Loss {
+                e: scene.peak_of(&drawn),
+                px: 0.0,
+            },
+            price_ms: pixels as f64 * 1e-6,
+        }
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        let (first, width) = (tile.row, tile.width);
+        for source in &drawn {
+            let electrons = source.electrons;
+            for (row, column, shares) in source.footprint.rows(first..first + tile.rows) {
+                let from = (row - first) * width + column;
+                for (pixel, share) in tile.electrons[from..].iter_mut().zip(shares) {
+                    *pixel += (electrons * f64::from(*share)) as f32;
                 }
             }
-        }),
-    }
+        }
+    }));
+    (need, pass)
 }

@@ -1,6 +1,6 @@
 //! Read noise: a normal draw a pixel, added to the charge when it is read.
 
-use super::{Effect, Stage, Verdict, per_pixel};
+use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::rng::PixelStream;
 use crate::scene::Scene;
@@ -9,35 +9,27 @@ use crate::scene::Scene;
 pub const READ_NOISE: Effect = Effect {
     name: "read noise",
     stage: Stage::Charge,
-    judge,
+    random: true,
+    judge: Judge::Pixels(judge),
+    mark: |simulated| simulated.read = true,
 };
 
 /// This effect's identity in the noise key.
 const STREAM: u8 = 2;
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
-    let sigma = scene.camera.detector.read_noise_e;
-    if !scene.noise {
-        return Verdict::Skip {
-            why: "noise is switched off",
-            error_e: 0.0,
-        };
-    }
-    if sigma == 0.0 {
-        return Verdict::Skip {
-            why: "the detector reads without noise",
-            error_e: 0.0,
-        };
-    }
-    Verdict::Run {
-        because: "the detector has read noise",
-        price_ms: per_pixel(scene, 20.0),
-        pass: Box::new(move |tile| {
-            let first = tile.first_pixel();
-            for (i, e) in tile.electrons.iter_mut().enumerate() {
-                let mut stream = PixelStream::new(tile.key, STREAM, (first + i) as u32);
-                *e += (sigma * stream.normal()) as f32;
-            }
-        }),
-    }
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let sigma = scene.view.camera.detector.read_noise_e;
+    let need = if sigma == 0.0 {
+        Need::none("the detector reads without noise")
+    } else {
+        Need::of_pixels(scene, format!("{sigma} e- rms"), sigma, 20.0)
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        let first = tile.first_pixel();
+        for (i, e) in tile.electrons.iter_mut().enumerate() {
+            let mut stream = PixelStream::new(tile.key, STREAM, (first + i) as u32);
+            *e += (sigma * stream.normal()) as f32;
+        }
+    }));
+    (need, pass)
 }

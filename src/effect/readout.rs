@@ -3,7 +3,7 @@
 //! The factor that Clark et al. 2021 call "eDN", in e-/DN, divides:
 //! `DN = round(N / gain + offset)`, held to 0..2^bits - 1.
 
-use super::{Effect, Stage, Verdict, per_pixel};
+use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
 
@@ -11,20 +11,22 @@ use crate::scene::Scene;
 pub const READOUT: Effect = Effect {
     name: "readout",
     stage: Stage::Digits,
-    judge,
+    random: false,
+    judge: Judge::Pixels(judge),
+    mark: |_| {},
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
-    let detector = &scene.camera.detector;
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let detector = &scene.view.camera.detector;
     let (per_electron, offset) = (1.0 / detector.gain_e_per_dn, detector.offset_dn);
     let max = f64::from(detector.max_dn());
-    Verdict::Run {
-        because: "a frame is digits",
-        price_ms: per_pixel(scene, 1.0),
-        pass: Box::new(move |tile| {
-            for (dn, e) in tile.digits.iter_mut().zip(tile.electrons.iter()) {
-                *dn = (f64::from(*e) * per_electron + offset + 0.5).clamp(0.0, max) as u16;
-            }
-        }),
-    }
+    // Without it there would be no digits at all.
+    let all = detector.full_well_e;
+    let need = Need::of_pixels(scene, "a frame is digits", all, 1.0);
+    let pass = Pass::Tile(Box::new(move |tile| {
+        for (dn, e) in tile.digits.iter_mut().zip(tile.electrons.iter()) {
+            *dn = (f64::from(*e) * per_electron + offset + 0.5).clamp(0.0, max) as u16;
+        }
+    }));
+    (need, pass)
 }

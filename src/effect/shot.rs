@@ -1,6 +1,6 @@
 //! Shot noise: the electrons of a pixel are a Poisson draw of their expectation (light and dark charge).
 
-use super::{Effect, Stage, Verdict, per_pixel};
+use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::rng::{PixelStream, PoissonTable};
 use crate::scene::Scene;
@@ -9,34 +9,33 @@ use crate::scene::Scene;
 pub const SHOT_NOISE: Effect = Effect {
     name: "shot noise",
     stage: Stage::Charge,
-    judge,
+    random: true,
+    judge: Judge::Pixels(judge),
+    mark: |simulated| simulated.shot = true,
 };
 
 /// This effect's identity in the noise key.
 const STREAM: u8 = 1;
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> Verdict<'s> {
-    if !scene.noise {
-        return Verdict::Skip {
-            why: "noise is switched off",
-            error_e: 0.0,
-        };
-    }
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let most = scene.peak_e + scene.background_e();
+    let need = if most == 0.0 {
+        Need::none("there is no light and no dark charge")
+    } else {
+        Need::of_pixels(scene, "light comes in quanta", most.sqrt(), 20.0)
+    };
     // Most pixels hold nothing but the background: one table serves them all.
     let background = scene.background_e() as f32;
     let table = PoissonTable::new(f64::from(background));
-    Verdict::Run {
-        because: "light comes in quanta",
-        price_ms: per_pixel(scene, 20.0),
-        pass: Box::new(move |tile| {
-            let first = tile.first_pixel();
-            for (i, e) in tile.electrons.iter_mut().enumerate() {
-                let mut stream = PixelStream::new(tile.key, STREAM, (first + i) as u32);
-                *e = match &table {
-                    Some(table) if *e == background => table.draw(stream.uniform()),
-                    _ => stream.poisson(f64::from(*e)),
-                } as f32;
-            }
-        }),
-    }
+    let pass = Pass::Tile(Box::new(move |tile| {
+        let first = tile.first_pixel();
+        for (i, e) in tile.electrons.iter_mut().enumerate() {
+            let mut stream = PixelStream::new(tile.key, STREAM, (first + i) as u32);
+            *e = match &table {
+                Some(table) if *e == background => table.draw(stream.uniform()),
+                _ => stream.poisson(f64::from(*e)),
+            } as f32;
+        }
+    }));
+    (need, pass)
 }

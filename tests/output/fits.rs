@@ -140,6 +140,7 @@ fn any_size_and_any_seed_make_a_whole_file() {
             height,
             digits: (0..width * height).map(|i| i as u16).collect(),
             expected_e: None,
+            charge_e: None,
         };
         write(dir.path(), &camera, &label, &frame);
         let (hdu, stored) = read(&dir.path().join("frame_00000.fits"));
@@ -218,6 +219,7 @@ fn the_wcs_gives_every_pixel_the_direction_that_the_camera_does() {
             height: 1,
             digits: vec![100; 600],
             expected_e: None,
+            charge_e: None,
         };
         write(dir.path(), &camera, &label, &frame);
 

@@ -33,6 +33,7 @@ fn flat(camera: &Camera) -> Frame {
         height,
         digits: vec![100; width * height],
         expected_e: None,
+        charge_e: None,
     }
 }
 

@@ -60,6 +60,7 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
         state_gcrf_km: [7000.0, 0.0, 0.0, 0.0, 7.5, 0.0],
         r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
         background_e_px: 20.0,
+        effects: Vec::new(),
         objects: Vec::new(),
     }
 }
@@ -176,5 +177,6 @@ pub fn frame(camera: &Camera, label: &Label, numbers: &mut Numbers) -> Frame {
         height,
         digits,
         expected_e: Some(electrons.iter().map(|e| *e as f32).collect()),
+        charge_e: None,
     }
 }

@@ -38,7 +38,7 @@ pub fn emulator(
     config.fidelity = fidelity;
     config.label_snr = 0.0;
     let mut emulator = Emulator::new(&mut config);
-    emulator.noise = false;
+    emulator.choice.noise = false;
     emulator.keep_expected = true;
     emulator
 }

@@ -189,7 +189,7 @@ fn objects_in_orbit_do_too() {
     config.label_snr = 0.0;
     let mission = flight::mission(&config).unwrap();
     let mut emulator = Emulator::new(&mut config);
-    emulator.noise = false;
+    emulator.choice.noise = false;
     emulator.keep_expected = true;
     let (mut tally, mut rsos) = (Tally::default(), 0);
     for number in [0, 13, 40] {

@@ -44,7 +44,7 @@ fn shot_of(
     config.sky.selection = Selection::Bsc;
     config.objects = objects;
     let mut emulator = Emulator::new(&mut config);
-    emulator.noise = false;
+    emulator.choice.noise = false;
     emulator.keep_expected = true;
     let shot = shoot(
         &mut emulator,

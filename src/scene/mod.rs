@@ -1,0 +1,149 @@
+//! The scene: everything that one exposure sees, worked out once and only read afterwards.
+//!
+//! First the [`View`], what stands before the camera; then, with the effects that the frame has ([`Simulated`]), the
+//! image of every source on the detector.
+
+mod brightest;
+mod imaging;
+mod simulated;
+mod view;
+
+pub use simulated::Simulated;
+pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};
+
+use crate::fidelity::Fidelity;
+use crate::footprint::Footprint;
+use crate::sky::population::SeenObject;
+use crate::sky::star_field::SeenStar;
+use crate::sky::{Corrections, Population, StarField};
+use hifitime::{Epoch, Unit};
+use rayon::prelude::*;
+
+/// What does not change from frame to frame.
+#[derive(Debug)]
+pub struct World {
+    /// The stars.
+    pub stars: StarField,
+    /// The objects in orbit.
+    pub population: Population,
+    /// What moves directions.
+    pub corrections: Corrections,
+}
+
+/// An exposure's three instants.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exposure {
+    /// Shutter opens.
+    pub start: Epoch,
+    /// The middle, which attitude and state hold for.
+    pub mid: Epoch,
+    /// Shutter closes.
+    pub end: Epoch,
+    /// Exposure time, s.
+    pub duration_s: f64,
+}
+
+impl Exposure {
+    /// The exposure of `duration_s` around `mid`.
+    pub fn around(mid: Epoch, duration_s: f64) -> Exposure {
+        let half = Unit::Second * (duration_s / 2.0);
+        Exposure {
+            start: mid - half,
+            mid,
+            end: mid + half,
+            duration_s,
+        }
+    }
+}
+
+/// What a source is.
+#[derive(Debug, Clone)]
+pub enum Body {
+    /// A star of the catalogue.
+    Star(SeenStar),
+    /// A resident space object.
+    Rso(Box<SeenObject>),
+}
+
+/// Why no light of a source arrives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hidden {
+    /// The Earth stands before it.
+    ByEarth,
+    /// It is in the Earth's umbra.
+    InShadow,
+}
+
+/// A point source in the field.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// What it is.
+    pub body: Body,
+    /// Its image at the exposure's start (or where it comes before the camera), px.
+    pub start: [f64; 2],
+    /// Its image at the exposure's end (or where it goes behind the camera), px.
+    pub end: [f64; 2],
+    /// Flux-weighted centre of all its light, px.
+    pub centroid: [f64; 2],
+    /// Its share on each pixel.
+    pub footprint: Footprint,
+    /// Expected electrons of the whole exposure, on and off the detector.
+    pub electrons: f64,
+    /// Why there are none.
+    pub hidden: Option<Hidden>,
+    /// Signal-to-noise ratio on the detector.
+    pub snr: f64,
+    /// The same, were it neither hidden nor shaded: what decides whether labels list it.
+    pub clear_snr: f64,
+}
+
+/// Everything that one exposure sees.
+#[derive(Debug)]
+pub struct Scene {
+    /// What stands before the camera.
+    pub view: View,
+    /// Which effects the frame has.
+    pub simulated: Simulated,
+    /// The images that touch the detector, in the view's order.
+    pub sources: Vec<Source>,
+    /// No pixel gets more light than this from all sources together, e-.
+    pub peak_e: f64,
+}
+
+impl Scene {
+    /// The images of all that is in view.
+    pub fn new(view: View, simulated: Simulated, fidelity: &Fidelity) -> Scene {
+        let shines = |candidate: &&Candidate| match candidate.body {
+            Body::Star(_) => simulated.stars,
+            Body::Rso(_) => simulated.rsos,
+        };
+        let candidates = view.candidates.par_iter().filter(shines);
+        let sources: Vec<Source> = candidates
+            .filter_map(|candidate| view.image(candidate, &simulated, fidelity))
+            .collect();
+        Scene {
+            simulated,
+            peak_e: brightest::pixel_e(&view.camera.detector, sources.iter()),
+            view,
+            sources,
+        }
+    }
+
+    /// No pixel gets more light than this from `sources` together, e-.
+    pub fn peak_of(&self, sources: &[&Source]) -> f64 {
+        brightest::pixel_e(&self.view.camera.detector, sources.iter().copied())
+    }
+
+    /// Expected background of a pixel, from no star and no object, averaged over the frame, e-.
+    pub fn background_e(&self) -> f64 {
+        background_e(&self.view, &self.simulated)
+    }
+}
+
+/// So far the dark charge alone, e-.
+fn background_e(view: &View, simulated: &Simulated) -> f64 {
+    if !simulated.dark {
+        return 0.0;
+    }
+    view.camera.detector.dark_e(view.exposure.duration_s)
+}

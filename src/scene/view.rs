@@ -1,0 +1,247 @@
+//! What stands before the camera during one exposure: directions and light, before the optics make images of them.
+
+use super::{Body, Exposure, Hidden, World};
+use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
+use crate::camera::Camera;
+use crate::fidelity::Fidelity;
+use crate::rng::NoiseKey;
+use crate::sky::apparent::Observer;
+use crate::sky::bodies::{Bodies, EpochOutOfRange};
+use crate::sky::photometry::photon_irradiance;
+use crate::sky::population::SeenObject;
+use crate::sky::shadow::Earth;
+use crate::sky::star_field::SeenStar;
+use hifitime::Epoch;
+use nalgebra::Vector3;
+use skyloop_orbit::time::utc_text;
+use skyloop_orbit::{OrbitError, StateVector};
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Furthest that the body may turn during one exposure, rad: a streak then crosses most fields. Time grows with
+/// the streaks' length: at the limit a frame of 256 x 256 pixels takes over a second.
+pub const MAX_TURN: f64 = 1.0;
+
+/// Why there is no scene.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Unobservable {
+    /// The ephemerides do not reach the epoch.
+    #[error(transparent)]
+    Epoch(#[from] EpochOutOfRange),
+    /// The body turns too far.
+    #[error(
+        "the body turns {turn_deg:.1} deg during the exposure of {exposure_s} s: at most {:.1} deg are shown; \
+         lower the rates or the exposure",
+        MAX_TURN.to_degrees()
+    )]
+    Turn {
+        /// How far, deg.
+        turn_deg: f64,
+        /// The exposure time, s.
+        exposure_s: f64,
+    },
+    /// The state, carried on by its orbit, has left the range of observers.
+    #[error("state carried on to {}: {source}", utc_text(*epoch))]
+    State {
+        /// An instant of the exposure.
+        epoch: Epoch,
+        /// What is wrong with it there.
+        source: AttitudeError,
+    },
+}
+
+/// How far (rad) a body of these rates (rad/s) turns during an exposure of `exposure_s`, if that can be shown.
+pub fn turn_at(rates: Vector3<f64>, exposure_s: f64) -> Result<f64, Unobservable> {
+    let turn = rates.norm() * exposure_s;
+    if turn > MAX_TURN {
+        let turn_deg = turn.to_degrees();
+        return Err(Unobservable::Turn {
+            turn_deg,
+            exposure_s,
+        });
+    }
+    Ok(turn)
+}
+
+/// The observer at start, mid and end of an exposure. The Earth and the Sun are taken at mid, for which they are asked.
+pub fn shutter(vehicle: &VehicleState, exposure: &Exposure) -> Result<[Observer; 3], Unobservable> {
+    let centre = StateVector {
+        position_m: Vector3::zeros(),
+        velocity_m_s: Vector3::zeros(),
+    };
+    let bodies = Bodies::at(exposure.mid)?;
+    let at = |epoch: Epoch| -> Result<Observer, Unobservable> {
+        let orbit = vehicle.at(epoch).orbit;
+        if let Some(state) = &orbit {
+            check_orbit(state).map_err(|source| Unobservable::State { epoch, source })?;
+        }
+        let state = orbit.unwrap_or(centre);
+        Ok(Observer {
+            epoch,
+            position_m: state.position_m,
+            velocity_m_s: state.velocity_m_s,
+            bodies,
+        })
+    };
+    Ok([at(exposure.start)?, at(exposure.mid)?, at(exposure.end)?])
+}
+
+/// A point source near the field, before its image is made.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// What it is.
+    pub body: Body,
+    /// Electrons that all its light in the exposure would give, were it neither hidden nor shaded.
+    pub clear_e: f64,
+    /// The part of that light which arrives (1).
+    pub light: f64,
+    /// Why none does.
+    pub hidden: Option<Hidden>,
+}
+
+impl Candidate {
+    /// Its apparent vector (ICRF axes, any length) at a part of the exposure (0: start, 1: end).
+    pub fn line(&self, part: f64) -> Vector3<f64> {
+        match &self.body {
+            Body::Star(star) => star.direction,
+            Body::Rso(object) => object.line_m(part),
+        }
+    }
+
+    /// The angle (rad) that it moves through by itself.
+    pub fn swing(&self) -> f64 {
+        match &self.body {
+            Body::Star(_) => 0.0,
+            Body::Rso(_) => {
+                let mid = self.line(0.5);
+                self.line(0.0).angle(&mid) + mid.angle(&self.line(1.0))
+            }
+        }
+    }
+
+    /// Electrons that its light gives.
+    pub fn electrons(&self) -> f64 {
+        if self.hidden.is_some() {
+            0.0
+        } else {
+            self.clear_e * self.light
+        }
+    }
+}
+
+/// What stands before the camera during one exposure.
+#[derive(Debug)]
+pub struct View {
+    /// When.
+    pub exposure: Exposure,
+    /// The vehicle in the middle of the exposure.
+    pub vehicle: VehicleState,
+    /// The camera, with what was commanded of it.
+    pub camera: Arc<Camera>,
+    /// What all noise is keyed by.
+    pub key: NoiseKey,
+    /// Stars in catalogue order, then objects in the population's.
+    pub candidates: Vec<Candidate>,
+    /// Objects whose orbit has no answer at this time.
+    pub unknown: Vec<OrbitError>,
+}
+
+impl View {
+    /// What `camera` on `vehicle` has before it during `exposure`.
+    ///
+    /// Fails only where the epoch lies outside the ephemerides, the body turns further than [`MAX_TURN`], or the
+    /// observer's state, carried through the exposure, leaves its range.
+    pub fn new(
+        world: &World,
+        camera: &Arc<Camera>,
+        vehicle: &VehicleState,
+        exposure: Exposure,
+        fidelity: &Fidelity,
+        key: NoiseKey,
+    ) -> Result<View, Unobservable> {
+        let turn = turn_at(vehicle.rates, exposure.duration_s)?;
+        let shutter = shutter(vehicle, &exposure)?;
+        let mut view = View {
+            exposure,
+            vehicle: vehicle.at(exposure.mid),
+            camera: camera.clone(),
+            key,
+            candidates: Vec::new(),
+            unknown: Vec::new(),
+        };
+        let axis = view.pointing(0.5).matrix().transpose() * Vector3::z();
+        let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);
+        let cone = camera.cone_rad(reach_px) + turn / 2.0;
+
+        let stars = world
+            .stars
+            .in_cone(&axis, cone, &shutter[1], &world.corrections);
+        let earth = Earth::at(exposure.mid);
+        let stars = stars
+            .into_iter()
+            .map(|star| view.star(star, &earth, &shutter[1]));
+        let mut candidates: Vec<Candidate> = stars.collect();
+        let (objects, unknown) =
+            world
+                .population
+                .in_cone(&axis, cone, &shutter, &world.corrections);
+        candidates.extend(objects.into_iter().map(|object| view.rso(object)));
+        (view.candidates, view.unknown) = (candidates, unknown);
+        Ok(view)
+    }
+
+    /// ICRF to camera at a part of the exposure (0: start, 1: end).
+    pub fn pointing(&self, part: f64) -> Attitude {
+        let dt_s = (part - 0.5) * self.exposure.duration_s;
+        self.vehicle
+            .attitude
+            .turned(&self.vehicle.rates, dt_s)
+            .then(&self.camera.mounting)
+    }
+
+    /// A bound (px) of the longest track of an image on the detector: a turn across the boresight moves images by the
+    /// scale of the plane, one about it by their distance from it.
+    pub fn longest_track_px(&self) -> f64 {
+        let turn = self.camera.mounting.rotate(&self.vehicle.rates) * self.exposure.duration_s;
+        let own = self.candidates.iter().map(Candidate::swing);
+        let (scale, furthest) = self.camera.scale_and_corner_px();
+        (turn.x.hypot(turn.y) + own.fold(0.0, f64::max)) * scale + turn.z.abs() * furthest
+    }
+
+    /// A bound (e-) of the brightest pixel of still images: twice that of the brightest source, for what stands beside it.
+    pub fn peak_e(&self) -> f64 {
+        let brightest = self.candidates.iter().map(Candidate::electrons);
+        2.0 * brightest.fold(0.0, f64::max)
+    }
+
+    fn star(&self, star: SeenStar, earth: &Earth, observer: &Observer) -> Candidate {
+        let behind_earth = earth.occults_direction(observer.position_m, star.direction);
+        Candidate {
+            clear_e: self.electrons(star.band_mag),
+            light: 1.0,
+            hidden: behind_earth.then_some(Hidden::ByEarth),
+            body: Body::Star(star),
+        }
+    }
+
+    fn rso(&self, object: SeenObject) -> Candidate {
+        let hidden = if object.occulted {
+            Some(Hidden::ByEarth)
+        } else {
+            (object.illumination <= 0.0).then_some(Hidden::InShadow)
+        };
+        Candidate {
+            clear_e: self.electrons(object.mag),
+            light: object.illumination,
+            hidden,
+            body: Body::Rso(Box::new(object)),
+        }
+    }
+
+    /// Clark et al. 2021, Eqs. (2), (11), before the division by the gain:
+    /// `N = E_obj QE tau A_app t_int`, with `E_obj = E_zero 10^(-0.4 m)`.
+    fn electrons(&self, band_mag: f64) -> f64 {
+        let per_second = self.camera.electrons_per_second_at_zero();
+        photon_irradiance(per_second, band_mag) * self.exposure.duration_s
+    }
+}
