@@ -1,8 +1,9 @@
 //! Where the light of a point source falls: its share on each pixel of the detector.
 
-use crate::camera::Camera;
+use crate::camera::{Camera, LocalPsf, Stamp};
 use crate::fidelity::Fidelity;
 use crate::track::{Sample, Track, Window};
+use std::ops::Range;
 
 /// One row's pixels of a footprint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,32 +34,35 @@ impl Footprint {
 
     /// Spreads the track with the camera's PSF; nothing outside of the detector is kept.
     pub fn new(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Footprint {
-        let psf = &camera.optics.psf;
-        let reach = psf.reach_px(fidelity.psf_loss);
         let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
         // Pixel i covers i - 0.5 to i + 0.5.
-        let touched = |at: f64, size: i64| {
+        let touched = |at: f64, reach: f64, size: i64| {
             let first = (at - reach + 0.5).floor().max(0.0) as i64;
             let past = ((at + reach + 0.5).floor() + 1.0).min(size as f64) as i64;
             first..past.max(first)
         };
-        let boxes = || {
-            track
-                .samples
-                .iter()
-                .map(|s| (s, touched(s.at[0], width), touched(s.at[1], height)))
-                .filter(|(_, columns, rows)| !columns.is_empty() && !rows.is_empty())
-        };
-        let Some(first_row) = boxes().map(|(_, _, rows)| rows.start).min() else {
+        let boxes: Vec<(&Sample, LocalPsf<'_>, Range<i64>, Range<i64>)> = track
+            .samples
+            .iter()
+            .map(|s| {
+                let psf = camera.optics.psf_at(s.at, 1.0);
+                let reach = psf.reach_px(fidelity.psf_loss);
+                let columns = touched(s.at[0], reach, width);
+                (s, psf, columns, touched(s.at[1], reach, height))
+            })
+            .filter(|(_, _, columns, rows)| !columns.is_empty() && !rows.is_empty())
+            .collect();
+        let Some(first_row) = boxes.iter().map(|(.., rows)| rows.start).min() else {
             return Footprint::default();
         };
-        let past_row = boxes()
-            .map(|(_, _, rows)| rows.end)
+        let past_row = boxes
+            .iter()
+            .map(|(.., rows)| rows.end)
             .max()
             .unwrap_or(first_row);
 
         let mut reached = vec![(i64::MAX, 0); (past_row - first_row) as usize];
-        for (_, columns, rows) in boxes() {
+        for (_, _, columns, rows) in &boxes {
             for row in
                 &mut reached[(rows.start - first_row) as usize..(rows.end - first_row) as usize]
             {
@@ -81,15 +85,15 @@ impl Footprint {
             .collect();
 
         let mut shares = vec![0.0f32; total as usize];
-        let (mut across, mut down) = (Vec::new(), Vec::new());
-        for (Sample { at, weight }, columns, rows) in boxes() {
-            psf.shares(at[0], columns.clone(), &mut across);
-            psf.shares(at[1], rows.clone(), &mut down);
-            for (row, share) in rows.zip(&down) {
+        let mut stamp = Stamp::default();
+        for (Sample { at, weight }, psf, columns, rows) in boxes {
+            psf.spread(*weight, *at, columns.clone(), rows.clone(), &mut stamp);
+            let wide = (columns.end - columns.start) as usize;
+            for (row, light) in rows.zip(stamp.light.chunks_exact(wide)) {
                 let span = spans[(row - first_row) as usize];
                 let from = span.offset as usize + (columns.start as usize - span.column as usize);
-                for (out, x) in shares[from..from + across.len()].iter_mut().zip(&across) {
-                    *out += (weight * share * x) as f32;
+                for (out, light) in shares[from..from + wide].iter_mut().zip(light) {
+                    *out += *light as f32;
                 }
             }
         }

@@ -41,7 +41,7 @@ focal_length_mm = 20.0
 aperture_mm = 10.0
 transmission = 0.0
 band = "v"
-psf_sigma_px = 0.7
+psf = {{ kind = "gaussian", sigma_px = 0.7 }}
 [detector]
 width_px = 512
 height_px = 400

@@ -9,7 +9,7 @@ mod psf;
 pub use band::{Band, SUN_MAGNITUDE};
 pub use detector::Detector;
 pub use optics::Optics;
-pub use psf::GaussianPsf;
+pub use psf::{LocalPsf, Psf, Stamp};
 
 use crate::attitude::Attitude;
 use crate::load::{ConfigError, Folder};

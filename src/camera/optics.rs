@@ -1,6 +1,6 @@
 //! From direction to pixel: pinhole projection, aperture and transmission.
 
-use super::{Band, GaussianPsf};
+use super::{Band, LocalPsf, Psf};
 use nalgebra::Vector3;
 
 /// The optics of a camera.
@@ -17,13 +17,19 @@ pub struct Optics {
     /// The band.
     pub band: Band,
     /// The point spread function.
-    pub psf: GaussianPsf,
+    pub psf: Psf,
 }
 
 impl Optics {
     /// `A_app` of Clark et al. 2021, Eq. (2): `pi D^2 / 4`, m^2.
     pub fn aperture_area_m2(&self) -> f64 {
         std::f64::consts::PI * self.aperture_m * self.aperture_m / 4.0
+    }
+
+    /// The point spread function at a pixel; for `wavelength_ratio` see [`Psf::at`].
+    pub fn psf_at(&self, pixel: [f64; 2], wavelength_ratio: f64) -> LocalPsf<'_> {
+        let field_px = [0, 1].map(|axis| pixel[axis] - self.principal_px[axis]);
+        self.psf.at(field_px, wavelength_ratio)
     }
 
     /// The pixel `[column, row]` of a direction in camera axes; none behind the camera.

@@ -23,7 +23,7 @@ fn judge(view: &View, _: &Fidelity) -> Need {
     if length_px == 0.0 {
         return Need::none("nothing moves during the exposure");
     }
-    let width_px = view.camera.optics.psf.sigma_px;
+    let width_px = view.camera.optics.psf.core_px();
     let spread = (length_px / width_px).powi(2) / 24.0;
     Need {
         because: format!("images move by up to {length_px:.3} px").into(),

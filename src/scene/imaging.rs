@@ -22,7 +22,7 @@ impl View {
         let at = |part: f64| optics.project(&self.pointing(part).rotate(&candidate.line(part)));
         let window = Footprint::window(camera, fidelity);
         let track = if simulated.smear {
-            Track::sample(at, pieces, optics.psf.sigma_px, &window, fidelity)
+            Track::sample(at, pieces, optics.psf.core_px(), &window, fidelity)
         } else {
             at(0.5).map(|mid| Track::still(mid, at(0.0), at(1.0)))
         }?;

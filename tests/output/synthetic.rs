@@ -148,7 +148,7 @@ pub fn field(camera: &Camera, stars: usize, numbers: &mut Numbers) -> Vec<Object
 pub fn frame(camera: &Camera, label: &Label, numbers: &mut Numbers) -> Frame {
     let (width, height) = (camera.detector.width, camera.detector.height);
     let mut electrons = vec![label.background_e_px; width * height];
-    let sigma = camera.optics.psf.sigma_px;
+    let sigma = camera.optics.psf.core_px();
     for object in label.objects.iter().filter(|object| object.in_frame) {
         for step in 0..5 {
             let part = f64::from(step) / 4.0;

@@ -151,7 +151,7 @@ pub struct Box2 {
 impl Box2 {
     /// Where nearly all light of `object` falls: its track, widened by 6 sigma.
     pub fn of(object: &ObjectLabel, camera: &Camera) -> Box2 {
-        let pad = 6.0 * camera.optics.psf.sigma_px + 0.5;
+        let pad = 6.0 * camera.optics.psf.core_px() + 0.5;
         let ends = [
             [object.x0_px, object.x1_px, object.x_px],
             [object.y0_px, object.y1_px, object.y_px],
@@ -231,7 +231,7 @@ pub fn stamp(label: &Label, object: &ObjectLabel, camera: &Camera) -> (Box2, Vec
         let weight = simpson(i, steps) / steps as f64 * object.electrons;
         let [across, down] = [0, 1].map(|k| {
             (region.low[k]..region.past[k])
-                .map(|pixel| share(pixel as f64 - at[k], camera.optics.psf.sigma_px))
+                .map(|pixel| share(pixel as f64 - at[k], camera.optics.psf.core_px()))
                 .collect::<Vec<f64>>()
         });
         for (line, down) in e.chunks_mut(columns.max(1)).zip(&down) {

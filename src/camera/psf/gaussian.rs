@@ -1,15 +1,22 @@
-//! The point spread function, integrated over each pixel.
+//! A circular Gaussian. It is the product of one Gaussian a coordinate, and so is its integral over a pixel.
 
 use std::ops::Range;
 
 /// A circular Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GaussianPsf {
+pub struct Gaussian {
     /// Standard deviation, px.
     pub sigma_px: f64,
 }
 
-impl GaussianPsf {
+impl Gaussian {
+    /// The same, `scale` times as wide.
+    pub fn scaled(&self, scale: f64) -> Gaussian {
+        Gaussian {
+            sigma_px: scale * self.sigma_px,
+        }
+    }
+
     /// Half the side (px) of the square outside of which less than `loss` of the light falls:
     /// two coordinates, two tails each, every tail below `exp(-k^2 / 2) / 2` at k sigma.
     pub fn reach_px(&self, loss: f64) -> f64 {
@@ -41,7 +48,7 @@ mod tests {
     fn the_shares_keep_light_and_centre() {
         for sigma_px in [0.05, 0.3, 0.7, 2.5] {
             for at in [0.0, 0.1, 0.5, -0.31] {
-                let psf = GaussianPsf { sigma_px };
+                let psf = Gaussian { sigma_px };
                 let mut shares = Vec::new();
                 let range = -40..41;
                 psf.shares(at, range.clone(), &mut shares);
@@ -58,7 +65,7 @@ mod tests {
 
     #[test]
     fn less_than_the_loss_falls_outside_the_reach() {
-        let psf = GaussianPsf { sigma_px: 0.7 };
+        let psf = Gaussian { sigma_px: 0.7 };
         for loss in [1e-3, 1e-6, 1e-9] {
             let k = psf.reach_px(loss) / psf.sigma_px;
             let inside = libm::erf(k / std::f64::consts::SQRT_2).powi(2);

@@ -1,0 +1,64 @@
+//! `[optics]` of a camera file.
+
+use super::psf::RawPsf;
+use crate::camera::{Band, Detector, Optics};
+use crate::load::{Check, ConfigError};
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawOptics {
+    focal_length_mm: f64,
+    aperture_mm: f64,
+    transmission: f64,
+    band: RawBand,
+    principal_px: Option<[f64; 2]>,
+    psf: RawPsf,
+}
+
+#[derive(Deserialize, Debug)]
+#[serde(
+    untagged,
+    expecting = "band must be \"v\", \"silicon\" or two wavelengths [from, to] in nm"
+)]
+enum RawBand {
+    Named(String),
+    Nanometres([f64; 2]),
+}
+
+impl RawOptics {
+    pub fn validate(self, detector: &Detector, check: &Check) -> Result<Optics, ConfigError> {
+        let range = |key: &str, value, range| check.range(&format!("optics.{key}"), value, range);
+        let focal_m = range("focal_length_mm", self.focal_length_mm, 0.01..=1e6)? * 1e-3;
+        let size = [detector.width as f64, detector.height as f64];
+        let centre = size.map(|pixels| (pixels - 1.0) / 2.0);
+        let principal_px = self.principal_px.unwrap_or(centre);
+        for (value, pixels) in principal_px.into_iter().zip(size) {
+            range("principal_px", value, -pixels..=2.0 * pixels)?;
+        }
+        Ok(Optics {
+            focal_px: focal_m / detector.pitch_m,
+            principal_px,
+            aperture_m: range("aperture_mm", self.aperture_mm, 1e-3..=1e5)? * 1e-3,
+            transmission: range("transmission", self.transmission, 0.0..=1.0)?,
+            band: self.band.validate(check)?,
+            psf: self.psf.validate(check)?,
+        })
+    }
+}
+
+impl RawBand {
+    fn validate(&self, check: &Check) -> Result<Band, ConfigError> {
+        const ALLOWED: &str =
+            "\"v\", \"silicon\" or [from, to] in nm with 300 <= from < to <= 1200";
+        let (band, given) = match self {
+            RawBand::Named(name) => (Band::named(name), format!("{name:?}")),
+            RawBand::Nanometres([from, to]) => {
+                let inside = *from >= 300.0 && from < to && *to <= 1200.0;
+                let band = inside.then(|| Band::top_hat(from * 1e-9, to * 1e-9));
+                (band, format!("[{from}, {to}]"))
+            }
+        };
+        band.ok_or_else(|| check.refuse("optics.band", given, ALLOWED))
+    }
+}
