@@ -129,17 +129,8 @@ impl Emulator {
         repeat: u32,
     ) -> Result<Shot, Unobservable> {
         let started = Instant::now();
-        let key = NoiseKey {
-            seed: self.seed,
-            sequence: vehicle.sequence,
-            repeat,
-        };
-        let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
-        let (fidelity, choice) = (&self.fidelity, &self.choice);
-        let view = View::new(&self.world, camera, vehicle, exposure, fidelity, key)?;
-        let simulated = simulated(&view, fidelity, choice);
-        let scene = Scene::new(view, simulated, fidelity);
-        let plan = Plan::new(&scene, fidelity, choice);
+        let scene = self.scene(camera, vehicle, repeat, &self.choice)?;
+        let plan = Plan::new(&scene, &self.fidelity, &self.choice);
         if self.next_frame == 0 {
             plan.log();
         }
@@ -154,11 +145,37 @@ impl Emulator {
             frame,
             label,
             json,
-            exposure,
+            exposure: scene.view.exposure,
             camera: camera.clone(),
-            key,
+            key: scene.view.key,
             unknown: scene.view.unknown,
             render_time: started.elapsed(),
         })
+    }
+
+    /// What an exposure sees, its middle at `vehicle`'s epoch, with the effects that `choice` allows.
+    ///
+    /// Fails only where [`View::new`] does.
+    pub fn scene(
+        &self,
+        camera: &Arc<Camera>,
+        vehicle: &VehicleState,
+        repeat: u32,
+        choice: &Choice,
+    ) -> Result<Scene, Unobservable> {
+        let key = NoiseKey {
+            seed: self.seed,
+            sequence: vehicle.sequence,
+            repeat,
+        };
+        let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
+        let view = View::new(&self.world, camera, vehicle, exposure, &self.fidelity, key)?;
+        let simulated = simulated(&view, &self.fidelity, choice);
+        Ok(Scene::new(view, simulated, &self.fidelity))
+    }
+
+    /// The error tolerances.
+    pub fn fidelity(&self) -> &Fidelity {
+        &self.fidelity
     }
 }

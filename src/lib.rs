@@ -23,6 +23,7 @@ pub mod frame;
 pub mod label;
 pub mod link;
 pub mod load;
+pub mod measure;
 pub mod output;
 pub mod plan;
 pub mod render;

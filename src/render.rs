@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use rayon::prelude::*;
 
 /// Rows of a tile: a tile of 1024 columns then keeps its charge in a core's second-level cache.
-pub const TILE_ROWS: usize = 32;
+const TILE_ROWS: usize = 32;
 
 /// Renders `scene`. Pixels depend neither on the number of threads nor on the tiles. `keep` keeps the expected
 /// electrons and the charge too.
@@ -48,18 +48,7 @@ fn run(steps: &[Step<'_>], scene: &Scene, electrons: &mut [f32], digits: &mut [u
             pass(&mut Charge { width, electrons });
             continue;
         }
-        let bands = electrons
-            .par_chunks_mut(width * TILE_ROWS)
-            .zip(digits.par_chunks_mut(width * TILE_ROWS));
-        bands.enumerate().for_each(|(index, (electrons, digits))| {
-            let mut tile = Tile {
-                row: index * TILE_ROWS,
-                rows: digits.len() / width,
-                width,
-                electrons,
-                digits,
-                key: scene.view.key,
-            };
+        tiles(scene, electrons, digits).for_each(|mut tile| {
             for pass in group {
                 if let Pass::Tile(pass) = pass {
                     pass(&mut tile);
@@ -67,6 +56,28 @@ fn run(steps: &[Step<'_>], scene: &Scene, electrons: &mut [f32], digits: &mut [u
             }
         });
     }
+}
+
+/// A frame's bands of rows.
+pub fn tiles<'a>(
+    scene: &Scene,
+    electrons: &'a mut [f32],
+    digits: &'a mut [u16],
+) -> impl ParallelIterator<Item = Tile<'a>> {
+    let (width, key) = (scene.view.camera.detector.width, scene.view.key);
+    let bands = electrons
+        .par_chunks_mut(width * TILE_ROWS)
+        .zip(digits.par_chunks_mut(width * TILE_ROWS));
+    bands
+        .enumerate()
+        .map(move |(index, (electrons, digits))| Tile {
+            row: index * TILE_ROWS,
+            rows: digits.len() / width,
+            width,
+            electrons,
+            digits,
+            key,
+        })
 }
 
 fn is_whole(pass: &Pass<'_>) -> bool {

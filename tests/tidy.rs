@@ -18,7 +18,7 @@ const LAYERS: &[&[&str]] = &[
     &["config", "plan"],
     &["flight", "label", "render"],
     &["engine", "output"],
-    &["stats"],
+    &["measure", "stats"],
     &["serve"],
 ];
 
@@ -70,9 +70,12 @@ const FENCES: &[(&str, &[&str])] = &[
         &["link/low_latency", "link/serial", "link/slcan"],
     ),
     ("rustix::", &["link/low_latency", "link/pseudo"]),
-    ("rayon::", &["render", "scene", "sky/population"]),
+    (
+        "rayon::",
+        &["cli/plan", "measure", "render", "scene", "sky/population"],
+    ),
     ("sofars::", &["sky/bodies"]),
-    ("serde_json::", &["label", "link/fault/book"]),
+    ("serde_json::", &["cli/plan", "label", "link/fault/book"]),
     ("toml::", &["load"]),
     ("image::", &["output"]),
     ("embedded_graphics::", &["output"]),

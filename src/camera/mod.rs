@@ -54,39 +54,34 @@ impl Camera {
             * self.optics.aperture_area_m2()
     }
 
-    /// The greatest scale on the detector (px a rad), found at its corners, and the corners' greatest distance from
-    /// the principal point (px).
+    /// The greatest scale on the detector (px a rad), found at its corners and at the principal point, and the corners'
+    /// greatest distance from that point (px).
     pub fn scale_and_corner_px(&self) -> (f64, f64) {
-        const STEP: f64 = 1e-3;
+        const STEP_PX: f64 = 0.1;
         let optics = &self.optics;
+        let centre = optics.principal_px;
         let (w, h) = (
             self.detector.width as f64 - 0.5,
             self.detector.height as f64 - 0.5,
         );
-        let corners = [
-            optics.principal_px,
-            [-0.5, -0.5],
-            [w, -0.5],
-            [-0.5, h],
-            [w, h],
-        ];
-        let directions = corners.map(|corner| optics.direction(corner));
-        let distance =
-            |a: [f64; 2]| (a[0] - optics.principal_px[0]).hypot(a[1] - optics.principal_px[1]);
-        let scale = corners.iter().zip(&directions).map(|(corner, direction)| {
-            // Outwards, where a projection changes fastest.
-            let outwards =
-                [0, 1].map(|i| corner[i] + STEP * (corner[i] - optics.principal_px[i] + 1e-3));
-            let moved = (outwards[0] - corner[0]).hypot(outwards[1] - corner[1]);
-            moved / optics.direction(outwards).angle(direction)
-        });
-        (
-            scale.fold(0.0, f64::max),
-            corners
-                .iter()
-                .map(|corner| distance(*corner))
-                .fold(0.0, f64::max),
-        )
+        let (mut scale, mut furthest) = (0.0f64, 0.0f64);
+        for place in [centre, [-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]] {
+            let from = [place[0] - centre[0], place[1] - centre[1]];
+            let distance = from[0].hypot(from[1]);
+            furthest = furthest.max(distance);
+            // Along the radius and across it.
+            let radius = if distance > 0.0 {
+                from.map(|px| px / distance)
+            } else {
+                [1.0, 0.0]
+            };
+            for step in [radius, [-radius[1], radius[0]]] {
+                let moved = [0, 1].map(|i| place[i] + STEP_PX * step[i]);
+                let angle = optics.direction(place).angle(&optics.direction(moved));
+                scale = scale.max(STEP_PX / angle);
+            }
+        }
+        (scale, furthest)
     }
 
     /// The angle from the boresight (rad) within which every pixel, widened by `margin_px`, lies.

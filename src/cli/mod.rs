@@ -2,6 +2,7 @@
 
 mod instruments;
 mod loopback;
+mod plan;
 #[cfg(target_os = "linux")]
 mod pty;
 mod render;
@@ -39,6 +40,8 @@ enum Command {
     Run(run::Args),
     /// Render frames and labels into a folder, without a flight computer
     Render(Box<render::Args>),
+    /// Say what a frame simulates and what not, why, and what that costs
+    Plan(plan::Args),
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
     #[cfg(target_os = "linux")]
     Pty(pty::Args),
@@ -53,6 +56,7 @@ impl Cli {
             Command::Loopback(args) => loopback::run(args),
             Command::Run(args) => run::run(args),
             Command::Render(args) => render::run(*args),
+            Command::Plan(args) => plan::run(args),
             #[cfg(target_os = "linux")]
             Command::Pty(args) => pty::run(args),
             Command::Replay(args) => replay::run(args, self.verbose),

@@ -130,7 +130,7 @@ impl Candidate {
 }
 
 /// What stands before the camera during one exposure.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct View {
     /// When.
     pub exposure: Exposure,

@@ -1,0 +1,155 @@
+//! What effects really cost: each one's price and the error of leaving it out, measured on one frame.
+
+use crate::attitude::VehicleState;
+use crate::camera::Camera;
+use crate::effect::{Effect, Pass, Stage, Verdict};
+use crate::engine::Emulator;
+use crate::fidelity::Choice;
+use crate::frame::{Charge, Frame};
+use crate::plan::{Plan, Step, simulated};
+use crate::render::{render, tiles};
+use crate::scene::{Scene, Simulated, Unobservable};
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Frames of which random effects' errors are the rms.
+const REPEATS: u32 = 24;
+/// Rounds of which a time is the median.
+const ROUNDS: usize = 9;
+
+/// A frame to measure on.
+pub struct Bench<'a> {
+    /// The camera under its sky.
+    pub emulator: &'a Emulator,
+    /// The camera.
+    pub camera: Arc<Camera>,
+    /// Where it is.
+    pub vehicle: VehicleState,
+}
+
+impl Bench<'_> {
+    /// The frame, rendered with the effects that `choice` allows; digits, expectation and charge.
+    pub fn frame(&self, choice: &Choice, repeat: u32) -> Result<Frame, Unobservable> {
+        let scene = self.scene(choice, repeat)?;
+        let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
+        Ok(render(&plan, &scene, true))
+    }
+
+    fn scene(&self, choice: &Choice, repeat: u32) -> Result<Scene, Unobservable> {
+        let emulator = self.emulator;
+        emulator.scene(&self.camera, &self.vehicle, repeat, choice)
+    }
+
+    /// What leaving `effect` out of `choice` changes: the change (e-) of the pixel that changes
+    /// most, its rms where the effect is random. Effects that draw are compared with
+    /// noise, all others without; before the charge becomes digits, where it is not that.
+    pub fn error_e(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
+        let with = Choice {
+            noise: effect.random,
+            ..choice.clone()
+        };
+        let mut without = with.clone();
+        without.off.push(effect.name);
+        let change = |repeats: std::ops::Range<u32>| -> Result<Vec<f64>, Unobservable> {
+            let mut squares = vec![0.0; self.camera.detector.pixels()];
+            for repeat in repeats.clone() {
+                let a = self.electrons(effect, self.frame(&with, repeat)?);
+                let b = self.electrons(effect, self.frame(&without, repeat)?);
+                for (square, (a, b)) in squares.iter_mut().zip(a.iter().zip(&b)) {
+                    *square += (a - b).powi(2) / repeats.len() as f64;
+                }
+            }
+            Ok(squares.into_iter().map(f64::sqrt).collect())
+        };
+        let most =
+            |change: &[f64]| (0..change.len()).max_by(|i, j| change[*i].total_cmp(&change[*j]));
+        if !effect.random {
+            let change = change(0..1)?;
+            return Ok(most(&change).map_or(0.0, |pixel| change[pixel]));
+        }
+        // The pixel is chosen by other frames than it is judged by, or chance alone would raise it.
+        let (chosen, judged) = (change(0..REPEATS)?, change(REPEATS..2 * REPEATS)?);
+        Ok(most(&chosen).map_or(0.0, |pixel| judged[pixel]))
+    }
+
+    /// What `effect` works on, e-: the charge, or the digits in electrons.
+    fn electrons(&self, effect: &Effect, frame: Frame) -> Vec<f64> {
+        if effect.stage == Stage::Digits {
+            let gain = self.camera.detector.gain_e_per_dn;
+            let digits = frame.digits.into_iter();
+            return digits.map(|dn| f64::from(dn) * gain).collect();
+        }
+        let charge = frame.charge_e.unwrap_or_default().into_iter();
+        charge.map(f64::from).collect()
+    }
+
+    /// What each effect of the plan by `choice` takes (ms), in the order of the plan; 0 for those that do not run. To be
+    /// called in a pool of one thread.
+    pub fn times_ms(&self, choice: &Choice) -> Result<Vec<f64>, Unobservable> {
+        let scene = self.scene(choice, 0)?;
+        let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
+        let pixels = self.camera.detector.pixels();
+        let (mut electrons, mut digits) = (vec![0.0f32; pixels], vec![0u16; pixels]);
+        let mut time = |step: &Step<'_>| {
+            let Verdict::Run { pass, .. } = &step.verdict else {
+                return 0.0;
+            };
+            let take = |mut charge: Vec<f32>| {
+                match pass {
+                    Pass::Images => {}
+                    Pass::Tile(pass) => {
+                        tiles(&scene, &mut charge, &mut digits)
+                            .for_each(|mut tile| pass(&mut tile));
+                    }
+                    Pass::Frame(pass) => pass(&mut Charge {
+                        width: self.camera.detector.width,
+                        electrons: &mut charge,
+                    }),
+                }
+                charge
+            };
+            let (in_pixels, charge) = median_ms(|| electrons.clone(), take);
+            electrons = charge;
+            in_pixels + self.imaging_ms(step.effect, &scene, choice)
+        };
+        Ok(plan.steps.iter().map(&mut time).collect())
+    }
+
+    /// What `effect` adds to the making of images: one that shapes them, over images without it; a kind of
+    /// source, its still images.
+    fn imaging_ms(&self, effect: &Effect, scene: &Scene, choice: &Choice) -> f64 {
+        let fidelity = self.emulator.fidelity();
+        let mut alone = Simulated::default();
+        (effect.mark)(&mut alone);
+        let (with, without) = if effect.stage == Stage::Images {
+            let mut choice = choice.clone();
+            choice.off.push(effect.name);
+            (scene.simulated, simulated(&scene.view, fidelity, &choice))
+        } else if alone.stars || alone.rsos {
+            (alone, Simulated::default())
+        } else {
+            return 0.0;
+        };
+        let time = |simulated: Simulated| {
+            let images = |view| Scene::new(view, simulated, fidelity);
+            median_ms(|| scene.view.clone(), images).0
+        };
+        (time(with) - time(without)).max(0.0)
+    }
+}
+
+/// The median time (ms) of `work` on what `prepare` makes, in a single thread, and what it came to.
+fn median_ms<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) -> (f64, U) {
+    let mut round = || {
+        let given = prepare();
+        let started = Instant::now();
+        let made = work(given);
+        (started.elapsed().as_secs_f64() * 1e3, made)
+    };
+    let mut times: Vec<f64> = (1..ROUNDS).map(|_| round().0).collect();
+    let (last, made) = round();
+    times.push(last);
+    times.sort_by(f64::total_cmp);
+    (times[ROUNDS / 2], made)
+}
