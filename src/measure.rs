@@ -2,7 +2,7 @@
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
-use crate::effect::{Effect, Pass, Stage, Verdict};
+use crate::effect::{EFFECTS, Effect, Judge, Pass, Stage, Verdict};
 use crate::engine::Emulator;
 use crate::fidelity::Choice;
 use crate::frame::{Charge, Frame};
@@ -15,7 +15,7 @@ use std::time::Instant;
 
 /// Frames of which random effects' errors are the rms.
 const REPEATS: u32 = 24;
-/// Rounds of which a time is the median.
+/// Rounds that a time is taken of.
 const ROUNDS: usize = 9;
 
 /// A frame to measure on.
@@ -109,11 +109,29 @@ impl Bench<'_> {
                 }
                 charge
             };
-            let (in_pixels, charge) = median_ms(|| electrons.clone(), take);
+            let (in_pixels, charge) = time_ms(|| electrons.clone(), take);
             electrons = charge;
             in_pixels + self.imaging_ms(step.effect, &scene, choice)
         };
         Ok(plan.steps.iter().map(&mut time).collect())
+    }
+
+    /// What asking each effect takes (ms), in the order of [`EFFECTS`]: what one costs that is skipped.
+    pub fn asking_ms(&self, choice: &Choice) -> Result<Vec<f64>, Unobservable> {
+        let (fidelity, scene) = (self.emulator.fidelity(), self.scene(choice, 0)?);
+        let ask = |effect: &Effect| match &effect.judge {
+            // Twice: for the scene, and for the plan.
+            Judge::Images(judge) => {
+                drop([judge(&scene.view, fidelity), judge(&scene.view, fidelity)])
+            }
+            Judge::Pixels(judge) => drop(judge(&scene, fidelity)),
+        };
+        const TIMES: u32 = 100;
+        let time = |effect| time_ms(|| (), |()| (0..TIMES).for_each(|_| ask(effect))).0;
+        Ok(EFFECTS
+            .iter()
+            .map(|effect| time(effect) / f64::from(TIMES))
+            .collect())
     }
 
     /// What `effect` adds to the making of images: one that shapes them, over images without it; a kind of
@@ -133,14 +151,15 @@ impl Bench<'_> {
         };
         let time = |simulated: Simulated| {
             let images = |view| Scene::new(view, simulated, fidelity);
-            median_ms(|| scene.view.clone(), images).0
+            time_ms(|| scene.view.clone(), images).0
         };
         (time(with) - time(without)).max(0.0)
     }
 }
 
-/// The median time (ms) of `work` on what `prepare` makes, in a single thread, and what it came to.
-fn median_ms<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) -> (f64, U) {
+/// The lower quartile of the times (ms) of `work` on what `prepare` makes, and what it came to: what other programs
+/// take of the machine is not the effect's.
+fn time_ms<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) -> (f64, U) {
     let mut round = || {
         let given = prepare();
         let started = Instant::now();
@@ -151,5 +170,5 @@ fn median_ms<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) -> (f6
     let (last, made) = round();
     times.push(last);
     times.sort_by(f64::total_cmp);
-    (times[ROUNDS / 2], made)
+    (times[ROUNDS / 4], made)
 }

@@ -1,0 +1,116 @@
+//! The planner's promises about time, on every scene of `configs/scenes/`: what skipped effects cost, and prices.
+//!
+//! `cargo bench --bench plan`. All on one core, medians; a shared machine disturbs them: look at the ratios.
+
+use skyloop::config::Config;
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::label::EffectLabel;
+use skyloop::measure::Bench;
+use skyloop::plan::Plan;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Most that asking the skipped effects may take of a frame's time.
+const MOST_ASKING: f64 = 0.02;
+/// Most that a price may be off, either way.
+const MOST_OFF: f64 = 2.0;
+/// Prices below this (ms) are below what a clock and its caches can tell.
+const LEAST_MS: f64 = 0.02;
+
+fn main() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let kept = pool.unwrap().install(|| {
+        scenes()
+            .iter()
+            .map(|path| report(path))
+            .fold(true, |a, b| a & b)
+    });
+    println!(
+        "{}",
+        if kept {
+            "all promises kept"
+        } else {
+            "NOT all promises kept"
+        }
+    );
+    std::process::exit(i32::from(!kept));
+}
+
+fn scenes() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
+    let inside = |folder: &Path| -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        entries.map(|entry| entry.unwrap().path()).collect()
+    };
+    let files = inside(&folder)
+        .into_iter()
+        .flat_map(|path| match path.is_dir() {
+            true => inside(&path),
+            false => vec![path],
+        });
+    let mut scenes: Vec<PathBuf> = files
+        .filter(|p| p.extension().is_some_and(|end| end == "toml"))
+        .collect();
+    scenes.sort();
+    scenes
+}
+
+/// Prints one scene's figures; whether its promises are kept.
+fn report(path: &Path) -> bool {
+    let mut config = Config::load(path).unwrap();
+    let mission = flight::mission(&config).unwrap();
+    let mut emulator = Emulator::new(&mut config);
+    let vehicle = flight::vehicle(&mission, mission.frames / 2).unwrap();
+    let mut frames: Vec<f64> = (0..9)
+        .map(|_| {
+            let started = Instant::now();
+            emulator.shoot(&vehicle, 0).unwrap();
+            started.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    frames.sort_by(f64::total_cmp);
+    let (frame_ms, spread) = (frames[4], frames[6] - frames[2]);
+
+    let bench = Bench {
+        camera: emulator.camera(),
+        emulator: &emulator,
+        vehicle,
+    };
+    let choice = &emulator.choice;
+    let scene = emulator
+        .scene(&bench.camera, &bench.vehicle, 0, choice)
+        .unwrap();
+    let plan = Plan::new(&scene, emulator.fidelity(), choice);
+    let verdicts: Vec<EffectLabel> = plan.steps.iter().map(EffectLabel::new).collect();
+    let asking = bench.asking_ms(choice).unwrap();
+    let skipped = verdicts
+        .iter()
+        .zip(&asking)
+        .filter(|(verdict, _)| !verdict.run);
+    let skipped_ms: f64 = skipped.map(|(_, ms)| ms).sum();
+    let share = skipped_ms / frame_ms;
+    let mut kept = share < MOST_ASKING;
+    println!(
+        "{}, {}: {frame_ms:.2} ms a frame (quartiles {spread:.2} apart); skipped effects cost {:.4} ms, {:.2} %{}",
+        path.file_name().unwrap_or_default().to_string_lossy(),
+        bench.camera.name,
+        skipped_ms,
+        100.0 * share,
+        if kept { "" } else { "  <-- above 2 %" }
+    );
+    for (verdict, measured) in verdicts.iter().zip(bench.times_ms(choice).unwrap()) {
+        let Some(price) = verdict.price_ms else {
+            continue;
+        };
+        let ratio = price / measured;
+        let fair = (1.0 / MOST_OFF..=MOST_OFF).contains(&ratio) || price.max(measured) < LEAST_MS;
+        kept &= fair;
+        println!(
+            "  {:<18} price {price:8.3} ms, measured {measured:8.3} ms, ratio {ratio:5.2}{}",
+            verdict.effect,
+            if fair { "" } else { "  <-- off by more than 2" }
+        );
+    }
+    kept
+}
