@@ -34,9 +34,13 @@ pub struct Instruments {
 }
 
 impl Choice {
-    /// Opens their files, for these links.
-    pub fn prepare(&self, links: &[String]) -> anyhow::Result<Instruments> {
-        self.are_different()?;
+    /// Opens their files, for these links. `read` is the option and the file that the run itself is read from.
+    pub fn prepare(
+        &self,
+        links: &[String],
+        read: Option<(&'static str, &Path)>,
+    ) -> anyhow::Result<Instruments> {
+        self.are_different(read)?;
         let buses: Vec<bool> = links.iter().map(|link| link::is_bus(link)).collect();
         let plan = match &self.faults {
             Some(file) => Some(Plan::load(file, buses.iter().all(|bus| *bus))?),
@@ -66,16 +70,16 @@ impl Choice {
 
 impl Choice {
     /// Refuses to write into a file that is written or read already.
-    fn are_different(&self) -> anyhow::Result<()> {
+    fn are_different(&self, read: Option<(&'static str, &Path)>) -> anyhow::Result<()> {
         let files = [
             ("--faults", &self.faults),
             ("--fault-log", &self.fault_log),
             ("--capture", &self.capture),
         ];
-        let given: Vec<_> = files
+        let options = files
             .into_iter()
-            .filter_map(|(name, file)| Some((name, file.as_ref()?)))
-            .collect();
+            .filter_map(|(name, file)| Some((name, file.as_deref()?)));
+        let given: Vec<_> = read.into_iter().chain(options).collect();
         for (place, (name, file)) in given.iter().enumerate() {
             if let Some((other, _)) = given[..place].iter().find(|(_, other)| is_one(other, file)) {
                 bail!(

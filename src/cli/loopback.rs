@@ -62,7 +62,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mission = mission(&config, args.scene.as_deref())?;
     let frames = mission.frames;
     let idle = Duration::from_secs_f64(config.run.idle_s);
-    let instruments = args.instruments.prepare(std::slice::from_ref(&args.link))?;
+    let links = std::slice::from_ref(&args.link);
+    let scene = args.scene.as_deref().map(|scene| ("--scene", scene));
+    let instruments = args.instruments.prepare(links, scene)?;
     let options = link::Options {
         idle,
         personality: &NATIVE,

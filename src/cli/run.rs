@@ -44,7 +44,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         true => &config.run.links,
         false => &args.link,
     };
-    let instruments = args.instruments.prepare(urls)?;
+    let instruments = args
+        .instruments
+        .prepare(urls, Some(("--config", &args.config)))?;
     let options = link::Options {
         idle,
         personality: &NATIVE,

@@ -2,6 +2,7 @@
 
 mod inputs;
 mod offline;
+mod plan;
 mod pty;
 mod replay;
 mod run;

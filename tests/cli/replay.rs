@@ -143,6 +143,9 @@ fn wrong_inputs_are_refused_in_a_line() {
     .unwrap();
     std::fs::write(at.join("key.toml"), "[[fault]]\n").unwrap();
     std::fs::write(at.join("wall.toml"), "[run]\nclock = \"wall\"\n").unwrap();
+    let scene = "[sequence]\nepoch = \"2026-01-01T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\n\
+                 attitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]\n";
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
     std::fs::write(at.join("text"), "hello\n").unwrap();
     std::fs::write(at.join("bad.log"), "(1.000000) can0 123\n").unwrap();
     std::fs::write(at.join("empty.log"), "(1.000000) can0 7FF#00\n").unwrap();
@@ -163,6 +166,13 @@ fn wrong_inputs_are_refused_in_a_line() {
         (
             "loopback --faults off.toml --fault-log ./off.toml",
             vec!["--fault-log ./off.toml: --faults names the same file"],
+        ),
+        (
+            "loopback --scene scene.toml --capture scene.toml",
+            vec![
+                "--capture scene.toml: --scene names the same file",
+                "another",
+            ],
         ),
         (
             "loopback --capture run --fault-log run",
