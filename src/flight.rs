@@ -71,16 +71,16 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         positions: None,
     };
     // Said before anything is opened or written.
-    let exposure_s = config.camera.exposure_s;
+    let open_s = config.camera.exposure_s + config.camera.readout_s();
     for number in [0, mission.frames.saturating_sub(1)] {
         let vehicle = vehicle(&mission, number)?;
-        shutter(&vehicle, &Exposure::around(vehicle.epoch, exposure_s))?;
+        shutter(&vehicle, &Exposure::around(vehicle.epoch, open_s))?;
     }
     // An orbit may have gaps; a state that drifts has none, and takes longer with every frame.
     let may_lack = matches!(config.observer, Some(Observer::Object(_)));
     for number in 0..mission.frames {
         let epoch = mission.epoch(number);
-        turn_at(mission.profile.at(epoch, None)?.rates_rad_s, exposure_s)?;
+        turn_at(mission.profile.at(epoch, None)?.rates_rad_s, open_s)?;
         if may_lack {
             mission.attitude(number, epoch)?;
         }

@@ -186,7 +186,7 @@ impl Label {
         };
         let state = vehicle.orbit.as_ref().unwrap_or(&centre);
         let (r, v) = (km(&state.position_m), km(&state.velocity_m_s));
-        let matrix = view.pointing(0.5).matrix();
+        let matrix = view.pointing(0.0).matrix();
         Label {
             frame,
             seed: view.key.seed,
@@ -257,7 +257,7 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
     let in_frame = scene.view.camera.detector.contains([x_px, y_px]);
     let reason = why_not_visible(source, in_frame);
     let irradiance =
-        source.electrons / (scene.view.camera.electrons_per_second_at_zero() * exposure_s);
+        source.arriving_e / (scene.view.camera.electrons_per_second_at_zero() * exposure_s);
     ObjectLabel {
         kind,
         id,

@@ -189,6 +189,37 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
             ["timing.rate_hz = 15.2", "timing.exposure_s"],
         ),
         (
+            "[timing]",
+            "[timing]\nshutter = \"leaf\"",
+            ["timing.shutter = \"leaf\"", "\"frame-transfer\""],
+        ),
+        (
+            "[timing]",
+            "[timing]\nshutter = \"rolling\"",
+            ["timing.row_us", "\"rolling\" needs"],
+        ),
+        (
+            "[timing]",
+            "[timing]\nrow_us = 10.0",
+            ["timing.row_us", "leave it out"],
+        ),
+        (
+            "[timing]",
+            "[timing]\nshutter = \"rolling\"\nrow_us = -1.0",
+            ["timing.row_us = -1", "0.001 to 1000000"],
+        ),
+        // 1024 rows of 100 us are more than a frame's 0.1 s, and of 40 us more than what 0.066 s leave of it.
+        (
+            "[timing]",
+            "[timing]\nshutter = \"rolling\"\nrow_us = 100.0",
+            ["timing.rate_hz = 10", "at most 9.765625"],
+        ),
+        (
+            "[timing]",
+            "[timing]\nshutter = \"frame-transfer\"\nrow_us = 40.0",
+            ["timing.rate_hz = 10", "timing.row_us"],
+        ),
+        (
             "offset_dn = 64.0",
             "offset_dn = 4096.0",
             ["detector.offset_dn = 4096", "0 to 4095"],
@@ -237,11 +268,11 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
         missing.contains("mine.toml") && missing.contains("pixel_um"),
         "{missing}"
     );
-    let unknown = load(&text.replace("[timing]", "[timing]\nshutter = 1"))
+    let unknown = load(&text.replace("[timing]", "[timing]\nshutters = 1"))
         .unwrap_err()
         .to_string();
     assert!(
-        unknown.contains("mine.toml") && unknown.contains("shutter"),
+        unknown.contains("mine.toml") && unknown.contains("shutters"),
         "{unknown}"
     );
 }

@@ -5,11 +5,13 @@ mod detector;
 mod file;
 mod optics;
 mod psf;
+mod shutter;
 
 pub use band::{Band, SUN_MAGNITUDE};
 pub use detector::Detector;
 pub use optics::Optics;
 pub use psf::{LocalPsf, Psf, Stamp};
+pub use shutter::Shutter;
 
 use crate::attitude::Attitude;
 use crate::load::{ConfigError, Folder};
@@ -37,6 +39,8 @@ pub struct Camera {
     pub exposure_s: f64,
     /// Frames a second at the camera's own cadence, Hz.
     pub rate_hz: f64,
+    /// How exposures begin and end.
+    pub shutter: Shutter,
 }
 
 impl Camera {
@@ -52,6 +56,16 @@ impl Camera {
             * self.detector.quantum_efficiency
             * self.optics.transmission
             * self.optics.aperture_area_m2()
+    }
+
+    /// From the first row's opening to the last row's, s.
+    pub fn readout_s(&self) -> f64 {
+        self.shutter.readout_s(self.detector.height)
+    }
+
+    /// The shortest time (s) from one exposure of `exposure_s` to the next.
+    pub fn period_s(&self, exposure_s: f64) -> f64 {
+        self.shutter.period_s(self.detector.height, exposure_s)
     }
 
     /// The greatest scale on the detector (px a rad), found at its corners and at the principal point, and the corners'

@@ -1,10 +1,12 @@
 //! The effects, from light to digits. Adding one is a file here and a line in [`EFFECTS`].
 
 mod dark;
+mod drift;
 mod full_well;
 mod point;
 mod read;
 mod readout;
+mod rolling;
 mod shot;
 mod smear;
 
@@ -15,7 +17,9 @@ use std::borrow::Cow;
 
 /// Every effect, in physical order.
 pub const EFFECTS: &[Effect] = &[
+    drift::ABERRATION_DRIFT,
     smear::SMEAR,
+    rolling::ROLLING_SHUTTER,
     point::STARS,
     point::RSOS,
     dark::DARK_CURRENT,

@@ -19,7 +19,7 @@ pub const SMEAR: Effect = Effect {
 };
 
 fn judge(view: &View, _: &Fidelity) -> Need {
-    let length_px = view.longest_track_px();
+    let length_px = view.longest_track_px(view.exposure.duration_s);
     if length_px == 0.0 {
         return Need::none("nothing moves during the exposure");
     }

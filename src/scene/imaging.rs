@@ -1,10 +1,15 @@
 //! The images of point sources: a candidate's track over the detector plane, and where its light falls.
 
+use super::collected::Collected;
 use super::view::{Candidate, View};
-use super::{Simulated, Source, background_e};
+use super::{Body, Simulated, Source, background_e};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
-use crate::track::Track;
+use crate::track::{Course, Place, Rows, Track};
+use nalgebra::Vector3;
+
+/// Pieces of a track turn by at most this (rad), 3 degrees: they are nearly straight.
+const PIECE: f64 = 0.05;
 
 impl View {
     /// The image of `candidate`; none if nothing of it can touch the detector.
@@ -15,34 +20,85 @@ impl View {
         fidelity: &Fidelity,
     ) -> Option<Source> {
         let camera = &self.camera;
-        let optics = &camera.optics;
-        // Pieces that turn by less than 3 degrees each are nearly straight.
-        let turn = self.vehicle.rates.norm() * self.exposure.duration_s + candidate.swing();
-        let pieces = (turn / 0.05).ceil().clamp(2.0, 1e4) as usize;
-        let at = |part: f64| optics.project(&self.pointing(part).rotate(&candidate.line(part)));
-        let window = Footprint::window(camera, fidelity);
-        let track = if simulated.smear {
-            Track::sample(at, pieces, optics.psf.core_px(), &window, fidelity)
-        } else {
-            at(0.5).map(|mid| Track::still(mid, at(0.0), at(1.0)))
-        }?;
-        let footprint = Footprint::new(&track, camera, fidelity);
-        let centroid = track.centroid();
-        if footprint.shares().is_empty() && !camera.detector.contains(centroid) {
+        let track = self.track(candidate, simulated, fidelity)?;
+        // Where nothing takes of the light, not even the last digit of a sum does.
+        let whole = !simulated.rolling;
+        let Collected { light, centre } = Collected::of(&track, camera, fidelity);
+        let light = if whole { 1.0 } else { light };
+        let footprint = Footprint::new(
+            &track.scaled(1.0 / light.max(f64::MIN_POSITIVE)),
+            camera,
+            fidelity,
+        );
+        if footprint.shares().is_empty() && !camera.detector.contains(centre) {
             return None;
         }
-        let electrons = candidate.electrons();
+        let arriving_e = candidate.electrons();
+        let electrons = arriving_e * light;
         Some(Source {
             snr: self.snr(&footprint, electrons, simulated),
-            clear_snr: self.snr(&footprint, candidate.clear_e, simulated),
+            clear_snr: self.snr(&footprint, candidate.clear_e * light, simulated),
             body: candidate.body.clone(),
             start: track.start,
             end: track.end,
-            centroid,
+            centroid: centre,
             footprint,
+            arriving_e,
             electrons,
             hidden: candidate.hidden,
         })
+    }
+
+    /// The path of its image while its rows are open, with the light that arrives along it.
+    fn track(
+        &self,
+        candidate: &Candidate,
+        simulated: &Simulated,
+        fidelity: &Fidelity,
+    ) -> Option<Track> {
+        let (camera, exposure_s) = (&self.camera, self.exposure.duration_s);
+        let place = |dt_s: f64, turned_s: f64, drifts: bool| {
+            let part = 0.5 + dt_s / self.open_s.max(f64::MIN_POSITIVE);
+            let line = match &candidate.body {
+                Body::Star(star) if drifts => {
+                    star.direction + self.aberration_drift(&star.direction, part)
+                }
+                Body::Star(star) => star.direction,
+                Body::Rso(_) => candidate.line(0.5 + turned_s / self.open_s.max(f64::MIN_POSITIVE)),
+            };
+            let seen: Vector3<f64> = self.pointing(turned_s).rotate(&line);
+            camera
+                .optics
+                .project(&seen)
+                .map(|at| Place { at, light: 1.0 })
+        };
+        let truth = |dt_s: f64| place(dt_s, dt_s, true);
+        if !simulated.smear && !simulated.aberration_drift {
+            let still = place(0.0, 0.0, false)?;
+            let ends = [-0.5, 0.5].map(|part| truth(part * exposure_s).unwrap_or(still).at);
+            return Some(Track::still(still).between(ends));
+        }
+        let (open_s, rows) = if simulated.rolling {
+            let rows = Rows::in_turn(camera.detector.height, exposure_s, camera.readout_s());
+            (self.open_s, rows)
+        } else {
+            (exposure_s, Rows::together(camera.detector.height))
+        };
+        let turn = self.vehicle.rates.norm() * open_s + candidate.swing();
+        let psf = &camera.optics.psf;
+        let course = Course {
+            pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
+            core_px: psf.core_px(),
+            reach_px: psf.reach_px(fidelity.psf_loss),
+            window: Footprint::window(camera, fidelity),
+            rows,
+        };
+        let at = |part: f64| {
+            let dt_s = (part - 0.5) * open_s;
+            let turned_s = if simulated.smear { dt_s } else { 0.0 };
+            place(dt_s, turned_s, simulated.aberration_drift)
+        };
+        Track::sample(at, &course, fidelity)
     }
 
     /// `sqrt(sum s^2 / (s + b + read^2))` over the pixels: the best that any weighting of them can reach.

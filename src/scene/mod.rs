@@ -4,6 +4,7 @@
 //! image of every source on the detector.
 
 mod brightest;
+mod collected;
 mod imaging;
 mod simulated;
 mod view;
@@ -79,15 +80,17 @@ pub enum Hidden {
 pub struct Source {
     /// What it is.
     pub body: Body,
-    /// Its image at the exposure's start (or where it comes before the camera), px.
+    /// Its image when its row opens (or where it comes before the camera), px.
     pub start: [f64; 2],
-    /// Its image at the exposure's end (or where it goes behind the camera), px.
+    /// Its image when its row closes (or where it goes behind the camera), px.
     pub end: [f64; 2],
     /// Flux-weighted centre of all its light, px.
     pub centroid: [f64; 2],
     /// Its share on each pixel.
     pub footprint: Footprint,
-    /// Expected electrons of the whole exposure, on and off the detector.
+    /// Electrons that all the light which arrives at the aperture in the exposure would give.
+    pub arriving_e: f64,
+    /// Expected electrons of the whole exposure, on and off the detector: of the light that optics and shutter let pass.
     pub electrons: f64,
     /// Why there are none.
     pub hidden: Option<Hidden>,

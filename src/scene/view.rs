@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::fidelity::Fidelity;
 use crate::rng::NoiseKey;
 use crate::sky::apparent::Observer;
-use crate::sky::bodies::{Bodies, EpochOutOfRange};
+use crate::sky::bodies::{Bodies, EpochOutOfRange, LIGHT_M_S};
 use crate::sky::photometry::photon_irradiance;
 use crate::sky::population::SeenObject;
 use crate::sky::shadow::Earth;
@@ -100,7 +100,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Its apparent vector (ICRF axes, any length) at a part of the exposure (0: start, 1: end).
+    /// Its apparent vector (ICRF axes, any length) at a part of the view's time (0: its start, 1: its end); of stars
+    /// that at mid-exposure.
     pub fn line(&self, part: f64) -> Vector3<f64> {
         match &self.body {
             Body::Star(star) => star.direction,
@@ -134,6 +135,11 @@ impl Candidate {
 pub struct View {
     /// When.
     pub exposure: Exposure,
+    /// From the first row's opening to the last row's closing, around the middle of the exposure, s.
+    pub open_s: f64,
+    /// How much the observer's velocity, as far as it aberrates, differs at the start and at the end of that time from
+    /// that at mid-exposure, m/s.
+    pub velocity_change_m_s: [Vector3<f64>; 2],
     /// The vehicle in the middle of the exposure.
     pub vehicle: VehicleState,
     /// The camera, with what was commanded of it.
@@ -159,17 +165,28 @@ impl View {
         fidelity: &Fidelity,
         key: NoiseKey,
     ) -> Result<View, Unobservable> {
-        let turn = turn_at(vehicle.rates, exposure.duration_s)?;
-        let shutter = shutter(vehicle, &exposure)?;
+        let open_s = exposure.duration_s + camera.readout_s();
+        let turn = turn_at(vehicle.rates, open_s)?;
+        let shutter = shutter(vehicle, &Exposure::around(exposure.mid, open_s))?;
+        let change = |observer: &Observer| {
+            let change = observer.velocity_m_s - shutter[1].velocity_m_s;
+            if world.corrections.aberration {
+                change
+            } else {
+                Vector3::zeros()
+            }
+        };
         let mut view = View {
             exposure,
+            open_s,
+            velocity_change_m_s: [change(&shutter[0]), change(&shutter[2])],
             vehicle: vehicle.at(exposure.mid),
             camera: camera.clone(),
             key,
             candidates: Vec::new(),
             unknown: Vec::new(),
         };
-        let axis = view.pointing(0.5).matrix().transpose() * Vector3::z();
+        let axis = view.pointing(0.0).matrix().transpose() * Vector3::z();
         let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);
         let cone = camera.cone_rad(reach_px) + turn / 2.0;
 
@@ -190,22 +207,43 @@ impl View {
         Ok(view)
     }
 
-    /// ICRF to camera at a part of the exposure (0: start, 1: end).
-    pub fn pointing(&self, part: f64) -> Attitude {
-        let dt_s = (part - 0.5) * self.exposure.duration_s;
+    /// ICRF to camera, `dt_s` after mid-exposure.
+    pub fn pointing(&self, dt_s: f64) -> Attitude {
         self.vehicle
             .attitude
             .turned(&self.vehicle.rates, dt_s)
             .then(&self.camera.mounting)
     }
 
-    /// A bound (px) of the longest track of an image on the detector: a turn across the boresight moves images by the
-    /// scale of the plane, one about it by their distance from it.
-    pub fn longest_track_px(&self) -> f64 {
-        let turn = self.camera.mounting.rotate(&self.vehicle.rates) * self.exposure.duration_s;
+    /// By how much aberration moves a star (rad, ICRF axes) from its direction at mid-exposure, at a part of the view's
+    /// time (0: its start, 1: its end). First order in v / c: `du = (dv - (dv . u) u) / c`; dv runs through start, mid and end.
+    pub fn aberration_drift(&self, star: &Vector3<f64>, part: f64) -> Vector3<f64> {
+        let [start, end] = &self.velocity_change_m_s;
+        let dv = start * ((2.0 * part - 1.0) * (part - 1.0)) + end * (part * (2.0 * part - 1.0));
+        (dv - star * dv.dot(star)) / LIGHT_M_S
+    }
+
+    /// A bound (px) of the way of an image on the detector in `seconds` of the view's time: a turn across the boresight
+    /// moves images by the scale of the plane, one about it by their distance from it.
+    pub fn longest_track_px(&self, seconds: f64) -> f64 {
+        let turn = self.camera.mounting.rotate(&self.vehicle.rates) * seconds;
+        // What turns unevenly turns by no more than all of it, and by little more than twice the mean.
+        let share = if seconds < self.open_s {
+            (2.0 * seconds / self.open_s).min(1.0)
+        } else {
+            1.0
+        };
         let own = self.candidates.iter().map(Candidate::swing);
+        let own = own.fold(0.0, f64::max) * share;
         let (scale, furthest) = self.camera.scale_and_corner_px();
-        (turn.x.hypot(turn.y) + own.fold(0.0, f64::max)) * scale + turn.z.abs() * furthest
+        (turn.x.hypot(turn.y) + own) * scale + turn.z.abs() * furthest
+    }
+
+    /// A bound (e-) of what a pixel's light changes by where images are `shift_px` off: the steepest slope of a Gaussian
+    /// of width s is 0.61 of its height in s.
+    pub fn e_of_shift(&self, shift_px: f64) -> f64 {
+        let slope = 0.61 / self.camera.optics.psf.core_px();
+        self.peak_e() * (shift_px * slope).min(1.0)
     }
 
     /// A bound (e-) of the brightest pixel of still images: twice that of the brightest source, for what stands beside it.

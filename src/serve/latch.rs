@@ -66,7 +66,7 @@ impl Server {
             detail: format!("attitude {}: {error}", attitude.sequence),
         })?;
         let camera = self.emulator.camera();
-        exposable(&vehicle, camera.exposure_s).map_err(|why| Refusal {
+        exposable(&vehicle, camera.exposure_s + camera.readout_s()).map_err(|why| Refusal {
             reason: Reason::ValueOutOfRange,
             detail: format!("attitude {}: {why}", attitude.sequence),
         })?;
@@ -117,11 +117,12 @@ pub(super) fn tellable(exposure: &Exposure) -> Result<(), String> {
     Ok(())
 }
 
-/// Whether the exposure around `vehicle`'s epoch can be shown and its times be told; else why not.
-fn exposable(vehicle: &VehicleState, exposure_s: f64) -> Result<(), String> {
-    let exposure = Exposure::around(vehicle.epoch, exposure_s);
+/// Whether an exposure around `vehicle`'s epoch that lasts for `open_s` from the first row's opening to the last row's
+/// closing can be shown and its times be told; else why not.
+fn exposable(vehicle: &VehicleState, open_s: f64) -> Result<(), String> {
+    let exposure = Exposure::around(vehicle.epoch, open_s);
     tellable(&exposure)?;
-    turn_at(vehicle.rates, exposure_s)
+    turn_at(vehicle.rates, open_s)
         .and_then(|_| shutter(vehicle, &exposure))
         .map(|_| ())
         .map_err(|error| error.to_string())

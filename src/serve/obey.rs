@@ -24,16 +24,14 @@ impl Server {
         match command {
             Command::Exposure { seconds } => {
                 within("Exposure.seconds", seconds, EXPOSURE_S)?;
-                let (_, rate_hz) = self.timing();
-                self.do_not_overlap(
-                    "Exposure.seconds",
-                    seconds,
-                    1.0 / rate_hz,
-                    "lower FrameRate",
-                )?;
+                let camera = self.emulator.camera();
+                // What reading the frame out takes of its period is not for the exposure.
+                let most = 1.0 / camera.rate_hz - (camera.period_s(seconds) - seconds);
+                self.do_not_overlap("Exposure.seconds", seconds, most, "lower FrameRate")?;
                 self.must_rest("Exposure")?;
                 if let (Clock::Wall, Some(latest)) = (self.clock, &self.truth.latest) {
-                    turn_at(latest.vehicle.rates, seconds).map_err(|error| Refusal {
+                    let open_s = seconds + camera.readout_s();
+                    turn_at(latest.vehicle.rates, open_s).map_err(|error| Refusal {
                         reason: Reason::ValueOutOfRange,
                         detail: format!("Exposure.seconds = {seconds}: {error}"),
                     })?;
@@ -47,8 +45,9 @@ impl Server {
             Command::FrameRate { hz } => {
                 self.on_the_wall_only("FrameRate", "each attitude gives its frame")?;
                 within("FrameRate.hz", hz, RATE_HZ)?;
-                let (exposure_s, _) = self.timing();
-                self.do_not_overlap("FrameRate.hz", hz, 1.0 / exposure_s, "shorten Exposure")?;
+                let camera = self.emulator.camera();
+                let most = 1.0 / camera.period_s(camera.exposure_s);
+                self.do_not_overlap("FrameRate.hz", hz, most, "shorten Exposure")?;
                 for at in 0..self.channels.len() {
                     let output = self.channels[at].exchange.output;
                     self.must_fit(at, &output, hz, "FrameRate")?;
@@ -192,12 +191,6 @@ impl Server {
             reason: Reason::Busy,
             detail: format!("{command}: a single shot is being exposed; wait for its frame"),
         })
-    }
-
-    /// Exposure time (s) and rate (Hz) in force.
-    fn timing(&self) -> (f64, f64) {
-        let camera = self.emulator.camera();
-        (camera.exposure_s, camera.rate_hz)
     }
 
     /// By the wall clock, one exposure ends before the next begins.

@@ -16,22 +16,22 @@ use super::brute::{
 
 /// What a frame showed of its objects.
 #[derive(Default, Debug)]
-struct Tally {
+pub struct Tally {
     /// Isolated and wholly on the detector.
-    whole: usize,
+    pub whole: usize,
     /// Isolated and partly off it.
-    partly: usize,
-    worst_centroid_px: f64,
+    pub partly: usize,
+    pub worst_centroid_px: f64,
     /// Of the total, against the label.
-    worst_light: f64,
+    pub worst_light: f64,
     /// What lies on the detector of those partly off it, against brute force, as a part of the object's total.
-    worst_part: f64,
+    pub worst_part: f64,
     /// Any pixel against brute force, as a part of the brightest pixel.
-    worst_pixel: f64,
+    pub worst_pixel: f64,
 }
 
 impl Tally {
-    fn add(&mut self, shot: &Shot) {
+    pub fn add(&mut self, shot: &Shot) {
         let seen = Image::light_of(shot);
         let truth = image(&shot.label, &shot.camera);
         let peak = truth.e.iter().copied().fold(0.0, f64::max);
@@ -44,7 +44,10 @@ impl Tally {
             .iter()
             .filter(|o| o.electrons > 0.0)
             .collect();
-        let boxes: Vec<Box2> = objects.iter().map(|o| Box2::of(o, &shot.camera)).collect();
+        let boxes: Vec<Box2> = objects
+            .iter()
+            .map(|o| Box2::of(&shot.label, o, &shot.camera))
+            .collect();
         for (i, (object, region)) in objects.iter().zip(&boxes).enumerate() {
             let alone = (0..boxes.len()).all(|j| j == i || !region.meets(&boxes[j]));
             // Below a hundredth of an electron the background's last digit (float32) counts.

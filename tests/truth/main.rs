@@ -3,4 +3,6 @@
 mod brute;
 mod labels;
 mod light;
+mod rolling;
 mod shade;
+mod smear;

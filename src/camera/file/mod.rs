@@ -60,13 +60,14 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
     let detector = raw.detector.validate(check)?;
     let optics = raw.optics.validate(&detector, check)?;
     let mounting = raw.mounting.validate(check)?;
-    let (exposure_s, rate_hz) = raw.timing.validate(check)?;
+    let timing = raw.timing.validate(detector.height, check)?;
     Ok(Camera {
         name: raw.name,
         mounting,
         optics,
         detector,
-        exposure_s,
-        rate_hz,
+        exposure_s: timing.exposure_s,
+        rate_hz: timing.rate_hz,
+        shutter: timing.shutter,
     })
 }

@@ -1,7 +1,8 @@
 //! `[timing]` and `[mounting]` of a camera file.
 
 use crate::attitude::Attitude;
-use crate::camera::{EXPOSURE_S, RATE_HZ};
+use crate::camera::shutter::SHUTTERS;
+use crate::camera::{EXPOSURE_S, RATE_HZ, Shutter};
 use crate::load::{Check, ConfigError};
 use serde::Deserialize;
 
@@ -10,6 +11,8 @@ use serde::Deserialize;
 pub struct RawTiming {
     exposure_s: f64,
     rate_hz: f64,
+    shutter: Option<String>,
+    row_us: Option<f64>,
 }
 
 #[derive(Deserialize, Default)]
@@ -18,19 +21,60 @@ pub struct RawMounting {
     q_body_to_camera: Option<[f64; 4]>,
 }
 
+/// `[timing]`, checked.
+pub struct Timing {
+    pub exposure_s: f64,
+    pub rate_hz: f64,
+    pub shutter: Shutter,
+}
+
 impl RawTiming {
-    /// Exposure time (s) and frames a second (Hz).
-    pub fn validate(self, check: &Check) -> Result<(f64, f64), ConfigError> {
+    /// The timing of a detector with this many rows.
+    pub fn validate(self, rows: usize, check: &Check) -> Result<Timing, ConfigError> {
         let exposure_s = check.range("timing.exposure_s", self.exposure_s, EXPOSURE_S)?;
         let rate_hz = check.range("timing.rate_hz", self.rate_hz, RATE_HZ)?;
-        if rate_hz * exposure_s > 1.0 {
-            let most = format!(
-                "at most 1 / timing.exposure_s = {}: exposures do not overlap",
-                1.0 / exposure_s
-            );
+        let shutter = self.shutter(check)?;
+        let period_s = shutter.period_s(rows, exposure_s);
+        if rate_hz * period_s > 1.0 {
+            let most = match shutter {
+                Shutter::Global => format!(
+                    "at most 1 / timing.exposure_s = {}: exposures do not overlap",
+                    1.0 / period_s
+                ),
+                _ => format!(
+                    "at most {}: exposures do not overlap, and {rows} rows of timing.row_us are read in the time of a frame",
+                    1.0 / period_s
+                ),
+            };
             return Err(check.refuse("timing.rate_hz", rate_hz, most));
         }
-        Ok((exposure_s, rate_hz))
+        Ok(Timing {
+            exposure_s,
+            rate_hz,
+            shutter,
+        })
+    }
+
+    fn shutter(&self, check: &Check) -> Result<Shutter, ConfigError> {
+        let row_s = match self.row_us {
+            Some(us) => check.range("timing.row_us", us, 1e-3..=1e6)? * 1e-6,
+            None => 0.0,
+        };
+        let name = self.shutter.as_deref().unwrap_or("global");
+        let Some(shutter) = Shutter::named(name, row_s) else {
+            return Err(check.refuse("timing.shutter", format!("{name:?}"), SHUTTERS));
+        };
+        match (shutter, self.row_us) {
+            (Shutter::Global, Some(_)) => Err(check.explain(
+                "timing.row_us",
+                "rows take turns with timing.shutter = \"rolling\" or \"frame-transfer\" only: leave it out",
+            )),
+            (Shutter::Rolling { .. } | Shutter::FrameTransfer { .. }, None) => Err(check.explain(
+                "timing.row_us",
+                format!("timing.shutter = {name:?} needs the time from row to row"),
+            )),
+            _ => Ok(shutter),
+        }
     }
 }
 

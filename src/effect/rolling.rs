@@ -1,0 +1,47 @@
+//! Rolling shutter: rows open and close one after the other.
+//!
+//! Row r collects light for the exposure time t_int around `mid + (r - (rows - 1) / 2) t_row`. An image that moves by v rows a
+//! second is exposed for `t_int / (1 - v t_row)`, longer where it goes with the readout, and its track leans. Each sample of
+//! a track falls on the rows that are open then (see `track::rows`). Validity: a row opens and closes at once over its whole length;
+//! light beyond the detector's first and last row is counted as those rows would. Without the effect all rows are exposed as the
+//! middle one: images are off by what they move in half the readout time. Price: two edges of each row that an image touches
+//! cut its track.
+
+use super::{Effect, Judge, Loss, Need, Stage};
+use crate::fidelity::Fidelity;
+use crate::scene::View;
+
+/// Rows exposed in turn.
+pub const ROLLING_SHUTTER: Effect = Effect {
+    name: "rolling shutter",
+    stage: Stage::Images,
+    random: false,
+    judge: Judge::Images(judge),
+    mark: |simulated| simulated.rolling = true,
+};
+
+fn judge(view: &View, _: &Fidelity) -> Need {
+    let readout_s = view.camera.readout_s();
+    if readout_s == 0.0 {
+        return Need::none("all rows are exposed together");
+    }
+    let off_px = view.longest_track_px(readout_s) / 2.0;
+    if off_px == 0.0 {
+        return Need::none("nothing moves during the exposure and the readout");
+    }
+    // The exposure's own change, v t_row.
+    let rows = view.camera.detector.height.saturating_sub(1).max(1) as f64;
+    let longer = (2.0 * off_px / rows).min(1.0);
+    Need {
+        because: format!(
+            "images move by up to {:.3} px during the readout",
+            2.0 * off_px
+        )
+        .into(),
+        error: Loss {
+            e: view.e_of_shift(off_px) + view.peak_e() * longer,
+            px: off_px,
+        },
+        price_ms: 0.0,
+    }
+}

@@ -1,0 +1,74 @@
+//! What a camera collects of the light of a track: vignetting and shutter take their part.
+
+use crate::camera::{Camera, Stamp};
+use crate::fidelity::Fidelity;
+use crate::track::{Lit, Sample, Track};
+use std::ops::Range;
+
+/// The light of a track that is collected, on the unbounded plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Collected {
+    /// In units of the light that arrives at the aperture in one exposure (1).
+    pub light: f64,
+    /// Its centre, px.
+    pub centre: [f64; 2],
+}
+
+impl Collected {
+    /// Adds up the samples; where rows open and close one after the other, by the light that each row gets.
+    ///
+    /// With w the samples' weights and f the part of the light around (x, y) that falls on open rows r,
+    ///
+    /// ```text
+    /// light = sum w f,   centre = sum w (x f, y f + sum_open (r - y) s_r - f sum_all (r - y) s_r) / light
+    /// ```
+    ///
+    /// s_r being a row's share; the last term takes away what pixels do to the centre of an image that is all lit.
+    pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Collected {
+        let (mut light, mut moments) = (0.0, [0.0; 2]);
+        let mut stamp = Stamp::default();
+        for sample in &track.samples {
+            let weight = sample.weight;
+            let (part, shift) = open(sample, camera, fidelity, &mut stamp);
+            light += weight * part;
+            // Relative to the start, so that digits survive far from the origin.
+            moments[0] += weight * part * (sample.at[0] - track.start[0]);
+            moments[1] += weight * (part * (sample.at[1] - track.start[1]) + shift);
+        }
+        let centre = [0, 1].map(|k| track.start[k] + moments[k] / light.max(f64::MIN_POSITIVE));
+        Collected { light, centre }
+    }
+}
+
+/// The part of a sample's light that falls on open rows, and how far that moves its first moment (px).
+fn open(sample: &Sample, camera: &Camera, fidelity: &Fidelity, stamp: &mut Stamp) -> (f64, f64) {
+    let Sample { at, lit, .. } = sample;
+    if *lit == Lit::ALL {
+        return (1.0, 0.0);
+    }
+    let psf = camera.optics.psf_at(*at, 1.0);
+    let reach = psf.reach_px(fidelity.psf_loss);
+    let touched = |at: f64| -> Range<i64> {
+        (at - reach + 0.5).floor() as i64..(at + reach + 0.5).floor() as i64 + 1
+    };
+    let (columns, rows) = (touched(at[0]), touched(at[1]));
+    if lit.among(&rows) == rows {
+        return (1.0, 0.0);
+    }
+    let wide = (columns.end - columns.start).max(1) as usize;
+    psf.spread(1.0, *at, columns, rows.clone(), stamp);
+    let (mut all, mut part) = ([0.0; 2], [0.0; 2]);
+    for (row, light) in rows.zip(stamp.light.chunks_exact(wide)) {
+        let share: f64 = light.iter().sum();
+        let moment = share * (row as f64 - at[1]);
+        all = [all[0] + share, all[1] + moment];
+        if (lit.first..lit.past).contains(&row) {
+            part = [part[0] + share, part[1] + moment];
+        }
+    }
+    let open = part[0] / all[0].max(f64::MIN_POSITIVE);
+    (
+        open,
+        (part[1] - open * all[1]) / all[0].max(f64::MIN_POSITIVE),
+    )
+}

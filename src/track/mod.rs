@@ -1,0 +1,452 @@
+//! The path of a point source's image over the exposure.
+//!
+//! A track is cut into pieces that are nearly straight and nearly even, and these into panels a fraction of the
+//! point spread function long. A panel stands for a stretch of time, not of length, and so carries the light of that
+//! time wherever the image hurries or lingers; it is integrated by the two-point Gauss rule.
+
+mod rows;
+
+pub use rows::{Lit, Rows};
+
+use crate::fidelity::Fidelity;
+
+/// Where an image is, and what light of it arrives there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// On the unbounded detector plane, px.
+    pub at: [f64; 2],
+    /// Share of its light that the optics let pass there (1).
+    pub light: f64,
+}
+
+/// The path of a source's image on the unbounded detector plane.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// Where it is when its row opens (or where the source comes before the camera), px.
+    pub start: [f64; 2],
+    /// Where it is when its row closes (or where the source goes behind the camera), px.
+    pub end: [f64; 2],
+    /// Points that stand for its light.
+    pub samples: Vec<Sample>,
+}
+
+/// A point of a track.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Where, px.
+    pub at: [f64; 2],
+    /// Its light, in units of the light that arrives at the aperture in one exposure (1).
+    pub weight: f64,
+    /// The rows that collect it.
+    pub lit: Lit,
+}
+
+/// What a track is sampled for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Course {
+    /// Pieces to begin with, in which the source turns by a few degrees at most.
+    pub pieces: usize,
+    /// Width of the point spread function's core, px.
+    pub core_px: f64,
+    /// How far its light reaches, px.
+    pub reach_px: f64,
+    /// Where light matters.
+    pub window: Window,
+    /// When rows collect light.
+    pub rows: Rows,
+}
+
+/// The part of the detector plane whose light matters: tracks are sampled finely only there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// Least column and row, px.
+    pub low: [f64; 2],
+    /// Greatest column and row, px.
+    pub high: [f64; 2],
+}
+
+/// Points (0..1) of the two-point Gauss rule, whose weights are equal.
+const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+/// A piece is cut in two where its middle lies further than this part of its length from the middle of its chord:
+/// it bends, or its speed changes by more than a sixth.
+const BEND: f64 = 0.02;
+/// Longest piece (px): of what passes by at speed, little more is sampled finely than what crosses the window.
+const LONGEST_PX: f64 = 256.0;
+/// How often a piece is cut in two at most.
+const DEPTH: u32 = 24;
+
+/// An instant (0..1) of a track and where the image is then; none: behind the camera.
+type Knot = (f64, Option<Place>);
+
+impl Track {
+    /// The track of an image that stands still.
+    pub fn still(place: Place) -> Track {
+        Track {
+            start: place.at,
+            end: place.at,
+            samples: vec![Sample {
+                at: place.at,
+                weight: place.light,
+                lit: Lit::ALL,
+            }],
+        }
+    }
+
+    /// The same light between other ends.
+    pub fn between(mut self, [start, end]: [[f64; 2]; 2]) -> Track {
+        (self.start, self.end) = (start, end);
+        self
+    }
+
+    /// The same path with its light multiplied.
+    pub fn scaled(&self, factor: f64) -> Track {
+        let mut scaled = self.clone();
+        let samples = scaled.samples.iter_mut();
+        samples.for_each(|sample| sample.weight *= factor);
+        scaled
+    }
+
+    /// Samples `place` (0: the first row opens, 1: the last one closes; none: behind the camera) finely enough for
+    /// `fidelity` wherever it comes near the course's window. None where the source is behind the camera all the time.
+    pub fn sample(
+        place: impl Fn(f64) -> Option<Place>,
+        course: &Course,
+        fidelity: &Fidelity,
+    ) -> Option<Track> {
+        let walk = Walk {
+            place: &place,
+            course,
+            step_px: fidelity.track_step_sigma * course.core_px,
+        };
+        let knots = walk.knots();
+        let seen = knots
+            .iter()
+            .filter_map(|(part, place)| Some((*part, (*place)?)));
+        let collects = |(part, place): &(f64, Place)| walk.collects(*part, place.at[1]);
+        let start = seen
+            .clone()
+            .find(collects)
+            .or_else(|| seen.clone().next())?;
+        let end = seen
+            .clone()
+            .rfind(collects)
+            .or_else(|| seen.clone().next_back())?;
+        let (start, end) = (start.1.at, end.1.at);
+
+        let length: f64 = knots
+            .windows(2)
+            .map(|ends| length(&[ends[0].1, ends[1].1]))
+            .sum();
+        if length <= fidelity.skip_px
+            && let Some(mid) = place(0.5)
+        {
+            let samples = Track::still(mid).samples;
+            return Some(Track {
+                start,
+                end,
+                samples,
+            });
+        }
+        let mut samples = Vec::new();
+        for ends in knots.windows(2) {
+            walk.piece(ends[0], ends[1], DEPTH, &mut samples);
+        }
+        Some(Track {
+            start,
+            end,
+            samples,
+        })
+    }
+}
+
+/// The sampling of one track.
+struct Walk<'a, F> {
+    place: &'a F,
+    course: &'a Course,
+    step_px: f64,
+}
+
+impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
+    fn knot(&self, part: f64) -> Knot {
+        (part, (self.place)(part))
+    }
+
+    /// Whether a row at `y` collects light then; rounding counts as in time.
+    fn collects(&self, part: f64, y: f64) -> bool {
+        let rows = &self.course.rows;
+        part >= rows.opens(y) - 1e-9 && part <= rows.closes(y) + 1e-9
+    }
+
+    /// The ends of the pieces to begin with; with one-after-the-other rows also the instants at which the image's own
+    /// row opens and closes.
+    fn knots(&self) -> Vec<Knot> {
+        let pieces = self.course.pieces.max(1);
+        let even: Vec<Knot> = (0..=pieces)
+            .map(|i| self.knot(i as f64 / pieces as f64))
+            .collect();
+        let rows = &self.course.rows;
+        if rows.are_together() {
+            return even;
+        }
+        let mut knots = Vec::with_capacity(even.len() + 2);
+        for ends in even.windows(2) {
+            knots.push(ends[0]);
+            let mut inside: Vec<Knot> = [Rows::opens, Rows::closes]
+                .into_iter()
+                .filter_map(|edge| self.crossing(ends[0], ends[1], |y| edge(rows, y)))
+                .collect();
+            inside.sort_by(|a, b| a.0.total_cmp(&b.0));
+            knots.extend(inside);
+        }
+        knots.extend(even.last());
+        knots
+    }
+
+    /// The instant between `a` and `b` that is `edge` of the row where the image then is.
+    fn crossing(&self, a: Knot, b: Knot, edge: impl Fn(f64) -> f64) -> Option<Knot> {
+        let late = |(part, place): &Knot| place.map(|place| *part >= edge(place.at[1]));
+        let (mut a, mut b) = (a, b);
+        if late(&a)? == late(&b)? {
+            return None;
+        }
+        for _ in 0..48 {
+            let mid = self.knot((a.0 + b.0) / 2.0);
+            if late(&mid)? == late(&a)? {
+                a = mid;
+            } else {
+                b = mid;
+            }
+        }
+        Some(b)
+    }
+
+    /// Whether a row that its light reaches, less than `bend` away from the rows `ys`, may open or close in that time.
+    fn is_cut(&self, [from, to]: [f64; 2], ys: [f64; 3], bend: f64) -> bool {
+        let Course { rows, reach_px, .. } = self.course;
+        let reach = reach_px + bend + 1.0;
+        let low = ys.iter().copied().fold(f64::MAX, f64::min) - reach;
+        let high = ys.iter().copied().fold(f64::MIN, f64::max) + reach;
+        let meets = |first: f64, last: f64| first <= to && last >= from;
+        !rows.are_together()
+            && (meets(rows.opens(low), rows.opens(high))
+                || meets(rows.closes(low), rows.closes(high)))
+    }
+
+    /// Samples the piece from `a` to `b`.
+    fn piece(&self, a: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
+        if b.0 <= a.0 {
+            return;
+        }
+        let mid = self.knot((a.0 + b.0) / 2.0);
+        let (mut panels, mut near) = (1.0, false);
+        let split;
+        match (a.1, mid.1, b.1) {
+            (None, None, None) => return,
+            (Some(from), Some(middle), Some(to)) => {
+                let ends = [from.at, middle.at, to.at];
+                let length = length(&[a.1, mid.1, b.1]);
+                let chord = [0, 1].map(|k| (from.at[k] + to.at[k]) / 2.0);
+                let bend = distance(middle.at, chord);
+                let seen = self
+                    .course
+                    .window
+                    .is_near(&ends, bend.max(BEND * length / 2.0));
+                near = seen || self.is_cut([a.0, b.0], ends.map(|at| at[1]), bend);
+                let longest = if seen {
+                    LONGEST_PX
+                } else {
+                    4.0 * self.course.reach_px
+                };
+                split = near && (bend > BEND * length || length > longest);
+                // Of a parabola the fastest end is faster than the mean by 4 bend / length.
+                panels = (length + 4.0 * bend) / self.step_px;
+            }
+            // The source comes from behind the camera or goes there.
+            _ => split = true,
+        }
+        if split && depth > 0 {
+            self.piece(a, mid, depth - 1, samples);
+            self.piece(mid, b, depth - 1, samples);
+            return;
+        }
+        if !near {
+            // No row near by opens or closes: they all do as the image's own.
+            let own = mid.1.is_some_and(|mid_place| {
+                self.course.rows.are_together() || self.collects(mid.0, mid_place.at[1])
+            });
+            if own {
+                self.panel([a.0, b.0], Lit::ALL, samples);
+            }
+            return;
+        }
+        let panels = panels.ceil().max(1.0) as usize;
+        let mut instants = Vec::new();
+        for i in 0..panels {
+            let part = |i: usize| a.0 + (b.0 - a.0) * (i as f64 / panels as f64);
+            let ends = [part(i), part(i + 1)];
+            if self.course.rows.are_together() {
+                self.panel(ends, Lit::ALL, samples);
+                continue;
+            }
+            // One more step for the bend inside of a panel.
+            let reach = self.course.reach_px + 1.0 + self.step_px;
+            let ys = ends.map(|part| (self.place)(part).map_or(f64::NAN, |p| p.at[1]));
+            let (low, high) = (ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach);
+            self.course.rows.instants(ends, [low, high], &mut instants);
+            for ends in instants.windows(2) {
+                let lit = self.course.rows.lit((ends[0] + ends[1]) / 2.0);
+                if !lit
+                    .among(&(low.floor() as i64..high.ceil() as i64 + 1))
+                    .is_empty()
+                {
+                    self.panel([ends[0], ends[1]], lit, samples);
+                }
+            }
+        }
+    }
+
+    /// The light of the time from `from` to `to`.
+    fn panel(&self, [from, to]: [f64; 2], lit: Lit, samples: &mut Vec<Sample>) {
+        let weight = (to - from) / (self.course.rows.exposure * GAUSS.len() as f64);
+        let places = GAUSS.map(|g| (self.place)(from + (to - from) * g));
+        samples.extend(places.into_iter().flatten().map(|place| Sample {
+            at: place.at,
+            weight: weight * place.light,
+            lit,
+        }));
+    }
+}
+
+impl Window {
+    /// Whether a piece through `points` may come into the window, which it leaves its chords towards by at most `pad`.
+    fn is_near(&self, points: &[[f64; 2]], pad: f64) -> bool {
+        [0, 1].into_iter().all(|axis| {
+            let along = points.iter().map(|point| point[axis]);
+            let low = along.clone().fold(f64::MAX, f64::min);
+            let high = along.fold(f64::MIN, f64::max);
+            high + pad >= self.low[axis] && low - pad <= self.high[axis]
+        })
+    }
+}
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (b[0] - a[0]).hypot(b[1] - a[1])
+}
+
+/// Length (px) of the line through the places; nothing is added where one of two is behind the camera.
+fn length(places: &[Option<Place>]) -> f64 {
+    let between = places.windows(2).map(|ends| match ends {
+        [Some(a), Some(b)] => distance(a.at, b.at),
+        _ => 0.0,
+    });
+    between.sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COURSE: Course = Course {
+        pieces: 10,
+        core_px: 0.7,
+        reach_px: 4.0,
+        window: Window {
+            low: [-5.0, -5.0],
+            high: [260.0, 260.0],
+        },
+        rows: Rows {
+            count: 256,
+            exposure: 1.0,
+            step: 0.0,
+        },
+    };
+
+    fn sample(at: impl Fn(f64) -> Option<[f64; 2]>, pieces: usize) -> Option<Track> {
+        let place = |t: f64| at(t).map(|at| Place { at, light: 1.0 });
+        Track::sample(place, &Course { pieces, ..COURSE }, &Fidelity::REALTIME)
+    }
+
+    fn light(track: &Track) -> f64 {
+        track.samples.iter().map(|s| s.weight).sum()
+    }
+
+    #[test]
+    fn a_circle_is_sampled_along_its_arc_and_centred_on_its_middle() {
+        let circle = |t: f64| {
+            let angle = std::f64::consts::TAU * t;
+            Some([128.0 + 50.0 * angle.cos(), 128.0 + 50.0 * angle.sin()])
+        };
+        // However few pieces it begins with.
+        for pieces in [2, 7, 126] {
+            let track = sample(circle, pieces).unwrap();
+            let mean = |axis: usize| {
+                let moments = track.samples.iter().map(|s| s.weight * s.at[axis]);
+                moments.sum::<f64>() / light(&track)
+            };
+            assert!((mean(0) - 128.0).hypot(mean(1) - 128.0) < 1e-6);
+            // 314 px in panels of at most 0.35 px, two samples each.
+            let samples = track.samples.len();
+            assert!(samples > 1790 && samples < 2300, "{samples}");
+            assert!((light(&track) - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn no_panel_is_longer_than_the_step_where_the_image_hurries() {
+        // It is 30 times as fast at its end as at its start.
+        let fast = |t: f64| Some([1.0 + 250.0 * (t + 14.5 * t * t) / 15.5, 100.0]);
+        let track = sample(fast, 2).unwrap();
+        let longest = track
+            .samples
+            .chunks(2)
+            .map(|pair| distance(pair[0].at, pair[1].at))
+            .fold(0.0, f64::max);
+        // The Gauss points of a panel stand 0.577 of its length apart.
+        assert!(longest <= 0.577_351 * 0.35 * 1.001, "{longest}");
+        assert!((light(&track) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_passes_far_away_costs_little_and_what_goes_behind_the_camera_loses_that_part() {
+        let far = |t: f64| Some([1e6 * (t - 0.3), 1e6 + 1e5 * t]);
+        let track = sample(far, 100).unwrap();
+        assert_eq!(track.samples.len(), 200);
+        let half = |t: f64| (t < 0.5132).then_some([100.0 + 10.0 * t, 100.0]);
+        let track = sample(half, 10).unwrap();
+        assert!((light(&track) - 0.5132).abs() < 1e-6, "{}", light(&track));
+        assert_eq!(sample(|_| None, 10), None);
+    }
+
+    #[test]
+    fn what_crosses_the_window_at_speed_is_sampled_there_and_hardly_elsewhere() {
+        let pass = |t: f64| Some([128.0 + 1e6 * (t - 0.5), 100.0]);
+        let track = sample(pass, 2).unwrap();
+        // 265 px of the window and two ends of up to 256 px more, two samples a panel of 0.35 px.
+        let samples = track.samples.len();
+        assert!(samples > 1500 && samples < 4600, "{samples}");
+        assert!((light(&track) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn moving_with_the_rows_lengthens_the_exposure_of_an_image() {
+        // 256 rows in half of the time: the image moves by 51 rows in it, an exposure of half by 1 / (1 - 102 / 510).
+        let rows = Rows {
+            count: 256,
+            exposure: 0.5,
+            step: 0.5 / 255.0,
+        };
+        let course = Course { rows, ..COURSE };
+        let place = |t: f64| {
+            let at = [100.0, 128.0 + 102.0 * (t - 0.5)];
+            Some(Place { at, light: 1.0 })
+        };
+        let track = Track::sample(place, &course, &Fidelity::REALTIME).unwrap();
+        let open = rows.opens(track.start[1]);
+        assert!((open - (0.5 + (track.start[1] - 128.0) / 102.0)).abs() < 1e-9);
+        let exposed = (track.end[1] - track.start[1]) / 102.0;
+        assert!(
+            (exposed - 0.5 / (1.0 - 102.0 / 510.0)).abs() < 1e-9,
+            "{exposed}"
+        );
+    }
+}

@@ -1,0 +1,177 @@
+//! Rolling shutter against integration row by row, from the label and the camera's figures alone.
+
+use skyloop::camera::{Camera, Shutter};
+use skyloop::engine::Shot;
+use skyloop::fidelity::Fidelity;
+use skyloop::label::{Label, ObjectLabel};
+use skyloop::sky::catalog::Selection;
+
+use super::brute::{Image, emulator, epoch, pixel, share, shoot, simpson};
+
+/// What the rows collect of one object whose light is 1 in an exposure: on the detector, and of all light its sum and
+/// centre. Rows beyond the detector are exposed with the row at its edge.
+fn collected(
+    label: &Label,
+    object: &ObjectLabel,
+    camera: &Camera,
+    row_s: f64,
+) -> (Vec<f64>, f64, [f64; 2]) {
+    let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
+    let sigma = camera.optics.psf.core_px();
+    let pad = 7.0 * sigma + 2.0;
+    let last = (height - 1) as f64;
+    let half = label.exposure_s / 2.0;
+    let mut image = vec![0.0; (width * height) as usize];
+    let (mut light, mut moments) = (0.0, [0.0; 2]);
+    let readout = last * row_s;
+    // Where the image is at some instant of the whole time; rows further than this get nothing.
+    let ys: Vec<f64> = (0..=200)
+        .map(|i| (f64::from(i) / 200.0 - 0.5) * (label.exposure_s + readout))
+        .map(|t| pixel(label, object, camera, t)[1])
+        .collect();
+    let low = (ys.iter().copied().fold(f64::MAX, f64::min) - pad).floor() as i64;
+    let high = (ys.iter().copied().fold(f64::MIN, f64::max) + pad).ceil() as i64;
+    for row in low..=high {
+        let mid = ((row as f64).clamp(0.0, last) - last / 2.0) * row_s;
+        let ends = [-half, half].map(|t| pixel(label, object, camera, mid + t));
+        let length = (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]);
+        let steps = 2 * ((5.0 * length).ceil() as usize).max(4);
+        for i in 0..=steps {
+            let t = mid + (2.0 * i as f64 / steps as f64 - 1.0) * half;
+            let [x, y] = pixel(label, object, camera, t);
+            if (y - row as f64).abs() > pad {
+                continue;
+            }
+            let weight = simpson(i, steps) / steps as f64 * share(row as f64 - y, sigma);
+            light += weight;
+            moments[0] += weight * x;
+            moments[1] += weight * row as f64;
+            if !(0..height).contains(&row) {
+                continue;
+            }
+            let from = ((x - pad) as i64).clamp(0, width);
+            let past = ((x + pad) as i64 + 1).clamp(0, width);
+            for column in from..past {
+                let e = weight * share(column as f64 - x, sigma);
+                image[(row * width + column) as usize] += e;
+            }
+        }
+    }
+    (image, light, moments.map(|m| m / light))
+}
+
+/// Worst errors of a frame: of light, of centres (px), of pixels as parts of the brightest one.
+fn compare(shot: &Shot, row_s: f64) -> (f64, f64, f64) {
+    let (label, camera) = (&shot.label, &shot.camera);
+    let seen = Image::light_of(shot);
+    let mut truth = vec![0.0; seen.e.len()];
+    let (mut off_light, mut off_px) = (0.0f64, 0.0f64);
+    let area = std::f64::consts::PI * camera.optics.aperture_m.powi(2) / 4.0;
+    let gathered = camera.detector.quantum_efficiency * camera.optics.transmission * area;
+    for object in label.objects.iter().filter(|o| o.electrons > 0.0) {
+        let (image, light, centre) = collected(label, object, camera, row_s);
+        let irradiance =
+            camera.optics.band.zero_point() * 10f64.powf(-0.4 * object.band_mag.unwrap());
+        let arriving = irradiance * gathered * label.exposure_s;
+        off_light = off_light.max((object.electrons / (arriving * light) - 1.0).abs());
+        off_px = off_px.max((object.x_px - centre[0]).hypot(object.y_px - centre[1]));
+        for (sum, e) in truth.iter_mut().zip(image) {
+            *sum += arriving * e;
+        }
+        // Where it is when its own row opens and closes.
+        for (at, edge) in [
+            ([object.x0_px, object.y0_px], -0.5),
+            ([object.x1_px, object.y1_px], 0.5),
+        ] {
+            let last = camera.detector.height as f64 - 1.0;
+            let t = (at[1].clamp(0.0, last) - last / 2.0) * row_s + edge * label.exposure_s;
+            let there = pixel(label, object, camera, t);
+            let off = (there[0] - at[0]).hypot(there[1] - at[1]);
+            assert!(off < 1e-5, "{off} {object:?}");
+        }
+    }
+    let peak = truth.iter().copied().fold(0.0, f64::max);
+    let off_pixel = seen.e.iter().zip(&truth).map(|(a, b)| (a - b).abs() / peak);
+    (off_light, off_px, off_pixel.fold(0.0, f64::max))
+}
+
+#[test]
+fn rows_collect_what_falls_on_them_while_they_are_open() {
+    let mut longer = 0.0f64;
+    for row_us in [200.0, 1500.0] {
+        // deg/s; 30 of them move images by 28 px in the exposure, with the rows, against them, along them, about the boresight.
+        for rates in [
+            [0.02, 0.0, 0.0],
+            [30.0, 0.0, 0.0],
+            [-30.0, 0.0, 0.0],
+            [0.0, 30.0, 0.0],
+            [10.0, -5.0, 60.0],
+        ] {
+            let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), Fidelity::REALTIME);
+            // However little it changes.
+            emulator.choice.all = true;
+            let camera = emulator.camera_mut();
+            camera.exposure_s = 0.05;
+            camera.shutter = Shutter::Rolling {
+                row_s: row_us * 1e-6,
+            };
+            let q = [0.1, 0.2, -0.3, 0.9];
+            let shot = shoot(
+                &mut emulator,
+                epoch("2026-02-11T18:22:41.25"),
+                q,
+                rates,
+                None,
+            );
+            let (light, px, pixel) = compare(&shot, row_us * 1e-6);
+            println!(
+                "{row_us} us a row, {rates:?} deg/s: light {light:.1e}, centre {px:.1e} px, pixel {pixel:.1e}"
+            );
+            assert!(light <= 2e-6, "{light}");
+            assert!(px <= 1e-4, "{px}");
+            assert!(pixel <= 3e-5, "{pixel}");
+            let objects = shot.label.objects.iter();
+            let area = std::f64::consts::PI * shot.camera.optics.aperture_m.powi(2) / 4.0;
+            let whole = shot.camera.detector.quantum_efficiency
+                * shot.camera.optics.transmission
+                * area
+                * shot.label.exposure_s
+                * shot.camera.optics.band.zero_point();
+            for o in objects.filter(|o| o.electrons > 0.0) {
+                let arriving = whole * 10f64.powf(-0.4 * o.band_mag.unwrap());
+                longer = longer.max((o.electrons / arriving - 1.0).abs());
+            }
+        }
+    }
+    // 278 px/s at 1500 us a row: 1 / (1 - 0.42).
+    assert!(longer > 0.5, "{longer}");
+}
+
+/// A still scene does not care in which order its rows are exposed.
+#[test]
+fn at_rest_it_is_the_global_shutter() {
+    let frame = |shutter: Shutter| {
+        let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), Fidelity::REALTIME);
+        emulator.choice.all = true;
+        emulator.camera_mut().shutter = shutter;
+        let q = [0.1, 0.2, -0.3, 0.9];
+        shoot(
+            &mut emulator,
+            epoch("2026-02-11T18:22:41.25"),
+            q,
+            [0.0; 3],
+            None,
+        )
+    };
+    let (rolling, global) = (
+        frame(Shutter::Rolling { row_s: 1e-4 }),
+        frame(Shutter::Global),
+    );
+    assert_eq!(rolling.frame.expected_e, global.frame.expected_e);
+    for (a, b) in rolling.label.objects.iter().zip(&global.label.objects) {
+        assert!(
+            (a.electrons / b.electrons - 1.0).abs() < 1e-12,
+            "{a:?} {b:?}"
+        );
+    }
+}
