@@ -15,7 +15,7 @@ pub const FULL_WELL: Effect = Effect {
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let full = scene.view.camera.detector.full_well_e;
-    let brightest = scene.peak_e + scene.background_e();
+    let brightest = scene.peak_e + scene.most_background_e();
     // Ten sigma and ten above its expectation nothing is drawn.
     let most = brightest + 10.0 * brightest.sqrt() + 10.0;
     let need = if most < full {

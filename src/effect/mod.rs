@@ -2,6 +2,7 @@
 
 mod dark;
 mod drift;
+mod frame_transfer;
 mod full_well;
 mod point;
 mod read;
@@ -22,6 +23,7 @@ pub const EFFECTS: &[Effect] = &[
     rolling::ROLLING_SHUTTER,
     point::STARS,
     point::RSOS,
+    frame_transfer::FRAME_TRANSFER,
     dark::DARK_CURRENT,
     shot::SHOT_NOISE,
     full_well::FULL_WELL,

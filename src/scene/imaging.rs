@@ -36,8 +36,9 @@ impl View {
         let arriving_e = candidate.electrons();
         let electrons = arriving_e * light;
         Some(Source {
-            snr: self.snr(&footprint, electrons, simulated),
-            clear_snr: self.snr(&footprint, candidate.clear_e * light, simulated),
+            // For its columns' background all images must be there first.
+            snr: 0.0,
+            clear_snr: 0.0,
             body: candidate.body.clone(),
             start: track.start,
             end: track.end,
@@ -45,6 +46,7 @@ impl View {
             footprint,
             arriving_e,
             electrons,
+            clear_e: candidate.clear_e * light,
             hidden: candidate.hidden,
         })
     }
@@ -101,24 +103,33 @@ impl View {
         Track::sample(at, &course, fidelity)
     }
 
-    /// `sqrt(sum s^2 / (s + b + read^2))` over the pixels: the best that any weighting of them can reach.
-    fn snr(&self, footprint: &Footprint, electrons: f64, simulated: &Simulated) -> f64 {
+    /// `sqrt(sum s^2 / (s + b + read^2))` over the pixels: the best that any weighting of them can reach. `trail_e`: what
+    /// transfer adds to each column (e-), if anything.
+    pub(super) fn snr(
+        &self,
+        footprint: &Footprint,
+        electrons: f64,
+        simulated: &Simulated,
+        trail_e: &[f64],
+    ) -> f64 {
         let read = if simulated.read {
             self.camera.detector.read_noise_e
         } else {
             0.0
         };
         let background = background_e(self, simulated);
-        let variance = |s: f64| {
-            let shot = if simulated.shot { s + background } else { 0.0 };
+        let variance = |s: f64, column: usize| {
+            let trail = trail_e.get(column).copied().unwrap_or(0.0);
+            let held = s + background + trail;
+            let shot = if simulated.shot { held } else { 0.0 };
             shot + read * read
         };
-        let sum: f64 = footprint
-            .shares()
-            .iter()
-            .map(|share| f64::from(*share) * electrons)
-            .filter(|s| *s > 0.0)
-            .map(|s| s * s / variance(s).max(f64::MIN_POSITIVE))
+        let rows = footprint.rows(0..self.camera.detector.height);
+        let pixels = rows.flat_map(|(_, first, shares)| (first..).zip(shares));
+        let sum: f64 = pixels
+            .map(|(column, share)| (column, f64::from(*share) * electrons))
+            .filter(|(_, s)| *s > 0.0)
+            .map(|(column, s)| s * s / variance(s, column).max(f64::MIN_POSITIVE))
             .sum();
         // An empty sum is -0.
         sum.abs().sqrt()

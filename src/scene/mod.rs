@@ -7,6 +7,7 @@ mod brightest;
 mod collected;
 mod imaging;
 mod simulated;
+mod trail;
 mod view;
 
 pub use simulated::Simulated;
@@ -92,6 +93,8 @@ pub struct Source {
     pub arriving_e: f64,
     /// Expected electrons of the whole exposure, on and off the detector: of the light that optics and shutter let pass.
     pub electrons: f64,
+    /// The same, were it neither hidden nor shaded.
+    pub clear_e: f64,
     /// Why there are none.
     pub hidden: Option<Hidden>,
     /// Signal-to-noise ratio on the detector.
@@ -111,6 +114,9 @@ pub struct Scene {
     pub sources: Vec<Source>,
     /// No pixel gets more light than this from all sources together, e-.
     pub peak_e: f64,
+    /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge is not shifted
+    /// through light.
+    pub trail_e: Vec<f64>,
 }
 
 impl Scene {
@@ -121,12 +127,23 @@ impl Scene {
             Body::Rso(_) => simulated.rsos,
         };
         let candidates = view.candidates.par_iter().filter(shines);
-        let sources: Vec<Source> = candidates
+        let mut sources: Vec<Source> = candidates
             .filter_map(|candidate| view.image(candidate, &simulated, fidelity))
             .collect();
+        let trail_e = trail::trail_e(&view, &sources);
+        let counted = if simulated.frame_transfer {
+            &trail_e[..]
+        } else {
+            &[]
+        };
+        sources.par_iter_mut().for_each(|source| {
+            let snr = |e: f64| view.snr(&source.footprint, e, &simulated, counted);
+            (source.snr, source.clear_snr) = (snr(source.electrons), snr(source.clear_e));
+        });
         Scene {
             simulated,
             peak_e: brightest::pixel_e(&view.camera.detector, sources.iter()),
+            trail_e,
             view,
             sources,
         }
@@ -137,13 +154,33 @@ impl Scene {
         brightest::pixel_e(&self.view.camera.detector, sources.iter().copied())
     }
 
-    /// Expected background of a pixel, from no star and no object, averaged over the frame, e-.
+    /// Expected background of a pixel, on which no star and no object shines, averaged over the frame, e-.
     pub fn background_e(&self) -> f64 {
+        let trail = self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64;
+        self.dark_e() + trail
+    }
+
+    /// The most background of any pixel, e-.
+    pub fn most_background_e(&self) -> f64 {
+        self.dark_e() + self.trail().iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Expected dark charge of a pixel, as far as it is simulated, e-.
+    pub fn dark_e(&self) -> f64 {
         background_e(&self.view, &self.simulated)
+    }
+
+    /// The columns' trails, as far as they are simulated.
+    fn trail(&self) -> &[f64] {
+        if self.simulated.frame_transfer {
+            &self.trail_e
+        } else {
+            &[]
+        }
     }
 }
 
-/// So far the dark charge alone, e-.
+/// The dark charge, e-.
 fn background_e(view: &View, simulated: &Simulated) -> f64 {
     if !simulated.dark {
         return 0.0;

@@ -13,6 +13,8 @@ pub struct Simulated {
     pub stars: bool,
     /// The objects in orbit shine.
     pub rsos: bool,
+    /// Charge is shifted through light when it is read out.
+    pub frame_transfer: bool,
     /// Dark charge is added.
     pub dark: bool,
     /// Charge has shot noise.

@@ -6,3 +6,4 @@ mod light;
 mod rolling;
 mod shade;
 mod smear;
+mod transfer;

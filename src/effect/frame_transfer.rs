@@ -1,0 +1,44 @@
+//! Frame transfer: charge that is shifted below its cover collects light on the way.
+//!
+//! ```text
+//! N_xy <- N_xy + (t_row / t_int) sum_y' N_xy'
+//! ```
+//!
+//! The sum runs over the column's pixels on the detector (see `scene::trail`, where it is worked out). Validity: frames follow
+//! each other without a pause in which the image area is emptied another way; the scene stands still while it is transferred;
+//! the response of single pixels averages out over a column; charge moves on evenly. Price: a sum a pixel.
+
+use super::{Effect, Judge, Need, Pass, Stage};
+use crate::camera::Shutter;
+use crate::fidelity::Fidelity;
+use crate::scene::Scene;
+
+/// The trails of frame transfer.
+pub const FRAME_TRANSFER: Effect = Effect {
+    name: "frame transfer",
+    stage: Stage::Light,
+    random: false,
+    judge: Judge::Pixels(judge),
+    mark: |simulated| simulated.frame_transfer = true,
+};
+
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let trail = &scene.trail_e;
+    let most = trail.iter().copied().fold(0.0, f64::max);
+    let need = match scene.view.camera.shutter {
+        Shutter::FrameTransfer { .. } if most > 0.0 => {
+            let because = format!("columns get trails of up to {most:.2} e- a pixel");
+            Need::of_pixels(scene, because, most, 0.4)
+        }
+        Shutter::FrameTransfer { .. } => Need::none("there is no light"),
+        _ => Need::none("no charge is shifted through light"),
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        for row in tile.electrons.chunks_mut(tile.width) {
+            for (e, trail) in row.iter_mut().zip(trail) {
+                *e += *trail as f32;
+            }
+        }
+    }));
+    (need, pass)
+}

@@ -1,0 +1,83 @@
+//! Frame transfer against its definition, and the labels that do not count its trails.
+
+use skyloop::camera::Shutter;
+use skyloop::engine::Shot;
+use skyloop::fidelity::Fidelity;
+use skyloop::sky::catalog::Selection;
+
+use super::brute::{emulator, epoch, image, shoot, stamp};
+
+fn frame(row_us: f64, rates: [f64; 3]) -> Shot {
+    let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), Fidelity::REALTIME);
+    // Exposed for 0.1 s: a trail of a few hundredths of the light of its column.
+    emulator.camera_mut().shutter = Shutter::FrameTransfer {
+        row_s: row_us * 1e-6,
+    };
+    let q = [0.1, 0.2, -0.3, 0.9];
+    shoot(
+        &mut emulator,
+        epoch("2026-02-11T18:22:41.25"),
+        q,
+        rates,
+        None,
+    )
+}
+
+#[test]
+fn every_pixel_passes_every_row_of_its_column_once() {
+    for (row_us, rates) in [
+        (4.0, [0.0; 3]),
+        (100.0, [0.0; 3]),
+        (100.0, [10.0, -5.0, 60.0]),
+    ] {
+        let shot = frame(row_us, rates);
+        let truth = image(&shot.label, &shot.camera);
+        let part = row_us * 1e-6 / 0.1;
+        let column = |c: usize| -> f64 { truth.e.iter().skip(c).step_by(truth.width).sum() };
+        let trails: Vec<f64> = (0..truth.width).map(|c| part * column(c)).collect();
+        let dark = shot.camera.detector.dark_e_s * shot.label.exposure_s;
+        let background = dark + trails.iter().sum::<f64>() / trails.len() as f64;
+        assert!((shot.label.background_e_px / background - 1.0).abs() < 1e-5);
+        let expected = shot.frame.expected_e.as_ref().unwrap();
+        let peak = truth.e.iter().copied().fold(0.0, f64::max);
+        let mut worst = 0.0f64;
+        for (i, (seen, light)) in expected.iter().zip(&truth.e).enumerate() {
+            let sum = light + trails[i % truth.width] + dark;
+            worst = worst.max((f64::from(*seen) - sum).abs() / peak);
+        }
+        println!("{row_us} us: {worst:.1e} of the peak");
+        assert!(worst < 2e-5, "{worst}");
+
+        // What leaving it out would cost is the brightest trail.
+        let label = &shot.label;
+        let effect = label
+            .effects
+            .iter()
+            .find(|e| e.effect == "frame transfer")
+            .unwrap();
+        let brightest = trails.iter().copied().fold(0.0, f64::max);
+        assert!((effect.error_e / brightest - 1.0).abs() < 1e-4 && effect.run);
+
+        // snr: sqrt(sum s^2 / (s + dark + trail + read^2)).
+        for o in label.objects.iter().filter(|o| o.electrons > 1.0) {
+            let (region, light) = stamp(label, o, &shot.camera);
+            let columns = (region.past[0] - region.low[0]).max(1) as usize;
+            let read = shot.camera.detector.read_noise_e.powi(2);
+            let term = |(i, s): (usize, &f64)| {
+                let trail = trails[region.low[0] as usize + i % columns];
+                s * s / (s + dark + trail + read)
+            };
+            let snr = light.iter().enumerate().map(term).sum::<f64>().sqrt();
+            assert!((o.snr - snr).abs() < 1e-4 * snr + 1e-4, "{snr} {o:?}");
+        }
+    }
+}
+
+#[test]
+fn labels_of_objects_do_not_count_their_trails() {
+    let (with, without) = (frame(100.0, [0.0; 3]), frame(1e-3, [0.0; 3]));
+    for (a, b) in with.label.objects.iter().zip(&without.label.objects) {
+        assert_eq!((a.electrons, a.x_px, a.y_px), (b.electrons, b.x_px, b.y_px));
+        assert!(a.snr <= b.snr);
+    }
+}
