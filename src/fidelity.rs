@@ -5,6 +5,8 @@
 pub struct Fidelity {
     /// Share of a point source's light that may fall outside its stamp (1).
     pub psf_loss: f64,
+    /// Of wide wings only what brings a pixel at least this (e-) is drawn; the rest of the light is lost.
+    pub wing_e: f64,
     /// Longest panel of a smeared track, in units of the PSF's sigma. A panel is integrated by two Gauss
     /// points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
     /// ends: 2e-5 at 0.5. Light and centroid are kept whatever the step.
@@ -19,6 +21,7 @@ impl Fidelity {
     /// For live frames: errors far below the noise of any frame.
     pub const REALTIME: Fidelity = Fidelity {
         psf_loss: 1e-6,
+        wing_e: 0.02,
         track_step_sigma: 0.5,
         skip_e: 0.05,
         skip_px: 1e-3,
@@ -26,6 +29,7 @@ impl Fidelity {
     /// The slow, obvious path that also serves the tests as truth.
     pub const REFERENCE: Fidelity = Fidelity {
         psf_loss: 1e-12,
+        wing_e: 1e-3,
         track_step_sigma: 0.1,
         skip_e: 0.0,
         skip_px: 0.0,

@@ -22,6 +22,25 @@ pub struct Footprint {
     evaluated: u64,
 }
 
+/// What of a source decides how its light is spread.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Light {
+    /// Electrons that it gives at most: wide wings are drawn as far as they are seen.
+    pub electrons: f64,
+    /// Mean wavelength in the band over the band's reference.
+    pub wavelength_ratio: f64,
+}
+
+impl Default for Light {
+    /// So bright that all wings are drawn, of the Sun's colour.
+    fn default() -> Self {
+        Light {
+            electrons: f64::INFINITY,
+            wavelength_ratio: 1.0,
+        }
+    }
+}
+
 impl Footprint {
     /// The part of the detector plane from which light reaches the detector.
     pub fn window(camera: &Camera, fidelity: &Fidelity) -> Window {
@@ -33,8 +52,15 @@ impl Footprint {
         }
     }
 
-    /// Spreads the track with the camera's PSF; nothing outside of the detector is kept.
+    /// Spreads the track of a bright source of the Sun's colour with the camera's PSF; nothing outside of the
+    /// detector is kept.
     pub fn new(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Footprint {
+        Footprint::of(track, camera, fidelity, &Light::default())
+    }
+
+    /// [`Footprint::new`] for a source of that light.
+    pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity, light: &Light) -> Footprint {
+        let wing = fidelity.wing_e / light.electrons;
         let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
         // Pixel i covers i - 0.5 to i + 0.5.
         let touched = |at: f64, reach: f64, size: i64| {
@@ -46,8 +72,8 @@ impl Footprint {
             .samples
             .iter()
             .map(|s| {
-                let psf = camera.optics.psf_at(s.at, 1.0);
-                let reach = psf.reach_px(fidelity.psf_loss);
+                let psf = camera.optics.psf_at(s.at, light.wavelength_ratio);
+                let reach = psf.drawn_px(fidelity.psf_loss, wing);
                 let columns = touched(s.at[0], reach, width);
                 let rows = s.lit.among(&touched(s.at[1], reach, height));
                 (s, psf, columns, rows)

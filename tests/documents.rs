@@ -286,7 +286,16 @@ fn the_readme_lists_the_cameras_keys() {
         known(refused, table)
     };
     let mut wanted = probe("no_such_key = 1", "");
-    for table in ["optics", "optics.psf", "detector", "timing", "mounting"] {
+    let tables = [
+        "optics",
+        "optics.psf",
+        "optics.projection",
+        "optics.vignetting",
+        "detector",
+        "timing",
+        "mounting",
+    ];
+    for table in tables {
         assert!(wanted.remove(table), "{table}");
         wanted.extend(probe(
             &format!("[{table}]\nno_such_key = 1"),

@@ -22,7 +22,13 @@ pub struct Band {
     sun_photons: f64,
     /// ph/s/m^2 of magnitude 0.
     zero_point: f64,
+    /// Mean wavelength (m) of a star's photons at equal steps of B-V.
+    mean_wavelengths: Vec<f64>,
 }
+
+/// B-V that black bodies stand for (see [`temperature`]), and the steps in which mean wavelengths are tabulated.
+const B_V: [f64; 2] = [-0.4, 2.0];
+const B_V_STEPS: usize = 48;
 
 /// Johnson V, energy response as Bessell 1990 (PASP 102, 1181, Table 2), 470 to 700 nm each 10 nm.
 const V: &[f64] = &[
@@ -78,9 +84,14 @@ impl Band {
             step_m,
             sun_photons: 1.0,
             zero_point: 0.0,
+            mean_wavelengths: Vec::new(),
         };
         band.sun_photons = band.black_body_photons(temperature(SUN_B_V));
         band.zero_point = band.solar_photons() * 10f64.powf(0.4 * SUN_MAGNITUDE);
+        let step = (B_V[1] - B_V[0]) / B_V_STEPS as f64;
+        band.mean_wavelengths = (0..=B_V_STEPS)
+            .map(|i| band.mean_wavelength_m(temperature(B_V[0] + i as f64 * step)))
+            .collect();
         band
     }
 
@@ -110,11 +121,54 @@ impl Band {
         -2.5 / LN_10 * (in_band / in_v).ln()
     }
 
+    /// Mean wavelength of the photons that a star of colour B-V gives in the band, over that of a star of the Sun's
+    /// colour, the band's reference. Straight lines between steps of 0.05 mag err by less than 1e-4.
+    pub fn wavelength_ratio(&self, b_v: f64) -> f64 {
+        let at = |b_v: f64| {
+            let part = (b_v.clamp(B_V[0], B_V[1]) - B_V[0]) / (B_V[1] - B_V[0]);
+            linear(&self.mean_wavelengths, part * B_V_STEPS as f64)
+        };
+        at(b_v) / at(SUN_B_V)
+    }
+
+    /// The least and the greatest [`Band::wavelength_ratio`] of any star.
+    pub fn wavelength_ratios(&self) -> [f64; 2] {
+        [self.wavelength_ratio(B_V[0]), self.wavelength_ratio(B_V[1])]
+    }
+
+    /// The reference wavelength (m): the mean of the photons of a star of the Sun's colour.
+    pub fn reference_m(&self) -> f64 {
+        self.mean_wavelength_m(temperature(SUN_B_V))
+    }
+
+    /// Wavelength in units of the reference, and the photons there (any unit) of a star of the Sun's colour.
+    pub fn spectrum(&self) -> Vec<(f64, f64)> {
+        let (reference, t) = (self.reference_m(), temperature(SUN_B_V));
+        let part = |(w, r): &(f64, f64)| (w / reference, r * planck(*w, t));
+        self.samples.iter().map(part).collect()
+    }
+
+    fn mean_wavelength_m(&self, t: f64) -> f64 {
+        let (mut photons, mut moment) = (0.0, 0.0);
+        for (w, r) in &self.samples {
+            let part = r * planck(*w, t);
+            photons += part;
+            moment += part * w;
+        }
+        moment / photons
+    }
+
     /// Photon rate of a black body in the band, arbitrary unit: `sum R lambda^-4 / (exp(c2 / lambda T) - 1)`.
     fn black_body_photons(&self, t: f64) -> f64 {
         let photons = |(w, r): &(f64, f64)| r / (w * 1e6).powi(4) / (C2 / (w * t)).exp_m1();
         self.samples.iter().map(photons).sum::<f64>() * self.step_m
     }
+}
+
+/// Photons of a black body at a wavelength (m), arbitrary unit; on every platform the same, for they shape pixels.
+fn planck(w: f64, t: f64) -> f64 {
+    let um = w * 1e6;
+    1.0 / (um * um * um * um) / libm::expm1(C2 / (w * t))
 }
 
 /// Effective temperature (K) from colour, Ballesteros 2012 (EPL 97, 34008), Eq. (14); B-V held to
@@ -183,5 +237,24 @@ mod tests {
         assert!(nir.colour_term(SUN_B_V, &v).abs() < 1e-12);
         assert!(nir.colour_term(1.5, &v) < -0.8 && nir.colour_term(-0.2, &v) > 0.4);
         assert!(v.colour_term(1.5, &v).abs() < 1e-12);
+    }
+
+    #[test]
+    fn red_stars_have_longer_wavelengths_and_the_suns_colour_is_the_reference() {
+        let nir = Band::top_hat(650e-9, 1100e-9);
+        assert!((nir.wavelength_ratio(SUN_B_V) - 1.0).abs() < 1e-15);
+        // X-Val: numpy 2.4.6, 200,001 points of Planck's law in photons at 5767.48 K (B-V 0.653): 857.72 nm over 650-1100 nm.
+        assert!((nir.reference_m() * 1e9 - 857.72).abs() < 0.05);
+        let [blue, red] = nir.wavelength_ratios();
+        assert!(blue < 0.99 && red > 1.02, "{blue} {red}");
+        // The table against the integral.
+        for b_v in [-0.37, 0.12, 0.611, 1.33, 1.98] {
+            let exact = nir.mean_wavelength_m(temperature(b_v)) / nir.reference_m();
+            assert!((nir.wavelength_ratio(b_v) - exact).abs() < 1e-4);
+        }
+        // A narrow band has one wavelength.
+        let line = Band::top_hat(629e-9, 631e-9);
+        assert!((line.reference_m() * 1e9 - 630.0).abs() < 0.01);
+        assert!((line.wavelength_ratio(1.9) - 1.0).abs() < 1e-5);
     }
 }

@@ -52,6 +52,20 @@ impl Detector {
         self.gain_e_per_dn * self.gain_e_per_dn / 12.0
     }
 
+    /// The edge of the detector, every pixel included, widened by `margin_px`: points (px) some sixteenth of a side apart.
+    pub fn edge(&self, margin_px: f64) -> impl Iterator<Item = [f64; 2]> {
+        const PARTS: usize = 16;
+        let low = -0.5 - margin_px;
+        let [width, height] =
+            [self.width, self.height].map(|pixels| pixels as f64 + 2.0 * margin_px);
+        (0..=PARTS)
+            .map(|i| i as f64 / PARTS as f64)
+            .flat_map(move |t| {
+                let (x, y) = (low + t * width, low + t * height);
+                [[x, low], [x, low + height], [low, y], [low + width, y]]
+            })
+    }
+
     /// Whether a position lies on the detector, pixel edges included on the lower side.
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
         (-0.5..self.width as f64 - 0.5).contains(&x)

@@ -4,14 +4,18 @@ mod band;
 mod detector;
 mod file;
 mod optics;
-mod psf;
+mod projection;
+pub mod psf;
 mod shutter;
+mod vignetting;
 
 pub use band::{Band, SUN_MAGNITUDE};
 pub use detector::Detector;
 pub use optics::Optics;
+pub use projection::{Model, Projection};
 pub use psf::{LocalPsf, Psf, Stamp};
 pub use shutter::Shutter;
+pub use vignetting::Vignetting;
 
 use crate::attitude::Attitude;
 use crate::load::{ConfigError, Folder};
@@ -100,6 +104,9 @@ impl Camera {
 
     /// The angle from the boresight (rad) within which every pixel, widened by `margin_px`, lies.
     pub fn cone_rad(&self, margin_px: f64) -> f64 {
+        if *self.optics.projection.model() != Model::Pinhole {
+            return self.distorted_cone_rad(margin_px);
+        }
         let (w, h) = (
             self.detector.width as f64 - 0.5,
             self.detector.height as f64 - 0.5,
@@ -114,5 +121,16 @@ impl Camera {
                 ((dx.hypot(dy) + margin_px) / self.optics.focal_px).atan()
             })
             .fold(0.0, f64::max)
+    }
+
+    fn distorted_cone_rad(&self, margin_px: f64) -> f64 {
+        let optics = &self.optics;
+        let angle = |pixel: [f64; 2]| {
+            let direction = optics.direction(pixel);
+            libm::atan2(libm::hypot(direction.x, direction.y), direction.z)
+        };
+        let widest = self.detector.edge(margin_px).map(angle).fold(0.0, f64::max);
+        // Tangential distortion has its widest angle between the points, some thousandth of a side's further.
+        (1.01 * widest).min(std::f64::consts::PI)
     }
 }

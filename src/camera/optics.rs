@@ -1,6 +1,7 @@
-//! From direction to pixel: pinhole projection, aperture and transmission.
+//! From direction to pixel: projection, aperture, transmission and point spread function as one.
 
-use super::{Band, LocalPsf, Psf};
+use super::projection::Model;
+use super::{Band, LocalPsf, Projection, Psf, Vignetting};
 use nalgebra::Vector3;
 
 /// The optics of a camera.
@@ -16,6 +17,10 @@ pub struct Optics {
     pub transmission: f64,
     /// The band.
     pub band: Band,
+    /// From direction to the detector plane.
+    pub projection: Projection,
+    /// How much of the light passes off the boresight.
+    pub vignetting: Vignetting,
     /// The point spread function.
     pub psf: Psf,
 }
@@ -28,30 +33,58 @@ impl Optics {
 
     /// The point spread function at a pixel; for `wavelength_ratio` see [`Psf::at`].
     pub fn psf_at(&self, pixel: [f64; 2], wavelength_ratio: f64) -> LocalPsf<'_> {
-        let field_px = [0, 1].map(|axis| pixel[axis] - self.principal_px[axis]);
-        self.psf.at(field_px, wavelength_ratio)
+        self.psf.at(self.offset(pixel), wavelength_ratio)
     }
 
-    /// The pixel `[column, row]` of a direction in camera axes; none behind the camera.
-    ///
-    /// Pinhole: `x = cx + f X / Z`, `y = cy + f Y / Z`.
+    /// The pixel `[column, row]` of a direction in camera axes; none where it has no image.
     pub fn project(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
-        if direction.z <= 1e-6 * direction.norm() {
-            return None;
-        }
-        Some([
-            self.principal_px[0] + self.focal_px * direction.x / direction.z,
-            self.principal_px[1] + self.focal_px * direction.y / direction.z,
-        ])
+        self.project_by(&self.projection, direction)
     }
 
-    /// The unit direction in camera axes of a pixel; the inverse of [`Optics::project`].
+    /// [`Optics::project`] by another projection, such as the ideal one: `x = cx + f x'`, `y = cy + f y'`.
+    pub fn project_by(
+        &self,
+        projection: &Projection,
+        direction: &Vector3<f64>,
+    ) -> Option<[f64; 2]> {
+        let [x, y] = projection.image(direction)?;
+        let [cx, cy] = self.principal_px;
+        if *projection.model() == Model::Pinhole {
+            // One rounding less.
+            return Some([
+                cx + self.focal_px * direction.x / direction.z,
+                cy + self.focal_px * direction.y / direction.z,
+            ]);
+        }
+        Some([cx + self.focal_px * x, cy + self.focal_px * y])
+    }
+
+    /// The unit direction in camera axes of a pixel: the inverse of [`Optics::project`]. Beyond the projection's end,
+    /// that of the last place before it, on the way out from the principal point.
     pub fn direction(&self, pixel: [f64; 2]) -> Vector3<f64> {
-        Vector3::new(
-            (pixel[0] - self.principal_px[0]) / self.focal_px,
-            (pixel[1] - self.principal_px[1]) / self.focal_px,
-            1.0,
-        )
-        .normalize()
+        let at = self.offset(pixel).map(|px| px / self.focal_px);
+        if let Some(direction) = self.projection.direction(at) {
+            return direction;
+        }
+        let (mut inside, mut outside) = (0.0, 1.0);
+        let mut direction = Vector3::z();
+        for _ in 0..50 {
+            let part = (inside + outside) / 2.0;
+            match self.projection.direction(at.map(|x| part * x)) {
+                Some(found) => (inside, direction) = (part, found),
+                None => outside = part,
+            }
+        }
+        direction
+    }
+
+    /// Whether a pixel has a direction.
+    pub fn sees(&self, pixel: [f64; 2]) -> bool {
+        let at = self.offset(pixel).map(|px| px / self.focal_px);
+        self.projection.direction(at).is_some()
+    }
+
+    fn offset(&self, pixel: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| pixel[axis] - self.principal_px[axis])
     }
 }

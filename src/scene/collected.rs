@@ -2,6 +2,7 @@
 
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
+use crate::footprint::Light;
 use crate::track::{Lit, Sample, Track};
 use std::ops::Range;
 
@@ -24,12 +25,12 @@ impl Collected {
     /// ```
     ///
     /// s_r being a row's share; the last term takes away what pixels do to the centre of an image that is all lit.
-    pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Collected {
+    pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity, shine: &Light) -> Collected {
         let (mut light, mut moments) = (0.0, [0.0; 2]);
         let mut stamp = Stamp::default();
         for sample in &track.samples {
             let weight = sample.weight;
-            let (part, shift) = open(sample, camera, fidelity, &mut stamp);
+            let (part, shift) = open(sample, camera, fidelity, shine, &mut stamp);
             light += weight * part;
             // Relative to the start, so that digits survive far from the origin.
             moments[0] += weight * part * (sample.at[0] - track.start[0]);
@@ -41,13 +42,19 @@ impl Collected {
 }
 
 /// The part of a sample's light that falls on open rows, and how far that moves its first moment (px).
-fn open(sample: &Sample, camera: &Camera, fidelity: &Fidelity, stamp: &mut Stamp) -> (f64, f64) {
+fn open(
+    sample: &Sample,
+    camera: &Camera,
+    fidelity: &Fidelity,
+    shine: &Light,
+    stamp: &mut Stamp,
+) -> (f64, f64) {
     let Sample { at, lit, .. } = sample;
     if *lit == Lit::ALL {
         return (1.0, 0.0);
     }
-    let psf = camera.optics.psf_at(*at, 1.0);
-    let reach = psf.reach_px(fidelity.psf_loss);
+    let psf = camera.optics.psf_at(*at, shine.wavelength_ratio);
+    let reach = psf.drawn_px(fidelity.psf_loss, fidelity.wing_e / shine.electrons);
     let touched = |at: f64| -> Range<i64> {
         (at - reach + 0.5).floor() as i64..(at + reach + 0.5).floor() as i64 + 1
     };

@@ -23,12 +23,14 @@ impl View {
         let track = self.track(candidate, simulated, fidelity)?;
         // Where nothing takes of the light, not even the last digit of a sum does.
         let whole = !simulated.rolling;
-        let Collected { light, centre } = Collected::of(&track, camera, fidelity);
+        let shine = candidate.shine();
+        let Collected { light, centre } = Collected::of(&track, camera, fidelity, &shine);
         let light = if whole { 1.0 } else { light };
-        let footprint = Footprint::new(
+        let footprint = Footprint::of(
             &track.scaled(1.0 / light.max(f64::MIN_POSITIVE)),
             camera,
             fidelity,
+            &shine,
         );
         if footprint.shares().is_empty() && !camera.detector.contains(centre) {
             return None;

@@ -4,6 +4,7 @@ use super::{Body, Exposure, Hidden, World};
 use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
 use crate::camera::Camera;
 use crate::fidelity::Fidelity;
+use crate::footprint::Light;
 use crate::rng::NoiseKey;
 use crate::sky::apparent::Observer;
 use crate::sky::bodies::{Bodies, EpochOutOfRange, LIGHT_M_S};
@@ -117,6 +118,17 @@ impl Candidate {
                 let mid = self.line(0.5);
                 self.line(0.0).angle(&mid) + mid.angle(&self.line(1.0))
             }
+        }
+    }
+
+    /// How much of its light is to be spread, and of which colour: objects shine by the Sun's.
+    pub fn shine(&self) -> Light {
+        Light {
+            electrons: self.clear_e,
+            wavelength_ratio: match &self.body {
+                Body::Star(star) => star.wavelength_ratio,
+                Body::Rso(_) => 1.0,
+            },
         }
     }
 

@@ -18,6 +18,8 @@ pub struct StarField {
     directions: Vec<Vector3<f64>>,
     /// Magnitudes in the camera's band.
     band_mags: Vec<f64>,
+    /// See [`Band::wavelength_ratio`].
+    wavelength_ratios: Vec<f64>,
 }
 
 /// A star in the field.
@@ -29,10 +31,12 @@ pub struct SeenStar {
     pub direction: Vector3<f64>,
     /// Magnitude in the camera's band.
     pub band_mag: f64,
+    /// Mean wavelength of its light in the band, over the band's reference.
+    pub wavelength_ratio: f64,
 }
 
 impl StarField {
-    /// Prepares `catalog` for `band`; without `colour` the band magnitude is V.
+    /// Prepares `catalog` for `band`; without `colour` the band magnitude is V, and all light has the Sun's colour.
     pub fn new(catalog: Catalog, band: &Band, colour: bool) -> StarField {
         let v_band = Band::named("v");
         // Colours are given to a thousandth or so: far fewer than stars.
@@ -46,7 +50,12 @@ impl StarField {
             }
             _ => star.v_mag,
         };
+        let wavelength_ratio = |star: &Star| match colour {
+            true => band.wavelength_ratio(star.b_v),
+            false => 1.0,
+        };
         StarField {
+            wavelength_ratios: catalog.stars().iter().map(wavelength_ratio).collect(),
             directions: catalog
                 .stars()
                 .iter()
@@ -83,6 +92,7 @@ impl StarField {
                     corrections,
                 ),
                 band_mag: self.band_mags[index],
+                wavelength_ratio: self.wavelength_ratios[index],
             })
             .collect()
     }

@@ -1,15 +1,19 @@
 //! The camera file: TOML keys with units to a validated [`Camera`]. A file a table.
 
 mod detector;
+mod images;
 mod optics;
+mod projection;
 mod psf;
 mod timing;
+mod vignetting;
 
 use super::Camera;
 use crate::load::{CAMERAS, Check, ConfigError, Folder, parse};
 use detector::RawDetector;
 use optics::RawOptics;
 use serde::Deserialize;
+use std::ops::RangeInclusive;
 use timing::{RawMounting, RawTiming};
 
 #[derive(Deserialize)]
@@ -25,15 +29,19 @@ struct RawCamera {
 
 /// See [`Camera::load`].
 pub fn load(name: &str, folder: &Folder) -> Result<Camera, ConfigError> {
-    let (file, text) = if CAMERAS.contains(&name) {
-        Folder::Embedded("cameras").read(&format!("{name}.toml"))?
-    } else {
-        folder
-            .read(name)
-            .map_err(|error| name_the_cameras(error, name))?
+    let embedded = CAMERAS.contains(&name);
+    // Files that the camera's names are in its own folder.
+    let (found, beside) = match folder {
+        _ if embedded => {
+            let embedded = Folder::Embedded("cameras");
+            (embedded.read(&format!("{name}.toml")), embedded)
+        }
+        Folder::Disk(path) => (folder.read(name), Folder::of(&path.join(name))),
+        Folder::Embedded(_) => (folder.read(name), folder.clone()),
     };
+    let (file, text) = found.map_err(|error| name_the_cameras(error, name))?;
     let raw: RawCamera = parse(&file, &text)?;
-    validate(raw, &Check { file: &file })
+    validate(raw, &Check { file: &file }, &beside)
 }
 
 /// A camera that is neither built in nor a file: the remedy lists those that are.
@@ -51,14 +59,14 @@ fn name_the_cameras(error: ConfigError, name: &str) -> ConfigError {
     }
 }
 
-fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
+fn validate(raw: RawCamera, check: &Check, folder: &Folder) -> Result<Camera, ConfigError> {
     let length = raw.name.trim().chars().count();
     if !(1..=60).contains(&length) || raw.name.contains(char::is_control) {
         let allowed = "a name of 1 to 60 printable characters: labels and FITS headers give it";
         return Err(check.refuse("name", format!("{:?}", raw.name.trim()), allowed));
     }
     let detector = raw.detector.validate(check)?;
-    let optics = raw.optics.validate(&detector, check)?;
+    let optics = raw.optics.validate(&detector, check, folder)?;
     let mounting = raw.mounting.validate(check)?;
     let timing = raw.timing.validate(detector.height, check)?;
     Ok(Camera {
@@ -70,4 +78,21 @@ fn validate(raw: RawCamera, check: &Check) -> Result<Camera, ConfigError> {
         rate_hz: timing.rate_hz,
         shutter: timing.shutter,
     })
+}
+
+/// Refuses a table of angles (deg) that do not rise from 0 to 180, or whose values lie outside of `range`.
+fn rising_angles(
+    key: &str,
+    table: &[[f64; 2]],
+    range: RangeInclusive<f64>,
+    check: &Check,
+) -> Result<(), ConfigError> {
+    for [deg, value] in table {
+        check.range(key, *deg, 0.0..=180.0)?;
+        check.range(key, *value, range.clone())?;
+    }
+    match table.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
+        Some(pair) => Err(check.refuse(key, format!("{pair:?}"), "points of rising angles")),
+        None => Ok(()),
+    }
 }

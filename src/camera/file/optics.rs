@@ -1,8 +1,10 @@
 //! `[optics]` of a camera file.
 
-use super::psf::RawPsf;
+use super::projection::RawProjection;
+use super::psf::{Lens, RawPsf};
+use super::vignetting::RawVignetting;
 use crate::camera::{Band, Detector, Optics};
-use crate::load::{Check, ConfigError};
+use crate::load::{Check, ConfigError, Folder};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
@@ -14,6 +16,10 @@ pub struct RawOptics {
     band: RawBand,
     principal_px: Option<[f64; 2]>,
     psf: RawPsf,
+    #[serde(default)]
+    projection: RawProjection,
+    #[serde(default)]
+    vignetting: RawVignetting,
 }
 
 #[derive(Deserialize, Debug)]
@@ -27,23 +33,43 @@ enum RawBand {
 }
 
 impl RawOptics {
-    pub fn validate(self, detector: &Detector, check: &Check) -> Result<Optics, ConfigError> {
+    pub fn validate(
+        self,
+        detector: &Detector,
+        check: &Check,
+        folder: &Folder,
+    ) -> Result<Optics, ConfigError> {
         let range = |key: &str, value, range| check.range(&format!("optics.{key}"), value, range);
         let focal_m = range("focal_length_mm", self.focal_length_mm, 0.01..=1e6)? * 1e-3;
+        let aperture_m = range("aperture_mm", self.aperture_mm, 1e-3..=1e5)? * 1e-3;
         let size = [detector.width as f64, detector.height as f64];
         let centre = size.map(|pixels| (pixels - 1.0) / 2.0);
         let principal_px = self.principal_px.unwrap_or(centre);
         for (value, pixels) in principal_px.into_iter().zip(size) {
             range("principal_px", value, -pixels..=2.0 * pixels)?;
         }
-        Ok(Optics {
+        let band = self.band.validate(check)?;
+        let projection = self.projection.validate(check)?;
+        let lens = Lens {
             focal_px: focal_m / detector.pitch_m,
             principal_px,
-            aperture_m: range("aperture_mm", self.aperture_mm, 1e-3..=1e5)? * 1e-3,
+            pitch_m: detector.pitch_m,
+            focal_ratio: focal_m / aperture_m,
+            band: &band,
+            projection: &projection,
+        };
+        let optics = Optics {
+            focal_px: lens.focal_px,
+            principal_px,
+            aperture_m,
             transmission: range("transmission", self.transmission, 0.0..=1.0)?,
-            band: self.band.validate(check)?,
-            psf: self.psf.validate(check)?,
-        })
+            psf: self.psf.validate(&lens, check, folder)?,
+            vignetting: self.vignetting.validate(check)?,
+            band,
+            projection,
+        };
+        self.projection.check_folds(&optics, detector, check)?;
+        Ok(optics)
     }
 }
 

@@ -1,32 +1,205 @@
 //! `[optics.psf]` of a camera file.
 
-use crate::camera::Psf;
-use crate::load::{Check, ConfigError};
+use super::images::RawImage;
+use crate::camera::psf::{Airy, Images, Moffat, Shape, Variation, WIDEST_PX};
+use crate::camera::{Band, Projection, Psf};
+use crate::load::{Check, ConfigError, Folder};
+use nalgebra::Vector3;
 use serde::Deserialize;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawPsf {
     kind: String,
     sigma_px: Option<f64>,
+    obscuration: Option<f64>,
+    fwhm_px: Option<f64>,
+    beta: Option<f64>,
+    images: Option<Vec<RawImage>>,
+    oversampling: Option<f64>,
+    width_by_field: Option<Vec<[f64; 2]>>,
+    wavelength_exponent: Option<f64>,
 }
 
+/// The optics that a point spread function belongs to.
+pub struct Lens<'a> {
+    pub focal_px: f64,
+    pub principal_px: [f64; 2],
+    /// Pitch of the pixels, m.
+    pub pitch_m: f64,
+    /// Focal length / aperture.
+    pub focal_ratio: f64,
+    pub band: &'a Band,
+    pub projection: &'a Projection,
+}
+
+/// The keys of each kind beside `kind` itself.
+const KINDS: &[(&str, &[&str])] = &[
+    (
+        "gaussian",
+        &["sigma_px", "width_by_field", "wavelength_exponent"],
+    ),
+    ("airy", &["obscuration", "width_by_field"]),
+    (
+        "moffat",
+        &["fwhm_px", "beta", "width_by_field", "wavelength_exponent"],
+    ),
+    ("image", &["images", "oversampling"]),
+];
+
 impl RawPsf {
-    pub fn validate(self, check: &Check) -> Result<Psf, ConfigError> {
-        let needed = |key: &str, value: Option<f64>, range| match value {
-            Some(value) => check.range(&format!("optics.psf.{key}"), value, range),
-            None => Err(check.explain(
-                &format!("optics.psf.{key}"),
-                format!("a PSF of kind {:?} needs it", self.kind),
-            )),
+    pub fn validate(
+        self,
+        lens: &Lens<'_>,
+        check: &Check,
+        folder: &Folder,
+    ) -> Result<Psf, ConfigError> {
+        self.only_its_keys(check)?;
+        let (shape, width_px) = match self.kind.as_str() {
+            "gaussian" => {
+                let sigma_px = self.needed("sigma_px", self.sigma_px, 0.01..=10.0, check)?;
+                (Shape::Gaussian(sigma_px), sigma_px)
+            }
+            "airy" => self.airy(lens, check)?,
+            "moffat" => {
+                let fwhm_px = self.needed("fwhm_px", self.fwhm_px, 0.02..=WIDEST_PX, check)?;
+                let beta = self.needed("beta", self.beta, 1.5..=20.0, check)?;
+                (Shape::Moffat(Arc::new(Moffat::new(beta)), fwhm_px), fwhm_px)
+            }
+            _ => (
+                Shape::Images(Arc::new(self.images(lens, check, folder)?)),
+                0.0,
+            ),
         };
-        match self.kind.as_str() {
-            "gaussian" => Ok(Psf::gaussian(needed(
-                "sigma_px",
-                self.sigma_px,
-                0.01..=10.0,
-            )?)),
-            other => Err(check.refuse("optics.psf.kind", format!("{other:?}"), "\"gaussian\"")),
+        let exponent = match &shape {
+            Shape::Airy(..) => 1.0,
+            _ => self.wavelength_exponent.unwrap_or(0.0),
+        };
+        let by_field = self.width_by_field(lens, check)?;
+        let widest = by_field
+            .iter()
+            .map(|[_, factor]| factor * width_px)
+            .fold(0.0, f64::max);
+        if widest > WIDEST_PX {
+            let allowed = format!("factors that keep the width within {WIDEST_PX} px");
+            let value = format!("{:?}", self.width_by_field.unwrap_or_default());
+            return Err(check.refuse("optics.psf.width_by_field", value, allowed));
         }
+        let variation = Variation {
+            by_field,
+            wavelength_exponent: check.range(
+                "optics.psf.wavelength_exponent",
+                exponent,
+                -4.0..=4.0,
+            )?,
+            wavelength_ratios: lens.band.wavelength_ratios(),
+        };
+        Ok(Psf::new(shape, variation))
+    }
+
+    /// Refuses an unknown kind, and keys that mean nothing to a known one.
+    fn only_its_keys(&self, check: &Check) -> Result<(), ConfigError> {
+        let Some((_, keys)) = KINDS.iter().find(|(kind, _)| *kind == self.kind) else {
+            let kinds: Vec<String> = KINDS.iter().map(|(kind, _)| format!("{kind:?}")).collect();
+            let kind = format!("{:?}", self.kind);
+            return Err(check.refuse(
+                "optics.psf.kind",
+                kind,
+                format!("one of {}", kinds.join(", ")),
+            ));
+        };
+        let given = [
+            ("sigma_px", self.sigma_px.is_some()),
+            ("obscuration", self.obscuration.is_some()),
+            ("fwhm_px", self.fwhm_px.is_some()),
+            ("beta", self.beta.is_some()),
+            ("images", self.images.is_some()),
+            ("oversampling", self.oversampling.is_some()),
+            ("width_by_field", self.width_by_field.is_some()),
+            ("wavelength_exponent", self.wavelength_exponent.is_some()),
+        ];
+        match given
+            .iter()
+            .find(|(key, given)| *given && !keys.contains(key))
+        {
+            Some((key, _)) => Err(check.explain(
+                &format!("optics.psf.{key}"),
+                format!(
+                    "no key of kind {:?}, which has {}",
+                    self.kind,
+                    keys.join(", ")
+                ),
+            )),
+            None => Ok(()),
+        }
+    }
+
+    fn missing(&self, key: &str, check: &Check) -> ConfigError {
+        let reason = format!("missing: kind {:?} needs it", self.kind);
+        check.explain(&format!("optics.psf.{key}"), reason)
+    }
+
+    fn needed(
+        &self,
+        key: &str,
+        value: Option<f64>,
+        range: RangeInclusive<f64>,
+        check: &Check,
+    ) -> Result<f64, ConfigError> {
+        let value = value.ok_or_else(|| self.missing(key, check))?;
+        check.range(&format!("optics.psf.{key}"), value, range)
+    }
+
+    /// Diffraction by the aperture: its width is wavelength times focal ratio.
+    fn airy(&self, lens: &Lens<'_>, check: &Check) -> Result<(Shape, f64), ConfigError> {
+        let obscuration = self.obscuration.unwrap_or(0.0);
+        let obscuration = check.range("optics.psf.obscuration", obscuration, 0.0..=0.9)?;
+        let width_px = lens.band.reference_m() * lens.focal_ratio / lens.pitch_m;
+        if width_px > WIDEST_PX {
+            let reason = format!(
+                "\"airy\" with a wavelength times focal ratio of {width_px:.1} px: at most {WIDEST_PX} px; \
+                 enlarge the aperture or the pixels"
+            );
+            return Err(check.explain("optics.psf.kind", reason));
+        }
+        let airy = Airy::new(obscuration, &lens.band.spectrum());
+        Ok((Shape::Airy(Arc::new(airy), width_px), width_px))
+    }
+
+    fn images(
+        &self,
+        lens: &Lens<'_>,
+        check: &Check,
+        folder: &Folder,
+    ) -> Result<Images, ConfigError> {
+        let oversampling = self.needed("oversampling", self.oversampling, 1.0..=64.0, check)?;
+        let raw = self
+            .images
+            .as_ref()
+            .ok_or_else(|| self.missing("images", check))?;
+        super::images::grid(raw, oversampling, lens.principal_px, check, folder)
+    }
+
+    /// Field angles (deg) to distances from the principal point (px).
+    fn width_by_field(&self, lens: &Lens<'_>, check: &Check) -> Result<Vec<[f64; 2]>, ConfigError> {
+        let key = "optics.psf.width_by_field";
+        let table = self.width_by_field.as_deref().unwrap_or_default();
+        super::rising_angles(key, table, 0.1..=10.0, check)?;
+        let distance = |[deg, factor]: &[f64; 2]| {
+            let (sin, cos) = libm::sincos(deg.to_radians());
+            let image = lens.projection.image(&Vector3::new(sin, 0.0, cos));
+            let [x, y] = image.ok_or_else(|| {
+                let end = lens.projection.end_rad().to_degrees();
+                check.refuse(
+                    key,
+                    deg,
+                    format!("angles that have an image: below {end:.2} deg"),
+                )
+            })?;
+            Ok([lens.focal_px * libm::hypot(x, y), *factor])
+        };
+        table.iter().map(distance).collect()
     }
 }

@@ -5,6 +5,10 @@ use crate::camera::shutter::SHUTTERS;
 use crate::camera::{EXPOSURE_S, RATE_HZ, Shutter};
 use crate::load::{Check, ConfigError};
 use serde::Deserialize;
+use std::ops::RangeInclusive;
+
+/// 10 degrees: what is turned by more is mounted otherwise.
+const MISALIGNMENT_ARCSEC: RangeInclusive<f64> = -36_000.0..=36_000.0;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -19,6 +23,7 @@ pub struct RawTiming {
 #[serde(deny_unknown_fields)]
 pub struct RawMounting {
     q_body_to_camera: Option<[f64; 4]>,
+    misalignment_arcsec: Option<[f64; 3]>,
 }
 
 /// `[timing]`, checked.
@@ -79,12 +84,20 @@ impl RawTiming {
 }
 
 impl RawMounting {
-    /// Body to camera.
+    /// Body to camera: the mounting, then the camera turned about its own axes.
     pub fn validate(self, check: &Check) -> Result<Attitude, ConfigError> {
-        match self.q_body_to_camera {
-            None => Ok(Attitude::identity()),
+        let mounting = match self.q_body_to_camera {
+            None => Attitude::identity(),
             Some(q) => Attitude::from_xyzw(q)
-                .map_err(|error| check.explain("mounting.q_body_to_camera", error)),
+                .map_err(|error| check.explain("mounting.q_body_to_camera", error))?,
+        };
+        let Some(arcsec) = self.misalignment_arcsec else {
+            return Ok(mounting);
+        };
+        for value in arcsec {
+            check.range("mounting.misalignment_arcsec", value, MISALIGNMENT_ARCSEC)?;
         }
+        let turn = arcsec.map(|value| (value / 3600.0).to_radians());
+        Ok(mounting.turned(&turn.into(), 1.0))
     }
 }

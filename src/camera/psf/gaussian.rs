@@ -10,13 +10,6 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// The same, `scale` times as wide.
-    pub fn scaled(&self, scale: f64) -> Gaussian {
-        Gaussian {
-            sigma_px: scale * self.sigma_px,
-        }
-    }
-
     /// Half the side (px) of the square outside of which less than `loss` of the light falls:
     /// two coordinates, two tails each, every tail below `exp(-k^2 / 2) / 2` at k sigma.
     pub fn reach_px(&self, loss: f64) -> f64 {

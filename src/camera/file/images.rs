@@ -1,0 +1,109 @@
+//! `images` of `[optics.psf]`: text files of samples, and where in the field they hold.
+
+use crate::camera::psf::{FURTHEST_PX, Flaw, Image, Images, SUM_TOLERANCE};
+use crate::load::{Check, ConfigError, Folder};
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawImage {
+    file: String,
+    at_px: Option<[f64; 2]>,
+}
+
+/// The images at the crossings of a grid; a single one holds everywhere.
+pub fn grid(
+    raw: &[RawImage],
+    oversampling: f64,
+    principal_px: [f64; 2],
+    check: &Check,
+    folder: &Folder,
+) -> Result<Images, ConfigError> {
+    let mut placed = Vec::new();
+    for (i, one) in raw.iter().enumerate() {
+        let key = format!("optics.psf.images[{i}]");
+        let at = match one.at_px {
+            Some(at) => at,
+            None if raw.len() == 1 => principal_px,
+            None => {
+                return Err(
+                    check.explain(&format!("{key}.at_px"), "missing: one of several images")
+                );
+            }
+        };
+        for value in at {
+            check.range(&format!("{key}.at_px"), value, -1e5..=1e5)?;
+        }
+        let image = read(&key, one, oversampling, check, folder)?;
+        // Rows first, then columns.
+        placed.push(([at[1] - principal_px[1], at[0] - principal_px[0]], image));
+    }
+    placed.sort_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let unique = |axis: usize| {
+        let mut all: Vec<f64> = placed.iter().map(|(at, _)| at[axis]).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
+    };
+    let (rows, columns) = (unique(0), unique(1));
+    let crossings = rows
+        .iter()
+        .flat_map(|y| columns.iter().map(move |x| [*y, *x]));
+    let whole = crossings.eq(placed.iter().map(|(at, _)| *at));
+    let images = placed.into_iter().map(|(_, image)| image).collect();
+    let images = whole.then(|| Images::new(oversampling, [columns, rows], images));
+    images.flatten().ok_or_else(|| {
+        let reason =
+            "at_px must be the crossings of a grid: every column with every row, each once";
+        check.explain("optics.psf.images", reason)
+    })
+}
+
+fn read(
+    key: &str,
+    raw: &RawImage,
+    oversampling: f64,
+    check: &Check,
+    folder: &Folder,
+) -> Result<Image, ConfigError> {
+    let (file, text) = folder.read(&raw.file)?;
+    let key = format!("{key}.file");
+    let most = (2.0 * FURTHEST_PX * oversampling).min(4096.0) as usize;
+    let mut rows = Vec::new();
+    let lines = (1..).zip(text.lines());
+    for (number, line) in
+        lines.map(|(n, line)| (n, line.split('#').next().unwrap_or_default().trim()))
+    {
+        if line.is_empty() {
+            continue;
+        }
+        let numbers = line.split([',', ' ', '\t']).filter(|word| !word.is_empty());
+        let row: Result<Vec<f64>, _> = numbers.map(str::parse).collect();
+        let row = row.map_err(|_| {
+            check.explain(
+                &key,
+                format!("{file}: line {number}: not numbers, between commas or spaces"),
+            )
+        })?;
+        rows.push(row);
+        if rows.len() > most || rows.iter().any(|row| row.len() > most) {
+            let reason = format!("{file}: more than {most} samples a side");
+            return Err(check.explain(&key, reason));
+        }
+    }
+    Image::new(&rows).map_err(|flaw| match flaw {
+        Flaw::Ragged => check.explain(&key, format!("{file}: needs rows of one length")),
+        Flaw::Sample(value) => {
+            let value = format!("{file} with a sample of {value}");
+            check.refuse(&key, value, "an image whose samples are 0 or more")
+        }
+        Flaw::Sum(sum) => {
+            let value = format!("{file} with a sum of {sum}");
+            check.refuse(
+                &key,
+                value,
+                format!("an image whose samples sum to 1 within {SUM_TOLERANCE}"),
+            )
+        }
+    })
+}

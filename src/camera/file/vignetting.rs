@@ -1,0 +1,34 @@
+//! `[optics.vignetting]` of a camera file.
+
+use crate::camera::Vignetting;
+use crate::load::{Check, ConfigError};
+use serde::Deserialize;
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields)]
+pub struct RawVignetting {
+    cos4: Option<bool>,
+    table: Option<Vec<[f64; 2]>>,
+}
+
+impl RawVignetting {
+    pub fn validate(self, check: &Check) -> Result<Vignetting, ConfigError> {
+        match (self.cos4.unwrap_or(false), self.table) {
+            (true, Some(_)) => Err(check.explain(
+                "optics.vignetting.table",
+                "cos4 and table exclude each other: leave one out",
+            )),
+            (true, None) => Ok(Vignetting::Cos4),
+            (false, None) => Ok(Vignetting::None),
+            (false, Some(table)) => {
+                let key = "optics.vignetting.table";
+                if table.is_empty() {
+                    return Err(check.refuse(key, "[]", "at least one [angle, transmission]"));
+                }
+                super::rising_angles(key, &table, 0.0..=1.0, check)?;
+                let rad = table.into_iter().map(|[deg, t]| [deg.to_radians(), t]);
+                Ok(Vignetting::Table(rad.collect()))
+            }
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! A spread given as images, at places of the field.
+//!
+//! An image's samples are the light in its cells, `oversampling` cells a pixel, spread evenly over each cell; the source
+//! stands at the middle of the image. The cells' running sum is the light in any rectangle, exactly; a pixel is a difference of
+//! four. Between the places images are mixed by bilinear weights, which keeps the light; beyond them the nearest hold.
+
+use std::ops::Range;
+
+/// One image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    columns: usize,
+    rows: usize,
+    /// Light left of and above each corner of a cell: `columns + 1` a row.
+    sums: Vec<f64>,
+}
+
+/// The images of a field.
+#[derive(Debug, PartialEq)]
+pub struct Images {
+    /// Cells a pixel.
+    oversampling: f64,
+    /// Places of the images' columns and rows in the field (px from the principal point), rising.
+    places: [Vec<f64>; 2],
+    /// Row by row.
+    images: Vec<Image>,
+    /// See [`crate::camera::LocalPsf::core_px`].
+    core_px: f64,
+    /// Half the side of the largest, px.
+    reach_px: f64,
+}
+
+/// Up to four images and their weights.
+pub type Mix = [(usize, f64); 4];
+
+/// Why images are no point spread function.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Flaw {
+    /// A row is not as long as the first, or there is none.
+    Ragged,
+    /// A sample is below 0 or no number.
+    Sample(f64),
+    /// The light does not sum to 1.
+    Sum(f64),
+}
+
+/// The samples of an image may miss a sum of 1 by this: rounded digits. They are then scaled to 1.
+pub const SUM_TOLERANCE: f64 = 1e-3;
+
+impl Image {
+    /// The image of these rows of samples.
+    pub fn new(rows: &[Vec<f64>]) -> Result<Image, Flaw> {
+        let columns = rows.first().map_or(0, Vec::len);
+        if columns == 0 || rows.iter().any(|row| row.len() != columns) {
+            return Err(Flaw::Ragged);
+        }
+        let samples = || rows.iter().flatten().copied();
+        if let Some(bad) = samples().find(|s| !(0.0..=2.0).contains(s)) {
+            return Err(Flaw::Sample(bad));
+        }
+        let total: f64 = samples().sum();
+        if (total - 1.0).abs() > SUM_TOLERANCE {
+            return Err(Flaw::Sum(total));
+        }
+        let wide = columns + 1;
+        let mut sums = vec![0.0; wide * (rows.len() + 1)];
+        for (i, row) in rows.iter().enumerate() {
+            let mut line = 0.0;
+            for (j, sample) in row.iter().enumerate() {
+                line += sample / total;
+                sums[(i + 1) * wide + j + 1] = sums[i * wide + j + 1] + line;
+            }
+        }
+        Ok(Image {
+            columns,
+            rows: rows.len(),
+            sums,
+        })
+    }
+
+    /// Light left of `x` and above `y`, in cells from the image's middle.
+    fn light(&self, x: f64, y: f64) -> f64 {
+        let along = |at: f64, cells: usize| {
+            let at = (at + cells as f64 / 2.0).clamp(0.0, cells as f64);
+            let first = (at as usize).min(cells - 1);
+            (first, at - first as f64)
+        };
+        let ((i, s), (j, t)) = (along(x, self.columns), along(y, self.rows));
+        let at = |i: usize, j: usize| self.sums[j * (self.columns + 1) + i];
+        (1.0 - t) * ((1.0 - s) * at(i, j) + s * at(i + 1, j))
+            + t * ((1.0 - s) * at(i, j + 1) + s * at(i + 1, j + 1))
+    }
+
+    /// Radius (cells) of the disc as large as what is brighter than half the brightest cell.
+    fn half_width(&self) -> f64 {
+        let cell = |i: usize, j: usize| {
+            let at = |i: usize, j: usize| self.sums[j * (self.columns + 1) + i];
+            at(i + 1, j + 1) - at(i, j + 1) - at(i + 1, j) + at(i, j)
+        };
+        let cells: Vec<f64> = (0..self.rows)
+            .flat_map(|j| (0..self.columns).map(move |i| cell(i, j)))
+            .collect();
+        let half = cells.iter().copied().fold(0.0, f64::max) / 2.0;
+        let bright = cells.iter().filter(|light| **light > half).count();
+        (bright as f64 / std::f64::consts::PI).sqrt()
+    }
+}
+
+impl Images {
+    /// `images`, row by row, stand at the crossings of `places` (columns, rows; px from the principal point, rising).
+    /// None if there are not as many as crossings.
+    pub fn new(oversampling: f64, places: [Vec<f64>; 2], images: Vec<Image>) -> Option<Images> {
+        if images.is_empty() || images.len() != places[0].len() * places[1].len() {
+            return None;
+        }
+        let cells = images
+            .iter()
+            .map(|image| image.columns.max(image.rows))
+            .max()?;
+        let half = images
+            .iter()
+            .map(Image::half_width)
+            .fold(f64::MAX, f64::min);
+        // A Gaussian's full width at half maximum is 2.3548 of its standard deviations.
+        let core_px = 2.0 * half / oversampling / 2.354_820_045;
+        Some(Images {
+            oversampling,
+            places,
+            core_px,
+            reach_px: cells as f64 / 2.0 / oversampling,
+            images,
+        })
+    }
+
+    /// The width of the narrowest core, px.
+    pub fn core_px(&self) -> f64 {
+        self.core_px
+    }
+
+    /// Half the side of the largest image, px.
+    pub fn reach_px(&self) -> f64 {
+        self.reach_px
+    }
+
+    /// What the images are mixed of at a place of the field.
+    pub fn mix(&self, field_px: [f64; 2]) -> Mix {
+        let [(i, s), (j, t)] = [0, 1].map(|axis| between(&self.places[axis], field_px[axis]));
+        let columns = self.places[0].len();
+        let index =
+            |i: usize, j: usize| j.min(self.places[1].len() - 1) * columns + i.min(columns - 1);
+        [
+            (index(i, j), (1.0 - s) * (1.0 - t)),
+            (index(i + 1, j), s * (1.0 - t)),
+            (index(i, j + 1), (1.0 - s) * t),
+            (index(i + 1, j + 1), s * t),
+        ]
+    }
+
+    /// Adds `light` around `at` (px) to the pixels of a rectangle, row by row.
+    pub fn spread(
+        &self,
+        mix: &Mix,
+        light: f64,
+        at: [f64; 2],
+        columns: Range<i64>,
+        rows: Range<i64>,
+        out: &mut Vec<f64>,
+    ) {
+        let edge = |i: i64, at: f64| (i as f64 - 0.5 - at) * self.oversampling;
+        let corner = |x: f64, y: f64| -> f64 {
+            let part = |&(image, weight): &(usize, f64)| match self.images.get(image) {
+                Some(image) if weight > 0.0 => weight * image.light(x, y),
+                _ => 0.0,
+            };
+            mix.iter().map(part).sum()
+        };
+        let corners = |row: i64| -> Vec<f64> {
+            let y = edge(row, at[1]);
+            let all = columns.start..=columns.end;
+            all.map(|column| corner(edge(column, at[0]), y)).collect()
+        };
+        let mut above = corners(rows.start);
+        for row in rows {
+            let below = corners(row + 1);
+            let pixel = |(a, b): (&[f64], &[f64])| light * ((b[1] - b[0]) - (a[1] - a[0])).max(0.0);
+            out.extend(above.windows(2).zip(below.windows(2)).map(pixel));
+            above = below;
+        }
+    }
+}
+
+/// The place before `at` and the part of the way to the next.
+fn between(places: &[f64], at: f64) -> (usize, f64) {
+    let next = places.partition_point(|place| *place <= at);
+    match (
+        next.checked_sub(1).and_then(|i| places.get(i)),
+        places.get(next),
+    ) {
+        (Some(low), Some(high)) => (next - 1, (at - low) / (high - low)),
+        (Some(_), None) => (next - 1, 0.0),
+        _ => (0, 0.0),
+    }
+}

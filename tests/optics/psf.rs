@@ -1,0 +1,326 @@
+//! Point spread functions against GalSim's integrals and ours, and what becomes of the light.
+
+use crate::cameras::{load, load_in, text};
+use crate::reference::{number, rows};
+use skyloop::camera::psf::{Airy, FURTHEST_PX, Image, Images, Moffat, Shape, Variation};
+use skyloop::camera::{Psf, Stamp};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+const GALSIM: &str = include_str!("../reference/psf.csv");
+const IMAGE: &str = include_str!("../reference/psf_image.csv");
+
+fn shape(kind: &str, a: f64, b: f64) -> Shape {
+    match kind {
+        "gaussian" => Shape::Gaussian(a),
+        "moffat" => Shape::Moffat(Arc::new(Moffat::new(b)), a),
+        "airy" => Shape::Airy(Arc::new(Airy::new(b, &[(1.0, 1.0)])), a),
+        _ => {
+            let rows: Vec<Vec<f64>> = IMAGE
+                .lines()
+                .filter(|line| !line.starts_with('#'))
+                .map(|line| line.split(',').map(|s| s.parse().unwrap()).collect())
+                .collect();
+            let image = Image::new(&rows).unwrap();
+            let images = Images::new(a, [vec![0.0], vec![0.0]], vec![image]).unwrap();
+            Shape::Images(Arc::new(images))
+        }
+    }
+}
+
+fn psf(kind: &str, a: f64, b: f64) -> Psf {
+    Psf::new(shape(kind, a, b), Variation::default())
+}
+
+/// Shares on `2 n + 1` pixels each way around pixel 0 of a source at `at`, at the middle of the field.
+fn shares(psf: &Psf, n: i64, at: [f64; 2]) -> Vec<f64> {
+    let mut stamp = Stamp::default();
+    psf.at([0.0; 2], 1.0)
+        .spread(1.0, at, -n..n + 1, -n..n + 1, &mut stamp);
+    stamp.light
+}
+
+#[test]
+fn pixels_are_those_of_galsim() {
+    let mut worst = std::collections::BTreeMap::new();
+    for row in rows(GALSIM) {
+        let psf = psf(row[0], number(&row, 1), number(&row, 2));
+        let at = [number(&row, 3), number(&row, 4)];
+        let theirs: Vec<f64> = (5..row.len()).map(|k| number(&row, k)).collect();
+        let ours = shares(&psf, 5, at);
+        assert_eq!(ours.len(), theirs.len());
+        let peak = theirs.iter().copied().fold(0.0, f64::max);
+        let pairs = ours.iter().zip(&theirs);
+        let miss = pairs.map(|(a, b)| (a - b).abs() / peak).fold(0.0, f64::max);
+        let bound = if row[0] == "airy" { 2e-5 } else { 1e-5 };
+        assert!(miss < bound, "{:?} {at:?}: {miss:e}", &row[..3]);
+        let kind: &mut (f64, usize) = worst.entry(row[0].to_string()).or_default();
+        *kind = (kind.0.max(miss), kind.1 + 1);
+    }
+    assert_eq!(worst.len(), 4, "{worst:?}");
+    println!("worst, in units of the peak: {worst:?}");
+}
+
+/// `I(x)` of an obscured aperture, 1 at the centre.
+fn diffraction(e: f64, x: f64) -> f64 {
+    let jinc = |x: f64| if x < 1e-6 { 1.0 } else { 2.0 * libm::j1(x) / x };
+    ((jinc(x) - e * e * jinc(e * x)) / (1.0 - e * e)).powi(2)
+}
+
+/// Five points of Gauss's rule on -1..1.
+const GAUSS: [(f64, f64); 5] = [
+    (0.0, 0.568_888_888_888_888_9),
+    (0.538_469_310_105_683, 0.478_628_670_499_366_5),
+    (-0.538_469_310_105_683, 0.478_628_670_499_366_5),
+    (0.906_179_845_938_664, 0.236_926_885_056_189_1),
+    (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
+];
+
+/// A density integrated over pixel `[i, j]` in `parts` parts each way.
+fn integral(density: &dyn Fn(f64) -> f64, i: i64, j: i64, at: [f64; 2], parts: usize) -> f64 {
+    let nodes: Vec<(f64, f64)> = (0..parts)
+        .flat_map(|k| GAUSS.map(|(x, w)| (((k as f64 + 0.5 + x / 2.0) / parts as f64) - 0.5, w)))
+        .collect();
+    let mut sum = 0.0;
+    for (x, wx) in &nodes {
+        for (y, wy) in &nodes {
+            sum += wx * wy * density((i as f64 + x - at[0]).hypot(j as f64 + y - at[1]));
+        }
+    }
+    sum / (2 * parts * 2 * parts) as f64
+}
+
+fn near_the_integral(psf: &Psf, density: &dyn Fn(f64) -> f64, parts: usize, what: &str) {
+    for at in [[0.0, 0.0], [0.27, -0.43]] {
+        let (n, ours) = (4, shares(psf, 4, at));
+        let truth: Vec<f64> = (-n..=n)
+            .flat_map(|j| (-n..=n).map(move |i| (i, j)))
+            .map(|(i, j)| integral(density, i, j, at, parts))
+            .collect();
+        let peak = truth.iter().copied().fold(0.0, f64::max);
+        let pairs = ours.iter().zip(&truth);
+        let miss = pairs.map(|(a, b)| (a - b).abs() / peak).fold(0.0, f64::max);
+        assert!(miss < 1e-4, "{what} {at:?}: {miss:e}");
+    }
+}
+
+#[test]
+fn the_tables_are_within_a_ten_thousandth_of_the_peak_of_integration() {
+    for e in [0.0, 0.3, 0.6, 0.9] {
+        let airy = Arc::new(Airy::new(e, &[(1.0, 1.0)]));
+        for width in [0.3, 1.0, 4.0, 20.0] {
+            let psf = Psf::new(Shape::Airy(airy.clone(), width), Variation::default());
+            let norm = PI / 4.0 * (1.0 - e * e) / (width * width);
+            let density = |r: f64| norm * diffraction(e, PI * r / width);
+            let parts = (6.0 / width).ceil() as usize;
+            near_the_integral(&psf, &density, parts, &format!("airy {e} {width}"));
+        }
+    }
+    for beta in [1.5, 2.5, 4.765, 20.0] {
+        let moffat = Arc::new(Moffat::new(beta));
+        for width in [0.1, 0.7, 4.0, 20.0] {
+            let psf = Psf::new(Shape::Moffat(moffat.clone(), width), Variation::default());
+            let alpha = width / 2.0 / (2f64.powf(1.0 / beta) - 1.0).sqrt();
+            let norm = (beta - 1.0) / (PI * alpha * alpha);
+            let density = |r: f64| norm * (1.0 + (r / alpha).powi(2)).powf(-beta);
+            let parts = (4.0 / width).ceil() as usize;
+            near_the_integral(&psf, &density, parts, &format!("moffat {beta} {width}"));
+        }
+    }
+}
+
+/// The light within a square from -half to half around the origin of a source at `at`, by its encircled energy:
+/// `1/(2 pi) int E(r(phi)) dphi` to the square's edge, by the midpoint rule from corner to corner.
+fn inside(energy: &dyn Fn(f64) -> f64, half: f64, at: [f64; 2]) -> f64 {
+    const STEPS: usize = 4000;
+    let sides = [half - at[0], half - at[1], half + at[0], half + at[1]];
+    let mut sum = 0.0;
+    for k in 0..4 {
+        // This side, and how far along it its two corners are.
+        let (near, left, right) = (sides[k], sides[(k + 3) % 4], sides[(k + 1) % 4]);
+        let (from, to) = (-(left / near).atan(), (right / near).atan());
+        let step = (to - from) / STEPS as f64;
+        for i in 0..STEPS {
+            let phi = from + (i as f64 + 0.5) * step;
+            sum += step * energy(near / phi.cos());
+        }
+    }
+    sum / (2.0 * PI)
+}
+
+/// What is drawn and what, by the profile's own formula, lies outside make all the light: for every width and place.
+#[test]
+fn no_light_is_lost_or_made() {
+    let places = [[0.0, 0.0], [0.5, 0.5], [-0.31, 0.12], [0.499, -0.001]];
+    let check = |psf: &Psf, energy: &dyn Fn(f64) -> f64, what: &str| {
+        for at in places {
+            let n = 24;
+            let sum: f64 = shares(psf, n, at).iter().sum();
+            let outside = 1.0 - inside(energy, n as f64 + 0.5, at);
+            assert!(
+                (sum + outside - 1.0).abs() < 1e-4,
+                "{what} {at:?}: {sum} {outside}"
+            );
+            assert!(shares(psf, 5, at).iter().all(|share| *share >= 0.0));
+        }
+    };
+    for sigma in [0.01, 0.3, 1.0, 10.0] {
+        let psf = psf("gaussian", sigma, 0.0);
+        check(
+            &psf,
+            &|r| 1.0 - (-0.5 * (r / sigma).powi(2)).exp(),
+            &format!("gaussian {sigma}"),
+        );
+    }
+    for (fwhm, beta) in [(0.02, 1.5), (0.5, 2.5), (3.0, 4.765), (20.0, 2.0)] {
+        let alpha = fwhm / 2.0 / (2f64.powf(1.0 / beta) - 1.0).sqrt();
+        let energy = |r: f64| 1.0 - (1.0 + (r / alpha).powi(2)).powf(1.0 - beta);
+        check(
+            &psf("moffat", fwhm, beta),
+            &energy,
+            &format!("moffat {fwhm} {beta}"),
+        );
+    }
+    for width in [0.02, 0.4, 1.7, 6.0, 20.0] {
+        // Rayleigh: 1 - J0^2 - J1^2.
+        let energy = |r: f64| {
+            let x = PI * r / width;
+            1.0 - libm::j0(x).powi(2) - libm::j1(x).powi(2)
+        };
+        check(&psf("airy", width, 0.0), &energy, &format!("airy {width}"));
+    }
+    for at in places {
+        let sum: f64 = shares(&psf("image", 4.0, 0.0), 5, at).iter().sum();
+        assert!((sum - 1.0).abs() < 1e-12);
+    }
+}
+
+/// Of an obscured aperture: the light outside of a large circle is `2 / (pi^2 (1 - e) r)` on the average over its rings.
+#[test]
+fn the_wings_of_an_obscured_aperture_have_their_light() {
+    for e in [0.0, 0.3, 0.5, 0.8] {
+        let psf = psf("airy", 1.0, e);
+        let sum: f64 = shares(&psf, 150, [0.2, 0.1]).iter().sum();
+        let energy = |r: f64| 1.0 - 2.0 / (PI * PI * (1.0 - e) * r);
+        let outside = 1.0 - inside(&energy, 150.5, [0.2, 0.1]);
+        assert!((sum + outside - 1.0).abs() < 1e-4, "{e}: {sum} {outside}");
+    }
+}
+
+#[test]
+fn the_reach_bounds_what_falls_outside() {
+    let cases = [
+        ("gaussian", 0.7, 0.0),
+        ("moffat", 1.5, 2.5),
+        ("moffat", 1.0, 4.765),
+        ("airy", 0.05, 0.0),
+        ("airy", 0.4, 0.4),
+        ("image", 4.0, 0.0),
+    ];
+    for (kind, a, b) in cases {
+        let psf = psf(kind, a, b);
+        let local = psf.at([0.0; 2], 1.0);
+        for loss in [1e-2, 3e-3, 1e-3] {
+            let reach = local.reach_px(loss);
+            assert!(reach < FURTHEST_PX);
+            let n = (reach + 0.5).ceil() as i64;
+            let outside = 1.0 - shares(&psf, n, [0.0; 2]).iter().sum::<f64>();
+            assert!(outside < loss, "{kind} {a} {b} {loss}: {outside:e}");
+        }
+        for share in [1e-3, 1e-5].into_iter().filter(|_| kind != "gaussian") {
+            let n = (local.drawn_px(1e-30, share) + 0.5).ceil() as i64;
+            let light = shares(&psf, n + 3, [0.0; 2]);
+            let side = (2 * (n + 3) + 1) as usize;
+            let outside = light.iter().enumerate().filter(|(i, _)| {
+                let (x, y) = ((i % side) as i64 - n - 3, (i / side) as i64 - n - 3);
+                x.abs().max(y.abs()) > n
+            });
+            let most = outside.map(|(_, light)| *light).fold(0.0, f64::max);
+            assert!(most < 2.0 * share, "{kind} {a} {b} {share}: {most:e}");
+        }
+        assert!(local.reach_px(1e-30) <= FURTHEST_PX);
+    }
+}
+
+#[test]
+fn an_airy_camera_has_the_width_of_its_wavelength_and_focal_ratio() {
+    let camera = load(&text("psf = { kind = \"airy\", obscuration = 0.3 }", "")).unwrap();
+    let width = camera.optics.band.reference_m() * 2.0 / 10e-6;
+    // X-Val: 0.598 um (between 500 and 700 nm) at f/2 on 10 um: 0.12 px.
+    assert!((width - 0.12).abs() < 0.003, "{width}");
+    // X-Val: GalSim 2.8.5, twice the radius at which Airy(lam_over_diam=1, obscuration=0.3).xValue halves: 0.98111.
+    let mono = psf("airy", 1.0, 0.3).core_px() * 2.354_820_045;
+    assert!((mono - 0.981_11).abs() < 1e-4, "{mono}");
+    // The mean over a band is led by its blue end.
+    let core = camera.optics.psf.at([0.0; 2], 1.0).core_px() * 2.354_820_045;
+    assert!((0.93..0.98).contains(&(core / width)), "{}", core / width);
+    // Redder light spreads wider, in proportion.
+    let red = camera.optics.psf.at([0.0; 2], 1.05).core_px() * 2.354_820_045;
+    assert!((red / core - 1.05).abs() < 1e-12);
+    // The polychromatic profile is the mean of the monochromatic ones.
+    let [a, b] = [0.9, 1.1].map(|w| shares(&psf("airy", 3.0 * w, 0.3), 12, [0.3, 0.2]));
+    let both = Airy::new(0.3, &[(0.9, 1.0), (1.1, 1.0)]);
+    let both = Psf::new(Shape::Airy(Arc::new(both), 3.0), Variation::default());
+    let mean = a.iter().zip(&b).map(|(a, b)| (a + b) / 2.0);
+    let peak = a.iter().copied().fold(0.0, f64::max);
+    for (ours, mean) in shares(&both, 12, [0.3, 0.2]).iter().zip(mean) {
+        assert!((ours - mean).abs() < 3e-5 * peak, "{ours} {mean}");
+    }
+}
+
+#[test]
+fn the_width_goes_with_field_and_colour() {
+    let keys = "[optics.psf]\nkind = \"moffat\"\nfwhm_px = 1.5\nbeta = 3.0\nwavelength_exponent = -0.2\n\
+        width_by_field = [[0.0, 1.0], [2.0, 1.2], [4.0, 2.0]]";
+    let camera = load(&text("", keys)).unwrap();
+    let core = |deg: f64, ratio: f64| {
+        // X-Val: 20 mm over 10 um: 2,000 px.
+        let px = 2000.0 * deg.to_radians().tan();
+        let at = [99.5 + 0.6 * px, 79.5 - 0.8 * px];
+        camera.optics.psf_at(at, ratio).core_px() * 2.354_820_045
+    };
+    for (deg, fwhm) in [(0.0, 1.5), (2.0, 1.8), (4.0, 3.0), (8.0, 3.0)] {
+        assert!(
+            (core(deg, 1.0) - fwhm).abs() < 1e-9,
+            "{deg} {}",
+            core(deg, 1.0)
+        );
+    }
+    assert!((core(2.0, 1.3) / core(2.0, 1.0) - 1.3f64.powf(-0.2)).abs() < 1e-12);
+    let psf = &camera.optics.psf;
+    let [blue, red] = camera.optics.band.wavelength_ratios();
+    assert!((psf.core_px() / core(0.0, red) * 2.354_820_045 - 1.0).abs() < 1e-9);
+    let widest = camera.optics.psf.at([0.0, 500.0], blue).reach_px(1e-3);
+    assert!((psf.reach_px(1e-3) / widest - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn images_are_mixed_between_their_places() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("dot.csv", "# one pixel\n1.0\n");
+    write("wide.csv", "0, 0.2, 0\n0.2 0.2\t0.2\n0, 0.2, 0 # end\n");
+    let keys = "[optics.psf]\nkind = \"image\"\noversampling = 1\nimages = [\n\
+        { file = \"wide.csv\", at_px = [150.0, 20.0] }, { file = \"dot.csv\", at_px = [50.0, 20.0] },\n\
+        { file = \"dot.csv\", at_px = [50.0, 140.0] }, { file = \"wide.csv\", at_px = [150.0, 140.0] }]";
+    let camera = load_in(folder.path(), &text("", keys)).unwrap();
+    for (x, wide) in [
+        (0.0, 0.0),
+        (50.0, 0.0),
+        (75.0, 0.25),
+        (150.0, 1.0),
+        (190.0, 1.0),
+    ] {
+        let mut stamp = Stamp::default();
+        let psf = camera.optics.psf_at([x, 100.0], 1.0);
+        psf.spread(2.0, [7.0, 8.0], 6..9, 7..10, &mut stamp);
+        let centre = 2.0 * (1.0 - wide * 0.8);
+        assert!(
+            (stamp.light[4] - centre).abs() < 1e-12,
+            "{x} {:?}",
+            stamp.light
+        );
+        assert!((stamp.light[1] - 0.4 * wide).abs() < 1e-12);
+        assert_eq!(stamp.light[0], 0.0);
+    }
+}
