@@ -1,6 +1,7 @@
 //! FITS 4.0: one image in the primary header and data unit.
 
-use super::wcs::Tan;
+use super::sip::Sip;
+use super::wcs::Wcs;
 use crate::camera::Camera;
 use crate::label::Label;
 use nalgebra::Matrix3;
@@ -64,24 +65,64 @@ impl Header {
     fn world_coordinates(&mut self, camera: &Camera, label: &Label) {
         let [x, y, z] = label.r_icrf_to_camera;
         let matrix = Matrix3::from_rows(&[x.into(), y.into(), z.into()]);
-        let tan = Tan::new(&camera.optics, &matrix);
+        let wcs = Wcs::new(camera, &matrix);
+        let suffix = if wcs.sip.is_some() { "-SIP" } else { "" };
+        let kind = |axis: &str| format!("{axis}{}{suffix}", wcs.name);
         self.integer("WCSAXES", 2, "world coordinate axes");
         self.text("RADESYS", "ICRS", "axes of the coordinates");
-        self.text("CTYPE1", "RA---TAN", "right ascension, gnomonic");
-        self.text("CTYPE2", "DEC--TAN", "declination, gnomonic");
+        let geometry = if wcs.name == "TAN" {
+            "gnomonic"
+        } else {
+            "equidistant"
+        };
+        self.text(
+            "CTYPE1",
+            &kind("RA---"),
+            &format!("right ascension, {geometry}"),
+        );
+        self.text(
+            "CTYPE2",
+            &kind("DEC--"),
+            &format!("declination, {geometry}"),
+        );
         self.text("CUNIT1", "deg", "");
         self.text("CUNIT2", "deg", "");
-        self.real("CRPIX1", tan.reference_px[0], "principal point, column + 1");
-        self.real("CRPIX2", tan.reference_px[1], "principal point, row + 1");
-        self.real("CRVAL1", tan.reference_deg[0], "[deg] boresight");
-        self.real("CRVAL2", tan.reference_deg[1], "[deg] boresight");
-        for (i, row) in (1..).zip(tan.cd_deg_px) {
+        self.real("CRPIX1", wcs.reference_px[0], "principal point, column + 1");
+        self.real("CRPIX2", wcs.reference_px[1], "principal point, row + 1");
+        self.real("CRVAL1", wcs.reference_deg[0], "[deg] boresight");
+        self.real("CRVAL2", wcs.reference_deg[1], "[deg] boresight");
+        for (i, row) in (1..).zip(wcs.cd_deg_px) {
             for (j, value) in (1..).zip(row) {
                 self.real(&format!("CD{i}_{j}"), value, "[deg/pix]");
             }
         }
         // The default would be 0 for a boresight exactly at the pole.
         self.real("LONPOLE", 180.0, "[deg] native longitude of the pole");
+        if let Some(sip) = &wcs.sip {
+            self.distortion(sip);
+        }
+    }
+
+    fn distortion(&mut self, sip: &Sip) {
+        for (names, terms) in [(["A", "B"], &sip.forward), (["AP", "BP"], &sip.back)] {
+            for (k, name) in names.into_iter().enumerate() {
+                self.integer(
+                    &format!("{name}_ORDER"),
+                    sip.order as u64,
+                    "of the polynomial",
+                );
+                for ([p, q], values) in terms {
+                    self.real(&format!("{name}_{p}_{q}"), values[k], "");
+                }
+            }
+        }
+        self.real("A_DMAX", sip.most_px, "[pix] greatest correction");
+        self.real("B_DMAX", sip.most_px, "[pix] greatest correction");
+        self.real(
+            "SIPERR",
+            sip.residual_px,
+            "[pix] greatest error of the polynomials",
+        );
     }
 
     /// A string card: quotes doubled, at least 8 characters, cut to what a card holds.

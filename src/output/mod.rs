@@ -15,6 +15,7 @@ mod names;
 mod panel;
 mod png;
 mod sheet;
+mod sip;
 mod stretch;
 mod wcs;
 

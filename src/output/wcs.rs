@@ -1,11 +1,17 @@
-//! The world coordinates of a pinhole frame: a FITS TAN projection that gives the same directions.
+//! The world coordinates of a frame: the FITS projection that gives the same directions, TAN for a pinhole and ARC
+//! for a fisheye, with the polynomials of [`Sip`] where the lens distorts.
 
-use crate::camera::Optics;
+use super::sip::Sip;
+use crate::camera::{Camera, Model};
 use nalgebra::{Matrix3, Vector3};
 
-/// The numbers of a FITS TAN projection (Calabretta & Greisen 2002, A&A 395, 1077), LONPOLE = 180 deg.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tan {
+/// The numbers of a FITS projection about its pole (Calabretta & Greisen 2002, A&A 395, 1077), LONPOLE = 180 deg.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wcs {
+    /// Their name of the projection.
+    pub name: &'static str,
+    /// What the lens adds to it.
+    pub sip: Option<Sip>,
     /// `CRPIX`: the principal point; FITS counts pixels from 1.
     pub reference_px: [f64; 2],
     /// `CRVAL`: right ascension and declination of the boresight, deg.
@@ -14,8 +20,8 @@ pub struct Tan {
     pub cd_deg_px: [[f64; 2]; 2],
 }
 
-impl Tan {
-    /// The projection of `optics` whose rotation ICRF to camera is `r`.
+impl Wcs {
+    /// The projection of `camera` whose rotation ICRF to camera is `r`.
     ///
     /// With the boresight `B` at (a, d), east `E = (-sin a, cos a, 0)` and north
     /// `N = (-sin d cos a, -sin d sin a, cos d)`, TAN maps a direction u to
@@ -27,8 +33,10 @@ impl Tan {
     ///                    [ N.Xc  N.Yc ]
     /// ```
     ///
-    /// exactly, at any roll and at the poles, where any right ascension serves for the boresight's.
-    pub fn new(optics: &Optics, r: &Matrix3<f64>) -> Tan {
+    /// exactly, at any roll and at the poles, where any right ascension serves for the boresight's. ARC has the angle
+    /// from the boresight in place of its tangent (their Eq. (67)), as the fisheye has, and so the same matrix.
+    pub fn new(camera: &Camera, r: &Matrix3<f64>) -> Wcs {
+        let optics = &camera.optics;
         let row = |i: usize| r.row(i).transpose();
         let (column, line, boresight): (Vector3<f64>, _, _) = (row(0), row(1), row(2));
         let ra = boresight.y.atan2(boresight.x);
@@ -38,7 +46,12 @@ impl Tan {
         let north = Vector3::new(-sin_d * cos_a, -sin_d * sin_a, cos_d);
         let scale = (1.0 / optics.focal_px).to_degrees();
         let cd = |axis: &Vector3<f64>| [scale * axis.dot(&column), scale * axis.dot(&line)];
-        Tan {
+        Wcs {
+            name: match optics.projection.model() {
+                Model::Fisheye { .. } => "ARC",
+                Model::Pinhole | Model::BrownConrady { .. } => "TAN",
+            },
+            sip: Sip::of(camera),
             reference_px: optics.principal_px.map(|px| px + 1.0),
             reference_deg: [ra.to_degrees().rem_euclid(360.0), dec.to_degrees()],
             cd_deg_px: [cd(&east), cd(&north)],

@@ -7,7 +7,7 @@ use fitsrs::wcs::ImgXY;
 use fitsrs::{Fits, HDU, Pixels};
 use nalgebra::{Matrix3, Vector3};
 use skyloop::attitude::Attitude;
-use skyloop::camera::Camera;
+use skyloop::camera::{Camera, Model, Projection};
 use skyloop::frame::Frame;
 use skyloop::label::Label;
 use skyloop::output::Writer;
@@ -153,18 +153,41 @@ fn any_size_and_any_seed_make_a_whole_file() {
     }
 }
 
+/// The sum of a polynomial of SIP at (u, v); nothing where the header has none.
+fn polynomial(hdu: &fitsrs::fits::HDU<Image>, name: &str, u: f64, v: f64) -> f64 {
+    let Some(Value::Integer { value: order, .. }) = hdu.get_header().get(&format!("{name}_ORDER"))
+    else {
+        return 0.0;
+    };
+    let term = |p: i64, q: i64| match hdu.get_header().get(&format!("{name}_{p}_{q}")) {
+        Some(Value::Float { value, .. }) => value * u.powi(p as i32) * v.powi(q as i32),
+        Some(Value::Integer { value, .. }) => *value as f64 * u.powi(p as i32) * v.powi(q as i32),
+        _ => 0.0,
+    };
+    let all = (0..=*order).flat_map(|p| (0..=*order - p).map(move |q| (p, q)));
+    all.map(|(p, q)| term(p, q)).sum()
+}
+
 /// The direction that the header's numbers give to a pixel counted from 0: Calabretta & Greisen 2002,
-/// Sections 2 and 5.1.3, step by step over native longitude and latitude.
+/// Sections 2, 5.1.3 and 5.1.5, step by step over native longitude and latitude, with the polynomials of SIP.
 fn direction_by_header(hdu: &fitsrs::fits::HDU<Image>, [x, y]: [f64; 2]) -> Vector3<f64> {
     let (dx, dy) = (
         x + 1.0 - number(hdu, "CRPIX1"),
         y + 1.0 - number(hdu, "CRPIX2"),
     );
+    let (dx, dy) = (
+        dx + polynomial(hdu, "A", dx, dy),
+        dy + polynomial(hdu, "B", dx, dy),
+    );
     let cd = |key: &str| number(hdu, key);
     let xi = cd("CD1_1") * dx + cd("CD1_2") * dy;
     let eta = cd("CD2_1") * dx + cd("CD2_2") * dy;
     let phi = xi.atan2(-eta);
-    let theta = (180.0 / std::f64::consts::PI).atan2(xi.hypot(eta));
+    let theta = if text(hdu, "CTYPE1").contains("ARC") {
+        (90.0 - xi.hypot(eta)).to_radians()
+    } else {
+        (180.0 / std::f64::consts::PI).atan2(xi.hypot(eta))
+    };
     let (ra_p, dec_p) = (
         number(hdu, "CRVAL1").to_radians(),
         number(hdu, "CRVAL2").to_radians(),
@@ -249,6 +272,82 @@ fn the_wcs_gives_every_pixel_the_direction_that_the_camera_does() {
                 "{i} {pixel:?} {:e}",
                 (theirs - truth).norm()
             );
+        }
+    }
+}
+
+/// Distorted lenses: by the header's polynomials every pixel has its direction within 0.01 px, and back.
+#[test]
+fn the_wcs_of_a_distorted_lens_is_within_a_hundredth_of_a_pixel() {
+    let brown = |k, p| Projection::new(Model::BrownConrady { k, p });
+    let fisheye = |k| Projection::new(Model::Fisheye { k });
+    let mut numbers = Numbers(5);
+    let dir = tempfile::tempdir().unwrap();
+    for (name, lens, kind) in [
+        (
+            "fai-nir",
+            brown([-0.28, 0.09, -0.01], [3e-4, -2e-4]),
+            "RA---TAN-SIP",
+        ),
+        (
+            "cots-wide",
+            brown([0.3, -0.5, 0.0], [-1e-3, 2e-3]),
+            "RA---TAN-SIP",
+        ),
+        ("fai-nir", fisheye([0.0; 4]), "RA---ARC"),
+        (
+            "cots-wide",
+            fisheye([-0.02, 3e-3, -8e-4, 4e-5]),
+            "RA---ARC-SIP",
+        ),
+    ] {
+        let mut camera = camera(name);
+        camera.optics.projection = lens;
+        camera.optics.principal_px[1] -= 7.3;
+        if kind.contains("ARC") {
+            // Some 75 degrees from the boresight in the corners.
+            camera.optics.focal_px *= 0.2;
+        }
+        let label = label(&camera, 0, &numbers.attitude());
+        let frame = frame(&camera, &label, &mut numbers);
+        write(dir.path(), &camera, &label, &frame);
+        let (hdu, _) = read(&dir.path().join("frame_00000.fits"));
+        assert_eq!(text(&hdu, "CTYPE1"), kind);
+        let [a, b, c] = label.r_icrf_to_camera;
+        let matrix = Matrix3::from_rows(&[a.into(), b.into(), c.into()]);
+        let size = [camera.detector.width as f64, camera.detector.height as f64];
+        let mut worst = [0.0f64; 2];
+        for _ in 0..400 {
+            let pixel = size.map(|n| n * numbers.next() - 0.5);
+            // The pixel that truly has the direction which the header gives.
+            let seen = matrix * direction_by_header(&hdu, pixel);
+            let [x, y] = camera.optics.project(&seen).unwrap();
+            worst[0] = worst[0].max((x - pixel[0]).hypot(y - pixel[1]));
+            // Backwards: the ideal image of the true direction to the pixel.
+            let ideal = camera.optics.projection.ideal();
+            let ideal = camera
+                .optics
+                .project_by(&ideal, &camera.optics.direction(pixel));
+            let ideal = ideal.unwrap();
+            let [u, v] = [0, 1].map(|k| ideal[k] - camera.optics.principal_px[k]);
+            let back = [
+                ideal[0] + polynomial(&hdu, "AP", u, v),
+                ideal[1] + polynomial(&hdu, "BP", u, v),
+            ];
+            worst[1] = worst[1].max((back[0] - pixel[0]).hypot(back[1] - pixel[1]));
+        }
+        println!("{name} {kind} {worst:?}");
+        assert!(
+            worst[0] < 0.01 && worst[1] < 0.01,
+            "{name} {kind} {worst:?}"
+        );
+        if kind.ends_with("SIP") {
+            let stated = number(&hdu, "SIPERR");
+            assert!(
+                worst[0] < 2.0 * stated + 1e-9 && worst[1] < 2.0 * stated + 1e-9,
+                "{stated}"
+            );
+            assert!(number(&hdu, "A_DMAX") > 0.5);
         }
     }
 }

@@ -1,0 +1,130 @@
+//! The distortion of a lens as the polynomials of a FITS header (SIP: Shupe et al. 2005, ASP Conf. Ser. 347, 491).
+//!
+//! With (u, v) a pixel's offset from the principal point, the ideal projection has it at `(u + f(u, v), v + g(u, v))`,
+//! `f = sum A_pq u^p v^q`, `g = sum B_pq u^p v^q`, 2 <= p + q <= the order. Backwards `AP`, `BP`, from p + q = 1.
+//! Least squares over the detector, of the lowest order that leaves less than [`ENOUGH_PX`] everywhere.
+
+use crate::camera::{Camera, Optics};
+use nalgebra::{DMatrix, DVector};
+
+/// A residual (px) that no star's place shows.
+const ENOUGH_PX: f64 = 1e-4;
+/// The highest order that the convention has.
+const MOST: usize = 9;
+/// Points a side that are fitted.
+const SIDE: usize = 24;
+
+/// A polynomial's exponents of u and v, and its two coefficients: of columns and of rows.
+pub type Term = ([usize; 2], [f64; 2]);
+
+/// The polynomials of a camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sip {
+    /// Order of all of them.
+    pub order: usize,
+    /// `A` and `B`.
+    pub forward: Vec<Term>,
+    /// `AP` and `BP`.
+    pub back: Vec<Term>,
+    /// Greatest correction on the detector, px.
+    pub most_px: f64,
+    /// Greatest distance of a fitted point from the truth, both ways, px.
+    pub residual_px: f64,
+}
+
+/// Offsets from the principal point and what is to be added there, px.
+type Point = ([f64; 2], [f64; 2]);
+
+impl Sip {
+    /// The polynomials of a camera; none where its projection is ideal.
+    pub fn of(camera: &Camera) -> Option<Sip> {
+        if camera.optics.projection.is_ideal() {
+            return None;
+        }
+        let forward: Vec<Point> = grid(camera)
+            .filter_map(|pixel| correction(&camera.optics, pixel))
+            .collect();
+        let back: Vec<Point> = forward
+            .iter()
+            .map(|(at, by)| ([at[0] + by[0], at[1] + by[1]], [-by[0], -by[1]]))
+            .collect();
+        let most_px = forward
+            .iter()
+            .map(|(_, by)| libm::hypot(by[0], by[1]))
+            .fold(0.0, f64::max);
+        let mut best: Option<Sip> = None;
+        for order in 2..=MOST {
+            let (ahead, behind) = (fit(&forward, 2, order), fit(&back, 1, order));
+            let (Some((forward, a)), Some((back, b))) = (ahead, behind) else {
+                continue;
+            };
+            let residual_px = a.max(b);
+            if best
+                .as_ref()
+                .is_none_or(|best| residual_px < best.residual_px)
+            {
+                best = Some(Sip {
+                    order,
+                    forward,
+                    back,
+                    most_px,
+                    residual_px,
+                });
+            }
+            if residual_px < ENOUGH_PX {
+                break;
+            }
+        }
+        best
+    }
+}
+
+/// Points from edge to edge, denser towards the edges: where Chebyshev's polynomials have their extremes.
+fn grid(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
+    let [width, height] = [camera.detector.width, camera.detector.height].map(|n| n as f64);
+    let part =
+        |i: usize| 0.5 - 0.5 * libm::cos(std::f64::consts::PI * i as f64 / (SIDE - 1) as f64);
+    let pixel = move |i, j| [part(i) * width - 0.5, part(j) * height - 0.5];
+    (0..SIDE).flat_map(move |j| (0..SIDE).map(move |i| pixel(i, j)))
+}
+
+/// A pixel's offset from the principal point, and that of its direction's ideal image beyond it.
+fn correction(optics: &Optics, pixel: [f64; 2]) -> Option<Point> {
+    let ideal = optics.projection.ideal().image(&optics.direction(pixel))?;
+    let at = [0, 1].map(|k| pixel[k] - optics.principal_px[k]);
+    Some((at, [0, 1].map(|k| optics.focal_px * ideal[k] - at[k])))
+}
+
+/// The terms of least squares, and the greatest distance that they leave.
+fn fit(points: &[Point], lowest: usize, order: usize) -> Option<(Vec<Term>, f64)> {
+    let exponents: Vec<[usize; 2]> = (lowest..=order)
+        .flat_map(|sum| (0..=sum).map(move |q| [sum - q, q]))
+        .collect();
+    // In units of the furthest point, so that powers stay near 1.
+    let unit = points
+        .iter()
+        .flat_map(|(at, _)| at.map(f64::abs))
+        .fold(1.0, f64::max);
+    let power = |at: &[f64; 2], [p, q]: [usize; 2]| {
+        (at[0] / unit).powi(p as i32) * (at[1] / unit).powi(q as i32)
+    };
+    let matrix = DMatrix::from_fn(points.len(), exponents.len(), |i, j| {
+        power(&points[i].0, exponents[j])
+    });
+    let qr = matrix.clone().qr();
+    let solve = |k: usize| {
+        let mut wanted = DVector::from_iterator(points.len(), points.iter().map(|(_, by)| by[k]));
+        qr.q_tr_mul(&mut wanted);
+        qr.r()
+            .solve_upper_triangular(&wanted.rows(0, exponents.len()).into_owned())
+    };
+    let (x, y) = (solve(0)?, solve(1)?);
+    let (u, v) = (&matrix * &x, &matrix * &y);
+    let miss = |(i, (_, by)): (usize, &Point)| libm::hypot(u[i] - by[0], v[i] - by[1]);
+    let residual = points.iter().enumerate().map(miss).fold(0.0, f64::max);
+    let scaled = |(j, e): (usize, &[usize; 2])| {
+        let scale = unit.powi((e[0] + e[1]) as i32);
+        (*e, [x[j] / scale, y[j] / scale])
+    };
+    Some((exponents.iter().enumerate().map(scaled).collect(), residual))
+}
