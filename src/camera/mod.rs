@@ -104,9 +104,23 @@ impl Camera {
 
     /// The angle from the boresight (rad) within which every pixel, widened by `margin_px`, lies.
     pub fn cone_rad(&self, margin_px: f64) -> f64 {
-        if *self.optics.projection.model() != Model::Pinhole {
-            return self.distorted_cone_rad(margin_px);
+        match self.optics.projection.model() {
+            Model::Pinhole => self.pinhole_cone_rad(margin_px),
+            // Distortion may be left out.
+            Model::BrownConrady { .. } => {
+                let ideal = self.pinhole_cone_rad(margin_px);
+                self.distorted_cone_rad(margin_px).max(ideal)
+            }
+            Model::Fisheye { .. } => {
+                let (_, furthest) = self.scale_and_corner_px();
+                let ideal = (furthest + margin_px) / self.optics.focal_px;
+                let most = std::f64::consts::PI;
+                self.distorted_cone_rad(margin_px).max(ideal).min(most)
+            }
         }
+    }
+
+    fn pinhole_cone_rad(&self, margin_px: f64) -> f64 {
         let (w, h) = (
             self.detector.width as f64 - 0.5,
             self.detector.height as f64 - 0.5,

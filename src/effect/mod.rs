@@ -1,6 +1,7 @@
 //! The effects, from light to digits. Adding one is a file here and a line in [`EFFECTS`].
 
 mod dark;
+mod distortion;
 mod drift;
 mod frame_transfer;
 mod full_well;
@@ -10,6 +11,7 @@ mod readout;
 mod rolling;
 mod shot;
 mod smear;
+mod vignetting;
 
 use crate::fidelity::Fidelity;
 use crate::frame::{Charge, Tile};
@@ -18,9 +20,11 @@ use std::borrow::Cow;
 
 /// Every effect, in physical order.
 pub const EFFECTS: &[Effect] = &[
+    distortion::DISTORTION,
     drift::ABERRATION_DRIFT,
     smear::SMEAR,
     rolling::ROLLING_SHUTTER,
+    vignetting::VIGNETTING,
     point::STARS,
     point::RSOS,
     frame_transfer::FRAME_TRANSFER,

@@ -22,7 +22,7 @@ impl View {
         let camera = &self.camera;
         let track = self.track(candidate, simulated, fidelity)?;
         // Where nothing takes of the light, not even the last digit of a sum does.
-        let whole = !simulated.rolling;
+        let whole = !simulated.rolling && !simulated.vignetting;
         let shine = candidate.shine();
         let Collected { light, centre } = Collected::of(&track, camera, fidelity, &shine);
         let light = if whole { 1.0 } else { light };
@@ -61,6 +61,13 @@ impl View {
         fidelity: &Fidelity,
     ) -> Option<Track> {
         let (camera, exposure_s) = (&self.camera, self.exposure.duration_s);
+        let optics = &camera.optics;
+        let ideal = optics.projection.ideal();
+        let projection = if simulated.distortion {
+            &optics.projection
+        } else {
+            &ideal
+        };
         let place = |dt_s: f64, turned_s: f64, drifts: bool| {
             let part = 0.5 + dt_s / self.open_s.max(f64::MIN_POSITIVE);
             let line = match &candidate.body {
@@ -71,10 +78,13 @@ impl View {
                 Body::Rso(_) => candidate.line(0.5 + turned_s / self.open_s.max(f64::MIN_POSITIVE)),
             };
             let seen: Vector3<f64> = self.pointing(turned_s).rotate(&line);
-            camera
-                .optics
-                .project(&seen)
-                .map(|at| Place { at, light: 1.0 })
+            let light = if simulated.vignetting {
+                optics.vignetting.transmission(&seen)
+            } else {
+                1.0
+            };
+            let at = optics.project_by(projection, &seen)?;
+            Some(Place { at, light })
         };
         let truth = |dt_s: f64| place(dt_s, dt_s, true);
         if !simulated.smear && !simulated.aberration_drift {

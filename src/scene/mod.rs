@@ -9,9 +9,11 @@ mod imaging;
 mod simulated;
 mod trail;
 mod view;
+mod work;
 
 pub use simulated::Simulated;
 pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};
+pub use work::Work;
 
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;

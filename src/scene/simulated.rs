@@ -3,12 +3,16 @@
 /// The effects of one frame. None of them gives still images of an ideal camera, and nothing in them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Simulated {
+    /// The lens departs from its ideal.
+    pub distortion: bool,
     /// The observer's velocity changes, and with it the aberration of the stars.
     pub aberration_drift: bool,
     /// Images move during the exposure.
     pub smear: bool,
     /// Rows open and close one after the other.
     pub rolling: bool,
+    /// Less light passes off the boresight.
+    pub vignetting: bool,
     /// The stars shine.
     pub stars: bool,
     /// The objects in orbit shine.

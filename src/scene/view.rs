@@ -2,7 +2,7 @@
 
 use super::{Body, Exposure, Hidden, World};
 use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
-use crate::camera::Camera;
+use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use crate::footprint::Light;
 use crate::rng::NoiseKey;
@@ -149,6 +149,8 @@ pub struct View {
     pub exposure: Exposure,
     /// From the first row's opening to the last row's closing, around the middle of the exposure, s.
     pub open_s: f64,
+    /// How far the body turns in that time, rad.
+    pub turn: f64,
     /// How much the observer's velocity, as far as it aberrates, differs at the start and at the end of that time from
     /// that at mid-exposure, m/s.
     pub velocity_change_m_s: [Vector3<f64>; 2],
@@ -191,6 +193,7 @@ impl View {
         let mut view = View {
             exposure,
             open_s,
+            turn,
             velocity_change_m_s: [change(&shutter[0]), change(&shutter[2])],
             vehicle: vehicle.at(exposure.mid),
             camera: camera.clone(),
@@ -258,10 +261,35 @@ impl View {
         self.peak_e() * (shift_px * slope).min(1.0)
     }
 
-    /// A bound (e-) of the brightest pixel of still images: twice that of the brightest source, for what stands beside it.
+    /// A bound (e-) of the brightest pixel of still images.
     pub fn peak_e(&self) -> f64 {
-        let brightest = self.candidates.iter().map(Candidate::electrons);
-        2.0 * brightest.fold(0.0, f64::max)
+        self.brightest_px_e(|_| 1.0)
+    }
+
+    /// A bound (e-) of the pixel that the most light falls on, of each source that part which `part` says of its direction
+    /// (camera axes): twice that of the brightest source, for what stands beside it.
+    pub fn brightest_px_e(&self, part: impl Fn(&Vector3<f64>) -> f64) -> f64 {
+        let camera = &self.camera;
+        // Of a source in the middle of a pixel.
+        let mut stamp = Stamp::default();
+        let psf = camera.optics.psf_at(camera.optics.principal_px, 1.0);
+        psf.spread(1.0, [0.0; 2], 0..1, 0..1, &mut stamp);
+        let share: f64 = stamp.light.iter().sum();
+        let pointing = self.pointing(0.0);
+        let widest = (camera.cone_rad(psf.core_px() * 5.0) + self.turn).min(std::f64::consts::PI);
+        let edge = libm::cos(widest);
+        let mut most = 0.0f64;
+        for candidate in &self.candidates {
+            let e = candidate.electrons();
+            // Few are brighter than all before them.
+            if e > most {
+                let seen = pointing.rotate(&candidate.line(0.5)).normalize();
+                if seen.z >= edge - candidate.swing() {
+                    most = most.max(e * part(&seen));
+                }
+            }
+        }
+        2.0 * most * share
     }
 
     fn star(&self, star: SeenStar, earth: &Earth, observer: &Observer) -> Candidate {

@@ -3,6 +3,7 @@
 mod brute;
 mod labels;
 mod light;
+mod passing;
 mod rolling;
 mod shade;
 mod smear;

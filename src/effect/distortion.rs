@@ -1,0 +1,51 @@
+//! Distortion: the lens does not project as its ideal would.
+//!
+//! Brown-Conrady's model against the pinhole, or the coefficients of a fisheye against the equidistant projection;
+//! `camera::projection` has the equations. Validity: to the model's end, beyond which nothing has an image. Without it images are
+//! off by the greatest displacement on the detector. Price: a polynomial, for a fisheye an arc tangent too, each time a
+//! track is looked at.
+
+use super::{Effect, Judge, Loss, Need, Stage};
+use crate::fidelity::Fidelity;
+use crate::scene::View;
+
+/// The lens's departure from its ideal.
+pub const DISTORTION: Effect = Effect {
+    name: "distortion",
+    stage: Stage::Images,
+    random: false,
+    judge: Judge::Images(judge),
+    mark: |simulated| simulated.distortion = true,
+};
+
+/// Places along a side of the detector at which the displacement is looked at.
+const PLACES: usize = 13;
+
+fn judge(view: &View, _: &Fidelity) -> Need {
+    let (optics, detector) = (&view.camera.optics, &view.camera.detector);
+    if optics.projection.is_ideal() {
+        return Need::none("the lens has no distortion");
+    }
+    let ideal = optics.projection.ideal();
+    let place = |i: usize, pixels: usize| i as f64 / (PLACES - 1) as f64 * pixels as f64 - 0.5;
+    let places = (0..PLACES * PLACES).map(|i| {
+        [
+            place(i % PLACES, detector.width),
+            place(i / PLACES, detector.height),
+        ]
+    });
+    let off = places.filter_map(|at| {
+        let [x, y] = optics.project_by(&ideal, &optics.direction(at))?;
+        Some((x - at[0]).hypot(y - at[1]))
+    });
+    // Between two places it is no hundredth more.
+    let px = 1.01 * off.fold(0.0, f64::max);
+    Need {
+        because: format!("it moves images by up to {px:.3} px").into(),
+        error: Loss {
+            e: view.e_of_shift(px),
+            px,
+        },
+        price_ms: view.looks() * 30e-6,
+    }
+}
