@@ -12,6 +12,8 @@
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Body, View};
+use crate::sky::bodies::LIGHT_M_S;
+use nalgebra::Vector3;
 
 /// The change of the stars' aberration during the exposure.
 pub const ABERRATION_DRIFT: Effect = Effect {
@@ -22,31 +24,46 @@ pub const ABERRATION_DRIFT: Effect = Effect {
     mark: |simulated| simulated.aberration_drift = true,
 };
 
-fn judge(view: &View, _: &Fidelity) -> Need {
+fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let [start, end] = view.velocity_change_m_s.map(|dv| dv.norm());
     if start.max(end) == 0.0 {
         return Need::none("no change of the observer's velocity aberrates");
     }
-    let stars = view
+    if !view
         .candidates
         .iter()
-        .filter_map(|candidate| match &candidate.body {
-            Body::Star(star) => Some(star.direction),
-            Body::Rso(_) => None,
-        });
-    let furthest = stars
-        .flat_map(|star| [0.0, 1.0].map(|part| view.aberration_drift(&star, part).norm()))
-        .fold(0.0, f64::max);
-    if furthest == 0.0 {
+        .any(|candidate| matches!(candidate.body, Body::Star(_)))
+    {
         return Need::none("there is no star");
     }
+    // |du| = |dv| sin(angle between them) / c, for the star in the field's circle that is furthest from dv's axis.
+    let axis = view.pointing(0.0).matrix().transpose() * Vector3::z();
+    let field = view.camera.cone_rad(0.0) + view.turn;
+    let bound = |dv: &Vector3<f64>| {
+        let from = dv.angle(&axis);
+        let from = from.min(std::f64::consts::PI - from);
+        dv.norm() / LIGHT_M_S * libm::sin((from + field).min(std::f64::consts::FRAC_PI_2))
+    };
+    let furthest = view
+        .velocity_change_m_s
+        .iter()
+        .map(bound)
+        .fold(0.0, f64::max);
     let px = furthest * view.camera.scale_and_corner_px().0;
+    // Images that would stand still otherwise become tracks of two panels.
+    let still = view.longest_track_px(view.exposure.duration_s) <= fidelity.skip_px;
+    let work = view.work(view.exposure.duration_s, fidelity);
+    let price_ms = if still {
+        work.moving_ms(view)
+    } else {
+        2.0 * work.panels * 20e-6
+    };
     Need {
         because: format!("stars move by up to {px:.2e} px from mid-exposure to its ends").into(),
         error: Loss {
             e: view.e_of_shift(px),
             px,
         },
-        price_ms: 0.0,
+        price_ms,
     }
 }

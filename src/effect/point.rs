@@ -6,7 +6,7 @@
 
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::{Body, Scene, Source};
+use crate::scene::{Body, Scene, Source, still_ms};
 
 /// The stars.
 pub const STARS: Effect = Effect {
@@ -25,18 +25,19 @@ pub const RSOS: Effect = Effect {
     mark: |simulated| simulated.rsos = true,
 };
 
-fn judge_stars<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
     let is_star = |body: &Body| matches!(body, Body::Star(_));
-    judge(scene, "stars", is_star)
+    judge(scene, fidelity, "stars", is_star)
 }
 
-fn judge_rsos<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
     let is_rso = |body: &Body| matches!(body, Body::Rso(_));
-    judge(scene, "objects", is_rso)
+    judge(scene, fidelity, "objects", is_rso)
 }
 
 fn judge<'s>(
     scene: &'s Scene,
+    fidelity: &Fidelity,
     what: &'static str,
     kind: impl Fn(&Body) -> bool,
 ) -> (Need, Pass<'s>) {
@@ -52,7 +53,7 @@ fn judge<'s>(
                 e: scene.peak_of(&drawn),
                 px: 0.0,
             },
-            price_ms: pixels as f64 * 1e-6,
+            price_ms: still_ms(&scene.view, &drawn, fidelity),
         }
     };
     let pass = Pass::Tile(Box::new(move |tile| {

@@ -20,7 +20,7 @@ pub const ROLLING_SHUTTER: Effect = Effect {
     mark: |simulated| simulated.rolling = true,
 };
 
-fn judge(view: &View, _: &Fidelity) -> Need {
+fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let readout_s = view.camera.readout_s();
     if readout_s == 0.0 {
         return Need::none("all rows are exposed together");
@@ -42,6 +42,6 @@ fn judge(view: &View, _: &Fidelity) -> Need {
             e: view.e_of_shift(off_px) + view.peak_e() * longer,
             px: off_px,
         },
-        price_ms: 0.0,
+        price_ms: view.work(view.open_s, fidelity).rolling_ms(view),
     }
 }

@@ -18,7 +18,7 @@ pub const SMEAR: Effect = Effect {
     mark: |simulated| simulated.smear = true,
 };
 
-fn judge(view: &View, _: &Fidelity) -> Need {
+fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let length_px = view.longest_track_px(view.exposure.duration_s);
     if length_px == 0.0 {
         return Need::none("nothing moves during the exposure");
@@ -31,6 +31,8 @@ fn judge(view: &View, _: &Fidelity) -> Need {
             e: view.peak_e() * spread.min(1.0),
             px: length_px / 2.0,
         },
-        price_ms: 0.0,
+        price_ms: view
+            .work(view.exposure.duration_s, fidelity)
+            .moving_ms(view),
     }
 }

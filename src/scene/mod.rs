@@ -13,7 +13,7 @@ mod work;
 
 pub use simulated::Simulated;
 pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};
-pub use work::Work;
+pub use work::{Work, still_ms};
 
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;

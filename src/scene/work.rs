@@ -1,12 +1,21 @@
 //! How much work images are, before they are made: what prices of effects are told by.
 
-use super::{Body, View};
+use super::{Body, Source, View};
 use crate::fidelity::Fidelity;
 
 /// Places of a track that are looked at.
-const PLACES: usize = 9;
+const PLACES: usize = 5;
 /// Sources that are looked at; the others are taken to be like them.
-const SOURCES: usize = 48;
+const SOURCES: usize = 32;
+
+/// ns of a look at a source: its pointing, its line and its projection.
+const LOOK_NS: f64 = 90.0;
+/// ns of a source whose image stands still, beside its pixels.
+const SOURCE_NS: f64 = 500.0;
+/// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds.
+const FOOTPRINT_NS: f64 = 9.0;
+/// ns of a pixel of a footprint when it is drawn.
+const DRAWN_NS: f64 = 1.0;
 
 /// The images of a view, counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -17,9 +26,7 @@ pub struct Work {
     pub panels: f64,
     /// Pixels that tracks reach beyond those of images that stand still.
     pub wider: f64,
-    /// Pixels of one sample.
-    pub stamp: f64,
-    /// Rows of one sample.
+    /// Rows (and columns) of one sample, on average.
     pub rows: f64,
 }
 
@@ -32,15 +39,10 @@ impl View {
     /// The work of moving images over `seconds`.
     pub fn work(&self, seconds: f64, fidelity: &Fidelity) -> Work {
         let (camera, psf) = (&self.camera, &self.camera.optics.psf);
-        let side = 2.0 * psf.reach_px(fidelity.psf_loss) + 1.0;
         let step = fidelity.track_step_sigma * psf.core_px();
         let every = self.candidates.len().div_ceil(SOURCES).max(1);
         let detector = &camera.detector;
-        let mut work = Work {
-            stamp: side * side,
-            rows: side,
-            ..Work::default()
-        };
+        let mut work = Work::default();
         let looked = self.candidates.iter().step_by(every);
         let share = self.candidates.len() as f64 / looked.len().max(1) as f64;
         for candidate in looked {
@@ -54,6 +56,7 @@ impl View {
                 camera.optics.project(&self.pointing(dt_s).rotate(&line))
             });
             let places: Vec<[f64; 2]> = places.collect();
+            let side = side_px(self, candidate.clear_e, fidelity);
             let inside = |at: &[f64; 2]| {
                 let near = |x: f64, pixels: usize| x > -side && x < pixels as f64 + side;
                 near(at[0], detector.width) && near(at[1], detector.height)
@@ -69,7 +72,46 @@ impl View {
             work.sources += share;
             work.panels += share * (way / step).max(2.0);
             work.wider += share * way * side;
+            work.rows += share * side;
         }
+        work.rows /= work.sources.max(1.0);
         work
     }
+}
+
+impl Work {
+    /// ms of `samples` of tracks.
+    fn samples_ms(&self, view: &View, samples: f64) -> f64 {
+        let stamp_ns = view.camera.optics.psf.stamp_ns(self.rows);
+        samples * (stamp_ns + LOOK_NS) * 1e-6
+    }
+
+    /// What it takes to move images, ms: the panels of their tracks, and the pixels that they reach.
+    pub fn moving_ms(&self, view: &View) -> f64 {
+        self.samples_ms(view, 2.0 * self.panels) + self.wider * FOOTPRINT_NS * 1e-6
+    }
+
+    /// What it takes to tell rows apart, ms: two samples at two edges of each row of an image, spread for the image and for what is collected.
+    pub fn rolling_ms(&self, view: &View) -> f64 {
+        self.samples_ms(view, 1.5 * 4.0 * self.rows * self.sources)
+    }
+}
+
+/// What the still images of `sources` take, and drawing them as they are, ms.
+pub fn still_ms(view: &View, sources: &[&Source], fidelity: &Fidelity) -> f64 {
+    let psf = &view.camera.optics.psf;
+    let still = sources.iter().map(|source| {
+        let side = side_px(view, source.clear_e, fidelity);
+        let drawn = source.footprint.shares().len() as f64;
+        SOURCE_NS + psf.stamp_ns(side) + side * side * FOOTPRINT_NS + drawn * DRAWN_NS
+    });
+    (still.sum::<f64>() + view.looks() * LOOK_NS) * 1e-6
+}
+
+/// Rows and columns of the spread of a source of that light.
+fn side_px(view: &View, electrons: f64, fidelity: &Fidelity) -> f64 {
+    let optics = &view.camera.optics;
+    let wing = fidelity.wing_e / electrons;
+    let psf = optics.psf_at(optics.principal_px, 1.0);
+    2.0 * psf.drawn_px(fidelity.psf_loss, wing) + 1.0
 }

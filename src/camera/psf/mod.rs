@@ -137,6 +137,17 @@ impl Psf {
         [least * a.min(b), most * a.max(b)]
     }
 
+    /// What spreading a point over a square of so many rows takes, ns on one core.
+    pub fn stamp_ns(&self, rows: f64) -> f64 {
+        match self.shape {
+            // Error functions at the edges of rows and columns, and a product a pixel.
+            Shape::Gaussian(_) => 2.0 * (rows + 1.0) * 18.0 + rows * rows * 1.5,
+            // Interpolation in a table.
+            Shape::Airy(..) | Shape::Moffat(..) => 100.0 + rows * rows * 10.0,
+            Shape::Images(_) => 100.0 + rows * rows * 20.0,
+        }
+    }
+
     /// The greatest [`LocalPsf::reach_px`] of the field and of all colours.
     pub fn reach_px(&self, loss: f64) -> f64 {
         self.local(self.scales()[1], images::Mix::default())
