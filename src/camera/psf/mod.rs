@@ -141,7 +141,7 @@ impl Psf {
     pub fn stamp_ns(&self, rows: f64) -> f64 {
         match self.shape {
             // Error functions at the edges of rows and columns, and a product a pixel.
-            Shape::Gaussian(_) => 2.0 * (rows + 1.0) * 18.0 + rows * rows * 1.5,
+            Shape::Gaussian(_) => 2.0 * (rows + 1.0) * 22.0 + rows * rows * 2.5,
             // Interpolation in a table.
             Shape::Airy(..) | Shape::Moffat(..) => 100.0 + rows * rows * 10.0,
             Shape::Images(_) => 100.0 + rows * rows * 20.0,
