@@ -1,14 +1,20 @@
 //! Labels: what is in a frame, exactly. One JSON object a frame; its names are the contract of the README.
 
+mod spot;
+
+pub use spot::SpotLabel;
+
 use crate::camera::Camera;
 use crate::effect::Verdict;
 use crate::plan::{Plan, Step};
 use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
+use serde::ser::SerializeSeq;
 use serde::{Serialize, Serializer};
 use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
+use std::ops::{Deref, DerefMut};
 
 /// Objects of a lower signal-to-noise ratio count as not visible.
 pub const VISIBLE_SNR: f64 = 3.0;
@@ -45,8 +51,61 @@ pub struct Label {
     pub background_e_px: f64,
     /// What was simulated and what was not, and why, in physical order.
     pub effects: Vec<EffectLabel>,
-    /// The objects in the frame or with light on the detector.
-    pub objects: Vec<ObjectLabel>,
+    /// What is in the frame.
+    pub objects: Objects,
+}
+
+/// What is in a frame: sources of light, and beside them, in the same array of the text, what is none. As a list it is
+/// that of the sources.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Objects {
+    /// The stars and RSOs in the frame or with light on the detector.
+    pub sources: Vec<ObjectLabel>,
+    /// Particles and defective pixels.
+    pub spots: Vec<SpotLabel>,
+}
+
+impl From<Vec<ObjectLabel>> for Objects {
+    fn from(sources: Vec<ObjectLabel>) -> Self {
+        let spots = Vec::new();
+        Objects { sources, spots }
+    }
+}
+
+impl Deref for Objects {
+    type Target = Vec<ObjectLabel>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.sources
+    }
+}
+
+impl DerefMut for Objects {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.sources
+    }
+}
+
+impl<'a> IntoIterator for &'a Objects {
+    type Item = &'a ObjectLabel;
+    type IntoIter = std::slice::Iter<'a, ObjectLabel>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.sources.iter()
+    }
+}
+
+impl Serialize for Objects {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let mut list = to.serialize_seq(Some(self.sources.len() + self.spots.len()))?;
+        for source in &self.sources {
+            list.serialize_element(source)?;
+        }
+        for spot in &self.spots {
+            list.serialize_element(spot)?;
+        }
+        list.end()
+    }
 }
 
 /// The plan's verdict on one effect.
@@ -202,12 +261,15 @@ impl Label {
             r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
             background_e_px: scene.background_e(),
             effects: plan.steps.iter().map(EffectLabel::new).collect(),
-            objects: scene
-                .sources
-                .iter()
-                .filter(|source| source.clear_snr >= label_snr)
-                .map(|source| object(source, scene, world))
-                .collect(),
+            objects: Objects {
+                sources: scene
+                    .sources
+                    .iter()
+                    .filter(|source| source.clear_snr >= label_snr)
+                    .map(|source| object(source, scene, world))
+                    .collect(),
+                spots: spot::spots(scene, label_snr),
+            },
         }
     }
 
@@ -302,14 +364,16 @@ fn why_not_visible(source: &Source, in_frame: bool) -> Option<String> {
                 Body::Rso(seen) if seen.illumination < 1.0 => ", in the Earth's penumbra",
                 _ => "",
             };
-            // Rounded down, so that it never reads as the limit itself.
-            let snr = (source.snr * 100.0).floor() / 100.0;
-            Some(format!(
-                "too faint{dimmed}: snr {snr} is below {VISIBLE_SNR}"
-            ))
+            Some(too_faint(dimmed, source.snr))
         }
         None => None,
     }
+}
+
+fn too_faint(dimmed: &str, snr: f64) -> String {
+    // Rounded down, so that it never reads as the limit itself.
+    let snr = (snr * 100.0).floor() / 100.0;
+    format!("too faint{dimmed}: snr {snr} is below {VISIBLE_SNR}")
 }
 
 fn rso_label(seen: &SeenObject) -> RsoLabel {

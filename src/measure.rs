@@ -64,7 +64,7 @@ impl Bench<'_> {
         };
         let most =
             |change: &[f64]| (0..change.len()).max_by(|i, j| change[*i].total_cmp(&change[*j]));
-        if !effect.random {
+        if !effect.random || effect.is_foreseen() {
             let change = change(0..1)?;
             return Ok(most(&change).map_or(0.0, |pixel| change[pixel]));
         }

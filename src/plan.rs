@@ -22,7 +22,10 @@ pub struct Plan<'s> {
 /// The effects that this view's frame has: those that shape images where they are needed, and all others but those that
 /// are switched off. (What they leave out where they are not needed lies within the tolerances.)
 pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated {
-    let mut simulated = Simulated::default();
+    let mut simulated = Simulated {
+        noise: choice.noise,
+        ..Simulated::default()
+    };
     for effect in EFFECTS {
         let runs = match &effect.judge {
             Judge::Images(judge) => {

@@ -57,9 +57,18 @@ fn the_readme_lists_the_labels_fields() {
         .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
         .unwrap();
     let label: serde_json::Value = serde_json::from_str(&shot.json).unwrap();
+    // A detector with defects.
+    let mut flawed = Config::defaults().unwrap();
+    flawed.camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
+    let mut flawed = Emulator::new(&mut flawed);
+    let flaws = flawed
+        .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
+        .unwrap();
+    let flaws: serde_json::Value = serde_json::from_str(&flaws.json).unwrap();
     let mut fields: Names = label.as_object().unwrap().keys().cloned().collect();
     let of_frame = label["effects"].as_array().unwrap();
-    for object in of_frame.iter().chain(label["objects"].as_array().unwrap()) {
+    let objects = [&label, &flaws].map(|label| label["objects"].as_array().unwrap());
+    for object in of_frame.iter().chain(objects.into_iter().flatten()) {
         fields.extend(object.as_object().unwrap().keys().cloned());
     }
     // The frame holds stars and satellites, seen ones and (too faint) unseen ones.
@@ -292,6 +301,7 @@ fn the_readme_lists_the_cameras_keys() {
         "optics.projection",
         "optics.vignetting",
         "detector",
+        "radiation",
         "timing",
         "mounting",
     ];

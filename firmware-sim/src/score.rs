@@ -19,7 +19,7 @@ pub const BRIGHT_SNR: f64 = 10.0;
 /// What the score needs of a labelled object.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct Label {
-    /// `star` or `rso`.
+    /// `star` or `rso`; `radiation` or `defect`, which are no light.
     pub kind: String,
     /// The object's identifier.
     pub id: String,
@@ -35,6 +35,13 @@ pub struct Label {
     pub in_frame: bool,
     /// In frame, lit, not occulted, snr >= 3.
     pub visible: bool,
+}
+
+impl Label {
+    /// Whether it is a source of light, which a detection should find.
+    fn is_source(&self) -> bool {
+        self.kind == "star" || self.kind == "rso"
+    }
 }
 
 impl From<ObjectRecord> for Label {
@@ -155,6 +162,9 @@ fn compare(
     frame: &ReceivedFrame,
     detections: &Detections,
 ) -> Score {
+    let (labels, spots): (Vec<Label>, Vec<Label>) = labels.into_iter().partition(Label::is_source);
+    // What a particle or a defect shows as is neither found nor missed nor false.
+    let spots = Field::new(spots);
     /// A detection so much brighter than the faintest label would have one itself.
     const CLEARLY: f64 = 2.0;
     let faintest = labels.iter().map(|label| label.electrons);
@@ -209,7 +219,8 @@ fn compare(
     score.false_detections = found
         .iter()
         .zip(&used)
-        .filter(|(at, used)| !**used && at.flux_e > due_e && !field.is_lit(at.x_px, at.y_px))
+        .filter(|(at, used)| !**used && at.flux_e > due_e)
+        .filter(|(at, _)| !field.is_lit(at.x_px, at.y_px) && !spots.is_lit(at.x_px, at.y_px))
         .count();
     score.missed = (0..field.0.len())
         .filter(|&index| {

@@ -1,6 +1,18 @@
 //! The detector: pixels, noise and digits.
 
-/// A detector with a linear response.
+use super::Pattern;
+use std::sync::Arc;
+
+/// What becomes of charge that a pixel cannot hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Blooming {
+    /// It is lost: anti-blooming drains take it.
+    None,
+    /// It spills up and down its column.
+    Column,
+}
+
+/// A detector, at its temperature.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detector {
     /// Columns.
@@ -11,18 +23,26 @@ pub struct Detector {
     pub pitch_m: f64,
     /// Electrons a photon, averaged over the band (1).
     pub quantum_efficiency: f64,
-    /// Dark current, e-/s a pixel.
+    /// Dark current of a pixel on average, hot pixels left out, e-/s.
     pub dark_e_s: f64,
     /// Read noise, e- rms.
     pub read_noise_e: f64,
     /// Full well, e-.
     pub full_well_e: f64,
+    /// What becomes of charge beyond it.
+    pub blooming: Blooming,
+    /// Share of the signal that is missing at full well (1); see `effect`, non-linearity.
+    pub nonlinearity: f64,
     /// Gain, e-/DN: electrons are divided by it (the paper's "eDN").
     pub gain_e_per_dn: f64,
     /// What the converter gives for no charge, DN.
     pub offset_dn: f64,
     /// Bits of the converter.
     pub bits: u8,
+    /// What a stuck pixel gives, DN.
+    pub stuck_dn: u16,
+    /// What differs from pixel to pixel.
+    pub pattern: Arc<Pattern>,
 }
 
 impl Detector {
@@ -31,9 +51,44 @@ impl Detector {
         self.width * self.height
     }
 
-    /// Expected dark charge of a pixel in an exposure, e-.
+    /// How much faster dark current flows `warmer_k` above its reference, where it doubles every `doubling_k`:
+    /// `dark(T) = dark(T_ref) 2^((T - T_ref) / T_double)` (Janesick 2001, ch. 7.1: the law near one temperature of
+    /// `T^1.5 exp(-E_gap / 2 k T)`, which doubles every 5 to 8 K about room temperature and faster when colder).
+    pub fn dark_growth(warmer_k: f64, doubling_k: f64) -> f64 {
+        libm::exp2(warmer_k / doubling_k)
+    }
+
+    /// Expected dark charge of a pixel in an exposure, averaged over the detector, e-.
     pub fn dark_e(&self, exposure_s: f64) -> f64 {
-        self.dark_e_s * exposure_s
+        self.pattern.dark_mean_e_s() * exposure_s
+    }
+
+    /// The charge that is read where `e` (e-) is held: `e (1 - a e / full well)`, with `a` missing at full well. The first
+    /// term beyond the linear one of a source follower whose gain falls with its signal (Janesick 2007, Photon Transfer, ch. 8).
+    /// It rises all the way to full well for `a` up to 1/2; beyond the well it goes on with the slope of a line.
+    pub fn response_e(&self, e: f64) -> f64 {
+        e * (1.0 - self.nonlinearity * (e / self.full_well_e).clamp(0.0, 1.0))
+    }
+
+    /// Slope of [`Detector::response_e`] (1).
+    pub fn response_slope(&self, e: f64) -> f64 {
+        1.0 - 2.0 * self.nonlinearity * (e / self.full_well_e).clamp(0.0, 1.0)
+    }
+
+    /// The charge (e-) that the converter's largest number stands for.
+    pub fn converter_reach_e(&self) -> f64 {
+        (f64::from(self.max_dn()) - self.offset_dn) * self.gain_e_per_dn
+    }
+
+    /// Why its users should know, where the converter saturates before the pixels do.
+    pub fn converter_clips_first(&self) -> Option<String> {
+        let reach = self.converter_reach_e();
+        (self.response_e(self.full_well_e) > reach).then(|| {
+            format!(
+                "above the converter's reach of {reach:.0} e- ((2^adc_bits - 1 - offset_dn) gain_e_per_dn): digits clip before \
+                 pixels fill; adc_clips_first = true says that it is meant"
+            )
+        })
     }
 
     /// The largest digital number, `2^bits - 1`.
@@ -43,7 +98,7 @@ impl Detector {
 
     /// The digital number at which a pixel saturates: its full well, or full scale where that comes first.
     pub fn saturation_dn(&self) -> u16 {
-        let full_well = self.full_well_e / self.gain_e_per_dn + self.offset_dn;
+        let full_well = self.response_e(self.full_well_e) / self.gain_e_per_dn + self.offset_dn;
         (full_well.round() as u16).min(self.max_dn())
     }
 
@@ -87,5 +142,45 @@ mod tests {
         assert!(!inside(-0.501, 0.0) && !inside(0.0, -0.501));
         assert!(!inside(1279.5, 0.0) && !inside(0.0, 1023.5));
         assert!(!inside(f64::NAN, 0.0));
+    }
+
+    #[test]
+    fn the_response_bends_by_what_is_configured_and_never_falls() {
+        let mut detector = Camera::load("cots-wide", &Folder::current())
+            .unwrap()
+            .detector;
+        assert_eq!(detector.response_e(5000.0), 5000.0);
+        for share in [0.01, 0.2, 0.5] {
+            detector.nonlinearity = share;
+            let full = detector.full_well_e;
+            assert!((detector.response_e(full) / full - (1.0 - share)).abs() < 1e-12);
+            let steps: Vec<f64> = (0..=100).map(|i| full * f64::from(i) / 100.0).collect();
+            assert!(steps.is_sorted_by(|a, b| detector.response_e(*a) < detector.response_e(*b)));
+            for e in steps {
+                let slope = (detector.response_e(e + 0.01) - detector.response_e(e - 0.01)) / 0.02;
+                let inside = e > 0.0 && e < full;
+                assert!(!inside || (slope - detector.response_slope(e)).abs() < 1e-5);
+            }
+        }
+        // Below zero, where read noise leads, nothing bends.
+        assert_eq!(detector.response_e(-3.0), -3.0);
+    }
+
+    #[test]
+    fn a_converter_that_clips_first_is_told() {
+        let mut detector = Camera::load("cots-wide", &Folder::current())
+            .unwrap()
+            .detector;
+        assert_eq!(detector.converter_clips_first(), None);
+        // (4095 - 32) 2.6 = 10563.8.
+        detector.full_well_e = 10_600.0;
+        assert!(
+            detector
+                .converter_clips_first()
+                .unwrap()
+                .contains("10564 e-")
+        );
+        detector.nonlinearity = 0.01;
+        assert_eq!(detector.converter_clips_first(), None);
     }
 }

@@ -4,16 +4,20 @@ mod band;
 mod detector;
 mod file;
 mod optics;
+mod pattern;
 mod projection;
 pub mod psf;
+mod radiation;
 mod shutter;
 mod vignetting;
 
 pub use band::{Band, SUN_MAGNITUDE};
-pub use detector::Detector;
+pub use detector::{Blooming, Detector};
 pub use optics::Optics;
+pub use pattern::{Pattern, PatternFigures};
 pub use projection::{Model, Projection};
 pub use psf::{LocalPsf, Psf, Stamp};
+pub use radiation::{Event, Flux, MOST_EVENTS, Radiation};
 pub use shutter::Shutter;
 pub use vignetting::Vignetting;
 
@@ -33,12 +37,16 @@ pub const RATE_HZ: RangeInclusive<f64> = 1e-4..=1e4;
 pub struct Camera {
     /// Name, as labels and FITS headers give it.
     pub name: String,
+    /// Serial number, which its fixed pattern is keyed by.
+    pub serial: u64,
     /// Body to camera.
     pub mounting: Attitude,
     /// Aperture, projection, transmission, band and point spread function.
     pub optics: Optics,
     /// Pixels, noise and digits.
     pub detector: Detector,
+    /// Charged particles; none where the file has no such table.
+    pub radiation: Option<Radiation>,
     /// Exposure time unless commanded otherwise, s.
     pub exposure_s: f64,
     /// Frames a second at the camera's own cadence, Hz.

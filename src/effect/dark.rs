@@ -1,10 +1,18 @@
 //! Dark current: its mean is added to the light, and shot noise covers both.
+//!
+//! ```text
+//! N_xy <- N_xy + d_xy t,   d(T) = d(T_ref) 2^((T - T_ref) / T_double)
+//! ```
+//!
+//! The map d with its lognormal spread and its hot pixels is the camera's (`camera::pattern`); the law of temperature
+//! is told with `Detector::dark_growth`. Validity: one temperature for the whole detector, the same in every frame; hot pixels that
+//! flicker (random telegraph signals) are left out. Price: a sum a pixel, half again with a map.
 
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
 
-/// Dark charge, the same for every pixel.
+/// Dark charge.
 pub const DARK_CURRENT: Effect = Effect {
     name: "dark current",
     stage: Stage::Light,
@@ -15,15 +23,34 @@ pub const DARK_CURRENT: Effect = Effect {
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let detector = &scene.view.camera.detector;
-    let dark_e = detector.dark_e(scene.view.exposure.duration_s);
-    let need = if dark_e == 0.0 {
+    let pattern = &detector.pattern;
+    let seconds = scene.view.exposure.duration_s;
+    let (mean, most) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
+    let need = if most == 0.0 {
         Need::none("the detector has no dark current")
     } else {
-        let because = format!("{:.3} e-/s a pixel", detector.dark_e_s);
-        Need::of_pixels(scene, because, dark_e, 0.2)
+        let because = match pattern.hot() {
+            [] => format!("{mean:.3} e-/s a pixel"),
+            hot => format!("{mean:.3} e-/s a pixel, {} of them hot", hot.len()),
+        };
+        let ns = if pattern.dark_e_s().is_some() {
+            0.6
+        } else {
+            0.2
+        };
+        Need::of_pixels(scene, because, most * seconds, ns)
     };
-    let pass = Pass::Tile(Box::new(move |tile| {
-        tile.electrons.iter_mut().for_each(|e| *e += dark_e as f32);
-    }));
+    let pass = match pattern.dark_e_s() {
+        Some(map) => Pass::Tile(Box::new(move |tile| {
+            let first = tile.first_pixel();
+            for (e, dark) in tile.electrons.iter_mut().zip(&map[first..]) {
+                *e += (f64::from(*dark) * seconds) as f32;
+            }
+        })),
+        None => Pass::Tile(Box::new(move |tile| {
+            let dark_e = (mean * seconds) as f32;
+            tile.electrons.iter_mut().for_each(|e| *e += dark_e);
+        })),
+    };
     (need, pass)
 }

@@ -1,6 +1,16 @@
-//! Full well: a pixel holds no more charge than this.
+//! Full well: a pixel holds no more charge than this. What is too much is lost, as to an anti-blooming drain, or spills
+//! along its column (`bloom`).
+//!
+//! ```text
+//! N_xy <- min(N_xy, full well)
+//! ```
+//!
+//! Validity: a well of one depth for all pixels. Price: a comparison a pixel; where charge spills, each column that has an
+//! overfull pixel is worked through once.
 
+use super::bloom::Bloom;
 use super::{Effect, Judge, Need, Pass, Stage};
+use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
 
@@ -10,23 +20,97 @@ pub const FULL_WELL: Effect = Effect {
     stage: Stage::Charge,
     random: false,
     judge: Judge::Pixels(judge),
-    mark: |_| {},
+    mark: |simulated| simulated.full_well = true,
 };
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
-    let full = scene.view.camera.detector.full_well_e;
-    let brightest = scene.peak_e + scene.most_background_e();
+    let detector = &scene.view.camera.detector;
+    let full = detector.full_well_e;
+    let brightest = scene.brightest_e();
     // Ten sigma and ten above its expectation nothing is drawn.
-    let most = brightest + 10.0 * brightest.sqrt() + 10.0;
+    let most = brightest + 10.0 * brightest.sqrt() + 10.0 + scene.largest_event_e();
+    let spills = detector.blooming == Blooming::Column;
     let need = if most < full {
         Need::none("no pixel fills up")
     } else {
         let over = (brightest - full).max(most - brightest);
-        Need::of_pixels(scene, "a source may fill a pixel", over, 0.2)
+        if spills {
+            // A pixel that spills may fill one that was empty.
+            let because = "a pixel may fill up and spill along its column";
+            Need::of_pixels(scene, because, over.max(full), 0.5)
+        } else {
+            Need::of_pixels(scene, "a pixel may fill up", over, 0.2)
+        }
     };
-    let pass = Pass::Tile(Box::new(move |tile| {
-        let pixels = tile.electrons.iter_mut();
-        pixels.for_each(|e| *e = e.min(full as f32));
-    }));
+    let pass = if spills {
+        Pass::Frame(Box::new(move |charge| {
+            spill(charge.electrons, charge.width, full);
+        }))
+    } else {
+        Pass::Tile(Box::new(move |tile| {
+            let pixels = tile.electrons.iter_mut();
+            pixels.for_each(|e| *e = e.min(full as f32));
+        }))
+    };
     (need, pass)
+}
+
+/// Spills every column with an overfull pixel. Returns the charge that left at the columns' ends, e-.
+pub(super) fn spill(electrons: &mut [f32], width: usize, full: f64) -> f64 {
+    let mut overfull = vec![false; width];
+    for row in electrons.chunks(width) {
+        for (over, e) in overfull.iter_mut().zip(row) {
+            *over |= f64::from(*e) > full;
+        }
+    }
+    let (mut bloom, mut column, mut left) = (Bloom::default(), Vec::new(), 0.0);
+    for x in (0..width).filter(|x| overfull[*x]) {
+        column.clear();
+        column.extend(electrons[x..].iter().step_by(width));
+        left += bloom.spill(&mut column, full).iter().sum::<f64>();
+        for (to, e) in electrons[x..].iter_mut().step_by(width).zip(&column) {
+            *to = *e;
+        }
+    }
+    left
+}
+
+#[cfg(test)]
+mod tests {
+    use super::spill;
+
+    #[test]
+    fn a_frame_keeps_its_charge_and_columns_do_not_mix() {
+        let (width, height, full) = (7, 30, 1000.0);
+        let mut frame = vec![0.0f32; width * height];
+        let mut state = 1u32;
+        for e in &mut frame {
+            // Numerical Recipes' generator; any will do.
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            *e = (state >> 21) as f32;
+        }
+        frame[3 * width + 2] = 15_000.0;
+        let before = frame.clone();
+        let left = spill(&mut frame, width, full);
+        let column = |frame: &[f32], x: usize| -> f64 {
+            frame[x..]
+                .iter()
+                .step_by(width)
+                .map(|e| f64::from(*e))
+                .sum()
+        };
+        let lost: f64 = (0..width)
+            .map(|x| column(&before, x) - column(&frame, x))
+            .sum();
+        assert!(left > 0.0 && (lost - left).abs() < 1e-6, "{lost} {left}");
+        for x in 0..width {
+            assert!(column(&frame, x) <= column(&before, x));
+        }
+        assert!(frame.iter().all(|e| f64::from(*e) <= full + 1.0));
+        // Nothing overfull, nothing touched.
+        let mut calm = before.iter().map(|e| e.min(900.0)).collect::<Vec<_>>();
+        let same = calm.clone();
+        assert_eq!(spill(&mut calm, width, full), 0.0);
+        assert_eq!(calm, same);
+    }
 }

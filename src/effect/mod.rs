@@ -1,16 +1,22 @@
 //! The effects, from light to digits. Adding one is a file here and a line in [`EFFECTS`].
 
+mod bloom;
 mod dark;
+mod dead;
 mod distortion;
 mod drift;
 mod frame_transfer;
 mod full_well;
+mod nonlinearity;
 mod point;
+mod radiation;
 mod read;
 mod readout;
+mod response;
 mod rolling;
 mod shot;
 mod smear;
+mod stuck;
 mod vignetting;
 
 use crate::fidelity::Fidelity;
@@ -27,12 +33,17 @@ pub const EFFECTS: &[Effect] = &[
     vignetting::VIGNETTING,
     point::STARS,
     point::RSOS,
+    response::PIXEL_RESPONSE,
     frame_transfer::FRAME_TRANSFER,
     dark::DARK_CURRENT,
     shot::SHOT_NOISE,
+    radiation::RADIATION,
     full_well::FULL_WELL,
+    dead::DEAD_PIXELS,
+    nonlinearity::NON_LINEARITY,
     read::READ_NOISE,
     readout::READOUT,
+    stuck::STUCK_PIXELS,
 ];
 
 /// Something between the sky and the digits.
@@ -47,6 +58,15 @@ pub struct Effect {
     pub judge: Judge,
     /// Sets the scene's mark that this effect is simulated, where the scene depends on it.
     pub mark: fn(&mut Simulated),
+}
+
+impl Effect {
+    /// Whether what it draws is in the scene before it runs. Its error is then that of the frame at hand, and no rms.
+    pub fn is_foreseen(&self) -> bool {
+        let mut alone = Simulated::default();
+        (self.mark)(&mut alone);
+        alone.radiation
+    }
 }
 
 /// How an effect is asked.
@@ -98,6 +118,13 @@ pub enum Pass<'s> {
     Tile(Box<dyn Fn(&mut Tile<'_>) + Send + Sync + 's>),
     /// Works on the whole frame's charge at once.
     Frame(Box<dyn Fn(&mut Charge<'_>) + Send + Sync + 's>),
+}
+
+impl Pass<'_> {
+    /// Does nothing.
+    fn idle() -> Self {
+        Pass::Tile(Box::new(|_| {}))
+    }
 }
 
 /// An effect's answer to a scene.

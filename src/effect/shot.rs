@@ -18,14 +18,14 @@ pub const SHOT_NOISE: Effect = Effect {
 const STREAM: u8 = 1;
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
-    let most = scene.peak_e + scene.most_background_e();
+    let most = scene.brightest_e();
     let need = if most == 0.0 {
         Need::none("there is no light and no dark charge")
     } else {
         Need::of_pixels(scene, "light comes in quanta", most.sqrt(), 20.0)
     };
-    // Most pixels hold nothing but dark charge: one table serves them all.
-    let background = scene.dark_e() as f32;
+    // Where dark current is even, most pixels hold nothing but it: one table serves them all.
+    let background = scene.common_e();
     let table = PoissonTable::new(f64::from(background));
     let pass = Pass::Tile(Box::new(move |tile| {
         let first = tile.first_pixel();

@@ -13,6 +13,8 @@ const FILES: &[(&str, &str)] = files![
     "cameras/fai-630.toml",
     "cameras/rigel-l.toml",
     "cameras/cots-wide.toml",
+    "cameras/cmos-rolling.toml",
+    "cameras/ccd-transfer.toml",
     "scenes/rcm-2019-06-15/scene.toml",
     "scenes/rcm-2019-06-15/cassiope-A.oem",
     "scenes/rcm-2019-06-15/cassiope-B.oem",
@@ -25,7 +27,14 @@ const FILES: &[(&str, &str)] = files![
 ];
 
 /// The bare names of the cameras in `configs/cameras/`.
-pub const CAMERAS: &[&str] = &["fai-nir", "fai-630", "rigel-l", "cots-wide"];
+pub const CAMERAS: &[&str] = &[
+    "fai-nir",
+    "fai-630",
+    "rigel-l",
+    "cots-wide",
+    "cmos-rolling",
+    "ccd-transfer",
+];
 
 /// Every key with its default.
 pub const DEFAULT_TOML: &str = include_str!("../../configs/default.toml");

@@ -2,7 +2,7 @@
 
 use super::collected::Collected;
 use super::view::{Candidate, View};
-use super::{Body, Simulated, Source, background_e};
+use super::{Body, Simulated, Source};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::track::{Course, Place, Rows, Track};
@@ -113,37 +113,5 @@ impl View {
             place(dt_s, turned_s, simulated.aberration_drift)
         };
         Track::sample(at, &course, fidelity)
-    }
-
-    /// `sqrt(sum s^2 / (s + b + read^2))` over the pixels: the best that any weighting of them can reach. `trail_e`: what
-    /// transfer adds to each column (e-), if anything.
-    pub(super) fn snr(
-        &self,
-        footprint: &Footprint,
-        electrons: f64,
-        simulated: &Simulated,
-        trail_e: &[f64],
-    ) -> f64 {
-        let read = if simulated.read {
-            self.camera.detector.read_noise_e
-        } else {
-            0.0
-        };
-        let background = background_e(self, simulated);
-        let variance = |s: f64, column: usize| {
-            let trail = trail_e.get(column).copied().unwrap_or(0.0);
-            let held = s + background + trail;
-            let shot = if simulated.shot { held } else { 0.0 };
-            shot + read * read
-        };
-        let rows = footprint.rows(0..self.camera.detector.height);
-        let pixels = rows.flat_map(|(_, first, shares)| (first..).zip(shares));
-        let sum: f64 = pixels
-            .map(|(column, share)| (column, f64::from(*share) * electrons))
-            .filter(|(_, s)| *s > 0.0)
-            .map(|(column, s)| s * s / variance(s, column).max(f64::MIN_POSITIVE))
-            .sum();
-        // An empty sum is -0.
-        sum.abs().sqrt()
     }
 }

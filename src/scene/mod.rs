@@ -6,20 +6,24 @@
 mod brightest;
 mod collected;
 mod imaging;
+mod signal;
 mod simulated;
 mod trail;
 mod view;
 mod work;
 
+use signal::Noise;
+
 pub use simulated::Simulated;
 pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};
 pub use work::{Work, still_ms};
 
+use crate::camera::{Event, Flux};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::sky::population::SeenObject;
 use crate::sky::star_field::SeenStar;
-use crate::sky::{Corrections, Population, StarField};
+use crate::sky::{Corrections, Population, StarField, radiation};
 use hifitime::{Epoch, Unit};
 use rayon::prelude::*;
 
@@ -119,6 +123,8 @@ pub struct Scene {
     /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge is not shifted
     /// through light.
     pub trail_e: Vec<f64>,
+    /// The particles that cross the detector.
+    pub events: Vec<Event>,
 }
 
 impl Scene {
@@ -138,14 +144,16 @@ impl Scene {
         } else {
             &[]
         };
+        let noise = Noise::new(&view, &simulated, counted);
         sources.par_iter_mut().for_each(|source| {
-            let snr = |e: f64| view.snr(&source.footprint, e, &simulated, counted);
+            let snr = |e: f64| noise.snr(&source.footprint, e);
             (source.snr, source.clear_snr) = (snr(source.electrons), snr(source.clear_e));
         });
         Scene {
             simulated,
-            peak_e: brightest::pixel_e(&view.camera.detector, sources.iter()),
+            peak_e: brightest::pixel_e(&view.camera.detector, sources.iter(), None),
             trail_e,
+            events: events(&view, &simulated),
             view,
             sources,
         }
@@ -153,18 +161,97 @@ impl Scene {
 
     /// No pixel gets more light than this from `sources` together, e-.
     pub fn peak_of(&self, sources: &[&Source]) -> f64 {
-        brightest::pixel_e(&self.view.camera.detector, sources.iter().copied())
+        brightest::pixel_e(&self.view.camera.detector, sources.iter().copied(), None)
+    }
+
+    /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-.
+    pub fn peak_where(&self, weight: impl Fn(usize) -> f64) -> f64 {
+        let detector = &self.view.camera.detector;
+        brightest::pixel_e(detector, self.sources.iter(), Some(&weight))
+    }
+
+    /// No pixel's expected charge is more than this, particles left out, e-.
+    pub fn brightest_e(&self) -> f64 {
+        let (pattern, simulated) = (&self.view.camera.detector.pattern, &self.simulated);
+        let light = if simulated.response {
+            self.peak_e * (1.0 + pattern.worst_response())
+        } else {
+            self.peak_e
+        };
+        let dark = if simulated.dark {
+            pattern.dark_max_e_s() * self.view.exposure.duration_s
+        } else {
+            0.0
+        };
+        light + dark + self.trail().iter().copied().fold(0.0, f64::max)
+    }
+
+    /// The charge (e-) that a pixel (row-major index) expects from no light that it is shown: dark charge, its column's trail.
+    pub fn background_of(&self, pixel: usize) -> f64 {
+        let detector = &self.view.camera.detector;
+        let trail = self.trail().get(pixel % detector.width);
+        let dark = if self.simulated.dark {
+            detector.pattern.dark_e_s_of(pixel) * self.view.exposure.duration_s
+        } else {
+            0.0
+        };
+        dark + trail.copied().unwrap_or(0.0)
+    }
+
+    /// The most charge that one particle leaves in one pixel, e-.
+    pub fn largest_event_e(&self) -> f64 {
+        let pixels = self.events.iter().flat_map(|event| &event.pixels);
+        f64::from(pixels.map(|(_, e)| *e).max().unwrap_or(0))
+    }
+
+    /// The charge (e-) that is expected in `pixels`, sorted by row-major index: light, dark charge and particles.
+    pub fn expected_e(&self, pixels: &[u32]) -> Vec<f64> {
+        let detector = &self.view.camera.detector;
+        let mut charge = vec![0.0; pixels.len()];
+        let within = |from: usize, length: usize| {
+            let first = pixels.partition_point(|pixel| (*pixel as usize) < from);
+            let past = pixels.partition_point(|pixel| (*pixel as usize) < from + length);
+            first..past
+        };
+        for source in self.sources.iter().filter(|source| source.electrons > 0.0) {
+            for (row, column, shares) in source.footprint.rows(0..detector.height) {
+                let from = row * detector.width + column;
+                for i in within(from, shares.len()) {
+                    charge[i] += source.electrons * f64::from(shares[pixels[i] as usize - from]);
+                }
+            }
+        }
+        for (charge, pixel) in charge.iter_mut().zip(pixels) {
+            let pixel = *pixel as usize;
+            if self.simulated.response {
+                *charge *= detector.pattern.response_of(pixel);
+            }
+            *charge += self.background_of(pixel);
+        }
+        for (pixel, e) in self.events.iter().flat_map(|event| &event.pixels) {
+            if let Ok(i) = pixels.binary_search(pixel) {
+                charge[i] += f64::from(*e);
+            }
+        }
+        charge
+    }
+
+    /// The charge (e-) that pixels hold on which no light falls, where they hold the same: to the last bit, as it is added.
+    pub fn common_e(&self) -> f32 {
+        let (detector, seconds) = (&self.view.camera.detector, self.view.exposure.duration_s);
+        match detector.pattern.dark_e_s() {
+            // Of a map, those pixels that are not hot.
+            Some(_) if self.simulated.dark => {
+                (f64::from(detector.dark_e_s as f32) * seconds) as f32
+            }
+            _ => self.dark_e() as f32,
+        }
     }
 
     /// Expected background of a pixel, on which no star and no object shines, averaged over the frame, e-.
     pub fn background_e(&self) -> f64 {
         let trail = self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64;
         self.dark_e() + trail
-    }
-
-    /// The most background of any pixel, e-.
-    pub fn most_background_e(&self) -> f64 {
-        self.dark_e() + self.trail().iter().copied().fold(0.0, f64::max)
     }
 
     /// Expected dark charge of a pixel, as far as it is simulated, e-.
@@ -188,4 +275,23 @@ fn background_e(view: &View, simulated: &Simulated) -> f64 {
         return 0.0;
     }
     view.camera.detector.dark_e(view.exposure.duration_s)
+}
+
+/// The particles of this exposure. Without an orbit the observer counts as far outside the Earth's field.
+fn events(view: &View, simulated: &Simulated) -> Vec<Event> {
+    let camera = &view.camera;
+    let Some(particles) = &camera.radiation else {
+        return Vec::new();
+    };
+    if !simulated.radiation || !simulated.noise {
+        return Vec::new();
+    }
+    let flux = match particles.flux {
+        Flux::Fixed(flux) => flux,
+        Flux::ByOrbit => view.vehicle.orbit.map_or(radiation::FREE_SPACE, |state| {
+            radiation::flux(&state.position_m, view.exposure.mid)
+        }),
+    };
+    let expected = particles.expected_events(&camera.detector, flux, view.exposure.duration_s);
+    particles.events(&camera.detector, expected, view.key)
 }

@@ -3,6 +3,8 @@
 /// The effects of one frame. None of them gives still images of an ideal camera, and nothing in them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Simulated {
+    /// What is random is drawn.
+    pub noise: bool,
     /// The lens departs from its ideal.
     pub distortion: bool,
     /// The observer's velocity changes, and with it the aberration of the stars.
@@ -17,12 +19,24 @@ pub struct Simulated {
     pub stars: bool,
     /// The objects in orbit shine.
     pub rsos: bool,
+    /// Pixels respond as their pattern says.
+    pub response: bool,
     /// Charge is shifted through light when it is read out.
     pub frame_transfer: bool,
     /// Dark charge is added.
     pub dark: bool,
     /// Charge has shot noise.
     pub shot: bool,
+    /// Particles cross the detector.
+    pub radiation: bool,
+    /// Pixels fill up.
+    pub full_well: bool,
+    /// Dead pixels give no charge.
+    pub dead: bool,
+    /// The response bends.
+    pub nonlinearity: bool,
+    /// Stuck pixels give their digit.
+    pub stuck: bool,
     /// Charge is read with noise.
     pub read: bool,
 }

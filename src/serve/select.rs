@@ -5,9 +5,10 @@ use crate::label::ObjectLabel;
 use skyloop_protocols::reply::ID_LENGTH;
 use skyloop_protocols::{ObjectRecord, Positions};
 
-/// Objects whose centroid is in the frame, the brightest first; where two are as bright, in the label's order.
+/// Stars and RSOs whose centroid is in the frame, the brightest first; where two are as bright, in the label's order.
+/// Particles and defects are in the label's text alone.
 fn by_brightness(shot: &Shot, wanted: impl Fn(&ObjectLabel) -> bool) -> Vec<&ObjectLabel> {
-    let objects = shot.label.objects.iter();
+    let objects = shot.label.objects.sources.iter();
     let mut objects: Vec<&ObjectLabel> = objects
         .filter(|object| object.in_frame && wanted(object))
         .collect();

@@ -6,6 +6,7 @@ pub mod bodies;
 pub mod catalog;
 pub mod photometry;
 pub mod population;
+pub mod radiation;
 pub mod shadow;
 pub mod star_field;
 

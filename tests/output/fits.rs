@@ -59,7 +59,7 @@ fn digits_and_electrons_come_back_with_what_describes_them() {
     // As a command would have set it.
     camera.detector.gain_e_per_dn = 3.7;
     let mut label = label(&camera, 7, &numbers.attitude());
-    label.objects = field(&camera, 20, &mut numbers);
+    label.objects = field(&camera, 20, &mut numbers).into();
     let mut frame = frame(&camera, &label, &mut numbers);
     frame.digits[0] = 0;
     frame.digits[1] = 65535;

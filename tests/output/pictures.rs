@@ -18,7 +18,7 @@ fn sheet_of(camera: &Camera, frames: &[(Vec<ObjectLabel>, Frame)]) -> RgbImage {
     let mut writer = Writer::create(dir.path(), frames.len() as u32).unwrap();
     for (i, (objects, frame)) in frames.iter().enumerate() {
         let mut label = label(camera, i as u32, &Attitude::identity());
-        label.objects = objects.clone();
+        label.objects = objects.clone().into();
         writer.write_frame(camera, &label, "{}", frame).unwrap();
     }
     writer.finish().unwrap();
@@ -52,7 +52,7 @@ fn the_png_holds_the_digits_row_0_first() {
     let mut numbers = Numbers(10);
     let camera = camera("cots-wide");
     let mut label = label(&camera, 0, &numbers.attitude());
-    label.objects = field(&camera, 20, &mut numbers);
+    label.objects = field(&camera, 20, &mut numbers).into();
     let mut frame = frame(&camera, &label, &mut numbers);
     frame.digits[..2].copy_from_slice(&[0, 65535]);
     let mut writer = Writer::create(dir.path(), 1).unwrap();
@@ -111,7 +111,8 @@ fn a_star_of_snr_5_stands_out_of_the_noise() {
     label.objects = places
         .iter()
         .map(|at| star("HIP 1".into(), &[], *at, 10.0 * noise_e))
-        .collect();
+        .collect::<Vec<_>>()
+        .into();
     let frame = frame(&camera, &label, &mut numbers);
     let sheet = sheet_of(&camera, &[(Vec::new(), frame)]);
     let grey = |x: f64, y: f64| {

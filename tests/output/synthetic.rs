@@ -61,7 +61,7 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
         r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
         background_e_px: 20.0,
         effects: Vec::new(),
-        objects: Vec::new(),
+        objects: Vec::new().into(),
     }
 }
 

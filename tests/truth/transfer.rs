@@ -58,14 +58,23 @@ fn every_pixel_passes_every_row_of_its_column_once() {
         let brightest = trails.iter().copied().fold(0.0, f64::max);
         assert!((effect.error_e / brightest - 1.0).abs() < 1e-4 && effect.run);
 
-        // snr: sqrt(sum s^2 / (s + dark + trail + read^2)).
+        // snr: sqrt(sum s^2 / (s + dark + trail + read^2 + gain^2 / 12)) over the pixels that are not full.
+        let detector = &shot.camera.detector;
+        let digit = detector.gain_e_per_dn;
+        let floor = detector.read_noise_e.powi(2) + digit * digit / 12.0;
+        let reach = (f64::from(detector.max_dn()) - detector.offset_dn) * digit;
+        let full = reach.min(detector.full_well_e);
         for o in label.objects.iter().filter(|o| o.electrons > 1.0) {
             let (region, light) = stamp(label, o, &shot.camera);
             let columns = (region.past[0] - region.low[0]).max(1) as usize;
-            let read = shot.camera.detector.read_noise_e.powi(2);
             let term = |(i, s): (usize, &f64)| {
                 let trail = trails[region.low[0] as usize + i % columns];
-                s * s / (s + dark + trail + read)
+                let held = s + dark + trail;
+                if held < full {
+                    s * s / (held + floor)
+                } else {
+                    0.0
+                }
             };
             let snr = light.iter().enumerate().map(term).sum::<f64>().sqrt();
             assert!((o.snr - snr).abs() < 1e-4 * snr + 1e-4, "{snr} {o:?}");

@@ -1,8 +1,9 @@
 //! `[detector]` of a camera file.
 
-use crate::camera::{Detector, GAIN_E_PER_DN};
+use crate::camera::{Blooming, Detector, GAIN_E_PER_DN, Pattern, PatternFigures};
 use crate::load::{Check, ConfigError};
 use serde::Deserialize;
+use std::sync::Arc;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -12,29 +13,136 @@ pub struct RawDetector {
     pixel_um: f64,
     quantum_efficiency: f64,
     dark_e_s: f64,
+    #[serde(default = "room_temperature")]
+    dark_reference_c: f64,
+    temperature_c: Option<f64>,
+    #[serde(default = "doubling")]
+    dark_doubling_k: f64,
+    #[serde(default)]
+    dark_nonuniformity: f64,
+    #[serde(default)]
+    hot_fraction: f64,
+    #[serde(default)]
+    hot_e_s: f64,
+    #[serde(default)]
+    prnu: f64,
+    #[serde(default)]
+    dead_fraction: f64,
+    #[serde(default)]
+    dead_px: Vec<[u32; 2]>,
+    #[serde(default)]
+    stuck_fraction: f64,
+    #[serde(default)]
+    stuck_px: Vec<[u32; 2]>,
+    stuck_dn: Option<f64>,
     read_noise_e: f64,
     full_well_e: f64,
+    #[serde(default)]
+    blooming: String,
+    #[serde(default)]
+    nonlinearity: f64,
     gain_e_per_dn: f64,
     offset_dn: f64,
     adc_bits: u32,
+    #[serde(default)]
+    adc_clips_first: bool,
+}
+
+/// Where dark currents are stated, deg C.
+fn room_temperature() -> f64 {
+    20.0
+}
+
+/// Typical of silicon near room temperature, K.
+fn doubling() -> f64 {
+    6.5
 }
 
 impl RawDetector {
-    pub fn validate(self, check: &Check) -> Result<Detector, ConfigError> {
+    pub fn validate(self, serial: u64, check: &Check) -> Result<Detector, ConfigError> {
         let range = |key: &str, value, range| check.range(&format!("detector.{key}"), value, range);
         let bits = range("adc_bits", f64::from(self.adc_bits), 1.0..=16.0)? as u8;
         let full_scale = 2f64.powi(i32::from(bits)) - 1.0;
-        Ok(Detector {
-            width: range("width_px", f64::from(self.width_px), 1.0..=8192.0)? as usize,
-            height: range("height_px", f64::from(self.height_px), 1.0..=8192.0)? as usize,
+        let width = range("width_px", f64::from(self.width_px), 1.0..=8192.0)? as usize;
+        let height = range("height_px", f64::from(self.height_px), 1.0..=8192.0)? as usize;
+
+        let reference = range("dark_reference_c", self.dark_reference_c, -200.0..=150.0)?;
+        let temperature = self.temperature_c.unwrap_or(reference);
+        let temperature = range("temperature_c", temperature, -200.0..=150.0)?;
+        let doubling = range("dark_doubling_k", self.dark_doubling_k, 1.0..=100.0)?;
+        let warmth = Detector::dark_growth(temperature - reference, doubling);
+        let dark_e_s = range("dark_e_s", self.dark_e_s, 0.0..=1e9)? * warmth;
+        let hot_e_s = range("hot_e_s", self.hot_e_s, 0.0..=1e9)? * warmth;
+        if dark_e_s + hot_e_s > 1e9 {
+            let allowed = format!(
+                "such that dark current and hot pixels stay below 1e9 e-/s: {:.3e} here",
+                dark_e_s + hot_e_s
+            );
+            return Err(check.refuse("detector.temperature_c", temperature, allowed));
+        }
+        let listed = |key: &str, pixels: &[[u32; 2]]| {
+            let off = |[x, y]: &&[u32; 2]| *x as usize >= width || *y as usize >= height;
+            match pixels.iter().find(off) {
+                None => Ok(pixels.to_vec()),
+                Some([x, y]) => {
+                    let allowed = format!("pixels [column, row] below [{width}, {height}]");
+                    Err(check.refuse(&format!("detector.{key}"), format!("[{x}, {y}]"), allowed))
+                }
+            }
+        };
+        let figures = PatternFigures {
+            serial,
+            width,
+            height,
+            prnu: range("prnu", self.prnu, 0.0..=1.0)?,
+            dark_e_s,
+            dark_nonuniformity: range("dark_nonuniformity", self.dark_nonuniformity, 0.0..=10.0)?,
+            hot_fraction: range("hot_fraction", self.hot_fraction, 0.0..=1.0)?,
+            hot_e_s,
+            dead_fraction: range("dead_fraction", self.dead_fraction, 0.0..=1.0)?,
+            dead_px: listed("dead_px", &self.dead_px)?,
+            stuck_fraction: range("stuck_fraction", self.stuck_fraction, 0.0..=1.0)?,
+            stuck_px: listed("stuck_px", &self.stuck_px)?,
+        };
+        let stuck_dn = self.stuck_dn.unwrap_or(full_scale);
+        let detector = Detector {
+            width,
+            height,
             pitch_m: range("pixel_um", self.pixel_um, 0.1..=1e4)? * 1e-6,
             quantum_efficiency: range("quantum_efficiency", self.quantum_efficiency, 0.0..=1.0)?,
-            dark_e_s: range("dark_e_s", self.dark_e_s, 0.0..=1e9)?,
+            dark_e_s,
             read_noise_e: range("read_noise_e", self.read_noise_e, 0.0..=1e6)?,
             full_well_e: range("full_well_e", self.full_well_e, 1.0..=1e9)?,
+            blooming: blooming(&self.blooming, check)?,
+            // Beyond a half the response would fall before the well is full.
+            nonlinearity: range("nonlinearity", self.nonlinearity, 0.0..=0.5)?,
             gain_e_per_dn: range("gain_e_per_dn", self.gain_e_per_dn, GAIN_E_PER_DN)?,
             offset_dn: range("offset_dn", self.offset_dn, 0.0..=full_scale)?,
             bits,
-        })
+            stuck_dn: range("stuck_dn", stuck_dn, 0.0..=full_scale)?.round() as u16,
+            pattern: Arc::new(Pattern::new(&figures)),
+        };
+        if let Some(warning) = detector
+            .converter_clips_first()
+            .filter(|_| !self.adc_clips_first)
+        {
+            tracing::warn!(
+                "{}: detector.full_well_e = {}: {warning}",
+                check.file,
+                self.full_well_e
+            );
+        }
+        Ok(detector)
+    }
+}
+
+fn blooming(name: &str, check: &Check) -> Result<Blooming, ConfigError> {
+    match name {
+        "" | "none" => Ok(Blooming::None),
+        "column" => Ok(Blooming::Column),
+        other => {
+            let given = format!("{other:?}");
+            Err(check.refuse("detector.blooming", given, "\"none\" or \"column\""))
+        }
     }
 }

@@ -5,6 +5,7 @@ mod images;
 mod optics;
 mod projection;
 mod psf;
+mod radiation;
 mod timing;
 mod vignetting;
 
@@ -12,6 +13,7 @@ use super::Camera;
 use crate::load::{CAMERAS, Check, ConfigError, Folder, parse};
 use detector::RawDetector;
 use optics::RawOptics;
+use radiation::RawRadiation;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 use timing::{RawMounting, RawTiming};
@@ -20,11 +22,19 @@ use timing::{RawMounting, RawTiming};
 #[serde(deny_unknown_fields)]
 struct RawCamera {
     name: String,
+    #[serde(default = "first")]
+    serial: u64,
     optics: RawOptics,
     detector: RawDetector,
+    radiation: Option<RawRadiation>,
     timing: RawTiming,
     #[serde(default)]
     mounting: RawMounting,
+}
+
+/// The serial number of cameras that give none.
+fn first() -> u64 {
+    1
 }
 
 /// See [`Camera::load`].
@@ -65,15 +75,21 @@ fn validate(raw: RawCamera, check: &Check, folder: &Folder) -> Result<Camera, Co
         let allowed = "a name of 1 to 60 printable characters: labels and FITS headers give it";
         return Err(check.refuse("name", format!("{:?}", raw.name.trim()), allowed));
     }
-    let detector = raw.detector.validate(check)?;
+    let detector = raw.detector.validate(raw.serial, check)?;
     let optics = raw.optics.validate(&detector, check, folder)?;
     let mounting = raw.mounting.validate(check)?;
     let timing = raw.timing.validate(detector.height, check)?;
+    let radiation = raw
+        .radiation
+        .map(|r| r.validate(&detector, timing.exposure_s, check))
+        .transpose()?;
     Ok(Camera {
         name: raw.name,
+        serial: raw.serial,
         mounting,
         optics,
         detector,
+        radiation,
         exposure_s: timing.exposure_s,
         rate_hz: timing.rate_hz,
         shutter: timing.shutter,

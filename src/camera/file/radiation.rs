@@ -1,0 +1,68 @@
+//! `[radiation]` of a camera file.
+
+use crate::camera::{Detector, Flux, MOST_EVENTS, Radiation};
+use crate::load::{Check, ConfigError};
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawRadiation {
+    flux_cm2_s: RawFlux,
+    thickness_um: f64,
+    #[serde(default = "typical_energy")]
+    energy_mev: f64,
+    #[serde(default)]
+    diffusion_um: f64,
+    #[serde(default)]
+    readout_s: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "flux_cm2_s must be a number or \"orbit\"")]
+enum RawFlux {
+    Fixed(f64),
+    Named(String),
+}
+
+/// What the Hubble's imagers see (Miles et al. 2021), MeV.
+fn typical_energy() -> f64 {
+    534.0
+}
+
+impl RawRadiation {
+    pub fn validate(
+        self,
+        detector: &Detector,
+        exposure_s: f64,
+        check: &Check,
+    ) -> Result<Radiation, ConfigError> {
+        let range =
+            |key: &str, value, range| check.range(&format!("radiation.{key}"), value, range);
+        let flux = match self.flux_cm2_s {
+            RawFlux::Fixed(flux) => Flux::Fixed(range("flux_cm2_s", flux, 0.0..=1e9)?),
+            RawFlux::Named(name) if name == "orbit" => Flux::ByOrbit,
+            RawFlux::Named(name) => {
+                let given = format!("{name:?}");
+                return Err(check.refuse("radiation.flux_cm2_s", given, "a number or \"orbit\""));
+            }
+        };
+        let radiation = Radiation {
+            flux,
+            thickness_um: range("thickness_um", self.thickness_um, 0.1..=2000.0)?,
+            energy_mev: range("energy_mev", self.energy_mev, 50.0..=1e6)?,
+            diffusion_um: range("diffusion_um", self.diffusion_um, 0.0..=100.0)?,
+            readout_s: range("readout_s", self.readout_s, 0.0..=1e4)?,
+        };
+        if let Flux::Fixed(flux) = flux {
+            let events = radiation.expected_events(detector, flux, exposure_s);
+            if events > MOST_EVENTS {
+                let allowed = format!(
+                    "at most {:.3e}: {events:.0} particles would cross the detector in one exposure",
+                    flux * MOST_EVENTS / events
+                );
+                return Err(check.refuse("radiation.flux_cm2_s", flux, allowed));
+            }
+        }
+        Ok(radiation)
+    }
+}

@@ -1,0 +1,53 @@
+//! Dead pixels: they give no charge, whatever falls on them.
+//!
+//! ```text
+//! N_xy <- 0   at the dead pixels of the camera's pattern
+//! ```
+//!
+//! They are read like all others: noise and offset remain. They hold charge that spills over them as their neighbours do, and
+//! lose it. Price: by their number.
+
+use super::{Effect, Judge, Loss, Need, Pass, Stage};
+use crate::camera::Blooming;
+use crate::fidelity::Fidelity;
+use crate::scene::Scene;
+
+/// Dead pixels.
+pub const DEAD_PIXELS: Effect = Effect {
+    name: "dead pixels",
+    stage: Stage::Charge,
+    random: false,
+    judge: Judge::Pixels(judge),
+    mark: |simulated| simulated.dead = true,
+};
+
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let detector = &scene.view.camera.detector;
+    let dead = detector.pattern.dead();
+    let need = if dead.is_empty() {
+        Need::none("the detector has none")
+    } else {
+        let spilled = detector.blooming == Blooming::Column
+            && scene.simulated.full_well
+            && scene.brightest_e() + scene.largest_event_e() > detector.full_well_e;
+        let most = if spilled {
+            detector.full_well_e
+        } else {
+            scene.expected_e(dead).into_iter().fold(0.0, f64::max)
+        };
+        let because = format!("{} of them", dead.len());
+        Need {
+            because: because.into(),
+            error: Loss { e: most, px: 0.0 },
+            price_ms: dead.len() as f64 * 2e-6,
+        }
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        let (first, pixels) = (tile.first_pixel(), tile.electrons.len());
+        let from = dead.partition_point(|pixel| (*pixel as usize) < first);
+        let here = dead[from..].iter().map(|pixel| *pixel as usize);
+        here.take_while(|pixel| *pixel < first + pixels)
+            .for_each(|pixel| tile.electrons[pixel - first] = 0.0);
+    }));
+    (need, pass)
+}

@@ -1,0 +1,45 @@
+//! Non-linearity: the fuller a pixel, the less another electron adds to what is read.
+//!
+//! ```text
+//! N <- N (1 - a N / full well)
+//! ```
+//!
+//! `a` is the share of the signal that is missing at full well (Janesick 2007, Photon Transfer, ch. 8; EMVA Standard 1288 release 4.0
+//! measures such a bend): the first term of a source follower whose gain falls with its signal. Validity: `a` up to 1/2, where it
+//! would begin to fall; smooth bends, no kinks at low signal. Price: two products a pixel.
+
+use super::{Effect, Judge, Need, Pass, Stage};
+use crate::fidelity::Fidelity;
+use crate::scene::Scene;
+
+/// Non-linearity of the pixels' amplifiers.
+pub const NON_LINEARITY: Effect = Effect {
+    name: "non-linearity",
+    stage: Stage::Charge,
+    random: false,
+    judge: Judge::Pixels(judge),
+    mark: |simulated| simulated.nonlinearity = true,
+};
+
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let detector = &scene.view.camera.detector;
+    let share = detector.nonlinearity;
+    let held = scene.brightest_e() + scene.largest_event_e();
+    let held = if scene.simulated.full_well {
+        held.min(detector.full_well_e)
+    } else {
+        held
+    };
+    let need = if share == 0.0 {
+        Need::none("the detector is linear")
+    } else {
+        let because = format!("{:.2} % missing at full well", 100.0 * share);
+        Need::of_pixels(scene, because, held - detector.response_e(held), 1.0)
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        for e in tile.electrons.iter_mut() {
+            *e = detector.response_e(f64::from(*e)) as f32;
+        }
+    }));
+    (need, pass)
+}

@@ -1,0 +1,49 @@
+//! Radiation: the charge that particles leave along their tracks through the detector.
+//!
+//! The events are drawn once, in the scene, and read here and by the label: `camera::radiation` has their equations and
+//! sources, `sky::radiation` their number by orbit. Their charge comes after shot noise, which it does not follow: its scatter is that of
+//! the energy loss. Price: by the pixels of the events.
+
+use super::{Effect, Judge, Loss, Need, Pass, Stage};
+use crate::fidelity::Fidelity;
+use crate::scene::Scene;
+
+/// Cosmic rays and trapped protons.
+pub const RADIATION: Effect = Effect {
+    name: "radiation",
+    stage: Stage::Charge,
+    random: true,
+    judge: Judge::Pixels(judge),
+    mark: |simulated| simulated.radiation = true,
+};
+
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let mut hits: Vec<(u32, u32)> = (scene.events.iter())
+        .flat_map(|event| event.pixels.iter().copied())
+        .collect();
+    hits.sort_unstable();
+    let most = hits
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|same| same.iter().map(|(_, e)| f64::from(*e)).sum())
+        .fold(0.0, f64::max);
+    let need = if scene.view.camera.radiation.is_none() {
+        Need::none("the camera is not exposed to radiation")
+    } else if hits.is_empty() {
+        Need::none("no particle crosses the detector")
+    } else {
+        Need {
+            because: format!("{} particles cross the detector", scene.events.len()).into(),
+            error: Loss { e: most, px: 0.0 },
+            price_ms: hits.len() as f64 * 3e-6,
+        }
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        let (first, pixels) = (tile.first_pixel(), tile.electrons.len());
+        let from = hits.partition_point(|(pixel, _)| (*pixel as usize) < first);
+        let here = hits[from..].iter();
+        for (pixel, e) in here.take_while(|(pixel, _)| (*pixel as usize) < first + pixels) {
+            tile.electrons[*pixel as usize - first] += *e as f32;
+        }
+    }));
+    (need, pass)
+}

@@ -1,0 +1,45 @@
+//! Pixel response: no two pixels turn the same light into the same charge.
+//!
+//! ```text
+//! N_xy <- g_xy N_xy,   g = 1 + prnu N(0, 1), clipped at 0
+//! ```
+//!
+//! Photo-response non-uniformity by EMVA Standard 1288 release 4.0; the map is the camera's (`camera::pattern`). Validity: a
+//! response that does not depend on wavelength, and no pattern of rows and columns. Price: a product a pixel.
+
+use super::{Effect, Judge, Need, Pass, Stage};
+use crate::fidelity::Fidelity;
+use crate::scene::Scene;
+
+/// Photo-response non-uniformity.
+pub const PIXEL_RESPONSE: Effect = Effect {
+    name: "pixel response",
+    stage: Stage::Light,
+    random: false,
+    judge: Judge::Pixels(judge),
+    mark: |simulated| simulated.response = true,
+};
+
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let pattern = &scene.view.camera.detector.pattern;
+    let Some(response) = pattern.response() else {
+        return (Need::none("all pixels respond alike"), Pass::idle());
+    };
+    let worst = scene.peak_where(|pixel| (pattern.response_of(pixel) - 1.0).abs());
+    let need = if worst == 0.0 {
+        Need::none("no light falls on the detector")
+    } else {
+        let because = format!(
+            "up to {:.1} % from pixel to pixel",
+            100.0 * pattern.worst_response()
+        );
+        Need::of_pixels(scene, because, worst, 0.3)
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        let first = tile.first_pixel();
+        for (e, g) in tile.electrons.iter_mut().zip(&response[first..]) {
+            *e *= g;
+        }
+    }));
+    (need, pass)
+}

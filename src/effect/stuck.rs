@@ -1,0 +1,50 @@
+//! Stuck pixels: one digit, whatever they hold.
+//!
+//! ```text
+//! DN_xy <- stuck_dn   at the stuck pixels of the camera's pattern
+//! ```
+//!
+//! Price: by their number.
+
+use super::{Effect, Judge, Loss, Need, Pass, Stage};
+use crate::fidelity::Fidelity;
+use crate::scene::Scene;
+
+/// Stuck pixels.
+pub const STUCK_PIXELS: Effect = Effect {
+    name: "stuck pixels",
+    stage: Stage::Digits,
+    random: false,
+    judge: Judge::Pixels(judge),
+    mark: |simulated| simulated.stuck = true,
+};
+
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+    let detector = &scene.view.camera.detector;
+    let (stuck, dn) = (detector.pattern.stuck(), detector.stuck_dn);
+    let need = if stuck.is_empty() {
+        Need::none("the detector has none")
+    } else {
+        let gain = detector.gain_e_per_dn;
+        let instead_e = (f64::from(dn) - detector.offset_dn) * gain;
+        let held = scene.expected_e(stuck).into_iter();
+        let off = held.map(|e| (instead_e - e.min(detector.converter_reach_e())).abs());
+        Need {
+            because: format!("{} of them", stuck.len()).into(),
+            // Digits are whole.
+            error: Loss {
+                e: off.fold(0.0, f64::max) + gain,
+                px: 0.0,
+            },
+            price_ms: stuck.len() as f64 * 2e-6,
+        }
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        let (first, pixels) = (tile.first_pixel(), tile.digits.len());
+        let from = stuck.partition_point(|pixel| (*pixel as usize) < first);
+        let here = stuck[from..].iter().map(|pixel| *pixel as usize);
+        here.take_while(|pixel| *pixel < first + pixels)
+            .for_each(|pixel| tile.digits[pixel - first] = dn);
+    }));
+    (need, pass)
+}

@@ -1,0 +1,389 @@
+//! The detector against theory: photon transfer, dark current by temperature, the fixed pattern, spilled charge, particles, and what
+//! labels say a source stands out by.
+
+use std::str::FromStr;
+
+use hifitime::Epoch;
+use skyloop::attitude::VehicleState;
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::engine::{Emulator, Shot};
+use skyloop::label::SpotLabel;
+use skyloop::load::Folder;
+use skyloop::sky::catalog::Selection;
+
+/// A camera of 256 x 200 pixels; `lit`: whether light passes its optics.
+fn text(lit: bool, detector: &str, tables: &str) -> String {
+    format!(
+        r#"name = "probe"
+serial = 11
+[optics]
+focal_length_mm = 13.8
+aperture_mm = 17.0
+transmission = {:?}
+band = [650.0, 1100.0]
+[optics.psf]
+kind = "gaussian"
+sigma_px = 0.8
+[detector]
+width_px = 256
+height_px = 200
+pixel_um = 26.0
+quantum_efficiency = 0.66
+adc_bits = 16
+{detector}
+[timing]
+exposure_s = 1.0
+rate_hz = 1.0
+{tables}
+"#,
+        if lit { 0.9 } else { 0.0 }
+    )
+}
+
+fn camera(text: &str) -> Camera {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("probe.toml"), text).unwrap();
+    Camera::load("probe.toml", &Folder::Disk(folder.path().to_path_buf())).unwrap()
+}
+
+fn emulator(text: &str) -> Emulator {
+    let mut config = Config::defaults().unwrap();
+    config.camera = camera(text);
+    config.seed = 5;
+    config.sky.selection = Selection::Bsc;
+    config.label_snr = 0.0;
+    Emulator::new(&mut config)
+}
+
+fn shoot(emulator: &mut Emulator, sequence: u32) -> Shot {
+    let epoch = Epoch::from_str("2020-02-03T04:05:06 UTC").unwrap();
+    // Towards Orion.
+    let q = [0.649_519, 0.236_403, 0.247_087, 0.679_01];
+    let norm = q.iter().map(|c: &f64| c * c).sum::<f64>().sqrt();
+    let vehicle = VehicleState::new(sequence, epoch, q.map(|c| c / norm), [0.0; 3], None).unwrap();
+    emulator.shoot(&vehicle, 0).unwrap()
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, n) = values.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+    sum / n
+}
+
+const PLAIN: &str = "dark_e_s = 4000.0
+read_noise_e = 9.0
+full_well_e = 150000.0
+gain_e_per_dn = 2.5
+offset_dn = 200.0";
+
+/// Variance (of the difference of two frames, halved: the fixed pattern goes out) against mean: the slope is 1 / gain, and what is
+/// left at no charge the read noise with that of whole digits. Janesick 2007, Photon Transfer, Eq. 5.6.
+#[test]
+fn photon_transfer_recovers_gain_and_read_noise() {
+    let pattern = "prnu = 0.02\ndark_nonuniformity = 0.3\nhot_fraction = 0.001\nhot_e_s = 2000.0";
+    let mut emulator = emulator(&text(false, &format!("{PLAIN}\n{pattern}"), ""));
+    let mut level = |exposure_s: f64, sequence: u32| {
+        emulator.camera_mut().exposure_s = exposure_s;
+        let (mut means, mut variances) = (0.0, 0.0);
+        for pair in 0..4 {
+            let [a, b] = [0, 1].map(|i| shoot(&mut emulator, sequence + 2 * pair + i).frame.digits);
+            let both = || {
+                a.iter()
+                    .zip(&b)
+                    .map(|(a, b)| (f64::from(*a), f64::from(*b)))
+            };
+            means += mean(both().map(|(a, b)| (a + b) / 2.0)) / 4.0;
+            variances += mean(both().map(|(a, b)| (a - b) * (a - b) / 2.0)) / 4.0;
+        }
+        (means - 200.0, variances)
+    };
+    let (_, floor) = level(1e-9, 0);
+    let read = 2.5 * (floor - 1.0 / 12.0).sqrt();
+    assert!((read / 9.0 - 1.0).abs() < 0.02, "read noise {read}");
+    let points: Vec<(f64, f64)> = [0.2, 0.5, 1.0, 2.0, 4.0, 7.0]
+        .into_iter()
+        .zip([100, 200, 300, 400, 500, 600])
+        .map(|(exposure_s, sequence)| level(exposure_s, sequence))
+        .collect();
+    for (m, v) in &points {
+        let gain = m / (v - floor);
+        assert!((gain / 2.5 - 1.0).abs() < 0.01, "at {m} DN: {gain}");
+    }
+    // Linear: a straight line through all of them leaves nothing.
+    let slope = points.iter().map(|(m, v)| m * (v - floor)).sum::<f64>()
+        / points.iter().map(|(m, _)| m * m).sum::<f64>();
+    assert!((1.0 / slope / 2.5 - 1.0).abs() < 0.005, "{}", 1.0 / slope);
+    println!("gain {} (2.5), read noise {read} (9)", 1.0 / slope);
+}
+
+#[test]
+fn dark_current_doubles_as_configured_and_keeps_its_pattern() {
+    let shot = |celsius: f64| {
+        let keys = format!(
+            "{PLAIN}\ndark_reference_c = 20.0\ntemperature_c = {celsius:?}\ndark_doubling_k = 6.0\n\
+             dark_nonuniformity = 0.4\nhot_fraction = 0.01\nhot_e_s = 500.0"
+        );
+        let mut emulator = emulator(&text(false, &keys, ""));
+        emulator.keep_expected = true;
+        shoot(&mut emulator, 1)
+    };
+    let (warm, cold) = (shot(20.0), shot(8.0));
+    let all = |shot: &Shot| shot.frame.expected_e.clone().unwrap();
+    for (warm, cold) in all(&warm).iter().zip(all(&cold)) {
+        assert!((warm / cold / 4.0 - 1.0).abs() < 1e-6, "{warm} {cold}");
+    }
+    // 4000 e-/s and 1 % of 500, in digits, within the scatter of the pattern and of the frame.
+    let digits = mean(warm.frame.digits.iter().map(|dn| f64::from(*dn))) - 200.0;
+    let error = 4000.0 * 0.4 / 51_200f64.sqrt();
+    assert!((2.5 * digits - 4005.0).abs() < 5.0 * error, "{digits}");
+    let told = warm.label.background_e_px;
+    assert!((told - mean(all(&warm).iter().map(|e| f64::from(*e)))).abs() < 0.01);
+    assert!((told / cold.label.background_e_px - 4.0).abs() < 1e-6);
+    // Without the keys: the current of the file.
+    let mut plain = emulator(&text(false, PLAIN, ""));
+    assert_eq!(shoot(&mut plain, 1).label.background_e_px, 4000.0);
+}
+
+#[test]
+fn dead_pixels_give_nothing_and_stuck_ones_their_digit() {
+    let keys = format!(
+        "{PLAIN}\ndead_px = [[3, 4], [255, 199]]\nstuck_px = [[0, 0], [3, 5]]\nstuck_dn = 12345.0\ndead_fraction = 0.01"
+    );
+    let mut emulator = emulator(&text(false, &keys, ""));
+    let shot = shoot(&mut emulator, 3);
+    let at = |x: usize, y: usize| shot.frame.digits[y * 256 + x];
+    assert_eq!((at(0, 0), at(3, 5)), (12345, 12345));
+    // Offset 200 and read noise of 3.6 DN, against 1800 of their neighbours.
+    for (x, y) in [(3, 4), (255, 199)] {
+        assert!((180..220).contains(&at(x, y)), "{}", at(x, y));
+    }
+    let pattern = &shot.camera.detector.pattern;
+    let dark: Vec<usize> = (0..51_200)
+        .filter(|i| shot.frame.digits[*i] < 1000)
+        .collect();
+    let dead: Vec<usize> = pattern.dead().iter().map(|i| *i as usize).collect();
+    assert_eq!(dark, dead);
+    assert!((400..640).contains(&dead.len()), "{}", dead.len());
+    // Every one of them is in the label, and no other.
+    let spots = &shot.label.objects.spots;
+    let named = |name: &str| spots.iter().filter(|s| s.id.starts_with(name)).count();
+    assert_eq!((named("dead"), named("stuck")), (dead.len(), 2));
+    let stuck = spots.iter().find(|s| s.id == "stuck 3,5").unwrap();
+    // (12345 - 200) 2.5 = 30362.5, to the even or away from zero.
+    assert_eq!(stuck.pixels, [[3, 5, 30363]]);
+    assert!(stuck.kind == "defect" && stuck.visible && (stuck.x_px, stuck.y_px) == (3.0, 5.0));
+}
+
+/// The noise-free frame of stars that spill keeps all the light that fell.
+#[test]
+fn stars_that_spill_keep_their_charge() {
+    let keys = |blooming: &str| {
+        "dark_e_s = 10.0\nread_noise_e = 0.0\nfull_well_e = 8000.0\ngain_e_per_dn = 1.0\noffset_dn = 0.0".to_string()
+            + &format!("\nblooming = {blooming:?}")
+    };
+    let charge = |blooming: &str| {
+        let mut emulator = emulator(&text(true, &keys(blooming), ""));
+        emulator.keep_expected = true;
+        emulator.choice.noise = false;
+        emulator.camera_mut().exposure_s = 0.05;
+        let frame = shoot(&mut emulator, 3).frame;
+        (frame.expected_e.unwrap(), frame.charge_e.unwrap())
+    };
+    let (expected, spilled) = charge("column");
+    let (_, clipped) = charge("none");
+    let sum = |e: &[f32]| e.iter().map(|e| f64::from(*e)).sum::<f64>();
+    assert!(sum(&clipped) < 0.97 * sum(&expected), "nothing spills");
+    let off = sum(&spilled) - sum(&expected);
+    assert!(off.abs() < 1.0, "{off}");
+    assert!(spilled.iter().all(|e| *e < 8001.5) && clipped.iter().all(|e| *e <= 8000.0));
+    // Charge that comes to a pixel comes along its column.
+    let column =
+        |e: &[f32], x: usize| sum(&e[x..].iter().step_by(256).copied().collect::<Vec<_>>());
+    for x in 0..256 {
+        assert!(
+            (column(&spilled, x) - column(&expected, x)).abs() < 0.5,
+            "{x}"
+        );
+    }
+}
+
+fn particles(shot: &Shot) -> impl Iterator<Item = &SpotLabel> {
+    let spots = shot.label.objects.spots.iter();
+    spots.filter(|spot| spot.kind == "radiation")
+}
+
+#[test]
+fn particles_are_in_the_pixels_that_the_label_says() {
+    let table = "[radiation]\nflux_cm2_s = 30.0\nthickness_um = 20.0\ndiffusion_um = 8.0";
+    let exposed = emulator(&text(false, PLAIN, table));
+    let mut sheltered = emulator(&text(false, PLAIN, ""));
+    let mut exposed = exposed;
+    exposed.keep_expected = true;
+    sheltered.keep_expected = true;
+    let mut numbers = Vec::new();
+    for sequence in 0..40 {
+        let (with, without) = (
+            shoot(&mut exposed, sequence),
+            shoot(&mut sheltered, sequence),
+        );
+        let charge = |shot: &Shot| shot.frame.charge_e.clone().unwrap();
+        // The other noise is the same, so that the difference is the particles' charge alone.
+        let mut left: Vec<f64> = charge(&with)
+            .iter()
+            .zip(charge(&without))
+            .map(|(with, without)| f64::from(*with) - f64::from(without))
+            .collect();
+        for spot in particles(&with) {
+            let mut sum = 0.0;
+            for [x, y, e] in &spot.pixels {
+                left[(*y * 256 + *x) as usize] -= *e as f64;
+                sum += *e as f64;
+            }
+            assert_eq!(spot.electrons, sum);
+            assert!(spot.in_frame && (spot.snr >= 3.0) == spot.visible);
+        }
+        assert!(left.iter().all(|e| e.abs() < 0.01));
+        numbers.push(particles(&with).count() as f64);
+        assert_eq!(particles(&without).count(), 0);
+    }
+    // 256 x 200 pixels of 26 um: 0.346 cm^2, 10.4 a second.
+    let all: f64 = numbers.iter().sum();
+    let expected = 40.0 * 30.0 * 0.6656 * 0.52;
+    assert!(
+        (all - expected).abs() < 4.0 * expected.sqrt(),
+        "{all} of {expected}"
+    );
+    assert!(
+        numbers.iter().any(|n| *n != numbers[0]),
+        "the same in every frame"
+    );
+    // The same frame again, and none of it where noise is off.
+    assert_eq!(shoot(&mut exposed, 7).frame, shoot(&mut exposed, 7).frame);
+    exposed.choice.noise = false;
+    let calm = shoot(&mut exposed, 7);
+    assert_eq!(particles(&calm).count(), 0);
+}
+
+/// What a source stands out by, from 600 frames: the amplitude of each isolated star by its matched filter scatters by 1 / snr.
+#[test]
+fn labels_signal_to_noise_is_the_scatter_over_frames() {
+    const FRAMES: u32 = 600;
+    let keys = "dark_e_s = 300.0
+dark_nonuniformity = 0.5
+hot_fraction = 0.03
+hot_e_s = 4000.0
+prnu = 0.15
+dead_fraction = 0.01
+stuck_fraction = 0.005
+nonlinearity = 0.2
+read_noise_e = 10.0
+full_well_e = 12000.0
+gain_e_per_dn = 20.0
+offset_dn = 100.0";
+    let mut emulator = emulator(&text(true, keys, ""));
+    emulator.keep_expected = true;
+    emulator.choice.noise = false;
+    let still = shoot(&mut emulator, 0);
+    emulator.keep_expected = false;
+    emulator.choice.noise = true;
+    let expected = still.frame.expected_e.unwrap();
+    let detector = &still.camera.detector;
+    let (pattern, gain) = (&detector.pattern, detector.gain_e_per_dn);
+
+    /// A star's pixels: index, response to it in read electrons, what they read without it, weight.
+    struct Filter {
+        snr: f64,
+        pixels: Vec<(usize, f64, f64, f64)>,
+        hot: bool,
+        blind: bool,
+        amplitudes: Vec<f64>,
+    }
+    let objects = &still.label.objects;
+    let alone = |at: [f64; 2], own: f64| {
+        let near = objects
+            .iter()
+            .filter(|o| (o.x_px - at[0]).hypot(o.y_px - at[1]) < 12.0);
+        near.map(|o| o.electrons).sum::<f64>() - own < 2e-3 * own
+    };
+    let mut filters = Vec::new();
+    for star in objects.iter().filter(|o| o.in_frame && o.snr > 4.0) {
+        let at = [star.x_px, star.y_px];
+        let inside = (8.0..247.0).contains(&at[0]) && (8.0..191.0).contains(&at[1]);
+        if !inside || !alone(at, star.electrons) {
+            continue;
+        }
+        let (cx, cy) = (at[0].round() as usize, at[1].round() as usize);
+        let (mut pixels, mut hot, mut blind) = (Vec::new(), false, false);
+        for y in cy - 6..=cy + 6 {
+            for x in cx - 6..=cx + 6 {
+                let i = y * 256 + x;
+                let held = f64::from(expected[i]);
+                let b = pattern.dark_e_s_of(i);
+                let core = x.abs_diff(cx) <= 1 && y.abs_diff(cy) <= 1;
+                hot |= core && b > 2000.0;
+                blind |= core && pattern.is_blind(i);
+                if pattern.is_blind(i) || held >= 12_000.0 {
+                    continue;
+                }
+                // N (1 - 0.2 N / 12000), by hand.
+                let read = |e: f64| e * (1.0 - 0.2 * e / 12_000.0);
+                let slope = 1.0 - 0.4 * held / 12_000.0;
+                let signal = read(held) - read(b);
+                let variance = slope * slope * held + 100.0 + gain * gain / 12.0;
+                pixels.push((i, signal, read(b), signal / variance));
+            }
+        }
+        filters.push(Filter {
+            snr: star.snr,
+            pixels,
+            hot,
+            blind,
+            amplitudes: Vec::new(),
+        });
+    }
+    assert!(filters.len() > 20, "{}", filters.len());
+    for sequence in 1..=FRAMES {
+        let digits = shoot(&mut emulator, sequence).frame.digits;
+        for filter in &mut filters {
+            let (mut top, mut bottom) = (0.0, 0.0);
+            for (i, signal, without, weight) in &filter.pixels {
+                top += weight * ((f64::from(digits[*i]) - 100.0) * gain - without);
+                bottom += weight * signal;
+            }
+            filter.amplitudes.push(top / bottom);
+        }
+    }
+    let n = f64::from(FRAMES);
+    // Of one star the scatter is known to this part.
+    let error = 1.0 / (2.0 * n).sqrt();
+    let ratio = |filter: &Filter| {
+        let centre = mean(filter.amplitudes.iter().copied());
+        let variance = mean(
+            filter
+                .amplitudes
+                .iter()
+                .map(|a| (a - centre) * (a - centre)),
+        );
+        let scatter = (variance * n / (n - 1.0)).sqrt();
+        // Curvature and clipped tails bend the mean by some thousandths.
+        assert!(
+            (centre - 1.0).abs() < 5.0 * scatter / n.sqrt() + 0.01,
+            "{centre}"
+        );
+        filter.snr * scatter
+    };
+    let ratios: Vec<f64> = filters.iter().map(ratio).collect();
+    for (filter, ratio) in filters.iter().zip(&ratios) {
+        let what = (filter.snr, filter.hot, filter.blind);
+        assert!(
+            (ratio - 1.0).abs() < 4.5 * error,
+            "{ratio}: snr, hot, blind {what:?}"
+        );
+    }
+    let all = mean(ratios.iter().copied());
+    let bound = 4.0 * error / (ratios.len() as f64).sqrt() + 0.005;
+    assert!((all - 1.0).abs() < bound, "{all}");
+    // A hot pixel lies under one of them, and under another one that shows nothing.
+    assert!(filters.iter().any(|f| f.hot) && filters.iter().any(|f| f.blind));
+    println!("{} stars, snr x scatter {all:.4}", ratios.len());
+}
