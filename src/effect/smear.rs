@@ -20,6 +20,13 @@ pub const SMEAR: Effect = Effect {
 
 fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let length_px = view.longest_track_px(view.exposure.duration_s);
+    // What stands still does so for a rolling shutter too, whose rows see it elsewhere.
+    let rolled_px = match view.camera.readout_s() {
+        0.0 => 0.0,
+        readout_s => view.longest_track_px(readout_s) / 2.0,
+    };
+    let rows = view.camera.detector.height.saturating_sub(1).max(1) as f64;
+    let longer = (2.0 * rolled_px / rows).min(1.0);
     if length_px == 0.0 {
         return Need::none("nothing moves during the exposure");
     }
@@ -28,8 +35,8 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     Need {
         because: format!("images move by up to {length_px:.3} px").into(),
         error: Loss {
-            e: view.peak_e() * spread.min(1.0),
-            px: length_px / 2.0,
+            e: view.peak_e() * (spread.min(1.0) + longer) + view.e_of_shift(rolled_px),
+            px: length_px / 2.0 + rolled_px,
         },
         price_ms: view
             .work(view.exposure.duration_s, fidelity)
