@@ -39,7 +39,7 @@ impl Airy {
             colours.iter().map(part).sum()
         };
         // The mean over the band is tabulated too: a fan takes a million values of it.
-        let knee = (rings / 2.5).max(6.0);
+        let knee = (rings / 2.5).clamp(6.0, 16.0);
         let steps = (48.0 * knee) as usize;
         let profile = Profile::new(knee, 8 * steps, energy);
         let intensity = |r: f64| -> f64 {

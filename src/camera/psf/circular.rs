@@ -106,7 +106,7 @@ impl Quadrant {
             .sum()
     }
 
-    /// Adds `light` around `at` (px), of width `width_px`, to the pixels of a rectangle (row by row).
+    /// Spreads `light` around `at` (px), of width `width_px`, over the pixels of a rectangle, row by row into `out`.
     pub fn spread(
         &self,
         width_px: f64,

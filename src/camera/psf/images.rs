@@ -30,6 +30,9 @@ pub struct Images {
     reach_px: f64,
 }
 
+/// The cell that a coordinate stands in, and the part of it that lies before.
+type Corner = (usize, f64);
+
 /// Up to four images and their weights.
 pub type Mix = [(usize, f64); 4];
 
@@ -78,14 +81,8 @@ impl Image {
         })
     }
 
-    /// Light left of `x` and above `y`, in cells from the image's middle.
-    fn light(&self, x: f64, y: f64) -> f64 {
-        let along = |at: f64, cells: usize| {
-            let at = (at + cells as f64 / 2.0).clamp(0.0, cells as f64);
-            let first = (at as usize).min(cells - 1);
-            (first, at - first as f64)
-        };
-        let ((i, s), (j, t)) = (along(x, self.columns), along(y, self.rows));
+    /// Light left of and above a corner, between the cells' own.
+    fn light(&self, (i, s): Corner, (j, t): Corner) -> f64 {
         let at = |i: usize, j: usize| self.sums[j * (self.columns + 1) + i];
         (1.0 - t) * ((1.0 - s) * at(i, j) + s * at(i + 1, j))
             + t * ((1.0 - s) * at(i, j + 1) + s * at(i + 1, j + 1))
@@ -156,7 +153,7 @@ impl Images {
         ]
     }
 
-    /// Adds `light` around `at` (px) to the pixels of a rectangle, row by row.
+    /// Spreads `light` around `at` (px) over the pixels of a rectangle, row by row into the empty `out`.
     pub fn spread(
         &self,
         mix: &Mix,
@@ -166,25 +163,34 @@ impl Images {
         rows: Range<i64>,
         out: &mut Vec<f64>,
     ) {
-        let edge = |i: i64, at: f64| (i as f64 - 0.5 - at) * self.oversampling;
-        let corner = |x: f64, y: f64| -> f64 {
-            let part = |&(image, weight): &(usize, f64)| match self.images.get(image) {
-                Some(image) if weight > 0.0 => weight * image.light(x, y),
-                _ => 0.0,
+        let wide = (columns.end - columns.start) as usize;
+        out.resize(wide * (rows.end - rows.start) as usize, 0.0);
+        let parts = mix.iter().filter(|(_, weight)| *weight > 0.0);
+        for (image, weight) in parts.filter_map(|(i, weight)| Some((self.images.get(*i)?, weight)))
+        {
+            let corner = |i: i64, at: f64, cells: usize| -> Corner {
+                let from_middle = (i as f64 - 0.5 - at) * self.oversampling;
+                let place = (from_middle + cells as f64 / 2.0).clamp(0.0, cells as f64);
+                let first = (place as usize).min(cells - 1);
+                (first, place - first as f64)
             };
-            mix.iter().map(part).sum()
-        };
-        let corners = |row: i64| -> Vec<f64> {
-            let y = edge(row, at[1]);
-            let all = columns.start..=columns.end;
-            all.map(|column| corner(edge(column, at[0]), y)).collect()
-        };
-        let mut above = corners(rows.start);
-        for row in rows {
-            let below = corners(row + 1);
-            let pixel = |(a, b): (&[f64], &[f64])| light * ((b[1] - b[0]) - (a[1] - a[0])).max(0.0);
-            out.extend(above.windows(2).zip(below.windows(2)).map(pixel));
-            above = below;
+            let across: Vec<Corner> = (columns.start..=columns.end)
+                .map(|i| corner(i, at[0], image.columns))
+                .collect();
+            let corners = |row: i64, line: &mut Vec<f64>| {
+                let down = corner(row, at[1], image.rows);
+                line.clear();
+                line.extend(across.iter().map(|across| image.light(*across, down)));
+            };
+            let (mut above, mut below) = (Vec::new(), Vec::new());
+            corners(rows.start, &mut above);
+            for (row, out) in rows.clone().zip(out.chunks_exact_mut(wide.max(1))) {
+                corners(row + 1, &mut below);
+                for ((out, a), b) in out.iter_mut().zip(above.windows(2)).zip(below.windows(2)) {
+                    *out += light * weight * ((b[1] - b[0]) - (a[1] - a[0])).max(0.0);
+                }
+                std::mem::swap(&mut above, &mut below);
+            }
         }
     }
 }

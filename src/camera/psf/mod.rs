@@ -2,6 +2,9 @@
 //!
 //! The integrals are exact for Gaussians and images, and within 1e-4 of the brightest pixel for tables of circular
 //! profiles, as long as their width (see [`Airy`] and [`Moffat`]) is at most [`WIDEST_PX`]; narrow ones have no limit.
+//! Price: a stamp of 15 x 15 pixels takes 1.7 us as a Gaussian, 4 us from a table, some 10 us from four images; a table is
+//! made in 20 to 200 ms when the camera is loaded.
+//!
 //! No profile is cut and scaled up: what falls outside of the pixels that are drawn is lost, and [`LocalPsf::reach_px`]
 //! and [`LocalPsf::drawn_px`] say how much.
 
