@@ -52,8 +52,13 @@ impl Projection {
         end: f64::INFINITY,
     };
 
-    /// The projection by `model`.
+    /// The projection by `model`; without any distortion Brown-Conrady's is the pinhole.
     pub fn new(model: Model) -> Projection {
+        let none = Model::BrownConrady {
+            k: [0.0; 3],
+            p: [0.0; 2],
+        };
+        let model = if model == none { Model::Pinhole } else { model };
         let end = match &model {
             Model::Pinhole => f64::INFINITY,
             Model::BrownConrady { k, p } => first_fold(k, p),
