@@ -269,14 +269,13 @@ fn the_cameras_are_listed_and_sourced() {
         assert!(listed.contains(*name), "{name} is not in the README");
         assert_eq!(Camera::load(name, &Folder::current()).unwrap().name, *name);
         let text = std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();
-        for line in text
-            .lines()
-            .filter(|line| line.contains(" = ") && !line.starts_with("name"))
-        {
+        for line in text.lines().filter(|line| {
+            line.contains(" = ") && !line.starts_with("name") && !line.starts_with('#')
+        }) {
             let (_, comment) = line
                 .split_once('#')
                 .unwrap_or_else(|| panic!("{name}: {line}"));
-            let sources = ["[T1", "[class", "[assumed", "[section", "[paper"];
+            let sources = ["[T1", "[class", "[assumed", "[section", "[paper", "[fitted"];
             assert!(
                 sources.iter().any(|source| comment.contains(source)),
                 "{name}: source of {line}"
