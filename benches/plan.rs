@@ -39,19 +39,14 @@ fn main() {
 
 fn scenes() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
-    let inside = |folder: &Path| -> Vec<PathBuf> {
-        let entries = std::fs::read_dir(folder).unwrap();
-        entries.map(|entry| entry.unwrap().path()).collect()
-    };
-    let files = inside(&folder)
-        .into_iter()
-        .flat_map(|path| match path.is_dir() {
-            true => inside(&path),
-            false => vec![path],
-        });
-    let mut scenes: Vec<PathBuf> = files
-        .filter(|p| p.extension().is_some_and(|end| end == "toml"))
-        .collect();
+    let entries = std::fs::read_dir(folder).unwrap();
+    let files = entries.map(|entry| entry.unwrap().path());
+    let files = files.map(|path| match path.is_dir() {
+        true => path.join("scene.toml"),
+        false => path,
+    });
+    let is_scene = |path: &PathBuf| path.extension().is_some_and(|end| end == "toml");
+    let mut scenes: Vec<PathBuf> = files.filter(is_scene).collect();
     scenes.sort();
     scenes
 }

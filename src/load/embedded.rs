@@ -15,6 +15,7 @@ const FILES: &[(&str, &str)] = files![
     "cameras/cots-wide.toml",
     "cameras/cmos-rolling.toml",
     "cameras/ccd-transfer.toml",
+    "cameras/all-sky.toml",
     "scenes/rcm-2019-06-15/scene.toml",
     "scenes/rcm-2019-06-15/cassiope-A.oem",
     "scenes/rcm-2019-06-15/cassiope-B.oem",
@@ -34,6 +35,7 @@ pub const CAMERAS: &[&str] = &[
     "cots-wide",
     "cmos-rolling",
     "ccd-transfer",
+    "all-sky",
 ];
 
 /// Every key with its default.

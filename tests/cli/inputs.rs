@@ -142,7 +142,7 @@ fn cameras_numbers_and_folders() {
         &[
             "nope",
             "No such file",
-            "fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer",
+            "fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky",
         ],
     );
     render(&["--frames", "0"], &["--frames", "0", "1..=1000000"]);

@@ -1,0 +1,23 @@
+//! Draws the pictures of docs/effects.md: each effect alone. `cargo run --release --example effect_pictures`.
+
+mod pictures;
+
+use pictures::{PICTURES, png};
+use std::path::Path;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/effects");
+    std::fs::create_dir_all(&folder)?;
+    for picture in PICTURES {
+        let file = folder.join(picture.file());
+        match png(picture) {
+            Ok(p) => std::fs::write(&file, p)?,
+            Err(e) => {
+                println!("{}: {e}", picture.effect);
+                continue;
+            }
+        }
+        println!("{}", file.display());
+    }
+    Ok(())
+}
