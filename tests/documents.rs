@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use skyloop::camera::Camera;
 use skyloop::config::{Clock, Config};
+use skyloop::effect::EFFECTS;
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::link::{self, Options, Roles};
@@ -46,6 +47,28 @@ fn first_column(section: &str) -> Names {
 
 fn names<'a>(names: impl IntoIterator<Item = &'a str>) -> Names {
     names.into_iter().map(str::to_string).collect()
+}
+
+#[path = "../examples/effect_pictures/pictures.rs"]
+mod pictures;
+
+#[test]
+fn every_effect_has_its_section_and_the_picture_that_the_program_draws() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    let page = std::fs::read_to_string(folder.join("effects.md")).unwrap();
+    let sections = page.lines().filter_map(|line| line.strip_prefix("## "));
+    let effects: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
+    assert_eq!(sections.collect::<Vec<_>>(), effects);
+    let pictured: Vec<&str> = pictures::PICTURES.iter().map(|p| p.effect).collect();
+    assert_eq!(pictured, effects);
+    for picture in pictures::PICTURES {
+        let file = format!("effects/{}", picture.file());
+        assert!(page.contains(&format!("]({file})")), "{file}");
+        assert!(
+            std::fs::read(folder.join(&file)).unwrap() == pictures::png(picture).unwrap(),
+            "docs/{file} is another picture: cargo run --release --example effect_pictures"
+        );
+    }
 }
 
 #[test]

@@ -10,13 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     std::fs::create_dir_all(&folder)?;
     for picture in PICTURES {
         let file = folder.join(picture.file());
-        match png(picture) {
-            Ok(p) => std::fs::write(&file, p)?,
-            Err(e) => {
-                println!("{}: {e}", picture.effect);
-                continue;
-            }
-        }
+        std::fs::write(&file, png(picture)?)?;
         println!("{}", file.display());
     }
     Ok(())

@@ -73,17 +73,17 @@ const ORION: &str = "sky.catalog = \"bsc\"\nsequence.attitudes = \
 pub const PICTURES: &[Picture] = &[
     Picture {
         effect: "distortion",
-        camera: "optics.focal_length_mm = 4.0\noptics.projection = { model = \"brown-conrady\", k = [-2.0, 0.0, 0.0] }\n",
+        camera: "optics.focal_length_mm = 4.0\noptics.projection = { model = \"brown-conrady\", k = [-0.9] }\n",
         scene: ORION,
         beside: &[],
-        levels_e: [0.0, 3000.0],
+        levels_e: [0.0, 40000.0],
     },
     Picture {
         effect: "aberration drift",
         camera: "optics.focal_length_mm = 4000.0\ntiming = { exposure_s = 1500.0, rate_hz = 0.0005 }\noptics.aperture_mm = 1.0\n",
         scene: "sequence.attitudes = [{ q = [0.52129861, -0.15505349, 0.239241716, 0.80434419] }]\n",
         beside: &["smear"],
-        levels_e: [0.0, 3000.0],
+        levels_e: [0.0, 60000.0],
     },
     Picture {
         effect: "smear",
@@ -94,17 +94,17 @@ pub const PICTURES: &[Picture] = &[
     },
     Picture {
         effect: "rolling shutter",
-        camera: "timing = { exposure_s = 0.02, rate_hz = 1.0, shutter = \"rolling\", row_us = 1000.0 }\n",
-        scene: "sequence.rates_deg_s = [0.0, 12.0, 0.0]\n",
+        camera: "timing = { exposure_s = 0.01, rate_hz = 1.0, shutter = \"rolling\", row_us = 1000.0 }\n",
+        scene: "sequence.rates_deg_s = [0.0, 30.0, 0.0]\n",
         beside: &["smear"],
-        levels_e: [0.0, 500.0],
+        levels_e: [0.0, 200.0],
     },
     Picture {
         effect: "vignetting",
         camera: "optics.focal_length_mm = 4.0\noptics.vignetting.table = [[0.0, 1.0], [6.0, 0.9], [14.0, 0.1], [25.0, 0.0]]\n",
         scene: ORION,
         beside: &[],
-        levels_e: [0.0, 3000.0],
+        levels_e: [0.0, 40000.0],
     },
     Picture {
         effect: "stars",
