@@ -318,6 +318,25 @@ fn every_noise_stream_has_one_effect() {
 }
 
 #[test]
+fn every_effects_file_says_what_it_rests_on() {
+    let effects = files(&root().join("src/effect"));
+    let mut found = 0;
+    for path in effects {
+        let text = std::fs::read_to_string(&path).unwrap();
+        let effects = text.matches(": Effect = Effect {").count();
+        if effects == 0 {
+            continue;
+        }
+        found += effects;
+        let head: Vec<&str> = text.lines().take_while(|l| l.starts_with("//!")).collect();
+        for word in ["Reference: ", "Validity: ", "Price: "] {
+            assert!(head.join("\n").contains(word), "{}: {word}", name(&path));
+        }
+    }
+    assert_eq!(found, EFFECTS.len());
+}
+
+#[test]
 fn files_are_short() {
     for path in files(root()).iter().filter(|path| is_rust(path)) {
         let lines = std::fs::read_to_string(path).unwrap().lines().count();

@@ -11,7 +11,7 @@
 //!
 //! Whole electrons move, so that a column keeps its charge exactly; a pixel may hold one more than the well.
 //! Validity: a CCD without anti-blooming drains, whose channel stops hold better than its gates (Janesick 2001, Scientific
-//! Charge-Coupled Devices, ch. 4); the trail of charge-transfer loss is left out. Price: linear in the column's pixels.
+//! Charge-Coupled Devices); the trail of charge-transfer loss is left out. Price: linear in the column's pixels.
 
 /// What one column is worked out in, kept from column to column.
 #[derive(Default)]

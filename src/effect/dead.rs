@@ -5,7 +5,7 @@
 //! ```
 //!
 //! They are read like all others: noise and offset remain. They hold charge that spills over them as their neighbours do, and
-//! lose it. Price: by their number.
+//! lose it. Reference: none but the definition. Validity: pixels that are wholly dead, in every frame. Price: by their number.
 
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::camera::Blooming;

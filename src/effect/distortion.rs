@@ -1,7 +1,8 @@
 //! Distortion: the lens does not project as its ideal would.
 //!
 //! Brown-Conrady's model against the pinhole, or the coefficients of a fisheye against the equidistant projection;
-//! `camera::projection` has the equations. Validity: to the model's end, beyond which nothing has an image. Without it images are
+//! `camera::projection` has the equations. Reference: Brown 1971 (Photogrammetric Engineering 37, 855), Kannala and Brandt 2006 (IEEE
+//! Trans. PAMI 28, 1335), as OpenCV writes them. Validity: to the model's end, beyond which nothing has an image. Without it images are
 //! off by the greatest displacement on the detector. Price: a polynomial, for a fisheye an arc tangent too, each time a
 //! track is looked at.
 

@@ -5,7 +5,7 @@
 //! N_xy <- min(N_xy, full well)
 //! ```
 //!
-//! Validity: a well of one depth for all pixels. Price: a comparison a pixel; where charge spills, each column that has an
+//! Reference: Janesick 2001, Scientific Charge-Coupled Devices. Validity: a well of one depth for all pixels. Price: a comparison a pixel; where charge spills, each column that has an
 //! overfull pixel is worked through once.
 
 use super::bloom::Bloom;

@@ -3,6 +3,9 @@
 //! Clark et al. 2021, Eqs. (2), (11) without the division by the gain (see `readout`):
 //! `N_xy = E_obj QE tau A_app t_int PSF(x, y, x_obj, y_obj)`. The PSF is integrated over each pixel, along the
 //! true track of the exposure.
+//!
+//! Reference: Clark et al. 2021. Validity: sources smaller than the PSF; their light adds up. Price: the pixels of each image, worked out once
+//! for each place that the image comes by (`scene::work`), and a sum a pixel.
 
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;

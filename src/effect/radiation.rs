@@ -1,8 +1,12 @@
 //! Radiation: the charge that particles leave along their tracks through the detector.
 //!
+//! ```text
+//! N_xy <- N_xy + sum over events of the charge left in the pixel
+//! ```
+//!
 //! The events are drawn once, in the scene, and read here and by the label: `camera::radiation` has their equations and
 //! sources, `sky::radiation` their number by orbit. Their charge comes after shot noise, which it does not follow: its scatter is that of
-//! the energy loss. Price: by the pixels of the events.
+//! the energy loss. Reference: there. Validity: charged particles alone, and pixels that keep no memory of them. Price: by the pixels of the events.
 
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;

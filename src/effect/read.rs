@@ -1,4 +1,11 @@
-//! Read noise: a normal draw a pixel, added to the charge when it is read.
+//! Read noise: what the amplifier adds to a pixel when it is read.
+//!
+//! ```text
+//! N_xy <- N_xy + sigma N(0, 1)
+//! ```
+//!
+//! Reference: the linear model of EMVA Standard 1288, release 4.0, section 2. Validity: white and alike in all pixels; no pattern of
+//! rows, no random telegraph signals. Price: a normal draw a pixel.
 
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;

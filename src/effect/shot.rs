@@ -1,4 +1,11 @@
 //! Shot noise: the electrons of a pixel are a Poisson draw of their expectation (light and dark charge).
+//!
+//! ```text
+//! N_xy <- Poisson(N_xy)
+//! ```
+//!
+//! Reference: the linear model of EMVA Standard 1288, release 4.0, section 2; the draws are exact at every mean (`rng`). Validity: one
+//! electron a photon, so no gain before the charge is read. Price: a draw a pixel; where most pixels hold the same, from a table.
 
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;

@@ -4,6 +4,9 @@
 //! equal parts of the exposure, so a slow part of the track is brighter (see `track`). Without it each image stands
 //! still at the middle of the exposure; its ends are then half the track's length L off, and a pixel's light by at
 //! most `min(1, L^2 / (24 s^2))` of the brightest, for a PSF of width s (second order of the integral).
+//!
+//! Reference: the integral above, held against direct integration. Validity: body rates are constant during the exposure; an object's
+//! own track is a parabola. Price: the pixels of an image once more for each step of half a PSF's width along its track.
 
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;

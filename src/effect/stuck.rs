@@ -4,7 +4,7 @@
 //! DN_xy <- stuck_dn   at the stuck pixels of the camera's pattern
 //! ```
 //!
-//! Price: by their number.
+//! Reference: none but the definition. Validity: pixels that never change. Price: by their number.
 
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
