@@ -17,7 +17,7 @@ pub use optics::Optics;
 pub use pattern::{Pattern, PatternFigures};
 pub use projection::{Model, Projection};
 pub use psf::{LocalPsf, Psf, Stamp};
-pub use radiation::{Event, Flux, MOST_EVENTS, Radiation};
+pub use radiation::{Event, Flux, MOST_WORK_AN_EVENT, Radiation};
 pub use shutter::Shutter;
 pub use vignetting::Vignetting;
 

@@ -20,6 +20,10 @@ use crate::rng::{NoiseKey, PixelStream};
 
 /// Most events that one exposure may be expected to hold.
 pub const MOST_EVENTS: f64 = 1e5;
+/// Most pixels at which the charge of one exposure's particles may be expected to be worked out: some seconds.
+pub const MOST_WORK: f64 = 1e8;
+/// Most pixels at which the charge of one particle may be expected to be worked out.
+pub const MOST_WORK_AN_EVENT: f64 = 1e6;
 
 /// The noise key's identity of the particles of a frame.
 const STREAM: u8 = 3;
@@ -71,9 +75,29 @@ impl Radiation {
         flux * detector.pixels() as f64 * pitch_cm * pitch_cm * (exposure_s + self.readout_s)
     }
 
-    /// The particles of one exposure: a Poisson number about `expected`, each keyed by its own index.
+    /// Pixels at which the charge of one particle is worked out, on average: its track is `pi / 2 thickness` long in the plane.
+    pub fn work_an_event(&self, detector: &Detector) -> f64 {
+        let [track, sigma] =
+            [self.thickness_um, self.diffusion_um].map(|um| um * 1e-6 / detector.pitch_m);
+        let track = std::f64::consts::FRAC_PI_2 * track;
+        if sigma == 0.0 {
+            return 1.0 + 2.0 * track;
+        }
+        let [wide, high] =
+            [detector.width, detector.height].map(|size| (10.0 * sigma + 2.0).min(size as f64));
+        (1.0 + track / step_px(sigma)) * wide * high
+    }
+
+    /// Most particles that an exposure may be expected to hold.
+    pub fn most_events(&self, detector: &Detector) -> f64 {
+        MOST_EVENTS.min(MOST_WORK / self.work_an_event(detector))
+    }
+
+    /// The particles of one exposure: a Poisson number about `expected`, each keyed by its own index. No more
+    /// are drawn than [`Radiation::most_events`]: the anomaly reaches that in exposures of hours.
     pub fn events(&self, detector: &Detector, expected: f64, key: NoiseKey) -> Vec<Event> {
-        let count = PixelStream::new(key, STREAM, 0).poisson(expected.min(MOST_EVENTS)) as u32;
+        let expected = expected.min(self.most_events(detector));
+        let count = PixelStream::new(key, STREAM, 0).poisson(expected) as u32;
         let events = (1..=count).map(|index| self.event(detector, key, index));
         events.filter(|event| !event.pixels.is_empty()).collect()
     }
@@ -144,10 +168,8 @@ impl Radiation {
         if sigma == 0.0 {
             crossed(detector, a, b, |pixel, part| shares.push((pixel, part)));
         } else {
-            // Points a quarter of the narrower of sigma and pixel apart, but no closer than a twentieth of a pixel.
-            let step = 0.25 * sigma.clamp(0.2, 1.0);
             let length = libm::hypot(b[0] - a[0], b[1] - a[1]);
-            let points = libm::ceil(length / step).clamp(1.0, 1e5);
+            let points = libm::ceil(length / step_px(sigma)).clamp(1.0, 1e5);
             for i in 0..points as usize {
                 let part = (i as f64 + 0.5) / points;
                 let at = [0, 1].map(|k| a[k] + part * (b[k] - a[k]));
@@ -166,6 +188,12 @@ impl Radiation {
         });
         shares
     }
+}
+
+/// How far the points of a track stand apart whose charge diffuses by `sigma` (px): a quarter of that, but no closer than a
+/// twentieth of a pixel.
+fn step_px(sigma: f64) -> f64 {
+    0.25 * sigma.max(0.2)
 }
 
 /// Sternheimer's density effect at `x = log10(beta gamma)`, in silicon (Sternheimer, Berger and Seltzer 1984, table 1).

@@ -1,6 +1,6 @@
 //! `skyloop plan`: the verdicts as a table and as JSON, declared and measured.
 
-use crate::skyloop;
+use crate::{repository, skyloop};
 use serde_json::Value;
 use skyloop::effect::EFFECTS;
 use std::path::Path;
@@ -101,5 +101,40 @@ fn wrong_inputs_are_refused_in_a_line() {
         for word in words {
             assert!(log.contains(word), "{flags:?}: no {word:?} in {log}");
         }
+    }
+}
+
+/// A full well above the converter's reach: one warning, and none of the cameras that are built in has one.
+#[test]
+fn a_converter_that_clips_first_is_told_once() {
+    let here = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(repository("configs/cameras/cots-wide.toml")).unwrap();
+    let line = text
+        .lines()
+        .find(|line| line.starts_with("full_well_e"))
+        .unwrap();
+    let deep = text.replace(line, "full_well_e = 20000.0");
+    std::fs::write(here.path().join("deep.toml"), &deep).unwrap();
+    let meant = deep.replace("[detector]", "[detector]\nadc_clips_first = true");
+    std::fs::write(here.path().join("meant.toml"), meant).unwrap();
+    let (code, _, log) = plan(here.path(), &["--camera", "deep.toml"]);
+    assert_eq!((code, log.lines().count()), (0, 1), "{log}");
+    // (4095 - 32) 2.6 = 10563.8.
+    for word in [
+        "WARN",
+        "deep.toml: detector.full_well_e = 20000",
+        "10564 e-",
+        "adc_clips_first",
+    ] {
+        assert!(log.contains(word), "no {word:?} in {log}");
+    }
+    let flags = [
+        ["--camera", "meant.toml"],
+        ["--camera", "fai-nir"],
+        ["--camera", "ccd-transfer"],
+    ];
+    for flags in flags {
+        let (code, _, log) = plan(here.path(), &flags);
+        assert_eq!((code, log.as_str()), (0, ""), "{flags:?}");
     }
 }

@@ -1,6 +1,6 @@
 //! `[radiation]` of a camera file.
 
-use crate::camera::{Detector, Flux, MOST_EVENTS, Radiation};
+use crate::camera::{Detector, Flux, MOST_WORK_AN_EVENT, Radiation};
 use crate::load::{Check, ConfigError};
 use serde::Deserialize;
 
@@ -53,12 +53,21 @@ impl RawRadiation {
             diffusion_um: range("diffusion_um", self.diffusion_um, 0.0..=100.0)?,
             readout_s: range("readout_s", self.readout_s, 0.0..=1e4)?,
         };
+        let work = radiation.work_an_event(detector);
+        if work > MOST_WORK_AN_EVENT {
+            let allowed = format!(
+                "such that a particle's charge lies on at most {MOST_WORK_AN_EVENT:.0e} pixels, counted at each step of its track: \
+                 {work:.1e} with this radiation.thickness_um"
+            );
+            return Err(check.refuse("radiation.diffusion_um", radiation.diffusion_um, allowed));
+        }
         if let Flux::Fixed(flux) = flux {
             let events = radiation.expected_events(detector, flux, exposure_s);
-            if events > MOST_EVENTS {
+            let most = radiation.most_events(detector);
+            if events > most {
                 let allowed = format!(
                     "at most {:.3e}: {events:.0} particles would cross the detector in one exposure",
-                    flux * MOST_EVENTS / events
+                    flux * most / events
                 );
                 return Err(check.refuse("radiation.flux_cm2_s", flux, allowed));
             }

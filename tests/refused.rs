@@ -1,0 +1,173 @@
+//! What a camera file may not say of its detector, its particles and its timing: refused with file, key and value. And what is only
+//! warned of.
+
+use skyloop::camera::Camera;
+use skyloop::load::{CAMERAS, Folder};
+
+/// The text of a built-in camera.
+fn built_in(name: &str) -> String {
+    let file = format!("{name}.toml");
+    Folder::Embedded("cameras").read(&file).unwrap().1
+}
+
+/// `ccd-transfer` with one key of it set, or added below the table that it belongs to.
+fn with(key: &str, value: &str) -> String {
+    let text = built_in("ccd-transfer");
+    let (table, key) = key.split_once('.').unwrap();
+    let line = format!("{key} = {value}");
+    let old = text
+        .lines()
+        .find(|line| line.starts_with(&format!("{key} = ")));
+    match old {
+        Some(old) => text.replacen(old, &line, 1),
+        None if text.contains(&format!("[{table}]")) => {
+            text.replacen(&format!("[{table}]"), &format!("[{table}]\n{line}"), 1)
+        }
+        None => format!("{text}\n[{table}]\n{line}\n"),
+    }
+}
+
+fn load(text: &str) -> Result<Camera, String> {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("mine.toml"), text).unwrap();
+    let loaded = Camera::load("mine.toml", &Folder::Disk(folder.path().to_path_buf()));
+    loaded.map_err(|error| error.to_string())
+}
+
+/// One line that names the file, and has these words.
+fn refuses(key: &str, value: &str, words: &[&str]) {
+    let message = load(&with(key, value)).unwrap_err();
+    for word in ["mine.toml"].iter().chain(words) {
+        assert!(
+            message.contains(word),
+            "{key} = {value}: {message} has no {word}"
+        );
+    }
+    assert_eq!(message.lines().count(), 1, "{message}");
+}
+
+#[test]
+fn numbers_that_no_camera_has() {
+    for (key, least, most) in [
+        ("detector.prnu", "0", "1"),
+        ("detector.dark_e_s", "0", "1000000000"),
+        ("detector.dark_reference_c", "-200", "150"),
+        ("detector.temperature_c", "-200", "150"),
+        ("detector.dark_doubling_k", "1", "100"),
+        ("detector.dark_nonuniformity", "0", "10"),
+        ("detector.hot_fraction", "0", "1"),
+        ("detector.hot_e_s", "0", "1000000000"),
+        ("detector.dead_fraction", "0", "1"),
+        ("detector.stuck_fraction", "0", "1"),
+        // 14 bits.
+        ("detector.stuck_dn", "0", "16383"),
+        ("detector.read_noise_e", "0", "1000000"),
+        ("detector.full_well_e", "1", "1000000000"),
+        ("detector.nonlinearity", "0", "0.5"),
+        ("radiation.flux_cm2_s", "0", "1000000000"),
+        ("radiation.thickness_um", "0.1", "2000"),
+        ("radiation.energy_mev", "50", "1000000"),
+        ("radiation.diffusion_um", "0", "100"),
+        ("radiation.readout_s", "0", "10000"),
+        ("timing.row_us", "0.001", "1000000"),
+    ] {
+        let range = format!("{key} = ");
+        let allowed = format!("must be {least} to {most}");
+        for (value, shown) in [
+            ("-300.0", "-300"),
+            ("2e9", "2000000000"),
+            ("nan", "NaN"),
+            ("inf", "inf"),
+        ] {
+            refuses(key, value, &[&format!("{range}{shown}"), &allowed]);
+        }
+        let message = load(&with(key, "[true]")).unwrap_err();
+        let name = key.split_once('.').unwrap().1;
+        assert!(
+            message.contains("mine.toml") && message.contains(name),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn words_and_places_that_no_camera_has() {
+    for (key, value, words) in [
+        (
+            "detector.blooming",
+            "\"row\"",
+            [
+                "detector.blooming = \"row\"",
+                "must be \"none\" or \"column\"",
+            ],
+        ),
+        (
+            "radiation.flux_cm2_s",
+            "\"leo\"",
+            ["radiation.flux_cm2_s = \"leo\"", "a number or \"orbit\""],
+        ),
+        (
+            "timing.shutter",
+            "\"leaf\"",
+            ["timing.shutter = \"leaf\"", "\"frame-transfer\""],
+        ),
+        (
+            "detector.dead_px",
+            "[[0, 0], [512, 3]]",
+            ["detector.dead_px = [512, 3]", "below [512, 512]"],
+        ),
+        (
+            "detector.stuck_px",
+            "[[0, 512]]",
+            ["detector.stuck_px = [0, 512]", "below [512, 512]"],
+        ),
+        // 170 K above the reference of 20 deg C, twice as much every 6 K: 3.4e8 times as much.
+        (
+            "detector.temperature_c",
+            "150.0",
+            [
+                "detector.temperature_c = 150",
+                "dark current and hot pixels stay below 1e9 e-/s",
+            ],
+        ),
+        // 0.59 cm^2 for 0.3 s.
+        (
+            "radiation.flux_cm2_s",
+            "1e9",
+            ["radiation.flux_cm2_s = 1000000000", "particles"],
+        ),
+    ] {
+        refuses(key, value, &words);
+    }
+    // 17,700 particles, each of which spreads over 68 x 68 pixels at the two steps of its track.
+    let wide = with("radiation.diffusion_um", "100.0").replace("\"orbit\"", "1e5");
+    let message = load(&wide).unwrap_err();
+    assert!(
+        message.contains("radiation.flux_cm2_s = 100000: must be at most 6."),
+        "{message}"
+    );
+    load(&wide.replace("1e5", "6e4")).unwrap();
+    // 100 px wide on pixels of a micrometre: every step of a track would work on all of the detector.
+    let fine = with("radiation.diffusion_um", "100.0").replace("pixel_um = 15.0", "pixel_um = 1.0");
+    let thick = fine.replace("thickness_um = 15.0", "thickness_um = 200.0");
+    let message = load(&thick).unwrap_err();
+    assert!(
+        message.contains("mine.toml: radiation.diffusion_um = 100")
+            && message.contains("thickness_um"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_converter_that_clips_first_is_no_error_and_shipped_cameras_have_none() {
+    assert!(load(&with("detector.full_well_e", "1e6")).is_ok());
+    for name in CAMERAS {
+        let camera = Camera::load(name, &Folder::current()).unwrap();
+        let silenced = built_in(name).contains("adc_clips_first = true");
+        assert_eq!(
+            camera.detector.converter_clips_first().is_some(),
+            silenced,
+            "{name}"
+        );
+    }
+}
