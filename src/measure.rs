@@ -2,7 +2,7 @@
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
-use crate::effect::{EFFECTS, Effect, Judge, Pass, Stage, Verdict};
+use crate::effect::{EFFECTS, Effect, Judge, Loss, Pass, Stage, Verdict};
 use crate::engine::Emulator;
 use crate::fidelity::Choice;
 use crate::frame::{Charge, Frame};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Frames of which random effects' errors are the rms.
-const REPEATS: u32 = 24;
+const REPEATS: u32 = 12;
 /// Rounds that a time is taken of.
 const ROUNDS: usize = 9;
 
@@ -121,8 +121,11 @@ impl Bench<'_> {
         let (fidelity, scene) = (self.emulator.fidelity(), self.scene(choice, 0)?);
         let ask = |effect: &Effect| match &effect.judge {
             // Twice: for the scene, and for the plan.
-            Judge::Images(judge) => {
-                drop([judge(&scene.view, fidelity), judge(&scene.view, fidelity)])
+            Judge::Images(judge, change_e) => {
+                let need = [judge(&scene.view, fidelity), judge(&scene.view, fidelity)];
+                if need[1].error != Loss::default() {
+                    change_e(&scene, &need[1].error);
+                }
             }
             Judge::Pixels(judge) => drop(judge(&scene, fidelity)),
         };

@@ -28,7 +28,7 @@ pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated
     };
     for effect in EFFECTS {
         let runs = match &effect.judge {
-            Judge::Images(judge) => {
+            Judge::Images(judge, _) => {
                 refusal(effect, &judge(view, fidelity), fidelity, choice).is_none()
             }
             Judge::Pixels(_) => !choice.off.contains(&effect.name),
@@ -68,18 +68,22 @@ impl<'s> Plan<'s> {
     pub fn new(scene: &'s Scene, fidelity: &Fidelity, choice: &Choice) -> Plan<'s> {
         let verdict = |effect: &'static Effect| {
             let (need, pass) = match &effect.judge {
-                Judge::Images(judge) => (judge(&scene.view, fidelity), Pass::Images),
+                Judge::Images(judge, _) => (judge(&scene.view, fidelity), Pass::Images),
                 Judge::Pixels(judge) => judge(scene, fidelity),
             };
-            match refusal(effect, &need, fidelity, choice) {
-                Some(why) => Verdict::Skip {
-                    why,
-                    error: need.error,
+            let error = match &effect.judge {
+                Judge::Images(_, change_e) if need.error != Loss::default() => Loss {
+                    e: change_e(scene, &need.error),
+                    ..need.error
                 },
+                _ => need.error,
+            };
+            match refusal(effect, &need, fidelity, choice) {
+                Some(why) => Verdict::Skip { why, error },
                 None => Verdict::Run {
                     pass,
                     because: need.because,
-                    error: need.error,
+                    error,
                     price_ms: need.price_ms,
                 },
             }

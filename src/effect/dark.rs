@@ -39,7 +39,17 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         } else {
             0.2
         };
-        Need::of_pixels(scene, because, most * seconds, ns)
+        let e = scene.spill.shown_of(most * seconds, || {
+            let (width, height) = (detector.width, detector.height);
+            let of = |column| (0..height).map(move |row| row * width + column);
+            let sum = |column| {
+                of(column)
+                    .map(|pixel| pattern.dark_e_s_of(pixel))
+                    .sum::<f64>()
+            };
+            (0..width).map(|column| sum(column) * seconds).collect()
+        });
+        Need::of_pixels(scene, because, e, ns)
     };
     let pass = match pattern.dark_e_s() {
         Some(map) => Pass::Tile(Box::new(move |tile| {

@@ -8,7 +8,6 @@
 //! lose it. Reference: none but the definition. Validity: pixels that are wholly dead, in every frame. Price: by their number.
 
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
-use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
 
@@ -27,11 +26,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let need = if dead.is_empty() {
         Need::none("the detector has none")
     } else {
-        let spilled = detector.blooming == Blooming::Column
-            && scene.simulated.full_well
-            && scene.brightest_e() + scene.largest_event_e() > detector.full_well_e;
-        let most = if spilled {
-            detector.full_well_e
+        let most = if scene.spills() {
+            detector.full_well_e + 1.0
         } else {
             scene.expected_e(dead).into_iter().fold(0.0, f64::max)
         };

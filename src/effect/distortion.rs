@@ -3,19 +3,20 @@
 //! Brown-Conrady's model against the pinhole, or the coefficients of a fisheye against the equidistant projection;
 //! `camera::projection` has the equations. Reference: Brown 1971 (Photogrammetric Engineering 37, 855), Kannala and Brandt 2006 (IEEE
 //! Trans. PAMI 28, 1335), as OpenCV writes them. Validity: to the model's end, beyond which nothing has an image. Without it images are
-//! off by the greatest displacement on the detector. Price: a polynomial, for a fisheye an arc tangent too, each time a
+//! off by the greatest displacement on the detector, and each one's light changes by what its own displacement d makes of its slope,
+//! `0.86 N d / s` at most. Price: a polynomial, for a fisheye an arc tangent too, each time a
 //! track is looked at.
 
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::View;
+use crate::scene::{Change, STEEPEST_STREAK, Scene, View};
 
 /// The lens's departure from its ideal.
 pub const DISTORTION: Effect = Effect {
     name: "distortion",
     stage: Stage::Images,
     random: false,
-    judge: Judge::Images(judge),
+    judge: Judge::Images(judge, change_e),
     mark: |simulated| simulated.distortion = true,
 };
 
@@ -43,10 +44,26 @@ fn judge(view: &View, _: &Fidelity) -> Need {
     let px = 1.01 * off.fold(0.0, f64::max);
     Need {
         because: format!("it moves images by up to {px:.3} px").into(),
-        error: Loss {
-            e: view.e_of_shift(px),
-            px,
-        },
+        error: Loss { e: 0.0, px },
         price_ms: view.looks() * 30e-6,
     }
+}
+
+fn change_e(scene: &Scene, loss: &Loss) -> f64 {
+    let optics = &scene.view.camera.optics;
+    let ideal = optics.projection.ideal();
+    scene.change_e(|image| {
+        let off = [0.0, 0.5, 1.0].map(|part| {
+            let seen = scene.seen(&image.source.body, part);
+            let [a, b] = [&ideal, &optics.projection].map(|by| optics.project_by(by, &seen));
+            // Where one of them has no image, off it goes by as much as any.
+            let apart = a.zip(b).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
+            apart.unwrap_or(f64::INFINITY)
+        });
+        let px = 1.1 * off.into_iter().fold(0.0, f64::max);
+        Change {
+            e: image.inside_e(image.height_e, px) * (STEEPEST_STREAK * px / image.core_px).min(1.0),
+            beside_px: px.min(2.0 * loss.px) + 1.0,
+        }
+    })
 }

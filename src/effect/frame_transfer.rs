@@ -29,7 +29,14 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let need = match scene.view.camera.shutter {
         Shutter::FrameTransfer { .. } if most > 0.0 => {
             let because = format!("columns get trails of up to {most:.2} e- a pixel");
-            Need::of_pixels(scene, because, most, 0.4)
+            let spill = &scene.spill;
+            // By column, what each of its full pixels passes on too.
+            let columns = || {
+                let full = trail.iter().zip(&spill.full);
+                full.map(|(trail, full)| trail * (1.0 + full)).collect()
+            };
+            let e = spill.shown_of(most, columns);
+            Need::of_pixels(scene, because, e, 0.4)
         }
         Shutter::FrameTransfer { .. } => Need::none("there is no light"),
         _ => Need::none("no charge is shifted through light"),

@@ -71,11 +71,14 @@ impl Effect {
 
 /// How an effect is asked.
 pub enum Judge {
-    /// It shapes the images of sources, and is asked before they are made.
-    Images(fn(&View, &Fidelity) -> Need),
+    /// It shapes the images of sources, and is asked before they are made; what it changes is told when they are.
+    Images(fn(&View, &Fidelity) -> Need, Change),
     /// It works on pixels.
     Pixels(for<'s> fn(&'s Scene, &Fidelity) -> (Need, Pass<'s>)),
 }
+
+/// A bound (e-) of what leaving an effect out changes, by the images as they are made and what the effect answered before.
+pub type Change = fn(&Scene, &Loss) -> f64;
 
 /// The chain's stages, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -101,12 +104,14 @@ pub struct Need {
     pub price_ms: f64,
 }
 
-/// What leaving an effect out costs.
+/// What leaving an effect out costs: a bound of what is different in the end, after all that comes later in the chain, such as
+/// full wells that hold no more or spill. Of effects that change digits, in electrons of digits.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Loss {
-    /// e- of the pixel that it changes most: of its expectation, or rms where the effect is random.
+    /// e- of the pixel that it changes most: of its expectation without particles, or rms where the effect is random.
     pub e: f64,
-    /// px that it moves an image by, or the end of its track.
+    /// px that it moves an image by, or the end of its track. (That the brighter part of a track weighs more in its centroid is
+    /// no motion of it.)
     pub px: f64,
 }
 

@@ -24,12 +24,7 @@ pub const NON_LINEARITY: Effect = Effect {
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let share = detector.nonlinearity;
-    let held = scene.brightest_e() + scene.largest_event_e();
-    let held = if scene.simulated.full_well {
-        held.min(detector.full_well_e)
-    } else {
-        held
-    };
+    let held = (scene.brightest_e() + scene.largest_event_e()).min(scene.spill.most_e);
     let need = if share == 0.0 {
         Need::none("the detector is linear")
     } else {

@@ -47,15 +47,15 @@ fn judge<'s>(
     let lit = |s: &&Source| kind(&s.body) && s.electrons > 0.0;
     let drawn: Vec<&Source> = scene.sources.iter().filter(lit).collect();
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
+    let pattern = &scene.view.camera.detector.pattern;
     let need = if pixels == 0 {
         Need::none("none of their light falls on the detector")
     } else {
+        let columns = || scene.columns_e(&drawn, |_| 1.0 + pattern.worst_response());
+        let e = scene.spill.shown_of(scene.peak_of(&drawn), columns);
         Need {
             because: format!("{} {what} in the field", drawn.len()).into(),
-            error: Loss {
-                e: scene.peak_of(&drawn),
-                px: 0.0,
-            },
+            error: Loss { e, px: 0.0 },
             price_ms: still_ms(&scene.view, &drawn, fidelity),
         }
     };

@@ -30,6 +30,14 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         .chunk_by(|a, b| a.0 == b.0)
         .map(|same| same.iter().map(|(_, e)| f64::from(*e)).sum())
         .fold(0.0, f64::max);
+    let width = scene.view.camera.detector.width;
+    let e = scene.spill.shown_of(most, || {
+        let mut columns = vec![0.0; width];
+        for (pixel, e) in &hits {
+            columns[*pixel as usize % width] += f64::from(*e);
+        }
+        columns
+    });
     let need = if scene.view.camera.radiation.is_none() {
         Need::none("the camera is not exposed to radiation")
     } else if hits.is_empty() {
@@ -37,7 +45,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     } else {
         Need {
             because: format!("{} particles cross the detector", scene.events.len()).into(),
-            error: Loss { e: most, px: 0.0 },
+            error: Loss { e, px: 0.0 },
             price_ms: hits.len() as f64 * 3e-6,
         }
     };

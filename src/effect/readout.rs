@@ -23,8 +23,10 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let (per_electron, offset) = (1.0 / detector.gain_e_per_dn, detector.offset_dn);
     let max = f64::from(detector.max_dn());
-    // Without it there would be no digits at all.
-    let all = detector.full_well_e;
+    // Without it there would be no digits at all: not the brightest either, charge and offset.
+    let held = scene.brightest_e().min(scene.spill.most_e);
+    let digit = (held * per_electron + offset + 0.5).clamp(0.0, max);
+    let all = digit * detector.gain_e_per_dn;
     let need = Need::of_pixels(scene, "a frame is digits", all, 1.0);
     let pass = Pass::Tile(Box::new(move |tile| {
         for (dn, e) in tile.digits.iter_mut().zip(tile.electrons.iter()) {

@@ -9,7 +9,7 @@
 
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::scene::{Scene, Source};
 
 /// Photo-response non-uniformity.
 pub const PIXEL_RESPONSE: Effect = Effect {
@@ -25,7 +25,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let Some(response) = pattern.response() else {
         return (Need::none("all pixels respond alike"), Pass::idle());
     };
-    let worst = scene.peak_where(|pixel| (pattern.response_of(pixel) - 1.0).abs());
+    let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
+    let all: Vec<&Source> = scene.sources.iter().collect();
+    let worst = scene
+        .spill
+        .shown_of(scene.peak_where(off), || scene.columns_e(&all, off));
     let need = if worst == 0.0 {
         Need::none("no light falls on the detector")
     } else {

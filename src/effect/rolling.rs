@@ -5,19 +5,20 @@
 //! a track falls on the rows that are open then (see `track::rows`). Reference: Liang, Chang and Chen 2008 (IEEE Trans. Image
 //! Process. 17, 1323). Validity: a row opens and closes at once over its whole length;
 //! light beyond the detector's first and last row is counted as those rows would. Without the effect all rows are exposed as the
-//! middle one: images are off by what they move in half the readout time. Price: two edges of each row that an image touches
+//! middle one: images are off by what they move in half the readout time. Each one's light
+//! changes by `N (0.86 d / s + v t_row)` at most, with d for what it moves by itself until its own rows are exposed. Price: two edges of each row that an image touches
 //! cut its track.
 
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::View;
+use crate::scene::{Change, STEEPEST_STREAK, Scene, View};
 
 /// Rows exposed in turn.
 pub const ROLLING_SHUTTER: Effect = Effect {
     name: "rolling shutter",
     stage: Stage::Images,
     random: false,
-    judge: Judge::Images(judge),
+    judge: Judge::Images(judge, change_e),
     mark: |simulated| simulated.rolling = true,
 };
 
@@ -30,19 +31,28 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     if off_px == 0.0 {
         return Need::none("nothing moves during the exposure and the readout");
     }
-    // The exposure's own change, v t_row.
-    let rows = view.camera.detector.height.saturating_sub(1).max(1) as f64;
-    let longer = (2.0 * off_px / rows).min(1.0);
     Need {
         because: format!(
             "images move by up to {:.3} px during the readout",
             2.0 * off_px
         )
         .into(),
-        error: Loss {
-            e: view.e_of_shift(off_px) + view.peak_e() * longer,
-            px: off_px,
-        },
+        error: Loss { e: 0.0, px: off_px },
         price_ms: view.work(view.open_s, fidelity).rolling_ms(view),
     }
+}
+
+fn change_e(scene: &Scene, loss: &Loss) -> f64 {
+    scene.change_e(|image| {
+        let (off_px, longer) = if scene.simulated.smear {
+            scene.rolled(image, image.length_px)
+        } else {
+            (loss.px, 0.0)
+        };
+        let off = STEEPEST_STREAK * off_px / image.core_px;
+        Change {
+            e: image.inside_e(image.height_e, off_px) * (off + longer).min(1.0),
+            beside_px: off_px + 1.0,
+        }
+    })
 }

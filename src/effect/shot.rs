@@ -29,7 +29,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let need = if most == 0.0 {
         Need::none("there is no light and no dark charge")
     } else {
-        Need::of_pixels(scene, "light comes in quanta", most.sqrt(), 20.0)
+        // What spills is drawn in other pixels.
+        let spill = &scene.spill;
+        let columns = || spill.charge_e.iter().map(|e| e.sqrt()).collect();
+        let e = spill.shown_of(most.sqrt(), columns);
+        Need::of_pixels(scene, "light comes in quanta", e, 20.0)
     };
     // Where dark current is even, most pixels hold nothing but it: one table serves them all.
     let background = scene.common_e();

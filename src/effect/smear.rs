@@ -3,21 +3,22 @@
 //! A source's light is spread over its true track, `N_xy = N int PSF(x - x(t), y - y(t)) dt / t_int`: the same time on
 //! equal parts of the exposure, so a slow part of the track is brighter (see `track`). Without it each image stands
 //! still at the middle of the exposure; its ends are then half the track's length L off, and a pixel's light by at
-//! most `min(1, L^2 / (24 s^2))` of the brightest, for a PSF of width s (second order of the integral).
+//! most `min(1, L^2 / (24 s^2) + 0.61 b / s)` of the still image's greatest, for a PSF of width s (second order of the integral) and a
+//! centroid that is b off; with a rolling shutter also by what that makes of the motion.
 //!
 //! Reference: the integral above, held against direct integration. Validity: body rates are constant during the exposure; an object's
 //! own track is a parabola. Price: the pixels of an image once more for each step of half a PSF's width along its track.
 
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::View;
+use crate::scene::{Change, STEEPEST, Scene, View};
 
 /// Motion during the exposure.
 pub const SMEAR: Effect = Effect {
     name: "smear",
     stage: Stage::Images,
     random: false,
-    judge: Judge::Images(judge),
+    judge: Judge::Images(judge, change_e),
     mark: |simulated| simulated.smear = true,
 };
 
@@ -28,21 +29,44 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
         0.0 => 0.0,
         readout_s => view.longest_track_px(readout_s) / 2.0,
     };
-    let rows = view.camera.detector.height.saturating_sub(1).max(1) as f64;
-    let longer = (2.0 * rolled_px / rows).min(1.0);
     if length_px == 0.0 {
         return Need::none("nothing moves during the exposure");
     }
-    let width_px = view.camera.optics.psf.core_px();
-    let spread = (length_px / width_px).powi(2) / 24.0;
     Need {
         because: format!("images move by up to {length_px:.3} px").into(),
         error: Loss {
-            e: view.peak_e() * (spread.min(1.0) + longer) + view.e_of_shift(rolled_px),
+            e: 0.0,
             px: length_px / 2.0 + rolled_px,
         },
         price_ms: view
             .work(view.exposure.duration_s, fidelity)
             .moving_ms(view),
     }
+}
+
+fn change_e(scene: &Scene, loss: &Loss) -> f64 {
+    let simulated = &scene.simulated;
+    // Without smear, images have the ends of their true tracks, unless they drift.
+    let own = simulated.smear || !simulated.aberration_drift;
+    scene.change_e(|image| {
+        let (length_px, bend_px) = if own {
+            (image.length_px, image.bend_px())
+        } else {
+            (2.0 * loss.px, 2.0 * loss.px)
+        };
+        let s = image.core_px;
+        let (rolled_px, longer) = scene.rolled(image, length_px);
+        // A fifth more, for other bends than a Gaussian's.
+        let spread = 1.2 * (length_px / s).powi(2) / 24.0;
+        let off = STEEPEST * (bend_px + rolled_px) / s;
+        let moved = if simulated.smear {
+            rolled_px
+        } else {
+            rolled_px + length_px / 2.0
+        };
+        Change {
+            e: image.inside_e(image.still_e, moved) * (spread + off + longer).min(1.0),
+            beside_px: moved + 1.0,
+        }
+    })
 }

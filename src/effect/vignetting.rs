@@ -12,14 +12,14 @@
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
-use crate::scene::View;
+use crate::scene::{Change, Scene, View};
 
 /// The transmission off the boresight.
 pub const VIGNETTING: Effect = Effect {
     name: "vignetting",
     stage: Stage::Images,
     random: false,
-    judge: Judge::Images(judge),
+    judge: Judge::Images(judge, change_e),
     mark: |simulated| simulated.vignetting = true,
 };
 
@@ -43,4 +43,24 @@ fn judge(view: &View, _: &Fidelity) -> Need {
         error: Loss { e, px: 0.0 },
         price_ms: view.looks() * 15e-6,
     }
+}
+
+fn change_e(scene: &Scene, _: &Loss) -> f64 {
+    let vignetting = &scene.view.camera.optics.vignetting;
+    scene.change_e(|image| {
+        let body = &image.source.body;
+        let passes = [0.0, 0.5, 1.0].map(|part| vignetting.transmission(&scene.seen(body, part)));
+        let least = passes.into_iter().fold(1.0, f64::min);
+        // Of the light that would arrive; a tenth more, for what a track passes between.
+        let taken = 1.1 * (1.0 - least);
+        let clear_e = if scene.simulated.vignetting {
+            (image.height_e / least).min(image.still_e)
+        } else {
+            image.height_e
+        };
+        Change {
+            e: clear_e * taken.min(1.0),
+            beside_px: 0.0,
+        }
+    })
 }

@@ -13,14 +13,10 @@ pub(super) fn pixel_e<'a>(
     sources: impl Iterator<Item = &'a Source>,
     weight: Option<&dyn Fn(usize) -> f64>,
 ) -> f64 {
-    let columns = detector.width.div_ceil(CELL);
-    let mut cells = vec![0.0; columns * detector.height.div_ceil(CELL)];
-    for source in sources.filter(|source| source.electrons > 0.0) {
+    let lit = sources.filter(|source| source.electrons > 0.0);
+    let lights = lit.map(|source| {
         let greatest = match weight {
-            None => {
-                let shares = source.footprint.shares().iter();
-                f64::from(shares.copied().fold(0.0, f32::max))
-            }
+            None => greatest_share(source),
             Some(weight) => {
                 let rows = source.footprint.rows(0..detector.height);
                 let weighted = rows.flat_map(|(row, column, shares)| {
@@ -30,19 +26,55 @@ pub(super) fn pixel_e<'a>(
                 weighted.fold(0.0, f64::max)
             }
         };
-        let brightest = greatest * source.electrons;
+        (source, greatest * source.electrons, 0)
+    });
+    summed_e(detector, lights)
+}
+
+/// The share of a source's greatest pixel.
+pub(super) fn greatest_share(source: &Source) -> f64 {
+    let shares = source.footprint.shares().iter();
+    f64::from(shares.copied().fold(0.0, f32::max))
+}
+
+/// A bound (e-) of what any pixel gets, each source giving so much at most to any pixel that its image touches or that
+/// lies so many pixels beside it.
+pub(super) fn summed_e<'a>(
+    detector: &Detector,
+    lights: impl Iterator<Item = (&'a Source, f64, usize)>,
+) -> f64 {
+    let columns = detector.width.div_ceil(CELL);
+    let mut cells = vec![0.0; columns * detector.height.div_ceil(CELL)];
+    for (source, e, beside) in lights.filter(|(_, e, _)| *e > 0.0) {
         let lit = |(_, _, shares): &(usize, usize, &[f32])| !shares.is_empty();
         let rows = source.footprint.rows(0..detector.height).filter(lit);
         let mut rows = rows.peekable();
-        // The rows that lie in one row of cells: from their least column to their greatest.
-        while let Some((row, first, shares)) = rows.next() {
-            let (mut low, mut past) = (first, first + shares.len());
-            while let Some((_, first, shares)) = rows.next_if(|(r, _, _)| r / CELL == row / CELL) {
-                (low, past) = (low.min(first), past.max(first + shares.len()));
+        let last = (source.footprint.rows(0..detector.height))
+            .filter(lit)
+            .last()
+            .map_or(0, |(row, ..)| row);
+        // The cells' rows that it reaches, each from its least column to its greatest.
+        let Some((first, ..)) = rows.peek() else {
+            continue;
+        };
+        let top = first.saturating_sub(beside) / CELL;
+        let bottom = (last + beside).min(detector.height - 1) / CELL;
+        let mut reached = vec![(usize::MAX, 0); bottom + 1 - top];
+        for (row, column, shares) in rows {
+            let low = column.saturating_sub(beside) / CELL;
+            let high = (column + shares.len() - 1 + beside).min(detector.width - 1) / CELL;
+            let near = row.saturating_sub(beside) / CELL..=((row + beside) / CELL).min(bottom);
+            for cells in near {
+                let (from, to) = &mut reached[cells - top];
+                (*from, *to) = ((*from).min(low), (*to).max(high));
             }
-            let from = row / CELL * columns;
-            for cell in &mut cells[from + low / CELL..=from + (past - 1) / CELL] {
-                *cell += brightest;
+        }
+        for (i, (from, to)) in reached.into_iter().enumerate() {
+            if from <= to {
+                let row = (top + i) * columns;
+                cells[row + from..=row + to]
+                    .iter_mut()
+                    .for_each(|cell| *cell += e);
             }
         }
     }

@@ -4,17 +4,21 @@
 //! image of every source on the detector.
 
 mod brightest;
+mod change;
 mod collected;
 mod imaging;
 mod signal;
 mod simulated;
+mod spill;
 mod trail;
 mod view;
 mod work;
 
 use signal::Noise;
 
+pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use simulated::Simulated;
+pub use spill::Spill;
 pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};
 pub use work::{Work, still_ms};
 
@@ -125,6 +129,8 @@ pub struct Scene {
     pub trail_e: Vec<f64>,
     /// The particles that cross the detector.
     pub events: Vec<Event>,
+    /// What spills, and what pixels hold.
+    pub spill: Spill,
 }
 
 impl Scene {
@@ -149,14 +155,17 @@ impl Scene {
             let snr = |e: f64| noise.snr(&source.footprint, e);
             (source.snr, source.clear_snr) = (snr(source.electrons), snr(source.clear_e));
         });
-        Scene {
+        let mut scene = Scene {
             simulated,
             peak_e: brightest::pixel_e(&view.camera.detector, sources.iter(), None),
             trail_e,
             events: events(&view, &simulated),
             view,
             sources,
-        }
+            spill: Spill::default(),
+        };
+        scene.spill = Spill::of(&scene);
+        scene
     }
 
     /// No pixel gets more light than this from `sources` together, e-.
@@ -168,6 +177,12 @@ impl Scene {
     pub fn peak_where(&self, weight: impl Fn(usize) -> f64) -> f64 {
         let detector = &self.view.camera.detector;
         brightest::pixel_e(detector, self.sources.iter(), Some(&weight))
+    }
+
+    /// The light (e-) of `sources` on each column, each pixel's times its `weight`.
+    pub fn columns_e(&self, sources: &[&Source], weight: impl Fn(usize) -> f64) -> Vec<f64> {
+        let detector = &self.view.camera.detector;
+        spill::columns_e(detector, sources.iter().copied(), weight)
     }
 
     /// No pixel's expected charge is more than this, particles left out, e-.

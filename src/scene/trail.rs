@@ -8,6 +8,7 @@
 //! the exposure it goes past all on the other side. Together it passes every row of its column once, each for t_row, which
 //! ever way it goes. The scene is taken to stand still for it: a row's light comes at the rate that it has on average over the exposure.
 
+use super::spill::columns_e;
 use super::{Source, View};
 use crate::camera::Shutter;
 
@@ -17,14 +18,7 @@ pub(super) fn trail_e(view: &View, sources: &[Source]) -> Vec<f64> {
     let Shutter::FrameTransfer { row_s } = view.camera.shutter else {
         return Vec::new();
     };
-    let mut columns = vec![0.0; detector.width];
-    for source in sources.iter().filter(|source| source.electrons > 0.0) {
-        for (_, first, shares) in source.footprint.rows(0..detector.height) {
-            for (column, share) in columns[first..].iter_mut().zip(shares) {
-                *column += source.electrons * f64::from(*share);
-            }
-        }
-    }
+    let mut columns = columns_e(detector, sources.iter(), |_| 1.0);
     let part = row_s / view.exposure.duration_s;
     columns.iter_mut().for_each(|column| *column *= part);
     columns

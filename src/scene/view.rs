@@ -254,18 +254,6 @@ impl View {
         (turn.x.hypot(turn.y) + own) * scale + turn.z.abs() * furthest
     }
 
-    /// A bound (e-) of what a pixel's light changes by where images are `shift_px` off: the steepest slope of a Gaussian
-    /// of width s is 0.61 of its height in s.
-    pub fn e_of_shift(&self, shift_px: f64) -> f64 {
-        let slope = 0.61 / self.camera.optics.psf.core_px();
-        self.peak_e() * (shift_px * slope).min(1.0)
-    }
-
-    /// A bound (e-) of the brightest pixel of still images.
-    pub fn peak_e(&self) -> f64 {
-        self.brightest_px_e(|_| 1.0)
-    }
-
     /// A bound (e-) of the pixel that the most light falls on, of each source that part which `part` says of its direction
     /// (camera axes): twice that of the brightest source, for what stands beside it.
     pub fn brightest_px_e(&self, part: impl Fn(&Vector3<f64>) -> f64) -> f64 {

@@ -1,0 +1,334 @@
+//! The planner's promises, on every scene of `configs/scenes/`: what it leaves out lies below what it declares, what it
+//! declares is near the truth, and an effect that is switched off takes its own contribution with it and no more.
+
+use skyloop::config::Config;
+use skyloop::effect::{EFFECTS, Effect, Stage};
+use skyloop::engine::Emulator;
+use skyloop::fidelity::Choice;
+use skyloop::flight;
+use skyloop::label::EffectLabel;
+use skyloop::measure::Bench;
+use skyloop::plan::Plan;
+use skyloop::scene::Body;
+use std::path::{Path, PathBuf};
+
+/// The scene files, and those of scenes with a folder of their own.
+fn scenes() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
+    let entries = std::fs::read_dir(folder).unwrap();
+    let files = entries.map(|entry| entry.unwrap().path());
+    let files = files.map(|path| match path.is_dir() {
+        true => path.join("scene.toml"),
+        false => path,
+    });
+    let is_scene = |path: &PathBuf| path.extension().is_some_and(|end| end == "toml");
+    let mut scenes: Vec<PathBuf> = files.filter(is_scene).collect();
+    scenes.sort();
+    assert!(scenes.len() > 2, "{scenes:?}");
+    scenes
+}
+
+/// Calls `check` with the name and a frame of every scene.
+fn each_scene(check: impl Fn(&str, &Bench<'_>)) {
+    for path in scenes() {
+        let name = path.display().to_string();
+        let mut config = Config::load(&path).unwrap();
+        let mission = flight::mission(&config).unwrap();
+        let emulator = Emulator::new(&mut config);
+        let bench = Bench {
+            emulator: &emulator,
+            camera: emulator.camera(),
+            vehicle: flight::vehicle(&mission, mission.frames / 2).unwrap(),
+        };
+        check(&name, &bench);
+    }
+}
+
+fn quiet() -> Choice {
+    Choice {
+        noise: false,
+        ..Choice::default()
+    }
+}
+
+fn without(choice: &Choice, effect: &Effect) -> Choice {
+    let mut choice = choice.clone();
+    choice.off.push(effect.name);
+    choice
+}
+
+fn verdicts(bench: &Bench<'_>, choice: &Choice) -> Vec<EffectLabel> {
+    let emulator = bench.emulator;
+    let scene = emulator
+        .scene(&bench.camera, &bench.vehicle, 0, choice)
+        .unwrap();
+    let plan = Plan::new(&scene, emulator.fidelity(), choice);
+    plan.steps.iter().map(EffectLabel::new).collect()
+}
+
+fn charge(bench: &Bench<'_>, choice: &Choice) -> Vec<f32> {
+    bench.frame(choice, 0).unwrap().charge_e.unwrap()
+}
+
+/// Greatest difference of two frames' charge, and the greatest charge.
+fn difference(a: &[f32], b: &[f32]) -> (f64, f64) {
+    let apart = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
+    let most = a.iter().chain(b).copied().fold(0.0, f32::max);
+    (apart.fold(0.0, f64::max), f64::from(most))
+}
+
+/// What sums of f32 may round by, of the brightest pixel.
+const ROUNDING: f64 = 1e-6;
+
+#[test]
+fn what_is_skipped_changes_less_than_was_declared() {
+    each_scene(|name, bench| {
+        let all = Choice {
+            all: true,
+            ..quiet()
+        };
+        let skipped = verdicts(bench, &quiet())
+            .into_iter()
+            .filter(|verdict| !verdict.run);
+        let declared: f64 = skipped
+            .filter(|verdict| {
+                EFFECTS
+                    .iter()
+                    .any(|e| e.name == verdict.effect && !e.random)
+            })
+            .map(|verdict| verdict.error_e)
+            .sum();
+        let (apart, most) = difference(&charge(bench, &quiet()), &charge(bench, &all));
+        assert!(
+            apart <= declared + ROUNDING * most,
+            "{name}: {apart} e- apart, {declared} e- declared"
+        );
+    });
+}
+
+#[test]
+fn declared_errors_are_bounds_and_near_the_measured() {
+    let wrong = std::sync::Mutex::new(String::new());
+    each_scene(|name, bench| {
+        let all = Choice {
+            all: true,
+            ..Choice::default()
+        };
+        // The rms of many large frames takes long, and would be that of small ones.
+        let small = bench.camera.detector.pixels() < 100_000;
+        let effects = EFFECTS.iter().zip(verdicts(bench, &all));
+        let most = f64::from(charge(bench, &quiet()).iter().copied().fold(0.0, f32::max));
+        for (effect, verdict) in
+            effects.filter(|(effect, _)| small || !effect.random || effect.name == "radiation")
+        {
+            let measured = bench.error_e(effect, &all).unwrap();
+            let declared = verdict.error_e;
+            // An rms over 12 frames is some 20 % uncertain.
+            let slack = if effect.random { 1.6 } else { 1.0 };
+            let is_bound = measured <= slack * declared + ROUNDING * most;
+            let is_near = measured <= 1e-3 || declared <= 10.0 * measured;
+            if !(is_bound && is_near) {
+                let effect = effect.name;
+                let line =
+                    format!("{name}, {effect}: measured {measured} e-, declared {declared}\n");
+                wrong.lock().unwrap().push_str(&line);
+            }
+        }
+    });
+    let wrong = wrong.into_inner().unwrap();
+    assert!(wrong.is_empty(), "{wrong}");
+}
+
+/// Images that lie on the detector, by what they are, with their centroids and the ends of their tracks.
+fn images(bench: &Bench<'_>, choice: &Choice) -> Vec<(String, [[f64; 2]; 3])> {
+    let emulator = bench.emulator;
+    let scene = emulator
+        .scene(&bench.camera, &bench.vehicle, 0, choice)
+        .unwrap();
+    let name = |body: &Body| match body {
+        Body::Star(star) => format!("star {}", star.index),
+        Body::Rso(object) => format!("object {}", object.index),
+    };
+    let sources = scene.sources.iter();
+    sources
+        .map(|source| {
+            let places = [source.centroid, source.start, source.end];
+            (name(&source.body), places)
+        })
+        .collect()
+}
+
+fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+#[test]
+fn declared_displacements_are_bounds_and_near_the_measured() {
+    let wrong = std::sync::Mutex::new(String::new());
+    each_scene(|name, bench| {
+        let all = Choice {
+            all: true,
+            ..quiet()
+        };
+        let with = images(bench, &all);
+        let drift = EFFECTS.iter().find(|e| e.name == "aberration drift");
+        let tracks = images(bench, &without(&all, drift.unwrap()));
+        let shaping = EFFECTS
+            .iter()
+            .zip(verdicts(bench, &all))
+            // Where it dims a part of a track it moves the centroid, but not the image.
+            .filter(|(effect, _)| effect.stage == Stage::Images && effect.name != "vignetting");
+        for (effect, verdict) in shaping {
+            let off = images(bench, &without(&all, effect));
+            let off: std::collections::HashMap<_, _> = off.into_iter().collect();
+            let inside = |at: [f64; 2]| bench.camera.detector.contains(at);
+            let mut measured = 0.0f64;
+            for (source, places) in &with {
+                let Some(others) = off.get(source) else {
+                    continue;
+                };
+                for (a, b) in places.iter().zip(others) {
+                    if inside(*a) && inside(*b) {
+                        measured = measured.max(apart(*a, *b));
+                    }
+                }
+            }
+            // Labels have the ends of true tracks, smeared or not.
+            if effect.name == "smear" {
+                let halves = tracks
+                    .iter()
+                    .filter(|(_, [_, start, end])| inside(*start) && inside(*end))
+                    .map(|(_, [_, start, end])| apart(*start, *end) / 2.0);
+                measured = halves.fold(measured, f64::max);
+            }
+            let declared = verdict.error_px;
+            let is_bound = measured <= declared + 1e-6;
+            let is_near = measured <= 1e-6 || declared <= 10.0 * measured;
+            if !(is_bound && is_near) {
+                let line = format!(
+                    "{name}, {}: measured {measured} px, declared {declared}\n",
+                    effect.name
+                );
+                wrong.lock().unwrap().push_str(&line);
+            }
+        }
+    });
+    let wrong = wrong.into_inner().unwrap();
+    assert!(wrong.is_empty(), "{wrong}");
+}
+
+/// Where an effect changes no expectation, the noise of a pixel is the same with and without it.
+#[test]
+fn an_effect_takes_nothing_but_its_own_with_it() {
+    each_scene(|name, bench| {
+        // Where charge is clipped, spilt or compressed, contributions do not add up.
+        let choice = Choice {
+            off: vec!["full well"],
+            ..Choice::default()
+        };
+        let noisy: Vec<f32> = charge(bench, &choice);
+        let expected = |choice: &Choice| {
+            charge(
+                bench,
+                &Choice {
+                    noise: false,
+                    ..choice.clone()
+                },
+            )
+        };
+        let with = expected(&choice);
+        for effect in EFFECTS
+            .iter()
+            .filter(|effect| !choice.off.contains(&effect.name))
+        {
+            let off = without(&choice, effect);
+            let (noisy_without, without) = (charge(bench, &off), expected(&off));
+            if effect.random {
+                // What it drew: the same, whatever else there is.
+                let alone = |choice: &Choice| {
+                    let only = Choice {
+                        off: EFFECTS
+                            .iter()
+                            .filter(|other| other.random && other.name != effect.name)
+                            .map(|other| other.name)
+                            .chain(choice.off.iter().copied())
+                            .collect(),
+                        ..Choice::default()
+                    };
+                    charge(bench, &only)
+                };
+                let (drawn, none) = (alone(&choice), alone(&off));
+                for (i, drawn) in drawn.iter().enumerate() {
+                    let own = f64::from(*drawn) - f64::from(none[i]);
+                    let here = f64::from(noisy[i]) - f64::from(noisy_without[i]);
+                    let rounding = 1e-3 + 3e-7 * f64::from(noisy[i].abs());
+                    assert!(
+                        (own - here).abs() <= rounding,
+                        "{name}, {}: pixel {i}: {own} e- alone, {here} among others",
+                        effect.name
+                    );
+                }
+            } else {
+                let untouched = (0..with.len()).filter(|i| with[*i] == without[*i]);
+                for i in untouched {
+                    let apart = f64::from(noisy[i]) - f64::from(noisy_without[i]);
+                    assert!(
+                        apart.abs() <= 1e-5 + ROUNDING * f64::from(noisy[i].abs()),
+                        "{name}, {}: pixel {i}: {apart} e-",
+                        effect.name
+                    );
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn every_effect_runs_in_some_scene_and_is_skipped_in_another() {
+    let mut seen = vec![[false; 2]; EFFECTS.len()];
+    for path in scenes() {
+        let mut config = Config::load(&path).unwrap();
+        let mission = flight::mission(&config).unwrap();
+        let mut emulator = Emulator::new(&mut config);
+        let vehicle = flight::vehicle(&mission, 0).unwrap();
+        let label = emulator.shoot(&vehicle, 0).unwrap().label;
+        for (seen, verdict) in seen.iter_mut().zip(&label.effects) {
+            seen[usize::from(verdict.run)] = true;
+        }
+    }
+    for (effect, [skipped, run]) in EFFECTS.iter().zip(seen) {
+        assert!(run, "no scene of configs/scenes needs {}", effect.name);
+        let always = ["readout", "stars", "shot noise", "read noise"];
+        assert!(
+            skipped || always.contains(&effect.name),
+            "every scene of configs/scenes needs {}",
+            effect.name
+        );
+    }
+}
+
+#[test]
+fn a_plan_that_leaves_nothing_out_runs_everything_and_one_without_noise_draws_nothing() {
+    each_scene(|name, bench| {
+        let all = Choice {
+            all: true,
+            ..Choice::default()
+        };
+        assert!(
+            verdicts(bench, &all).iter().all(|verdict| verdict.run),
+            "{name}"
+        );
+        let drawn = verdicts(bench, &quiet());
+        for (effect, verdict) in EFFECTS.iter().zip(drawn) {
+            assert!(!(effect.random && verdict.run), "{name}, {}", effect.name);
+            assert_eq!(effect.name, verdict.effect);
+        }
+    });
+    assert_eq!(
+        EFFECTS.last().map(|effect| effect.stage),
+        Some(Stage::Digits)
+    );
+}
