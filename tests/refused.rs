@@ -55,10 +55,10 @@ fn numbers_that_no_camera_has() {
         ("detector.temperature_c", "-200", "150"),
         ("detector.dark_doubling_k", "1", "100"),
         ("detector.dark_nonuniformity", "0", "10"),
-        ("detector.hot_fraction", "0", "1"),
+        ("detector.hot_fraction", "0", "0.1"),
         ("detector.hot_e_s", "0", "1000000000"),
-        ("detector.dead_fraction", "0", "1"),
-        ("detector.stuck_fraction", "0", "1"),
+        ("detector.dead_fraction", "0", "0.1"),
+        ("detector.stuck_fraction", "0", "0.1"),
         // 14 bits.
         ("detector.stuck_dn", "0", "16383"),
         ("detector.read_noise_e", "0", "1000000"),

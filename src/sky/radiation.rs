@@ -16,7 +16,7 @@
 //! The anomaly, a Gaussian in longitude and latitude over an altitude law:
 //!
 //! ```text
-//! f = 1100 exp(-(dlon / 16)^2 / 2 - (dlat / 9)^2 / 2) exp((h - 538) / 100)   /cm^2/s, deg, km; h up to 1000
+//! f = 1100 exp(-(dlon / 16)^2 / 2 - (dlat / 9)^2 / 2) exp((h - 538) / 100)   /cm^2/s, deg, km; h up to 750
 //! ```
 //!
 //! - 1100 /cm^2/s at the Hubble's 538 km: Miles et al. 2021, ApJ 918, 86.
@@ -24,10 +24,11 @@
 //!   Lett. 281, 125.
 //! - Widths [assumed]: with them the anomaly sinks into the cosmic rays 58 deg east and west and 33 deg north and south of its centre,
 //!   about where instruments are switched on again. Altitude law [assumed]: trapped protons are lost to the air, and their
-//!   flux grows by e with each of its scale heights, 50 to 100 km there.
+//!   flux grows by e with each of its scale heights, 50 to 100 km there, up to some 10^4 /cm^2/s, the order of the inner belt's
+//!   greatest flux; from 3,000 km on it falls by e with each 3,000 km, to nothing where the proton belt ends.
 //!
-//! Error: a factor 2 at 538 km at the centre, 3 across the anomaly, 10 at other altitudes. Left out: the belts themselves (the
-//! law is held from 1000 km on), electrons of the polar horns, solar particle events.
+//! Error: a factor 2 at 538 km at the centre, 3 across the anomaly, 10 at other altitudes up to 1,000 km. Left out: the belts
+//! themselves, which higher orbits cross at all longitudes, electrons of the polar horns, solar particle events.
 
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
@@ -103,8 +104,10 @@ fn anomaly(place: &Place) -> f64 {
         off(place.longitude, degrees_east, 16.0),
         off(place.latitude, -30.0, 9.0),
     );
-    let altitude_km = ((place.radius_m - EARTH_M) * 1e-3).min(1000.0);
-    1100.0 * libm::exp((altitude_km - 538.0) / 100.0 - (x * x + y * y) / 2.0)
+    let altitude_km = (place.radius_m - EARTH_M) * 1e-3;
+    let grown = (altitude_km.min(750.0) - 538.0) / 100.0;
+    let faded = (altitude_km - 3000.0).max(0.0) / 3000.0;
+    1100.0 * libm::exp(grown - faded - (x * x + y * y) / 2.0)
 }
 
 #[cfg(test)]
@@ -147,6 +150,10 @@ mod tests {
             assert!(at(latitude, longitude, 538.0) < 0.95 * peak);
         }
         assert!((at(-30.0, -47.8, 438.0) / peak * std::f64::consts::E - 1.0).abs() < 0.01);
+        // The inner belt's order of magnitude, and nothing of it far above it, at the anomaly's own longitude.
+        assert!((5e3..2e4).contains(&at(-30.0, -47.8, 1000.0)));
+        assert!(at(-30.0, -47.8, 35_786.0) < FREE_SPACE + 0.5);
+        assert!(at(-30.0, -47.8, 384_000.0) < FREE_SPACE + 1e-3);
         // No step where longitudes wrap, and nothing of it on the other side.
         assert!((at(-30.0, 179.9, 538.0) - at(-30.0, -179.9, 538.0)).abs() < 1e-2);
         assert!(at(-30.0, 132.0, 538.0) < 3.0);

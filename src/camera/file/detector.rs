@@ -97,11 +97,11 @@ impl RawDetector {
             prnu: range("prnu", self.prnu, 0.0..=1.0)?,
             dark_e_s,
             dark_nonuniformity: range("dark_nonuniformity", self.dark_nonuniformity, 0.0..=10.0)?,
-            hot_fraction: range("hot_fraction", self.hot_fraction, 0.0..=1.0)?,
+            hot_fraction: range("hot_fraction", self.hot_fraction, 0.0..=0.1)?,
             hot_e_s,
-            dead_fraction: range("dead_fraction", self.dead_fraction, 0.0..=1.0)?,
+            dead_fraction: range("dead_fraction", self.dead_fraction, 0.0..=0.1)?,
             dead_px: listed("dead_px", &self.dead_px)?,
-            stuck_fraction: range("stuck_fraction", self.stuck_fraction, 0.0..=1.0)?,
+            stuck_fraction: range("stuck_fraction", self.stuck_fraction, 0.0..=0.1)?,
             stuck_px: listed("stuck_px", &self.stuck_px)?,
         };
         let stuck_dn = self.stuck_dn.unwrap_or(full_scale);
