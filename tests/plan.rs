@@ -1,5 +1,5 @@
 //! The planner's promises, on every scene of `configs/scenes/`: what it leaves out lies below what it declares, what it
-//! declares is near the truth.
+//! declares is near the truth, and an effect that is switched off takes its own contribution with it and no more.
 
 use skyloop::config::Config;
 use skyloop::effect::{EFFECTS, Effect, Stage};
@@ -218,6 +218,76 @@ fn declared_displacements_are_bounds_and_near_the_measured() {
     });
     let wrong = wrong.into_inner().unwrap();
     assert!(wrong.is_empty(), "{wrong}");
+}
+
+/// Where an effect changes no expectation, the noise of a pixel is the same with and without it.
+#[test]
+fn an_effect_takes_nothing_but_its_own_with_it() {
+    each_scene(|name, bench| {
+        // Large frames take long, and do what small ones do.
+        if bench.camera.detector.pixels() > 300_000 {
+            return;
+        }
+        // Where charge is clipped, spilt or compressed, contributions do not add up.
+        let choice = Choice {
+            off: vec!["full well", "non-linearity"],
+            ..Choice::default()
+        };
+        let noisy: Vec<f32> = charge(bench, &choice);
+        let expected = |choice: &Choice| {
+            charge(
+                bench,
+                &Choice {
+                    noise: false,
+                    ..choice.clone()
+                },
+            )
+        };
+        let with = expected(&choice);
+        for effect in EFFECTS
+            .iter()
+            .filter(|effect| !choice.off.contains(&effect.name))
+        {
+            let off = without(&choice, effect);
+            let (noisy_without, without) = (charge(bench, &off), expected(&off));
+            if effect.random {
+                // What it drew: the same, whatever else there is.
+                let alone = |choice: &Choice| {
+                    let only = Choice {
+                        off: EFFECTS
+                            .iter()
+                            .filter(|other| other.random && other.name != effect.name)
+                            .map(|other| other.name)
+                            .chain(choice.off.iter().copied())
+                            .collect(),
+                        ..Choice::default()
+                    };
+                    charge(bench, &only)
+                };
+                let (drawn, none) = (alone(&choice), alone(&off));
+                for (i, drawn) in drawn.iter().enumerate() {
+                    let own = f64::from(*drawn) - f64::from(none[i]);
+                    let here = f64::from(noisy[i]) - f64::from(noisy_without[i]);
+                    let rounding = 1e-3 + 3e-7 * f64::from(noisy[i].abs());
+                    assert!(
+                        (own - here).abs() <= rounding,
+                        "{name}, {}: pixel {i}: {own} e- alone, {here} among others",
+                        effect.name
+                    );
+                }
+            } else {
+                let untouched = (0..with.len()).filter(|i| with[*i] == without[*i]);
+                for i in untouched {
+                    let apart = f64::from(noisy[i]) - f64::from(noisy_without[i]);
+                    assert!(
+                        apart.abs() <= 1e-5 + ROUNDING * f64::from(noisy[i].abs()),
+                        "{name}, {}: pixel {i}: {apart} e-",
+                        effect.name
+                    );
+                }
+            }
+        }
+    });
 }
 
 #[test]

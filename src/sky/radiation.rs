@@ -22,8 +22,8 @@
 //! - 1100 /cm^2/s at the Hubble's 538 km: Miles et al. 2021, ApJ 918, 86.
 //! - Centre 30 S, 40 W in 1974: Knoll, Holzer and Schmidtke 1977, JGR 82, 5281, at 700 to 800 km; westwards by 0.3 deg a year: Fuerst et al. 2009, Earth Planet. Sci.
 //!   Lett. 281, 125.
-//! - Widths [assumed]: with them the anomaly sinks into the cosmic rays 58 deg east and west and 33 deg north and south of its centre,
-//!   about where instruments are switched on again. Altitude law [assumed]: trapped protons are lost to the air, and their
+//! - Widths (assumed): with them the anomaly sinks into the cosmic rays 58 deg east and west and 33 deg north and south of its centre,
+//!   about where instruments are switched on again. Altitude law (assumed): trapped protons are lost to the air, and their
 //!   flux grows by e with each of its scale heights, 50 to 100 km there, up to some 10^4 /cm^2/s, the order of the inner belt's
 //!   greatest flux; from 3,000 km on it falls by e with each 3,000 km, to nothing where the proton belt ends.
 //!
