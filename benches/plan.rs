@@ -8,8 +8,13 @@ use skyloop::flight;
 use skyloop::label::EffectLabel;
 use skyloop::measure::Bench;
 use skyloop::plan::Plan;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
+
+#[path = "../tests/support/scenes.rs"]
+mod scenes;
+
+use scenes::scenes;
 
 /// Most that asking the skipped effects may take of a frame's time.
 const MOST_ASKING: f64 = 0.02;
@@ -35,20 +40,6 @@ fn main() {
         }
     );
     std::process::exit(i32::from(!kept));
-}
-
-fn scenes() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
-    let entries = std::fs::read_dir(folder).unwrap();
-    let files = entries.map(|entry| entry.unwrap().path());
-    let files = files.map(|path| match path.is_dir() {
-        true => path.join("scene.toml"),
-        false => path,
-    });
-    let is_scene = |path: &PathBuf| path.extension().is_some_and(|end| end == "toml");
-    let mut scenes: Vec<PathBuf> = files.filter(is_scene).collect();
-    scenes.sort();
-    scenes
 }
 
 /// Prints one scene's figures; whether its promises are kept.

@@ -29,7 +29,7 @@ pub struct Args {
     /// Which frame of the sequence, from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: u32,
-    /// Render the frame, and set measured errors and times beside the declared ones (takes seconds)
+    /// Render the frame, and set measured errors and times beside the declared ones (takes seconds, for slow frames minutes)
     #[arg(long)]
     measure: bool,
     /// Print JSON instead of a table
