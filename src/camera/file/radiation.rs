@@ -24,7 +24,7 @@ enum RawFlux {
     Named(String),
 }
 
-/// What the Hubble's imagers see (Miles et al. 2021), MeV.
+/// Typical at the Hubble's imagers (Miles et al. 2021), MeV.
 fn typical_energy() -> f64 {
     534.0
 }
