@@ -77,7 +77,7 @@ gain_e_per_dn = 2.5
 offset_dn = 200.0";
 
 /// Variance (of the difference of two frames, halved: the fixed pattern goes out) against mean: the slope is 1 / gain, and what is
-/// left at no charge the read noise with that of whole digits. Janesick 2007, Photon Transfer, Eq. 5.6.
+/// left at no charge the read noise with that of whole digits. Janesick 2007, Photon Transfer, ch. 5.
 #[test]
 fn photon_transfer_recovers_gain_and_read_noise() {
     let pattern = "prnu = 0.02\ndark_nonuniformity = 0.3\nhot_fraction = 0.001\nhot_e_s = 2000.0";

@@ -52,8 +52,9 @@ impl Detector {
     }
 
     /// How much faster dark current flows `warmer_k` above its reference, where it doubles every `doubling_k`:
-    /// `dark(T) = dark(T_ref) 2^((T - T_ref) / T_double)` (Janesick 2001, ch. 7.1: the law near one temperature of
-    /// `T^1.5 exp(-E_gap / 2 k T)`, which doubles every 5 to 8 K about room temperature and faster when colder).
+    /// `dark(T) = dark(T_ref) 2^((T - T_ref) / T_double)`: the law near one temperature of `T^1.5 exp(-E_gap / 2 k T)` (Janesick
+    /// 2001, ch. 7), which doubles in 8 K at 20 deg C and in 6 K at -20. Where diffusion from the bulk prevails, warm, it
+    /// is `exp(-E_gap / k T)`, twice as fast (Widenhorn et al. 2002, Proc. SPIE 4669, 193).
     pub fn dark_growth(warmer_k: f64, doubling_k: f64) -> f64 {
         libm::exp2(warmer_k / doubling_k)
     }
@@ -64,7 +65,7 @@ impl Detector {
     }
 
     /// The charge that is read where `e` (e-) is held: `e (1 - a e / full well)`, with `a` missing at full well. The first
-    /// term beyond the linear one of a source follower whose gain falls with its signal (Janesick 2007, Photon Transfer, ch. 8).
+    /// term beyond the linear one of a source follower whose gain falls with its signal (Janesick 2007, Photon Transfer, ch. 7).
     /// It rises all the way to full well for `a` up to 1/2; beyond the well it goes on with the slope of a line.
     pub fn response_e(&self, e: f64) -> f64 {
         e * (1.0 - self.nonlinearity * (e / self.full_well_e).clamp(0.0, 1.0))

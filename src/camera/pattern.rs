@@ -8,7 +8,7 @@
 //! excess      = -hot ln U with probability hot_fraction, else 0     exponential, mean `hot`
 //! ```
 //!
-//! Dark currents are skewed with a tail of hot pixels, near lognormal (Baer 2006, Proc. SPIE 6068, 606803);
+//! Dark currents are skewed with a tail of hot pixels, near lognormal (Baer 2006, Proc. SPIE 6068, 606805);
 //! the excess that displacement damage adds to a pixel is near exponential (Virmontois et al. 2010, IEEE TNS 57, 3101).
 
 use crate::rng::{NoiseKey, PixelStream};

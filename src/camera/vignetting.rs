@@ -1,8 +1,9 @@
 //! How much of the light passes off the boresight.
 //!
 //! Either the fourth power of the cosine of the field angle (the natural fall-off of a thin lens: the projected pupil, the
-//! projected pixel, and the square of the distance; Born & Wolf, Principles of Optics, 4.8.1), or a table of transmission
-//! against angle, straight lines between its points and constant beyond them.
+//! projected pixel, and the square of the distance; Born & Wolf, Principles of Optics, 4.8.3), or a table of transmission
+//! against angle, straight lines between its points and constant beyond them. The fourth power is the law of an evenly bright
+//! scene and is assumed for points: of a star's whole light a thin lens takes the cosine alone, which a table can say.
 
 use nalgebra::Vector3;
 

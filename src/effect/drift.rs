@@ -4,7 +4,7 @@
 //! du = (dv - (dv . u) u) / c
 //! ```
 //!
-//! Reference: first order of aberration (Explanatory Supplement to the Astronomical Almanac, 3rd ed., 2013, section 7.2.3) in the change
+//! Reference: first order of aberration (Explanatory Supplement to the Astronomical Almanac, 3rd ed., 2013, Eq. 7.40) in the change
 //! of velocity dv since mid-exposure. In a low orbit dv grows by some 8 m/s each second: 0.005 arcsec. Objects in orbit have it in
 //! their own tracks. Validity: dv runs as a parabola through start, mid and end; the Earth's own acceleration, 0.006 m/s^2, is left out.
 //!

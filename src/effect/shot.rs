@@ -4,7 +4,7 @@
 //! N_xy <- Poisson(N_xy)
 //! ```
 //!
-//! Reference: the linear model of EMVA Standard 1288, release 4.0, section 2; the draws are exact at every mean (`rng`). Validity: one
+//! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2; the draws are exact at every mean (`rng`). Validity: one
 //! electron a photon, so no gain before the charge is read. Price: a draw a pixel; where most pixels hold the same, from a table.
 
 use super::{Effect, Judge, Need, Pass, Stage};

@@ -4,8 +4,8 @@
 //! N <- N V(angle),   V = cos^4(angle), or a table
 //! ```
 //!
-//! Reference: Born & Wolf, Principles of Optics, 4.8.1; `camera::vignetting` has the law. Each sample of a track has the transmission of its own
-//! field angle, so that centroids and electrons are those of the light that passes. Validity: the spread of one image is dimmed as
+//! Reference: Born & Wolf, Principles of Optics, 4.8.3; `camera::vignetting` has the law and what is assumed. Each sample of a
+//! track has the transmission of its own field angle, so that centroids and electrons are those of the light that passes. Validity: the spread of one image is dimmed as
 //! its middle is. Without it a source's light errs by what its own angle takes. Price: a few products, or the arc tangent of a
 //! table, each time a track is looked at.
 
