@@ -9,7 +9,8 @@
 //! ```
 //!
 //! Dark currents are skewed with a tail of hot pixels, near lognormal (Baer 2006, Proc. SPIE 6068, 606805);
-//! the excess that displacement damage adds to a pixel is near exponential (Virmontois et al. 2010, IEEE TNS 57, 3101).
+//! the excess that displacement damage adds to a pixel is taken as exponential (assumed, after the tails of irradiated sensors:
+//! Virmontois et al. 2010, IEEE TNS 57, 3101).
 
 use crate::rng::{NoiseKey, PixelStream};
 use std::fmt;
