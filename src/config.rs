@@ -4,7 +4,7 @@ use crate::attitude::Attitude;
 use crate::camera::Camera;
 use crate::effect::EFFECTS;
 use crate::fidelity::{Choice, Fidelity, PRESETS};
-use crate::load::{Check, ConfigError, DEFAULT_SCENE, Folder, RawTime, orbits, parse};
+use crate::load::{Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, orbits, parse};
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
 use crate::sky::photometry::Sphere;
@@ -178,15 +178,14 @@ struct RawSequence {
     frames: u32,
     period_s: f64,
     attitudes: Vec<RawAttitude>,
-    #[serde(default)]
-    rates_deg_s: [f64; 3],
+    rates_deg_s: Option<Fixed<f64, 3>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawAttitude {
     utc: Option<RawTime>,
-    q: [f64; 4],
+    q: Fixed<f64, 4>,
 }
 
 #[derive(Deserialize)]
@@ -344,19 +343,30 @@ impl Config {
     }
 }
 
+/// Effects without which there would be no digits.
+const ALWAYS_ON: &[&str] = &["readout"];
+
 impl RawEffects {
     fn validate(self, check: &Check) -> Result<Choice, ConfigError> {
         let mut off = Vec::new();
-        for name in &self.off {
-            // Without the last there would be no digits.
-            let names = EFFECTS.iter().map(|effect| effect.name);
-            let names: Vec<&str> = names.filter(|name| *name != "readout").collect();
-            let known = names.iter().find(|known| *known == name);
-            let allowed = || format!("names of effects: {}", names.join(", "));
-            off.push(
-                *known
-                    .ok_or_else(|| check.refuse("effects.off", format!("{name:?}"), allowed()))?,
-            );
+        for (i, name) in self.off.iter().enumerate() {
+            let (key, given) = (format!("effects.off[{i}]"), format!("{name:?}"));
+            let can = EFFECTS.iter().map(|effect| effect.name);
+            let can: Vec<&str> = can.filter(|name| !ALWAYS_ON.contains(name)).collect();
+            match can.iter().find(|known| *known == name) {
+                Some(known) => off.push(*known),
+                None if ALWAYS_ON.contains(&name.as_str()) => {
+                    let reason = format!(
+                        "{given} cannot be switched off; these can: {}",
+                        can.join(", ")
+                    );
+                    return Err(check.explain(&key, reason));
+                }
+                None => {
+                    let allowed = format!("one of the effects {}", can.join(", "));
+                    return Err(check.refuse(&key, given, allowed));
+                }
+            }
         }
         Ok(Choice {
             noise: true,
@@ -432,7 +442,7 @@ impl RawSequence {
                         return Err(check.explain(&key, reason));
                     }
                 },
-                attitude: Attitude::from_xyzw(raw.q)
+                attitude: Attitude::from_xyzw(raw.q.0)
                     .map_err(|error| check.explain(&format!("{key}.q"), error))?,
             });
         }
@@ -448,23 +458,19 @@ impl RawSequence {
                 "the utc of an attitude is not after that of the one before it: sort them by time";
             return Err(check.explain("sequence.attitudes", reason));
         }
-        if attitudes.len() > 1 && self.rates_deg_s != [0.0; 3] {
+        let rates = self.rates_deg_s.map_or([0.0; 3], |Fixed(rates)| rates);
+        if attitudes.len() > 1 && rates != [0.0; 3] {
             let reason =
                 "given beside several attitudes, whose slerp has its own rates: leave it out";
             return Err(check.explain("sequence.rates_deg_s", reason));
         }
-        let mut rates = [0.0; 3];
-        for (rate, given) in rates.iter_mut().zip(self.rates_deg_s) {
-            *rate = check
-                .range("sequence.rates_deg_s", given, -36000.0..=36000.0)?
-                .to_radians();
-        }
+        let rates = check.each("sequence.rates_deg_s", rates, -36000.0..=36000.0)?;
         Ok(Sequence {
             epoch,
             frames: check.range("sequence.frames", f64::from(self.frames), 1.0..=1e6)? as u32,
             period_s: check.range("sequence.period_s", self.period_s, 1e-6..=1e6)?,
             attitudes,
-            rates,
+            rates: rates.map(f64::to_radians),
         })
     }
 }

@@ -69,7 +69,7 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
             .to_string()
     };
     let error = refused("[sky]\naberation = false\n");
-    for part in ["run.toml", "aberation", "aberration", "line 2"] {
+    for part in ["run.toml:2:1: sky.aberation: ", "`aberration`"] {
         assert!(error.contains(part), "{error}");
     }
     for (text, parts) in [
@@ -248,7 +248,7 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
         (
             "transmission",
             "principal_px = [512.0, 2048.1]\ntransmission",
-            ["optics.principal_px = 2048.1", "-1024 to 2048"],
+            ["optics.principal_px[1] = 2048.1", "-1024 to 2048"],
         ),
         (
             "band = \"silicon\"",

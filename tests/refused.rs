@@ -114,12 +114,17 @@ fn words_and_places_that_no_camera_has() {
         (
             "detector.dead_px",
             "[[0, 0], [512, 3]]",
-            ["detector.dead_px = [512, 3]", "below [512, 512]"],
+            ["detector.dead_px[1] = [512, 3]", "below [512, 512]"],
         ),
         (
             "detector.stuck_px",
             "[[0, 512]]",
-            ["detector.stuck_px = [0, 512]", "below [512, 512]"],
+            ["detector.stuck_px[0] = [0, 512]", "below [512, 512]"],
+        ),
+        (
+            "detector.stuck_px",
+            "[[0, 5, 1]]",
+            ["detector.stuck_px[0]: ", "must have 2 values, not 3"],
         ),
         // 170 K above the reference of 20 deg C, twice as much every 6 K: 3.4e8 times as much.
         (

@@ -375,6 +375,24 @@ fn nothing_panics_on_purpose() {
     }
 }
 
+/// Serde's arrays of fixed length do not see what is given beyond it; `load`'s `Fixed` does.
+#[test]
+fn arrays_in_files_are_counted() {
+    let mut found = 0;
+    for (file, code) in sources() {
+        for kind in ["struct Raw", "enum Raw"] {
+            for piece in code.split(kind).skip(1) {
+                let fields = piece.split("\n}").next().unwrap();
+                let after = fields.split("; ").skip(1);
+                let sized = after.filter(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
+                assert_eq!(sized.count(), 0, "src/{file}.rs: {kind}{fields}");
+                found += fields.matches("Fixed<").count();
+            }
+        }
+    }
+    assert!(found >= 10, "{found}");
+}
+
 /// The compiler refuses unsafe code; this keeps it told to, but for files of system calls that no crate wraps.
 #[test]
 fn nothing_is_unsafe() {

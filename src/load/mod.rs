@@ -2,11 +2,15 @@
 //! the allowed range. Unknown keys are refused.
 
 mod embedded;
+mod fixed;
 mod folder;
 pub mod orbits;
+mod syntax;
 
 pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
+pub(crate) use fixed::Fixed;
 pub use folder::Folder;
+pub(crate) use syntax::parse;
 
 use serde::Deserialize;
 use std::fmt;
@@ -26,13 +30,13 @@ pub enum ConfigError {
         /// What to do.
         remedy: String,
     },
-    /// The text is not TOML, lacks a key or has an unknown one; the message shows line and key.
-    #[error("{file}: {source}")]
+    /// The text is not TOML, lacks a key or has an unknown one, or a value is of another type.
+    #[error("{place}: {reason}")]
     Syntax {
-        /// As named by the user.
-        file: String,
-        /// Line, key and the keys that would be known.
-        source: Box<toml::de::Error>,
+        /// File, line and column.
+        place: String,
+        /// Key, and what is expected there.
+        reason: String,
     },
     /// A value that the emulator cannot work with.
     #[error("{file}: {key} = {value}: must be {allowed}")]
@@ -80,6 +84,19 @@ impl Check<'_> {
         Err(self.refuse(key, value, format!("{} to {}", range.start(), range.end())))
     }
 
+    /// `values` if each lies in `range`; the error names the first that does not.
+    pub fn each<const N: usize>(
+        &self,
+        key: &str,
+        values: [f64; N],
+        range: RangeInclusive<f64>,
+    ) -> Result<[f64; N], ConfigError> {
+        for (i, value) in values.into_iter().enumerate() {
+            self.range(&format!("{key}[{i}]"), value, range.clone())?;
+        }
+        Ok(values)
+    }
+
     /// The error of `key` where another message says what is wrong.
     pub fn explain(&self, key: &str, reason: impl std::fmt::Display) -> ConfigError {
         ConfigError::Key {
@@ -123,15 +140,4 @@ impl fmt::Display for RawTime {
             RawTime::Date(date) => date.fmt(f),
         }
     }
-}
-
-/// Parses TOML into raw keys; the error names the file.
-pub(crate) fn parse<T: serde::de::DeserializeOwned>(
-    file: &str,
-    text: &str,
-) -> Result<T, ConfigError> {
-    toml::from_str(text).map_err(|source| ConfigError::Syntax {
-        file: file.to_string(),
-        source: Box::new(source),
-    })
 }

@@ -46,7 +46,7 @@ const LENSES: &[&str] = &[
     "model = \"pinhole\"",
     "model = \"brown-conrady\"\nk = [-0.28, 0.09, -0.01]\np = [3e-4, -2e-4]",
     "model = \"brown-conrady\"\nk = [1.4, 0.3]\np = [-2e-3, 3e-3]\nstrength = 0.7",
-    "model = \"fisheye\"",
+    "model = \"fisheye\"\nk = [0.0]",
     "model = \"fisheye\"\nk = [-0.02, 3e-3, -8e-4, 4e-5]",
 ];
 

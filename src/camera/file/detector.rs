@@ -1,7 +1,7 @@
 //! `[detector]` of a camera file.
 
 use crate::camera::{Blooming, Detector, GAIN_E_PER_DN, Pattern, PatternFigures};
-use crate::load::{Check, ConfigError};
+use crate::load::{Check, ConfigError, Fixed};
 use serde::Deserialize;
 use std::sync::Arc;
 
@@ -29,11 +29,11 @@ pub struct RawDetector {
     #[serde(default)]
     dead_fraction: f64,
     #[serde(default)]
-    dead_px: Vec<[u32; 2]>,
+    dead_px: Vec<Fixed<u32, 2>>,
     #[serde(default)]
     stuck_fraction: f64,
     #[serde(default)]
-    stuck_px: Vec<[u32; 2]>,
+    stuck_px: Vec<Fixed<u32, 2>>,
     stuck_dn: Option<f64>,
     read_noise_e: f64,
     full_well_e: f64,
@@ -80,13 +80,15 @@ impl RawDetector {
             );
             return Err(check.refuse("detector.temperature_c", temperature, allowed));
         }
-        let listed = |key: &str, pixels: &[[u32; 2]]| {
-            let off = |[x, y]: &&[u32; 2]| *x as usize >= width || *y as usize >= height;
-            match pixels.iter().find(off) {
-                None => Ok(pixels.to_vec()),
-                Some([x, y]) => {
-                    let allowed = format!("pixels [column, row] below [{width}, {height}]");
-                    Err(check.refuse(&format!("detector.{key}"), format!("[{x}, {y}]"), allowed))
+        let listed = |key: &str, pixels: Vec<Fixed<u32, 2>>| {
+            let pixels = Fixed::all(pixels);
+            let off = |[x, y]: &[u32; 2]| *x as usize >= width || *y as usize >= height;
+            match pixels.iter().position(off) {
+                None => Ok(pixels),
+                Some(i) => {
+                    let (key, given) = (format!("detector.{key}[{i}]"), format!("{:?}", pixels[i]));
+                    let allowed = format!("a pixel [column, row] below [{width}, {height}]");
+                    Err(check.refuse(&key, given, allowed))
                 }
             }
         };
@@ -100,9 +102,9 @@ impl RawDetector {
             hot_fraction: range("hot_fraction", self.hot_fraction, 0.0..=0.1)?,
             hot_e_s,
             dead_fraction: range("dead_fraction", self.dead_fraction, 0.0..=0.1)?,
-            dead_px: listed("dead_px", &self.dead_px)?,
+            dead_px: listed("dead_px", self.dead_px)?,
             stuck_fraction: range("stuck_fraction", self.stuck_fraction, 0.0..=0.1)?,
-            stuck_px: listed("stuck_px", &self.stuck_px)?,
+            stuck_px: listed("stuck_px", self.stuck_px)?,
         };
         let stuck_dn = self.stuck_dn.unwrap_or(full_scale);
         let detector = Detector {

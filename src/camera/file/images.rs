@@ -1,14 +1,14 @@
 //! `images` of `[optics.psf]`: text files of samples, and where in the field they hold.
 
 use crate::camera::psf::{FURTHEST_PX, Flaw, Image, Images, SUM_TOLERANCE};
-use crate::load::{Check, ConfigError, Folder};
+use crate::load::{Check, ConfigError, Fixed, Folder};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawImage {
     file: String,
-    at_px: Option<[f64; 2]>,
+    at_px: Option<Fixed<f64, 2>>,
 }
 
 /// The images at the crossings of a grid; a single one holds everywhere.
@@ -23,7 +23,7 @@ pub fn grid(
     for (i, one) in raw.iter().enumerate() {
         let key = format!("optics.psf.images[{i}]");
         let at = match one.at_px {
-            Some(at) => at,
+            Some(Fixed(at)) => at,
             None if raw.len() == 1 => principal_px,
             None => {
                 return Err(
@@ -31,9 +31,7 @@ pub fn grid(
                 );
             }
         };
-        for value in at {
-            check.range(&format!("{key}.at_px"), value, -1e5..=1e5)?;
-        }
+        check.each(&format!("{key}.at_px"), at, -1e5..=1e5)?;
         let image = read(&key, one, oversampling, check, folder)?;
         // Rows first, then columns.
         placed.push(([at[1] - principal_px[1], at[0] - principal_px[0]], image));
@@ -66,8 +64,9 @@ fn read(
     check: &Check,
     folder: &Folder,
 ) -> Result<Image, ConfigError> {
-    let (file, text) = folder.read(&raw.file)?;
     let key = format!("{key}.file");
+    let found = folder.read(&raw.file);
+    let (file, text) = found.map_err(|error| check.explain(&key, error))?;
     let most = (2.0 * FURTHEST_PX * oversampling).min(4096.0) as usize;
     let mut rows = Vec::new();
     let lines = (1..).zip(text.lines());

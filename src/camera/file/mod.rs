@@ -103,12 +103,19 @@ fn rising_angles(
     range: RangeInclusive<f64>,
     check: &Check,
 ) -> Result<(), ConfigError> {
-    for [deg, value] in table {
-        check.range(key, *deg, 0.0..=180.0)?;
-        check.range(key, *value, range.clone())?;
+    for (i, [deg, value]) in table.iter().enumerate() {
+        check.range(&format!("{key}[{i}][0]"), *deg, 0.0..=180.0)?;
+        check.range(&format!("{key}[{i}][1]"), *value, range.clone())?;
     }
-    match table.windows(2).find(|pair| pair[1][0] <= pair[0][0]) {
-        Some(pair) => Err(check.refuse(key, format!("{pair:?}"), "points of rising angles")),
+    match table.windows(2).position(|pair| pair[1][0] <= pair[0][0]) {
+        Some(i) => {
+            let (key, given) = (format!("{key}[{}]", i + 1), format!("{:?}", table[i + 1]));
+            let allowed = format!(
+                "at a greater angle than the point before it, {:?}",
+                table[i]
+            );
+            Err(check.refuse(&key, given, allowed))
+        }
         None => Ok(()),
     }
 }

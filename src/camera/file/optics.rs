@@ -4,7 +4,7 @@ use super::projection::RawProjection;
 use super::psf::{Lens, RawPsf};
 use super::vignetting::RawVignetting;
 use crate::camera::{Band, Detector, Optics};
-use crate::load::{Check, ConfigError, Folder};
+use crate::load::{Check, ConfigError, Fixed, Folder};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
@@ -14,7 +14,7 @@ pub struct RawOptics {
     aperture_mm: f64,
     transmission: f64,
     band: RawBand,
-    principal_px: Option<[f64; 2]>,
+    principal_px: Option<Fixed<f64, 2>>,
     psf: RawPsf,
     #[serde(default)]
     projection: RawProjection,
@@ -29,7 +29,7 @@ pub struct RawOptics {
 )]
 enum RawBand {
     Named(String),
-    Nanometres([f64; 2]),
+    Nanometres(Fixed<f64, 2>),
 }
 
 impl RawOptics {
@@ -44,9 +44,10 @@ impl RawOptics {
         let aperture_m = range("aperture_mm", self.aperture_mm, 1e-3..=1e5)? * 1e-3;
         let size = [detector.width as f64, detector.height as f64];
         let centre = size.map(|pixels| (pixels - 1.0) / 2.0);
-        let principal_px = self.principal_px.unwrap_or(centre);
-        for (value, pixels) in principal_px.into_iter().zip(size) {
-            range("principal_px", value, -pixels..=2.0 * pixels)?;
+        let principal_px = self.principal_px.map_or(centre, |Fixed(at)| at);
+        for (i, pixels) in size.into_iter().enumerate() {
+            let key = format!("principal_px[{i}]");
+            range(&key, principal_px[i], -pixels..=2.0 * pixels)?;
         }
         let band = self.band.validate(check)?;
         let projection = self.projection.validate(check)?;
@@ -79,7 +80,7 @@ impl RawBand {
             "\"v\", \"silicon\" or [from, to] in nm with 300 <= from < to <= 1200";
         let (band, given) = match self {
             RawBand::Named(name) => (Band::named(name), format!("{name:?}")),
-            RawBand::Nanometres([from, to]) => {
+            RawBand::Nanometres(Fixed([from, to])) => {
                 let inside = *from >= 300.0 && from < to && *to <= 1200.0;
                 let band = inside.then(|| Band::top_hat(from * 1e-9, to * 1e-9));
                 (band, format!("[{from}, {to}]"))

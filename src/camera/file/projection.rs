@@ -1,7 +1,7 @@
 //! `[optics.projection]` of a camera file.
 
 use crate::camera::{Detector, Model, Optics, Projection};
-use crate::load::{Check, ConfigError};
+use crate::load::{Check, ConfigError, Fixed};
 use serde::Deserialize;
 
 #[derive(Deserialize, Default)]
@@ -9,7 +9,7 @@ use serde::Deserialize;
 pub struct RawProjection {
     model: Option<String>,
     k: Option<Vec<f64>>,
-    p: Option<[f64; 2]>,
+    p: Option<Fixed<f64, 2>>,
     strength: Option<f64>,
 }
 
@@ -17,27 +17,41 @@ pub struct RawProjection {
 const MOST_MARGIN_PX: f64 = 64.0;
 
 impl RawProjection {
-    /// A polynomial has most three or four coefficients; those left out are 0.
-    fn coefficients<const N: usize>(&self, check: &Check) -> Result<[f64; N], ConfigError> {
-        let given = self.k.as_deref().unwrap_or_default();
-        if given.len() > N {
-            let allowed = format!("at most {N} numbers");
-            return Err(check.refuse("optics.projection.k", format!("{given:?}"), allowed));
+    /// The polynomial's coefficients; those of the highest orders may be left out. `lens`: what a lens without any is.
+    fn coefficients<const N: usize>(
+        &self,
+        strength: f64,
+        check: &Check,
+        lens: &str,
+    ) -> Result<[f64; N], ConfigError> {
+        let key = "optics.projection.k";
+        let names = ["k1", "k2", "k3", "k4"][..N].join(", ");
+        let Some(given) = self.k.as_deref() else {
+            let reason = format!("missing: the lens's coefficients, [{names}]; [0.0] is {lens}");
+            return Err(check.explain(key, reason));
+        };
+        if !(1..=N).contains(&given.len()) {
+            let mut allowed = format!("1 to {N} numbers, {names}");
+            if N == 3 {
+                allowed += ": OpenCV's order is k1, k2, p1, p2, k3, and its p1, p2 are optics.projection.p";
+            }
+            return Err(check.refuse(key, format!("{given:?}"), allowed));
         }
         let mut k = [0.0; N];
-        for (k, given) in k.iter_mut().zip(given) {
-            *k = check.range("optics.projection.k", *given, -1e6..=1e6)?;
+        for (i, given) in given.iter().enumerate() {
+            k[i] = strength * check.range(&format!("{key}[{i}]"), *given, -1e6..=1e6)?;
         }
-        let strength = self.strength(check)?;
-        Ok(k.map(|k| strength * k))
-    }
-
-    fn strength(&self, check: &Check) -> Result<f64, ConfigError> {
-        let strength = self.strength.unwrap_or(1.0);
-        check.range("optics.projection.strength", strength, 0.0..=100.0)
+        Ok(k)
     }
 
     pub fn validate(&self, check: &Check) -> Result<Projection, ConfigError> {
+        let strength = self.strength.unwrap_or(1.0);
+        let strength = check.range("optics.projection.strength", strength, 0.0..=100.0)?;
+        self.of_strength(strength, check)
+    }
+
+    /// The projection with its coefficients multiplied by `strength`.
+    fn of_strength(&self, strength: f64, check: &Check) -> Result<Projection, ConfigError> {
         let model = self.model.as_deref().unwrap_or("pinhole");
         let unused = match model {
             "pinhole" if self.k.is_some() => Some("k"),
@@ -52,18 +66,15 @@ impl RawProjection {
         Ok(Projection::new(match model {
             "pinhole" => Model::Pinhole,
             "brown-conrady" => {
-                let strength = self.strength(check)?;
-                let p = self.p.unwrap_or_default();
-                for p in p {
-                    check.range("optics.projection.p", p, -1e6..=1e6)?;
-                }
+                let p = self.p.map_or([0.0; 2], |Fixed(p)| p);
+                let p = check.each("optics.projection.p", p, -1e6..=1e6)?;
                 Model::BrownConrady {
-                    k: self.coefficients(check)?,
+                    k: self.coefficients(strength, check, "a lens without radial distortion")?,
                     p: p.map(|p| strength * p),
                 }
             }
             "fisheye" => Model::Fisheye {
-                k: self.coefficients(check)?,
+                k: self.coefficients(strength, check, "the equidistant ideal")?,
             },
             other => {
                 let allowed = "one of \"pinhole\", \"brown-conrady\", \"fisheye\"";
@@ -85,22 +96,50 @@ impl RawProjection {
             let [cx, cy] = optics.principal_px;
             (x - cx).hypot(y - cy)
         };
-        let unseen = detector
-            .edge(margin_px)
-            .filter(|pixel| !optics.sees(*pixel));
-        let Some(furthest) = unseen.map(distance).reduce(f64::max) else {
+        let unseen = |optics: &Optics| {
+            let edge = detector.edge(margin_px).filter(|at| !optics.sees(*at));
+            edge.map(distance).reduce(f64::max)
+        };
+        let Some(furthest) = unseen(optics) else {
             return Ok(());
         };
         let end = optics.projection.end_rad().to_degrees();
+        let strength = self.strength.unwrap_or(1.0);
+        let key = |name: &str| format!("optics.projection.{name}");
+        let (key, given) = match (&self.k, &self.p) {
+            (Some(k), Some(Fixed(p))) if k.iter().all(|k| *k == 0.0) => {
+                (key("p"), format!("{p:?}"))
+            }
+            (Some(k), _) => (key("k"), format!("{k:?}")),
+            _ => (key("model"), format!("{:?}", self.model)),
+        };
+        // In hundredths, so that what is advised holds as it is written.
+        let weaker = |part: u32| f64::from(part) * strength / 100.0;
+        let holds = |part: u32| -> Result<bool, ConfigError> {
+            let mut optics = optics.clone();
+            optics.projection = self.of_strength(weaker(part), check)?;
+            Ok(unseen(&optics).is_none())
+        };
+        let (mut flat, mut folded) = (0, 100);
+        while folded - flat > 1 {
+            let middle = (flat + folded) / 2;
+            if holds(middle)? {
+                flat = middle;
+            } else {
+                folded = middle;
+            }
+        }
+        let remedy = match flat {
+            0 => "lengthen optics.focal_length_mm, or check the coefficients".to_string(),
+            _ => format!(
+                "optics.projection.strength = {:?} would do, or coefficients nearer to 0",
+                weaker(flat)
+            ),
+        };
         let allowed = format!(
             "a map that does not fold over on the detector nor within {margin_px:.1} px of it: this one ends at \
-             {end:.2} deg from the boresight, the detector {furthest:.0} px from the principal point"
+             {end:.2} deg from the boresight, the detector {furthest:.0} px from the principal point; {remedy} (they are for coordinates in focal lengths)"
         );
-        let key = |name: &str| format!("optics.projection.{name}");
-        Err(match (&self.k, &self.p) {
-            (Some(k), _) => check.refuse(&key("k"), format!("{k:?}"), allowed),
-            (None, Some(p)) => check.refuse(&key("p"), format!("{p:?}"), allowed),
-            (None, None) => check.refuse(&key("model"), format!("{:?}", self.model), allowed),
-        })
+        Err(check.refuse(&key, given, allowed))
     }
 }

@@ -3,7 +3,7 @@
 use super::images::RawImage;
 use crate::camera::psf::{Airy, Images, Moffat, Shape, Variation, WIDEST_PX};
 use crate::camera::{Band, Projection, Psf};
-use crate::load::{Check, ConfigError, Folder};
+use crate::load::{Check, ConfigError, Fixed, Folder};
 use nalgebra::Vector3;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
@@ -19,7 +19,7 @@ pub struct RawPsf {
     beta: Option<f64>,
     images: Option<Vec<RawImage>>,
     oversampling: Option<f64>,
-    width_by_field: Option<Vec<[f64; 2]>>,
+    width_by_field: Option<Vec<Fixed<f64, 2>>>,
     wavelength_exponent: Option<f64>,
 }
 
@@ -77,26 +77,51 @@ impl RawPsf {
             Shape::Airy(..) => 1.0,
             _ => self.wavelength_exponent.unwrap_or(0.0),
         };
+        let exponent = check.range("optics.psf.wavelength_exponent", exponent, -4.0..=4.0)?;
         let by_field = self.width_by_field(lens, check)?;
-        let widest = by_field
-            .iter()
-            .map(|[_, factor]| factor * width_px)
-            .fold(0.0, f64::max);
-        if widest > WIDEST_PX {
-            let allowed = format!("factors that keep the width within {WIDEST_PX} px");
-            let value = format!("{:?}", self.width_by_field.unwrap_or_default());
-            return Err(check.refuse("optics.psf.width_by_field", value, allowed));
-        }
+        self.check_width(width_px, &by_field, exponent, lens, check)?;
         let variation = Variation {
             by_field,
-            wavelength_exponent: check.range(
-                "optics.psf.wavelength_exponent",
-                exponent,
-                -4.0..=4.0,
-            )?,
+            wavelength_exponent: exponent,
             wavelength_ratios: lens.band.wavelength_ratios(),
         };
         Ok(Psf::new(shape, variation))
+    }
+
+    /// Refuses a width that grows beyond what is drawn in reasonable time, somewhere in the field and for some colour.
+    fn check_width(
+        &self,
+        width_px: f64,
+        by_field: &[[f64; 2]],
+        exponent: f64,
+        lens: &Lens<'_>,
+        check: &Check,
+    ) -> Result<(), ConfigError> {
+        let factors = by_field.iter().map(|[_, factor]| *factor);
+        let field = factors.reduce(f64::max).unwrap_or(1.0);
+        let ratios = lens.band.wavelength_ratios();
+        let colour = ratios
+            .map(|ratio| libm::pow(ratio, exponent))
+            .into_iter()
+            .fold(1.0, f64::max);
+        let widest = width_px * field * colour;
+        if widest <= WIDEST_PX {
+            return Ok(());
+        }
+        let (key, remedy) = match self.kind.as_str() {
+            "gaussian" => ("sigma_px", ""),
+            "airy" => ("kind", "; enlarge the aperture or the pixels"),
+            _ => ("fwhm_px", ""),
+        };
+        let mut reason = format!("the width of {width_px:.2} px comes to {widest:.2} px");
+        if field > 1.0 {
+            reason += &format!(", by {field} in the field (optics.psf.width_by_field)");
+        }
+        if colour > 1.0 {
+            reason += &format!(", by {colour:.3} with the colour of stars (power {exponent})");
+        }
+        reason += &format!(": at most {WIDEST_PX} px{remedy}");
+        Err(check.explain(&format!("optics.psf.{key}"), reason))
     }
 
     /// Refuses an unknown kind, and keys that mean nothing to a known one.
@@ -157,13 +182,6 @@ impl RawPsf {
         let obscuration = self.obscuration.unwrap_or(0.0);
         let obscuration = check.range("optics.psf.obscuration", obscuration, 0.0..=0.9)?;
         let width_px = lens.band.reference_m() * lens.focal_ratio / lens.pitch_m;
-        if width_px > WIDEST_PX {
-            let reason = format!(
-                "\"airy\" with a wavelength times focal ratio of {width_px:.1} px: at most {WIDEST_PX} px; \
-                 enlarge the aperture or the pixels"
-            );
-            return Err(check.explain("optics.psf.kind", reason));
-        }
         let airy = Airy::new(obscuration, &lens.band.spectrum());
         Ok((Shape::Airy(Arc::new(airy), width_px), width_px))
     }
@@ -185,21 +203,18 @@ impl RawPsf {
     /// Field angles (deg) to distances from the principal point (px).
     fn width_by_field(&self, lens: &Lens<'_>, check: &Check) -> Result<Vec<[f64; 2]>, ConfigError> {
         let key = "optics.psf.width_by_field";
-        let table = self.width_by_field.as_deref().unwrap_or_default();
-        super::rising_angles(key, table, 0.1..=10.0, check)?;
-        let distance = |[deg, factor]: &[f64; 2]| {
+        let table = Fixed::all(self.width_by_field.clone().unwrap_or_default());
+        super::rising_angles(key, &table, 0.1..=10.0, check)?;
+        let distance = |(i, [deg, factor]): (usize, &[f64; 2])| {
             let (sin, cos) = libm::sincos(deg.to_radians());
             let image = lens.projection.image(&Vector3::new(sin, 0.0, cos));
             let [x, y] = image.ok_or_else(|| {
                 let end = lens.projection.end_rad().to_degrees();
-                check.refuse(
-                    key,
-                    deg,
-                    format!("angles that have an image: below {end:.2} deg"),
-                )
+                let allowed = format!("an angle that has an image: below {end:.2} deg");
+                check.refuse(&format!("{key}[{i}][0]"), deg, allowed)
             })?;
             Ok([lens.focal_px * libm::hypot(x, y), *factor])
         };
-        table.iter().map(distance).collect()
+        table.iter().enumerate().map(distance).collect()
     }
 }

@@ -3,7 +3,7 @@
 use crate::attitude::Attitude;
 use crate::camera::shutter::SHUTTERS;
 use crate::camera::{EXPOSURE_S, RATE_HZ, Shutter};
-use crate::load::{Check, ConfigError};
+use crate::load::{Check, ConfigError, Fixed};
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 
@@ -22,8 +22,8 @@ pub struct RawTiming {
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields)]
 pub struct RawMounting {
-    q_body_to_camera: Option<[f64; 4]>,
-    misalignment_arcsec: Option<[f64; 3]>,
+    q_body_to_camera: Option<Fixed<f64, 4>>,
+    misalignment_arcsec: Option<Fixed<f64, 3>>,
 }
 
 /// `[timing]`, checked.
@@ -88,16 +88,15 @@ impl RawMounting {
     pub fn validate(self, check: &Check) -> Result<Attitude, ConfigError> {
         let mounting = match self.q_body_to_camera {
             None => Attitude::identity(),
-            Some(q) => Attitude::from_xyzw(q)
+            Some(Fixed(q)) => Attitude::from_xyzw(q)
                 .map_err(|error| check.explain("mounting.q_body_to_camera", error))?,
         };
-        let Some(arcsec) = self.misalignment_arcsec else {
+        let Some(Fixed(arcsec)) = self.misalignment_arcsec else {
             return Ok(mounting);
         };
-        for value in arcsec {
-            check.range("mounting.misalignment_arcsec", value, MISALIGNMENT_ARCSEC)?;
-        }
-        let turn = arcsec.map(|value| (value / 3600.0).to_radians());
+        let key = "mounting.misalignment_arcsec";
+        let turn = check.each(key, arcsec, MISALIGNMENT_ARCSEC)?;
+        let turn = turn.map(|value| (value / 3600.0).to_radians());
         Ok(mounting.turned(&turn.into(), 1.0))
     }
 }

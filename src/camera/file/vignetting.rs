@@ -1,14 +1,14 @@
 //! `[optics.vignetting]` of a camera file.
 
 use crate::camera::Vignetting;
-use crate::load::{Check, ConfigError};
+use crate::load::{Check, ConfigError, Fixed};
 use serde::Deserialize;
 
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields)]
 pub struct RawVignetting {
     cos4: Option<bool>,
-    table: Option<Vec<[f64; 2]>>,
+    table: Option<Vec<Fixed<f64, 2>>>,
 }
 
 impl RawVignetting {
@@ -21,7 +21,7 @@ impl RawVignetting {
             (true, None) => Ok(Vignetting::Cos4),
             (false, None) => Ok(Vignetting::None),
             (false, Some(table)) => {
-                let key = "optics.vignetting.table";
+                let (key, table) = ("optics.vignetting.table", Fixed::all(table));
                 if table.is_empty() {
                     return Err(check.refuse(key, "[]", "at least one [angle, transmission]"));
                 }

@@ -1,0 +1,142 @@
+//! TOML into raw keys. What is wrong is told in one line: file, line, column, key, and what is expected there.
+
+use super::ConfigError;
+use serde::de::DeserializeOwned;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, Error};
+
+/// How TOML is written, for those who have not.
+const FORM: &str = "write key = value, a key a line, texts in quotes";
+
+/// Parses TOML into raw keys; the error names the file.
+pub(crate) fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ConfigError> {
+    toml::from_str(text).map_err(|error| explain(file, text, &error))
+}
+
+fn explain(file: &str, text: &str, error: &Error) -> ConfigError {
+    let span = error.span().unwrap_or_default();
+    let (line, column) = position(text, span.start);
+    let reason = match DeTable::parse(text) {
+        Err(_) => format!("not TOML: {}; {FORM}", error.message()),
+        // What is missing at the top is missing in no entry.
+        Ok(table) if table.span() == span => error.message().to_string(),
+        Ok(table) => match in_table(table.get_ref(), &span) {
+            Some(key) => format!("{}: {}", key.trim_start_matches('.'), error.message()),
+            None => error.message().to_string(),
+        },
+    };
+    ConfigError::Syntax {
+        place: format!("{file}:{line}:{column}"),
+        reason,
+    }
+}
+
+/// Line and column, from 1, of the octet at `at`.
+fn position(text: &str, at: usize) -> (usize, usize) {
+    let before = text.get(..at).unwrap_or(text);
+    let line = before.rsplit('\n').next().unwrap_or_default();
+    (before.matches('\n').count() + 1, line.chars().count() + 1)
+}
+
+/// `.key` of the innermost entry that `span` lies in.
+fn in_table(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
+    table.iter().find_map(|(key, value)| {
+        let at_key = || holds(&key.span(), span).then(String::new);
+        let rest = in_value(value, span).or_else(at_key)?;
+        Some(format!(".{}{rest}", key.get_ref()))
+    })
+}
+
+/// What follows a key whose value `span` lies in: `[1].key`, or nothing.
+fn in_value(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> Option<String> {
+    let inside = match value.get_ref() {
+        DeValue::Table(table) => in_table(table, span),
+        DeValue::Array(values) => (0..)
+            .zip(values.iter())
+            .find_map(|(i, value): (usize, _)| Some(format!("[{i}]{}", in_value(value, span)?))),
+        _ => None,
+    };
+    inside.or_else(|| holds(&value.span(), span).then(String::new))
+}
+
+fn holds(outer: &Range<usize>, inner: &Range<usize>) -> bool {
+    outer.start <= inner.start && inner.end <= outer.end
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::Fixed;
+    use serde::Deserialize;
+
+    #[derive(Deserialize, Debug)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code)]
+    struct Raw {
+        seed: u64,
+        #[serde(default)]
+        points: Vec<Fixed<f64, 2>>,
+        table: Option<Table>,
+    }
+
+    #[derive(Deserialize, Debug)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code)]
+    struct Table {
+        rows: Vec<Row>,
+    }
+
+    #[derive(Deserialize, Debug)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code)]
+    struct Row {
+        q: Fixed<f64, 4>,
+    }
+
+    #[test]
+    fn errors_are_a_line_with_place_and_key() {
+        for (text, message) in [
+            (
+                "seed = 1\npoints = [[0, 1], [2, 3, 4]]",
+                "f:2:19: points[1]: must have 2 values, not 3",
+            ),
+            (
+                "seed = 1\npoints = [[0]]",
+                "f:2:11: points[0]: must have 2 values, not 1",
+            ),
+            (
+                "seed = 1\npoints = 5",
+                "f:2:10: points: invalid type: integer `5`, expected a sequence",
+            ),
+            (
+                "seed = 1\n[table]\nrows = [{ q = [0, 0, 0, 1] }, { q = [0, 0, 0, 1, 0] }]",
+                "f:3:37: table.rows[1].q: must have 4 values, not 5",
+            ),
+            (
+                "seed = 1\n[[table.rows]]\nq = [0, 0, 0, \"ä\", 1]",
+                "f:3:15: table.rows[0].q[3]: invalid type: string \"ä\", expected f64",
+            ),
+            (
+                "seed = 1\n[table]\nsead = 3",
+                "f:3:1: table.sead: unknown field `sead`, expected `rows`",
+            ),
+            ("seed = 1\n[table]", "f:2:1: table: missing field `rows`"),
+            ("points = []\n", "f:1:1: missing field `seed`"),
+            ("", "f:1:1: missing field `seed`"),
+            (
+                "seed = 1\nöl = one",
+                "f:2:1: not TOML: invalid unquoted key, expected letters, numbers, `-`, `_`; write key = value, a key a line, texts in quotes",
+            ),
+            (
+                "seed = 1\nname = one",
+                "f:2:8: not TOML: string values must be quoted, expected literal string; write key = value, a key a line, texts in quotes",
+            ),
+        ] {
+            let error = parse::<Raw>("f", text).unwrap_err();
+            assert_eq!(error.to_string(), message);
+        }
+        let raw: Raw = parse("f", "seed = 1\npoints = [[0, 1], [2, 3.5]]").unwrap();
+        assert_eq!(Fixed::all(raw.points), [[0.0, 1.0], [2.0, 3.5]]);
+    }
+}
