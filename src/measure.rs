@@ -8,8 +8,9 @@ use crate::fidelity::Choice;
 use crate::frame::{Charge, Frame};
 use crate::plan::{Plan, Step, simulated};
 use crate::render::{render, tiles};
-use crate::scene::{Scene, Simulated, Unobservable};
+use crate::scene::{Body, Scene, Simulated, Source, Unobservable};
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -71,6 +72,47 @@ impl Bench<'_> {
         // The pixel is chosen by other frames than it is judged by, or chance alone would raise it.
         let (chosen, judged) = (change(0..REPEATS)?, change(REPEATS..2 * REPEATS)?);
         Ok(most(&chosen).map_or(0.0, |pixel| judged[pixel]))
+    }
+
+    /// How far leaving `effect` out of `choice` moves an image on the detector, or the end of its track, at most (px). (What dims a part
+    /// of a track moves its centroid, but not the image: vignetting is not to be asked.)
+    pub fn error_px(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
+        let images = |off: &[&'static str]| -> Result<HashMap<_, _>, Unobservable> {
+            let mut choice = choice.clone();
+            choice.off.extend(off);
+            let scene = self.scene(&choice, 0)?;
+            let image = |source: &Source| {
+                let body = match &source.body {
+                    Body::Star(star) => (true, star.index),
+                    Body::Rso(object) => (false, object.index),
+                };
+                (body, [source.centroid, source.start, source.end])
+            };
+            Ok(scene.sources.iter().map(image).collect())
+        };
+        let inside = |at: &[f64; 2]| self.camera.detector.contains(*at);
+        let apart = |[a, b]: [&[f64; 2]; 2]| {
+            let both = inside(a) && inside(b);
+            both.then(|| (a[0] - b[0]).hypot(a[1] - b[1]))
+        };
+        let (with, without) = (images(&[])?, images(&[effect.name])?);
+        let mut most = 0.0f64;
+        for (body, places) in &with {
+            let others = without.get(body).into_iter().flatten();
+            let moved = places.iter().zip(others).filter_map(|(a, b)| apart([a, b]));
+            most = moved.fold(most, f64::max);
+        }
+        let mut alone = Simulated::default();
+        (effect.mark)(&mut alone);
+        if alone.smear {
+            // Labels have the ends of true tracks, smeared or not: an image that stands still misses them by half.
+            let tracks = images(&["aberration drift"])?;
+            let halves = tracks
+                .values()
+                .filter_map(|[_, start, end]| apart([start, end]));
+            most = halves.map(|px| px / 2.0).fold(most, f64::max);
+        }
+        Ok(most)
     }
 
     /// What `effect` works on, e-: the charge, or the digits in electrons.

@@ -9,7 +9,6 @@ use skyloop::flight;
 use skyloop::label::EffectLabel;
 use skyloop::measure::Bench;
 use skyloop::plan::Plan;
-use skyloop::scene::Body;
 
 #[path = "support/scenes.rs"]
 mod scenes;
@@ -130,29 +129,6 @@ fn declared_errors_are_bounds_and_near_the_measured() {
     assert!(wrong.is_empty(), "{wrong}");
 }
 
-/// Images that lie on the detector, by what they are, with their centroids and the ends of their tracks.
-fn images(bench: &Bench<'_>, choice: &Choice) -> Vec<(String, [[f64; 2]; 3])> {
-    let emulator = bench.emulator;
-    let scene = emulator
-        .scene(&bench.camera, &bench.vehicle, 0, choice)
-        .unwrap();
-    let name = |body: &Body| match body {
-        Body::Star(star) => format!("star {}", star.index),
-        Body::Rso(object) => format!("object {}", object.index),
-    };
-    let sources = scene.sources.iter();
-    sources
-        .map(|source| {
-            let places = [source.centroid, source.start, source.end];
-            (name(&source.body), places)
-        })
-        .collect()
-}
-
-fn apart(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
-}
-
 #[test]
 fn declared_displacements_are_bounds_and_near_the_measured() {
     let wrong = std::sync::Mutex::new(String::new());
@@ -161,37 +137,13 @@ fn declared_displacements_are_bounds_and_near_the_measured() {
             all: true,
             ..quiet()
         };
-        let with = images(bench, &all);
-        let drift = EFFECTS.iter().find(|e| e.name == "aberration drift");
-        let tracks = images(bench, &without(&all, drift.unwrap()));
         let shaping = EFFECTS
             .iter()
             .zip(verdicts(bench, &all))
             // Where it dims a part of a track it moves the centroid, but not the image.
             .filter(|(effect, _)| effect.stage == Stage::Images && effect.name != "vignetting");
         for (effect, verdict) in shaping {
-            let off = images(bench, &without(&all, effect));
-            let off: std::collections::HashMap<_, _> = off.into_iter().collect();
-            let inside = |at: [f64; 2]| bench.camera.detector.contains(at);
-            let mut measured = 0.0f64;
-            for (source, places) in &with {
-                let Some(others) = off.get(source) else {
-                    continue;
-                };
-                for (a, b) in places.iter().zip(others) {
-                    if inside(*a) && inside(*b) {
-                        measured = measured.max(apart(*a, *b));
-                    }
-                }
-            }
-            // Labels have the ends of true tracks, smeared or not.
-            if effect.name == "smear" {
-                let halves = tracks
-                    .iter()
-                    .filter(|(_, [_, start, end])| inside(*start) && inside(*end))
-                    .map(|(_, [_, start, end])| apart(*start, *end) / 2.0);
-                measured = halves.fold(measured, f64::max);
-            }
+            let measured = bench.error_px(effect, &all).unwrap();
             let declared = verdict.error_px;
             let is_bound = measured <= declared + 1e-6;
             let is_near = measured <= 1e-6 || declared <= 10.0 * measured;

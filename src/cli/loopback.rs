@@ -86,7 +86,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
     let stop = AtomicBool::new(false);
     let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
-    let bar = progress(frames);
+    let bar = progress(frames, "frames");
     let (report, served, written) = std::thread::scope(|scope| {
         let emulator = scope.spawn(|| {
             let served = server.run(&stop, None, |shot| {

@@ -104,9 +104,10 @@ fn with_level(output: Output, name: Option<&str>) -> Output {
     })
 }
 
-/// A progress bar over `frames`; nothing where standard error is no terminal.
-fn progress(frames: u32) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} frames  {msg}");
-    ProgressBar::new(u64::from(frames))
+/// A progress bar over so many `steps` of `what`; nothing where standard error is no terminal.
+fn progress(steps: u32, what: &str) -> ProgressBar {
+    let template = format!("{{bar:40}} {{pos}}/{{len}} {what}  {{msg}}");
+    let style = ProgressStyle::with_template(&template);
+    ProgressBar::new(u64::from(steps))
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

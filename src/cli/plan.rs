@@ -1,6 +1,6 @@
 //! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and what it saves.
 
-use super::mission;
+use super::{mission, progress};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
@@ -8,6 +8,7 @@ use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::effect::EFFECTS;
 use skyloop::engine::Emulator;
+use skyloop::fidelity::Choice;
 use skyloop::flight;
 use skyloop::label::EffectLabel;
 use skyloop::load::Folder;
@@ -37,13 +38,37 @@ pub struct Args {
     json: bool,
 }
 
+/// A frame's plan.
+#[derive(Serialize)]
+struct Report {
+    /// File, or what the built-in scene is called.
+    scene: String,
+    camera: String,
+    frame: u32,
+    epoch_mid: String,
+    tolerances: Tolerances,
+    effects: Vec<Line>,
+}
+
+/// What may be left out.
+#[derive(Serialize)]
+struct Tolerances {
+    skip_e: f64,
+    skip_px: f64,
+}
+
 /// A line of the plan.
 #[derive(Serialize)]
 struct Line {
     #[serde(flatten)]
     verdict: EffectLabel,
+    /// Whether its errors are rms, of what it draws.
+    rms: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     measured_error_e: Option<f64>,
+    /// Of those that are judged by px.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    measured_error_px: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     measured_ms: Option<f64>,
 }
@@ -68,26 +93,24 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         camera: emulator.camera(),
         vehicle: flight::vehicle(&mission, args.frame)?,
     };
-    let lines = lines(&bench, args.measure)?;
-    if args.json {
-        return Ok(say(format_args!(
-            "{}\n",
-            serde_json::to_string_pretty(&lines)?
-        ))?);
-    }
     let fidelity = emulator.fidelity();
-    let head = format!(
-        "frame {} of {}, {}, middle {}\nskipped: what changes no pixel by more than {} e- and moves no image by more than {} px",
-        args.frame,
-        args.scene.map_or("the built-in scene".to_string(), |s| s
-            .display()
-            .to_string()),
-        bench.camera.name,
-        utc_text(bench.vehicle.epoch),
-        fidelity.skip_e,
-        fidelity.skip_px,
-    );
-    say(format_args!("{head}\n{}", table(&lines)))?;
+    let scene = args.scene.map(|scene| scene.display().to_string());
+    let report = Report {
+        scene: scene.unwrap_or("the built-in scene".to_string()),
+        camera: bench.camera.name.clone(),
+        frame: args.frame,
+        epoch_mid: utc_text(bench.vehicle.epoch),
+        tolerances: Tolerances {
+            skip_e: fidelity.skip_e,
+            skip_px: fidelity.skip_px,
+        },
+        effects: lines(&bench, args.measure)?,
+    };
+    let text = match args.json {
+        true => serde_json::to_string_pretty(&report)? + "\n",
+        false => report.table(),
+    };
+    say(format_args!("{text}"))?;
     Ok(())
 }
 
@@ -95,70 +118,101 @@ fn lines(bench: &Bench<'_>, measure: bool) -> anyhow::Result<Vec<Line>> {
     let (emulator, choice) = (bench.emulator, &bench.emulator.choice);
     let scene = emulator.scene(&bench.camera, &bench.vehicle, 0, choice)?;
     let plan = Plan::new(&scene, emulator.fidelity(), choice);
-    let mut lines: Vec<Line> = plan
-        .steps
-        .iter()
-        .map(|step| Line {
-            verdict: EffectLabel::new(step),
-            measured_error_e: None,
-            measured_ms: None,
-        })
-        .collect();
-    if measure {
-        let single = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let times = single
-            .context("a pool of one thread to measure in")?
-            .install(|| bench.times_ms(choice))?;
-        let all = skyloop::fidelity::Choice {
-            all: true,
-            ..choice.clone()
-        };
-        for ((line, effect), ms) in lines.iter_mut().zip(EFFECTS).zip(times) {
-            line.measured_error_e = Some(bench.error_e(effect, &all)?);
-            line.measured_ms = line.verdict.run.then_some(ms);
-        }
+    let lines = plan.steps.iter().map(|step| Line {
+        verdict: EffectLabel::new(step),
+        rms: step.effect.random && !step.effect.is_foreseen(),
+        measured_error_e: None,
+        measured_error_px: None,
+        measured_ms: None,
+    });
+    let mut lines: Vec<Line> = lines.collect();
+    if !measure {
+        return Ok(lines);
     }
+    let bar = progress(EFFECTS.len() as u32, "effects measured");
+    bar.set_message("times");
+    let single = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let times = single
+        .context("a pool of one thread to measure in")?
+        .install(|| bench.times_ms(choice))?;
+    let all = Choice {
+        all: true,
+        ..choice.clone()
+    };
+    for ((line, effect), ms) in lines.iter_mut().zip(EFFECTS).zip(times) {
+        bar.set_message(effect.name);
+        line.measured_error_e = Some(bench.error_e(effect, &all)?);
+        if line.verdict.error_px > 0.0 {
+            line.measured_error_px = Some(bench.error_px(effect, &all)?);
+        }
+        line.measured_ms = line.verdict.run.then_some(ms);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
     Ok(lines)
 }
 
-/// The plan as columns.
-fn table(lines: &[Line]) -> String {
-    let measured = lines.iter().any(|line| line.measured_error_e.is_some());
-    let mut text = format!("  {:<18} {:<5} {:>17}", "effect", "", "error if skipped");
-    if measured {
-        text += &format!(" {:>12}", "measured");
-    }
-    text += &format!(" {:>10}", "price");
-    if measured {
-        text += &format!(" {:>10}", "measured");
-    }
-    text += "  because\n";
-    for line in lines {
-        let verdict = &line.verdict;
-        let error = if verdict.error_px > 0.0 {
-            format!("{} px", short(verdict.error_px))
+impl Line {
+    /// The declared error and the measured one, both in the unit that decides.
+    fn errors(&self) -> (String, Option<String>) {
+        let rms = if self.rms { " rms" } else { "" };
+        let e = |e: f64| format!("{} e-{rms}", short(e));
+        let px = |px: f64| format!("{} px", short(px));
+        let verdict = &self.verdict;
+        if verdict.error_px > 0.0 {
+            (px(verdict.error_px), self.measured_error_px.map(px))
         } else {
-            format!("{} e-", short(verdict.error_e))
-        };
-        let run = if verdict.run { "run" } else { "skip" };
-        text += &format!("  {:<18} {run:<5} {error:>17}", verdict.effect);
-        let ms = |ms: Option<f64>| ms.map_or("-".to_string(), |ms| format!("{ms:.3} ms"));
-        if let Some(e) = line.measured_error_e {
-            text += &format!(" {:>12}", format!("{} e-", short(e)));
+            (e(verdict.error_e), self.measured_error_e.map(e))
         }
-        text += &format!(" {:>10}", ms(verdict.price_ms));
+    }
+}
+
+impl Report {
+    /// The plan as columns below a head.
+    fn table(&self) -> String {
+        let Report { frame, scene, .. } = self;
+        let Tolerances { skip_e, skip_px } = self.tolerances;
+        let mut text = format!(
+            "frame {frame} of {scene}, {}, middle {}\n\
+             skipped: what changes no pixel by more than {skip_e} e- and moves no image by more than {skip_px} px\n",
+            self.camera, self.epoch_mid
+        );
+        let measured = self
+            .effects
+            .iter()
+            .any(|line| line.measured_error_e.is_some());
+        text += &format!("  {:<18} {:<5} {:>17}", "effect", "", "error if skipped");
         if measured {
-            text += &format!(" {:>10}", ms(line.measured_ms));
+            text += &format!(" {:>14}", "measured error");
         }
-        text += &format!("  {}\n", verdict.why);
+        text += &format!(" {:>10}", "price");
+        if measured {
+            text += &format!(" {:>13}", "measured time");
+        }
+        text += "  because\n";
+        let ms = |ms: Option<f64>| ms.map_or("-".to_string(), |ms| format!("{ms:.3} ms"));
+        for line in &self.effects {
+            let verdict = &line.verdict;
+            let run = if verdict.run { "run" } else { "skip" };
+            let (declared, found) = line.errors();
+            text += &format!("  {:<18} {run:<5} {declared:>17}", verdict.effect);
+            if let Some(found) = found {
+                text += &format!(" {found:>14}");
+            }
+            text += &format!(" {:>10}", ms(verdict.price_ms));
+            if measured {
+                text += &format!(" {:>13}", ms(line.measured_ms));
+            }
+            text += &format!("  {}\n", verdict.why);
+        }
+        let prices = self.effects.iter().filter_map(|line| line.verdict.price_ms);
+        text += &format!("  {:.2} ms on one core in all", prices.sum::<f64>());
+        if measured {
+            let times = self.effects.iter().filter_map(|line| line.measured_ms);
+            text += &format!(", measured {:.2} ms", times.sum::<f64>());
+        }
+        text + "\n"
     }
-    let price: f64 = lines.iter().filter_map(|line| line.verdict.price_ms).sum();
-    let times = lines.iter().filter_map(|line| line.measured_ms);
-    text += &format!("  {price:.2} ms on one core in all");
-    if measured {
-        text += &format!(", measured {:.2} ms", times.sum::<f64>());
-    }
-    text + "\n"
 }
 
 /// Three digits.

@@ -119,7 +119,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut writer = Writer::create(&args.out, mission.frames)?;
     let mut stats = RunStats::default();
     let mut absent = Absent::default();
-    let bar = progress(mission.frames);
+    let bar = progress(mission.frames, "frames");
     for number in 0..mission.frames {
         let vehicle = flight::vehicle(&mission, number)?;
         let shot = emulator.shoot(&vehicle, 0)?;
