@@ -1,6 +1,6 @@
 //! The plan of one frame: every effect's verdict on the scene, in physical order.
 
-use crate::effect::{EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict};
+use crate::effect::{EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict, passed_e};
 use crate::fidelity::{Choice, Fidelity};
 use crate::scene::{Scene, Simulated, View};
 use std::borrow::Cow;
@@ -53,10 +53,10 @@ fn refusal(
     if effect.random && !choice.noise {
         return Some("noise is switched off".into());
     }
-    if choice.all || !need.error.is_within(fidelity) {
+    if choice.all || !need.is_within(fidelity) {
         return None;
     }
-    Some(if need.error == Loss::default() {
+    Some(if need.is_none() {
         need.because.clone()
     } else {
         format!("within the tolerance: {}", need.because).into()
@@ -73,7 +73,7 @@ impl<'s> Plan<'s> {
             };
             let error = match &effect.judge {
                 Judge::Images(_, change_e) if need.error != Loss::default() => Loss {
-                    e: change_e(scene, &need.error),
+                    e: passed_e(scene, change_e(scene, &need.error)),
                     ..need.error
                 },
                 _ => need.error,

@@ -9,7 +9,8 @@
 //! flow from pixel i to i + 1 = (gamma[i + 1] - gamma[i] - slope of the hull there) / 2
 //! ```
 //!
-//! Whole electrons move, so that a column keeps its charge exactly; a pixel may hold one more than the well.
+//! Of a column of whole electrons whole electrons move, so that it keeps its charge exactly; a pixel may hold one more than the well. Of an
+//! expectation the parts move too.
 //! Validity: a CCD without anti-blooming drains, whose channel stops hold better than its gates (Janesick 2001, Scientific
 //! Charge-Coupled Devices); the trail of charge-transfer loss is left out. Price: linear in the column's pixels.
 
@@ -31,6 +32,7 @@ impl Bloom {
             return [0.0; 2];
         }
         self.build(column, well);
+        let whole = column.iter().all(|e| e.fract() == 0.0);
         // Across each edge of the hull one slope holds: flow into place i from the one before, by pixels from 0.
         let (mut flow_in, mut ends) = (0.0, [0.0; 2]);
         let mut into = 0;
@@ -39,7 +41,8 @@ impl Bloom {
             let slope = (self.gamma[b] - self.gamma[a]) / (b - a) as f64;
             for place in a..b {
                 // Between place and place + 1; pixel i has place i + 1.
-                let flow = libm::round(self.surplus[place] - slope / 2.0);
+                let flow = self.surplus[place] - slope / 2.0;
+                let flow = if whole { libm::round(flow) } else { flow };
                 if place == 0 {
                     ends[0] = -flow;
                 } else {

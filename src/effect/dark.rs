@@ -9,6 +9,7 @@
 //! holds. Validity: one temperature for the whole detector, the same in every frame; hot pixels that
 //! flicker (random telegraph signals) are left out. Price: a sum a pixel, half again with a map.
 
+use super::shown::shown_e;
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
@@ -23,8 +24,7 @@ pub const DARK_CURRENT: Effect = Effect {
 };
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
-    let detector = &scene.view.camera.detector;
-    let pattern = &detector.pattern;
+    let pattern = &scene.view.camera.detector.pattern;
     let seconds = scene.view.exposure.duration_s;
     let (mean, most) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
     let need = if most == 0.0 {
@@ -39,16 +39,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         } else {
             0.2
         };
-        let e = scene.spill.shown_of(most * seconds, || {
-            let (width, height) = (detector.width, detector.height);
-            let of = |column| (0..height).map(move |row| row * width + column);
-            let sum = |column| {
-                of(column)
-                    .map(|pixel| pattern.dark_e_s_of(pixel))
-                    .sum::<f64>()
-            };
-            (0..width).map(|column| sum(column) * seconds).collect()
-        });
+        let e = shown_e(scene, most * seconds, |parts| parts.dark = false);
         Need::of_pixels(scene, because, e, ns)
     };
     let pass = match pattern.dark_e_s() {

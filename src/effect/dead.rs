@@ -7,6 +7,7 @@
 //! They are read like all others: noise and offset remain. They hold charge that spills over them as their neighbours do, and
 //! lose it. Reference: none but the definition. Validity: pixels that are wholly dead, in every frame. Price: by their number.
 
+use super::shown::held_of;
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
@@ -26,15 +27,12 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let need = if dead.is_empty() {
         Need::none("the detector has none")
     } else {
-        let most = if scene.spills() {
-            detector.full_well_e + 1.0
-        } else {
-            scene.expected_e(dead).into_iter().fold(0.0, f64::max)
-        };
-        let because = format!("{} of them", dead.len());
+        let held = held_of(scene, dead).into_iter().fold(0.0, f64::max);
+        let struck = scene.struck_e(dead).into_iter().fold(0.0, f64::max);
         Need {
-            because: because.into(),
-            error: Loss { e: most, px: 0.0 },
+            because: format!("{} of them", dead.len()).into(),
+            error: Loss { e: held, px: 0.0 },
+            drawn_e: struck,
             price_ms: dead.len() as f64 * 2e-6,
         }
     };

@@ -45,6 +45,7 @@ fn judge(view: &View, _: &Fidelity) -> Need {
     Need {
         because: format!("it moves images by up to {px:.3} px").into(),
         error: Loss { e: 0.0, px },
+        drawn_e: 0.0,
         price_ms: view.looks() * 30e-6,
     }
 }

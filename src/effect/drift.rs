@@ -69,6 +69,7 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     Need {
         because: format!("stars move by up to {px:.2e} px from mid-exposure to its ends").into(),
         error: Loss { e: 0.0, px },
+        drawn_e: 0.0,
         price_ms,
     }
 }

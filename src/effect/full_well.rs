@@ -9,10 +9,11 @@
 //! overfull pixel is worked through once.
 
 use super::bloom::Bloom;
+use super::shown::{apart, held_e};
 use super::{Effect, Judge, Need, Pass, Stage};
-use crate::camera::Blooming;
+use crate::camera::{Blooming, Detector};
 use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::scene::{Scene, Simulated, drawn_e};
 
 /// Full well.
 pub const FULL_WELL: Effect = Effect {
@@ -27,19 +28,25 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let full = detector.full_well_e;
     let brightest = scene.brightest_e();
-    // Ten sigma and ten above its expectation nothing is drawn.
-    let most = brightest + 10.0 * brightest.sqrt() + 10.0 + scene.largest_event_e();
     let spills = detector.blooming == Blooming::Column;
-    let need = if most < full {
+    let need = if scene.spill.columns.is_empty() {
         Need::none("no pixel fills up")
     } else {
-        let over = (brightest - full).max(most - brightest);
-        if spills {
-            // A pixel that spills may fill one that was empty.
-            let because = "a pixel may fill up and spill along its column";
-            Need::of_pixels(scene, because, over.max(full), 0.5)
+        let [with, without] = [true, false].map(|full_well| {
+            let parts = Simulated {
+                full_well,
+                ..scene.simulated
+            };
+            held_e(scene, &parts)
+        });
+        let (because, ns) = if spills {
+            ("a pixel may fill up and spill along its column", 0.5)
         } else {
-            Need::of_pixels(scene, "a pixel may fill up", over, 0.2)
+            ("a pixel may fill up", 0.2)
+        };
+        Need {
+            drawn_e: drawn_e(brightest) + scene.largest_event_e() - brightest,
+            ..Need::of_pixels(scene, because, apart(&with, &without), ns)
         }
     };
     let pass = if spills {
@@ -53,6 +60,21 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         }))
     };
     (need, pass)
+}
+
+/// What the pixels of a column hold of its charge (e-).
+pub(super) fn fill(column: &mut [f64], detector: &Detector) {
+    let full = detector.full_well_e;
+    match detector.blooming {
+        Blooming::None => column.iter_mut().for_each(|e| *e = e.min(full)),
+        Blooming::Column => {
+            let mut held: Vec<f32> = column.iter().map(|e| *e as f32).collect();
+            Bloom::default().spill(&mut held, full);
+            for (e, held) in column.iter_mut().zip(held) {
+                *e = held.into();
+            }
+        }
+    }
 }
 
 /// Spills every column with an overfull pixel. Returns the charge that left at the columns' ends, e-.

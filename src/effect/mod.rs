@@ -15,9 +15,12 @@ mod readout;
 mod response;
 mod rolling;
 mod shot;
+mod shown;
 mod smear;
 mod stuck;
 mod vignetting;
+
+pub use shown::passed_e;
 
 use crate::fidelity::Fidelity;
 use crate::frame::{Charge, Tile};
@@ -100,6 +103,9 @@ pub struct Need {
     pub because: Cow<'static, str>,
     /// What leaving it out would cost at most.
     pub error: Loss,
+    /// What leaving it out may change of what noise and particles draw, beside the expectation that `error` speaks of, e-. It runs
+    /// where either is beyond the tolerance.
+    pub drawn_e: f64,
     /// What it is expected to take, ms on one core.
     pub price_ms: f64,
 }
@@ -160,6 +166,7 @@ impl Need {
         Need {
             because: why.into(),
             error: Loss::default(),
+            drawn_e: 0.0,
             price_ms: 0.0,
         }
     }
@@ -169,8 +176,19 @@ impl Need {
         Need {
             because: because.into(),
             error: Loss { e, px: 0.0 },
+            drawn_e: 0.0,
             price_ms: scene.view.camera.detector.pixels() as f64 * ns * 1e-6,
         }
+    }
+
+    /// Whether leaving it out lies within the tolerances.
+    pub fn is_within(&self, fidelity: &Fidelity) -> bool {
+        self.error.is_within(fidelity) && self.drawn_e <= fidelity.skip_e
+    }
+
+    /// Whether nothing changes without it.
+    pub fn is_none(&self) -> bool {
+        self.error == Loss::default() && self.drawn_e == 0.0
     }
 }
 

@@ -10,7 +10,7 @@
 
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::scene::{Scene, drawn_e};
 
 /// Non-linearity of the pixels' amplifiers.
 pub const NON_LINEARITY: Effect = Effect {
@@ -24,12 +24,17 @@ pub const NON_LINEARITY: Effect = Effect {
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let share = detector.nonlinearity;
-    let held = (scene.brightest_e() + scene.largest_event_e()).min(scene.spill.most_e);
+    let held = |e: f64| e.min(scene.spill.most_e);
+    let missing = |e: f64| held(e) - detector.response_e(held(e));
+    let brightest = scene.brightest_e();
     let need = if share == 0.0 {
         Need::none("the detector is linear")
     } else {
         let because = format!("{:.2} % missing at full well", 100.0 * share);
-        Need::of_pixels(scene, because, held - detector.response_e(held), 1.0)
+        Need {
+            drawn_e: missing(drawn_e(brightest) + scene.largest_event_e()),
+            ..Need::of_pixels(scene, because, missing(brightest), 1.0)
+        }
     };
     let pass = Pass::Tile(Box::new(move |tile| {
         for e in tile.electrons.iter_mut() {

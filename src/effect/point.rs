@@ -7,9 +7,10 @@
 //! Reference: Clark et al. 2021. Validity: sources smaller than the PSF; their light adds up. Price: the pixels of each image, worked out once
 //! for each place that the image comes by (`scene::work`), and a sum a pixel.
 
+use super::shown::shown_e;
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::{Body, Scene, Source, still_ms};
+use crate::scene::{Body, Scene, Simulated, Source, still_ms};
 
 /// The stars.
 pub const STARS: Effect = Effect {
@@ -30,12 +31,16 @@ pub const RSOS: Effect = Effect {
 
 fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
     let is_star = |body: &Body| matches!(body, Body::Star(_));
-    judge(scene, fidelity, "stars", is_star)
+    judge(scene, fidelity, "stars", is_star, |parts| {
+        parts.stars = false
+    })
 }
 
 fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
     let is_rso = |body: &Body| matches!(body, Body::Rso(_));
-    judge(scene, fidelity, "objects", is_rso)
+    judge(scene, fidelity, "objects", is_rso, |parts| {
+        parts.rsos = false
+    })
 }
 
 fn judge<'s>(
@@ -43,19 +48,25 @@ fn judge<'s>(
     fidelity: &Fidelity,
     what: &'static str,
     kind: impl Fn(&Body) -> bool,
+    leave: impl Fn(&mut Simulated),
 ) -> (Need, Pass<'s>) {
     let lit = |s: &&Source| kind(&s.body) && s.electrons > 0.0;
     let drawn: Vec<&Source> = scene.sources.iter().filter(lit).collect();
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
-    let pattern = &scene.view.camera.detector.pattern;
     let need = if pixels == 0 {
         Need::none("none of their light falls on the detector")
     } else {
-        let columns = || scene.columns_e(&drawn, |_| 1.0 + pattern.worst_response());
-        let e = scene.spill.shown_of(scene.peak_of(&drawn), columns);
+        // Their own light, and their part of its column's trail.
+        let trail = if scene.simulated.frame_transfer {
+            scene.trail_e.iter().copied().fold(0.0, f64::max)
+        } else {
+            0.0
+        };
+        let e = shown_e(scene, scene.peak_of(&drawn) + trail, leave);
         Need {
             because: format!("{} {what} in the field", drawn.len()).into(),
             error: Loss { e, px: 0.0 },
+            drawn_e: 0.0,
             price_ms: still_ms(&scene.view, &drawn, fidelity),
         }
     };

@@ -10,7 +10,7 @@
 
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::scene::{Scene, drawn_e};
 
 /// Cosmic rays and trapped protons.
 pub const RADIATION: Effect = Effect {
@@ -30,14 +30,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         .chunk_by(|a, b| a.0 == b.0)
         .map(|same| same.iter().map(|(_, e)| f64::from(*e)).sum())
         .fold(0.0, f64::max);
-    let width = scene.view.camera.detector.width;
-    let e = scene.spill.shown_of(most, || {
-        let mut columns = vec![0.0; width];
-        for (pixel, e) in &hits {
-            columns[*pixel as usize % width] += f64::from(*e);
-        }
-        columns
-    });
+    let e = passed_on(scene, &hits, most);
     let need = if scene.view.camera.radiation.is_none() {
         Need::none("the camera is not exposed to radiation")
     } else if hits.is_empty() {
@@ -46,6 +39,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         Need {
             because: format!("{} particles cross the detector", scene.events.len()).into(),
             error: Loss { e, px: 0.0 },
+            drawn_e: 0.0,
             price_ms: hits.len() as f64 * 3e-6,
         }
     };
@@ -58,4 +52,33 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         }
     }));
     (need, pass)
+}
+
+/// A bound (e-) of what a pixel shows of `hits`, of which it gets at most `most` itself: in columns that may spill those of the
+/// full pixels beside it too.
+fn passed_on(scene: &Scene, hits: &[(u32, u32)], most: f64) -> f64 {
+    let (detector, spill) = (&scene.view.camera.detector, &scene.spill);
+    let most = most.min(spill.most_e);
+    if !spill.spills() {
+        return most;
+    }
+    let expected = scene.columns_e(&spill.columns, &scene.simulated);
+    let columns = expected.chunks_exact(detector.height).zip(&spill.columns);
+    let passed = columns.map(|(expected, column)| {
+        let here = hits
+            .iter()
+            .filter(|(pixel, _)| *pixel as usize % detector.width == *column);
+        let left: Vec<f64> = here.map(|(_, e)| f64::from(*e)).collect();
+        let (all, greatest) = (
+            left.iter().sum::<f64>(),
+            left.iter().copied().fold(0.0, f64::max),
+        );
+        let charge = drawn_e(expected.iter().sum()) + all;
+        let full = (charge / detector.full_well_e).floor();
+        all.min(greatest * (1.0 + full))
+    });
+    // Whole electrons spill.
+    passed
+        .map(|e| (e + 2.0).min(spill.most_e))
+        .fold(most, f64::max)
 }

@@ -7,9 +7,10 @@
 //! Reference: photo-response non-uniformity of EMVA Standard 1288 release 4.0; the map is the camera's (`camera::pattern`). Validity: a
 //! response that does not depend on wavelength, and no pattern of rows and columns. Price: a product a pixel.
 
+use super::shown::shown_e;
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::{Scene, Source};
+use crate::scene::Scene;
 
 /// Photo-response non-uniformity.
 pub const PIXEL_RESPONSE: Effect = Effect {
@@ -26,10 +27,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         return (Need::none("all pixels respond alike"), Pass::idle());
     };
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
-    let all: Vec<&Source> = scene.sources.iter().collect();
-    let worst = scene
-        .spill
-        .shown_of(scene.peak_where(off), || scene.columns_e(&all, off));
+    let worst = shown_e(scene, scene.peak_where(off), |parts| parts.response = false);
     let need = if worst == 0.0 {
         Need::none("no light falls on the detector")
     } else {

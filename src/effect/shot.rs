@@ -29,10 +29,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let need = if most == 0.0 {
         Need::none("there is no light and no dark charge")
     } else {
-        // What spills is drawn in other pixels.
-        let spill = &scene.spill;
-        let columns = || spill.charge_e.iter().map(|e| e.sqrt()).collect();
-        let e = spill.shown_of(most.sqrt(), columns);
+        let e = most.min(scene.spill.most_e).sqrt().max(spilt_e(scene));
         Need::of_pixels(scene, "light comes in quanta", e, 20.0)
     };
     // Where dark current is even, most pixels hold nothing but it: one table serves them all.
@@ -49,4 +46,18 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         }
     }));
     (need, pass)
+}
+
+/// A bound (e- rms) of the noise of what spills: of what a pixel shows the variance is at most that of all draws of its column
+/// (Efron and Stein 1981, Annals of Statistics 9, 586), of which it shows a part each.
+fn spilt_e(scene: &Scene) -> f64 {
+    if !scene.spill.spills() {
+        return 0.0;
+    }
+    let height = scene.view.camera.detector.height;
+    let charge = scene.columns_e(&scene.spill.columns, &scene.simulated);
+    let columns = charge.chunks_exact(height);
+    columns
+        .map(|column| column.iter().sum::<f64>().sqrt())
+        .fold(0.0, f64::max)
 }

@@ -6,6 +6,7 @@
 //!
 //! Reference: none but the definition. Validity: pixels that never change. Price: by their number.
 
+use super::shown::held_of;
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
@@ -27,8 +28,20 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     } else {
         let gain = detector.gain_e_per_dn;
         let instead_e = (f64::from(dn) - detector.offset_dn) * gain;
-        let held = scene.expected_e(stuck).into_iter();
-        let off = held.map(|e| (instead_e - e.min(detector.converter_reach_e())).abs());
+        let off = held_of(scene, stuck)
+            .into_iter()
+            .zip(stuck)
+            .map(|(e, pixel)| {
+                let dead =
+                    scene.simulated.dead && detector.pattern.dead().binary_search(pixel).is_ok();
+                let e = if dead { 0.0 } else { e };
+                let read = if scene.simulated.nonlinearity {
+                    detector.response_e(e)
+                } else {
+                    e
+                };
+                (instead_e - read.min(detector.converter_reach_e())).abs()
+            });
         Need {
             because: format!("{} of them", stuck.len()).into(),
             // Digits are whole.
@@ -36,6 +49,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
                 e: off.fold(0.0, f64::max) + gain,
                 px: 0.0,
             },
+            drawn_e: 0.0,
             price_ms: stuck.len() as f64 * 2e-6,
         }
     };

@@ -41,6 +41,7 @@ fn judge(view: &View, _: &Fidelity) -> Need {
         )
         .into(),
         error: Loss { e, px: 0.0 },
+        drawn_e: 0.0,
         price_ms: view.looks() * 15e-6,
     }
 }

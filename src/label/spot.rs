@@ -96,6 +96,13 @@ impl<'a> Pixels<'a> {
         self.scene.events.iter().enumerate().map(label).collect()
     }
 
+    /// What `pixels` expect, and what particles leave in them, e-.
+    fn held_e(&self, pixels: &[u32]) -> Vec<f64> {
+        let expected = self.scene.expected_e(pixels).into_iter();
+        let struck = self.scene.struck_e(pixels);
+        expected.zip(struck).map(|(e, more)| e + more).collect()
+    }
+
     /// Defects by what they change of what their pixels would give: dead and stuck ones of all that they hold, hot ones
     /// of the charge that is too much.
     fn defects(&self) -> Vec<SpotLabel> {
@@ -110,16 +117,14 @@ impl<'a> Pixels<'a> {
             defects.push(spot("defect", id, centre, electrons, snr, pixels));
         };
         if simulated.dead {
-            let held = self.scene.expected_e(pattern.dead());
-            for (pixel, held) in pattern.dead().iter().zip(held) {
+            for (pixel, held) in pattern.dead().iter().zip(self.held_e(pattern.dead())) {
                 add("dead", *pixel, 0.0, held, held);
             }
         }
         if simulated.stuck {
             let stands_for = f64::from(detector.stuck_dn) - detector.offset_dn;
             let electrons = stands_for * detector.gain_e_per_dn;
-            let held = self.scene.expected_e(pattern.stuck());
-            for (pixel, held) in pattern.stuck().iter().zip(held) {
+            for (pixel, held) in pattern.stuck().iter().zip(self.held_e(pattern.stuck())) {
                 add("stuck", *pixel, electrons, electrons - held, held);
             }
         }

@@ -6,29 +6,63 @@ use crate::camera::Detector;
 /// Side of the cells (px) in which the light of sources is added up.
 const CELL: usize = 8;
 
-/// A bound (e-) of the light on any pixel times its `weight` (by row-major index; none: 1): in each cell the sum of the
-/// greatest pixels of all sources that touch it. Where one source outshines its neighbours it is nearly the greatest pixel itself.
-pub(super) fn pixel_e<'a>(
+/// A bound (e-) of the light on any pixel times its `weight` (by row-major index; none: 1), for each column of cells: in each cell
+/// the sum of what every source gives to its greatest pixel there.
+pub(super) fn pixels_e<'a>(
     detector: &Detector,
     sources: impl Iterator<Item = &'a Source>,
     weight: Option<&dyn Fn(usize) -> f64>,
-) -> f64 {
-    let lit = sources.filter(|source| source.electrons > 0.0);
-    let lights = lit.map(|source| {
-        let greatest = match weight {
-            None => greatest_share(source),
-            Some(weight) => {
-                let rows = source.footprint.rows(0..detector.height);
-                let weighted = rows.flat_map(|(row, column, shares)| {
-                    let pixels = (row * detector.width + column..).zip(shares);
-                    pixels.map(|(pixel, share)| f64::from(*share) * weight(pixel))
-                });
-                weighted.fold(0.0, f64::max)
+) -> Vec<f64> {
+    let columns = detector.width.div_ceil(CELL);
+    let mut cells = vec![0.0; columns * detector.height.div_ceil(CELL)];
+    let mut greatest = vec![0.0f64; columns];
+    for source in sources.filter(|source| source.electrons > 0.0) {
+        let mut rows = source.footprint.rows(0..detector.height).peekable();
+        while let Some((row, first, shares)) = rows.next() {
+            let mut share = |column: usize, share: f64| {
+                let cell = &mut greatest[column / CELL];
+                *cell = cell.max(share);
+            };
+            match weight {
+                None => {
+                    // Up to the end of each cell.
+                    let mut from = first;
+                    let mut rest = shares;
+                    while !rest.is_empty() {
+                        let (here, next) = rest.split_at(rest.len().min(CELL - from % CELL));
+                        share(from, here.iter().copied().fold(0.0, f32::max).into());
+                        (from, rest) = (from + here.len(), next);
+                    }
+                }
+                Some(weight) => {
+                    for (column, light) in (first..).zip(shares) {
+                        let pixel = row * detector.width + column;
+                        share(column, f64::from(*light) * weight(pixel));
+                    }
+                }
             }
-        };
-        (source, greatest * source.electrons, 0)
-    });
-    summed_e(detector, lights)
+            // The source's last row in these cells.
+            if rows
+                .peek()
+                .is_none_or(|(next, ..)| next / CELL != row / CELL)
+            {
+                let cells = &mut cells[row / CELL * columns..];
+                for (cell, greatest) in cells.iter_mut().zip(&mut greatest) {
+                    *cell += source.electrons * *greatest;
+                    *greatest = 0.0;
+                }
+            }
+        }
+    }
+    let of = |column| cells.iter().skip(column).step_by(columns);
+    (0..columns)
+        .map(|column| of(column).copied().fold(0.0, f64::max))
+        .collect()
+}
+
+/// The column of cells that holds a column of pixels.
+pub(super) fn cell(column: usize) -> usize {
+    column / CELL
 }
 
 /// The share of a source's greatest pixel.

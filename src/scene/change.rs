@@ -85,8 +85,7 @@ impl Scene {
                 let widest = detector.width.max(detector.height) as f64;
                 (source, e, beside_px.min(widest).ceil() as usize)
             });
-        let e = summed_e(detector, lights);
-        self.spill.shown_e(e)
+        summed_e(detector, lights)
     }
 
     fn image<'a>(&'a self, source: &'a Source, stamp: &mut Stamp) -> Image<'a> {

@@ -6,6 +6,7 @@
 mod brightest;
 mod change;
 mod collected;
+mod expected;
 mod imaging;
 mod signal;
 mod simulated;
@@ -18,7 +19,7 @@ use signal::Noise;
 
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use simulated::Simulated;
-pub use spill::Spill;
+pub use spill::{Spill, drawn_e};
 pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};
 pub use work::{Work, still_ms};
 
@@ -122,8 +123,8 @@ pub struct Scene {
     pub simulated: Simulated,
     /// The images that touch the detector, in the view's order.
     pub sources: Vec<Source>,
-    /// No pixel gets more light than this from all sources together, e-.
-    pub peak_e: f64,
+    /// No pixel turns more light than this into charge, for each column of cells (`brightest`), e-.
+    peaks_e: Vec<f64>,
     /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge is not shifted
     /// through light.
     pub trail_e: Vec<f64>,
@@ -157,98 +158,17 @@ impl Scene {
         });
         let mut scene = Scene {
             simulated,
-            peak_e: brightest::pixel_e(&view.camera.detector, sources.iter(), None),
+            peaks_e: Vec::new(),
             trail_e,
             events: events(&view, &simulated),
             view,
             sources,
             spill: Spill::default(),
         };
+        let all: Vec<&Source> = scene.sources.iter().collect();
+        scene.peaks_e = scene.lit_e(&all);
         scene.spill = Spill::of(&scene);
         scene
-    }
-
-    /// No pixel gets more light than this from `sources` together, e-.
-    pub fn peak_of(&self, sources: &[&Source]) -> f64 {
-        brightest::pixel_e(&self.view.camera.detector, sources.iter().copied(), None)
-    }
-
-    /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-.
-    pub fn peak_where(&self, weight: impl Fn(usize) -> f64) -> f64 {
-        let detector = &self.view.camera.detector;
-        brightest::pixel_e(detector, self.sources.iter(), Some(&weight))
-    }
-
-    /// The light (e-) of `sources` on each column, each pixel's times its `weight`.
-    pub fn columns_e(&self, sources: &[&Source], weight: impl Fn(usize) -> f64) -> Vec<f64> {
-        let detector = &self.view.camera.detector;
-        spill::columns_e(detector, sources.iter().copied(), weight)
-    }
-
-    /// No pixel's expected charge is more than this, particles left out, e-.
-    pub fn brightest_e(&self) -> f64 {
-        let (pattern, simulated) = (&self.view.camera.detector.pattern, &self.simulated);
-        let light = if simulated.response {
-            self.peak_e * (1.0 + pattern.worst_response())
-        } else {
-            self.peak_e
-        };
-        let dark = if simulated.dark {
-            pattern.dark_max_e_s() * self.view.exposure.duration_s
-        } else {
-            0.0
-        };
-        light + dark + self.trail().iter().copied().fold(0.0, f64::max)
-    }
-
-    /// The charge (e-) that a pixel (row-major index) expects from no light that it is shown: dark charge, its column's trail.
-    pub fn background_of(&self, pixel: usize) -> f64 {
-        let detector = &self.view.camera.detector;
-        let trail = self.trail().get(pixel % detector.width);
-        let dark = if self.simulated.dark {
-            detector.pattern.dark_e_s_of(pixel) * self.view.exposure.duration_s
-        } else {
-            0.0
-        };
-        dark + trail.copied().unwrap_or(0.0)
-    }
-
-    /// The most charge that one particle leaves in one pixel, e-.
-    pub fn largest_event_e(&self) -> f64 {
-        let pixels = self.events.iter().flat_map(|event| &event.pixels);
-        f64::from(pixels.map(|(_, e)| *e).max().unwrap_or(0))
-    }
-
-    /// The charge (e-) that is expected in `pixels`, sorted by row-major index: light, dark charge and particles.
-    pub fn expected_e(&self, pixels: &[u32]) -> Vec<f64> {
-        let detector = &self.view.camera.detector;
-        let mut charge = vec![0.0; pixels.len()];
-        let within = |from: usize, length: usize| {
-            let first = pixels.partition_point(|pixel| (*pixel as usize) < from);
-            let past = pixels.partition_point(|pixel| (*pixel as usize) < from + length);
-            first..past
-        };
-        for source in self.sources.iter().filter(|source| source.electrons > 0.0) {
-            for (row, column, shares) in source.footprint.rows(0..detector.height) {
-                let from = row * detector.width + column;
-                for i in within(from, shares.len()) {
-                    charge[i] += source.electrons * f64::from(shares[pixels[i] as usize - from]);
-                }
-            }
-        }
-        for (charge, pixel) in charge.iter_mut().zip(pixels) {
-            let pixel = *pixel as usize;
-            if self.simulated.response {
-                *charge *= detector.pattern.response_of(pixel);
-            }
-            *charge += self.background_of(pixel);
-        }
-        for (pixel, e) in self.events.iter().flat_map(|event| &event.pixels) {
-            if let Ok(i) = pixels.binary_search(pixel) {
-                charge[i] += f64::from(*e);
-            }
-        }
-        charge
     }
 
     /// The charge (e-) that pixels hold on which no light falls, where they hold the same: to the last bit, as it is added.

@@ -15,11 +15,19 @@ use crate::camera::Shutter;
 /// What each pixel of a column gets, e-, one value a column; empty where no charge is shifted through light.
 pub(super) fn trail_e(view: &View, sources: &[Source]) -> Vec<f64> {
     let detector = &view.camera.detector;
-    let Shutter::FrameTransfer { row_s } = view.camera.shutter else {
+    if !matches!(view.camera.shutter, Shutter::FrameTransfer { .. }) {
         return Vec::new();
-    };
-    let mut columns = columns_e(detector, sources.iter(), |_| 1.0);
-    let part = row_s / view.exposure.duration_s;
+    }
+    let mut columns = columns_e(detector, sources.iter());
+    let part = part(view);
     columns.iter_mut().for_each(|column| *column *= part);
     columns
+}
+
+/// What each pixel of a column gets of the column's light (1).
+pub(super) fn part(view: &View) -> f64 {
+    match view.camera.shutter {
+        Shutter::FrameTransfer { row_s } => row_s / view.exposure.duration_s,
+        Shutter::Global | Shutter::Rolling { .. } => 0.0,
+    }
 }

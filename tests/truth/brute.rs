@@ -15,6 +15,11 @@ use skyloop::load::Folder;
 use skyloop::orbit::Object;
 use skyloop::sky::catalog::Selection;
 
+#[path = "../support/oem.rs"]
+mod oem;
+
+pub use oem::{falling, oem};
+
 /// Speed of light, km/s (exact).
 const LIGHT_KM_S: f64 = 299_792.458;
 /// Gravitational parameter of the Earth, km^3/s^2 (WGS84).
@@ -298,50 +303,6 @@ pub fn simpson(i: usize, n: usize) -> f64 {
         i if i == n => 1.0 / 3.0,
         i if i % 2 == 1 => 4.0 / 3.0,
         _ => 2.0 / 3.0,
-    }
-}
-
-/// An OEM of 21 s around `mid`; `state` gives km and km/s at a time (s) from there.
-pub fn oem(
-    id: &str,
-    mid: Epoch,
-    state: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>),
-) -> Vec<Object> {
-    let utc = |s: f64| {
-        let text = skyloop::orbit::time::utc_text(mid + hifitime::Duration::from_seconds(s));
-        text.trim_end_matches('Z').to_string()
-    };
-    let mut text = format!(
-        "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-01-01T00:00:00\nORIGINATOR = TEST\n\nMETA_START\nOBJECT_NAME = {id}\n\
-         OBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = {}\nSTOP_TIME = {}\n\
-         INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = 5\nMETA_STOP\n\n",
-        utc(-10.0),
-        utc(10.0)
-    );
-    for s in -10..=10 {
-        let (r, v) = state(f64::from(s));
-        text += &format!(
-            "{} {:.9} {:.9} {:.9} {:.12} {:.12} {:.12}\n",
-            utc(f64::from(s)),
-            r.x,
-            r.y,
-            r.z,
-            v.x,
-            v.y,
-            v.z
-        );
-    }
-    skyloop::orbit::parse(&text, "test.oem").unwrap().objects
-}
-
-/// A state that falls freely from `r` (km), `v` (km/s), to second order in time.
-pub fn falling(
-    r: Vector3<f64>,
-    v: Vector3<f64>,
-) -> impl Fn(f64) -> (Vector3<f64>, Vector3<f64>) + Clone {
-    move |t| {
-        let pull = r * (-GM / r.norm().powi(3));
-        (r + v * t + pull * (t * t / 2.0), v + pull * t)
     }
 }
 

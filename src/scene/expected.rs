@@ -1,0 +1,149 @@
+//! The charge that pixels expect: bounds of it, and what single pixels and columns expect.
+
+use super::{Body, Scene, Simulated, Source, brightest, trail};
+
+impl Scene {
+    /// What of light the pixels turn into charge, by `sources` alone: a bound (e-) for each column of cells (`brightest`), whether
+    /// their response is skipped or not.
+    pub(super) fn lit_e(&self, sources: &[&Source]) -> Vec<f64> {
+        let detector = &self.view.camera.detector;
+        let response = |pixel| detector.pattern.response_of(pixel).max(1.0);
+        let weight = self.simulated.response && detector.pattern.response().is_some();
+        let weight = weight.then_some(&response as &dyn Fn(usize) -> f64);
+        brightest::pixels_e(detector, sources.iter().copied(), weight)
+    }
+
+    /// No pixel gets more charge than this from the light of `sources` together, e-.
+    pub fn peak_of(&self, sources: &[&Source]) -> f64 {
+        self.lit_e(sources).into_iter().fold(0.0, f64::max)
+    }
+
+    /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-.
+    pub fn peak_where(&self, weight: impl Fn(usize) -> f64) -> f64 {
+        let detector = &self.view.camera.detector;
+        let peaks = brightest::pixels_e(detector, self.sources.iter(), Some(&weight));
+        peaks.into_iter().fold(0.0, f64::max)
+    }
+
+    /// No pixel's expected charge is more than this, particles left out, e-.
+    pub fn brightest_e(&self) -> f64 {
+        let light = self.peaks_e.iter().copied().fold(0.0, f64::max);
+        let dark = if self.simulated.dark {
+            let pattern = &self.view.camera.detector.pattern;
+            pattern.dark_max_e_s() * self.view.exposure.duration_s
+        } else {
+            0.0
+        };
+        light + dark + self.trail().iter().copied().fold(0.0, f64::max)
+    }
+
+    /// No pixel of a column expects more charge than this, particles left out, e-.
+    pub(super) fn brightest_of(&self, column: usize) -> f64 {
+        let detector = &self.view.camera.detector;
+        let rows = (0..detector.height).map(|row| row * detector.width + column);
+        let background = rows.map(|pixel| self.background_of(pixel));
+        self.peaks_e[brightest::cell(column)] + background.fold(0.0, f64::max)
+    }
+
+    /// The charge (e-) that a pixel (row-major index) expects from no light that it is shown: dark charge, its column's trail.
+    pub fn background_of(&self, pixel: usize) -> f64 {
+        let detector = &self.view.camera.detector;
+        let trail = self.trail().get(pixel % detector.width);
+        let dark = if self.simulated.dark {
+            detector.pattern.dark_e_s_of(pixel) * self.view.exposure.duration_s
+        } else {
+            0.0
+        };
+        dark + trail.copied().unwrap_or(0.0)
+    }
+
+    /// The most charge that particles leave in one pixel, e-.
+    pub fn largest_event_e(&self) -> f64 {
+        let mut hits: Vec<(u32, u32)> = (self.events.iter())
+            .flat_map(|event| event.pixels.iter().copied())
+            .collect();
+        hits.sort_unstable();
+        hits.chunk_by(|a, b| a.0 == b.0)
+            .map(|same| same.iter().map(|(_, e)| f64::from(*e)).sum())
+            .fold(0.0, f64::max)
+    }
+
+    /// The charge (e-) that is expected in `pixels`, sorted by row-major index: light and dark charge.
+    pub fn expected_e(&self, pixels: &[u32]) -> Vec<f64> {
+        let detector = &self.view.camera.detector;
+        let mut charge = vec![0.0; pixels.len()];
+        let within = |from: usize, length: usize| {
+            let first = pixels.partition_point(|pixel| (*pixel as usize) < from);
+            let past = pixels.partition_point(|pixel| (*pixel as usize) < from + length);
+            first..past
+        };
+        for source in self.sources.iter().filter(|source| source.electrons > 0.0) {
+            for (row, column, shares) in source.footprint.rows(0..detector.height) {
+                let from = row * detector.width + column;
+                for i in within(from, shares.len()) {
+                    charge[i] += source.electrons * f64::from(shares[pixels[i] as usize - from]);
+                }
+            }
+        }
+        for (charge, pixel) in charge.iter_mut().zip(pixels) {
+            let pixel = *pixel as usize;
+            if self.simulated.response {
+                *charge *= detector.pattern.response_of(pixel);
+            }
+            *charge += self.background_of(pixel);
+        }
+        charge
+    }
+
+    /// The charge (e-) that particles leave in `pixels`, sorted by row-major index.
+    pub fn struck_e(&self, pixels: &[u32]) -> Vec<f64> {
+        let mut charge = vec![0.0; pixels.len()];
+        for (pixel, e) in self.events.iter().flat_map(|event| &event.pixels) {
+            if let Ok(i) = pixels.binary_search(pixel) {
+                charge[i] += f64::from(*e);
+            }
+        }
+        charge
+    }
+
+    /// The charge (e-) that is expected in `columns`, sorted, one column after the other, of a frame that has only those effects of
+    /// this one that `parts` has too: light and dark charge, before wells fill.
+    pub fn columns_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
+        let detector = &self.view.camera.detector;
+        let height = detector.height;
+        let mut charge = vec![0.0; columns.len() * height];
+        let shines = |source: &&Source| match source.body {
+            Body::Star(_) => parts.stars,
+            Body::Rso(_) => parts.rsos,
+        };
+        for source in self.sources.iter().filter(shines) {
+            for (row, first, shares) in source.footprint.rows(0..height) {
+                let from = columns.partition_point(|column| *column < first);
+                let here = columns[from..].iter().zip(from..);
+                for (column, i) in here.take_while(|(column, _)| **column < first + shares.len()) {
+                    let share = f64::from(shares[*column - first]);
+                    charge[i * height + row] += source.electrons * share;
+                }
+            }
+        }
+        let trail = trail::part(&self.view);
+        for (charge, column) in charge.chunks_exact_mut(height).zip(columns) {
+            let trail_e = if parts.frame_transfer {
+                trail * charge.iter().sum::<f64>()
+            } else {
+                0.0
+            };
+            for (row, e) in charge.iter_mut().enumerate() {
+                let pixel = row * detector.width + column;
+                if parts.response {
+                    *e *= detector.pattern.response_of(pixel);
+                }
+                if parts.dark {
+                    *e += detector.pattern.dark_e_s_of(pixel) * self.view.exposure.duration_s;
+                }
+                *e += trail_e;
+            }
+        }
+        charge
+    }
+}
