@@ -2,7 +2,7 @@
 
 mod spot;
 
-pub use spot::SpotLabel;
+pub use spot::{MOST_SPOTS, SpotLabel};
 
 use crate::camera::Camera;
 use crate::effect::Verdict;
@@ -51,6 +51,15 @@ pub struct Label {
     pub background_e_px: f64,
     /// What was simulated and what was not, and why, in physical order.
     pub effects: Vec<EffectLabel>,
+    /// Particles and defects that are not listed, for there are more than [`MOST_SPOTS`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spots_left_out: Option<usize>,
+    /// The greatest signal-to-noise ratio among those.
+    #[serde(serialize_with = "some_e4", skip_serializing_if = "Option::is_none")]
+    pub spots_left_out_snr: Option<f64>,
+    /// Particles that would have crossed the detector, on average, beyond the most that are drawn.
+    #[serde(serialize_with = "some_short", skip_serializing_if = "Option::is_none")]
+    pub particles_left_out: Option<f64>,
     /// What is in the frame.
     pub objects: Objects,
 }
@@ -246,6 +255,8 @@ impl Label {
         let state = vehicle.orbit.as_ref().unwrap_or(&centre);
         let (r, v) = (km(&state.position_m), km(&state.velocity_m_s));
         let matrix = view.pointing(0.0).matrix();
+        let spots = spot::spots(scene, label_snr);
+        let beyond = scene.particles_left_out;
         Label {
             frame,
             seed: view.key.seed,
@@ -261,6 +272,9 @@ impl Label {
             r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
             background_e_px: scene.background_e(),
             effects: plan.steps.iter().map(EffectLabel::new).collect(),
+            spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
+            spots_left_out_snr: spots.left_out_snr,
+            particles_left_out: (beyond > 0.0).then_some(beyond),
             objects: Objects {
                 sources: scene
                     .sources
@@ -268,7 +282,7 @@ impl Label {
                     .filter(|source| source.clear_snr >= label_snr)
                     .map(|source| object(source, scene, world))
                     .collect(),
-                spots: spot::spots(scene, label_snr),
+                spots: spots.listed,
             },
         }
     }

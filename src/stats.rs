@@ -53,20 +53,29 @@ impl RunStats {
     }
 }
 
-/// Objects that could not be shown because their orbit had no state at a frame.
+/// Objects that could not be shown because their orbit had no state at a frame, and particles that are too many.
 #[derive(Debug, Clone, Default)]
 pub struct Absent {
     /// How many, summed over the frames.
     pub count: u32,
     named: BTreeSet<String>,
+    crowded: bool,
 }
 
 impl Absent {
     /// Objects that are named in the log; of more, only their number.
     const NAMED: usize = 5;
 
-    /// Counts those of a shot, and names each in the log once.
+    /// Counts those of a shot, and names each in the log once; once too that not all particles are drawn.
     pub fn report(&mut self, shot: &Shot) {
+        if let Some(more) = shot.label.particles_left_out.filter(|_| !self.crowded) {
+            self.crowded = true;
+            tracing::warn!(
+                "frame {}: {more:.0} more particles than can be drawn would cross the detector in an exposure; labels say \
+                 so (particles_left_out): shorten timing.exposure_s or radiation.readout_s",
+                shot.number
+            );
+        }
         self.count = self.count.wrapping_add(shot.unknown.len() as u32);
         let mut more = 0;
         for error in &shot.unknown {

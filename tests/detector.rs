@@ -8,7 +8,7 @@ use skyloop::attitude::VehicleState;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
-use skyloop::label::SpotLabel;
+use skyloop::label::{MOST_SPOTS, SpotLabel};
 use skyloop::load::Folder;
 use skyloop::sky::catalog::Selection;
 
@@ -172,6 +172,66 @@ fn dead_pixels_give_nothing_and_stuck_ones_their_digit() {
     // (12345 - 200) 2.5 = 30362.5, to the even or away from zero.
     assert_eq!(stuck.pixels, [[3, 5, 30363]]);
     assert!(stuck.kind == "defect" && stuck.visible && (stuck.x_px, stuck.y_px) == (3.0, 5.0));
+}
+
+/// Of more spots than a label lists it has those that stand out most, and says what it leaves out.
+#[test]
+fn a_list_that_is_cut_says_so() {
+    // Of 51,200 pixels some 4,608 that are dead and as many that are stuck.
+    let keys = format!("{PLAIN}\ndead_fraction = 0.09\nstuck_fraction = 0.09");
+    let whole = shoot(&mut emulator(&text(false, &keys, "")), 3);
+    assert!(whole.label.objects.spots.len() <= MOST_SPOTS);
+    assert!(!whole.json.contains("left_out"));
+    let keys = format!("{keys}\nhot_fraction = 0.1\nhot_e_s = 500.0");
+    let shot = shoot(&mut emulator(&text(false, &keys, "")), 3);
+    let (pattern, label) = (&shot.camera.detector.pattern, &shot.label);
+    // Those that show no light hide that they are hot.
+    let blind = |pixel: &u32| {
+        pattern.dead().binary_search(pixel).is_ok() || pattern.stuck().binary_search(pixel).is_ok()
+    };
+    let hot = pattern.hot().iter().filter(|(pixel, _)| !blind(pixel));
+    let all = pattern.dead().len() + pattern.stuck().len() + hot.count();
+    assert!(all > MOST_SPOTS + 1000, "{all}");
+    assert_eq!(label.objects.spots.len(), MOST_SPOTS);
+    assert_eq!(label.spots_left_out, Some(all - MOST_SPOTS));
+    // What is left out are the hot ones that are hardly so: of dead and stuck pixels, far from what they should be, none.
+    let spots = &label.objects.spots;
+    let named = |name: &str| spots.iter().filter(|s| s.id.starts_with(name)).count();
+    assert_eq!(
+        (named("dead"), named("stuck")),
+        (pattern.dead().len(), pattern.stuck().len())
+    );
+    let least = spots
+        .iter()
+        .map(|spot| spot.snr)
+        .fold(f64::INFINITY, f64::min);
+    let beyond = label.spots_left_out_snr.unwrap();
+    assert!(
+        0.0 < beyond && beyond <= least && least - beyond < 0.1,
+        "{beyond} {least}"
+    );
+    let written = format!(
+        "\"spots_left_out\":{},\"spots_left_out_snr\":",
+        all - MOST_SPOTS
+    );
+    assert!(shot.json.contains(&written));
+}
+
+/// More particles than are drawn: the label says how many more.
+#[test]
+fn particles_beyond_the_most_that_are_drawn_are_counted() {
+    let table = "[radiation]\nflux_cm2_s = 1e5\nthickness_um = 1.0";
+    let mut emulator = emulator(&text(false, PLAIN, table));
+    assert_eq!(shoot(&mut emulator, 1).label.particles_left_out, None);
+    emulator.camera_mut().exposure_s = 10.0;
+    let shot = shoot(&mut emulator, 2);
+    // 51,200 pixels of 26 um, 10 s: 1e5 * 0.346112 * 10, of which 1e5 are drawn.
+    let left_out = shot.label.particles_left_out.unwrap();
+    assert!((left_out - 246_112.0).abs() < 1.0, "{left_out}");
+    // Of those, the label lists a tenth; some left no whole electron.
+    assert_eq!(shot.label.objects.spots.len(), MOST_SPOTS);
+    let drawn = shot.label.spots_left_out.unwrap() + MOST_SPOTS;
+    assert!((90_000..101_000).contains(&drawn), "{drawn}");
 }
 
 /// The noise-free frame of stars that spill keeps all the light that fell.

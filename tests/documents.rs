@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use skyloop::camera::Camera;
+use skyloop::camera::{Camera, Flux, Radiation};
 use skyloop::config::{Clock, Config};
 use skyloop::effect::EFFECTS;
 use skyloop::engine::Emulator;
@@ -80,15 +80,23 @@ fn the_readme_lists_the_labels_fields() {
         .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
         .unwrap();
     let label: serde_json::Value = serde_json::from_str(&shot.json).unwrap();
-    // A detector with defects.
+    // A detector with defects, and more particles than are drawn.
     let mut flawed = Config::defaults().unwrap();
     flawed.camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
+    flawed.camera.radiation = Some(Radiation {
+        flux: Flux::Fixed(1e9),
+        thickness_um: 1.0,
+        energy_mev: 534.0,
+        diffusion_um: 0.0,
+        readout_s: 0.0,
+    });
     let mut flawed = Emulator::new(&mut flawed);
     let flaws = flawed
         .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
         .unwrap();
     let flaws: serde_json::Value = serde_json::from_str(&flaws.json).unwrap();
-    let mut fields: Names = label.as_object().unwrap().keys().cloned().collect();
+    let of_frames = [&label, &flaws].map(|label| label.as_object().unwrap().keys().cloned());
+    let mut fields: Names = of_frames.into_iter().flatten().collect();
     let of_frame = label["effects"].as_array().unwrap();
     let objects = [&label, &flaws].map(|label| label["objects"].as_array().unwrap());
     for object in of_frame.iter().chain(objects.into_iter().flatten()) {

@@ -35,13 +35,92 @@ pub struct SpotLabel {
     pub pixels: Vec<[i64; 3]>,
 }
 
-/// The particles and defects of `scene` that stand out by at least `least_snr`.
-pub fn spots(scene: &Scene, least_snr: f64) -> Vec<SpotLabel> {
+/// Most particles and defects that a label lists: 2 MB of text.
+pub const MOST_SPOTS: usize = 10_000;
+
+/// What a label says of particles and defects.
+#[derive(Debug, Default)]
+pub struct Spots {
+    /// Those that stand out most.
+    pub listed: Vec<SpotLabel>,
+    /// How many others there are.
+    pub left_out: usize,
+    /// The greatest signal-to-noise ratio among those.
+    pub left_out_snr: Option<f64>,
+}
+
+/// The particles and defects of `scene` that stand out by at least `least_snr`; of more than [`MOST_SPOTS`] those that
+/// stand out most.
+pub fn spots(scene: &Scene, least_snr: f64) -> Spots {
     let pixels = Pixels::new(scene);
-    let mut spots = pixels.particles();
-    spots.extend(pixels.defects());
-    spots.retain(|spot| spot.snr >= least_snr);
-    spots
+    let mut most = Most::default();
+    pixels.particles(|spot| most.add(spot, least_snr));
+    pixels.defects(|spot| most.add(spot, least_snr));
+    most.cut();
+    most.kept.sort_unstable_by_key(|(number, _)| *number);
+    let listed = most.kept.iter().map(|(_, spot)| pixels.label(spot));
+    Spots {
+        listed: listed.collect(),
+        left_out: most.left_out,
+        left_out_snr: (most.left_out > 0).then_some(most.left_out_snr),
+    }
+}
+
+/// A particle or a defect, before its text is written: a detector may have millions of them.
+#[derive(Debug, Clone, Copy)]
+enum Found {
+    /// By its place among the scene's particles.
+    Particle { index: usize, snr: f64 },
+    /// By its name and row-major index, with the charge that it stands for.
+    Defect {
+        name: &'static str,
+        pixel: u32,
+        electrons: f64,
+        snr: f64,
+    },
+}
+
+impl Found {
+    fn snr(&self) -> f64 {
+        let (Found::Particle { snr, .. } | Found::Defect { snr, .. }) = self;
+        *snr
+    }
+}
+
+/// The [`MOST_SPOTS`] that stand out most of all that are added, with their numbers.
+#[derive(Debug, Default)]
+struct Most {
+    added: usize,
+    kept: Vec<(usize, Found)>,
+    left_out: usize,
+    left_out_snr: f64,
+}
+
+impl Most {
+    fn add(&mut self, spot: Found, least_snr: f64) {
+        if spot.snr() >= least_snr {
+            self.kept.push((self.added, spot));
+            self.added += 1;
+        }
+        if self.kept.len() == 2 * MOST_SPOTS {
+            self.cut();
+        }
+    }
+
+    /// Leaves out what is too many; of equals those that come last.
+    fn cut(&mut self) {
+        if self.kept.len() <= MOST_SPOTS {
+            return;
+        }
+        self.kept
+            .select_nth_unstable_by(MOST_SPOTS, |(i, a), (j, b)| {
+                b.snr().total_cmp(&a.snr()).then(i.cmp(j))
+            });
+        for (_, spot) in self.kept.drain(MOST_SPOTS..) {
+            self.left_out += 1;
+            self.left_out_snr = self.left_out_snr.max(spot.snr());
+        }
+    }
 }
 
 /// The detector's pixels as this frame has them.
@@ -78,22 +157,15 @@ impl<'a> Pixels<'a> {
     }
 
     /// Particles as they were drawn: `snr^2 = sum e^2 / (b + read^2 + gain^2 / 12)`, b the background.
-    fn particles(&self) -> Vec<SpotLabel> {
-        let label = |(index, event): (usize, &crate::camera::Event)| {
-            let (mut sum, mut moment, mut snr2) = (0.0, [0.0; 2], 0.0);
-            let mut pixels = Vec::with_capacity(event.pixels.len());
-            for (pixel, electrons) in &event.pixels {
-                let ([x, y], e) = (self.place(*pixel), f64::from(*electrons));
-                sum += e;
-                moment = [moment[0] + e * x as f64, moment[1] + e * y as f64];
-                snr2 += e * e / self.variance(self.scene.background_of(*pixel as usize));
-                pixels.push([x, y, i64::from(*electrons)]);
-            }
-            let id = format!("particle {}", index + 1);
-            let centre = moment.map(|m| m / sum);
-            spot("radiation", id, centre, sum, snr2.sqrt(), pixels)
-        };
-        self.scene.events.iter().enumerate().map(label).collect()
+    fn particles(&self, mut add: impl FnMut(Found)) {
+        for (index, event) in self.scene.events.iter().enumerate() {
+            let part = |(pixel, electrons): &(u32, u32)| {
+                let background = self.scene.background_of(*pixel as usize);
+                f64::from(*electrons).powi(2) / self.variance(background)
+            };
+            let snr = event.pixels.iter().map(part).sum::<f64>().sqrt();
+            add(Found::Particle { index, snr });
+        }
     }
 
     /// What `pixels` expect, and what particles leave in them, e-.
@@ -105,16 +177,17 @@ impl<'a> Pixels<'a> {
 
     /// Defects by what they change of what their pixels would give: dead and stuck ones of all that they hold, hot ones
     /// of the charge that is too much.
-    fn defects(&self) -> Vec<SpotLabel> {
+    fn defects(&self, mut found: impl FnMut(Found)) {
         let (simulated, detector) = (&self.scene.simulated, self.detector);
         let (pattern, seconds) = (&detector.pattern, self.scene.view.exposure.duration_s);
-        let mut defects = Vec::new();
-        let mut add = |name: &str, pixel: u32, electrons: f64, change: f64, held: f64| {
-            let [x, y] = self.place(pixel);
+        let mut add = |name: &'static str, pixel: u32, electrons: f64, change: f64, held: f64| {
             let snr = change.abs() / self.variance(held).max(f64::MIN_POSITIVE).sqrt();
-            let (id, centre) = (format!("{name} {x},{y}"), [x as f64, y as f64]);
-            let pixels = vec![[x, y, electrons.round() as i64]];
-            defects.push(spot("defect", id, centre, electrons, snr, pixels));
+            found(Found::Defect {
+                name,
+                pixel,
+                electrons,
+                snr,
+            });
         };
         if simulated.dead {
             for (pixel, held) in pattern.dead().iter().zip(self.held_e(pattern.dead())) {
@@ -139,7 +212,35 @@ impl<'a> Pixels<'a> {
                 }
             }
         }
-        defects
+    }
+
+    fn label(&self, found: &Found) -> SpotLabel {
+        match *found {
+            Found::Particle { index, snr } => {
+                let event = &self.scene.events[index];
+                let (mut sum, mut moment) = (0.0, [0.0; 2]);
+                let mut pixels = Vec::with_capacity(event.pixels.len());
+                for (pixel, electrons) in &event.pixels {
+                    let ([x, y], e) = (self.place(*pixel), f64::from(*electrons));
+                    sum += e;
+                    moment = [moment[0] + e * x as f64, moment[1] + e * y as f64];
+                    pixels.push([x, y, i64::from(*electrons)]);
+                }
+                let (id, centre) = (format!("particle {}", index + 1), moment.map(|m| m / sum));
+                spot("radiation", id, centre, sum, snr, pixels)
+            }
+            Found::Defect {
+                name,
+                pixel,
+                electrons,
+                snr,
+            } => {
+                let [x, y] = self.place(pixel);
+                let (id, centre) = (format!("{name} {x},{y}"), [x as f64, y as f64]);
+                let pixels = vec![[x, y, electrons.round() as i64]];
+                spot("defect", id, centre, electrons, snr, pixels)
+            }
+        }
     }
 }
 

@@ -130,6 +130,8 @@ pub struct Scene {
     pub trail_e: Vec<f64>,
     /// The particles that cross the detector.
     pub events: Vec<Event>,
+    /// How many more would cross it on average: no more are drawn than a frame has time for.
+    pub particles_left_out: f64,
     /// What spills, and what pixels hold.
     pub spill: Spill,
 }
@@ -156,11 +158,13 @@ impl Scene {
             let snr = |e: f64| noise.snr(&source.footprint, e);
             (source.snr, source.clear_snr) = (snr(source.electrons), snr(source.clear_e));
         });
+        let (events, particles_left_out) = events(&view, &simulated);
         let mut scene = Scene {
             simulated,
             peaks_e: Vec::new(),
             trail_e,
-            events: events(&view, &simulated),
+            events,
+            particles_left_out,
             view,
             sources,
             spill: Spill::default(),
@@ -212,14 +216,15 @@ fn background_e(view: &View, simulated: &Simulated) -> f64 {
     view.camera.detector.dark_e(view.exposure.duration_s)
 }
 
-/// The particles of this exposure. Without an orbit the observer counts as far outside the Earth's field.
-fn events(view: &View, simulated: &Simulated) -> Vec<Event> {
+/// The particles of this exposure, and the number that is left out. Without an orbit the observer counts as far outside
+/// the Earth's field.
+fn events(view: &View, simulated: &Simulated) -> (Vec<Event>, f64) {
     let camera = &view.camera;
     let Some(particles) = &camera.radiation else {
-        return Vec::new();
+        return (Vec::new(), 0.0);
     };
     if !simulated.radiation || !simulated.noise {
-        return Vec::new();
+        return (Vec::new(), 0.0);
     }
     let flux = match particles.flux {
         Flux::Fixed(flux) => flux,
@@ -228,5 +233,7 @@ fn events(view: &View, simulated: &Simulated) -> Vec<Event> {
         }),
     };
     let expected = particles.expected_events(&camera.detector, flux, view.exposure.duration_s);
-    particles.events(&camera.detector, expected, view.key)
+    let left_out = (expected - particles.most_events(&camera.detector)).max(0.0);
+    let events = particles.events(&camera.detector, expected, view.key);
+    (events, left_out)
 }

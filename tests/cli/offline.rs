@@ -45,6 +45,52 @@ fn loopback_over_each_link_writes_the_same_frames_and_a_table() {
     );
 }
 
+/// A detector of 4096 cm^2 for 100 s: 1.8 particles a square centimetre and second far from the Earth's field are seven times the most.
+#[test]
+fn particles_that_are_too_many_are_warned_of_once() {
+    let here = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(repository("configs/cameras/fai-630.toml")).unwrap();
+    let set = |text: String, key: &str, value: &str| {
+        let line = text.lines().find(|line| line.starts_with(key)).unwrap();
+        text.replace(line, &format!("{key} = {value}"))
+    };
+    let keys = [
+        ("focal_length_mm", "5000.0"),
+        ("principal_px", "[31.5, 31.5]"),
+        ("width_px", "64"),
+        ("height_px", "64"),
+        ("pixel_um", "10000.0"),
+        ("exposure_s", "100.0"),
+        ("rate_hz", "0.01"),
+    ];
+    let text = keys
+        .iter()
+        .fold(text, |text, (key, value)| set(text, key, value));
+    let table = "[radiation]\nflux_cm2_s = \"orbit\"\nthickness_um = 10.0\n";
+    std::fs::write(here.path().join("large.toml"), text + table).unwrap();
+    let flags = [
+        "render",
+        "--camera",
+        "large.toml",
+        "--epoch",
+        EPOCH,
+        "--attitude",
+        Q,
+    ];
+    let done = skyloop(here.path())
+        .args(flags)
+        .args(["--frames", "2", "--out", "o"])
+        .assert()
+        .success();
+    let log = String::from_utf8_lossy(&done.get_output().stderr);
+    // 1.8 * 4096 * 100 - 1e5.
+    let warning = "frame 0: 637280 more particles than can be drawn";
+    assert_eq!(log.matches(warning).count(), 1, "{log}");
+    assert_eq!(log.lines().count(), 1, "{log}");
+    let labels = std::fs::read_to_string(here.path().join("o/labels.jsonl")).unwrap();
+    assert_eq!(labels.matches("\"particles_left_out\":637300.0").count(), 2);
+}
+
 #[test]
 fn render_twice_gives_the_same_octets_and_those_of_loopback() {
     let here = tempfile::tempdir().unwrap();

@@ -18,7 +18,8 @@ optics.psf | kind = "gaussian"; sigma_px = 1.0; width_by_field = [[1.0, 0.0]] | 
 optics.psf | kind = "gaussian"; sigma_px = 1.0; width_by_field = [[1.0, 1.0], [95.0, 1.0]] | optics.psf.width_by_field[1][0] = 95 | below 90.00 deg
 optics.psf | kind = "gaussian"; sigma_px = 1.0; width_by_field = [[1.0, 1.0, 2.0]] | optics.psf.width_by_field[0]: must have 2 values, not 3
 optics.psf | kind = "moffat"; fwhm_px = 15.0; beta = 2.0; width_by_field = [[0.0, 1.0], [3.0, 1.5]] | optics.psf.fwhm_px | 15.00 px comes to 22.50 px, by 1.5 in the field (optics.psf.width_by_field) | at most 20 px
-optics.psf | kind = "gaussian"; sigma_px = 10.0; width_by_field = [[0.0, 2.1]] | optics.psf.sigma_px | by 2.1 in the field
+optics.psf | kind = "gaussian"; sigma_px = 5.0; width_by_field = [[0.0, 2.1]] | optics.psf.sigma_px | by 2.1 in the field | at most 10 px
+optics.psf | kind = "gaussian"; sigma_px = 9.5; wavelength_exponent = 4.0 | optics.psf.sigma_px | with the colour of stars (power 4) | at most 10 px
 optics.psf | kind = "moffat"; fwhm_px = 19.0; beta = 1.5; wavelength_exponent = -4.0 | optics.psf.fwhm_px | with the colour of stars (power -4) | at most 20 px
 optics.psf | kind = "image"; oversampling = 2 | optics.psf.images | missing
 optics.psf | kind = "image"; oversampling = 0.5; images = [{ file = "good.csv" }] | optics.psf.oversampling = 0.5 | 1 to 64

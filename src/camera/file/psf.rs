@@ -35,6 +35,9 @@ pub struct Lens<'a> {
     pub projection: &'a Projection,
 }
 
+/// Greatest standard deviation (px) of a Gaussian anywhere in the field and for any star: 120 x 120 pixels each.
+const WIDEST_SIGMA_PX: f64 = 10.0;
+
 /// The keys of each kind beside `kind` itself.
 const KINDS: &[(&str, &[&str])] = &[
     (
@@ -59,7 +62,8 @@ impl RawPsf {
         self.only_its_keys(check)?;
         let (shape, width_px) = match self.kind.as_str() {
             "gaussian" => {
-                let sigma_px = self.needed("sigma_px", self.sigma_px, 0.01..=10.0, check)?;
+                let sigma_px =
+                    self.needed("sigma_px", self.sigma_px, 0.01..=WIDEST_SIGMA_PX, check)?;
                 (Shape::Gaussian(sigma_px), sigma_px)
             }
             "airy" => self.airy(lens, check)?,
@@ -105,14 +109,14 @@ impl RawPsf {
             .into_iter()
             .fold(1.0, f64::max);
         let widest = width_px * field * colour;
-        if widest <= WIDEST_PX {
+        let (key, most, remedy) = match self.kind.as_str() {
+            "gaussian" => ("sigma_px", WIDEST_SIGMA_PX, ""),
+            "airy" => ("kind", WIDEST_PX, "; enlarge the aperture or the pixels"),
+            _ => ("fwhm_px", WIDEST_PX, ""),
+        };
+        if widest <= most {
             return Ok(());
         }
-        let (key, remedy) = match self.kind.as_str() {
-            "gaussian" => ("sigma_px", ""),
-            "airy" => ("kind", "; enlarge the aperture or the pixels"),
-            _ => ("fwhm_px", ""),
-        };
         let mut reason = format!("the width of {width_px:.2} px comes to {widest:.2} px");
         if field > 1.0 {
             reason += &format!(", by {field} in the field (optics.psf.width_by_field)");
@@ -120,7 +124,7 @@ impl RawPsf {
         if colour > 1.0 {
             reason += &format!(", by {colour:.3} with the colour of stars (power {exponent})");
         }
-        reason += &format!(": at most {WIDEST_PX} px{remedy}");
+        reason += &format!(": at most {most} px{remedy}");
         Err(check.explain(&format!("optics.psf.{key}"), reason))
     }
 
