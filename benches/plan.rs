@@ -1,15 +1,14 @@
 //! The planner's promises about time, on every scene of `configs/scenes/`: what skipped effects cost, and prices.
 //!
-//! `cargo bench --bench plan`. All on one core, medians; a shared machine disturbs them: look at the ratios.
+//! `cargo bench --bench plan`. All on one core, medians of its own time.
 
 use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::label::EffectLabel;
-use skyloop::measure::Bench;
+use skyloop::measure::{Bench, thread_ms};
 use skyloop::plan::Plan;
 use std::path::Path;
-use std::time::Instant;
 
 #[path = "../tests/support/scenes.rs"]
 mod scenes;
@@ -50,9 +49,9 @@ fn report(path: &Path) -> bool {
     let vehicle = flight::vehicle(&mission, mission.frames / 2).unwrap();
     let mut frames: Vec<f64> = (0..9)
         .map(|_| {
-            let started = Instant::now();
+            let started = thread_ms();
             emulator.shoot(&vehicle, 0).unwrap();
-            started.elapsed().as_secs_f64() * 1e3
+            thread_ms() - started
         })
         .collect();
     frames.sort_by(f64::total_cmp);
@@ -85,16 +84,21 @@ fn report(path: &Path) -> bool {
         100.0 * share,
         if kept { "" } else { "  <-- above 2 %" }
     );
-    for (verdict, measured) in verdicts.iter().zip(bench.times_ms(choice).unwrap()) {
+    for (verdict, measured) in verdicts.iter().zip(bench.costs(choice).unwrap()) {
         let Some(price) = verdict.price_ms else {
             continue;
         };
-        let ratio = price / measured;
-        let fair = (1.0 / MOST_OFF..=MOST_OFF).contains(&ratio) || price.max(measured) < LEAST_MS;
+        let ratio = price / measured.ms;
+        // Of small differences between large times, two standard errors are not told.
+        let [least, most] = [-2.0, 2.0].map(|errors| measured.ms + errors * measured.error_ms);
+        let fair = price * MOST_OFF >= least && price <= most.max(0.0) * MOST_OFF
+            || price.max(measured.ms) < LEAST_MS;
         kept &= fair;
         println!(
-            "  {:<18} price {price:8.3} ms, measured {measured:8.3} ms, ratio {ratio:5.2}{}",
+            "  {:<18} price {price:8.3} ms, measured {:8.3} +- {:.3} ms, ratio {ratio:5.2}{}",
             verdict.effect,
+            measured.ms,
+            measured.error_ms,
             if fair { "" } else { "  <-- off by more than 2" }
         );
     }

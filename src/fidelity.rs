@@ -5,12 +5,16 @@
 pub struct Fidelity {
     /// Share of a point source's light that may fall outside its stamp (1).
     pub psf_loss: f64,
-    /// Of wide wings only what brings a pixel at least this (e-) is drawn; the rest of the light is lost.
+    /// Of wide wings only what brings a pixel at least this (e-) is drawn, and in any case all but [`Fidelity::wing_loss`].
     pub wing_e: f64,
-    /// Longest panel of a smeared track, in units of the PSF's sigma. A panel is integrated by two Gauss
-    /// points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
+    /// Share of a point source's light that may be lost with wings (1), where [`WING_PX`] reach as far.
+    pub wing_loss: f64,
+    /// Panels of a smeared track may be this long, in units of the PSF's sigma, whatever the source's light. A panel is
+    /// integrated by two Gauss points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
     /// ends: 2e-5 at 0.5. Light and centroid are kept whatever the step.
     pub track_step_sigma: f64,
+    /// Panels are longer, up to [`LONGEST_STEP_SIGMA`], where the profile still errs by no more than this (e-).
+    pub track_e: f64,
     /// An effect without which no pixel's expected electrons change by more than this (e-) is skipped.
     pub skip_e: f64,
     /// An effect without which no image moves by more than this (px) is skipped; so is a source's own motion.
@@ -22,7 +26,9 @@ impl Fidelity {
     pub const REALTIME: Fidelity = Fidelity {
         psf_loss: 1e-6,
         wing_e: 0.02,
+        wing_loss: 1e-4,
         track_step_sigma: 0.5,
+        track_e: 0.01,
         skip_e: 0.05,
         skip_px: 1e-3,
     };
@@ -30,16 +36,32 @@ impl Fidelity {
     pub const REFERENCE: Fidelity = Fidelity {
         psf_loss: 1e-12,
         wing_e: 1e-3,
+        wing_loss: 1e-4,
         track_step_sigma: 0.1,
+        track_e: 0.0,
         skip_e: 0.0,
         skip_px: 0.0,
     };
+
+    /// Length of a panel in units of the PSF's sigma, for a streak whose pixels get `height_e` (e-) at most:
+    /// `step^4 / 4320 * 1.4 height_e = track_e`.
+    pub fn step_sigma(&self, height_e: f64) -> f64 {
+        let step = (self.track_e * 4320.0 / (1.4 * height_e)).sqrt().sqrt();
+        step.max(self.track_step_sigma)
+            .min(LONGEST_STEP_SIGMA.max(self.track_step_sigma))
+    }
 
     /// The preset called `name`.
     pub fn preset(name: &str) -> Option<Fidelity> {
         PRESETS.iter().find(|(n, _)| *n == name).map(|(_, f)| *f)
     }
 }
+
+/// Wings that hold little light are drawn no further than this (px), so that a faint source does not take as long as a
+/// bright one.
+pub const WING_PX: f64 = 32.0;
+/// Longest panel for which the error of the sum is told by its first term.
+const LONGEST_STEP_SIGMA: f64 = 1.0;
 
 /// The named presets.
 pub const PRESETS: &[(&str, Fidelity)] = &[

@@ -60,7 +60,6 @@ impl Footprint {
 
     /// [`Footprint::new`] for a source of that light.
     pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity, light: &Light) -> Footprint {
-        let wing = fidelity.wing_e / light.electrons;
         let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
         // Pixel i covers i - 0.5 to i + 0.5.
         let touched = |at: f64, reach: f64, size: i64| {
@@ -73,7 +72,7 @@ impl Footprint {
             .iter()
             .map(|s| {
                 let psf = camera.optics.psf_at(s.at, light.wavelength_ratio);
-                let reach = psf.drawn_px(fidelity.psf_loss, wing);
+                let reach = psf.drawn_px(fidelity, light.electrons);
                 let columns = touched(s.at[0], reach, width);
                 let rows = s.lit.among(&touched(s.at[1], reach, height));
                 (s, psf, columns, rows)
@@ -182,7 +181,7 @@ mod tests {
         };
         let course = Course {
             pieces: 2,
-            core_px: 0.7,
+            step_px: fidelity.track_step_sigma * 0.7,
             reach_px: 6.0,
             window: Window {
                 low: [-10.0; 2],

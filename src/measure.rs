@@ -12,12 +12,22 @@ use crate::scene::{Body, Scene, Simulated, Source, Unobservable};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Frames of which random effects' errors are the rms.
 const REPEATS: u32 = 12;
-/// Rounds that a time is taken of.
-const ROUNDS: usize = 9;
+/// Rounds that a time is taken of: at most, and at least.
+const ROUNDS: [usize; 2] = [25, 5];
+/// No more rounds once they have taken this long, ms.
+const LONG_MS: f64 = 400.0;
+
+/// What something takes.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Cost {
+    /// ms on one core.
+    pub ms: f64,
+    /// What the rounds tell it to, ms.
+    pub error_ms: f64,
+}
 
 /// A frame to measure on.
 pub struct Bench<'a> {
@@ -126,16 +136,16 @@ impl Bench<'_> {
         charge.map(f64::from).collect()
     }
 
-    /// What each effect of the plan by `choice` takes (ms), in the order of the plan; 0 for those that do not run. To be
+    /// What each effect of the plan by `choice` takes, in the order of the plan; 0 for those that do not run. To be
     /// called in a pool of one thread.
-    pub fn times_ms(&self, choice: &Choice) -> Result<Vec<f64>, Unobservable> {
+    pub fn costs(&self, choice: &Choice) -> Result<Vec<Cost>, Unobservable> {
         let scene = self.scene(choice, 0)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
         let pixels = self.camera.detector.pixels();
         let (mut electrons, mut digits) = (vec![0.0f32; pixels], vec![0u16; pixels]);
         let mut time = |step: &Step<'_>| {
             let Verdict::Run { pass, .. } = &step.verdict else {
-                return 0.0;
+                return Cost::default();
             };
             let take = |mut charge: Vec<f32>| {
                 match pass {
@@ -151,9 +161,13 @@ impl Bench<'_> {
                 }
                 charge
             };
-            let (in_pixels, charge) = time_ms(|| electrons.clone(), take);
+            let (in_pixels, charge) = cost(|| electrons.clone(), take);
             electrons = charge;
-            in_pixels + self.imaging_ms(step.effect, &scene, choice)
+            let imaging = self.imaging(step.effect, &scene, choice);
+            Cost {
+                ms: in_pixels.ms + imaging.ms,
+                error_ms: in_pixels.error_ms + imaging.error_ms,
+            }
         };
         Ok(plan.steps.iter().map(&mut time).collect())
     }
@@ -172,7 +186,7 @@ impl Bench<'_> {
             Judge::Pixels(judge) => drop(judge(&scene, fidelity)),
         };
         const TIMES: u32 = 100;
-        let time = |effect| time_ms(|| (), |()| (0..TIMES).for_each(|_| ask(effect))).0;
+        let time = |effect| cost(|| (), |()| (0..TIMES).for_each(|_| ask(effect))).0.ms;
         Ok(EFFECTS
             .iter()
             .map(|effect| time(effect) / f64::from(TIMES))
@@ -181,7 +195,7 @@ impl Bench<'_> {
 
     /// What `effect` adds to the making of images: one that shapes them, over images without it; a kind of
     /// source, its still images.
-    fn imaging_ms(&self, effect: &Effect, scene: &Scene, choice: &Choice) -> f64 {
+    fn imaging(&self, effect: &Effect, scene: &Scene, choice: &Choice) -> Cost {
         let fidelity = self.emulator.fidelity();
         let mut alone = Simulated::default();
         (effect.mark)(&mut alone);
@@ -192,28 +206,78 @@ impl Bench<'_> {
         } else if alone.stars || alone.rsos {
             (alone, Simulated::default())
         } else {
-            return 0.0;
+            return Cost::default();
         };
         let time = |simulated: Simulated| {
-            let images = |view| Scene::new(view, simulated, fidelity);
-            time_ms(|| scene.view.clone(), images).0
+            let view = scene.view.clone();
+            let started = thread_ms();
+            let images = Scene::new(view, simulated, fidelity);
+            let took = thread_ms() - started;
+            drop(images);
+            took
         };
-        (time(with) - time(without)).max(0.0)
+        // In turn, so that what slows the machine down for a while slows both.
+        let difference = || time(with) - time(without);
+        let Cost { ms, error_ms } = median(rounds(difference));
+        Cost {
+            ms: ms.max(0.0),
+            error_ms,
+        }
     }
 }
 
-/// The lower quartile of the times (ms) of `work` on what `prepare` makes, and what it came to: what other programs
-/// take of the machine is not the effect's.
-fn time_ms<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) -> (f64, U) {
+/// What `work` takes on what `prepare` makes, and what it came to.
+fn cost<T, U>(prepare: impl Fn() -> T, mut work: impl FnMut(T) -> U) -> (Cost, U) {
     let mut round = || {
         let given = prepare();
-        let started = Instant::now();
+        let started = thread_ms();
         let made = work(given);
-        (started.elapsed().as_secs_f64() * 1e3, made)
+        (thread_ms() - started, made)
     };
-    let mut times: Vec<f64> = (1..ROUNDS).map(|_| round().0).collect();
-    let (last, made) = round();
-    times.push(last);
+    // The first round finds cold caches.
+    let (_, mut made) = round();
+    let times = rounds(|| {
+        let took;
+        (took, made) = round();
+        took
+    });
+    (median(times), made)
+}
+
+/// The times of as many rounds as there is time for, ms.
+fn rounds(mut round: impl FnMut() -> f64) -> Vec<f64> {
+    let ([most, least], started) = (ROUNDS, thread_ms());
+    let mut times = Vec::new();
+    while times.len() < least || times.len() < most && thread_ms() - started < LONG_MS {
+        times.push(round());
+    }
+    times
+}
+
+/// The median of `times`, and its standard error by their quartiles (those of a normal distribution lie 1.35 standard deviations
+/// apart, and its median errs by 1.25 of the mean's error).
+fn median(mut times: Vec<f64>) -> Cost {
     times.sort_by(f64::total_cmp);
-    (times[ROUNDS / 4], made)
+    let at = |part: usize| times.get(times.len() * part / 4).copied().unwrap_or(0.0);
+    let deviation = (at(3) - at(1)) / 1.35;
+    Cost {
+        ms: at(2),
+        error_ms: 1.25 * deviation / (times.len().max(1) as f64).sqrt(),
+    }
+}
+
+/// A clock of what this thread has had of a processor, ms: what other programs take does not count.
+#[cfg(target_os = "linux")]
+pub fn thread_ms() -> f64 {
+    use rustix::time::{ClockId, clock_gettime};
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
+}
+
+/// A clock, ms: here it counts what other programs take too.
+#[cfg(not(target_os = "linux"))]
+pub fn thread_ms() -> f64 {
+    use std::{sync::LazyLock, time::Instant};
+    static START: LazyLock<Instant> = LazyLock::new(Instant::now);
+    START.elapsed().as_secs_f64() * 1e3
 }

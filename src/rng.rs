@@ -111,10 +111,8 @@ impl PixelStream {
 
     /// Transformed rejection PTRS (Hörmann 1993, Insurance: Mathematics and Economics 12, 39).
     fn poisson_by_rejection(&mut self, mean: f64) -> f64 {
-        let log_mean = libm::log(mean);
         let b = 0.931 + 2.53 * libm::sqrt(mean);
         let a = -0.059 + 0.02483 * b;
-        let inverse_alpha = 1.1239 + 1.1328 / (b - 3.4);
         let v_r = 0.9277 - 3.6224 / (b - 2.0);
         loop {
             let u = self.uniform() - 0.5;
@@ -127,8 +125,10 @@ impl PixelStream {
             if k < 0.0 || (us < 0.013 && v > us) {
                 continue;
             }
+            // One draw in seven or fewer comes to this.
+            let inverse_alpha = 1.1239 + 1.1328 / (b - 3.4);
             let accept = libm::log(v * inverse_alpha / (a / (us * us) + b));
-            if accept <= k * log_mean - mean - libm::lgamma(k + 1.0) {
+            if accept <= k * libm::log(mean) - mean - libm::lgamma(k + 1.0) {
                 return k;
             }
         }
@@ -185,9 +185,14 @@ impl PoissonTable {
     /// Means up to this (e-) are tabulated; the table then has 650 entries, and rejection is as fast beyond.
     const LARGEST_MEAN: f64 = 1000.0;
 
+    /// Whether there is a table for that mean.
+    pub fn covers(mean: f64) -> bool {
+        mean > 0.0 && mean <= Self::LARGEST_MEAN
+    }
+
     /// None for a mean beyond the largest or not above 0.
     pub fn new(mean: f64) -> Option<Self> {
-        if !(mean > 0.0 && mean <= Self::LARGEST_MEAN) {
+        if !Self::covers(mean) {
             return None;
         }
         // Ten sigma and ten: what lies outside is rarer than the smallest uniform.

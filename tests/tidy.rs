@@ -69,7 +69,7 @@ const FENCES: &[(&str, &[&str])] = &[
         "serialport::",
         &["link/low_latency", "link/serial", "link/slcan"],
     ),
-    ("rustix::", &["link/low_latency", "link/pseudo"]),
+    ("rustix::", &["link/low_latency", "link/pseudo", "measure"]),
     (
         "rayon::",
         &["cli/plan", "measure", "render", "scene", "sky/population"],

@@ -76,7 +76,11 @@ impl Projection {
     pub fn ideal(&self) -> Projection {
         match self.model {
             Model::Pinhole | Model::BrownConrady { .. } => Projection::PINHOLE,
-            Model::Fisheye { .. } => Projection::new(Model::Fisheye { k: [0.0; 4] }),
+            // Its radius grows all the way.
+            Model::Fisheye { .. } => Projection {
+                model: Model::Fisheye { k: [0.0; 4] },
+                end: PI,
+            },
         }
     }
 

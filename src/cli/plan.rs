@@ -132,20 +132,20 @@ fn lines(bench: &Bench<'_>, measure: bool) -> anyhow::Result<Vec<Line>> {
     let bar = progress(EFFECTS.len() as u32, "effects measured");
     bar.set_message("times");
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-    let times = single
+    let costs = single
         .context("a pool of one thread to measure in")?
-        .install(|| bench.times_ms(choice))?;
+        .install(|| bench.costs(choice))?;
     let all = Choice {
         all: true,
         ..choice.clone()
     };
-    for ((line, effect), ms) in lines.iter_mut().zip(EFFECTS).zip(times) {
+    for ((line, effect), cost) in lines.iter_mut().zip(EFFECTS).zip(costs) {
         bar.set_message(effect.name);
         line.measured_error_e = Some(bench.error_e(effect, &all)?);
         if line.verdict.error_px > 0.0 {
             line.measured_error_px = Some(bench.error_px(effect, &all)?);
         }
-        line.measured_ms = line.verdict.run.then_some(ms);
+        line.measured_ms = line.verdict.run.then_some(cost.ms);
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -35,9 +35,9 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             hot => format!("{mean:.3} e-/s a pixel, {} of them hot", hot.len()),
         };
         let ns = if pattern.dark_e_s().is_some() {
-            0.6
+            0.22
         } else {
-            0.2
+            0.07
         };
         let e = shown_e(scene, most * seconds, |parts| parts.dark = false);
         Need::of_pixels(scene, because, e, ns)

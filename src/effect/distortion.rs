@@ -8,6 +8,7 @@
 //! track is looked at.
 
 use super::{Effect, Judge, Loss, Need, Stage};
+use crate::camera::Model;
 use crate::fidelity::Fidelity;
 use crate::scene::{Change, STEEPEST_STREAK, Scene, View};
 
@@ -23,7 +24,7 @@ pub const DISTORTION: Effect = Effect {
 /// Places along a side of the detector at which the displacement is looked at.
 const PLACES: usize = 13;
 
-fn judge(view: &View, _: &Fidelity) -> Need {
+fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let (optics, detector) = (&view.camera.optics, &view.camera.detector);
     if optics.projection.is_ideal() {
         return Need::none("the lens has no distortion");
@@ -42,11 +43,16 @@ fn judge(view: &View, _: &Fidelity) -> Need {
     });
     // Between two places it is no hundredth more.
     let px = 1.01 * off.fold(0.0, f64::max);
+    // The arc tangent is the ideal fisheye's too.
+    let ns = match optics.projection.model() {
+        Model::Fisheye { .. } => 12.0,
+        _ => 40.0,
+    };
     Need {
         because: format!("it moves images by up to {px:.3} px").into(),
         error: Loss { e: 0.0, px },
         drawn_e: 0.0,
-        price_ms: view.looks() * 30e-6,
+        price_ms: view.looks(fidelity) * ns * 1e-6,
     }
 }
 

@@ -64,7 +64,7 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let price_ms = if still {
         work.moving_ms(view)
     } else {
-        2.0 * work.panels * 20e-6
+        2.0 * work.panels * 25e-6
     };
     Need {
         because: format!("stars move by up to {px:.2e} px from mid-exposure to its ends").into(),

@@ -31,7 +31,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         Shutter::FrameTransfer { .. } if most > 0.0 => {
             let because = format!("columns get trails of up to {most:.2} e- a pixel");
             let e = shown_e(scene, most, |parts| parts.frame_transfer = false);
-            Need::of_pixels(scene, because, e, 0.4)
+            Need::of_pixels(scene, because, e, 0.17)
         }
         Shutter::FrameTransfer { .. } => Need::none("there is no light"),
         _ => Need::none("no charge is shifted through light"),

@@ -40,13 +40,21 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             held_e(scene, &parts)
         });
         let (because, ns) = if spills {
-            ("a pixel may fill up and spill along its column", 0.5)
+            ("a pixel may fill up and spill along its column", 0.3)
         } else {
             ("a pixel may fill up", 0.2)
         };
+        let need = Need::of_pixels(scene, because, apart(&with, &without), ns);
+        // Column after column spills.
+        let spilt = if spills {
+            scene.spill.columns.len() * detector.height
+        } else {
+            0
+        };
         Need {
             drawn_e: drawn_e(brightest) + scene.largest_event_e() - brightest,
-            ..Need::of_pixels(scene, because, apart(&with, &without), ns)
+            price_ms: need.price_ms + spilt as f64 * 8e-6,
+            ..need
         }
     };
     let pass = if spills {

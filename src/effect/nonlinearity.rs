@@ -33,7 +33,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         let because = format!("{:.2} % missing at full well", 100.0 * share);
         Need {
             drawn_e: missing(drawn_e(brightest) + scene.largest_event_e()),
-            ..Need::of_pixels(scene, because, missing(brightest), 1.0)
+            ..Need::of_pixels(scene, because, missing(brightest), 0.7)
         }
     };
     let pass = Pass::Tile(Box::new(move |tile| {

@@ -67,7 +67,7 @@ fn judge<'s>(
             because: format!("{} {what} in the field", drawn.len()).into(),
             error: Loss { e, px: 0.0 },
             drawn_e: 0.0,
-            price_ms: still_ms(&scene.view, &drawn, fidelity),
+            price_ms: still_ms(scene, &drawn, fidelity),
         }
     };
     let pass = Pass::Tile(Box::new(move |tile| {

@@ -29,7 +29,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let need = if sigma == 0.0 {
         Need::none("the detector reads without noise")
     } else {
-        Need::of_pixels(scene, format!("{sigma} e- rms"), sigma, 20.0)
+        Need::of_pixels(scene, format!("{sigma} e- rms"), sigma, 18.5)
     };
     let pass = Pass::Tile(Box::new(move |tile| {
         let first = tile.first_pixel();

@@ -35,7 +35,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             "up to {:.1} % from pixel to pixel",
             100.0 * pattern.worst_response()
         );
-        Need::of_pixels(scene, because, worst, 0.3)
+        Need::of_pixels(scene, because, worst, 0.11)
     };
     let pass = Pass::Tile(Box::new(move |tile| {
         let first = tile.first_pixel();

@@ -23,7 +23,7 @@ pub const VIGNETTING: Effect = Effect {
     mark: |simulated| simulated.vignetting = true,
 };
 
-fn judge(view: &View, _: &Fidelity) -> Need {
+fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let vignetting = &view.camera.optics.vignetting;
     if *vignetting == Vignetting::None {
         return Need::none("the optics let as much light pass everywhere");
@@ -33,6 +33,10 @@ fn judge(view: &View, _: &Fidelity) -> Need {
     if e == 0.0 {
         return Need::none("it takes no light of any source");
     }
+    let ns = match vignetting {
+        Vignetting::Table(_) => 40.0,
+        _ => 15.0,
+    };
     Need {
         because: format!(
             "{:.1} to {:.1} % of the light passes",
@@ -42,7 +46,7 @@ fn judge(view: &View, _: &Fidelity) -> Need {
         .into(),
         error: Loss { e, px: 0.0 },
         drawn_e: 0.0,
-        price_ms: view.looks() * 15e-6,
+        price_ms: view.looks(fidelity) * ns * 1e-6,
     }
 }
 

@@ -54,7 +54,7 @@ fn open(
         return (1.0, 0.0);
     }
     let psf = camera.optics.psf_at(*at, shine.wavelength_ratio);
-    let reach = psf.drawn_px(fidelity.psf_loss, fidelity.wing_e / shine.electrons);
+    let reach = psf.drawn_px(fidelity, shine.electrons);
     let touched = |at: f64| -> Range<i64> {
         (at - reach + 0.5).floor() as i64..(at + reach + 0.5).floor() as i64 + 1
     };
@@ -62,11 +62,9 @@ fn open(
     if lit.among(&rows) == rows {
         return (1.0, 0.0);
     }
-    let wide = (columns.end - columns.start).max(1) as usize;
-    psf.spread(1.0, *at, columns, rows.clone(), stamp);
+    psf.spread_on_rows(*at, columns, rows.clone(), stamp);
     let (mut all, mut part) = ([0.0; 2], [0.0; 2]);
-    for (row, light) in rows.zip(stamp.light.chunks_exact(wide)) {
-        let share: f64 = light.iter().sum();
+    for (row, share) in rows.zip(&stamp.light) {
         let moment = share * (row as f64 - at[1]);
         all = [all[0] + share, all[1] + moment];
         if (lit.first..lit.past).contains(&row) {

@@ -7,6 +7,7 @@ use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::track::{Course, Place, Rows, Track};
 use nalgebra::Vector3;
+use std::f64::consts::TAU;
 
 /// Pieces of a track turn by at most this (rad), 3 degrees: they are nearly straight.
 const PIECE: f64 = 0.05;
@@ -99,11 +100,13 @@ impl View {
             (exposure_s, Rows::together(camera.detector.height))
         };
         let turn = self.vehicle.rates.norm() * open_s + candidate.swing();
-        let psf = &camera.optics.psf;
         let course = Course {
             pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
-            core_px: psf.core_px(),
-            reach_px: psf.reach_px(fidelity.psf_loss),
+            step_px: self.step_px(candidate, fidelity),
+            reach_px: camera
+                .optics
+                .psf
+                .drawn_px(fidelity, candidate.shine().electrons),
             window: Footprint::window(camera, fidelity),
             rows,
         };
@@ -113,5 +116,13 @@ impl View {
             place(dt_s, turned_s, simulated.aberration_drift)
         };
         Track::sample(at, &course, fidelity)
+    }
+
+    /// How long (px) panels of the candidate's track may be.
+    pub(super) fn step_px(&self, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
+        let core_px = self.camera.optics.psf.core_px();
+        // No profile of that width is higher in its middle than a Gaussian.
+        let middle = (1.0 / (TAU * core_px * core_px)).min(1.0);
+        core_px * fidelity.step_sigma(candidate.shine().electrons * middle)
     }
 }

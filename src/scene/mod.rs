@@ -156,7 +156,12 @@ impl Scene {
         let noise = Noise::new(&view, &simulated, counted);
         sources.par_iter_mut().for_each(|source| {
             let snr = |e: f64| noise.snr(&source.footprint, e);
-            (source.snr, source.clear_snr) = (snr(source.electrons), snr(source.clear_e));
+            source.clear_snr = snr(source.clear_e);
+            source.snr = if source.electrons == source.clear_e {
+                source.clear_snr
+            } else {
+                snr(source.electrons)
+            };
         });
         let (events, particles_left_out) = events(&view, &simulated);
         let mut scene = Scene {

@@ -46,8 +46,8 @@ pub struct Sample {
 pub struct Course {
     /// Pieces to begin with, in which the source turns by a few degrees at most.
     pub pieces: usize,
-    /// Width of the point spread function's core, px.
-    pub core_px: f64,
+    /// Longest panel, px.
+    pub step_px: f64,
     /// How far its light reaches, px.
     pub reach_px: f64,
     /// Where light matters.
@@ -106,8 +106,8 @@ impl Track {
         scaled
     }
 
-    /// Samples `place` (0: the first row opens, 1: the last one closes; none: behind the camera) finely enough for
-    /// `fidelity` wherever it comes near the course's window. None where the source is behind the camera all the time.
+    /// Samples `place` (0: the first row opens, 1: the last one closes; none: behind the camera) as finely as the course asks
+    /// wherever it comes near the course's window. None where the source is behind the camera all the time.
     pub fn sample(
         place: impl Fn(f64) -> Option<Place>,
         course: &Course,
@@ -116,7 +116,6 @@ impl Track {
         let walk = Walk {
             place: &place,
             course,
-            step_px: fidelity.track_step_sigma * course.core_px,
         };
         let knots = walk.knots();
         let seen = knots
@@ -163,7 +162,6 @@ impl Track {
 struct Walk<'a, F> {
     place: &'a F,
     course: &'a Course,
-    step_px: f64,
 }
 
 impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
@@ -259,7 +257,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
                 };
                 split = near && (bend > BEND * length || length > longest);
                 // Of a parabola the fastest end is faster than the mean by 4 bend / length.
-                panels = (length + 4.0 * bend) / self.step_px;
+                panels = (length + 4.0 * bend) / self.course.step_px;
             }
             // The source comes from behind the camera or goes there.
             _ => split = true,
@@ -280,7 +278,6 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
             return;
         }
         let panels = panels.ceil().max(1.0) as usize;
-        let mut instants = Vec::new();
         for i in 0..panels {
             let part = |i: usize| a.0 + (b.0 - a.0) * (i as f64 / panels as f64);
             let ends = [part(i), part(i + 1)];
@@ -289,18 +286,11 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
                 continue;
             }
             // One more step for the bend inside of a panel.
-            let reach = self.course.reach_px + 1.0 + self.step_px;
+            let reach = self.course.reach_px + 1.0 + self.course.step_px;
             let ys = ends.map(|part| (self.place)(part).map_or(f64::NAN, |p| p.at[1]));
-            let (low, high) = (ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach);
-            self.course.rows.instants(ends, [low, high], &mut instants);
-            for ends in instants.windows(2) {
-                let lit = self.course.rows.lit((ends[0] + ends[1]) / 2.0);
-                if !lit
-                    .among(&(low.floor() as i64..high.ceil() as i64 + 1))
-                    .is_empty()
-                {
-                    self.panel([ends[0], ends[1]], lit, samples);
-                }
+            let near = [ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach];
+            for (ends, lit) in self.course.rows.turns(ends, near) {
+                self.panel(ends, lit, samples);
             }
         }
     }
@@ -348,7 +338,7 @@ mod tests {
 
     const COURSE: Course = Course {
         pieces: 10,
-        core_px: 0.7,
+        step_px: 0.35,
         reach_px: 4.0,
         window: Window {
             low: [-5.0, -5.0],

@@ -81,37 +81,43 @@ impl Rows {
         self.count.saturating_sub(1) as f64
     }
 
-    /// The rows that collect light at an instant.
-    pub fn lit(&self, part: f64) -> Lit {
-        if self.are_together() {
-            return Lit::ALL;
-        }
-        let last = self.last();
-        // |part - middle(row)| <= exposure / 2, solved for the row.
-        let row = |part: f64| (part - 0.5) / self.step + last / 2.0;
-        let first = row(part - self.exposure / 2.0).ceil();
-        let past = row(part + self.exposure / 2.0).floor() + 1.0;
-        Lit {
-            first: if first <= 0.0 { i64::MIN } else { first as i64 },
-            past: if past > last { i64::MAX } else { past as i64 },
-        }
+    /// What of the time `from..to` rows within `low..high` (px) collect light in: those that do all the time together,
+    /// the others each its own part.
+    pub fn turns(
+        &self,
+        [from, to]: [f64; 2],
+        [low, high]: [f64; 2],
+    ) -> impl Iterator<Item = ([f64; 2], Lit)> {
+        let last = self.last() as i64;
+        let row = |y: f64| (y as i64).clamp(0, last);
+        let near = row(low.floor())..row(high.ceil()) + 1;
+        let part = move |r: i64| {
+            let (opens, closes) = (self.opens(r as f64), self.closes(r as f64));
+            [opens.max(from), closes.min(to)]
+        };
+        let throughout = move |r: &i64| part(*r) == [from, to];
+        let first = near.clone().find(throughout);
+        // Rows open in turn: those between two that are open are open too.
+        let past = near.clone().rfind(throughout).map(|r| r + 1);
+        let together = first.zip(past).map(|(first, past)| first..past);
+        let all = together.clone().map(|rows| ([from, to], self.lit(rows)));
+        let others = near.filter(move |r| together.as_ref().is_none_or(|rows| !rows.contains(r)));
+        let own = others.map(move |r| (part(r), self.lit(r..r + 1)));
+        all.into_iter()
+            .chain(own.filter(|([from, to], _)| from < to))
     }
 
-    /// The instants inside of `from..to` at which a row within `reach` of the rows `low..high` (px) opens or closes,
-    /// in order, between `from` and `to` themselves.
-    pub fn instants(&self, [from, to]: [f64; 2], [low, high]: [f64; 2], out: &mut Vec<f64>) {
-        out.clear();
-        out.push(from);
-        if !self.are_together() {
-            let last = self.last();
-            let row = |y: f64| y.clamp(0.0, last) as i64;
-            for r in row(low.floor())..=row(high.ceil()) {
-                let edges = [self.opens(r as f64), self.closes(r as f64)];
-                out.extend(edges.into_iter().filter(|e| *e > from && *e < to));
-            }
-            out.sort_by(f64::total_cmp);
+    /// Those rows; what lies beyond the detector's edge goes with the row there.
+    fn lit(&self, rows: Range<i64>) -> Lit {
+        let beyond = rows.end > self.last() as i64;
+        Lit {
+            first: if rows.start <= 0 {
+                i64::MIN
+            } else {
+                rows.start
+            },
+            past: if beyond { i64::MAX } else { rows.end },
         }
-        out.push(to);
     }
 }
 
@@ -134,31 +140,46 @@ mod tests {
         assert!((ROLLING.opens(5.0) - 0.25).abs() < 1e-15);
     }
 
-    #[test]
-    fn the_lit_rows_are_those_whose_window_holds_the_instant() {
-        for i in 0..1000 {
-            let part = (f64::from(i) + 0.5) / 1000.0;
-            let lit = ROLLING.lit(part);
-            for r in -3..14 {
-                let y = r as f64;
-                let open = ROLLING.opens(y) <= part && part <= ROLLING.closes(y);
-                assert_eq!((lit.first..lit.past).contains(&r), open, "{part} {r}");
-            }
+    /// Checks that each of `rows` collects for as long as it is open, and in that time.
+    fn check(ends: [f64; 2], near: [f64; 2], rows: Range<i64>) {
+        let turns: Vec<([f64; 2], Lit)> = ROLLING.turns(ends, near).collect();
+        for r in rows {
+            let own = turns
+                .iter()
+                .filter(|(_, lit)| lit.among(&(r..r + 1)) == (r..r + 1));
+            let own: Vec<[f64; 2]> = own.map(|(part, _)| *part).collect();
+            let y = r as f64;
+            let open = [
+                ROLLING.opens(y).max(ends[0]),
+                ROLLING.closes(y).min(ends[1]),
+            ];
+            let expected = if open[0] < open[1] {
+                vec![open]
+            } else {
+                vec![]
+            };
+            assert_eq!(own, expected, "{ends:?} {r}");
         }
-        assert_eq!(Rows::together(11).lit(0.3), Lit::ALL);
     }
 
     #[test]
-    fn between_two_instants_the_lit_rows_near_by_stay_the_same() {
-        let mut instants = Vec::new();
-        ROLLING.instants([0.1, 0.72], [2.3, 6.4], &mut instants);
-        assert_eq!((instants[0], instants[instants.len() - 1]), (0.1, 0.72));
-        for ends in instants.windows(2) {
-            let at = |share: f64| {
-                let lit = ROLLING.lit(ends[0] + share * (ends[1] - ends[0]));
-                lit.among(&(2..8))
-            };
-            assert_eq!(at(0.01), at(0.99), "{ends:?}");
+    fn a_row_collects_while_it_is_open() {
+        for i in 0..100 {
+            let from = f64::from(i) / 100.0;
+            for length in [0.003, 0.04, 0.3, 1.0] {
+                check([from, (from + length).min(1.0)], [-2.0, 12.0], -3..14);
+                check([from, (from + length).min(1.0)], [2.3, 6.4], 2..8);
+            }
         }
+    }
+
+    #[test]
+    fn rows_that_are_open_all_the_time_are_taken_together() {
+        // X-Val: rows 3 to 7 are open from 0.35 to 0.65 at least; 2 closes at 0.6, 8 opens at 0.4.
+        let turns: Vec<([f64; 2], Lit)> = ROLLING.turns([0.36, 0.64], [0.0, 10.0]).collect();
+        assert_eq!(turns[0], ([0.36, 0.64], Lit { first: 3, past: 8 }));
+        assert_eq!(turns.len(), 7);
+        let together = Rows::together(11).turns([0.1, 0.3], [2.0, 5.0]).next();
+        assert!(together.is_some_and(|(_, lit)| lit.among(&(2..6)) == (2..6)));
     }
 }

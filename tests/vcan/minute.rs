@@ -64,9 +64,11 @@ fn whole(flight: &Flight, bits_us: f64, kept: Duration) {
         report.dropped,
         report.missing_packets,
     ];
-    // The bus loses nothing. Ends that do not run for a second do: ISO-TP waits no longer (N_Bs, N_Cr).
+    // The bus loses nothing. A socket whose reader does not run holds 212,992 octets (net.core.rmem_default), some 270
+    // frames, 30 ms of a busy bus: then a packet now and then is sent again.
+    let pauses = kept > Duration::from_millis(30);
     assert!(
-        losses == [0; 5] || kept > Duration::from_millis(250),
+        losses == [0; 5] || pauses && losses.iter().all(|lost| *lost < 10),
         "{losses:?}, with threads kept waiting for {kept:?} at most"
     );
     // Between two frames the second one's exposure is made, too; but a sender that has paused makes up for 1 ms.

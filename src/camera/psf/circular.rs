@@ -91,40 +91,41 @@ impl Quadrant {
         }
     }
 
-    /// `F` at two coordinates.
-    pub fn light(&self, a: &Place, b: &Place) -> f64 {
+    /// `F` at each of `across` and one other coordinate, into `line`.
+    fn line(&self, across: &[Place], down: &Place, line: &mut Vec<f64>) {
         let nodes = self.steps + 1;
-        let rows = self.light.chunks_exact(nodes).skip(b.first);
-        rows.zip(&b.weights)
-            .map(|(row, w)| {
-                let [w0, w1, w2, w3] = a.weights;
-                match row.get(a.first..a.first + 4) {
-                    Some([f0, f1, f2, f3]) => w * (w0 * f0 + w1 * f1 + w2 * f2 + w3 * f3),
-                    _ => 0.0,
+        let rows = [0, 1, 2, 3].map(|k| {
+            let from = (down.first + k) * nodes;
+            (&self.light[from..from + nodes], down.weights[k])
+        });
+        let light = |a: &Place| {
+            // Four columns side by side, for vector units.
+            let mut mixed = [0.0; 4];
+            for (row, weight) in rows {
+                for (mixed, f) in mixed.iter_mut().zip(&row[a.first..a.first + 4]) {
+                    *mixed += weight * f;
                 }
-            })
-            .sum()
+            }
+            mixed.iter().zip(a.weights).map(|(f, w)| f * w).sum::<f64>()
+        };
+        line.clear();
+        line.extend(across.iter().map(light));
     }
 
-    /// Spreads `light` around `at` (px), of width `width_px`, over the pixels of a rectangle, row by row into `out`.
+    /// Spreads `light` around `at` (px), of width `width_px`, over the rectangles between the left edges of the columns
+    /// `edges` on `rows`, row by row into `out`.
     pub fn spread(
         &self,
         width_px: f64,
         light: f64,
         at: [f64; 2],
-        columns: Range<i64>,
+        edges: impl Iterator<Item = i64>,
         rows: Range<i64>,
         out: &mut Vec<f64>,
     ) {
         let edge = |i: i64, at: f64| self.place((i as f64 - 0.5 - at) / width_px);
-        let across: Vec<Place> = (columns.start..=columns.end)
-            .map(|i| edge(i, at[0]))
-            .collect();
-        let corners = |row: i64, line: &mut Vec<f64>| {
-            let down = edge(row, at[1]);
-            line.clear();
-            line.extend(across.iter().map(|a| self.light(a, &down)));
-        };
+        let across: Vec<Place> = edges.map(|i| edge(i, at[0])).collect();
+        let corners = |row: i64, line: &mut Vec<f64>| self.line(&across, &edge(row, at[1]), line);
         let (mut above, mut below) = (Vec::new(), Vec::new());
         corners(rows.start, &mut above);
         for row in rows {

@@ -1,7 +1,5 @@
 //! A circular Gaussian. It is the product of one Gaussian a coordinate, and so is its integral over a pixel.
 
-use std::ops::Range;
-
 /// A circular Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gaussian {
@@ -16,16 +14,18 @@ impl Gaussian {
         self.sigma_px * (-2.0 * (loss / 2.0).ln()).sqrt()
     }
 
-    /// Share of the light that falls on each pixel of `range` along one axis, for a source at `at` (px):
+    /// Share of the light that falls between the lower edges of the pixels `edges` along one axis, for a source at `at` (px):
     /// `(erf((i + 1/2 - x) / (sqrt 2 sigma)) - erf((i - 1/2 - x) / (sqrt 2 sigma))) / 2`.
     /// The share of a pixel is the product over both axes.
-    pub fn shares(&self, at: f64, range: Range<i64>, out: &mut Vec<f64>) {
+    pub fn shares(&self, at: f64, mut edges: impl Iterator<Item = i64>, out: &mut Vec<f64>) {
         out.clear();
         let scale = 1.0 / (std::f64::consts::SQRT_2 * self.sigma_px);
         let edge = |i: i64| libm::erf((i as f64 - 0.5 - at) * scale);
-        let mut below = edge(range.start);
-        out.extend(range.map(|i| {
-            let above = edge(i + 1);
+        let Some(mut below) = edges.next().map(edge) else {
+            return;
+        };
+        out.extend(edges.map(|i| {
+            let above = edge(i);
             let share = 0.5 * (above - below);
             below = above;
             share
@@ -44,7 +44,7 @@ mod tests {
                 let psf = Gaussian { sigma_px };
                 let mut shares = Vec::new();
                 let range = -40..41;
-                psf.shares(at, range.clone(), &mut shares);
+                psf.shares(at, range.start..=range.end, &mut shares);
                 let total: f64 = shares.iter().sum();
                 assert!((total - 1.0).abs() < 1e-12);
                 // The centre of light on pixels equals the source's for a band-limited PSF only.

@@ -139,6 +139,11 @@ impl Images {
         self.reach_px
     }
 
+    /// How many images are mixed at most.
+    pub fn mixed(&self) -> usize {
+        self.images.len().min(4)
+    }
+
     /// What the images are mixed of at a place of the field.
     pub fn mix(&self, field_px: [f64; 2]) -> Mix {
         let [(i, s), (j, t)] = [0, 1].map(|axis| between(&self.places[axis], field_px[axis]));
@@ -153,17 +158,18 @@ impl Images {
         ]
     }
 
-    /// Spreads `light` around `at` (px) over the pixels of a rectangle, row by row into the empty `out`.
+    /// Spreads `light` around `at` (px) over the rectangles between the left edges of the columns `edges` on `rows`, row by
+    /// row into the empty `out`.
     pub fn spread(
         &self,
         mix: &Mix,
         light: f64,
         at: [f64; 2],
-        columns: Range<i64>,
+        edges: impl ExactSizeIterator<Item = i64> + Clone,
         rows: Range<i64>,
         out: &mut Vec<f64>,
     ) {
-        let wide = (columns.end - columns.start) as usize;
+        let wide = edges.len().saturating_sub(1);
         out.resize(wide * (rows.end - rows.start) as usize, 0.0);
         let parts = mix.iter().filter(|(_, weight)| *weight > 0.0);
         for (image, weight) in parts.filter_map(|(i, weight)| Some((self.images.get(*i)?, weight)))
@@ -174,9 +180,8 @@ impl Images {
                 let first = (place as usize).min(cells - 1);
                 (first, place - first as f64)
             };
-            let across: Vec<Corner> = (columns.start..=columns.end)
-                .map(|i| corner(i, at[0], image.columns))
-                .collect();
+            let across = edges.clone().map(|i| corner(i, at[0], image.columns));
+            let across: Vec<Corner> = across.collect();
             let corners = |row: i64, line: &mut Vec<f64>| {
                 let down = corner(row, at[1], image.rows);
                 line.clear();

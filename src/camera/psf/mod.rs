@@ -18,6 +18,7 @@ pub use airy::Airy;
 pub use images::{Flaw, Image, Images, SUM_TOLERANCE};
 pub use moffat::Moffat;
 
+use crate::fidelity::{Fidelity, WING_PX};
 use gaussian::Gaussian;
 use std::ops::Range;
 use std::sync::Arc;
@@ -144,10 +145,11 @@ impl Psf {
     pub fn stamp_ns(&self, rows: f64) -> f64 {
         match self.shape {
             // Error functions at the edges of rows and columns, and a product a pixel.
-            Shape::Gaussian(_) => 2.0 * (rows + 1.0) * 22.0 + rows * rows * 2.5,
+            // Far out the functions are 1, and cheap.
+            Shape::Gaussian(_) => 50.0 * rows.min(12.0) + 8.0 * rows + 0.2 * rows * rows,
             // Interpolation in a table.
-            Shape::Airy(..) | Shape::Moffat(..) => 100.0 + rows * rows * 10.0,
-            Shape::Images(_) => 100.0 + rows * rows * 20.0,
+            Shape::Airy(..) | Shape::Moffat(..) => 200.0 + 8.0 * rows * rows,
+            Shape::Images(ref images) => 100.0 + 11.0 * images.mixed() as f64 * rows * rows,
         }
     }
 
@@ -155,6 +157,12 @@ impl Psf {
     pub fn reach_px(&self, loss: f64) -> f64 {
         self.local(self.scales()[1], images::Mix::default())
             .reach_px(loss)
+    }
+
+    /// The greatest [`LocalPsf::drawn_px`] of the field and of all colours.
+    pub fn drawn_px(&self, fidelity: &Fidelity, electrons: f64) -> f64 {
+        self.local(self.scales()[1], images::Mix::default())
+            .drawn_px(fidelity, electrons)
     }
 
     /// The least [`LocalPsf::core_px`] of the field and of all colours.
@@ -176,22 +184,24 @@ impl LocalPsf<'_> {
         reach.min(FURTHEST_PX)
     }
 
-    /// Half the side (px) of the square to draw for a source, whose light falls outside of it by less than `loss`, or by
-    /// less than about `share` on any pixel: where wings are wide, the better bound for a faint source.
-    pub fn drawn_px(&self, loss: f64, share: f64) -> f64 {
-        let in_width = |width_px: f64| share * width_px * width_px;
-        let reach = self.reach_px(loss);
-        match self.shape {
+    /// Half the side (px) of the square to draw for a source of so many `electrons`: all of its light but `psf_loss` is in
+    /// it; of wide wings all but `wing_loss`, if they are faint, and no further than [`WING_PX`].
+    pub fn drawn_px(&self, fidelity: &Fidelity, electrons: f64) -> f64 {
+        let share = fidelity.wing_e / electrons;
+        let faint_px = match self.shape {
             Shape::Airy(airy, width_px) => {
                 let width_px = self.scale * width_px;
-                reach.min(width_px * airy.faint(in_width(width_px)) + 1.0)
+                width_px * airy.faint(share * width_px * width_px)
             }
             Shape::Moffat(moffat, width_px) => {
                 let width_px = self.scale * width_px;
-                reach.min(width_px * moffat.faint(in_width(width_px)) + 1.0)
+                width_px * moffat.faint(share * width_px * width_px)
             }
-            Shape::Gaussian(_) | Shape::Images(_) => reach,
-        }
+            Shape::Gaussian(_) | Shape::Images(_) => return self.reach_px(fidelity.psf_loss),
+        };
+        let light_px = self.reach_px(fidelity.wing_loss).min(WING_PX);
+        let reach_px = self.reach_px(fidelity.psf_loss);
+        reach_px.min(light_px.max(faint_px + 1.0))
     }
 
     /// The width (px) of its core, as the standard deviation of a Gaussian: how fine a track must be sampled.
@@ -223,13 +233,43 @@ impl LocalPsf<'_> {
         rows: Range<i64>,
         stamp: &mut Stamp,
     ) {
+        let edges = 0..(columns.end + 1 - columns.start).max(1) as usize;
+        self.spread_between(
+            light,
+            at,
+            edges.map(|i| columns.start + i as i64),
+            rows,
+            stamp,
+        );
+    }
+
+    /// The light of a point at `at` (px) on each of `rows`, the pixels of `columns` added up.
+    pub fn spread_on_rows(
+        &self,
+        at: [f64; 2],
+        columns: Range<i64>,
+        rows: Range<i64>,
+        stamp: &mut Stamp,
+    ) {
+        let edges = [columns.start, columns.end].into_iter();
+        self.spread_between(1.0, at, edges, rows, stamp);
+    }
+
+    fn spread_between(
+        &self,
+        light: f64,
+        at: [f64; 2],
+        edges: impl ExactSizeIterator<Item = i64> + Clone,
+        rows: Range<i64>,
+        stamp: &mut Stamp,
+    ) {
         stamp.light.clear();
         let out = &mut stamp.light;
         match self.shape {
             Shape::Gaussian(sigma_px) => {
                 let gaussian = self.gaussian(*sigma_px);
-                gaussian.shares(at[0], columns, &mut stamp.across);
-                gaussian.shares(at[1], rows, &mut stamp.down);
+                gaussian.shares(at[0], edges, &mut stamp.across);
+                gaussian.shares(at[1], rows.start..=rows.end, &mut stamp.down);
                 for down in &stamp.down {
                     let down = light * down;
                     out.extend(stamp.across.iter().map(|across| down * across));
@@ -237,15 +277,13 @@ impl LocalPsf<'_> {
             }
             Shape::Airy(airy, width_px) => {
                 let width_px = self.scale * width_px;
-                airy.table().spread(width_px, light, at, columns, rows, out);
+                airy.table().spread(width_px, light, at, edges, rows, out);
             }
             Shape::Moffat(moffat, width_px) => {
                 let width_px = self.scale * width_px;
-                moffat
-                    .table()
-                    .spread(width_px, light, at, columns, rows, out);
+                moffat.table().spread(width_px, light, at, edges, rows, out);
             }
-            Shape::Images(images) => images.spread(&self.mix, light, at, columns, rows, out),
+            Shape::Images(images) => images.spread(&self.mix, light, at, edges, rows, out),
         }
     }
 }
