@@ -5,10 +5,9 @@
 pub struct Fidelity {
     /// Share of a point source's light that may fall outside its stamp (1).
     pub psf_loss: f64,
-    /// Of wide wings only what brings a pixel at least this (e-) is drawn, and in any case all but [`Fidelity::wing_loss`].
+    /// Of wide wings only what brings a pixel at least this (e-) is drawn where it falls; the rest of their light is laid
+    /// evenly over the pixels that are drawn, and brings each less than twice as much.
     pub wing_e: f64,
-    /// Share of a point source's light that may be lost with wings (1), where [`WING_PX`] reach as far.
-    pub wing_loss: f64,
     /// Panels of a smeared track may be this long, in units of the PSF's sigma, whatever the source's light. A panel is
     /// integrated by two Gauss points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
     /// ends: 2e-5 at 0.5. Light and centroid are kept whatever the step.
@@ -26,7 +25,6 @@ impl Fidelity {
     pub const REALTIME: Fidelity = Fidelity {
         psf_loss: 1e-6,
         wing_e: 0.02,
-        wing_loss: 1e-4,
         track_step_sigma: 0.5,
         track_e: 0.01,
         skip_e: 0.05,
@@ -36,7 +34,6 @@ impl Fidelity {
     pub const REFERENCE: Fidelity = Fidelity {
         psf_loss: 1e-12,
         wing_e: 1e-3,
-        wing_loss: 1e-4,
         track_step_sigma: 0.1,
         track_e: 0.0,
         skip_e: 0.0,
@@ -57,9 +54,6 @@ impl Fidelity {
     }
 }
 
-/// Wings that hold little light are drawn no further than this (px), so that a faint source does not take as long as a
-/// bright one.
-pub const WING_PX: f64 = 32.0;
 /// Longest panel for which the error of the sum is told by its first term.
 const LONGEST_STEP_SIGMA: f64 = 1.0;
 

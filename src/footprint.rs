@@ -41,6 +41,57 @@ impl Default for Light {
     }
 }
 
+/// How the light of a point is drawn.
+struct Drawn<'a> {
+    psf: LocalPsf<'a>,
+    /// Columns and rows of pixels around it, on the unbounded plane.
+    square: [Range<i64>; 2],
+}
+
+impl Drawn<'_> {
+    fn around<'a>(
+        at: [f64; 2],
+        camera: &'a Camera,
+        fidelity: &Fidelity,
+        light: &Light,
+    ) -> Drawn<'a> {
+        let psf = camera.optics.psf_at(at, light.wavelength_ratio);
+        let reach = psf.drawn_px(fidelity, light.electrons);
+        // Pixel i covers i - 0.5 to i + 0.5.
+        let pixel = |x: f64| (x + 0.5).floor() as i64;
+        let square = at.map(|x| pixel(x - reach)..pixel(x + reach).saturating_add(1));
+        Drawn { psf, square }
+    }
+
+    /// Where the centre of `rest` must be for it and the `light` of all the square's pixels to be centred on `at`.
+    fn rest_around(&self, at: [f64; 2], rest: f64, light: &[f64]) -> [f64; 2] {
+        let [columns, rows] = &self.square;
+        let mut moments = [0.0; 2];
+        for (row, light) in rows
+            .clone()
+            .zip(light.chunks_exact(columns.end.abs_diff(columns.start) as usize))
+        {
+            let (mut sum, mut along) = (0.0, 0.0);
+            for (column, light) in columns.clone().zip(light) {
+                sum += light;
+                along += light * (column as f64 - at[0]);
+            }
+            moments = [moments[0] + along, moments[1] + sum * (row as f64 - at[1])];
+        }
+        [0, 1].map(|axis| at[axis] - moments[axis] / rest)
+    }
+
+    /// A share for each of the square's pixels `i` along an axis, so that all make 1 and their centre is at `centre`, as far
+    /// as none is below 0: `w_i = (1 + 12 (i - m) (centre - m) / (n^2 - 1)) / n` for `n` pixels around `m`.
+    fn even(&self, axis: usize, i: i64, centre: [f64; 2]) -> f64 {
+        let Range { start, end } = self.square[axis];
+        let (n, middle) = ((end - start) as f64, (start + end - 1) as f64 / 2.0);
+        let steepest = 2.0 / (n - 1.0).max(1.0);
+        let tilt = 12.0 * (centre[axis] - middle) / (n * n - 1.0).max(1.0);
+        (1.0 + tilt.clamp(-steepest, steepest) * (i as f64 - middle)) / n
+    }
+}
+
 impl Footprint {
     /// The part of the detector plane from which light reaches the detector.
     pub fn window(camera: &Camera, fidelity: &Fidelity) -> Window {
@@ -61,21 +112,18 @@ impl Footprint {
     /// [`Footprint::new`] for a source of that light.
     pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity, light: &Light) -> Footprint {
         let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
-        // Pixel i covers i - 0.5 to i + 0.5.
-        let touched = |at: f64, reach: f64, size: i64| {
-            let first = (at - reach + 0.5).floor().max(0.0) as i64;
-            let past = ((at + reach + 0.5).floor() + 1.0).min(size as f64) as i64;
-            first..past.max(first)
+        let inside = |range: &Range<i64>, size: i64| {
+            let first = range.start.max(0);
+            first..range.end.min(size).max(first)
         };
-        let boxes: Vec<(&Sample, LocalPsf<'_>, Range<i64>, Range<i64>)> = track
+        let boxes: Vec<(&Sample, Drawn<'_>, Range<i64>, Range<i64>)> = track
             .samples
             .iter()
             .map(|s| {
-                let psf = camera.optics.psf_at(s.at, light.wavelength_ratio);
-                let reach = psf.drawn_px(fidelity, light.electrons);
-                let columns = touched(s.at[0], reach, width);
-                let rows = s.lit.among(&touched(s.at[1], reach, height));
-                (s, psf, columns, rows)
+                let drawn = Drawn::around(s.at, camera, fidelity, light);
+                let columns = inside(&drawn.square[0], width);
+                let rows = s.lit.among(&inside(&drawn.square[1], height));
+                (s, drawn, columns, rows)
             })
             .filter(|(_, _, columns, rows)| !columns.is_empty() && !rows.is_empty())
             .collect();
@@ -114,15 +162,31 @@ impl Footprint {
         let mut shares = vec![0.0f32; total as usize];
         let mut stamp = Stamp::default();
         let mut evaluated = 0;
-        for (Sample { at, weight, .. }, psf, columns, rows) in boxes {
+        for (Sample { at, weight, .. }, drawn, columns, rows) in boxes {
             evaluated += (columns.end - columns.start) as u64 * (rows.end - rows.start) as u64;
+            let psf = &drawn.psf;
             psf.spread(*weight, *at, columns.clone(), rows.clone(), &mut stamp);
             let wide = (columns.end - columns.start) as usize;
+            let rest = weight * psf.undrawn(*at, &drawn.square, fidelity);
+            let whole = drawn.square == [columns.clone(), rows.clone()];
+            // Of a core narrower than pixels these have a centre of their own.
+            let centre = if rest > 0.0 && whole && psf.core_px() > 0.4 {
+                drawn.rest_around(*at, rest, &stamp.light)
+            } else {
+                *at
+            };
             for (row, light) in rows.zip(stamp.light.chunks_exact(wide)) {
                 let span = spans[(row - first_row) as usize];
                 let from = span.offset as usize + (columns.start as usize - span.column as usize);
-                for (out, light) in shares[from..from + wide].iter_mut().zip(light) {
+                let out = &mut shares[from..from + wide];
+                for (out, light) in out.iter_mut().zip(light) {
                     *out += *light as f32;
+                }
+                if rest > 0.0 {
+                    let rest = rest * drawn.even(1, row, centre);
+                    for (out, column) in out.iter_mut().zip(columns.clone()) {
+                        *out += (rest * drawn.even(0, column, centre)) as f32;
+                    }
                 }
             }
         }

@@ -3,7 +3,11 @@
 use crate::cameras::{load, load_in, text};
 use crate::reference::{number, rows};
 use skyloop::camera::psf::{Airy, FURTHEST_PX, Image, Images, Moffat, Shape, Variation};
-use skyloop::camera::{Psf, Stamp};
+use skyloop::camera::{Camera, Psf, Stamp};
+use skyloop::fidelity::Fidelity;
+use skyloop::footprint::{Footprint, Light};
+use skyloop::load::Folder;
+use skyloop::track::{Place, Track};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -207,6 +211,79 @@ fn the_wings_of_an_obscured_aperture_have_their_light() {
     }
 }
 
+/// The light of a still point in the middle of a large detector.
+fn drawn(camera: &Camera, at: [f64; 2], electrons: f64, fidelity: &Fidelity) -> Vec<f64> {
+    let light = Light {
+        electrons,
+        wavelength_ratio: 1.0,
+    };
+    let track = Track::still(Place { at, light: 1.0 });
+    let footprint = Footprint::of(&track, camera, fidelity, &light);
+    let (width, height) = (camera.detector.width, camera.detector.height);
+    let mut image = vec![0.0; width * height];
+    for (row, column, shares) in footprint.rows(0..height) {
+        for (i, share) in shares.iter().enumerate() {
+            image[row * width + column + i] = f64::from(*share);
+        }
+    }
+    image
+}
+
+/// Light and centre of an image.
+fn moments(image: &[f64], width: usize) -> [f64; 3] {
+    let mut sums = [0.0; 3];
+    for (i, share) in image.iter().enumerate() {
+        let at = [1.0, (i % width) as f64, (i / width) as f64];
+        sums = [0, 1, 2].map(|k| sums[k] + share * at[k]);
+    }
+    [sums[0], sums[1] / sums[0], sums[2] / sums[0]]
+}
+
+/// Wings too faint to be drawn where they fall are laid over what is drawn: no light is lost, and no pixel is off by much.
+#[test]
+fn faint_sources_keep_their_light_and_their_centre() {
+    let mut camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
+    (camera.detector.width, camera.detector.height) = (560, 560);
+    let at = [279.62, 280.31];
+    for (kind, a, b) in [
+        ("gaussian", 0.7, 0.0),
+        ("moffat", 1.8, 3.5),
+        ("moffat", 1.5, 2.5),
+        ("moffat", 1.0, 1.5),
+        ("airy", 0.3, 0.3),
+        ("airy", 1.0, 0.0),
+        ("image", 4.0, 0.0),
+    ] {
+        camera.optics.psf = psf(kind, a, b);
+        let all = drawn(&camera, at, f64::INFINITY, &Fidelity::REALTIME);
+        let [all_light, x, y] = moments(&all, 560);
+        for electrons in [5.0, 150.0, 1e4] {
+            let faint = drawn(&camera, at, electrons, &Fidelity::REALTIME);
+            let [light, faint_x, faint_y] = moments(&faint, 560);
+            let what = format!("{kind} {a} {b} {electrons} e-");
+            assert!(
+                (light - all_light).abs() < 1e-4,
+                "{what}: {light} of {all_light}"
+            );
+            // The centre of what is cut at 256 px is off by as much as its last columns hold.
+            let moved = (faint_x - at[0])
+                .hypot(faint_y - at[1])
+                .min((faint_x - x).hypot(faint_y - y));
+            println!("{what}: light {:.1e}, {moved:.1e} px", light - all_light);
+            // Of a core narrower than a pixel the pixels' own centre hides the rest's.
+            let most = if a < 0.5 { 1e-2 } else { 1e-3 };
+            assert!(moved < most, "{what}: {faint_x} {faint_y}, of all {x} {y}");
+            let off = faint
+                .iter()
+                .zip(&all)
+                .map(|(a, b)| (a - b).abs() * electrons);
+            let off = off.fold(0.0, f64::max);
+            println!("{what}: {off:.1e} e-");
+            assert!(off < 2.0 * Fidelity::REALTIME.wing_e, "{what}: {off} e-");
+        }
+    }
+}
+
 #[test]
 fn the_reach_bounds_what_falls_outside() {
     let cases = [
@@ -228,7 +305,12 @@ fn the_reach_bounds_what_falls_outside() {
             assert!(outside < loss, "{kind} {a} {b} {loss}: {outside:e}");
         }
         for share in [1e-3, 1e-5].into_iter().filter(|_| kind != "gaussian") {
-            let n = (local.drawn_px(1e-30, share) + 0.5).ceil() as i64;
+            let faint = Fidelity {
+                psf_loss: 1e-30,
+                wing_e: share,
+                ..Fidelity::REALTIME
+            };
+            let n = (local.drawn_px(&faint, 1.0) + 0.5).ceil() as i64;
             let light = shares(&psf, n + 3, [0.0; 2]);
             let side = (2 * (n + 3) + 1) as usize;
             let outside = light.iter().enumerate().filter(|(i, _)| {

@@ -91,14 +91,14 @@ impl Quadrant {
         }
     }
 
-    /// `F` at each of `across` and one other coordinate, into `line`.
-    fn line(&self, across: &[Place], down: &Place, line: &mut Vec<f64>) {
+    /// `F` at each of `across` and one other coordinate.
+    fn line<'a>(&'a self, across: &'a [Place], down: &Place) -> impl Iterator<Item = f64> + 'a {
         let nodes = self.steps + 1;
         let rows = [0, 1, 2, 3].map(|k| {
             let from = (down.first + k) * nodes;
             (&self.light[from..from + nodes], down.weights[k])
         });
-        let light = |a: &Place| {
+        across.iter().map(move |a| {
             // Four columns side by side, for vector units.
             let mut mixed = [0.0; 4];
             for (row, weight) in rows {
@@ -107,9 +107,17 @@ impl Quadrant {
                 }
             }
             mixed.iter().zip(a.weights).map(|(f, w)| f * w).sum::<f64>()
-        };
-        line.clear();
-        line.extend(across.iter().map(light));
+        })
+    }
+
+    /// The light in the rectangle between two coordinates across and two down, in units of the width from the centre.
+    pub fn inside(&self, across: [f64; 2], down: [f64; 2]) -> f64 {
+        let across = across.map(|a| self.place(a));
+        let [above, below] = down.map(|a| {
+            let line = self.line(&across, &self.place(a));
+            line.fold(0.0, |before, f| f - before)
+        });
+        below - above
     }
 
     /// Spreads `light` around `at` (px), of width `width_px`, over the rectangles between the left edges of the columns
@@ -125,7 +133,10 @@ impl Quadrant {
     ) {
         let edge = |i: i64, at: f64| self.place((i as f64 - 0.5 - at) / width_px);
         let across: Vec<Place> = edges.map(|i| edge(i, at[0])).collect();
-        let corners = |row: i64, line: &mut Vec<f64>| self.line(&across, &edge(row, at[1]), line);
+        let corners = |row: i64, line: &mut Vec<f64>| {
+            line.clear();
+            line.extend(self.line(&across, &edge(row, at[1])));
+        };
         let (mut above, mut below) = (Vec::new(), Vec::new());
         corners(rows.start, &mut above);
         for row in rows {

@@ -5,8 +5,8 @@
 //! Price: a stamp of 15 x 15 pixels takes 1.7 us as a Gaussian, 4 us from a table, some 10 us from four images; a table is
 //! made in 20 to 200 ms when the camera is loaded.
 //!
-//! No profile is cut and scaled up: what falls outside of the pixels that are drawn is lost, and [`LocalPsf::reach_px`]
-//! and [`LocalPsf::drawn_px`] say how much.
+//! No profile is cut and scaled up: what falls further than [`LocalPsf::reach_px`] is lost; what falls between that and the
+//! pixels that are drawn, [`LocalPsf::undrawn`], is laid evenly over these (see `footprint`).
 
 mod airy;
 mod circular;
@@ -18,7 +18,7 @@ pub use airy::Airy;
 pub use images::{Flaw, Image, Images, SUM_TOLERANCE};
 pub use moffat::Moffat;
 
-use crate::fidelity::{Fidelity, WING_PX};
+use crate::fidelity::Fidelity;
 use gaussian::Gaussian;
 use std::ops::Range;
 use std::sync::Arc;
@@ -185,7 +185,7 @@ impl LocalPsf<'_> {
     }
 
     /// Half the side (px) of the square to draw for a source of so many `electrons`: all of its light but `psf_loss` is in
-    /// it; of wide wings all but `wing_loss`, if they are faint, and no further than [`WING_PX`].
+    /// it, or all that is not too faint, and [`LocalPsf::undrawn`] is the rest.
     pub fn drawn_px(&self, fidelity: &Fidelity, electrons: f64) -> f64 {
         let share = fidelity.wing_e / electrons;
         let faint_px = match self.shape {
@@ -199,9 +199,24 @@ impl LocalPsf<'_> {
             }
             Shape::Gaussian(_) | Shape::Images(_) => return self.reach_px(fidelity.psf_loss),
         };
-        let light_px = self.reach_px(fidelity.wing_loss).min(WING_PX);
-        let reach_px = self.reach_px(fidelity.psf_loss);
-        reach_px.min(light_px.max(faint_px + 1.0))
+        self.reach_px(fidelity.psf_loss).min(faint_px + 1.0)
+    }
+
+    /// The light of a point at `at` (px) outside of `square` (columns, rows), as far as [`LocalPsf::reach_px`]; 0 where
+    /// [`LocalPsf::drawn_px`] is no less than that for any source.
+    pub fn undrawn(&self, at: [f64; 2], square: &[Range<i64>; 2], fidelity: &Fidelity) -> f64 {
+        let (table, width_px) = match self.shape {
+            Shape::Airy(airy, width_px) => (airy.table(), self.scale * width_px),
+            Shape::Moffat(moffat, width_px) => (moffat.table(), self.scale * width_px),
+            Shape::Gaussian(_) | Shape::Images(_) => return 0.0,
+        };
+        let [across, down] = [0, 1].map(|axis: usize| {
+            let Range { start, end } = square[axis];
+            [start, end].map(|i| (i as f64 - 0.5 - at[axis]) / width_px)
+        });
+        let reach = self.reach_px(fidelity.psf_loss) / width_px;
+        let all = table.inside([-reach, reach], [-reach, reach]);
+        (all - table.inside(across, down)).max(0.0)
     }
 
     /// The width (px) of its core, as the standard deviation of a Gaussian: how fine a track must be sampled.
