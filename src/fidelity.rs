@@ -12,7 +12,7 @@ pub struct Fidelity {
     /// integrated by two Gauss points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
     /// ends: 2e-5 at 0.5. Light and centroid are kept whatever the step.
     pub track_step_sigma: f64,
-    /// Panels are longer, up to [`LONGEST_STEP_SIGMA`], where the profile still errs by no more than this (e-).
+    /// Panels are longer, up to one sigma, where the profile still errs by no more than this (e-).
     pub track_e: f64,
     /// An effect without which no pixel's expected electrons change by more than this (e-) is skipped.
     pub skip_e: f64,

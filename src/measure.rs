@@ -6,7 +6,7 @@ use crate::effect::{EFFECTS, Effect, Judge, Loss, Pass, Stage, Verdict};
 use crate::engine::Emulator;
 use crate::fidelity::Choice;
 use crate::frame::{Charge, Frame};
-use crate::plan::{Plan, Step, simulated};
+use crate::plan::{Plan, Step};
 use crate::render::{render, tiles};
 use crate::scene::{Body, Scene, Simulated, Source, Unobservable};
 use rayon::prelude::*;
@@ -163,7 +163,7 @@ impl Bench<'_> {
             };
             let (in_pixels, charge) = cost(|| electrons.clone(), take);
             electrons = charge;
-            let imaging = self.imaging(step.effect, &scene, choice);
+            let imaging = self.imaging(step.effect, &scene);
             Cost {
                 ms: in_pixels.ms + imaging.ms,
                 error_ms: in_pixels.error_ms + imaging.error_ms,
@@ -193,16 +193,26 @@ impl Bench<'_> {
             .collect())
     }
 
-    /// What `effect` adds to the making of images: one that shapes them, over images without it; a kind of
-    /// source, its still images.
-    fn imaging(&self, effect: &Effect, scene: &Scene, choice: &Choice) -> Cost {
+    /// What `effect` adds to the making of images: a kind of source, its still images; what shapes them, over images
+    /// that have all before it in [`EFFECTS`].
+    fn imaging(&self, effect: &Effect, scene: &Scene) -> Cost {
         let fidelity = self.emulator.fidelity();
         let mut alone = Simulated::default();
         (effect.mark)(&mut alone);
         let (with, without) = if effect.stage == Stage::Images {
-            let mut choice = choice.clone();
-            choice.off.push(effect.name);
-            (scene.simulated, simulated(&scene.view, fidelity, &choice))
+            let Simulated { stars, rsos, .. } = scene.simulated;
+            let mut without = Simulated {
+                stars,
+                rsos,
+                ..Simulated::default()
+            };
+            let before = EFFECTS.iter().take_while(|other| other.name != effect.name);
+            for other in before.filter(|other| other.is_among(&scene.simulated)) {
+                (other.mark)(&mut without);
+            }
+            let mut with = without;
+            (effect.mark)(&mut with);
+            (with, without)
         } else if alone.stars || alone.rsos {
             (alone, Simulated::default())
         } else {

@@ -70,6 +70,13 @@ impl Effect {
         (self.mark)(&mut alone);
         alone.radiation
     }
+
+    /// Whether it is among those.
+    pub fn is_among(&self, simulated: &Simulated) -> bool {
+        let mut marked = *simulated;
+        (self.mark)(&mut marked);
+        marked == *simulated
+    }
 }
 
 /// How an effect is asked.
