@@ -47,7 +47,7 @@ fn offline(camera: &str) -> Vec<Seen> {
 
 #[test]
 fn one_two_and_four_threads_give_the_same_frames() {
-    for camera in ["fai-nir", "rigel-l"] {
+    for camera in ["fai-nir", "rigel-l", "cmos-rolling"] {
         let [one, two, four] = [1, 2, 4].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
@@ -59,7 +59,9 @@ fn one_two_and_four_threads_give_the_same_frames() {
             })
         });
         assert!(one == two && one == four, "{camera}");
-        assert!(one[0].0 != one[1].0 && one[0].1.contains("RCM"));
+        assert!(one[0].0 != one[1].0);
+        // The objects are outside of the narrowest field.
+        assert!(one[0].1.contains("RCM") || camera == "cmos-rolling");
     }
 }
 
@@ -101,14 +103,28 @@ fn over(scheme: &str, camera: &str) -> Vec<Seen> {
 
 #[test]
 fn every_link_carries_what_is_rendered_offline() {
-    let expected = offline("fai-nir");
     // The kernel that `tests/vcan/run` boots has CAN; this one need not.
-    for link in LINKS.iter().filter(|link| link.scheme != "can") {
-        let received = over(link.scheme, "fai-nir");
-        for (number, (a, b)) in received.iter().zip(&expected).enumerate() {
-            assert_eq!(a.1, b.1, "label of frame {number} over {}", link.scheme);
-            assert!(a.0 == b.0, "pixels of frame {number} over {}", link.scheme);
+    let links = LINKS.iter().map(|link| link.scheme);
+    let links: Vec<&str> = links.filter(|scheme| *scheme != "can").collect();
+    // A frame of the second takes seconds on a slow line.
+    for (camera, schemes) in [
+        ("fai-nir", &links[..]),
+        ("cmos-rolling", &["memory", "udp"]),
+    ] {
+        let expected = offline(camera);
+        for scheme in schemes {
+            let received = over(scheme, camera);
+            for (number, (a, b)) in received.iter().zip(&expected).enumerate() {
+                assert_eq!(
+                    a.1, b.1,
+                    "label of frame {number} of {camera} over {scheme}"
+                );
+                assert!(
+                    a.0 == b.0,
+                    "pixels of frame {number} of {camera} over {scheme}"
+                );
+            }
+            assert_eq!(received.len(), expected.len());
         }
-        assert_eq!(received.len(), expected.len());
     }
 }
