@@ -52,9 +52,9 @@ impl Bench<'_> {
         emulator.scene(&self.camera, &self.vehicle, repeat, choice)
     }
 
-    /// What leaving `effect` out of `choice` changes: the change (e-) of the pixel that changes
-    /// most, its rms where the effect is random. Effects that draw are compared with
-    /// noise, all others without; before the charge becomes digits, where it is not that.
+    /// What leaving `effect` out of `choice` changes in the end, as `Loss` has it: the change (e-) of the pixel that changes most, after full
+    /// wells and what spills from them; its rms where the effect is random, but of particles that of the frame at hand. Effects that draw
+    /// are compared with noise, all others without, particles left out; before the charge becomes digits, where it is not that.
     pub fn error_e(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
         let with = Choice {
             noise: effect.random,
@@ -84,8 +84,7 @@ impl Bench<'_> {
         Ok(most(&chosen).map_or(0.0, |pixel| judged[pixel]))
     }
 
-    /// How far leaving `effect` out of `choice` moves an image on the detector, or the end of its track, at most (px). (What dims a part
-    /// of a track moves its centroid, but not the image: vignetting is not to be asked.)
+    /// How far leaving `effect` out of `choice` moves the centroid of an image on the detector, or the end of its track, at most (px).
     pub fn error_px(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
         let images = |off: &[&'static str]| -> Result<HashMap<_, _>, Unobservable> {
             let mut choice = choice.clone();

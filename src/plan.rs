@@ -72,10 +72,11 @@ impl<'s> Plan<'s> {
                 Judge::Pixels(judge) => judge(scene, fidelity),
             };
             let error = match &effect.judge {
-                Judge::Images(_, change_e) if need.error != Loss::default() => Loss {
-                    e: passed_e(scene, change_e(scene, &need.error)),
-                    ..need.error
-                },
+                Judge::Images(_, change) if need.error != Loss::default() => {
+                    let Loss { e, px } = change(scene, &need.error);
+                    let e = passed_e(scene, e);
+                    Loss { e, px }
+                }
                 _ => need.error,
             };
             match refusal(effect, &need, fidelity, choice) {

@@ -140,8 +140,7 @@ fn declared_displacements_are_bounds_and_near_the_measured() {
         let shaping = EFFECTS
             .iter()
             .zip(verdicts(bench, &all))
-            // Where it dims a part of a track it moves the centroid, but not the image.
-            .filter(|(effect, _)| effect.stage == Stage::Images && effect.name != "vignetting");
+            .filter(|(effect, _)| effect.stage == Stage::Images);
         for (effect, verdict) in shaping {
             let measured = bench.error_px(effect, &all).unwrap();
             let declared = verdict.error_px;

@@ -64,6 +64,9 @@ struct Line {
     verdict: EffectLabel,
     /// Whether its errors are rms, of what it draws.
     rms: bool,
+    /// Whether they are px, which decide.
+    #[serde(skip)]
+    by_px: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     measured_error_e: Option<f64>,
     /// Of those that are judged by px.
@@ -121,6 +124,7 @@ fn lines(bench: &Bench<'_>, measure: bool) -> anyhow::Result<Vec<Line>> {
     let lines = plan.steps.iter().map(|step| Line {
         verdict: EffectLabel::new(step),
         rms: step.effect.random && !step.effect.is_foreseen(),
+        by_px: step.effect.moves_images() && EffectLabel::new(step).error_px > 0.0,
         measured_error_e: None,
         measured_error_px: None,
         measured_ms: None,
@@ -142,7 +146,7 @@ fn lines(bench: &Bench<'_>, measure: bool) -> anyhow::Result<Vec<Line>> {
     for ((line, effect), cost) in lines.iter_mut().zip(EFFECTS).zip(costs) {
         bar.set_message(effect.name);
         line.measured_error_e = Some(bench.error_e(effect, &all)?);
-        if line.verdict.error_px > 0.0 {
+        if line.by_px {
             line.measured_error_px = Some(bench.error_px(effect, &all)?);
         }
         line.measured_ms = line.verdict.run.then_some(cost.ms);
@@ -159,7 +163,7 @@ impl Line {
         let e = |e: f64| format!("{} e-{rms}", short(e));
         let px = |px: f64| format!("{} px", short(px));
         let verdict = &self.verdict;
-        if verdict.error_px > 0.0 {
+        if self.by_px {
             (px(verdict.error_px), self.measured_error_px.map(px))
         } else {
             (e(verdict.error_e), self.measured_error_e.map(e))

@@ -9,7 +9,7 @@
 //! holds. Validity: one temperature for the whole detector, the same in every frame; hot pixels that
 //! flicker (random telegraph signals) are left out. Price: a sum a pixel, half again with a map.
 
-use super::shown::shown_e;
+use super::shown::{of_cells, shown_e};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::Scene;
@@ -39,7 +39,18 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         } else {
             0.07
         };
-        let e = shown_e(scene, most * seconds, |parts| parts.dark = false);
+        let width = scene.view.camera.detector.width;
+        let mut columns = vec![most * seconds; width];
+        if let (Some(map), false) = (pattern.dark_e_s(), scene.spill.columns.is_empty()) {
+            // The hottest pixels may be among those that fill up.
+            columns.fill(0.0);
+            for row in map.chunks_exact(width) {
+                for (most, dark) in columns.iter_mut().zip(row) {
+                    *most = most.max(f64::from(*dark) * seconds);
+                }
+            }
+        }
+        let e = shown_e(scene, &of_cells(&columns), |parts| parts.dark = false);
         Need::of_pixels(scene, because, e, ns)
     };
     let pass = match pattern.dark_e_s() {

@@ -4,20 +4,21 @@
 //! `camera::projection` has the equations. Reference: Brown 1971 (Photogrammetric Engineering 37, 855), Kannala and Brandt 2006 (IEEE
 //! Trans. PAMI 28, 1335), as OpenCV writes them. Validity: to the model's end, beyond which nothing has an image. Without it images are
 //! off by the greatest displacement on the detector, and each one's light changes by what its own displacement d makes of its slope,
-//! `0.86 N d / s` at most. Price: a polynomial, for a fisheye an arc tangent too, each time a
+//! `0.86 N d / s` at most, and by what the PSF differs where it then falls; what touches the detector only without it comes with all its
+//! light. Price: a polynomial, for a fisheye an arc tangent too, each time a
 //! track is looked at.
 
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Model;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, STEEPEST_STREAK, Scene, View};
+use crate::scene::{Change, STEEPEST_STREAK, Scene, Simulated, View};
 
 /// The lens's departure from its ideal.
 pub const DISTORTION: Effect = Effect {
     name: "distortion",
     stage: Stage::Images,
     random: false,
-    judge: Judge::Images(judge, change_e),
+    judge: Judge::Images(judge, change),
     mark: |simulated| simulated.distortion = true,
 };
 
@@ -56,21 +57,34 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     }
 }
 
-fn change_e(scene: &Scene, loss: &Loss) -> f64 {
+fn change(scene: &Scene, loss: &Loss) -> Loss {
     let optics = &scene.view.camera.optics;
     let ideal = optics.projection.ideal();
-    scene.change_e(|image| {
-        let off = [0.0, 0.5, 1.0].map(|part| {
-            let seen = scene.seen(&image.source.body, part);
+    let without = Simulated {
+        distortion: false,
+        ..scene.simulated
+    };
+    let seen = scene.seen();
+    let e = scene.change_e(&without, |image| {
+        let (mut px, mut sharper) = (0.0f64, 0.0f64);
+        for seen in seen(&image.source.body) {
             let [a, b] = [&ideal, &optics.projection].map(|by| optics.project_by(by, &seen));
             // Where one of them has no image, off it goes by as much as any.
-            let apart = a.zip(b).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
-            apart.unwrap_or(f64::INFINITY)
-        });
-        let px = 1.1 * off.into_iter().fold(0.0, f64::max);
+            let (Some(a), Some(b)) = (a, b) else {
+                px = f64::INFINITY;
+                continue;
+            };
+            px = px.max(1.1 * (a[0] - b[0]).hypot(a[1] - b[1]));
+            // Of one colour: others vary alike.
+            let [a, b] = [a, b].map(|at| optics.psf_at(at, 1.0));
+            sharper = sharper.max(1.1 * a.differs(&b));
+        }
+        let off_e = image.moved_e(image.height_e, STEEPEST_STREAK, px);
+        let all_e = image.inside_e(image.height_e, px) * (1.0 + sharper);
         Change {
-            e: image.inside_e(image.height_e, px) * (STEEPEST_STREAK * px / image.core_px).min(1.0),
+            e: (off_e + image.inside_e(image.height_e, px) * sharper).min(all_e),
             beside_px: px.min(2.0 * loss.px) + 1.0,
         }
-    })
+    });
+    Loss { e, ..*loss }
 }

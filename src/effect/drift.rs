@@ -28,7 +28,7 @@ pub const ABERRATION_DRIFT: Effect = Effect {
     name: "aberration drift",
     stage: Stage::Images,
     random: false,
-    judge: Judge::Images(judge, change_e),
+    judge: Judge::Images(judge, change),
     mark: |simulated| simulated.aberration_drift = true,
 };
 
@@ -74,14 +74,15 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     }
 }
 
-fn change_e(scene: &Scene, loss: &Loss) -> f64 {
+fn change(scene: &Scene, loss: &Loss) -> Loss {
     let (view, d) = (&scene.view, loss.px);
     let [start, end] = &view.velocity_change_m_s;
     let scale = view.camera.scale_and_corner_px().0;
     // Rows that are exposed early or late see the stars off by their part of the way.
     let rolled = d * view.camera.readout_s() / view.open_s.max(f64::MIN_POSITIVE);
     let b = (start + end).norm() / 6.0 / LIGHT_M_S * scale + rolled;
-    scene.change_e(|image| {
+    // Whatever is there without it touches the detector with it.
+    let e = scene.change_e(&scene.simulated, |image| {
         let still = Change {
             e: 0.0,
             beside_px: 0.0,
@@ -89,14 +90,15 @@ fn change_e(scene: &Scene, loss: &Loss) -> f64 {
         let Body::Star(_) = image.source.body else {
             return still;
         };
-        let (a, s) = (image.length_px / 2.0, image.core_px);
-        // A fifth more, for other bends than a Gaussian's.
-        let second = 1.2 * (a * d + d * d / 2.0) / (3.0 * s * s);
-        let small = image.still_e * (STEEPEST * b / s + second).min(1.0);
-        let streak = image.height_e * (STEEPEST_STREAK * d / s).min(1.0);
+        let a = image.length_px / 2.0;
+        // The length of a still track whose light is spread as far.
+        let way = (8.0 * (a * d + d * d / 2.0)).sqrt();
+        let off = image.moved_e(image.still_e, STEEPEST, b) + image.spread_e(image.still_e, way);
+        let streak = image.moved_e(image.height_e, STEEPEST_STREAK, d);
         Change {
-            e: image.inside_e(small.min(streak), d),
+            e: off.min(streak),
             beside_px: d + 1.0,
         }
-    })
+    });
+    Loss { e, ..*loss }
 }

@@ -9,7 +9,7 @@
 //! each other without a pause in which the image area is emptied another way; the scene stands still while it is transferred;
 //! the response of single pixels averages out over a column; charge moves on evenly. Price: a sum a pixel.
 
-use super::shown::shown_e;
+use super::shown::{of_cells, shown_e};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
@@ -30,7 +30,9 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let need = match scene.view.camera.shutter {
         Shutter::FrameTransfer { .. } if most > 0.0 => {
             let because = format!("columns get trails of up to {most:.2} e- a pixel");
-            let e = shown_e(scene, most, |parts| parts.frame_transfer = false);
+            let e = shown_e(scene, &of_cells(trail), |parts| {
+                parts.frame_transfer = false
+            });
             Need::of_pixels(scene, because, e, 0.17)
         }
         Shutter::FrameTransfer { .. } => Need::none("there is no light"),

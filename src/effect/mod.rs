@@ -64,6 +64,13 @@ pub struct Effect {
 }
 
 impl Effect {
+    /// Whether it moves images, and is judged by that: what it does to pixels follows from it.
+    pub fn moves_images(&self) -> bool {
+        let mut alone = Simulated::default();
+        (self.mark)(&mut alone);
+        self.stage == Stage::Images && !alone.vignetting
+    }
+
     /// Whether what it draws is in the scene before it runs. Its error is then that of the frame at hand, and no rms.
     pub fn is_foreseen(&self) -> bool {
         let mut alone = Simulated::default();
@@ -87,8 +94,8 @@ pub enum Judge {
     Pixels(for<'s> fn(&'s Scene, &Fidelity) -> (Need, Pass<'s>)),
 }
 
-/// A bound (e-) of what leaving an effect out changes, by the images as they are made and what the effect answered before.
-pub type Change = fn(&Scene, &Loss) -> f64;
+/// A bound of what leaving an effect out changes, by the images as they are made and what the effect answered before.
+pub type Change = fn(&Scene, &Loss) -> Loss;
 
 /// The chain's stages, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -123,8 +130,7 @@ pub struct Need {
 pub struct Loss {
     /// e- of the pixel that it changes most: of its expectation without particles, or rms where the effect is random.
     pub e: f64,
-    /// px that it moves an image by, or the end of its track. (That the brighter part of a track weighs more in its centroid is
-    /// no motion of it.)
+    /// px that it moves the centroid of an image by, or the end of its track.
     pub px: f64,
 }
 
@@ -202,21 +208,16 @@ impl Need {
 impl Loss {
     /// Whether it lies within the tolerances.
     pub fn is_within(&self, fidelity: &Fidelity) -> bool {
-        // An effect that moves images is judged by that; what it does to pixels follows from it.
-        if self.px > 0.0 {
-            self.px <= fidelity.skip_px
-        } else {
-            self.e <= fidelity.skip_e
-        }
+        self.px <= fidelity.skip_px && self.e <= fidelity.skip_e
     }
 }
 
 impl std::fmt::Display for Loss {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        if self.px > 0.0 {
-            write!(f, "{:.3e} px", self.px)
-        } else {
-            write!(f, "{:.3e} e-", self.e)
+        match *self {
+            Loss { e, px: 0.0 } => write!(f, "{e:.3e} e-"),
+            Loss { e: 0.0, px } => write!(f, "{px:.3e} px"),
+            Loss { e, px } => write!(f, "{px:.3e} px, {e:.3e} e-"),
         }
     }
 }

@@ -7,7 +7,7 @@
 //! Reference: Clark et al. 2021. Validity: sources smaller than the PSF; their light adds up. Price: the pixels of each image, worked out once
 //! for each place that the image comes by (`scene::work`), and a sum a pixel.
 
-use super::shown::shown_e;
+use super::shown::{of_cells, shown_e};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Body, Scene, Simulated, Source, still_ms};
@@ -57,12 +57,15 @@ fn judge<'s>(
         Need::none("none of their light falls on the detector")
     } else {
         // Their own light, and their part of its column's trail.
-        let trail = if scene.simulated.frame_transfer {
-            scene.trail_e.iter().copied().fold(0.0, f64::max)
-        } else {
-            0.0
-        };
-        let e = shown_e(scene, scene.peak_of(&drawn) + trail, leave);
+        let mut cells_e = scene.lit_e(&drawn);
+        if scene.simulated.frame_transfer {
+            let trails = of_cells(&scene.trail_e);
+            cells_e
+                .iter_mut()
+                .zip(trails)
+                .for_each(|(e, trail)| *e += trail);
+        }
+        let e = shown_e(scene, &cells_e, leave);
         Need {
             because: format!("{} {what} in the field", drawn.len()).into(),
             error: Loss { e, px: 0.0 },

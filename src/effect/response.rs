@@ -27,7 +27,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         return (Need::none("all pixels respond alike"), Pass::idle());
     };
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
-    let worst = shown_e(scene, scene.peak_where(off), |parts| parts.response = false);
+    let worst = shown_e(scene, &scene.lit_where(off), |parts| parts.response = false);
     let need = if worst == 0.0 {
         Need::none("no light falls on the detector")
     } else {

@@ -11,14 +11,14 @@
 
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, STEEPEST_STREAK, Scene, View};
+use crate::scene::{Change, STEEPEST_STREAK, Scene, Simulated, View};
 
 /// Rows exposed in turn.
 pub const ROLLING_SHUTTER: Effect = Effect {
     name: "rolling shutter",
     stage: Stage::Images,
     random: false,
-    judge: Judge::Images(judge, change_e),
+    judge: Judge::Images(judge, change),
     mark: |simulated| simulated.rolling = true,
 };
 
@@ -43,17 +43,22 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     }
 }
 
-fn change_e(scene: &Scene, loss: &Loss) -> f64 {
-    scene.change_e(|image| {
+fn change(scene: &Scene, loss: &Loss) -> Loss {
+    let without = Simulated {
+        rolling: false,
+        ..scene.simulated
+    };
+    let e = scene.change_e(&without, |image| {
         let (off_px, longer) = if scene.simulated.smear {
             scene.rolled(image, image.length_px)
         } else {
             (loss.px, 0.0)
         };
-        let off = STEEPEST_STREAK * off_px / image.core_px;
+        let all_e = image.inside_e(image.height_e, off_px);
         Change {
-            e: image.inside_e(image.height_e, off_px) * (off + longer).min(1.0),
+            e: image.moved_e(image.height_e, STEEPEST_STREAK, off_px) + all_e * longer,
             beside_px: off_px + 1.0,
         }
-    })
+    });
+    Loss { e, ..*loss }
 }

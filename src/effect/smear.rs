@@ -11,14 +11,14 @@
 
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, STEEPEST, Scene, View};
+use crate::scene::{Change, STEEPEST, Scene, Simulated, View};
 
 /// Motion during the exposure.
 pub const SMEAR: Effect = Effect {
     name: "smear",
     stage: Stage::Images,
     random: false,
-    judge: Judge::Images(judge, change_e),
+    judge: Judge::Images(judge, change),
     mark: |simulated| simulated.smear = true,
 };
 
@@ -45,29 +45,35 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     }
 }
 
-fn change_e(scene: &Scene, loss: &Loss) -> f64 {
+fn change(scene: &Scene, loss: &Loss) -> Loss {
     let simulated = &scene.simulated;
     // Without smear, images have the ends of their true tracks, unless they drift.
     let own = simulated.smear || !simulated.aberration_drift;
-    scene.change_e(|image| {
+    // A still image lies on its track, but that a rolling shutter exposes its parts at other times.
+    let without = Simulated {
+        smear: simulated.smear && !simulated.rolling,
+        ..scene.simulated
+    };
+    let e = scene.change_e(&without, |image| {
         let (length_px, bend_px) = if own {
             (image.length_px, image.bend_px())
         } else {
             (2.0 * loss.px, 2.0 * loss.px)
         };
-        let s = image.core_px;
         let (rolled_px, longer) = scene.rolled(image, length_px);
-        // A fifth more, for other bends than a Gaussian's.
-        let spread = 1.2 * (length_px / s).powi(2) / 24.0;
-        let off = STEEPEST * (bend_px + rolled_px) / s;
         let moved = if simulated.smear {
             rolled_px
         } else {
             rolled_px + length_px / 2.0
         };
+        let all_e = image.inside_e(image.still_e, moved + length_px / 2.0);
+        let e = image.spread_e(image.still_e, length_px)
+            + image.moved_e(image.still_e, STEEPEST, bend_px + rolled_px)
+            + all_e * longer;
         Change {
-            e: image.inside_e(image.still_e, moved) * (spread + off + longer).min(1.0),
+            e: e.min(all_e),
             beside_px: moved + 1.0,
         }
-    })
+    });
+    Loss { e, ..*loss }
 }

@@ -4,7 +4,7 @@ use super::Source;
 use crate::camera::Detector;
 
 /// Side of the cells (px) in which the light of sources is added up.
-const CELL: usize = 8;
+pub const CELL: usize = 8;
 
 /// A bound (e-) of the light on any pixel times its `weight` (by row-major index; none: 1), for each column of cells: in each cell
 /// the sum of what every source gives to its greatest pixel there.
@@ -58,11 +58,6 @@ pub(super) fn pixels_e<'a>(
     (0..columns)
         .map(|column| of(column).copied().fold(0.0, f64::max))
         .collect()
-}
-
-/// The column of cells that holds a column of pixels.
-pub(super) fn cell(column: usize) -> usize {
-    column / CELL
 }
 
 /// The share of a source's greatest pixel.

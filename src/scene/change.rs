@@ -7,10 +7,13 @@
 //! slope <= 0.61 N / s (0.86 N / s across and along a streak),   bend <= N / s^2
 //! ```
 //!
-//! What single sources change is added up where their images meet (`brightest`).
+//! Spreads given as images bring their own peak, slope and kinks (`Relief`). The flank of an image that is centred r outside of the
+//! detector has the slope `N r / s^2` and the bend `N r^2 / s^4` there. Wings end at whole pixels, and what is drawn at their edge comes and
+//! goes; so do sources that touch the detector only with the effect, or only without it. What single sources change is added up where
+//! their images meet (`brightest`); `effect::shown` has what becomes of it in pixels that respond unevenly, fill up and spill.
 
 use super::brightest::{greatest_share, summed_e};
-use super::{Body, Scene, Source};
+use super::{Body, Candidate, Scene, Simulated, Source};
 use crate::camera::{Detector, LocalPsf, Stamp};
 use nalgebra::Vector3;
 
@@ -31,17 +34,60 @@ pub struct Image<'a> {
     pub core_px: f64,
     /// The way between its ends through its centroid, px.
     pub length_px: f64,
+    /// Its spread at its centroid.
+    pub psf: LocalPsf<'a>,
     /// How far it stays outside of the detector, px.
     outside_px: f64,
-    psf: LocalPsf<'a>,
+    /// How far around it light is drawn, px.
+    drawn_px: f64,
+    /// The share of any pixel there, at most, of what lies further out and is laid evenly over them (`footprint`).
+    even: f64,
 }
 
 impl Image<'_> {
+    /// By how much a pixel's light changes (e-) where the image, `e` electrons high, moves by `px`, its slope being `steepest` heights a
+    /// core (those of a Gaussian); at most by all of it.
+    pub fn moved_e(&self, e: f64, steepest: f64, px: f64) -> f64 {
+        let core_px = self.core_px;
+        // Of what it is outside of, the slope of its flank at that distance.
+        let steepest = steepest.max(self.flank());
+        let steeper = (self.psf.relief()).map_or(1.0, |of| of.slope * core_px / of.peak / STEEPEST);
+        self.inside_e(e, px) * (steepest * steeper.max(1.0) * px / core_px).min(1.0)
+            + self.edge_e(px)
+    }
+
+    /// By how much a pixel's light changes (e-) where the light of an image that stands still, `e` electrons high, is spread over a way of
+    /// `length_px` with the same centre: `L^2 / 24` of the bend, and an eighth of L of the jump of the slope where cells of images end. A
+    /// fifth more, for other bends than a Gaussian's.
+    pub fn spread_e(&self, e: f64, length_px: f64) -> f64 {
+        let smooth = (length_px / self.core_px).powi(2) / 24.0;
+        let kinks = (self.psf.relief()).map_or(0.0, |of| of.kink / of.peak * length_px / 8.0);
+        let flank = self.flank().max(1.0).powi(2);
+        self.inside_e(e, length_px / 2.0) * (1.2 * (flank * smooth + kinks)).min(1.0)
+            + self.edge_e(length_px / 2.0)
+    }
+
+    /// The slope of a Gaussian's flank where the detector begins, in its heights there a core.
+    fn flank(&self) -> f64 {
+        if self.outside_px > 0.0 {
+            1.2 * (self.outside_px + 1.0) / self.core_px
+        } else {
+            0.0
+        }
+    }
+
     /// What of `e` electrons of a pixel a pixel of the detector may get, where the image is moved by no more than `off_px`.
     pub fn inside_e(&self, e: f64, off_px: f64) -> f64 {
         let from_px = self.outside_px + 0.5 - off_px;
         if self.outside_px == 0.0 || from_px <= 0.0 {
             return e;
+        }
+        if self.psf.relief().is_some() {
+            return if from_px > self.drawn_px + 1.0 {
+                0.0
+            } else {
+                e
+            };
         }
         let mut stamp = Stamp::default();
         let mut at = |px: f64| share(&self.psf, [px, 0.0], &mut stamp);
@@ -49,6 +95,29 @@ impl Image<'_> {
         let rings = [0.0, 0.5, 1.0, 2.0].map(|further| at(from_px + further));
         let most = rings.into_iter().fold(0.0, f64::max);
         e * (most / at(0.0)).min(1.0)
+    }
+
+    /// Wings end at whole pixels: what comes and goes there where an image moves by `px`, e-.
+    fn edge_e(&self, px: f64) -> f64 {
+        if px == 0.0 {
+            return 0.0;
+        }
+        let comes = self.source.centroid.iter().any(|at| {
+            [-1.0, 1.0].iter().any(|side| {
+                let edge = at + side * self.drawn_px + 0.5;
+                (edge - edge.round()).abs() <= px + self.length_px / 2.0
+            })
+        });
+        let even_e = self.source.arriving_e * self.even * px.min(1.0);
+        if !comes {
+            return even_e;
+        }
+        let mut stamp = Stamp::default();
+        // There may be a ring.
+        let edges = [0.0, 0.5, 1.0];
+        let edges = edges.map(|inside| share(&self.psf, [self.drawn_px - inside, 0.0], &mut stamp));
+        let edge = edges.into_iter().fold(0.0, f64::max);
+        self.source.arriving_e * (edge + self.even)
     }
 
     /// How far the centroid is from the middle of its ends (px): more than it is from where the source is in the middle of the
@@ -74,18 +143,24 @@ pub struct Change {
 }
 
 impl Scene {
-    /// A bound (e-) of the change of any pixel, where each image changes by what `change` says of it.
-    pub fn change_e(&self, change: impl Fn(&Image<'_>) -> Change) -> f64 {
+    /// A bound (e-) of the change of any pixel, where each image changes by what `change` says of it; those that are there only in a
+    /// scene `without`, if that differs from this one, come with all their light.
+    pub fn change_e(&self, without: &Simulated, change: impl Fn(&Image<'_>) -> Change) -> f64 {
         let detector = &self.view.camera.detector;
         let mut stamp = Stamp::default();
+        let widest = detector.width.max(detector.height) as f64;
+        let entering = self.entering(without);
+        let came = entering.iter().map(|source| {
+            let e = source.electrons * greatest_share(source);
+            (source, e, 0)
+        });
         let lights = (self.sources.iter())
             .filter(|source| source.arriving_e > 0.0 && !source.footprint.shares().is_empty())
             .map(|source| {
                 let Change { e, beside_px } = change(&self.image(source, &mut stamp));
-                let widest = detector.width.max(detector.height) as f64;
                 (source, e, beside_px.min(widest).ceil() as usize)
             });
-        summed_e(detector, lights)
+        summed_e(detector, lights.chain(came))
     }
 
     fn image<'a>(&'a self, source: &'a Source, stamp: &mut Stamp) -> Image<'a> {
@@ -95,14 +170,21 @@ impl Scene {
             Body::Rso(_) => 1.0,
         };
         let psf = optics.psf_at(source.centroid, ratio);
-        // Of a source in the middle of a pixel, and of one at its corner.
-        let middle = share(&psf, [0.0; 2], stamp);
-        let corner = share(&psf, [0.5; 2], stamp);
-        let (core_px, still_e) = (psf.core_px(), source.arriving_e * middle);
+        // Of a source in the middle of a pixel, and what it has more than the greatest pixel of one at a corner.
+        let (middle, over) = match psf.relief() {
+            Some(relief) => (relief.peak, relief.over_brightest),
+            None => {
+                let middle = share(&psf, [0.0; 2], stamp);
+                (middle, middle / share(&psf, [0.5; 2], stamp))
+            }
+        };
+        let ends = [source.start, source.end].map(|at| psf.differs(&optics.psf_at(at, ratio)));
+        let sharper = 1.0 + ends[0].max(ends[1]);
+        let (core_px, still_e) = (psf.core_px(), source.arriving_e * middle * sharper);
         let way = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
         let length_px = way(source.start, source.centroid) + way(source.centroid, source.end);
         // Between pixels it may be higher than in the greatest of them.
-        let seen_e = source.electrons * greatest_share(source) * middle / corner;
+        let seen_e = source.electrons * greatest_share(source) * over;
         let (height_e, outside_px) = if detector.contains(source.centroid) {
             (seen_e, 0.0)
         } else {
@@ -111,27 +193,95 @@ impl Scene {
             let outside_px = outside_px(source, length_px, detector);
             (seen_e.max(still_e * even), outside_px)
         };
+        let fidelity = &self.fidelity;
+        let drawn_px = psf.drawn_px(fidelity, source.clear_e);
+        let square = source.centroid.map(|at| {
+            let pixel = |x: f64| (x + 0.5).floor() as i64;
+            pixel(at - drawn_px)..pixel(at + drawn_px).saturating_add(1)
+        });
+        // Tilted it is up to twice as high along each axis.
+        let pixels = (2.0 * drawn_px + 1.0).powi(2);
+        let even = 4.0 * psf.undrawn(source.centroid, &square, fidelity) / pixels;
         Image {
             source,
             still_e,
             height_e: height_e.min(still_e),
             core_px,
             length_px,
-            outside_px,
             psf,
+            outside_px,
+            drawn_px,
+            even,
         }
     }
 
-    /// Where a source is seen (camera axes, any length) when the exposure begins, in its middle and when it ends.
-    pub fn seen(&self, body: &Body, part: f64) -> Vector3<f64> {
-        let view = &self.view;
-        let dt_s = (part - 0.5) * view.exposure.duration_s;
-        let line = match body {
-            Body::Star(star) => star.direction,
-            Body::Rso(object) => object.line_m(0.5 + dt_s / view.open_s.max(f64::MIN_POSITIVE)),
+    /// The images that touch the detector in a scene `without` and not in this one.
+    fn entering(&self, without: &Simulated) -> Vec<Source> {
+        if *without == self.simulated {
+            return Vec::new();
+        }
+        let (view, fidelity) = (&self.view, &self.fidelity);
+        let (optics, detector) = (&view.camera.optics, &view.camera.detector);
+        let ideal = optics.projection.ideal();
+        let projection = if without.distortion {
+            &optics.projection
+        } else {
+            &ideal
         };
-        let turned_s = if self.simulated.smear { dt_s } else { 0.0 };
-        view.pointing(turned_s).rotate(&line)
+        let seen = self.seen();
+        let readout_px = view.longest_track_px(view.camera.readout_s()) / 2.0;
+        let margin = optics.psf.reach_px(fidelity.psf_loss) + readout_px + 1.0;
+        let comes_near = |candidate: &Candidate| {
+            let places = seen(&candidate.body).map(|seen| optics.project_by(projection, &seen));
+            let places: Vec<[f64; 2]> = places.into_iter().flatten().collect();
+            [detector.width, detector.height]
+                .iter()
+                .enumerate()
+                .all(|(k, pixels)| {
+                    let along = || places.iter().map(|at| at[k]);
+                    let (low, high) = (
+                        along().fold(f64::MAX, f64::min),
+                        along().fold(f64::MIN, f64::max),
+                    );
+                    // Between the three it may bend.
+                    let margin = margin + (high - low) / 2.0;
+                    low <= *pixels as f64 + margin && high >= -margin
+                })
+        };
+        let mut there = self
+            .sources
+            .iter()
+            .map(|source| identity(&source.body))
+            .peekable();
+        let gone = view.candidates.iter().filter(|candidate| {
+            let here = there.next_if_eq(&identity(&candidate.body)).is_some();
+            let shines = match candidate.body {
+                Body::Star(_) => self.simulated.stars,
+                Body::Rso(_) => self.simulated.rsos,
+            };
+            !here && shines && candidate.electrons() > 0.0 && comes_near(candidate)
+        });
+        gone.filter_map(|candidate| view.image(candidate, without, fidelity))
+            .collect()
+    }
+
+    /// Where a body is seen (camera axes, any length) when the exposure begins, in its middle and when it ends.
+    pub fn seen(&self) -> impl Fn(&Body) -> [Vector3<f64>; 3] {
+        let view = &self.view;
+        let times = [-0.5, 0.0, 0.5].map(|part| {
+            let dt_s = part * view.exposure.duration_s;
+            let turned_s = if self.simulated.smear { dt_s } else { 0.0 };
+            (
+                0.5 + turned_s / view.open_s.max(f64::MIN_POSITIVE),
+                view.pointing(turned_s),
+            )
+        });
+        move |body| {
+            times.map(|(part, pointing)| match body {
+                Body::Star(star) => pointing.rotate(&star.direction),
+                Body::Rso(object) => pointing.rotate(&object.line_m(part)),
+            })
+        }
     }
 
     /// How far (px) an image's rows are exposed from where the middle row is, and by which part of its time they are
@@ -149,6 +299,14 @@ impl Scene {
         // Of what moves unevenly the fastest part.
         let speed = 1.2 * length_px / self.view.exposure.duration_s;
         (speed * rows * row_s, (speed * row_s).min(1.0))
+    }
+}
+
+/// What a body is, to tell it from others.
+fn identity(body: &Body) -> (bool, usize) {
+    match body {
+        Body::Star(star) => (true, star.index),
+        Body::Rso(object) => (false, object.index),
     }
 }
 

@@ -5,7 +5,7 @@ use super::{Body, Scene, Simulated, Source, brightest, trail};
 impl Scene {
     /// What of light the pixels turn into charge, by `sources` alone: a bound (e-) for each column of cells (`brightest`), whether
     /// their response is skipped or not.
-    pub(super) fn lit_e(&self, sources: &[&Source]) -> Vec<f64> {
+    pub fn lit_e(&self, sources: &[&Source]) -> Vec<f64> {
         let detector = &self.view.camera.detector;
         let response = |pixel| detector.pattern.response_of(pixel).max(1.0);
         let weight = self.simulated.response && detector.pattern.response().is_some();
@@ -13,16 +13,10 @@ impl Scene {
         brightest::pixels_e(detector, sources.iter().copied(), weight)
     }
 
-    /// No pixel gets more charge than this from the light of `sources` together, e-.
-    pub fn peak_of(&self, sources: &[&Source]) -> f64 {
-        self.lit_e(sources).into_iter().fold(0.0, f64::max)
-    }
-
-    /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-.
-    pub fn peak_where(&self, weight: impl Fn(usize) -> f64) -> f64 {
+    /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-, for each column of cells.
+    pub fn lit_where(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
         let detector = &self.view.camera.detector;
-        let peaks = brightest::pixels_e(detector, self.sources.iter(), Some(&weight));
-        peaks.into_iter().fold(0.0, f64::max)
+        brightest::pixels_e(detector, self.sources.iter(), Some(&weight))
     }
 
     /// No pixel's expected charge is more than this, particles left out, e-.
@@ -42,7 +36,7 @@ impl Scene {
         let detector = &self.view.camera.detector;
         let rows = (0..detector.height).map(|row| row * detector.width + column);
         let background = rows.map(|pixel| self.background_of(pixel));
-        self.peaks_e[brightest::cell(column)] + background.fold(0.0, f64::max)
+        self.peaks_e[column / brightest::CELL] + background.fold(0.0, f64::max)
     }
 
     /// The charge (e-) that a pixel (row-major index) expects from no light that it is shown: dark charge, its column's trail.
@@ -55,6 +49,11 @@ impl Scene {
             0.0
         };
         dark + trail.copied().unwrap_or(0.0)
+    }
+
+    /// What each pixel of a column gets of the column's light while it is shifted (1).
+    pub fn trail_part(&self) -> f64 {
+        trail::part(&self.view)
     }
 
     /// The most charge that particles leave in one pixel, e-.

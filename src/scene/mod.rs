@@ -17,6 +17,7 @@ mod work;
 
 use signal::Noise;
 
+pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e};
@@ -132,8 +133,10 @@ pub struct Scene {
     pub events: Vec<Event>,
     /// How many more would cross it on average: no more are drawn than a frame has time for.
     pub particles_left_out: f64,
-    /// What spills, and what pixels hold.
+    /// What fills up and spills.
     pub spill: Spill,
+    /// What its images were made to.
+    fidelity: Fidelity,
 }
 
 impl Scene {
@@ -173,6 +176,7 @@ impl Scene {
             view,
             sources,
             spill: Spill::default(),
+            fidelity: *fidelity,
         };
         let all: Vec<&Source> = scene.sources.iter().collect();
         scene.peaks_e = scene.lit_e(&all);

@@ -9,6 +9,7 @@
 //!
 //! It is monotonic, so the same bounds what is taken away, and what is added here and taken there by the greater of both.
 
+use super::brightest::CELL;
 use super::{Scene, Source};
 use crate::camera::{Blooming, Detector};
 
@@ -17,7 +18,8 @@ use crate::camera::{Blooming, Detector};
 pub struct Spill {
     /// Most that a pixel holds, e-.
     pub most_e: f64,
-    /// The columns in which a pixel may fill up, whatever noise and particles add; sorted.
+    /// The columns in which a pixel may fill up, whatever noise and particles add, and those that share a cell with them
+    /// (`brightest`); sorted.
     pub columns: Vec<usize>,
     /// Whether their charge spills, rather than being lost.
     pub along: bool,
@@ -35,6 +37,15 @@ impl Spill {
         let fills =
             |column: &usize| drawn_e(scene.brightest_of(*column)) + events[*column] >= full_e;
         let may = drawn_e(scene.brightest_e()) + scene.largest_event_e() >= full_e;
+        // By whole cells, so that what bounds say of other cells holds for all other columns.
+        let cells = |column: &usize| {
+            let past = (column + CELL).min(detector.width);
+            (*column..past).any(|column| fills(&column))
+        };
+        let filling = (0..if may { detector.width } else { 0 }).step_by(CELL);
+        let filling = filling
+            .filter(cells)
+            .flat_map(|column| column..(column + CELL).min(detector.width));
         Spill {
             // Whole electrons spill: there may be one more.
             most_e: if simulated.full_well {
@@ -42,11 +53,14 @@ impl Spill {
             } else {
                 f64::INFINITY
             },
-            columns: (0..if may { detector.width } else { 0 })
-                .filter(fills)
-                .collect(),
+            columns: filling.collect(),
             along: simulated.full_well && detector.blooming == Blooming::Column,
         }
+    }
+
+    /// Whether a column is among them.
+    pub fn has(&self, column: usize) -> bool {
+        self.columns.binary_search(&column).is_ok()
     }
 
     /// Whether charge may spill along a column.

@@ -28,6 +28,20 @@ pub struct Images {
     core_px: f64,
     /// Half the side of the largest, px.
     reach_px: f64,
+    relief: Relief,
+}
+
+/// How the share of a pixel changes with the place of the source.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Relief {
+    /// The greatest share that any pixel gets (1).
+    pub peak: f64,
+    /// The steepest slope of a share, 1/px.
+    pub slope: f64,
+    /// The greatest jump of that slope where a cell ends, 1/px.
+    pub kink: f64,
+    /// The peak in units of the brightest pixel of the image, where that is least (1).
+    pub over_brightest: f64,
 }
 
 /// The cell that a coordinate stands in, and the part of it that lies before.
@@ -88,6 +102,39 @@ impl Image {
             + t * ((1.0 - s) * at(i, j + 1) + s * at(i + 1, j + 1))
     }
 
+    /// Shares as they change with the place of the source.
+    fn relief(&self, oversampling: f64) -> Relief {
+        // At the ends of cells, and at least so often a pixel: shares are linear between.
+        const LEAST: f64 = 4.0;
+        let a_cell = (LEAST / oversampling).ceil().max(1.0);
+        let steps = (oversampling * a_cell).round().clamp(1.0, 64.0);
+        let places = |cells: usize| {
+            let half = cells as f64 / 2.0 / oversampling + 1.0;
+            let n = (half * steps).ceil() as i64;
+            (-n..=n).map(move |i| i as f64 / steps)
+        };
+        let corner = |px: f64, cells: usize| -> Corner {
+            let place = (px * oversampling + cells as f64 / 2.0).clamp(0.0, cells as f64);
+            let first = (place as usize).min(cells - 1);
+            (first, place - first as f64)
+        };
+        let edges = |px: f64, cells: usize| [corner(px - 0.5, cells), corner(px + 0.5, cells)];
+        let across: Vec<[Corner; 2]> = places(self.columns)
+            .map(|px| edges(px, self.columns))
+            .collect();
+        let shares: Vec<f64> = places(self.rows)
+            .map(|px| edges(px, self.rows))
+            .flat_map(|[above, below]| {
+                let of = move |[left, right]: &[Corner; 2]| {
+                    self.light(*right, below) - self.light(*left, below) - self.light(*right, above)
+                        + self.light(*left, above)
+                };
+                across.iter().map(of)
+            })
+            .collect();
+        Relief::of(&shares, across.len(), steps as usize)
+    }
+
     /// Radius (cells) of the disc as large as what is brighter than half the brightest cell.
     fn half_width(&self) -> f64 {
         let cell = |i: usize, j: usize| {
@@ -100,6 +147,51 @@ impl Image {
         let half = cells.iter().copied().fold(0.0, f64::max) / 2.0;
         let bright = cells.iter().filter(|light| **light > half).count();
         (bright as f64 / std::f64::consts::PI).sqrt()
+    }
+}
+
+impl Relief {
+    /// Of the shares of a pixel that the source is off by whole steps, `steps` of them a pixel, row by row.
+    fn of(shares: &[f64], wide: usize, steps: usize) -> Relief {
+        let at = |i: usize, j: usize| shares[j * wide + i];
+        let peak = shares.iter().copied().fold(0.0, f64::max);
+        let rows = shares.len() / wide;
+        let [mut slope, mut kink] = [0.0f64; 2];
+        for j in 1..rows - 1 {
+            for i in 1..wide - 1 {
+                let here = at(i, j);
+                let across = [at(i - 1, j) - here, at(i + 1, j) - here];
+                let down = [at(i, j - 1) - here, at(i, j + 1) - here];
+                let steeper = |[a, b]: [f64; 2]| a.abs().max(b.abs());
+                slope = slope.max(steeper(across).hypot(steeper(down)));
+                let bend = |[a, b]: [f64; 2]| (a + b).abs();
+                kink = kink.max(bend(across) + bend(down));
+            }
+        }
+        // Sources at each place within a pixel, and the brightest of the pixels around.
+        let brightest = (0..steps * steps).map(|phase| {
+            let rows = (phase / steps..rows).step_by(steps);
+            let here =
+                rows.flat_map(|j| (phase % steps..wide).step_by(steps).map(move |i| at(i, j)));
+            here.fold(0.0, f64::max)
+        });
+        let least = brightest.fold(peak, f64::min);
+        Relief {
+            peak,
+            slope: slope * steps as f64,
+            kink: kink * steps as f64,
+            over_brightest: peak / least.max(f64::MIN_POSITIVE),
+        }
+    }
+
+    /// What bounds both.
+    fn or(self, other: Relief) -> Relief {
+        Relief {
+            peak: self.peak.max(other.peak),
+            slope: self.slope.max(other.slope),
+            kink: self.kink.max(other.kink),
+            over_brightest: self.over_brightest.max(other.over_brightest),
+        }
     }
 }
 
@@ -120,13 +212,21 @@ impl Images {
             .fold(f64::MAX, f64::min);
         // A Gaussian's full width at half maximum is 2.3548 of its standard deviations.
         let core_px = 2.0 * half / oversampling / 2.354_820_045;
+        let reliefs = images.iter().map(|image| image.relief(oversampling));
+        let relief = reliefs.fold(Relief::default(), Relief::or);
         Some(Images {
             oversampling,
             places,
             core_px,
             reach_px: cells as f64 / 2.0 / oversampling,
+            relief,
             images,
         })
+    }
+
+    /// That of all the images.
+    pub fn relief(&self) -> Relief {
+        self.relief
     }
 
     /// The width of the narrowest core, px.
@@ -198,6 +298,21 @@ impl Images {
             }
         }
     }
+}
+
+/// The sum of what the weights of each image differ by.
+pub fn apart(a: &Mix, b: &Mix) -> f64 {
+    let weight = |mix: &Mix, image: usize| -> f64 {
+        let same = mix.iter().filter(|(i, _)| *i == image);
+        same.map(|(_, weight)| weight).sum()
+    };
+    let mut all: Vec<usize> = a.iter().chain(b).map(|(image, _)| *image).collect();
+    all.sort_unstable();
+    all.dedup();
+    let apart = all
+        .iter()
+        .map(|image| (weight(a, *image) - weight(b, *image)).abs());
+    apart.sum()
 }
 
 /// The place before `at` and the part of the way to the next.

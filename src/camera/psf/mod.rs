@@ -15,7 +15,7 @@ mod images;
 mod moffat;
 
 pub use airy::Airy;
-pub use images::{Flaw, Image, Images, SUM_TOLERANCE};
+pub use images::{Flaw, Image, Images, Relief, SUM_TOLERANCE};
 pub use moffat::Moffat;
 
 use crate::fidelity::Fidelity;
@@ -231,6 +231,21 @@ impl LocalPsf<'_> {
             Shape::Moffat(_, width_px) => self.scale * width_px / FULL_WIDTH,
             Shape::Images(images) => images.core_px(),
         }
+    }
+
+    /// How shares change with the place of the source, where that is told by images; else as of a Gaussian of the core's width.
+    pub fn relief(&self) -> Option<Relief> {
+        match self.shape {
+            Shape::Images(images) => Some(images.relief()),
+            Shape::Gaussian(_) | Shape::Airy(..) | Shape::Moffat(..) => None,
+        }
+    }
+
+    /// By which part of its peak a spread differs from another one of the same camera at most, where that is little (1).
+    pub fn differs(&self, other: &LocalPsf<'_>) -> f64 {
+        // The peak goes by the inverse square of the width.
+        let wider = (self.scale / other.scale).max(other.scale / self.scale);
+        wider * wider - 1.0 + images::apart(&self.mix, &other.mix)
     }
 
     fn gaussian(&self, sigma_px: f64) -> Gaussian {

@@ -1,0 +1,348 @@
+//! Cameras, attitudes and rates by chance: small frames that have a little of everything, most of it at odd figures.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use hifitime::Epoch;
+use nalgebra::Vector3;
+use skyloop::attitude::VehicleState;
+use skyloop::camera::Camera;
+use skyloop::fidelity::Choice;
+use skyloop::load::Folder;
+use skyloop::rng::{NoiseKey, PixelStream};
+
+/// Where the observer is (km, km/s), and where objects near it are to be found from there (km).
+pub const ORBIT: ([f64; 3], [f64; 3]) = ([2500.0, 6500.0, 100.0], [-7.0, 2.7, 0.3]);
+pub const OBJECTS: [([f64; 3], [f64; 3]); 3] = [
+    ([-3.0, 4.0, 2.0], [0.02, 0.1, -0.05]),
+    ([-40.0, 12.0, 30.0], [3.0, 1.0, 2.0]),
+    ([-300.0, 90.0, -250.0], [9.0, -4.0, 1.0]),
+];
+/// Bright stars, degrees.
+const BRIGHT: [[f64; 2]; 6] = [
+    [101.29, -16.72],
+    [84.05, -1.2],
+    [56.87, 24.1],
+    [95.99, -52.7],
+    [152.09, 11.97],
+    [310.36, 45.28],
+];
+
+/// One frame by chance.
+pub struct Case {
+    pub camera: Camera,
+    pub vehicle: VehicleState,
+    pub choice: Choice,
+    /// Whether the field is wide, and holds many stars.
+    pub wide: bool,
+    /// The camera's file, for whom a case fails.
+    pub text: String,
+}
+
+/// Chance, the same for the same seed.
+pub struct Chance(PixelStream);
+
+impl Chance {
+    pub fn new(seed: u64) -> Chance {
+        let key = NoiseKey {
+            seed,
+            sequence: 0,
+            repeat: 0,
+        };
+        Chance(PixelStream::new(key, 200, 0))
+    }
+
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.0.uniform()
+    }
+
+    /// Evenly in the logarithm.
+    fn of_any_size(&mut self, low: f64, high: f64) -> f64 {
+        self.between(low.ln(), high.ln()).exp()
+    }
+
+    fn once_in(&mut self, n: f64) -> bool {
+        self.0.uniform() * n < 1.0
+    }
+
+    fn among<'a, T>(&mut self, of: &'a [T]) -> &'a T {
+        &of[(self.0.uniform() * of.len() as f64) as usize]
+    }
+
+    fn direction(&mut self) -> Vector3<f64> {
+        Vector3::new(self.0.normal(), self.0.normal(), self.0.normal()).normalize()
+    }
+}
+
+/// The frame of a seed; none where no camera can be like that.
+pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
+    let mut chance = Chance::new(seed);
+    let c = &mut chance;
+    let [width, height] = [0, 1].map(|_| c.between(64.0, 128.0) as u32);
+    let exposure_s = c.of_any_size(1e-3, 4.0);
+    let field_deg = c.of_any_size(1.0, 40.0);
+    let fisheye = c.once_in(5.0);
+    let focal_px = f64::from(width) / field_deg.to_radians();
+    let psf = psf(c, folder);
+    // Diffraction is some pixels wide at f/5 to f/40.
+    let aperture_mm = if psf.contains("airy") {
+        focal_px * 0.01 / c.of_any_size(5.0, 40.0)
+    } else {
+        c.of_any_size(1.0, 100.0)
+    };
+    let projection = projection(c, fisheye, field_deg);
+    let vignetting = match c.between(0.0, 3.0) as u32 {
+        0 => String::new(),
+        1 => "vignetting = { cos4 = true }\n".to_string(),
+        _ => format!(
+            "vignetting = {{ table = [[0.0, 1.0], [{:?}, {:?}], [{:?}, {:?}]] }}\n",
+            0.2 * field_deg,
+            c.between(0.5, 1.0),
+            0.4 * field_deg,
+            c.between(0.0, 0.5)
+        ),
+    };
+    let shutter = match c.between(0.0, 3.0) as u32 {
+        0 => String::new(),
+        1 => format!(
+            "shutter = \"rolling\"\nrow_us = {:?}",
+            c.of_any_size(1e-3, 2.0) * exposure_s / f64::from(height) * 1e6
+        ),
+        _ => format!(
+            "shutter = \"frame-transfer\"\nrow_us = {:?}",
+            c.of_any_size(1e-5, 1e-2) * exposure_s * 1e6
+        ),
+    };
+    let listed = |c: &mut Chance| {
+        let pixels: Vec<[u32; 2]> = (0..6)
+            .map(|_| [width, height].map(|side| c.between(0.0, f64::from(side)) as u32))
+            .collect();
+        if c.once_in(2.0) {
+            format!("{pixels:?}")
+        } else {
+            "[]".to_string()
+        }
+    };
+    let full_well = c.of_any_size(100.0, 2e5);
+    let bits = c.between(6.0, 16.99) as u32;
+    let detector = format!(
+        "width_px = {width}\nheight_px = {height}\npixel_um = 10.0\nquantum_efficiency = 0.6\nprnu = {:?}\ndark_e_s = {:?}\n\
+         dark_nonuniformity = {:?}\nhot_fraction = {:?}\nhot_e_s = {:?}\ndead_fraction = {:?}\ndead_px = {}\nstuck_fraction = {:?}\n\
+         stuck_px = {}\nread_noise_e = {:?}\nfull_well_e = {full_well:?}\nblooming = \"{}\"\nnonlinearity = {:?}\n\
+         gain_e_per_dn = {:?}\noffset_dn = {:?}\nadc_bits = {bits}\nadc_clips_first = true",
+        if c.once_in(2.0) {
+            0.0
+        } else {
+            c.of_any_size(1e-3, 0.5)
+        },
+        if c.once_in(3.0) {
+            0.0
+        } else {
+            c.of_any_size(1e-2, 1e4)
+        },
+        if c.once_in(2.0) {
+            0.0
+        } else {
+            c.of_any_size(1e-2, 2.0)
+        },
+        if c.once_in(2.0) {
+            0.0
+        } else {
+            c.of_any_size(1e-4, 1e-2)
+        },
+        if c.once_in(2.0) {
+            0.0
+        } else {
+            c.of_any_size(1.0, 1e5)
+        },
+        if c.once_in(2.0) {
+            0.0
+        } else {
+            c.of_any_size(1e-4, 1e-2)
+        },
+        listed(c),
+        if c.once_in(2.0) {
+            0.0
+        } else {
+            c.of_any_size(1e-4, 1e-2)
+        },
+        listed(c),
+        if c.once_in(4.0) {
+            0.0
+        } else {
+            c.of_any_size(1e-2, 30.0)
+        },
+        if c.once_in(2.0) { "none" } else { "column" },
+        if c.once_in(2.0) {
+            0.0
+        } else {
+            c.of_any_size(1e-4, 0.5)
+        },
+        full_well / 2f64.powi(bits as i32) * c.of_any_size(0.3, 3.0),
+        c.between(0.0, 0.2) * 2f64.powi(bits as i32),
+    );
+    let radiation = if c.once_in(2.0) {
+        let area_cm2 = f64::from(width * height) * 1e-6;
+        format!(
+            "[radiation]\nflux_cm2_s = {:?}\nthickness_um = {:?}\ndiffusion_um = {:?}\n",
+            c.of_any_size(0.1, 30.0) / area_cm2 / exposure_s,
+            c.between(2.0, 20.0),
+            c.between(0.0, 8.0)
+        )
+    } else {
+        String::new()
+    };
+    let principal = [width, height].map(|side| f64::from(side) * c.between(0.3, 0.7));
+    let text = format!(
+        "name = \"by chance\"\nserial = {seed}\n[optics]\nfocal_length_mm = {:?}\naperture_mm = {aperture_mm:?}\ntransmission = {:?}\n\
+         band = \"silicon\"\nprincipal_px = {principal:?}\n{psf}{vignetting}{projection}[detector]\n{detector}\n{radiation}[timing]\n\
+         exposure_s = {exposure_s:?}\nrate_hz = 0.01\n{shutter}\n",
+        focal_px * 0.01,
+        c.of_any_size(1e-3, 1.0),
+    );
+    std::fs::write(folder.join("chance.toml"), &text).unwrap();
+    let camera = Camera::load("chance.toml", &Folder::Disk(folder.to_path_buf())).ok()?;
+
+    let vehicle = vehicle(c, epoch, seed as u32, &camera, field_deg)?;
+    // Other effects are there or not, and one that has gone has its share in what the others do.
+    let mut choice = Choice {
+        all: true,
+        ..Choice::default()
+    };
+    for effect in skyloop::effect::EFFECTS {
+        if effect.name != "readout" && c.once_in(8.0) && !c.once_in(2.0) {
+            choice.off.push(effect.name);
+        }
+    }
+    Some(Case {
+        camera,
+        vehicle,
+        choice,
+        wide: field_deg > 6.0,
+        text,
+    })
+}
+
+fn projection(c: &mut Chance, fisheye: bool, field_deg: f64) -> String {
+    // What of the field's edge it moves.
+    let half = (field_deg / 2.0).to_radians();
+    let strength = c.of_any_size(1e-5, 0.2) * if c.once_in(2.0) { -1.0 } else { 1.0 };
+    if fisheye {
+        let k = [strength / half.powi(2), 0.1 * strength / half.powi(4)];
+        return format!("projection = {{ model = \"fisheye\", k = {k:?} }}\n");
+    }
+    if c.once_in(3.0) {
+        return String::new();
+    }
+    let edge = half.tan();
+    let k = [strength / edge.powi(2), 0.2 * strength / edge.powi(4)];
+    let p = [0, 1].map(|_| c.between(-0.1, 0.1) * strength / edge);
+    format!("projection = {{ model = \"brown-conrady\", k = {k:?}, p = {p:?} }}\n")
+}
+
+fn psf(c: &mut Chance, folder: &Path) -> String {
+    let varies = if c.once_in(2.0) {
+        String::new()
+    } else {
+        format!(
+            ", width_by_field = [[0.0, 1.0], [20.0, {:?}]]",
+            c.between(0.6, 2.5)
+        )
+    };
+    match c.between(0.0, 10.0) as u32 {
+        0..=4 => format!(
+            "psf = {{ kind = \"gaussian\", sigma_px = {:?}{varies} }}\n",
+            c.of_any_size(0.3, 3.0)
+        ),
+        5..=6 => format!(
+            "psf = {{ kind = \"moffat\", fwhm_px = {:?}, beta = {:?}{varies} }}\n",
+            c.of_any_size(0.7, 3.0),
+            c.between(2.5, 8.0)
+        ),
+        7 => format!(
+            "psf = {{ kind = \"airy\", obscuration = {:?}{varies} }}\n",
+            c.between(0.0, 0.6)
+        ),
+        _ => image(c, folder),
+    }
+}
+
+/// Blobs side by side, as coma or a ghost gives them.
+fn image(c: &mut Chance, folder: &Path) -> String {
+    const SIDE: usize = 24;
+    let blobs: Vec<[f64; 4]> = (0..3)
+        .map(|_| {
+            let [x, y] = [0, 1].map(|_| c.between(8.0, 16.0));
+            [x, y, c.between(1.2, 4.0), c.between(0.1, 1.0)]
+        })
+        .collect();
+    let at = |x: usize, y: usize| -> f64 {
+        let blob = |[bx, by, s, light]: &[f64; 4]| {
+            let r2 = (x as f64 - bx).powi(2) + (y as f64 - by).powi(2);
+            light / (s * s) * (-r2 / (2.0 * s * s)).exp()
+        };
+        blobs.iter().map(blob).sum()
+    };
+    let all: f64 = (0..SIDE * SIDE).map(|i| at(i % SIDE, i / SIDE)).sum();
+    let row = |y| {
+        let row: Vec<String> = (0..SIDE)
+            .map(|x| format!("{:.9}", at(x, y) / all))
+            .collect();
+        row.join(", ")
+    };
+    let rows: Vec<String> = (0..SIDE).map(row).collect();
+    std::fs::write(folder.join("chance.csv"), rows.join("\n")).unwrap();
+    let oversampling = *c.among(&[2.0, 3.0, 4.0]);
+    format!(
+        "psf = {{ kind = \"image\", images = [{{ file = \"chance.csv\" }}], oversampling = {oversampling:?} }}\n"
+    )
+}
+
+fn vehicle(
+    c: &mut Chance,
+    epoch: Epoch,
+    sequence: u32,
+    camera: &Camera,
+    field_deg: f64,
+) -> Option<VehicleState> {
+    let orbit = !c.once_in(4.0);
+    let towards = match c.between(0.0, 3.0) as u32 {
+        0 => c.direction(),
+        1 if orbit => Vector3::from(c.among(&OBJECTS).0).normalize(),
+        _ => {
+            let [ra, dec] = c.among(&BRIGHT).map(f64::to_radians);
+            Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin())
+        }
+    };
+    let aside = c.direction() * (c.between(0.0, 0.7) * field_deg.to_radians());
+    let z = (towards + aside).normalize();
+    let q = look_at(z, c.between(0.0, TAU));
+    // Images move by so many pixels in the exposure and the readout.
+    let open_s = camera.exposure_s + camera.readout_s();
+    let rate = if c.once_in(5.0) {
+        0.0
+    } else {
+        c.of_any_size(1e-4, 60.0) / camera.optics.focal_px / open_s
+    };
+    let mut axis = c.direction();
+    if c.once_in(4.0) {
+        axis.z *= 20.0;
+    }
+    let rate = axis.normalize() * rate.min(0.99 / open_s);
+    let orbit = orbit.then(|| {
+        let (position, velocity) = ORBIT;
+        (position.map(|x| x * 1e3), velocity.map(|x| x * 1e3))
+    });
+    VehicleState::new(sequence, epoch, q, rate.into(), orbit).ok()
+}
+
+/// The attitude that turns +Z to `z`, rolled by `roll` rad.
+fn look_at(z: Vector3<f64>, roll: f64) -> [f64; 4] {
+    let aside = z.cross(&Vector3::new(0.3, -0.5, 0.81)).normalize();
+    let x = aside * roll.cos() + z.cross(&aside) * roll.sin();
+    let matrix =
+        nalgebra::Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
+    let rotation = nalgebra::Rotation3::from_matrix_unchecked(matrix);
+    let q = nalgebra::UnitQuaternion::from_rotation_matrix(&rotation);
+    [q.i, q.j, q.k, q.w]
+}
