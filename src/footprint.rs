@@ -122,7 +122,7 @@ impl Footprint {
             .map(|s| {
                 let drawn = Drawn::around(s.at, camera, fidelity, light);
                 let columns = inside(&drawn.square[0], width);
-                let rows = s.lit.among(&inside(&drawn.square[1], height));
+                let rows = s.rows(&inside(&drawn.square[1], height));
                 (s, drawn, columns, rows)
             })
             .filter(|(_, _, columns, rows)| !columns.is_empty() && !rows.is_empty())
@@ -162,7 +162,9 @@ impl Footprint {
         let mut shares = vec![0.0f32; total as usize];
         let mut stamp = Stamp::default();
         let mut evaluated = 0;
-        for (Sample { at, weight, .. }, drawn, columns, rows) in boxes {
+        let mut collected = Vec::new();
+        for (sample, drawn, columns, rows) in boxes {
+            let Sample { at, weight, .. } = sample;
             evaluated += (columns.end - columns.start) as u64 * (rows.end - rows.start) as u64;
             let psf = &drawn.psf;
             psf.spread(*weight, *at, columns.clone(), rows.clone(), &mut stamp);
@@ -175,21 +177,25 @@ impl Footprint {
             } else {
                 *at
             };
-            for (row, light) in rows.zip(stamp.light.chunks_exact(wide)) {
+            sample.shares(&rows, &mut collected);
+            let lines = stamp.light.chunks_exact(wide).zip(&collected);
+            for (row, (light, collected)) in rows.zip(lines).filter(|(_, (_, c))| **c != 0.0) {
                 let span = spans[(row - first_row) as usize];
                 let from = span.offset as usize + (columns.start as usize - span.column as usize);
                 let out = &mut shares[from..from + wide];
                 for (out, light) in out.iter_mut().zip(light) {
-                    *out += *light as f32;
+                    *out += (*light * collected) as f32;
                 }
                 if rest > 0.0 {
-                    let rest = rest * drawn.even(1, row, centre);
+                    let rest = rest * drawn.even(1, row, centre) * collected;
                     for (out, column) in out.iter_mut().zip(columns.clone()) {
                         *out += (rest * drawn.even(0, column, centre)) as f32;
                     }
                 }
             }
         }
+        // Shares of rows that open or close are sums with both signs.
+        shares.iter_mut().for_each(|share| *share = share.max(0.0));
         Footprint {
             first_row: first_row as usize,
             spans,

@@ -49,8 +49,8 @@ fn open(
     shine: &Light,
     stamp: &mut Stamp,
 ) -> (f64, f64) {
-    let Sample { at, lit, .. } = sample;
-    if *lit == Lit::ALL {
+    let at = &sample.at;
+    if sample.lit == Lit::ALL {
         return (1.0, 0.0);
     }
     let psf = camera.optics.psf_at(*at, shine.wavelength_ratio);
@@ -59,17 +59,17 @@ fn open(
         (at - reach + 0.5).floor() as i64..(at + reach + 0.5).floor() as i64 + 1
     };
     let (columns, rows) = (touched(at[0]), touched(at[1]));
-    if lit.among(&rows) == rows {
+    if sample.lit.among(&rows) == rows {
         return (1.0, 0.0);
     }
     psf.spread_on_rows(*at, columns, rows.clone(), stamp);
     let (mut all, mut part) = ([0.0; 2], [0.0; 2]);
-    for (row, share) in rows.zip(&stamp.light) {
+    let mut collected = Vec::new();
+    sample.shares(&rows, &mut collected);
+    for (row, (share, collected)) in rows.zip(stamp.light.iter().zip(collected)) {
         let moment = share * (row as f64 - at[1]);
         all = [all[0] + share, all[1] + moment];
-        if (lit.first..lit.past).contains(&row) {
-            part = [part[0] + share, part[1] + moment];
-        }
+        part = [part[0] + collected * share, part[1] + collected * moment];
     }
     let open = part[0] / all[0].max(f64::MIN_POSITIVE);
     (

@@ -6,9 +6,10 @@
 
 mod rows;
 
-pub use rows::{Lit, Rows};
+pub use rows::{Lit, Rows, Turns};
 
 use crate::fidelity::Fidelity;
+use std::ops::Range;
 
 /// Where an image is, and what light of it arrives there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,7 +32,7 @@ pub struct Track {
 }
 
 /// A point of a track.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// Where, px.
     pub at: [f64; 2],
@@ -39,6 +40,8 @@ pub struct Sample {
     pub weight: f64,
     /// The rows that collect it.
     pub lit: Lit,
+    /// Rows that collect a share of it.
+    pub parts: Vec<(Lit, f64)>,
 }
 
 /// What a track is sampled for.
@@ -67,6 +70,13 @@ pub struct Window {
 
 /// Points (0..1) of the two-point Gauss rule, whose weights are equal.
 const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+/// Points and weights of the four-point Gauss rule on 0..1.
+const FOUR: [(f64, f64); 4] = [
+    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
+    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
+];
 /// A piece is cut in two where its middle lies further than this part of its length from the middle of its chord:
 /// it bends, or its speed changes by more than a sixth.
 const BEND: f64 = 0.02;
@@ -88,6 +98,7 @@ impl Track {
                 at: place.at,
                 weight: place.light,
                 lit: Lit::ALL,
+                parts: Vec::new(),
             }],
         }
     }
@@ -289,9 +300,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
             let reach = self.course.reach_px + 1.0 + self.course.step_px;
             let ys = ends.map(|part| (self.place)(part).map_or(f64::NAN, |p| p.at[1]));
             let near = [ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach];
-            for (ends, lit) in self.course.rows.turns(ends, near) {
-                self.panel(ends, lit, samples);
-            }
+            self.cut_panel(ends, &self.course.rows.turns(ends, near), samples);
         }
     }
 
@@ -303,7 +312,75 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
             at: place.at,
             weight: weight * place.light,
             lit,
+            parts: Vec::new(),
         }));
+    }
+
+    /// The light of a time of which rows collect parts. All share four points, and each row's weights are the integrals over
+    /// its part of the polynomials L_k that are 1 at one point and 0 at the others:
+    ///
+    /// ```text
+    /// int_part f dt = sum_k f(t_k) int_part L_k dt,   error <= 4e-5 h^4 max |d^4 f / dt^4| of the part, for a panel of length h
+    /// ```
+    fn cut_panel(&self, [from, to]: [f64; 2], turns: &Turns, samples: &mut Vec<Sample>) {
+        if turns.others.is_empty() {
+            if turns.throughout != Lit::NONE {
+                self.panel([from, to], turns.throughout, samples);
+            }
+            return;
+        }
+        for (k, (point, weight)) in FOUR.into_iter().enumerate() {
+            let Some(place) = (self.place)(from + (to - from) * point) else {
+                continue;
+            };
+            let part = |ends: &[f64; 2]| {
+                let [a, b] = ends.map(|end| (end - from) / (to - from));
+                let ends = GAUSS.map(|g| polynomial(k, a + (b - a) * g));
+                (b - a) * (ends[0] + ends[1]) / (2.0 * weight)
+            };
+            let others = turns.others.iter();
+            samples.push(Sample {
+                at: place.at,
+                weight: weight * (to - from) / self.course.rows.exposure * place.light,
+                lit: turns.throughout,
+                parts: others.map(|(lit, ends)| (*lit, part(ends))).collect(),
+            });
+        }
+    }
+}
+
+/// Of the polynomials of third degree the one that is 1 at the point `k` of [`FOUR`] and 0 at the others.
+fn polynomial(k: usize, u: f64) -> f64 {
+    let others = (0..FOUR.len()).filter(|j| *j != k);
+    let factors = others.map(|j| (u - FOUR[j].0) / (FOUR[k].0 - FOUR[j].0));
+    factors.product()
+}
+
+impl Sample {
+    /// Those of `rows` that collect something of its light.
+    pub fn rows(&self, rows: &Range<i64>) -> Range<i64> {
+        let mut all = self.lit.among(rows);
+        for (lit, _) in &self.parts {
+            let part = lit.among(rows);
+            if all.is_empty() {
+                all = part;
+            } else if !part.is_empty() {
+                all = all.start.min(part.start)..all.end.max(part.end);
+            }
+        }
+        all
+    }
+
+    /// The share of its light that each of `rows` collects of what falls there, into `shares`.
+    pub fn shares(&self, rows: &Range<i64>, shares: &mut Vec<f64>) {
+        shares.clear();
+        shares.resize((rows.end - rows.start).max(0) as usize, 0.0);
+        let mut lay = |lit: &Lit, share: f64| {
+            let Range { start, end } = lit.among(rows);
+            shares[(start - rows.start) as usize..(end - rows.start) as usize].fill(share);
+        };
+        lay(&self.lit, 1.0);
+        self.parts.iter().for_each(|(lit, share)| lay(lit, *share));
     }
 }
 

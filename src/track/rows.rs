@@ -23,7 +23,24 @@ pub struct Lit {
     pub past: i64,
 }
 
+/// What rows collect in a stretch of time.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Turns {
+    /// Rows that collect all the time.
+    pub throughout: Lit,
+    /// Rows that collect from one instant to another.
+    pub others: Vec<(Lit, [f64; 2])>,
+}
+
+impl Default for Lit {
+    fn default() -> Self {
+        Lit::NONE
+    }
+}
+
 impl Lit {
+    /// No row.
+    pub const NONE: Lit = Lit { first: 0, past: 0 };
     /// Every row.
     pub const ALL: Lit = Lit {
         first: i64::MIN,
@@ -32,8 +49,8 @@ impl Lit {
 
     /// Those of `rows` among them.
     pub fn among(&self, rows: &Range<i64>) -> Range<i64> {
-        let first = rows.start.max(self.first);
-        first..rows.end.min(self.past).max(first)
+        let first = self.first.min(rows.end).max(rows.start);
+        first..self.past.min(rows.end).max(first)
     }
 }
 
@@ -81,30 +98,26 @@ impl Rows {
         self.count.saturating_sub(1) as f64
     }
 
-    /// What of the time `from..to` rows within `low..high` (px) collect light in: those that do all the time together,
-    /// the others each its own part.
-    pub fn turns(
-        &self,
-        [from, to]: [f64; 2],
-        [low, high]: [f64; 2],
-    ) -> impl Iterator<Item = ([f64; 2], Lit)> {
+    /// Which rows within `low..high` (px) collect light in the time `from..to`: those that do all the time, and the others with
+    /// the part of it in which they do.
+    pub fn turns(&self, [from, to]: [f64; 2], [low, high]: [f64; 2]) -> Turns {
         let last = self.last() as i64;
         let row = |y: f64| (y as i64).clamp(0, last);
-        let near = row(low.floor())..row(high.ceil()) + 1;
-        let part = move |r: i64| {
-            let (opens, closes) = (self.opens(r as f64), self.closes(r as f64));
-            [opens.max(from), closes.min(to)]
-        };
-        let throughout = move |r: &i64| part(*r) == [from, to];
-        let first = near.clone().find(throughout);
-        // Rows open in turn: those between two that are open are open too.
-        let past = near.clone().rfind(throughout).map(|r| r + 1);
-        let together = first.zip(past).map(|(first, past)| first..past);
-        let all = together.clone().map(|rows| ([from, to], self.lit(rows)));
-        let others = near.filter(move |r| together.as_ref().is_none_or(|rows| !rows.contains(r)));
-        let own = others.map(move |r| (part(r), self.lit(r..r + 1)));
-        all.into_iter()
-            .chain(own.filter(|([from, to], _)| from < to))
+        let mut turns = Turns::default();
+        let mut throughout: Option<Range<i64>> = None;
+        for r in row(low.floor())..row(high.ceil()) + 1 {
+            let opens = self.opens(r as f64).max(from);
+            let closes = self.closes(r as f64).min(to);
+            if [opens, closes] == [from, to] {
+                // Rows open in turn: those between two that are open are open too.
+                let first = throughout.map_or(r, |rows| rows.start);
+                throughout = Some(first..r + 1);
+            } else if opens < closes {
+                turns.others.push((self.lit(r..r + 1), [opens, closes]));
+            }
+        }
+        turns.throughout = throughout.map_or(Lit::NONE, |rows| self.lit(rows));
+        turns
     }
 
     /// Those rows; what lies beyond the detector's edge goes with the row there.
@@ -142,12 +155,12 @@ mod tests {
 
     /// Checks that each of `rows` collects for as long as it is open, and in that time.
     fn check(ends: [f64; 2], near: [f64; 2], rows: Range<i64>) {
-        let turns: Vec<([f64; 2], Lit)> = ROLLING.turns(ends, near).collect();
+        let turns = ROLLING.turns(ends, near);
         for r in rows {
-            let own = turns
-                .iter()
-                .filter(|(_, lit)| lit.among(&(r..r + 1)) == (r..r + 1));
-            let own: Vec<[f64; 2]> = own.map(|(part, _)| *part).collect();
+            let is_lit = |lit: &Lit| lit.among(&(r..r + 1)) == (r..r + 1);
+            let own = turns.others.iter().filter(|(lit, _)| is_lit(lit));
+            let mut own: Vec<[f64; 2]> = own.map(|(_, part)| *part).collect();
+            own.extend(is_lit(&turns.throughout).then_some(ends));
             let y = r as f64;
             let open = [
                 ROLLING.opens(y).max(ends[0]),
@@ -175,11 +188,12 @@ mod tests {
 
     #[test]
     fn rows_that_are_open_all_the_time_are_taken_together() {
-        // X-Val: rows 3 to 7 are open from 0.35 to 0.65 at least; 2 closes at 0.6, 8 opens at 0.4.
-        let turns: Vec<([f64; 2], Lit)> = ROLLING.turns([0.36, 0.64], [0.0, 10.0]).collect();
-        assert_eq!(turns[0], ([0.36, 0.64], Lit { first: 3, past: 8 }));
-        assert_eq!(turns.len(), 7);
-        let together = Rows::together(11).turns([0.1, 0.3], [2.0, 5.0]).next();
-        assert!(together.is_some_and(|(_, lit)| lit.among(&(2..6)) == (2..6)));
+        // X-Val: row r opens at 0.05 r and closes at 0.5 + 0.05 r: 3 is the first that closes after 0.64, 7 the last to open before 0.36.
+        let turns = ROLLING.turns([0.36, 0.64], [0.0, 10.0]);
+        assert_eq!(turns.throughout, Lit { first: 3, past: 8 });
+        assert_eq!(turns.others.len(), 6);
+        let together = Rows::together(11).turns([0.1, 0.3], [2.0, 5.0]);
+        assert_eq!(together.throughout.among(&(2..6)), 2..6);
+        assert!(together.others.is_empty());
     }
 }
