@@ -83,12 +83,13 @@ impl Drawn<'_> {
 
     /// A share for each of the square's pixels `i` along an axis, so that all make 1 and their centre is at `centre`, as far
     /// as none is below 0: `w_i = (1 + 12 (i - m) (centre - m) / (n^2 - 1)) / n` for `n` pixels around `m`.
-    fn even(&self, axis: usize, i: i64, centre: [f64; 2]) -> f64 {
+    fn even(&self, axis: usize, centre: [f64; 2]) -> impl Fn(i64) -> f64 {
         let Range { start, end } = self.square[axis];
         let (n, middle) = ((end - start) as f64, (start + end - 1) as f64 / 2.0);
         let steepest = 2.0 / (n - 1.0).max(1.0);
         let tilt = 12.0 * (centre[axis] - middle) / (n * n - 1.0).max(1.0);
-        (1.0 + tilt.clamp(-steepest, steepest) * (i as f64 - middle)) / n
+        let tilt = tilt.clamp(-steepest, steepest) / n;
+        move |i| 1.0 / n + tilt * (i as f64 - middle)
     }
 }
 
@@ -177,6 +178,7 @@ impl Footprint {
             } else {
                 *at
             };
+            let [across, down] = [0, 1].map(|axis| drawn.even(axis, centre));
             sample.shares(&rows, &mut collected);
             let lines = stamp.light.chunks_exact(wide).zip(&collected);
             for (row, (light, collected)) in rows.zip(lines).filter(|(_, (_, c))| **c != 0.0) {
@@ -187,9 +189,9 @@ impl Footprint {
                     *out += (*light * collected) as f32;
                 }
                 if rest > 0.0 {
-                    let rest = rest * drawn.even(1, row, centre) * collected;
+                    let rest = rest * down(row) * collected;
                     for (out, column) in out.iter_mut().zip(columns.clone()) {
-                        *out += (rest * drawn.even(0, column, centre)) as f32;
+                        *out += (rest * across(column)) as f32;
                     }
                 }
             }

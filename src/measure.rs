@@ -11,6 +11,7 @@ use crate::render::{render, tiles};
 use crate::scene::{Body, Scene, Simulated, Source, Unobservable};
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::hint::black_box;
 use std::sync::Arc;
 
 /// Frames of which random effects' errors are the rms.
@@ -213,13 +214,21 @@ impl Bench<'_> {
             (effect.mark)(&mut with);
             (with, without)
         } else if alone.stars || alone.rsos {
-            (alone, Simulated::default())
+            let mut with = alone;
+            with.distortion = scene.simulated.distortion;
+            (with, Simulated::default())
         } else {
             return Cost::default();
         };
+        // What only says where an image is, and with what light, adds to its track.
+        let only_tracks = alone.distortion || alone.vignetting;
         let time = |simulated: Simulated| {
             let view = scene.view.clone();
             let started = thread_ms();
+            if only_tracks {
+                black_box(view.track_all(&simulated, fidelity));
+                return thread_ms() - started;
+            }
             let images = Scene::new(view, simulated, fidelity);
             let took = thread_ms() - started;
             drop(images);

@@ -25,7 +25,7 @@ pub const DISTORTION: Effect = Effect {
 /// Places along a side of the detector at which the displacement is looked at.
 const PLACES: usize = 13;
 
-fn judge(view: &View, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, _: &Fidelity) -> Need {
     let (optics, detector) = (&view.camera.optics, &view.camera.detector);
     if optics.projection.is_ideal() {
         return Need::none("the lens has no distortion");
@@ -46,14 +46,14 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let px = 1.01 * off.fold(0.0, f64::max);
     // The arc tangent is the ideal fisheye's too.
     let ns = match optics.projection.model() {
-        Model::Fisheye { .. } => 12.0,
-        _ => 40.0,
+        Model::Fisheye { .. } => 0.6,
+        _ => 15.0,
     };
     Need {
         because: format!("it moves images by up to {px:.3} px").into(),
         error: Loss { e: 0.0, px },
         drawn_e: 0.0,
-        price_ms: view.looks(fidelity) * ns * 1e-6,
+        price_ms: view.looks() * ns * 1e-6,
     }
 }
 

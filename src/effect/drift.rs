@@ -62,9 +62,9 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let still = view.longest_track_px(view.exposure.duration_s) <= fidelity.skip_px;
     let work = view.work(view.exposure.duration_s, fidelity);
     let price_ms = if still {
-        work.moving_ms(view)
+        work.moving_ms
     } else {
-        2.0 * work.panels * 25e-6
+        work.looks * 25e-6
     };
     Need {
         because: format!("stars move by up to {px:.2e} px from mid-exposure to its ends").into(),

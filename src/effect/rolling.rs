@@ -39,7 +39,7 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
         .into(),
         error: Loss { e: 0.0, px: off_px },
         drawn_e: 0.0,
-        price_ms: view.rolling_ms(fidelity),
+        price_ms: view.work(view.open_s, fidelity).rolling_ms,
     }
 }
 

@@ -39,9 +39,7 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
             px: length_px / 2.0 + rolled_px,
         },
         drawn_e: 0.0,
-        price_ms: view
-            .work(view.exposure.duration_s, fidelity)
-            .moving_ms(view),
+        price_ms: view.work(view.exposure.duration_s, fidelity).moving_ms,
     }
 }
 

@@ -43,7 +43,7 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     }
     let ns = match vignetting {
         Vignetting::Table(_) => 40.0,
-        _ => 15.0,
+        _ => 4.5,
     };
     Need {
         because: format!(
@@ -57,8 +57,25 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
             px: view.longest_track_px(view.open_s) * ((most - least) / (4.0 * least)).min(1.0),
         },
         drawn_e: 0.0,
-        price_ms: view.looks(fidelity) * ns * 1e-6,
+        price_ms: looks(view, fidelity) * ns * 1e-6,
     }
+}
+
+/// How often sources are looked at.
+fn looks(view: &View, fidelity: &Fidelity) -> f64 {
+    let tracks = |seconds: f64| view.longest_track_px(seconds) > fidelity.skip_px;
+    let (exposure_s, readout_s) = (view.exposure.duration_s, view.camera.readout_s());
+    let moving = if tracks(exposure_s) {
+        view.work(exposure_s, fidelity).looks
+    } else {
+        0.0
+    };
+    let rolling = if tracks(readout_s / 2.0) {
+        view.work(view.open_s, fidelity).rolling_looks
+    } else {
+        0.0
+    };
+    view.looks() + moving + rolling
 }
 
 fn change(scene: &Scene, _: &Loss) -> Loss {

@@ -21,18 +21,14 @@ impl View {
         fidelity: &Fidelity,
     ) -> Option<Source> {
         let camera = &self.camera;
-        let track = self.track(candidate, simulated, fidelity)?;
+        let mut track = self.track(candidate, simulated, fidelity)?;
         // Where nothing takes of the light, not even the last digit of a sum does.
         let whole = !simulated.rolling && !simulated.vignetting;
         let shine = candidate.shine();
         let Collected { light, centre } = Collected::of(&track, camera, fidelity, &shine);
         let light = if whole { 1.0 } else { light };
-        let footprint = Footprint::of(
-            &track.scaled(1.0 / light.max(f64::MIN_POSITIVE)),
-            camera,
-            fidelity,
-            &shine,
-        );
+        track.scale(1.0 / light.max(f64::MIN_POSITIVE));
+        let footprint = Footprint::of(&track, camera, fidelity, &shine);
         if footprint.shares().is_empty() && !camera.detector.contains(centre) {
             return None;
         }
@@ -52,6 +48,13 @@ impl View {
             clear_e: candidate.clear_e * light,
             hidden: candidate.hidden,
         })
+    }
+
+    /// How many points the tracks of all candidates have.
+    pub fn track_all(&self, simulated: &Simulated, fidelity: &Fidelity) -> usize {
+        let tracks = self.candidates.iter();
+        let tracks = tracks.filter_map(|candidate| self.track(candidate, simulated, fidelity));
+        tracks.map(|track| track.samples.len()).sum()
     }
 
     /// The path of its image while its rows are open, with the light that arrives along it.

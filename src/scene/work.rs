@@ -1,12 +1,15 @@
 //! How much work images are, before they are made: what prices of effects are told by.
 
-use super::{Body, Scene, Source, View};
+use super::view::Candidate;
+use super::{Scene, Source, View};
 use crate::fidelity::Fidelity;
 
 /// Places of a track that are looked at.
 const PLACES: usize = 5;
-/// Sources that are looked at; the others are taken to be like them.
-const SOURCES: usize = 32;
+/// Sources that are looked at, beside all that are much brighter than the mean; the others are taken to be like them.
+const SOURCES: usize = 64;
+/// How much brighter those are.
+const BRIGHT: f64 = 4.0;
 
 /// ns of a look at a source: its pointing, its line and its projection.
 const LOOK_NS: f64 = 90.0;
@@ -16,120 +19,102 @@ const SOURCE_NS: f64 = 500.0;
 const FOOTPRINT_NS: f64 = 7.0;
 /// ns of a pixel of a footprint when it is drawn.
 const DRAWN_NS: f64 = 1.0;
+/// ns of a row at a point of a panel in which rows open or close: its weight, its part in light and centre.
+const ROW_NS: f64 = 60.0;
+/// Looks for the instants at which an image's own row opens and closes.
+const CROSSING: f64 = 100.0;
 
-/// The images of a view, counted.
+/// The work of moving images.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Work {
-    /// Sources near the detector at some time.
-    pub sources: f64,
-    /// Panels of their tracks.
-    pub panels: f64,
-    /// Pixels that tracks reach beyond those of images that stand still.
-    pub wider: f64,
-    /// Rows (and columns) of one sample, on average.
-    pub rows: f64,
+    /// Looks at sources on their ways.
+    pub looks: f64,
+    /// What moving them takes, rows together, ms.
+    pub moving_ms: f64,
+    /// What telling rows apart takes, ms.
+    pub rolling_ms: f64,
+    /// Looks for that.
+    pub rolling_looks: f64,
 }
 
 impl View {
-    /// How often, about, sources are looked at, still or moving.
-    pub fn looks(&self, fidelity: &Fidelity) -> f64 {
-        let still = 3.0 * self.candidates.len() as f64;
-        if self.longest_track_px(self.exposure.duration_s) <= fidelity.skip_px {
-            return still;
-        }
-        let moving = self.work(self.exposure.duration_s, fidelity).looks();
-        if self.rolls(fidelity) {
-            still + moving + self.work(self.open_s, fidelity).rolling_looks()
-        } else {
-            still + moving
-        }
-    }
-
-    /// Whether images move while rows are told apart.
-    fn rolls(&self, fidelity: &Fidelity) -> bool {
-        let readout_s = self.camera.readout_s();
-        readout_s > 0.0 && self.longest_track_px(readout_s) / 2.0 > fidelity.skip_px
-    }
-
-    /// What it takes to tell rows apart, ms; 0 where nothing calls for it.
-    pub fn rolling_ms(&self, fidelity: &Fidelity) -> f64 {
-        if self.rolls(fidelity) {
-            self.work(self.open_s, fidelity).rolling_ms(self)
-        } else {
-            0.0
-        }
+    /// How often sources are looked at for images that stand still.
+    pub fn looks(&self) -> f64 {
+        3.0 * self.candidates.len() as f64
     }
 
     /// The work of moving images over `seconds`.
     pub fn work(&self, seconds: f64, fidelity: &Fidelity) -> Work {
-        let camera = &self.camera;
-        let every = self.candidates.len().div_ceil(SOURCES).max(1);
-        let detector = &camera.detector;
+        let all = self.candidates.len() as f64;
+        let mean = self.candidates.iter().map(|c| c.clear_e).sum::<f64>() / all.max(1.0);
+        let is_bright = |candidate: &&Candidate| candidate.clear_e > BRIGHT * mean;
         let mut work = Work::default();
-        let looked = self.candidates.iter().step_by(every);
-        let share = self.candidates.len() as f64 / looked.len().max(1) as f64;
-        for candidate in looked {
-            let places = (0..PLACES).filter_map(|i| {
-                let dt_s = (i as f64 / (PLACES - 1) as f64 - 0.5) * seconds;
-                let part = 0.5 + dt_s / self.open_s.max(f64::MIN_POSITIVE);
-                let line = match &candidate.body {
-                    Body::Star(star) => star.direction,
-                    Body::Rso(_) => candidate.line(part),
-                };
-                camera.optics.project(&self.pointing(dt_s).rotate(&line))
-            });
-            let places: Vec<[f64; 2]> = places.collect();
-            let side = places
-                .get(places.len() / 2)
-                .map_or(0.0, |at| side_px(self, *at, candidate.clear_e, fidelity));
-            let inside = |at: &[f64; 2]| {
-                let near = |x: f64, pixels: usize| x > -side && x < pixels as f64 + side;
-                near(at[0], detector.width) && near(at[1], detector.height)
-            };
-            let lit = places.iter().filter(|at| inside(at)).count();
-            if lit == 0 {
-                continue;
-            }
-            let ways = places
-                .windows(2)
-                .map(|ends| (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]));
-            let way = ways.sum::<f64>() * lit as f64 / PLACES as f64;
-            work.sources += share;
-            work.panels += share * (way / self.step_px(candidate, fidelity)).max(2.0);
-            work.wider += share * way * side;
-            work.rows += share * side;
+        for candidate in self.candidates.iter().filter(is_bright) {
+            self.add_work(candidate, seconds, 1.0, fidelity, &mut work);
         }
-        work.rows /= work.sources.max(1.0);
+        let faint = || self.candidates.iter().filter(|c| !is_bright(c));
+        let count = faint().count();
+        let every = count.div_ceil(SOURCES).max(1);
+        let share = count as f64 / count.div_ceil(every).max(1) as f64;
+        for candidate in faint().step_by(every) {
+            self.add_work(candidate, seconds, share, fidelity, &mut work);
+        }
         work
     }
-}
 
-impl Work {
-    /// Looks at sources that move: at two samples a panel, and at the pieces of each track.
-    fn looks(&self) -> f64 {
-        2.0 * self.panels + 7.0 * self.sources
-    }
+    /// Adds that of so many sources like `candidate`.
+    fn add_work(
+        &self,
+        candidate: &Candidate,
+        seconds: f64,
+        share: f64,
+        fidelity: &Fidelity,
+        work: &mut Work,
+    ) {
+        let (camera, detector) = (&self.camera, &self.camera.detector);
+        let places = (0..PLACES).filter_map(|i| {
+            let dt_s = (i as f64 / (PLACES - 1) as f64 - 0.5) * seconds;
+            let part = 0.5 + dt_s / self.open_s.max(f64::MIN_POSITIVE);
+            camera
+                .optics
+                .project(&self.pointing(dt_s).rotate(&candidate.line(part)))
+        });
+        let places: Vec<[f64; 2]> = places.collect();
+        let Some(middle) = places.get(places.len() / 2) else {
+            return;
+        };
+        let side = side_px(self, *middle, candidate.clear_e, fidelity);
+        let inside = |at: &[f64; 2]| {
+            let near = |x: f64, pixels: usize| x > -side && x < pixels as f64 + side;
+            near(at[0], detector.width) && near(at[1], detector.height)
+        };
+        let lit = places.iter().filter(|at| inside(at)).count() as f64 / PLACES as f64;
+        if lit == 0.0 {
+            work.looks += share * 7.0;
+            work.moving_ms += share * 7.0 * LOOK_NS * 1e-6;
+            return;
+        }
+        let steps = places
+            .windows(2)
+            .map(|ends| [0, 1].map(|k| ends[1][k] - ends[0][k]));
+        let (way, down) = steps.fold((0.0, 0.0), |(way, down), [x, y]: [f64; 2]| {
+            (way + x.hypot(y) * lit, down + y.abs() * lit)
+        });
+        let panels = (way / self.step_px(candidate, fidelity)).max(2.0);
+        let stamp_ns = camera.optics.psf.stamp_ns(side);
+        let looks = 2.0 * panels + 7.0;
+        work.looks += share * looks;
+        let moving_ns = 2.0 * panels * stamp_ns + looks * LOOK_NS + way * side * FOOTPRINT_NS;
+        work.moving_ms += share * moving_ns * 1e-6;
 
-    /// Samples for rows that are told apart: two at two edges of each row of an image.
-    fn rolling_samples(&self) -> f64 {
-        4.0 * self.rows * self.sources
-    }
-
-    /// Looks beside: the ends of panels, and the search for the instants at which the image's own row opens and closes.
-    fn rolling_looks(&self) -> f64 {
-        self.rolling_samples() + 2.0 * self.panels + 100.0 * self.sources
-    }
-
-    /// What it takes to move images, ms: the panels of their tracks, and the pixels that they reach.
-    pub fn moving_ms(&self, view: &View) -> f64 {
-        let stamps_ns = 2.0 * self.panels * view.camera.optics.psf.stamp_ns(self.rows);
-        (stamps_ns + self.looks() * LOOK_NS + self.wider * FOOTPRINT_NS) * 1e-6
-    }
-
-    /// What it takes to tell rows apart, ms: each sample is spread for what is collected, and half of it for the image.
-    fn rolling_ms(&self, view: &View) -> f64 {
-        let stamp_ns = view.camera.optics.psf.stamp_ns(self.rows);
-        (1.5 * self.rolling_samples() * stamp_ns + self.rolling_looks() * LOOK_NS) * 1e-6
+        // The rows of an image open during some of its panels, and close during as many.
+        let rows = side + down;
+        let opening_s = rows * camera.readout_s() / detector.height as f64;
+        let cut = (2.0 * (1.0 + opening_s * panels / seconds)).min(panels);
+        let looks = 2.0 * panels + 2.0 * cut + CROSSING;
+        work.rolling_looks += share * looks;
+        let rolling_ns = cut * (2.0 * stamp_ns + 4.0 * rows * ROW_NS) + looks * LOOK_NS;
+        work.rolling_ms += share * rolling_ns * 1e-6;
     }
 }
 

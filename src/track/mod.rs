@@ -109,12 +109,10 @@ impl Track {
         self
     }
 
-    /// The same path with its light multiplied.
-    pub fn scaled(&self, factor: f64) -> Track {
-        let mut scaled = self.clone();
-        let samples = scaled.samples.iter_mut();
+    /// Multiplies its light.
+    pub fn scale(&mut self, factor: f64) {
+        let samples = self.samples.iter_mut();
         samples.for_each(|sample| sample.weight *= factor);
-        scaled
     }
 
     /// Samples `place` (0: the first row opens, 1: the last one closes; none: behind the camera) as finely as the course asks

@@ -99,13 +99,14 @@ impl Rows {
     }
 
     /// Which rows within `low..high` (px) collect light in the time `from..to`: those that do all the time, and the others with
-    /// the part of it in which they do.
+    /// the part of it in which they do. Rows beyond go with those if all do.
     pub fn turns(&self, [from, to]: [f64; 2], [low, high]: [f64; 2]) -> Turns {
         let last = self.last() as i64;
         let row = |y: f64| (y as i64).clamp(0, last);
         let mut turns = Turns::default();
         let mut throughout: Option<Range<i64>> = None;
-        for r in row(low.floor())..row(high.ceil()) + 1 {
+        let near = row(low.floor())..row(high.ceil()) + 1;
+        for r in near.clone() {
             let opens = self.opens(r as f64).max(from);
             let closes = self.closes(r as f64).min(to);
             if [opens, closes] == [from, to] {
@@ -116,7 +117,13 @@ impl Rows {
                 turns.others.push((self.lit(r..r + 1), [opens, closes]));
             }
         }
-        turns.throughout = throughout.map_or(Lit::NONE, |rows| self.lit(rows));
+        turns.throughout = throughout.map_or(Lit::NONE, |rows| {
+            if rows == near {
+                Lit::ALL
+            } else {
+                self.lit(rows)
+            }
+        });
         turns
     }
 

@@ -145,10 +145,11 @@ impl Psf {
     pub fn stamp_ns(&self, rows: f64) -> f64 {
         match self.shape {
             // Error functions at the edges of rows and columns, and a product a pixel.
-            // Far out the functions are 1, and cheap.
-            Shape::Gaussian(_) => 50.0 * rows.min(12.0) + 8.0 * rows + 0.2 * rows * rows,
-            // Interpolation in a table.
-            Shape::Airy(..) | Shape::Moffat(..) => 200.0 + 8.0 * rows * rows,
+            Shape::Gaussian(_) => 200.0 + 47.0 * rows + 0.34 * rows * rows,
+            // Interpolation in a table: a place an edge, a sum a corner.
+            Shape::Airy(..) => 250.0 + 70.0 * rows + 5.6 * rows * rows,
+            // Its reach takes powers.
+            Shape::Moffat(..) => 500.0 + 70.0 * rows + 5.6 * rows * rows,
             Shape::Images(ref images) => 100.0 + 11.0 * images.mixed() as f64 * rows * rows,
         }
     }
