@@ -42,8 +42,8 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
         return Need::none("it takes no light of any source");
     }
     let ns = match vignetting {
-        Vignetting::Table(_) => 40.0,
-        _ => 4.5,
+        Vignetting::Table(_) => 15.0,
+        _ => 3.0,
     };
     Need {
         because: format!(

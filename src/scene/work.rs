@@ -19,8 +19,9 @@ const SOURCE_NS: f64 = 500.0;
 const FOOTPRINT_NS: f64 = 7.0;
 /// ns of a pixel of a footprint when it is drawn.
 const DRAWN_NS: f64 = 1.0;
-/// ns of a row at a point of a panel in which rows open or close: its weight, its part in light and centre.
-const ROW_NS: f64 = 60.0;
+/// ns of a point of a panel in which rows open or close, and of each row there: weights, parts in light and centre.
+const POINT_NS: f64 = 1000.0;
+const ROW_NS: f64 = 110.0;
 /// Looks for the instants at which an image's own row opens and closes.
 const CROSSING: f64 = 100.0;
 
@@ -113,7 +114,8 @@ impl View {
         let cut = (2.0 * (1.0 + opening_s * panels / seconds)).min(panels);
         let looks = 2.0 * panels + 2.0 * cut + CROSSING;
         work.rolling_looks += share * looks;
-        let rolling_ns = cut * (2.0 * stamp_ns + 4.0 * rows * ROW_NS) + looks * LOOK_NS;
+        let rolling_ns =
+            cut * (2.0 * stamp_ns + 4.0 * (POINT_NS + rows * ROW_NS)) + looks * LOOK_NS;
         work.rolling_ms += share * rolling_ns * 1e-6;
     }
 }
