@@ -178,7 +178,7 @@ impl Bench<'_> {
         let ask = |effect: &Effect| match &effect.judge {
             // Twice: for the scene, and for the plan.
             Judge::Images(judge, change_e) => {
-                let need = [judge(&scene.view, fidelity), judge(&scene.view, fidelity)];
+                let need = [(); 2].map(|()| judge(&scene.view, &scene.simulated, fidelity));
                 if need[1].error != Loss::default() {
                     change_e(&scene, &need[1].error);
                 }

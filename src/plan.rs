@@ -29,7 +29,8 @@ pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated
     for effect in EFFECTS {
         let runs = match &effect.judge {
             Judge::Images(judge, _) => {
-                refusal(effect, &judge(view, fidelity), fidelity, choice).is_none()
+                let need = judge(view, &simulated, fidelity);
+                refusal(effect, &need, fidelity, choice).is_none()
             }
             Judge::Pixels(_) => !choice.off.contains(&effect.name),
         };
@@ -68,7 +69,9 @@ impl<'s> Plan<'s> {
     pub fn new(scene: &'s Scene, fidelity: &Fidelity, choice: &Choice) -> Plan<'s> {
         let verdict = |effect: &'static Effect| {
             let (need, pass) = match &effect.judge {
-                Judge::Images(judge, _) => (judge(&scene.view, fidelity), Pass::Images),
+                Judge::Images(judge, _) => {
+                    (judge(&scene.view, &scene.simulated, fidelity), Pass::Images)
+                }
                 Judge::Pixels(judge) => judge(scene, fidelity),
             };
             let error = match &effect.judge {

@@ -275,3 +275,26 @@ fn a_plan_that_leaves_nothing_out_runs_everything_and_one_without_noise_draws_no
         Some(Stage::Digits)
     );
 }
+
+#[test]
+fn what_has_nothing_to_work_on_is_not_called_for() {
+    each_scene(|name, bench| {
+        let off = |names: &[&'static str]| {
+            let choice = Choice {
+                off: names.to_vec(),
+                ..Choice::default()
+            };
+            verdicts(bench, &choice)
+        };
+        let shapes = EFFECTS.iter().filter(|e| e.stage == Stage::Images).count();
+        // Rows that are exposed in turn see the same where nothing moves.
+        let still = off(&["smear", "aberration drift"]);
+        let rolling = still.iter().find(|v| v.effect == "rolling shutter");
+        assert!(rolling.is_some_and(|verdict| !verdict.run), "{name}");
+        // No source, no image.
+        for verdict in &off(&["stars", "rsos"])[..shapes] {
+            let price = verdict.price_ms.unwrap_or(0.0);
+            assert!(price < 1e-6, "{name}, {}: {price} ms", verdict.effect);
+        }
+    });
+}

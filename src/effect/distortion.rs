@@ -25,7 +25,7 @@ pub const DISTORTION: Effect = Effect {
 /// Places along a side of the detector at which the displacement is looked at.
 const PLACES: usize = 13;
 
-fn judge(view: &View, _: &Fidelity) -> Need {
+fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
     let (optics, detector) = (&view.camera.optics, &view.camera.detector);
     if optics.projection.is_ideal() {
         return Need::none("the lens has no distortion");

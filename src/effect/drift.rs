@@ -19,7 +19,7 @@
 
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::{Body, Change, STEEPEST, STEEPEST_STREAK, Scene, View};
+use crate::scene::{Body, Change, STEEPEST, STEEPEST_STREAK, Scene, Simulated, View};
 use crate::sky::bodies::LIGHT_M_S;
 use nalgebra::Vector3;
 
@@ -32,7 +32,7 @@ pub const ABERRATION_DRIFT: Effect = Effect {
     mark: |simulated| simulated.aberration_drift = true,
 };
 
-fn judge(view: &View, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
     let [start, end] = view.velocity_change_m_s.map(|dv| dv.norm());
     if start.max(end) == 0.0 {
         return Need::none("no change of the observer's velocity aberrates");
@@ -58,19 +58,12 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
         .map(bound)
         .fold(0.0, f64::max);
     let px = furthest * view.camera.scale_and_corner_px().0;
-    // Images that would stand still otherwise become tracks of two panels.
-    let still = view.longest_track_px(view.exposure.duration_s) <= fidelity.skip_px;
-    let work = view.work(view.exposure.duration_s, fidelity);
-    let price_ms = if still {
-        work.moving_ms
-    } else {
-        work.looks * 25e-6
-    };
     Need {
         because: format!("stars move by up to {px:.2e} px from mid-exposure to its ends").into(),
         error: Loss { e: 0.0, px },
         drawn_e: 0.0,
-        price_ms,
+        // Images that would stand still otherwise become tracks of two panels.
+        price_ms: view.work(0.0, fidelity).moving_ms,
     }
 }
 

@@ -88,8 +88,9 @@ impl Effect {
 
 /// How an effect is asked.
 pub enum Judge {
-    /// It shapes the images of sources, and is asked before they are made; what it changes is told when they are.
-    Images(fn(&View, &Fidelity) -> Need, Change),
+    /// It shapes the images of sources, and is asked before they are made, with what shapes them already; what it changes is
+    /// told when they are.
+    Images(fn(&View, &Simulated, &Fidelity) -> Need, Change),
     /// It works on pixels.
     Pixels(for<'s> fn(&'s Scene, &Fidelity) -> (Need, Pass<'s>)),
 }

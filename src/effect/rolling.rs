@@ -22,7 +22,7 @@ pub const ROLLING_SHUTTER: Effect = Effect {
     mark: |simulated| simulated.rolling = true,
 };
 
-fn judge(view: &View, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
     let readout_s = view.camera.readout_s();
     if readout_s == 0.0 {
         return Need::none("all rows are exposed together");
@@ -30,6 +30,9 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     let off_px = view.longest_track_px(readout_s) / 2.0;
     if off_px == 0.0 {
         return Need::none("nothing moves during the exposure and the readout");
+    }
+    if !simulated.smear && !simulated.aberration_drift {
+        return Need::none("images stand still, for smear is not simulated");
     }
     Need {
         because: format!(

@@ -22,7 +22,7 @@ pub const SMEAR: Effect = Effect {
     mark: |simulated| simulated.smear = true,
 };
 
-fn judge(view: &View, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
     let length_px = view.longest_track_px(view.exposure.duration_s);
     // What stands still does so for a rolling shutter too, whose rows see it elsewhere.
     let rolled_px = match view.camera.readout_s() {
@@ -32,6 +32,12 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
     if length_px == 0.0 {
         return Need::none("nothing moves during the exposure");
     }
+    let moving_ms = |seconds: f64| view.work(seconds, fidelity).moving_ms;
+    let already_ms = if simulated.aberration_drift {
+        moving_ms(0.0)
+    } else {
+        0.0
+    };
     Need {
         because: format!("images move by up to {length_px:.3} px").into(),
         error: Loss {
@@ -39,7 +45,7 @@ fn judge(view: &View, fidelity: &Fidelity) -> Need {
             px: length_px / 2.0 + rolled_px,
         },
         drawn_e: 0.0,
-        price_ms: view.work(view.exposure.duration_s, fidelity).moving_ms,
+        price_ms: moving_ms(view.exposure.duration_s) - already_ms,
     }
 }
 

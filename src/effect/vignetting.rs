@@ -19,7 +19,7 @@
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, Scene, View};
+use crate::scene::{Change, Scene, Simulated, View};
 use std::cell::Cell;
 
 /// The transmission off the boresight.
@@ -31,7 +31,7 @@ pub const VIGNETTING: Effect = Effect {
     mark: |simulated| simulated.vignetting = true,
 };
 
-fn judge(view: &View, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
     let vignetting = &view.camera.optics.vignetting;
     if *vignetting == Vignetting::None {
         return Need::none("the optics let as much light pass everywhere");

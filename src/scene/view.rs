@@ -222,6 +222,16 @@ impl View {
         Ok(view)
     }
 
+    /// Without the sources of effects that are switched off.
+    pub fn where_shine(mut self, runs: impl Fn(&'static str) -> bool) -> View {
+        let (stars, rsos) = (runs("stars"), runs("rsos"));
+        self.candidates.retain(|candidate| match candidate.body {
+            Body::Star(_) => stars,
+            Body::Rso(_) => rsos,
+        });
+        self
+    }
+
     /// ICRF to camera, `dt_s` after mid-exposure.
     pub fn pointing(&self, dt_s: f64) -> Attitude {
         self.vehicle

@@ -5,20 +5,12 @@
 //! time wherever the image hurries or lingers; it is integrated by the two-point Gauss rule.
 
 mod rows;
+mod sample;
 
 pub use rows::{Lit, Rows, Turns};
+pub use sample::{Place, Sample};
 
 use crate::fidelity::Fidelity;
-use std::ops::Range;
-
-/// Where an image is, and what light of it arrives there.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
-    /// On the unbounded detector plane, px.
-    pub at: [f64; 2],
-    /// Share of its light that the optics let pass there (1).
-    pub light: f64,
-}
 
 /// The path of a source's image on the unbounded detector plane.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,19 +21,6 @@ pub struct Track {
     pub end: [f64; 2],
     /// Points that stand for its light.
     pub samples: Vec<Sample>,
-}
-
-/// A point of a track.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Sample {
-    /// Where, px.
-    pub at: [f64; 2],
-    /// Its light, in units of the light that arrives at the aperture in one exposure (1).
-    pub weight: f64,
-    /// The rows that collect it.
-    pub lit: Lit,
-    /// Rows that collect a share of it.
-    pub parts: Vec<(Lit, f64)>,
 }
 
 /// What a track is sampled for.
@@ -352,34 +331,6 @@ fn polynomial(k: usize, u: f64) -> f64 {
     let others = (0..FOUR.len()).filter(|j| *j != k);
     let factors = others.map(|j| (u - FOUR[j].0) / (FOUR[k].0 - FOUR[j].0));
     factors.product()
-}
-
-impl Sample {
-    /// Those of `rows` that collect something of its light.
-    pub fn rows(&self, rows: &Range<i64>) -> Range<i64> {
-        let mut all = self.lit.among(rows);
-        for (lit, _) in &self.parts {
-            let part = lit.among(rows);
-            if all.is_empty() {
-                all = part;
-            } else if !part.is_empty() {
-                all = all.start.min(part.start)..all.end.max(part.end);
-            }
-        }
-        all
-    }
-
-    /// The share of its light that each of `rows` collects of what falls there, into `shares`.
-    pub fn shares(&self, rows: &Range<i64>, shares: &mut Vec<f64>) {
-        shares.clear();
-        shares.resize((rows.end - rows.start).max(0) as usize, 0.0);
-        let mut lay = |lit: &Lit, share: f64| {
-            let Range { start, end } = lit.among(rows);
-            shares[(start - rows.start) as usize..(end - rows.start) as usize].fill(share);
-        };
-        lay(&self.lit, 1.0);
-        self.parts.iter().for_each(|(lit, share)| lay(lit, *share));
-    }
 }
 
 impl Window {
