@@ -89,10 +89,8 @@ fn report(path: &Path) -> bool {
             continue;
         };
         let ratio = price / measured.ms;
-        // Of small differences between large times, two standard errors are not told.
-        let [least, most] = [-2.0, 2.0].map(|errors| measured.ms + errors * measured.error_ms);
-        let fair = price * MOST_OFF >= least && price <= most.max(0.0) * MOST_OFF
-            || price.max(measured.ms) < LEAST_MS;
+        let fair =
+            (1.0 / MOST_OFF..=MOST_OFF).contains(&ratio) || price.max(measured.ms) < LEAST_MS;
         kept &= fair;
         println!(
             "  {:<18} price {price:8.3} ms, measured {:8.3} +- {:.3} ms, ratio {ratio:5.2}{}",
