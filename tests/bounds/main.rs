@@ -2,6 +2,7 @@
 //! more than what was declared. How near the bounds are is printed.
 
 mod chance;
+mod entering;
 #[path = "../support/oem.rs"]
 mod oem;
 
