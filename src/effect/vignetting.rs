@@ -19,8 +19,7 @@
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, Scene, Simulated, View};
-use std::cell::Cell;
+use crate::scene::{Change, Scene, Simulated, Source, View};
 
 /// The transmission off the boresight.
 pub const VIGNETTING: Effect = Effect {
@@ -82,18 +81,21 @@ fn change(scene: &Scene, _: &Loss) -> Loss {
     let (vignetting, simulated) = (&scene.view.camera.optics.vignetting, &scene.simulated);
     let moves = simulated.smear || simulated.aberration_drift;
     let seen = scene.seen();
-    let off_px = Cell::new(0.0f64);
+    let passes = |source: &Source| {
+        let passes = seen(&source.body).map(|seen| vignetting.transmission(&seen));
+        passes.iter().fold([1.0f64, 0.0], |[least, most], t| {
+            [t.min(least), t.max(most)]
+        })
+    };
+    let off_px = scene.sources.iter().filter(|_| moves).map(|source| {
+        let [least, most] = passes(source);
+        // A tenth more, for what a track passes between.
+        let part = 1.1 * (most - least) / (4.0 * least.max(f64::MIN_POSITIVE));
+        source.length_px() * part.min(1.0)
+    });
     // The same images are there without it.
     let e = scene.change_e(simulated, |image| {
-        let passes = seen(&image.source.body).map(|seen| vignetting.transmission(&seen));
-        let [least, most] = passes.iter().fold([1.0f64, 0.0], |[least, most], t| {
-            [t.min(least), t.max(most)]
-        });
-        if moves {
-            // A tenth more, for what a track passes between.
-            let part = 1.1 * (most - least) / (4.0 * least.max(f64::MIN_POSITIVE));
-            off_px.set(off_px.get().max(image.length_px * part.min(1.0)));
-        }
+        let [least, _] = passes(image.source);
         // Of the light that would arrive; a tenth more again.
         let taken = 1.1 * (1.0 - least);
         let clear_e = if simulated.vignetting {
@@ -108,6 +110,6 @@ fn change(scene: &Scene, _: &Loss) -> Loss {
     });
     Loss {
         e,
-        px: off_px.get(),
+        px: off_px.fold(0.0, f64::max),
     }
 }

@@ -16,6 +16,7 @@ use super::brightest::{greatest_share, summed_e};
 use super::{Body, Candidate, Scene, Simulated, Source};
 use crate::camera::{Detector, LocalPsf, Stamp};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 /// The steepest slope, in heights a core, of the image of a point that stands still.
 pub const STEEPEST: f64 = 0.61;
@@ -145,22 +146,26 @@ pub struct Change {
 impl Scene {
     /// A bound (e-) of the change of any pixel, where each image changes by what `change` says of it; those that are there only in a
     /// scene `without`, if that differs from this one, come with all their light.
-    pub fn change_e(&self, without: &Simulated, change: impl Fn(&Image<'_>) -> Change) -> f64 {
+    pub fn change_e(
+        &self,
+        without: &Simulated,
+        change: impl Fn(&Image<'_>) -> Change + Sync,
+    ) -> f64 {
         let detector = &self.view.camera.detector;
-        let mut stamp = Stamp::default();
         let widest = detector.width.max(detector.height) as f64;
         let entering = self.entering(without);
         let came = entering.iter().map(|source| {
             let e = source.electrons * greatest_share(source);
             (source, e, 0)
         });
-        let lights = (self.sources.iter())
+        let lights = (self.sources.par_iter())
             .filter(|source| source.arriving_e > 0.0 && !source.footprint.shares().is_empty())
-            .map(|source| {
-                let Change { e, beside_px } = change(&self.image(source, &mut stamp));
+            .map_init(Stamp::default, |stamp, source| {
+                let Change { e, beside_px } = change(&self.image(source, stamp));
                 (source, e, beside_px.min(widest).ceil() as usize)
             });
-        summed_e(detector, lights.chain(came))
+        let lights: Vec<(&Source, f64, usize)> = lights.collect();
+        summed_e(detector, lights.into_iter().chain(came))
     }
 
     fn image<'a>(&'a self, source: &'a Source, stamp: &mut Stamp) -> Image<'a> {
@@ -181,8 +186,7 @@ impl Scene {
         let ends = [source.start, source.end].map(|at| psf.differs(&optics.psf_at(at, ratio)));
         let sharper = 1.0 + ends[0].max(ends[1]);
         let (core_px, still_e) = (psf.core_px(), source.arriving_e * middle * sharper);
-        let way = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-        let length_px = way(source.start, source.centroid) + way(source.centroid, source.end);
+        let length_px = source.length_px();
         // Between pixels it may be higher than in the greatest of them.
         let seen_e = source.electrons * greatest_share(source) * over;
         let (height_e, outside_px) = if detector.contains(source.centroid) {
