@@ -4,6 +4,7 @@
 mod reference;
 
 mod cameras;
+mod labels;
 mod projection;
 mod psf;
 mod refused;

@@ -13,6 +13,8 @@ pub struct Image {
     rows: usize,
     /// Light left of and above each corner of a cell: `columns + 1` a row.
     sums: Vec<f64>,
+    /// From its middle to the centre of its light, cells.
+    offset: [f64; 2],
 }
 
 /// The images of a field.
@@ -81,10 +83,14 @@ impl Image {
         }
         let wide = columns + 1;
         let mut sums = vec![0.0; wide * (rows.len() + 1)];
+        let mut offset = [0.0; 2];
         for (i, row) in rows.iter().enumerate() {
             let mut line = 0.0;
             for (j, sample) in row.iter().enumerate() {
                 line += sample / total;
+                let from_middle = |i: usize, cells: usize| i as f64 + 0.5 - cells as f64 / 2.0;
+                offset[0] += sample / total * from_middle(j, columns);
+                offset[1] += sample / total * from_middle(i, rows.len());
                 sums[(i + 1) * wide + j + 1] = sums[i * wide + j + 1] + line;
             }
         }
@@ -92,6 +98,7 @@ impl Image {
             columns,
             rows: rows.len(),
             sums,
+            offset,
         })
     }
 
@@ -242,6 +249,16 @@ impl Images {
     /// How many images are mixed at most.
     pub fn mixed(&self) -> usize {
         self.images.len().min(4)
+    }
+
+    /// From the source to the centre of its light, px.
+    pub fn offset_px(&self, mix: &Mix) -> [f64; 2] {
+        let mut sum = [0.0; 2];
+        for (i, weight) in mix {
+            let offset = self.images.get(*i).map_or([0.0; 2], |image| image.offset);
+            sum = [0, 1].map(|k| sum[k] + weight * offset[k] / self.oversampling);
+        }
+        sum
     }
 
     /// What the images are mixed of at a place of the field.

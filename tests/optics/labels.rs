@@ -1,0 +1,52 @@
+//! Labels tell where the light is, whatever the point spread function does to it.
+
+use hifitime::Epoch;
+use skyloop::attitude::VehicleState;
+use skyloop::camera::Psf;
+use skyloop::camera::psf::{Image, Images, Shape, Variation};
+use skyloop::config::Config;
+use skyloop::engine::Emulator;
+use skyloop::sky::catalog::Selection;
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// An image whose light is off its middle moves the light of a source, and its label with it.
+#[test]
+fn labels_have_the_centre_of_an_image_that_is_off_its_middle() {
+    let rows = |text: &str| -> Vec<Vec<f64>> {
+        let line = |line: &str| line.split(' ').map(|s| s.parse().unwrap()).collect();
+        text.split(", ").map(line).collect()
+    };
+    // X-Val: its centre is 0.7 - 0.1 = 0.6 cells to the right of its middle and 0.2 below: 0.3 and 0.1 px.
+    let image = Image::new(&rows("0 0 0, 0.1 0 0.7, 0 0.2 0")).unwrap();
+    let images = Images::new(2.0, [vec![0.0], vec![0.0]], vec![image]).unwrap();
+    let mut config = Config::defaults().unwrap();
+    config.sky.selection = Selection::Bsc;
+    config.label_snr = 0.0;
+    let mut emulator = Emulator::new(&mut config);
+    emulator.choice.noise = false;
+    emulator.keep_expected = true;
+    let camera = emulator.camera_mut();
+    camera.detector.dark_e_s = 0.0;
+    let psf = |shape| Psf::new(shape, Variation::default());
+    camera.optics.psf = psf(Shape::Gaussian(0.3));
+    let q = [0.1, 0.2, -0.3, 0.927_361_849_549_570_4];
+    let epoch = Epoch::from_str("2026-02-11T18:22:41 UTC").unwrap();
+    let vehicle = VehicleState::new(1, epoch, q, [0.0; 3], None).unwrap();
+    let centred = emulator.shoot(&vehicle, 0).unwrap().label.objects;
+    emulator.camera_mut().optics.psf = psf(Shape::Images(Arc::new(images)));
+    let shot = emulator.shoot(&vehicle, 0).unwrap();
+    let moved = &shot.label.objects;
+    assert!(moved.len() > 100);
+    for moved in moved {
+        let before = centred.iter().find(|object| object.id == moved.id);
+        let Some(before) = before else { continue };
+        for (a, b) in [
+            ([before.x_px, before.y_px], [moved.x_px, moved.y_px]),
+            ([before.x0_px, before.y0_px], [moved.x0_px, moved.y0_px]),
+            ([before.x1_px, before.y1_px], [moved.x1_px, moved.y1_px]),
+        ] {
+            assert!((b[0] - a[0] - 0.3).abs() < 1e-9 && (b[1] - a[1] - 0.1).abs() < 1e-9);
+        }
+    }
+}
