@@ -437,8 +437,15 @@ fn four_digits(value: f64) -> f64 {
     rounded(value, decimals)
 }
 
+/// A bound stays one.
 fn short<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_f64(four_digits(*value))
+    let near = four_digits(*value);
+    let up = if near < *value {
+        four_digits(value * (1.0 + 1e-3 / 2.0))
+    } else {
+        near
+    };
+    to.serialize_f64(up)
 }
 
 fn some_short<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {

@@ -298,3 +298,31 @@ fn what_has_nothing_to_work_on_is_not_called_for() {
         }
     });
 }
+
+/// However thinly light is spread, its electrons come whole: a label's signal is in the frame.
+#[test]
+fn light_too_thin_for_any_pixel_is_drawn() {
+    let path = scenes()
+        .into_iter()
+        .find(|path| path.ends_with("fast-slew.toml"));
+    let mut config = Config::load(&path.unwrap()).unwrap();
+    let mission = flight::mission(&config).unwrap();
+    let emulator = Emulator::new(&mut config);
+    let mut camera = (*emulator.camera()).clone();
+    camera.optics.transmission *= 1e-6;
+    let bench = Bench {
+        emulator: &emulator,
+        camera: std::sync::Arc::new(camera),
+        vehicle: flight::vehicle(&mission, 0).unwrap(),
+    };
+    let choice = Choice::default();
+    let skip_e = emulator.fidelity().skip_e;
+    let verdicts = verdicts(&bench, &choice);
+    let stars = verdicts.iter().find(|v| v.effect == "stars").unwrap();
+    assert!(stars.error_e < skip_e, "{} e- a pixel", stars.error_e);
+    let scene = emulator
+        .scene(&bench.camera, &bench.vehicle, 0, &choice)
+        .unwrap();
+    let all: f64 = scene.sources.iter().map(|source| source.electrons).sum();
+    assert!(all > skip_e && stars.run, "{all} e- in all");
+}

@@ -178,7 +178,7 @@ impl Report {
         let Tolerances { skip_e, skip_px } = self.tolerances;
         let mut text = format!(
             "frame {frame} of {scene}, {}, middle {}\n\
-             skipped: what changes no pixel by more than {skip_e} e- and moves no image by more than {skip_px} px\n",
+             skipped: what moves images by no more than {skip_px} px, or, where it moves none, changes no pixel by more than {skip_e} e-\n",
             self.camera, self.epoch_mid
         );
         let measured = self

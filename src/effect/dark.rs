@@ -51,7 +51,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             }
         }
         let e = shown_e(scene, &of_cells(&columns), |parts| parts.dark = false);
-        Need::of_pixels(scene, because, e, ns)
+        Need {
+            // However little a pixel expects, somewhere electrons come.
+            drawn_e: mean * seconds * scene.view.camera.detector.pixels() as f64,
+            ..Need::of_pixels(scene, because, e, ns)
+        }
     };
     let pass = match pattern.dark_e_s() {
         Some(map) => Pass::Tile(Box::new(move |tile| {

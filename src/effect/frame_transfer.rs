@@ -33,7 +33,10 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             let e = shown_e(scene, &of_cells(trail), |parts| {
                 parts.frame_transfer = false
             });
-            Need::of_pixels(scene, because, e, 0.17)
+            Need {
+                drawn_e: trail.iter().sum::<f64>() * scene.view.camera.detector.height as f64,
+                ..Need::of_pixels(scene, because, e, 0.17)
+            }
         }
         Shutter::FrameTransfer { .. } => Need::none("there is no light"),
         _ => Need::none("no charge is shifted through light"),

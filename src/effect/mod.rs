@@ -118,8 +118,8 @@ pub struct Need {
     pub because: Cow<'static, str>,
     /// What leaving it out would cost at most.
     pub error: Loss,
-    /// What leaving it out may change of what noise and particles draw, beside the expectation that `error` speaks of, e-. It runs
-    /// where either is beyond the tolerance.
+    /// What leaving it out may change of what noise and particles draw, in one pixel or of all electrons together, beside the
+    /// expectation of a pixel that `error` speaks of, e-. It runs where either is beyond the tolerance.
     pub drawn_e: f64,
     /// What it is expected to take, ms on one core.
     pub price_ms: f64,

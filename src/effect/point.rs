@@ -69,7 +69,8 @@ fn judge<'s>(
         Need {
             because: format!("{} {what} in the field", drawn.len()).into(),
             error: Loss { e, px: 0.0 },
-            drawn_e: 0.0,
+            // Thinly spread light comes in whole electrons too.
+            drawn_e: drawn.iter().map(|source| source.electrons).sum(),
             price_ms: still_ms(scene, &drawn, fidelity),
         }
     };

@@ -33,10 +33,13 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
         return Need::none("nothing moves during the exposure");
     }
     let moving_ms = |seconds: f64| view.work(seconds, fidelity).moving_ms;
-    let already_ms = if simulated.aberration_drift {
-        moving_ms(0.0)
-    } else {
+    // Tracks that short are points.
+    let price_ms = if length_px <= fidelity.skip_px {
         0.0
+    } else if simulated.aberration_drift {
+        moving_ms(view.exposure.duration_s) - moving_ms(0.0)
+    } else {
+        moving_ms(view.exposure.duration_s)
     };
     Need {
         because: format!("images move by up to {length_px:.3} px").into(),
@@ -45,7 +48,7 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
             px: length_px / 2.0 + rolled_px,
         },
         drawn_e: 0.0,
-        price_ms: moving_ms(view.exposure.duration_s) - already_ms,
+        price_ms,
     }
 }
 

@@ -41,8 +41,8 @@ fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
         return Need::none("it takes no light of any source");
     }
     let ns = match vignetting {
-        Vignetting::Table(_) => 15.0,
-        _ => 3.0,
+        Vignetting::Table(_) => 22.0,
+        _ => 4.0,
     };
     Need {
         because: format!(

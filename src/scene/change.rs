@@ -91,7 +91,7 @@ impl Image<'_> {
             };
         }
         let mut stamp = Stamp::default();
-        let mut at = |px: f64| share(&self.psf, [px, 0.0], &mut stamp);
+        let mut at = |px: f64| self.psf.on_pixel([px, 0.0], &mut stamp);
         // Further out there may be a ring.
         let rings = [0.0, 0.5, 1.0, 2.0].map(|further| at(from_px + further));
         let most = rings.into_iter().fold(0.0, f64::max);
@@ -116,7 +116,8 @@ impl Image<'_> {
         let mut stamp = Stamp::default();
         // There may be a ring.
         let edges = [0.0, 0.5, 1.0];
-        let edges = edges.map(|inside| share(&self.psf, [self.drawn_px - inside, 0.0], &mut stamp));
+        let edges =
+            edges.map(|inside| self.psf.on_pixel([self.drawn_px - inside, 0.0], &mut stamp));
         let edge = edges.into_iter().fold(0.0, f64::max);
         self.source.arriving_e * (edge + self.even)
     }
@@ -179,8 +180,8 @@ impl Scene {
         let (middle, over) = match psf.relief() {
             Some(relief) => (relief.peak, relief.over_brightest),
             None => {
-                let middle = share(&psf, [0.0; 2], stamp);
-                (middle, middle / share(&psf, [0.5; 2], stamp))
+                let middle = psf.on_pixel([0.0; 2], stamp);
+                (middle, middle / psf.on_pixel([0.5; 2], stamp))
             }
         };
         let ends = [source.start, source.end].map(|at| psf.differs(&optics.psf_at(at, ratio)));
@@ -312,12 +313,6 @@ fn identity(body: &Body) -> (bool, usize) {
         Body::Star(star) => (true, star.index),
         Body::Rso(object) => (false, object.index),
     }
-}
-
-/// The share of the light of a point on the pixel that it is `off` from the middle of.
-fn share(psf: &LocalPsf<'_>, off: [f64; 2], stamp: &mut Stamp) -> f64 {
-    psf.spread(1.0, off, 0..1, 0..1, stamp);
-    stamp.light.iter().sum()
 }
 
 /// How far (px) the line from a source's start through its centroid to its end stays outside of the detector, at least.

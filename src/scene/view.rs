@@ -271,8 +271,7 @@ impl View {
         // Of a source in the middle of a pixel.
         let mut stamp = Stamp::default();
         let psf = camera.optics.psf_at(camera.optics.principal_px, 1.0);
-        psf.spread(1.0, [0.0; 2], 0..1, 0..1, &mut stamp);
-        let share: f64 = stamp.light.iter().sum();
+        let share = psf.on_pixel([0.0; 2], &mut stamp);
         let pointing = self.pointing(0.0);
         let widest = (camera.cone_rad(psf.core_px() * 5.0) + self.turn).min(std::f64::consts::PI);
         let edge = libm::cos(widest);

@@ -20,8 +20,8 @@ const FOOTPRINT_NS: f64 = 7.0;
 /// ns of a pixel of a footprint when it is drawn.
 const DRAWN_NS: f64 = 1.0;
 /// ns of a point of a panel in which rows open or close, and of each row there: weights, parts in light and centre.
-const POINT_NS: f64 = 1000.0;
-const ROW_NS: f64 = 110.0;
+const POINT_NS: f64 = 2000.0;
+const ROW_NS: f64 = 180.0;
 /// Looks for the instants at which an image's own row opens and closes.
 const CROSSING: f64 = 100.0;
 

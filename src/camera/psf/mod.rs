@@ -5,8 +5,8 @@
 //! Price: a stamp of 15 x 15 pixels takes 1.7 us as a Gaussian, 4 us from a table, some 10 us from four images; a table is
 //! made in 20 to 200 ms when the camera is loaded.
 //!
-//! No profile is cut and scaled up: what falls further than [`LocalPsf::reach_px`] is lost; what falls between that and the
-//! pixels that are drawn, [`LocalPsf::undrawn`], is laid evenly over these (see `footprint`).
+//! No profile is cut and scaled up: what falls beside the pixels that are drawn, [`LocalPsf::undrawn`], is laid evenly over
+//! these (see `footprint`).
 
 mod airy;
 mod circular;
@@ -19,6 +19,7 @@ pub use images::{Flaw, Image, Images, Relief, SUM_TOLERANCE};
 pub use moffat::Moffat;
 
 use crate::fidelity::Fidelity;
+use circular::Quadrant;
 use gaussian::Gaussian;
 use std::ops::Range;
 use std::sync::Arc;
@@ -211,21 +212,40 @@ impl LocalPsf<'_> {
         self.reach_px(fidelity.psf_loss).min(faint_px + 1.0)
     }
 
-    /// The light of a point at `at` (px) outside of `square` (columns, rows), as far as [`LocalPsf::reach_px`]; 0 where
-    /// [`LocalPsf::drawn_px`] is no less than that for any source.
+    /// The table of its light and its width (px), if it has one.
+    fn table(&self) -> Option<(&Quadrant, f64)> {
+        match self.shape {
+            Shape::Airy(airy, width_px) => Some((airy.table(), self.scale * width_px)),
+            Shape::Moffat(moffat, width_px) => Some((moffat.table(), self.scale * width_px)),
+            Shape::Gaussian(_) | Shape::Images(_) => None,
+        }
+    }
+
+    /// The share of the light of a point on the pixel that it is `off` (px) from the middle of.
+    pub fn on_pixel(&self, off: [f64; 2], stamp: &mut Stamp) -> f64 {
+        if let Some((table, width_px)) = self.table() {
+            let [across, down] = off.map(|off| [-0.5, 0.5].map(|edge| (edge - off) / width_px));
+            return table.inside(across, down).max(0.0);
+        }
+        self.spread(1.0, off, 0..1, 0..1, stamp);
+        stamp.light.iter().sum()
+    }
+
+    /// The light of a point at `at` (px) outside of `square` (columns, rows); 0 where it is no more than `psf_loss`.
     pub fn undrawn(&self, at: [f64; 2], square: &[Range<i64>; 2], fidelity: &Fidelity) -> f64 {
-        let (table, width_px) = match self.shape {
-            Shape::Airy(airy, width_px) => (airy.table(), self.scale * width_px),
-            Shape::Moffat(moffat, width_px) => (moffat.table(), self.scale * width_px),
-            Shape::Gaussian(_) | Shape::Images(_) => return 0.0,
+        let Some((table, width_px)) = self.table() else {
+            return 0.0;
         };
         let [across, down] = [0, 1].map(|axis: usize| {
             let Range { start, end } = square[axis];
             [start, end].map(|i| (i as f64 - 0.5 - at[axis]) / width_px)
         });
-        let reach = self.reach_px(fidelity.psf_loss) / width_px;
-        let all = table.inside([-reach, reach], [-reach, reach]);
-        (all - table.inside(across, down)).max(0.0)
+        let outside = 1.0 - table.inside(across, down);
+        if outside > fidelity.psf_loss {
+            outside
+        } else {
+            0.0
+        }
     }
 
     /// The width (px) of its core, as the standard deviation of a Gaussian: how fine a track must be sampled.
