@@ -129,6 +129,10 @@ fn folds() {
         "optics.projection.strength = 0.32",
     ];
     refused(&text(GAUSSIAN, keys), &words);
+    // A width at an angle beyond the fold is not to blame.
+    let psf =
+        "psf = { kind = \"gaussian\", sigma_px = 0.8, width_by_field = [[0.0, 1.0], [4.0, 1.2]] }";
+    refused(&text(psf, keys), &words[..3]);
     let folder = tempfile::tempdir().unwrap();
     let weaker = |strength: &str| {
         let keys = format!("{keys}\nstrength = {strength}");

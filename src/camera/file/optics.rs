@@ -3,7 +3,8 @@
 use super::projection::RawProjection;
 use super::psf::{Lens, RawPsf};
 use super::vignetting::RawVignetting;
-use crate::camera::{Band, Detector, Optics};
+use crate::camera::psf::{Shape, Variation};
+use crate::camera::{Band, Detector, Optics, Psf};
 use crate::load::{Check, ConfigError, Fixed, Folder};
 use serde::Deserialize;
 
@@ -51,24 +52,30 @@ impl RawOptics {
         }
         let band = self.band.validate(check)?;
         let projection = self.projection.validate(check)?;
-        let lens = Lens {
+        let mut optics = Optics {
             focal_px: focal_m / detector.pitch_m,
-            principal_px,
-            pitch_m: detector.pitch_m,
-            focal_ratio: focal_m / aperture_m,
-            band: &band,
-            projection: &projection,
-        };
-        let optics = Optics {
-            focal_px: lens.focal_px,
             principal_px,
             aperture_m,
             transmission: range("transmission", self.transmission, 0.0..=1.0)?,
-            psf: self.psf.validate(&lens, check, folder)?,
+            psf: Psf::new(Shape::Gaussian(0.1), Variation::default()),
             vignetting: self.vignetting.validate(check)?,
             band,
             projection,
         };
+        let lens = Lens {
+            focal_px: optics.focal_px,
+            principal_px,
+            pitch_m: detector.pitch_m,
+            focal_ratio: focal_m / aperture_m,
+            band: &optics.band,
+            projection: &optics.projection,
+        };
+        let psf = self.psf.validate(&lens, check, folder);
+        if psf.is_err() {
+            // Where the field folds, angles have no image: that comes first.
+            self.projection.check_folds(&optics, detector, check)?;
+        }
+        optics.psf = psf?;
         self.projection.check_folds(&optics, detector, check)?;
         Ok(optics)
     }
