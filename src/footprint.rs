@@ -1,5 +1,6 @@
 //! Where the light of a point source falls: its share on each pixel of the detector.
 
+use crate::camera::psf::square;
 use crate::camera::{Camera, LocalPsf, Stamp};
 use crate::fidelity::Fidelity;
 use crate::track::{Sample, Track, Window};
@@ -57,9 +58,7 @@ impl Drawn<'_> {
     ) -> Drawn<'a> {
         let psf = camera.optics.psf_at(at, light.wavelength_ratio);
         let reach = psf.drawn_px(fidelity, light.electrons);
-        // Pixel i covers i - 0.5 to i + 0.5.
-        let pixel = |x: f64| (x + 0.5).floor() as i64;
-        let square = at.map(|x| pixel(x - reach)..pixel(x + reach).saturating_add(1));
+        let square = square(at, reach);
         Drawn { psf, square }
     }
 

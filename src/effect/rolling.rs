@@ -6,8 +6,8 @@
 //! Process. 17, 1323). Validity: a row opens and closes at once over its whole length;
 //! light beyond the detector's first and last row is counted as those rows would. Without the effect all rows are exposed as the
 //! middle one: images are off by what they move in half the readout time. Each one's light
-//! changes by `N (0.86 d / s + v t_row)` at most, with d for what it moves by itself until its own rows are exposed. Price: two edges of each row that an image touches
-//! cut its track.
+//! changes by `N (0.86 d / s + v t_row)` at most, with d for what it moves by itself until its own rows are exposed. Price: four points of each panel
+//! in which rows that an image touches open or close.
 
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;

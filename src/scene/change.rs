@@ -14,6 +14,7 @@
 
 use super::brightest::{greatest_share, summed_e};
 use super::{Body, Candidate, Scene, Simulated, Source};
+use crate::camera::psf::square;
 use crate::camera::{Detector, LocalPsf, Stamp};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -200,10 +201,7 @@ impl Scene {
         };
         let fidelity = &self.fidelity;
         let drawn_px = psf.drawn_px(fidelity, source.clear_e);
-        let square = source.centroid.map(|at| {
-            let pixel = |x: f64| (x + 0.5).floor() as i64;
-            pixel(at - drawn_px)..pixel(at + drawn_px).saturating_add(1)
-        });
+        let square = square(source.centroid, drawn_px);
         // Tilted it is up to twice as high along each axis.
         let pixels = (2.0 * drawn_px + 1.0).powi(2);
         let even = 4.0 * psf.undrawn(source.centroid, &square, fidelity) / pixels;

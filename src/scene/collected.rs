@@ -1,10 +1,10 @@
 //! What a camera collects of the light of a track: vignetting and shutter take their part.
 
+use crate::camera::psf::square;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use crate::footprint::Light;
 use crate::track::{Lit, Sample, Track};
-use std::ops::Range;
 
 /// The light of a track that is collected, on the unbounded plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,10 +55,7 @@ fn open(
     }
     let psf = camera.optics.psf_at(*at, shine.wavelength_ratio);
     let reach = psf.drawn_px(fidelity, shine.electrons);
-    let touched = |at: f64| -> Range<i64> {
-        (at - reach + 0.5).floor() as i64..(at + reach + 0.5).floor() as i64 + 1
-    };
-    let (columns, rows) = (touched(at[0]), touched(at[1]));
+    let [columns, rows] = square(*at, reach);
     if sample.lit.among(&rows) == rows {
         return (1.0, 0.0);
     }

@@ -30,6 +30,13 @@ pub const WIDEST_PX: f64 = 20.0;
 /// whose `lambda N` is 25 px, and a thousandth of one of 1 px.
 pub const FURTHEST_PX: f64 = 256.0;
 
+/// The columns and rows of the unbounded plane whose pixels lie within `reach_px` of `at` (px), each way.
+pub fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
+    // Pixel i covers i - 0.5 to i + 0.5.
+    let pixel = |x: f64| (x + 0.5).floor() as i64;
+    at.map(|x| pixel(x - reach_px)..pixel(x + reach_px).saturating_add(1))
+}
+
 /// How a camera spreads the light of a point over the detector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Psf {
