@@ -5,7 +5,7 @@ mod spot;
 pub use spot::{MOST_SPOTS, SpotLabel};
 
 use crate::camera::Camera;
-use crate::effect::Verdict;
+use crate::effect::{Loss, Verdict};
 use crate::plan::{Plan, Step};
 use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
@@ -126,12 +126,12 @@ pub struct EffectLabel {
     pub run: bool,
     /// Why, or why not.
     pub why: String,
-    /// What leaving it out costs at most: e- of a pixel's expectation, or rms where it is random.
-    #[serde(serialize_with = "short")]
-    pub error_e: f64,
-    /// px that an image or the end of its track is off without it, at most.
-    #[serde(serialize_with = "short")]
-    pub error_px: f64,
+    /// What leaving it out costs at most: e- of a pixel's expectation, or rms where it is random; null where it ran.
+    #[serde(serialize_with = "some_bound")]
+    pub error_e: Option<f64>,
+    /// px that an image or the end of its track is off without it, at most; null where it ran.
+    #[serde(serialize_with = "some_bound")]
+    pub error_px: Option<f64>,
     /// What it is expected to take, ms on one core; null where it did not run.
     #[serde(serialize_with = "some_short")]
     pub price_ms: Option<f64>,
@@ -140,23 +140,33 @@ pub struct EffectLabel {
 impl EffectLabel {
     /// The verdict of a plan's step.
     pub fn new(step: &Step<'_>) -> EffectLabel {
-        let (run, why, error, price_ms) = match &step.verdict {
-            Verdict::Skip { why, error } => (false, why, error, None),
+        let (why, error, price_ms) = match &step.verdict {
+            Verdict::Skip { why, error } => (why, Some(error), None),
             Verdict::Run {
-                because,
-                error,
-                price_ms,
-                ..
-            } => (true, because, error, Some(*price_ms)),
+                because, price_ms, ..
+            } => (because, None, Some(*price_ms)),
         };
         EffectLabel {
             effect: step.effect.name,
-            run,
+            run: price_ms.is_some(),
             why: why.to_string(),
-            error_e: error.e,
-            error_px: error.px,
+            error_e: error.map(|error| error.e),
+            error_px: error.map(|error| error.px),
             price_ms,
         }
+    }
+
+    /// The verdicts of a plan's steps, with what leaving out those that run would cost too: more than a frame needs to know.
+    pub fn in_full(plan: &Plan<'_>) -> Vec<EffectLabel> {
+        let label = |step| {
+            let Loss { e, px } = plan.error(step);
+            EffectLabel {
+                error_e: Some(e),
+                error_px: Some(px),
+                ..EffectLabel::new(step)
+            }
+        };
+        plan.steps.iter().map(label).collect()
     }
 }
 
@@ -438,14 +448,16 @@ fn four_digits(value: f64) -> f64 {
 }
 
 /// A bound stays one.
-fn short<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
-    let near = four_digits(*value);
-    let up = if near < *value {
-        four_digits(value * (1.0 + 1e-3 / 2.0))
-    } else {
-        near
+fn some_bound<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
+    let up = |value: f64| {
+        let near = four_digits(value);
+        if near < value {
+            four_digits(value * (1.0 + 1e-3 / 2.0))
+        } else {
+            near
+        }
     };
-    to.serialize_f64(up)
+    value.map(up).serialize(to)
 }
 
 fn some_short<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {

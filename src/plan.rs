@@ -11,12 +11,15 @@ pub struct Step<'s> {
     pub effect: &'static Effect,
     /// What it answered.
     pub verdict: Verdict<'s>,
+    /// What leaving it out costs by its answer: of an effect that shapes images, before they were made.
+    asked: Loss,
 }
 
 /// What a frame is rendered by.
 pub struct Plan<'s> {
     /// One step an effect, in the order of [`EFFECTS`].
     pub steps: Vec<Step<'s>>,
+    scene: &'s Scene,
 }
 
 /// The effects that this view's frame has: those that shape images where they are needed, and all others but those that
@@ -64,46 +67,66 @@ fn refusal(
     })
 }
 
+/// What leaving out `effect`, which answered `asked`, costs, now that the images are made.
+fn changed(effect: &Effect, scene: &Scene, asked: Loss) -> Loss {
+    match &effect.judge {
+        Judge::Images(_, change) if asked != Loss::default() => {
+            let Loss { e, px } = change(scene, &asked);
+            let e = passed_e(scene, e);
+            Loss { e, px }
+        }
+        _ => asked,
+    }
+}
+
 impl<'s> Plan<'s> {
     /// Asks every effect.
     pub fn new(scene: &'s Scene, fidelity: &Fidelity, choice: &Choice) -> Plan<'s> {
-        let verdict = |effect: &'static Effect| {
+        let step = |effect: &'static Effect| {
             let (need, pass) = match &effect.judge {
                 Judge::Images(judge, _) => {
                     (judge(&scene.view, &scene.simulated, fidelity), Pass::Images)
                 }
                 Judge::Pixels(judge) => judge(scene, fidelity),
             };
-            let error = match &effect.judge {
-                Judge::Images(_, change) if need.error != Loss::default() => {
-                    let Loss { e, px } = change(scene, &need.error);
-                    let e = passed_e(scene, e);
-                    Loss { e, px }
-                }
-                _ => need.error,
-            };
-            match refusal(effect, &need, fidelity, choice) {
-                Some(why) => Verdict::Skip { why, error },
+            let verdict = match refusal(effect, &need, fidelity, choice) {
+                Some(why) => Verdict::Skip {
+                    why,
+                    error: changed(effect, scene, need.error),
+                },
                 None => Verdict::Run {
                     pass,
                     because: need.because,
-                    error,
                     price_ms: need.price_ms,
                 },
+            };
+            Step {
+                effect,
+                verdict,
+                asked: need.error,
             }
         };
-        let steps = EFFECTS.iter().map(|effect| Step {
-            effect,
-            verdict: verdict(effect),
-        });
         Plan {
-            steps: steps.collect(),
+            steps: EFFECTS.iter().map(step).collect(),
+            scene,
+        }
+    }
+
+    /// What leaving out the effect of one of the plan's steps costs at most, whether it runs or not. Of those that run no frame needs
+    /// it, and it may take as long as making the images.
+    pub fn error(&self, step: &Step<'s>) -> Loss {
+        match step.verdict {
+            Verdict::Skip { error, .. } => error,
+            Verdict::Run { .. } => changed(step.effect, self.scene, step.asked),
         }
     }
 
     /// Logs what runs and what does not, and why.
     pub fn log(&self) {
-        for Step { effect, verdict } in &self.steps {
+        for Step {
+            effect, verdict, ..
+        } in &self.steps
+        {
             match verdict {
                 Verdict::Skip { why, error } => {
                     tracing::debug!("{}: skipped, {why}; leaves out {error}", effect.name);

@@ -50,7 +50,7 @@ fn verdicts(bench: &Bench<'_>, choice: &Choice) -> Vec<EffectLabel> {
         .scene(&bench.camera, &bench.vehicle, 0, choice)
         .unwrap();
     let plan = Plan::new(&scene, emulator.fidelity(), choice);
-    plan.steps.iter().map(EffectLabel::new).collect()
+    EffectLabel::in_full(&plan)
 }
 
 fn charge(bench: &Bench<'_>, choice: &Choice) -> Vec<f32> {
@@ -86,7 +86,7 @@ fn what_is_skipped_changes_less_than_was_declared() {
                     .iter()
                     .any(|e| e.name == verdict.effect && !e.random)
             })
-            .map(|verdict| verdict.error_e)
+            .map(|verdict| verdict.error_e.unwrap())
             .sum();
         let (apart, most) = difference(&charge(bench, &quiet()), &charge(bench, &all));
         assert!(
@@ -112,7 +112,7 @@ fn declared_errors_are_bounds_and_near_the_measured() {
             effects.filter(|(effect, _)| small || !effect.random || effect.name == "radiation")
         {
             let measured = bench.error_e(effect, &all).unwrap();
-            let declared = verdict.error_e;
+            let declared = verdict.error_e.unwrap();
             // An rms over 12 frames is some 20 % uncertain.
             let slack = if effect.random { 1.6 } else { 1.0 };
             let is_bound = measured <= slack * declared + ROUNDING * most;
@@ -143,7 +143,7 @@ fn declared_displacements_are_bounds_and_near_the_measured() {
             .filter(|(effect, _)| effect.stage == Stage::Images);
         for (effect, verdict) in shaping {
             let measured = bench.error_px(effect, &all).unwrap();
-            let declared = verdict.error_px;
+            let declared = verdict.error_px.unwrap();
             let is_bound = measured <= declared + 1e-6;
             let is_near = measured <= 1e-6 || declared <= 10.0 * measured;
             if !(is_bound && is_near) {
@@ -319,7 +319,11 @@ fn light_too_thin_for_any_pixel_is_drawn() {
     let skip_e = emulator.fidelity().skip_e;
     let verdicts = verdicts(&bench, &choice);
     let stars = verdicts.iter().find(|v| v.effect == "stars").unwrap();
-    assert!(stars.error_e < skip_e, "{} e- a pixel", stars.error_e);
+    assert!(
+        stars.error_e.unwrap() < skip_e,
+        "{} e- a pixel",
+        stars.error_e.unwrap()
+    );
     let scene = emulator
         .scene(&bench.camera, &bench.vehicle, 0, &choice)
         .unwrap();

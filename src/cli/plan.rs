@@ -121,10 +121,11 @@ fn lines(bench: &Bench<'_>, measure: bool) -> anyhow::Result<Vec<Line>> {
     let (emulator, choice) = (bench.emulator, &bench.emulator.choice);
     let scene = emulator.scene(&bench.camera, &bench.vehicle, 0, choice)?;
     let plan = Plan::new(&scene, emulator.fidelity(), choice);
-    let lines = plan.steps.iter().map(|step| Line {
-        verdict: EffectLabel::new(step),
-        rms: step.effect.random && !step.effect.is_foreseen(),
-        by_px: step.effect.moves_images() && EffectLabel::new(step).error_px > 0.0,
+    let verdicts = EFFECTS.iter().zip(EffectLabel::in_full(&plan));
+    let lines = verdicts.map(|(effect, verdict)| Line {
+        rms: effect.random && !effect.is_foreseen(),
+        by_px: effect.moves_images() && verdict.error_px.is_some_and(|px| px > 0.0),
+        verdict,
         measured_error_e: None,
         measured_error_px: None,
         measured_ms: None,
@@ -162,12 +163,15 @@ impl Line {
         let rms = if self.rms { " rms" } else { "" };
         let e = |e: f64| format!("{} e-{rms}", short(e));
         let px = |px: f64| format!("{} px", short(px));
-        let verdict = &self.verdict;
-        if self.by_px {
-            (px(verdict.error_px), self.measured_error_px.map(px))
+        let EffectLabel {
+            error_e, error_px, ..
+        } = self.verdict;
+        let (declared, measured) = if self.by_px {
+            (error_px.map(px), self.measured_error_px.map(px))
         } else {
-            (e(verdict.error_e), self.measured_error_e.map(e))
-        }
+            (error_e.map(e), self.measured_error_e.map(e))
+        };
+        (declared.unwrap_or_default(), measured)
     }
 }
 

@@ -167,8 +167,6 @@ pub enum Verdict<'s> {
         pass: Pass<'s>,
         /// Why it is needed.
         because: Cow<'static, str>,
-        /// What leaving it out would cost at most.
-        error: Loss,
         /// What it is expected to take, ms on one core.
         price_ms: f64,
     },

@@ -72,7 +72,7 @@ fn verdicts(bench: &Bench<'_>, choice: &Choice) -> Vec<(&'static Effect, EffectL
         .scene(&bench.camera, &bench.vehicle, 0, choice)
         .unwrap();
     let plan = Plan::new(&scene, emulator.fidelity(), choice);
-    let labels = plan.steps.iter().map(EffectLabel::new);
+    let labels = EffectLabel::in_full(&plan);
     let all = EFFECTS.iter().zip(labels);
     all.filter(|(effect, _)| !choice.off.contains(&effect.name))
         .collect()
@@ -138,7 +138,7 @@ fn declared_errors_are_bounds(seeds: Range<u64>) {
                     most(&with[2]).max(most(&off[2])),
                 )
             };
-            let declared = verdict.error_e;
+            let declared = verdict.error_e.unwrap();
             if measured > declared + ROUNDING * (1.0 + brightest) {
                 let (name, text) = (effect.name, &case.text);
                 wrong += &format!(
@@ -160,7 +160,7 @@ fn declared_errors_are_bounds(seeds: Range<u64>) {
         };
         let skipped = verdicts(bench, &tolerant).into_iter();
         let skipped = skipped.filter(|(effect, verdict)| !verdict.run && !effect.random);
-        let declared: f64 = skipped.map(|(_, verdict)| verdict.error_e).sum();
+        let declared: f64 = skipped.map(|(_, verdict)| verdict.error_e.unwrap()).sum();
         let apart = difference(&with[0], &frame(bench, &tolerant)[0]);
         if apart > declared + ROUNDING * (1.0 + most(&with[2])) {
             wrong += &format!(
@@ -217,7 +217,7 @@ fn the_noise_of_small_frames_is_no_more_than_declared() {
         for (effect, verdict) in verdicts(bench, &choice) {
             if effect.random && effect.name != "radiation" {
                 let measured = bench.error_e(effect, &choice).unwrap();
-                let declared = verdict.error_e;
+                let declared = verdict.error_e.unwrap();
                 // An rms over 12 frames is some 20 % uncertain, more where few electrons are drawn.
                 assert!(
                     measured <= 1.6 * declared + 0.5,

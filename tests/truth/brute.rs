@@ -10,9 +10,10 @@ use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::Fidelity;
-use skyloop::label::{Label, ObjectLabel};
+use skyloop::label::{EffectLabel, Label, ObjectLabel};
 use skyloop::load::Folder;
 use skyloop::orbit::Object;
+use skyloop::plan::Plan;
 use skyloop::sky::catalog::Selection;
 
 #[path = "../support/oem.rs"]
@@ -56,10 +57,31 @@ pub fn shoot(
     rates_deg_s: [f64; 3],
     orbit: Option<([f64; 3], [f64; 3])>,
 ) -> Shot {
+    let vehicle = vehicle(at, q, rates_deg_s, orbit);
+    emulator.shoot(&vehicle, 0).unwrap()
+}
+
+/// What [`shoot`] shoots from.
+pub fn vehicle(
+    at: Epoch,
+    q: [f64; 4],
+    rates_deg_s: [f64; 3],
+    orbit: Option<([f64; 3], [f64; 3])>,
+) -> VehicleState {
     let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
     let rates = rates_deg_s.map(f64::to_radians);
-    let vehicle = VehicleState::new(5, at, q.map(|c| c / norm), rates, orbit).unwrap();
-    emulator.shoot(&vehicle, 0).unwrap()
+    VehicleState::new(5, at, q.map(|c| c / norm), rates, orbit).unwrap()
+}
+
+/// What a frame's plan says of `effect`, with what leaving it out would cost.
+pub fn verdict(emulator: &Emulator, vehicle: &VehicleState, effect: &str) -> EffectLabel {
+    let choice = &emulator.choice;
+    let scene = emulator
+        .scene(&emulator.camera(), vehicle, 0, choice)
+        .unwrap();
+    let plan = Plan::new(&scene, emulator.fidelity(), choice);
+    let mut verdicts = EffectLabel::in_full(&plan).into_iter();
+    verdicts.find(|verdict| verdict.effect == effect).unwrap()
 }
 
 /// The attitude that turns +Z to `direction`, rolled by `roll` rad.

@@ -3,24 +3,21 @@
 use skyloop::camera::Shutter;
 use skyloop::engine::Shot;
 use skyloop::fidelity::Fidelity;
+use skyloop::label::EffectLabel;
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{emulator, epoch, image, shoot, stamp};
+use super::brute::{emulator, epoch, image, stamp, vehicle, verdict};
 
-fn frame(row_us: f64, rates: [f64; 3]) -> Shot {
+fn frame(row_us: f64, rates: [f64; 3]) -> (Shot, EffectLabel) {
     let mut emulator = emulator("fai-nir", Selection::Bsc, Vec::new(), Fidelity::REALTIME);
     // Exposed for 0.1 s: a trail of a few hundredths of the light of its column.
     emulator.camera_mut().shutter = Shutter::FrameTransfer {
         row_s: row_us * 1e-6,
     };
-    let q = [0.1, 0.2, -0.3, 0.9];
-    shoot(
-        &mut emulator,
-        epoch("2026-02-11T18:22:41.25"),
-        q,
-        rates,
-        None,
-    )
+    let at = epoch("2026-02-11T18:22:41.25");
+    let vehicle = vehicle(at, [0.1, 0.2, -0.3, 0.9], rates, None);
+    let verdict = verdict(&emulator, &vehicle, "frame transfer");
+    (emulator.shoot(&vehicle, 0).unwrap(), verdict)
 }
 
 #[test]
@@ -30,7 +27,7 @@ fn every_pixel_passes_every_row_of_its_column_once() {
         (100.0, [0.0; 3]),
         (100.0, [10.0, -5.0, 60.0]),
     ] {
-        let shot = frame(row_us, rates);
+        let (shot, effect) = frame(row_us, rates);
         let truth = image(&shot.label, &shot.camera);
         let part = row_us * 1e-6 / 0.1;
         let column = |c: usize| -> f64 { truth.e.iter().skip(c).step_by(truth.width).sum() };
@@ -50,13 +47,8 @@ fn every_pixel_passes_every_row_of_its_column_once() {
 
         // What leaving it out would cost is the brightest trail.
         let label = &shot.label;
-        let effect = label
-            .effects
-            .iter()
-            .find(|e| e.effect == "frame transfer")
-            .unwrap();
         let brightest = trails.iter().copied().fold(0.0, f64::max);
-        assert!((effect.error_e / brightest - 1.0).abs() < 1e-4 && effect.run);
+        assert!((effect.error_e.unwrap() / brightest - 1.0).abs() < 1e-4 && effect.run);
 
         // snr: sqrt(sum s^2 / (s + dark + trail + read^2 + gain^2 / 12)) over the pixels that are not full.
         let detector = &shot.camera.detector;
@@ -84,7 +76,7 @@ fn every_pixel_passes_every_row_of_its_column_once() {
 
 #[test]
 fn labels_of_objects_do_not_count_their_trails() {
-    let (with, without) = (frame(100.0, [0.0; 3]), frame(1e-3, [0.0; 3]));
+    let ((with, _), (without, _)) = (frame(100.0, [0.0; 3]), frame(1e-3, [0.0; 3]));
     for (a, b) in with.label.objects.iter().zip(&without.label.objects) {
         assert_eq!((a.electrons, a.x_px, a.y_px), (b.electrons, b.x_px, b.y_px));
         assert!(a.snr <= b.snr);
