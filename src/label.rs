@@ -5,7 +5,7 @@ mod spot;
 pub use spot::{MOST_SPOTS, SpotLabel};
 
 use crate::camera::Camera;
-use crate::effect::{Loss, Verdict};
+use crate::effect::Verdict;
 use crate::plan::{Plan, Step};
 use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
@@ -126,10 +126,11 @@ pub struct EffectLabel {
     pub run: bool,
     /// Why, or why not.
     pub why: String,
-    /// What leaving it out costs at most: e- of a pixel's expectation, or rms where it is random; null where it ran.
+    /// What leaving it out costs at most: e- of a pixel's expectation, or rms where it is random; null where it
+    /// ran or is switched off.
     #[serde(serialize_with = "some_bound")]
     pub error_e: Option<f64>,
-    /// px that an image or the end of its track is off without it, at most; null where it ran.
+    /// px that an image or the end of its track is off without it, at most; null where it ran or is switched off.
     #[serde(serialize_with = "some_bound")]
     pub error_px: Option<f64>,
     /// What it is expected to take, ms on one core; null where it did not run.
@@ -141,10 +142,11 @@ impl EffectLabel {
     /// The verdict of a plan's step.
     pub fn new(step: &Step<'_>) -> EffectLabel {
         let (why, error, price_ms) = match &step.verdict {
-            Verdict::Skip { why, error } => (why, Some(error), None),
+            Verdict::Off { why } => (*why, None, None),
+            Verdict::Skip { why, error } => (&**why, Some(error), None),
             Verdict::Run {
                 because, price_ms, ..
-            } => (because, None, Some(*price_ms)),
+            } => (&**because, None, Some(*price_ms)),
         };
         EffectLabel {
             effect: step.effect.name,
@@ -154,19 +156,6 @@ impl EffectLabel {
             error_px: error.map(|error| error.px),
             price_ms,
         }
-    }
-
-    /// The verdicts of a plan's steps, with what leaving out those that run would cost too: more than a frame needs to know.
-    pub fn in_full(plan: &Plan<'_>) -> Vec<EffectLabel> {
-        let label = |step| {
-            let Loss { e, px } = plan.error(step);
-            EffectLabel {
-                error_e: Some(e),
-                error_px: Some(px),
-                ..EffectLabel::new(step)
-            }
-        };
-        plan.steps.iter().map(label).collect()
     }
 }
 

@@ -6,6 +6,7 @@ use crate::effect::{EFFECTS, Effect, Judge, Loss, Pass, Stage, Verdict};
 use crate::engine::Emulator;
 use crate::fidelity::Choice;
 use crate::frame::{Charge, Frame};
+use crate::label::EffectLabel;
 use crate::plan::{Plan, Step};
 use crate::render::{render, tiles};
 use crate::scene::{Body, Scene, Simulated, Source, Unobservable};
@@ -53,13 +54,45 @@ impl Bench<'_> {
         emulator.scene(&self.camera, &self.vehicle, repeat, choice)
     }
 
+    /// The verdicts of the frame's plan by `choice`, with what leaving each effect out costs at most: of those that run too, and of those that
+    /// are switched off by a frame that has them.
+    pub fn verdicts(&self, choice: &Choice) -> Result<Vec<EffectLabel>, Unobservable> {
+        let scene = self.scene(choice, 0)?;
+        let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
+        let full = |step: &Step<'_>| {
+            let Loss { e, px } = match plan.error(step) {
+                Some(error) => error,
+                None => self.error_of(step.effect, choice)?,
+            };
+            Ok(EffectLabel {
+                error_e: Some(e),
+                error_px: Some(px),
+                ..EffectLabel::new(step)
+            })
+        };
+        plan.steps.iter().map(full).collect()
+    }
+
+    /// What leaving out an effect that `choice` switches off costs at most.
+    fn error_of(&self, effect: &Effect, choice: &Choice) -> Result<Loss, Unobservable> {
+        let with = Choice {
+            noise: choice.noise || effect.random,
+            ..with(effect, choice)
+        };
+        let scene = self.scene(&with, 0)?;
+        let plan = Plan::new(&scene, self.emulator.fidelity(), &with);
+        let mut steps = plan.steps.iter();
+        let step = steps.find(|step| step.effect.name == effect.name);
+        Ok(step.and_then(|step| plan.error(step)).unwrap_or_default())
+    }
+
     /// What leaving `effect` out of `choice` changes in the end, as `Loss` has it: the change (e-) of the pixel that changes most, after full
     /// wells and what spills from them; its rms where the effect is random, but of particles that of the frame at hand. Effects that draw
     /// are compared with noise, all others without, particles left out; before the charge becomes digits, where it is not that.
     pub fn error_e(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
         let with = Choice {
             noise: effect.random,
-            ..choice.clone()
+            ..with(effect, choice)
         };
         let mut without = with.clone();
         without.off.push(effect.name);
@@ -88,7 +121,7 @@ impl Bench<'_> {
     /// How far leaving `effect` out of `choice` moves the centroid of an image on the detector, or the end of its track, at most (px).
     pub fn error_px(&self, effect: &Effect, choice: &Choice) -> Result<f64, Unobservable> {
         let images = |off: &[&'static str]| -> Result<HashMap<_, _>, Unobservable> {
-            let mut choice = choice.clone();
+            let mut choice = with(effect, choice);
             choice.off.extend(off);
             let scene = self.scene(&choice, 0)?;
             let image = |source: &Source| {
@@ -242,6 +275,13 @@ impl Bench<'_> {
             error_ms,
         }
     }
+}
+
+/// `choice`, which no longer switches `effect` off.
+fn with(effect: &Effect, choice: &Choice) -> Choice {
+    let mut with = choice.clone();
+    with.off.retain(|name| *name != effect.name);
+    with
 }
 
 /// What `work` takes on what `prepare` makes, and what it came to.

@@ -32,8 +32,10 @@ pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated
     for effect in EFFECTS {
         let runs = match &effect.judge {
             Judge::Images(judge, _) => {
-                let need = judge(view, &simulated, fidelity);
-                refusal(effect, &need, fidelity, choice).is_none()
+                switched_off(effect, choice).is_none() && {
+                    let need = judge(view, &simulated, fidelity);
+                    refusal(&need, fidelity, choice).is_none()
+                }
             }
             Judge::Pixels(_) => !choice.off.contains(&effect.name),
         };
@@ -44,19 +46,19 @@ pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated
     simulated
 }
 
-/// Why an effect does not run; none if it does.
-fn refusal(
-    effect: &Effect,
-    need: &Need,
-    fidelity: &Fidelity,
-    choice: &Choice,
-) -> Option<Cow<'static, str>> {
+/// Why an effect is not asked; none if it is.
+fn switched_off(effect: &Effect, choice: &Choice) -> Option<&'static str> {
     if choice.off.contains(&effect.name) {
-        return Some("it is switched off".into());
+        Some("it is switched off")
+    } else if effect.random && !choice.noise {
+        Some("noise is switched off")
+    } else {
+        None
     }
-    if effect.random && !choice.noise {
-        return Some("noise is switched off".into());
-    }
+}
+
+/// Why an effect with that need does not run; none if it does.
+fn refusal(need: &Need, fidelity: &Fidelity, choice: &Choice) -> Option<Cow<'static, str>> {
     if choice.all || !need.is_within(fidelity) {
         return None;
     }
@@ -83,13 +85,20 @@ impl<'s> Plan<'s> {
     /// Asks every effect.
     pub fn new(scene: &'s Scene, fidelity: &Fidelity, choice: &Choice) -> Plan<'s> {
         let step = |effect: &'static Effect| {
+            if let Some(why) = switched_off(effect, choice) {
+                return Step {
+                    effect,
+                    verdict: Verdict::Off { why },
+                    asked: Loss::default(),
+                };
+            }
             let (need, pass) = match &effect.judge {
                 Judge::Images(judge, _) => {
                     (judge(&scene.view, &scene.simulated, fidelity), Pass::Images)
                 }
                 Judge::Pixels(judge) => judge(scene, fidelity),
             };
-            let verdict = match refusal(effect, &need, fidelity, choice) {
+            let verdict = match refusal(&need, fidelity, choice) {
                 Some(why) => Verdict::Skip {
                     why,
                     error: changed(effect, scene, need.error),
@@ -112,12 +121,13 @@ impl<'s> Plan<'s> {
         }
     }
 
-    /// What leaving out the effect of one of the plan's steps costs at most, whether it runs or not. Of those that run no frame needs
-    /// it, and it may take as long as making the images.
-    pub fn error(&self, step: &Step<'s>) -> Loss {
+    /// What leaving out the effect of one of the plan's steps costs at most; none of those that are switched off, for what they would do
+    /// is not in the scene. Of those that run no frame needs it, and it may take as long as making the images.
+    pub fn error(&self, step: &Step<'s>) -> Option<Loss> {
         match step.verdict {
-            Verdict::Skip { error, .. } => error,
-            Verdict::Run { .. } => changed(step.effect, self.scene, step.asked),
+            Verdict::Off { .. } => None,
+            Verdict::Skip { error, .. } => Some(error),
+            Verdict::Run { .. } => Some(changed(step.effect, self.scene, step.asked)),
         }
     }
 
@@ -128,6 +138,7 @@ impl<'s> Plan<'s> {
         } in &self.steps
         {
             match verdict {
+                Verdict::Off { why } => tracing::debug!("{}: skipped, {why}", effect.name),
                 Verdict::Skip { why, error } => {
                     tracing::debug!("{}: skipped, {why}; leaves out {error}", effect.name);
                 }

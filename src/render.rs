@@ -40,7 +40,7 @@ fn run(steps: &[Step<'_>], scene: &Scene, electrons: &mut [f32], digits: &mut [u
     let width = scene.view.camera.detector.width;
     let passes = steps.iter().filter_map(|step| match &step.verdict {
         Verdict::Run { pass, .. } => Some(pass),
-        Verdict::Skip { .. } => None,
+        Verdict::Off { .. } | Verdict::Skip { .. } => None,
     });
     let passes: Vec<&Pass<'_>> = passes.collect();
     for group in passes.chunk_by(|a, b| !is_whole(a) && !is_whole(b)) {

@@ -8,7 +8,6 @@ use skyloop::fidelity::Choice;
 use skyloop::flight;
 use skyloop::label::EffectLabel;
 use skyloop::measure::Bench;
-use skyloop::plan::Plan;
 
 #[path = "support/scenes.rs"]
 mod scenes;
@@ -44,15 +43,6 @@ fn without(choice: &Choice, effect: &Effect) -> Choice {
     choice
 }
 
-fn verdicts(bench: &Bench<'_>, choice: &Choice) -> Vec<EffectLabel> {
-    let emulator = bench.emulator;
-    let scene = emulator
-        .scene(&bench.camera, &bench.vehicle, 0, choice)
-        .unwrap();
-    let plan = Plan::new(&scene, emulator.fidelity(), choice);
-    EffectLabel::in_full(&plan)
-}
-
 fn charge(bench: &Bench<'_>, choice: &Choice) -> Vec<f32> {
     bench.frame(choice, 0).unwrap().charge_e.unwrap()
 }
@@ -77,7 +67,9 @@ fn what_is_skipped_changes_less_than_was_declared() {
             all: true,
             ..quiet()
         };
-        let skipped = verdicts(bench, &quiet())
+        let skipped = bench
+            .verdicts(&quiet())
+            .unwrap()
             .into_iter()
             .filter(|verdict| !verdict.run);
         let declared: f64 = skipped
@@ -106,7 +98,7 @@ fn declared_errors_are_bounds_and_near_the_measured() {
         };
         // The rms of many large frames takes long, and would be that of small ones.
         let small = bench.camera.detector.pixels() < 100_000;
-        let effects = EFFECTS.iter().zip(verdicts(bench, &all));
+        let effects = EFFECTS.iter().zip(bench.verdicts(&all).unwrap());
         let most = f64::from(charge(bench, &quiet()).iter().copied().fold(0.0, f32::max));
         for (effect, verdict) in
             effects.filter(|(effect, _)| small || !effect.random || effect.name == "radiation")
@@ -139,7 +131,7 @@ fn declared_displacements_are_bounds_and_near_the_measured() {
         };
         let shaping = EFFECTS
             .iter()
-            .zip(verdicts(bench, &all))
+            .zip(bench.verdicts(&all).unwrap())
             .filter(|(effect, _)| effect.stage == Stage::Images);
         for (effect, verdict) in shaping {
             let measured = bench.error_px(effect, &all).unwrap();
@@ -261,10 +253,14 @@ fn a_plan_that_leaves_nothing_out_runs_everything_and_one_without_noise_draws_no
             ..Choice::default()
         };
         assert!(
-            verdicts(bench, &all).iter().all(|verdict| verdict.run),
+            bench
+                .verdicts(&all)
+                .unwrap()
+                .iter()
+                .all(|verdict| verdict.run),
             "{name}"
         );
-        let drawn = verdicts(bench, &quiet());
+        let drawn = bench.verdicts(&quiet()).unwrap();
         for (effect, verdict) in EFFECTS.iter().zip(drawn) {
             assert!(!(effect.random && verdict.run), "{name}, {}", effect.name);
             assert_eq!(effect.name, verdict.effect);
@@ -276,6 +272,50 @@ fn a_plan_that_leaves_nothing_out_runs_everything_and_one_without_noise_draws_no
     );
 }
 
+/// What is not in a frame because nobody wants it there is not in its label, but the plan has it: as if the frame had it, or had noise.
+#[test]
+fn switching_an_effect_off_costs_what_a_frame_that_has_it_says() {
+    let (path, particles) = (scenes().pop().unwrap(), "radiation");
+    assert!(path.ends_with("south-atlantic-anomaly.toml"), "{path:?}");
+    let mut config = Config::load(&path).unwrap();
+    let mission = flight::mission(&config).unwrap();
+    let mut emulator = Emulator::new(&mut config);
+    let vehicle = flight::vehicle(&mission, 0).unwrap();
+    let bench = Bench {
+        emulator: &emulator,
+        camera: emulator.camera(),
+        vehicle: vehicle.clone(),
+    };
+    let usual = bench.verdicts(&Choice::default()).unwrap();
+    let silent = bench.verdicts(&quiet()).unwrap();
+    let errors = |of: &EffectLabel| (of.error_e, of.error_px);
+    for ((effect, usual), silent) in EFFECTS.iter().zip(usual).zip(silent) {
+        let choice = without(&Choice::default(), effect);
+        let told = bench.verdicts(&choice).unwrap();
+        let told = told.iter().find(|told| told.effect == effect.name).unwrap();
+        assert_eq!((told.run, told.price_ms), (false, None));
+        assert_eq!(told.why, "it is switched off");
+        assert_eq!(errors(told), errors(&usual), "{}", effect.name);
+        if effect.random {
+            assert_eq!(silent.why, "noise is switched off");
+            assert_eq!(errors(&silent), errors(&usual), "{}", effect.name);
+        }
+        if effect.name == particles {
+            let declared = told.error_e.unwrap();
+            let measured = bench.error_e(effect, &choice).unwrap();
+            let bounds = declared / (10.0 * (1.0 + ROUNDING))..=declared * (1.0 + ROUNDING);
+            assert!(bounds.contains(&measured), "{measured} e- of {declared}");
+        }
+    }
+    emulator.choice.off = vec![particles];
+    let label = emulator.shoot(&vehicle, 0).unwrap().label;
+    let mut effects = label.effects.iter();
+    let off = effects.find(|of| of.effect == particles).unwrap();
+    assert_eq!((off.run, off.error_e, off.error_px), (false, None, None));
+    let mut spots = label.objects.spots.iter();
+    assert!(spots.all(|spot| spot.kind != particles));
+}
+
 #[test]
 fn what_has_nothing_to_work_on_is_not_called_for() {
     each_scene(|name, bench| {
@@ -284,7 +324,7 @@ fn what_has_nothing_to_work_on_is_not_called_for() {
                 off: names.to_vec(),
                 ..Choice::default()
             };
-            verdicts(bench, &choice)
+            bench.verdicts(&choice).unwrap()
         };
         let shapes = EFFECTS.iter().filter(|e| e.stage == Stage::Images).count();
         // Rows that are exposed in turn see the same where nothing moves.
@@ -317,7 +357,7 @@ fn light_too_thin_for_any_pixel_is_drawn() {
     };
     let choice = Choice::default();
     let skip_e = emulator.fidelity().skip_e;
-    let verdicts = verdicts(&bench, &choice);
+    let verdicts = bench.verdicts(&choice).unwrap();
     let stars = verdicts.iter().find(|v| v.effect == "stars").unwrap();
     assert!(
         stars.error_e.unwrap() < skip_e,

@@ -14,7 +14,6 @@ use skyloop::label::EffectLabel;
 use skyloop::load::Folder;
 use skyloop::measure::Bench;
 use skyloop::orbit::time::utc_text;
-use skyloop::plan::Plan;
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
@@ -118,10 +117,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 }
 
 fn lines(bench: &Bench<'_>, measure: bool) -> anyhow::Result<Vec<Line>> {
-    let (emulator, choice) = (bench.emulator, &bench.emulator.choice);
-    let scene = emulator.scene(&bench.camera, &bench.vehicle, 0, choice)?;
-    let plan = Plan::new(&scene, emulator.fidelity(), choice);
-    let verdicts = EFFECTS.iter().zip(EffectLabel::in_full(&plan));
+    let choice = &bench.emulator.choice;
+    let verdicts = EFFECTS.iter().zip(bench.verdicts(choice)?);
     let lines = verdicts.map(|(effect, verdict)| Line {
         rms: effect.random && !effect.is_foreseen(),
         by_px: effect.moves_images() && verdict.error_px.is_some_and(|px| px > 0.0),

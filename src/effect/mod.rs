@@ -154,6 +154,11 @@ impl Pass<'_> {
 
 /// An effect's answer to a scene.
 pub enum Verdict<'s> {
+    /// It is not asked.
+    Off {
+        /// Why not.
+        why: &'static str,
+    },
     /// It does not run.
     Skip {
         /// Why not.

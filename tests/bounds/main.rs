@@ -21,7 +21,6 @@ use skyloop::fidelity::Choice;
 use skyloop::label::EffectLabel;
 use skyloop::load::Folder;
 use skyloop::measure::Bench;
-use skyloop::plan::Plan;
 use skyloop::sky::catalog::Selection;
 
 use chance::{Case, OBJECTS, ORBIT, case};
@@ -67,13 +66,7 @@ fn each_case(seeds: Range<u64>, mut check: impl FnMut(u64, &Bench<'_>, &Case)) {
 }
 
 fn verdicts(bench: &Bench<'_>, choice: &Choice) -> Vec<(&'static Effect, EffectLabel)> {
-    let emulator = bench.emulator;
-    let scene = emulator
-        .scene(&bench.camera, &bench.vehicle, 0, choice)
-        .unwrap();
-    let plan = Plan::new(&scene, emulator.fidelity(), choice);
-    let labels = EffectLabel::in_full(&plan);
-    let all = EFFECTS.iter().zip(labels);
+    let all = EFFECTS.iter().zip(bench.verdicts(choice).unwrap());
     all.filter(|(effect, _)| !choice.off.contains(&effect.name))
         .collect()
 }

@@ -12,8 +12,8 @@ use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::Fidelity;
 use skyloop::label::{EffectLabel, Label, ObjectLabel};
 use skyloop::load::Folder;
+use skyloop::measure::Bench;
 use skyloop::orbit::Object;
-use skyloop::plan::Plan;
 use skyloop::sky::catalog::Selection;
 
 #[path = "../support/oem.rs"]
@@ -75,12 +75,13 @@ pub fn vehicle(
 
 /// What a frame's plan says of `effect`, with what leaving it out would cost.
 pub fn verdict(emulator: &Emulator, vehicle: &VehicleState, effect: &str) -> EffectLabel {
-    let choice = &emulator.choice;
-    let scene = emulator
-        .scene(&emulator.camera(), vehicle, 0, choice)
-        .unwrap();
-    let plan = Plan::new(&scene, emulator.fidelity(), choice);
-    let mut verdicts = EffectLabel::in_full(&plan).into_iter();
+    let bench = Bench {
+        emulator,
+        camera: emulator.camera(),
+        vehicle: vehicle.clone(),
+    };
+    let verdicts = bench.verdicts(&emulator.choice).unwrap();
+    let mut verdicts = verdicts.into_iter();
     verdicts.find(|verdict| verdict.effect == effect).unwrap()
 }
 
