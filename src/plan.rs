@@ -105,7 +105,11 @@ impl<'s> Plan<'s> {
                 },
                 None => Verdict::Run {
                     pass,
-                    because: need.because,
+                    because: if need.is_within(fidelity) {
+                        format!("effects.all is set; else not: {}", need.because).into()
+                    } else {
+                        need.because
+                    },
                     price_ms: need.price_ms,
                 },
             };

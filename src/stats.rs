@@ -1,5 +1,6 @@
 //! What a run measured: times as percentiles, counts, and the table at its end.
 
+use crate::effect::counted;
 use crate::engine::Shot;
 use skyloop_firmware_sim::times::Times;
 use std::collections::BTreeSet;
@@ -90,8 +91,9 @@ impl Absent {
         }
         if more > 0 {
             tracing::warn!(
-                "frame {}: {more} more objects have no state and are not shown",
-                shot.number
+                "frame {}: {} more without a state, not shown",
+                shot.number,
+                counted(more, "object")
             );
         }
     }

@@ -4,6 +4,7 @@ use super::{instruments, levels, mission, progress, with_level};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
+use skyloop::effect::counted;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, Roles};
 use skyloop::output::{OutputError, Writer};
@@ -77,8 +78,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let emulator = Emulator::new(&mut config);
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     say(format_args!(
-        "{}{frames} frames of {} over {}\n",
+        "{}{} of {} over {}\n",
         server.levels(),
+        counted(frames as usize, "frame"),
         config.camera.name,
         server.addresses().join(" and ")
     ))?;
@@ -135,12 +137,17 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         return Err(error);
     }
     if interrupted.load(Ordering::Relaxed) {
-        bail!("stopped after {} of {frames} frames", report.frames);
+        bail!(
+            "stopped after {} of {}",
+            report.frames,
+            counted(frames as usize, "frame")
+        );
     }
     if report.frames != frames {
         bail!(
-            "{} of {frames} frames did not arrive whole (see the log above)",
-            frames - report.frames
+            "{} of {} did not arrive whole (see the log above)",
+            frames - report.frames,
+            counted(frames as usize, "frame")
         );
     }
     Ok(())

@@ -6,7 +6,7 @@ use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::camera::Camera;
 use skyloop::config::Config;
-use skyloop::effect::EFFECTS;
+use skyloop::effect::{EFFECTS, digits};
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Choice;
 use skyloop::flight;
@@ -158,8 +158,8 @@ impl Line {
     /// The declared error and the measured one, both in the unit that decides.
     fn errors(&self) -> (String, Option<String>) {
         let rms = if self.rms { " rms" } else { "" };
-        let e = |e: f64| format!("{} e-{rms}", short(e));
-        let px = |px: f64| format!("{} px", short(px));
+        let e = |e: f64| format!("{} e-{rms}", digits(e));
+        let px = |px: f64| format!("{} px", digits(px));
         let EffectLabel {
             error_e, error_px, ..
         } = self.verdict;
@@ -217,17 +217,5 @@ impl Report {
             text += &format!(", measured {:.2} ms", times.sum::<f64>());
         }
         text + "\n"
-    }
-}
-
-/// Three digits.
-fn short(value: f64) -> String {
-    match value.abs() {
-        0.0 => "0".to_string(),
-        1e-3..1e5 => {
-            let decimals = (2 - value.abs().log10().floor() as i32).max(0) as usize;
-            format!("{value:.decimals$}")
-        }
-        _ => format!("{value:.2e}"),
     }
 }

@@ -4,6 +4,7 @@ use super::{levels, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
+use skyloop::effect::counted;
 use skyloop::engine::Emulator;
 use skyloop::link::capture::replay::{Progress, Recording, Replay, Same, load};
 use skyloop::serve::Server;
@@ -102,8 +103,8 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         std::thread::sleep(Duration::from_millis(5));
         if interrupted.load(Ordering::Relaxed) {
             bail!(
-                "stopped after {} frames that are the same",
-                whole_of(&replay.progress())
+                "stopped after {} that came back the same",
+                counted(whole_of(&replay.progress()), "frame")
             );
         }
         if replay.idle() > SILENCE {
@@ -111,10 +112,10 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         }
         if replay.still() > args.patience {
             bail!(
-                "{}: after {} frames that are the same, the emulator works on what comes next for more than {} s: give it longer \
+                "{}: after {} that came back the same, the emulator works on what comes next for more than {} s: give it longer \
                  with --patience",
                 args.file.display(),
-                whole_of(&replay.progress()),
+                counted(whole_of(&replay.progress()), "frame"),
                 args.patience.as_secs_f64()
             );
         }
@@ -139,7 +140,8 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     }
     if let Some(difference) = progress.difference {
         bail!(
-            "after {whole} frames that are the same: {difference} ({})",
+            "after {} that came back the same: {difference} ({})",
+            counted(whole, "frame"),
             match (&args.config, &args.scene) {
                 (Some(_), _) => "is it the same --config, and --output?",
                 (None, Some(_)) => "is it the same --scene, and --output?",
@@ -155,8 +157,9 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         );
     }
     say(format_args!(
-        "the same: {whole} frames, {} packets\n",
-        progress.packets
+        "the same: {}, {}\n",
+        counted(whole, "frame"),
+        counted(progress.packets as usize, "packet")
     ))?;
     if !gaps.is_empty() {
         say(format_args!("{}\n", gaps.trim_start_matches("; ")))?;

@@ -4,6 +4,7 @@ use super::{instruments, levels, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
+use skyloop::effect::counted;
 use skyloop::engine::Emulator;
 use skyloop::link;
 use skyloop::serve::{Ended, Server};
@@ -65,16 +66,22 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let pace = match clock {
         Clock::Stepped => "a frame for each attitude".to_string(),
         Clock::Wall => format!(
-            "{} frames a second by the wall clock",
-            config.camera.rate_hz
+            "{} frame{} a second by the wall clock",
+            config.camera.rate_hz,
+            if config.camera.rate_hz == 1.0 {
+                ""
+            } else {
+                "s"
+            }
         ),
     };
     let camera = &config.camera;
     say(format_args!(
-        "{} ({} x {}), {objects} objects, {pace}\n{}listening on {}; Ctrl-C ends the run\n",
+        "{} ({} x {}), {}, {pace}\n{}listening on {}; Ctrl-C ends the run\n",
         camera.name,
         camera.detector.width,
         camera.detector.height,
+        counted(objects, "object"),
         server.levels(),
         server.addresses().join(" and ")
     ))?;

@@ -9,6 +9,7 @@
 //! holds. Validity: one temperature for the whole detector, the same in every frame; hot pixels that
 //! flicker (random telegraph signals) are left out. Price: a sum a pixel, half again with a map.
 
+use super::cause::{counted, digits};
 use super::shown::{of_cells, shown_e};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
@@ -28,11 +29,14 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let seconds = scene.view.exposure.duration_s;
     let (mean, most) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
     let need = if most == 0.0 {
-        Need::none("the detector has no dark current")
+        Need::none("the detector has no dark current (detector.dark_e_s)")
     } else {
         let because = match pattern.hot() {
-            [] => format!("{mean:.3} e-/s a pixel"),
-            hot => format!("{mean:.3} e-/s a pixel, {} of them hot", hot.len()),
+            [] => format!("{} e-/s a pixel", digits(mean)),
+            hot => {
+                let hot = counted(hot.len(), "hot pixel");
+                format!("{} e-/s a pixel, with {hot}", digits(mean))
+            }
         };
         let ns = if pattern.dark_e_s().is_some() {
             0.22

@@ -5,8 +5,11 @@
 //! ```
 //!
 //! They are read like all others: noise and offset remain. They hold charge that spills over them as their neighbours do, and
-//! lose it. Reference: none but the definition. Validity: pixels that are wholly dead, in every frame. Price: by their number.
+//! lose it. Reference: none but the definition; which pixels they are is drawn by the camera's serial number, or listed. Validity: single
+//! pixels, up to a tenth of the detector, that are wholly dead in every frame, at any temperature; pixels of little response, and dead
+//! columns and rows, are left out. Price: by their number.
 
+use super::cause::{counted, digits};
 use super::shown::held_of;
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
@@ -25,12 +28,17 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let dead = detector.pattern.dead();
     let need = if dead.is_empty() {
-        Need::none("the detector has none")
+        Need::none("the detector has no dead pixels")
     } else {
         let held = held_of(scene, dead).into_iter().fold(0.0, f64::max);
         let struck = scene.struck_e(dead).into_iter().fold(0.0, f64::max);
+        let all = counted(dead.len(), "dead pixel");
         Need {
-            because: format!("{} of them", dead.len()).into(),
+            because: if held.max(struck) == 0.0 {
+                format!("{all}, and no charge that they could lose").into()
+            } else {
+                format!("{all}, up to {} e- in one", digits(held.max(struck))).into()
+            },
             error: Loss { e: held, px: 0.0 },
             drawn_e: struck,
             price_ms: dead.len() as f64 * 2e-6,

@@ -8,6 +8,7 @@
 //! light. Price: a polynomial, for a fisheye an arc tangent too, each time a
 //! track is looked at.
 
+use super::cause::digits;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Model;
 use crate::fidelity::Fidelity;
@@ -50,7 +51,7 @@ fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
         _ => 15.0,
     };
     Need {
-        because: format!("it moves images by up to {px:.3} px").into(),
+        because: format!("it moves images by up to {} px", digits(px)).into(),
         error: Loss { e: 0.0, px },
         drawn_e: 0.0,
         price_ms: view.looks() * ns * 1e-6,

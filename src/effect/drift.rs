@@ -21,6 +21,7 @@ use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Body, Change, STEEPEST, STEEPEST_STREAK, Scene, Simulated, View};
 use crate::sky::bodies::LIGHT_M_S;
+use hifitime::Unit;
 use nalgebra::Vector3;
 
 /// The change of the stars' aberration during the exposure.
@@ -32,17 +33,21 @@ pub const ABERRATION_DRIFT: Effect = Effect {
     mark: |simulated| simulated.aberration_drift = true,
 };
 
-fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
     let [start, end] = view.velocity_change_m_s.map(|dv| dv.norm());
     if start.max(end) == 0.0 {
-        return Need::none("no change of the observer's velocity aberrates");
+        return Need::none(why_none(view));
     }
     if !view
         .candidates
         .iter()
         .any(|candidate| matches!(candidate.body, Body::Star(_)))
     {
-        return Need::none("there is no star");
+        return Need::none(if simulated.stars {
+            "no star is in the field"
+        } else {
+            "stars are switched off"
+        });
     }
     // |du| = |dv| sin(angle between them) / c, for the star in the field's circle that is furthest from dv's axis.
     let axis = view.pointing(0.0).matrix().transpose() * Vector3::z();
@@ -64,6 +69,24 @@ fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
         drawn_e: 0.0,
         // Images that would stand still otherwise become tracks of two panels.
         price_ms: view.work(0.0, fidelity).moving_ms,
+    }
+}
+
+/// Why no star drifts.
+fn why_none(view: &View) -> &'static str {
+    let velocity = |dt_s: f64| {
+        let orbit = view
+            .vehicle
+            .at(view.exposure.mid + Unit::Second * dt_s)
+            .orbit;
+        orbit.map(|state| state.velocity_m_s)
+    };
+    match velocity(0.0) {
+        None => "the observer has no orbit (observer.orbit), and no velocity that changes",
+        mid if velocity(view.open_s / 2.0) == mid => {
+            "the observer's velocity does not change in so short a time"
+        }
+        _ => "aberration is switched off (sky.aberration)",
     }
 }
 

@@ -9,6 +9,7 @@
 //! each other without a pause in which the image area is emptied another way; the scene stands still while it is transferred;
 //! the response of single pixels averages out over a column; charge moves on evenly. Price: a sum a pixel.
 
+use super::cause::{digits, no_light};
 use super::shown::{of_cells, shown_e};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::camera::Shutter;
@@ -29,7 +30,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let most = trail.iter().copied().fold(0.0, f64::max);
     let need = match scene.view.camera.shutter {
         Shutter::FrameTransfer { .. } if most > 0.0 => {
-            let because = format!("columns get trails of up to {most:.2} e- a pixel");
+            let because = format!("columns get trails of up to {} e- a pixel", digits(most));
             let e = shown_e(scene, &of_cells(trail), |parts| {
                 parts.frame_transfer = false
             });
@@ -38,8 +39,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
                 ..Need::of_pixels(scene, because, e, 0.17)
             }
         }
-        Shutter::FrameTransfer { .. } => Need::none("there is no light"),
-        _ => Need::none("no charge is shifted through light"),
+        Shutter::FrameTransfer { .. } => Need::none(no_light(scene)),
+        Shutter::Global => Need::none("the shutter is global: no charge is shifted through light"),
+        Shutter::Rolling { .. } => {
+            Need::none("the shutter is rolling: no charge is shifted through light")
+        }
     };
     let pass = Pass::Tile(Box::new(move |tile| {
         for row in tile.electrons.chunks_mut(tile.width) {

@@ -5,10 +5,12 @@
 //! N_xy <- min(N_xy, full well)
 //! ```
 //!
-//! Reference: Janesick 2001, Scientific Charge-Coupled Devices. Validity: a well of one depth for all pixels. Price: a comparison a pixel; where charge spills, each column that has an
-//! overfull pixel is worked through once.
+//! Reference: Janesick 2001, Scientific Charge-Coupled Devices. Validity: a hard limit, the same for all pixels, of 1 to 1e9 e-; real
+//! wells differ by some per cent, and bend before they are full (`nonlinearity` has a bend of its own). No charge is left over for the next
+//! frame. Price: a comparison a pixel; where charge spills, each column that has an overfull pixel is worked through once.
 
 use super::bloom::Bloom;
+use super::cause::digits;
 use super::shown::{apart, held_e};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::camera::{Blooming, Detector};
@@ -28,9 +30,14 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let full = detector.full_well_e;
     let brightest = scene.brightest_e();
+    let most = drawn_e(brightest) + scene.largest_event_e();
     let spills = detector.blooming == Blooming::Column;
     let need = if scene.spill.columns.is_empty() {
-        Need::none("no pixel fills up")
+        Need::none(format!(
+            "no pixel gets more than {} of the {} e- that it holds",
+            digits(most),
+            digits(full)
+        ))
     } else {
         let [with, without] = [true, false].map(|full_well| {
             let parts = Simulated {
@@ -39,11 +46,16 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             };
             held_e(scene, &parts)
         });
-        let (because, ns) = if spills {
-            ("a pixel may fill up and spill along its column", 0.3)
+        let (spilling, ns) = if spills {
+            (", and spill along its column", 0.3)
         } else {
-            ("a pixel may fill up", 0.2)
+            ("", 0.2)
         };
+        let because = format!(
+            "a pixel may get {} e-, where it holds {}{spilling}",
+            digits(most),
+            digits(full)
+        );
         let need = Need::of_pixels(scene, because, apart(&with, &without), ns);
         // Column after column spills.
         let spilt = if spills {
@@ -52,7 +64,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             0
         };
         Need {
-            drawn_e: drawn_e(brightest) + scene.largest_event_e() - brightest,
+            drawn_e: most - brightest,
             price_ms: need.price_ms + spilt as f64 * 8e-6,
             ..need
         }

@@ -1,6 +1,7 @@
 //! The effects, from light to digits. Adding one is a file here and a line in [`EFFECTS`].
 
 mod bloom;
+mod cause;
 mod dark;
 mod dead;
 mod distortion;
@@ -20,6 +21,7 @@ mod smear;
 mod stuck;
 mod vignetting;
 
+pub use cause::{counted, digits};
 pub use shown::passed_e;
 
 use crate::fidelity::Fidelity;
@@ -179,7 +181,7 @@ pub enum Verdict<'s> {
 
 impl Need {
     /// Nothing calls for the effect: without it, nothing changes.
-    fn none(why: &'static str) -> Need {
+    fn none(why: impl Into<Cow<'static, str>>) -> Need {
         Need {
             because: why.into(),
             error: Loss::default(),

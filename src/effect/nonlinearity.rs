@@ -8,6 +8,7 @@
 //! measures such a bend. It is the first term of a source follower whose gain falls with its signal. Validity: `a` up to 1/2, where it
 //! would begin to fall; smooth bends, no kinks at low signal. Price: two products a pixel.
 
+use super::cause::digits;
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Scene, drawn_e};
@@ -28,11 +29,16 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let missing = |e: f64| held(e) - detector.response_e(held(e));
     let brightest = scene.brightest_e();
     let need = if share == 0.0 {
-        Need::none("the detector is linear")
+        Need::none("the detector is linear (detector.nonlinearity)")
     } else {
-        let because = format!("{:.2} % missing at full well", 100.0 * share);
+        let most = drawn_e(brightest) + scene.largest_event_e();
+        let because = format!(
+            "{} % missing at full well, {} % in the fullest pixel",
+            digits(100.0 * share),
+            digits(100.0 * missing(most) / held(most))
+        );
         Need {
-            drawn_e: missing(drawn_e(brightest) + scene.largest_event_e()),
+            drawn_e: missing(most),
             ..Need::of_pixels(scene, because, missing(brightest), 0.7)
         }
     };

@@ -7,6 +7,7 @@
 //! Reference: Clark et al. 2021. Validity: sources smaller than the PSF; their light adds up. Price: the pixels of each image, worked out once
 //! for each place that the image comes by (`scene::work`), and a sum a pixel.
 
+use super::cause::{counted, digits, is_rso, is_star, none_lit};
 use super::shown::{of_cells, shown_e};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
@@ -30,15 +31,13 @@ pub const RSOS: Effect = Effect {
 };
 
 fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
-    let is_star = |body: &Body| matches!(body, Body::Star(_));
-    judge(scene, fidelity, "stars", is_star, |parts| {
+    judge(scene, fidelity, "star", is_star, |parts| {
         parts.stars = false
     })
 }
 
 fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
-    let is_rso = |body: &Body| matches!(body, Body::Rso(_));
-    judge(scene, fidelity, "objects", is_rso, |parts| {
+    judge(scene, fidelity, "object", is_rso, |parts| {
         parts.rsos = false
     })
 }
@@ -47,14 +46,14 @@ fn judge<'s>(
     scene: &'s Scene,
     fidelity: &Fidelity,
     what: &'static str,
-    kind: impl Fn(&Body) -> bool,
+    kind: fn(&Body) -> bool,
     leave: impl Fn(&mut Simulated),
 ) -> (Need, Pass<'s>) {
     let lit = |s: &&Source| kind(&s.body) && s.electrons > 0.0;
     let drawn: Vec<&Source> = scene.sources.iter().filter(lit).collect();
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
     let need = if pixels == 0 {
-        Need::none("none of their light falls on the detector")
+        Need::none(none_lit(scene, what, kind))
     } else {
         // Their own light, and their part of its column's trail.
         let mut cells_e = scene.lit_e(&drawn);
@@ -66,8 +65,14 @@ fn judge<'s>(
                 .for_each(|(e, trail)| *e += trail);
         }
         let e = shown_e(scene, &cells_e, leave);
+        let brightest = drawn.iter().map(|s| s.electrons).fold(0.0, f64::max);
         Need {
-            because: format!("{} {what} in the field", drawn.len()).into(),
+            because: format!(
+                "{} in the field, up to {} e-",
+                counted(drawn.len(), what),
+                digits(brightest)
+            )
+            .into(),
             error: Loss { e, px: 0.0 },
             // Thinly spread light comes in whole electrons too.
             drawn_e: drawn.iter().map(|source| source.electrons).sum(),

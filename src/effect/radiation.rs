@@ -8,9 +8,12 @@
 //! sources, `sky::radiation` their number by orbit. Their charge comes after shot noise, which it does not follow: its scatter is that of
 //! the energy loss. Reference: there. Validity: charged particles alone, and pixels that keep no memory of them. Price: by the pixels of the events.
 
+use super::cause::{counted, digits};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
+use crate::camera::Flux;
 use crate::fidelity::Fidelity;
 use crate::scene::{Scene, drawn_e};
+use crate::sky::radiation::{FREE_SPACE, flux};
 
 /// Cosmic rays and trapped protons.
 pub const RADIATION: Effect = Effect {
@@ -32,12 +35,17 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         .fold(0.0, f64::max);
     let e = passed_on(scene, &hits, most);
     let need = if scene.view.camera.radiation.is_none() {
-        Need::none("the camera is not exposed to radiation")
+        Need::none("the camera file has no [radiation]")
     } else if hits.is_empty() {
-        Need::none("no particle crosses the detector")
+        Need::none(format!("no particle comes, {}", rate(scene)))
     } else {
         Need {
-            because: format!("{} particles cross the detector", scene.events.len()).into(),
+            because: format!(
+                "{} on the detector, {}",
+                counted(scene.events.len(), "particle"),
+                rate(scene)
+            )
+            .into(),
             error: Loss { e, px: 0.0 },
             drawn_e: 0.0,
             price_ms: hits.len() as f64 * 3e-6,
@@ -52,6 +60,28 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         }
     }));
     (need, pass)
+}
+
+/// How many particles are expected, and by what.
+fn rate(scene: &Scene) -> String {
+    let (view, camera) = (&scene.view, &scene.view.camera);
+    let Some(radiation) = &camera.radiation else {
+        return String::new();
+    };
+    let (flux, by) = match (radiation.flux, &view.vehicle.orbit) {
+        (Flux::Fixed(flux), _) => (flux, ""),
+        (Flux::ByOrbit, Some(state)) => {
+            let flux = flux(&state.position_m, view.exposure.mid);
+            (flux, " by the orbit")
+        }
+        (Flux::ByOrbit, None) => (
+            FREE_SPACE,
+            ", free space's: the observer has no position (observer.orbit)",
+        ),
+    };
+    let expected = radiation.expected_events(&camera.detector, flux, view.exposure.duration_s);
+    let (expected, flux) = (digits(expected), digits(flux));
+    format!("{expected} expected at {flux} /cm^2/s{by}")
 }
 
 /// A bound (e-) of what a pixel shows of `hits`, of which it gets at most `most` itself: in columns that may spill those of the

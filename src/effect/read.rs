@@ -7,6 +7,7 @@
 //! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2. Validity: white and alike in all pixels; no pattern of
 //! rows, no random telegraph signals. Price: a normal draw a pixel.
 
+use super::cause::digits;
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::rng::PixelStream;
@@ -27,9 +28,9 @@ const STREAM: u8 = 2;
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let sigma = scene.view.camera.detector.read_noise_e;
     let need = if sigma == 0.0 {
-        Need::none("the detector reads without noise")
+        Need::none("the detector reads without noise (detector.read_noise_e)")
     } else {
-        Need::of_pixels(scene, format!("{sigma} e- rms"), sigma, 18.5)
+        Need::of_pixels(scene, format!("{} e- rms", digits(sigma)), sigma, 18.5)
     };
     let pass = Pass::Tile(Box::new(move |tile| {
         let first = tile.first_pixel();

@@ -7,6 +7,7 @@
 //! Reference: photo-response non-uniformity of EMVA Standard 1288 release 4.0; the map is the camera's (`camera::pattern`). Validity: a
 //! response that does not depend on wavelength, and no pattern of rows and columns. Price: a product a pixel.
 
+use super::cause::{digits, no_light};
 use super::shown::shown_e;
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
@@ -24,16 +25,19 @@ pub const PIXEL_RESPONSE: Effect = Effect {
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;
     let Some(response) = pattern.response() else {
-        return (Need::none("all pixels respond alike"), Pass::idle());
+        return (
+            Need::none("all pixels respond alike (detector.prnu)"),
+            Pass::idle(),
+        );
     };
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
     let worst = shown_e(scene, &scene.lit_where(off), |parts| parts.response = false);
     let need = if worst == 0.0 {
-        Need::none("no light falls on the detector")
+        Need::none(no_light(scene))
     } else {
         let because = format!(
-            "up to {:.1} % from pixel to pixel",
-            100.0 * pattern.worst_response()
+            "pixels differ by up to {} %",
+            digits(100.0 * pattern.worst_response())
         );
         Need::of_pixels(scene, because, worst, 0.11)
     };

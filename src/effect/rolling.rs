@@ -9,7 +9,9 @@
 //! changes by `N (0.86 d / s + v t_row)` at most, with d for what it moves by itself until its own rows are exposed. Price: four points of each panel
 //! in which rows that an image touches open or close.
 
+use super::cause::digits;
 use super::{Effect, Judge, Loss, Need, Stage};
+use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
 use crate::scene::{Change, STEEPEST_STREAK, Scene, Simulated, View};
 
@@ -25,19 +27,23 @@ pub const ROLLING_SHUTTER: Effect = Effect {
 fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
     let readout_s = view.camera.readout_s();
     if readout_s == 0.0 {
-        return Need::none("all rows are exposed together");
+        return Need::none(match view.camera.shutter {
+            Shutter::Global => "the shutter is global: all rows are exposed together",
+            Shutter::FrameTransfer { .. } => "frame transfer: all rows are exposed together",
+            Shutter::Rolling { .. } => "the detector has one row",
+        });
     }
     let off_px = view.longest_track_px(readout_s) / 2.0;
     if off_px == 0.0 {
-        return Need::none("nothing moves during the exposure and the readout");
+        return Need::none("the body's rates are 0, and no object moves across the field");
     }
     if !simulated.smear && !simulated.aberration_drift {
-        return Need::none("images stand still, for smear is not simulated");
+        return Need::none("images stand still: neither smear nor aberration drift runs");
     }
     Need {
         because: format!(
-            "images move by up to {:.3} px during the readout",
-            2.0 * off_px
+            "images move by up to {} px during the readout",
+            digits(2.0 * off_px)
         )
         .into(),
         error: Loss { e: 0.0, px: off_px },

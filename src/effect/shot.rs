@@ -8,6 +8,7 @@
 //! electron a photon, so no gain before the charge is read. Price: a draw a pixel, from a table where it holds what most hold,
 //! else of its own, by inversion or by rejection.
 
+use super::cause::{digits, no_light};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::rng::{PixelStream, PoissonTable};
@@ -27,12 +28,21 @@ const STREAM: u8 = 1;
 
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let most = scene.brightest_e();
+    let no_dark = if scene.simulated.dark {
+        "no dark current"
+    } else {
+        "dark current is switched off"
+    };
     let need = if most == 0.0 {
-        Need::none("there is no light and no dark charge")
+        Need::none(format!("{}; {no_dark}", no_light(scene)))
     } else {
         let e = most.min(scene.spill.most_e).sqrt().max(spilt_e(scene));
         Need {
-            because: "light comes in quanta".into(),
+            because: format!(
+                "charge comes in electrons, up to {} in a pixel",
+                digits(most)
+            )
+            .into(),
             error: Loss { e, px: 0.0 },
             drawn_e: 0.0,
             price_ms: price_ms(scene),

@@ -9,6 +9,7 @@
 //! Reference: the integral above, held against direct integration. Validity: body rates are constant during the exposure; an object's
 //! own track is a parabola. Price: the pixels of an image once more for each step of half a PSF's width along its track.
 
+use super::cause::digits;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Change, STEEPEST, Scene, Simulated, View};
@@ -30,7 +31,7 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
         readout_s => view.longest_track_px(readout_s) / 2.0,
     };
     if length_px == 0.0 {
-        return Need::none("nothing moves during the exposure");
+        return Need::none("the body's rates are 0, and no object moves across the field");
     }
     let moving_ms = |seconds: f64| view.work(seconds, fidelity).moving_ms;
     // Tracks that short are points.
@@ -42,7 +43,7 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
         moving_ms(view.exposure.duration_s)
     };
     Need {
-        because: format!("images move by up to {length_px:.3} px").into(),
+        because: format!("images move by up to {} px", digits(length_px)).into(),
         error: Loss {
             e: 0.0,
             px: length_px / 2.0 + rolled_px,

@@ -4,8 +4,11 @@
 //! DN_xy <- stuck_dn   at the stuck pixels of the camera's pattern
 //! ```
 //!
-//! Reference: none but the definition. Validity: pixels that never change. Price: by their number.
+//! Reference: none but the definition; which pixels they are is drawn by the camera's serial number, or listed. Validity: single pixels, up
+//! to a tenth of the detector, that all give one digit and never change; pixels that blink or take several values, and columns that are
+//! stuck, are left out. Price: by their number.
 
+use super::cause::counted;
 use super::shown::held_of;
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
@@ -24,7 +27,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let (stuck, dn) = (detector.pattern.stuck(), detector.stuck_dn);
     let need = if stuck.is_empty() {
-        Need::none("the detector has none")
+        Need::none("the detector has no stuck pixels")
     } else {
         let gain = detector.gain_e_per_dn;
         let instead_e = (f64::from(dn) - detector.offset_dn) * gain;
@@ -43,7 +46,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
                 (instead_e - read.min(detector.converter_reach_e())).abs()
             });
         Need {
-            because: format!("{} of them", stuck.len()).into(),
+            because: format!("{} at {dn} DN", counted(stuck.len(), "stuck pixel")).into(),
             // Digits are whole.
             error: Loss {
                 e: off.fold(0.0, f64::max) + gain,

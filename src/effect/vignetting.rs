@@ -16,6 +16,7 @@
 //! Price: a few products, or the arc tangent of a
 //! table, each time a track is looked at.
 
+use super::cause::digits;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
@@ -30,15 +31,15 @@ pub const VIGNETTING: Effect = Effect {
     mark: |simulated| simulated.vignetting = true,
 };
 
-fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
     let vignetting = &view.camera.optics.vignetting;
     if *vignetting == Vignetting::None {
-        return Need::none("the optics let as much light pass everywhere");
+        return Need::none("the optics have no vignetting");
     }
     let [least, most] = vignetting.range(view.camera.cone_rad(0.0));
     let e = view.brightest_px_e(|seen| (1.0 - vignetting.transmission(seen)).abs());
     if e == 0.0 {
-        return Need::none("it takes no light of any source");
+        return Need::none(why_none(view, simulated));
     }
     let ns = match vignetting {
         Vignetting::Table(_) => 22.0,
@@ -46,9 +47,9 @@ fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
     };
     Need {
         because: format!(
-            "{:.1} to {:.1} % of the light passes",
-            100.0 * least,
-            100.0 * most
+            "{} to {} % of the light passes",
+            digits(100.0 * least),
+            digits(100.0 * most)
         )
         .into(),
         error: Loss {
@@ -57,6 +58,21 @@ fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
         },
         drawn_e: 0.0,
         price_ms: looks(view, fidelity) * ns * 1e-6,
+    }
+}
+
+/// Why it takes no light.
+fn why_none(view: &View, simulated: &Simulated) -> &'static str {
+    if !simulated.stars && !simulated.rsos {
+        "stars and objects are switched off"
+    } else if view.candidates.is_empty() && !simulated.stars {
+        "stars are switched off, and no object is in the field"
+    } else if view.candidates.is_empty() {
+        "no source is in the field"
+    } else if view.brightest_px_e(|_| 1.0) == 0.0 {
+        "no source in the field gives light"
+    } else {
+        "all light passes where the sources stand"
     }
 }
 

@@ -162,6 +162,8 @@ pub struct View {
     pub key: NoiseKey,
     /// Stars in catalogue order, then objects in the population's.
     pub candidates: Vec<Candidate>,
+    /// How many objects the scene has, before the camera or not.
+    pub objects: usize,
     /// Objects whose orbit has no answer at this time.
     pub unknown: Vec<OrbitError>,
 }
@@ -199,6 +201,7 @@ impl View {
             camera: camera.clone(),
             key,
             candidates: Vec::new(),
+            objects: world.population.objects.len(),
             unknown: Vec::new(),
         };
         let axis = view.pointing(0.0).matrix().transpose() * Vector3::z();

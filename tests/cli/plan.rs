@@ -241,3 +241,147 @@ fn a_converter_that_clips_first_is_told_once() {
         assert_eq!((code, log.as_str()), (0, ""), "{flags:?}");
     }
 }
+
+/// What a scene's plan says of each effect. `tables` come before the sequence, `sequence` ends it.
+fn reasons(at: &Path, camera: &str, epoch: &str, tables: &str, sequence: &str) -> Value {
+    let scene = format!(
+        "camera = {camera:?}\n{tables}\n[sequence]\nepoch = {epoch:?}\nframes = 1\nperiod_s = 1.0\n{sequence}\n"
+    );
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
+    let (code, json, log) = plan(at, &["--scene", "scene.toml", "--json"]);
+    assert_eq!((code, log.as_str()), (0, ""), "{tables}");
+    serde_json::from_str(&json).unwrap()
+}
+
+const STILL: &str = "attitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]";
+const EPOCH: &str = "2026-06-01T00:00:00Z";
+
+/// Whoever is told that an effect is left out must know what to change: the cause, not what follows from it.
+#[test]
+fn reasons_are_causes() {
+    let here = tempfile::tempdir().unwrap();
+    let orbit = repository("configs/scenes/leo-570.tle");
+    let orbit = format!("[observer]\norbit = {orbit:?}\n");
+    let off = "[effects]\noff = [\"stars\", \"dark current\", \"smear\"]\n";
+    for (camera, tables, sequence, reasons_of) in [
+        (
+            "cmos-rolling",
+            String::new(),
+            STILL,
+            &[
+                ("aberration drift", "the observer has no orbit"),
+                ("smear", "the body's rates are 0"),
+                ("rolling shutter", "the body's rates are 0"),
+                ("rsos", "the scene has no objects"),
+                ("frame transfer", "the shutter is rolling"),
+                // 0.262 cm^2 for 0.1 s.
+                (
+                    "radiation",
+                    "0.0472 expected at 1.80 /cm^2/s, free space's: the observer has no position",
+                ),
+                ("full well", "of the 30000 e- that it holds"),
+            ][..],
+        ),
+        (
+            "cmos-rolling",
+            format!("{orbit}[sky]\naberration = false\n"),
+            STILL,
+            &[
+                ("aberration drift", "aberration is switched off"),
+                ("radiation", "/cm^2/s by the orbit"),
+            ],
+        ),
+        (
+            "cmos-rolling",
+            format!("{orbit}{off}"),
+            "attitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]\nrates_deg_s = [1.0, 0.0, 0.0]",
+            &[
+                ("aberration drift", "stars are switched off"),
+                ("rolling shutter", "neither smear nor aberration drift runs"),
+                ("vignetting", "stars are switched off"),
+                (
+                    "pixel response",
+                    "no light: stars are switched off; the scene has no objects",
+                ),
+                ("shot noise", "dark current is switched off"),
+                ("dead pixels", "no charge that they could lose"),
+            ],
+        ),
+        (
+            "ccd-transfer",
+            "[effects]\noff = [\"stars\", \"rsos\"]\n".to_string(),
+            STILL,
+            &[
+                ("rolling shutter", "frame transfer"),
+                (
+                    "frame transfer",
+                    "no light: stars are switched off; objects are switched off",
+                ),
+                ("dark current", "with 62 hot pixels"),
+                ("stuck pixels", "the detector has no stuck pixels"),
+            ],
+        ),
+        (
+            "fai-nir",
+            "[effects]\nall = true\n".to_string(),
+            STILL,
+            &[
+                ("smear", "effects.all is set; else not: the body's rates"),
+                ("vignetting", "else not: the optics have no vignetting"),
+            ],
+        ),
+    ] {
+        let report = reasons(here.path(), camera, EPOCH, &tables, sequence);
+        for (name, words) in reasons_of {
+            let lines = report["effects"].as_array().unwrap();
+            let line = lines.iter().find(|line| line["effect"] == *name).unwrap();
+            let why = line["why"].as_str().unwrap();
+            assert!(why.contains(words), "{camera}, {name}: {why}");
+        }
+    }
+}
+
+/// One object ahead of the observer on its orbit, lit or not, seen or not.
+#[test]
+fn reasons_say_where_the_objects_are() {
+    let here = tempfile::tempdir().unwrap();
+    // The orbit of leo-570.tle, a degree further on.
+    let ahead = "AHEAD\n\
+        1 99002U 26001B   26152.00000000  .00000000  00000-0  20000-4 0    15\n\
+        2 99002  97.6000 200.0000 0008000  80.0000  11.0000 15.05000000    16\n";
+    std::fs::write(here.path().join("ahead.tle"), ahead).unwrap();
+    let orbit = repository("configs/scenes/leo-570.tle");
+    let tables = format!(
+        "[observer]\norbit = {orbit:?}\n[objects]\nfiles = [\"ahead.tle\"]\n[sky]\ncatalog = \"bsc\"\n"
+    );
+    let down = "attitudes = [{ q = [1.0, 0.0, 0.0, 0.0] }]";
+    for (camera, epoch, sequence, words) in [
+        ("all-sky", EPOCH, down, "1 object in the field, up to "),
+        // Its vignetting ends at 90 deg, a little short of the object.
+        (
+            "all-sky",
+            EPOCH,
+            STILL,
+            "1 object in the field: no light passes the optics there",
+        ),
+        // Half an orbit on.
+        (
+            "all-sky",
+            "2026-06-01T00:50:00Z",
+            STILL,
+            "1 object in the field, in the Earth's shadow",
+        ),
+        (
+            "rigel-l",
+            EPOCH,
+            STILL,
+            "the scene's object is not in the field",
+        ),
+    ] {
+        let report = reasons(here.path(), camera, epoch, &tables, sequence);
+        let lines = report["effects"].as_array().unwrap();
+        let line = lines.iter().find(|line| line["effect"] == "rsos").unwrap();
+        let why = line["why"].as_str().unwrap();
+        assert!(why.contains(words), "{camera}, {epoch}: {why}");
+    }
+}

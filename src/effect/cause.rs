@@ -1,0 +1,109 @@
+//! Why a scene calls for an effect, or for none, in words and figures: what several effects say alike.
+
+use crate::scene::{Body, Hidden, Scene, Source};
+
+/// A figure of a text: three digits.
+pub fn digits(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_string(),
+        1e-3..1e5 => {
+            let decimals = (2 - value.abs().log10().floor() as i32).max(0) as usize;
+            format!("{value:.decimals$}")
+        }
+        _ => format!("{value:.2e}"),
+    }
+}
+
+/// `1 star`, `3 stars`.
+pub fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// Why no star and no object lights a pixel.
+pub(super) fn no_light(scene: &Scene) -> String {
+    let part = |on: bool, what: &str, is: fn(&Body) -> bool| {
+        if on {
+            none_lit(scene, what, is)
+        } else {
+            format!("{what}s are switched off")
+        }
+    };
+    let simulated = &scene.simulated;
+    format!(
+        "no light: {}; {}",
+        part(simulated.stars, "star", is_star),
+        part(simulated.rsos, "object", is_rso)
+    )
+}
+
+pub(super) fn is_star(body: &Body) -> bool {
+    matches!(body, Body::Star(_))
+}
+
+pub(super) fn is_rso(body: &Body) -> bool {
+    matches!(body, Body::Rso(_))
+}
+
+/// Why none of the stars or of the objects lights a pixel; `what` is one of them.
+pub(super) fn none_lit(scene: &Scene, what: &str, is: impl Fn(&Body) -> bool) -> String {
+    let here: Vec<&Source> = scene.sources.iter().filter(|s| is(&s.body)).collect();
+    let all = counted(here.len(), what);
+    if here.is_empty() {
+        return match (what, scene.view.objects) {
+            ("object", 0) => "the scene has no objects".to_string(),
+            ("object", 1) => format!("the scene's object is not in the field{}", unknown(scene)),
+            ("object", n) => {
+                let unknown = unknown(scene);
+                format!("none of the scene's {n} objects is in the field{unknown}")
+            }
+            _ => format!("no {what} is in the field"),
+        };
+    }
+    let hidden = |by: Hidden| here.iter().filter(|s| s.hidden == Some(by)).count();
+    let (earth, shadow) = (hidden(Hidden::ByEarth), hidden(Hidden::InShadow));
+    if earth + shadow == here.len() {
+        return match (earth, shadow) {
+            (_, 0) => format!("{all} in the field, behind the Earth"),
+            (0, _) => format!("{all} in the field, in the Earth's shadow"),
+            _ => format!("{all} in the field: {earth} behind the Earth, {shadow} in its shadow"),
+        };
+    }
+    let reason = if here.iter().all(|s| s.arriving_e == 0.0) {
+        "the camera turns no light into charge (optics.transmission, detector.quantum_efficiency)"
+    } else if here.iter().all(|s| s.electrons == 0.0) {
+        "no light passes the optics there (optics.vignetting)"
+    } else {
+        "their light falls beside the pixels"
+    };
+    format!("{all} in the field: {reason}")
+}
+
+/// What is to be said of objects whose orbits have no answer.
+fn unknown(scene: &Scene) -> String {
+    match scene.view.unknown.len() {
+        0 => String::new(),
+        n => format!(" ({n} without a position at this time)"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_have_three_digits_and_nouns_their_number() {
+        for (value, text) in [
+            (0.0, "0"),
+            (0.001234, "0.00123"),
+            (1.8, "1.80"),
+            (30_000.0, "30000"),
+            (123_456.0, "1.23e5"),
+            (0.000_05, "5.00e-5"),
+        ] {
+            assert_eq!(digits(value), text);
+        }
+        assert_eq!(counted(1, "star"), "1 star");
+        assert_eq!(counted(0, "star"), "0 stars");
+        assert_eq!(counted(2, "particle"), "2 particles");
+    }
+}
