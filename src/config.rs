@@ -4,7 +4,9 @@ use crate::attitude::Attitude;
 use crate::camera::Camera;
 use crate::effect::EFFECTS;
 use crate::fidelity::{Choice, Fidelity, PRESETS};
-use crate::load::{Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, orbits, parse};
+use crate::load::{
+    Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, advice, orbits, parse,
+};
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
 use crate::sky::photometry::Sphere;
@@ -363,7 +365,7 @@ impl RawEffects {
                     return Err(check.explain(&key, reason));
                 }
                 None => {
-                    let allowed = format!("one of the effects {}", can.join(", "));
+                    let allowed = format!("one of the effects{}", advice(name, &can));
                     return Err(check.refuse(&key, given, allowed));
                 }
             }

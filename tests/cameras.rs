@@ -94,7 +94,10 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
         ("[run]\nidle_s = -2.0", ["run.idle_s = -2", "0 to 1000000"]),
         (
             "[run]\nclock = \"sundial\"",
-            ["sundial", "`stepped` or `wall`"],
+            [
+                "run.clock: must be \"stepped\" or \"wall\"",
+                "not \"sundial\"",
+            ],
         ),
         (
             "camera = \"hubble\"",

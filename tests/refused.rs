@@ -49,27 +49,27 @@ fn refuses(key: &str, value: &str, words: &[&str]) {
 #[test]
 fn numbers_that_no_camera_has() {
     for (key, least, most) in [
-        ("detector.prnu", "0", "1"),
-        ("detector.dark_e_s", "0", "1000000000"),
-        ("detector.dark_reference_c", "-200", "150"),
-        ("detector.temperature_c", "-200", "150"),
-        ("detector.dark_doubling_k", "1", "100"),
-        ("detector.dark_nonuniformity", "0", "10"),
+        ("detector.prnu", "0", "0.3"),
+        ("detector.dark_e_s", "0", "1000000000 e-/s"),
+        ("detector.dark_reference_c", "-200", "150 deg C"),
+        ("detector.temperature_c", "-200", "150 deg C"),
+        ("detector.dark_doubling_k", "1", "100 K"),
+        ("detector.dark_nonuniformity", "0", "2"),
         ("detector.hot_fraction", "0", "0.1"),
-        ("detector.hot_e_s", "0", "1000000000"),
+        ("detector.hot_e_s", "0", "1000000000 e-/s"),
         ("detector.dead_fraction", "0", "0.1"),
         ("detector.stuck_fraction", "0", "0.1"),
         // 14 bits.
-        ("detector.stuck_dn", "0", "16383"),
-        ("detector.read_noise_e", "0", "1000000"),
-        ("detector.full_well_e", "1", "1000000000"),
+        ("detector.stuck_dn", "0", "16383 DN"),
+        ("detector.read_noise_e", "0", "1000000 e-"),
+        ("detector.full_well_e", "1", "1000000000 e-"),
         ("detector.nonlinearity", "0", "0.5"),
-        ("radiation.flux_cm2_s", "0", "1000000000"),
-        ("radiation.thickness_um", "0.1", "2000"),
-        ("radiation.energy_mev", "50", "1000000"),
-        ("radiation.diffusion_um", "0", "100"),
-        ("radiation.readout_s", "0", "10000"),
-        ("timing.row_us", "0.001", "1000000"),
+        ("radiation.flux_cm2_s", "0", "1000000000 1/cm^2/s"),
+        ("radiation.thickness_um", "0.1", "2000 um"),
+        ("radiation.energy_mev", "50", "1000000 MeV"),
+        ("radiation.diffusion_um", "0", "100 um"),
+        ("radiation.readout_s", "0", "10000 s"),
+        ("timing.row_us", "0.001", "1000000 us"),
     ] {
         let range = format!("{key} = ");
         let allowed = format!("must be {least} to {most}");
@@ -81,12 +81,12 @@ fn numbers_that_no_camera_has() {
         ] {
             refuses(key, value, &[&format!("{range}{shown}"), &allowed]);
         }
-        let message = load(&with(key, "[true]")).unwrap_err();
-        let name = key.split_once('.').unwrap().1;
-        assert!(
-            message.contains("mine.toml") && message.contains(name),
-            "{message}"
-        );
+        let must = if key == "radiation.flux_cm2_s" {
+            "must be a number or \"orbit\""
+        } else {
+            "must be a number, not a list"
+        };
+        refuses(key, "[true]", &[&format!("{key}: {must}")]);
     }
 }
 
@@ -174,5 +174,130 @@ fn a_converter_that_clips_first_is_no_error_and_shipped_cameras_have_none() {
             silenced,
             "{name}"
         );
+    }
+}
+
+/// The text of a camera without a key.
+fn without(text: &str, key: &str) -> String {
+    let lines = text
+        .lines()
+        .filter(|line| !line.starts_with(&format!("{key} = ")));
+    lines.map(|line| format!("{line}\n")).collect()
+}
+
+#[test]
+fn a_key_without_the_one_that_gives_it_meaning() {
+    let text = built_in("ccd-transfer");
+    for (text, words) in [
+        (
+            without(&text, "hot_e_s"),
+            "mine.toml: detector.hot_fraction: needs detector.hot_e_s",
+        ),
+        (
+            without(&text, "hot_fraction"),
+            "mine.toml: detector.hot_e_s: needs detector.hot_fraction",
+        ),
+        (
+            with("detector.stuck_dn", "12.0"),
+            "mine.toml: detector.stuck_dn: needs detector.stuck_fraction or detector.stuck_px",
+        ),
+    ] {
+        let message = load(&text).unwrap_err();
+        assert!(
+            message.starts_with(words) || message.contains(words),
+            "{message}"
+        );
+    }
+    // What is switched off in so many words needs no other key.
+    let off = without(&with("detector.hot_fraction", "0.0"), "hot_e_s");
+    assert!(load(&off).is_ok());
+    let stuck = with("detector.stuck_dn", "12.0\nstuck_px = []");
+    assert!(load(&stuck).is_ok());
+}
+
+/// Units that are mistaken for others.
+#[test]
+fn figures_of_another_unit() {
+    for (key, value, words) in [
+        // Metres.
+        (
+            "optics.focal_length_mm",
+            "0.036",
+            [
+                "optics.focal_length_mm = 0.036",
+                "must be 0.5 to 1000000 mm",
+            ],
+        ),
+        (
+            "detector.pixel_um",
+            "15e-6",
+            ["detector.pixel_um = 0.000015", "must be 0.3 to 1000 um"],
+        ),
+        // Per cent.
+        (
+            "detector.prnu",
+            "0.5",
+            ["detector.prnu = 0.5", "0 to 0.3, a share: 0.5 % is 0.005"],
+        ),
+        (
+            "detector.quantum_efficiency",
+            "55",
+            ["detector.quantum_efficiency = 55", "a share: 55 % is 0.55"],
+        ),
+        // Kelvin.
+        (
+            "detector.temperature_c",
+            "253.0",
+            ["detector.temperature_c = 253", "-200 to 150 deg C"],
+        ),
+        // Milliseconds.
+        (
+            "timing.exposure_s",
+            "200",
+            [
+                "timing.rate_hz = 4: must be at most 0.00499",
+                "Hz with timing.exposure_s = 200 s: exposures do not overlap",
+            ],
+        ),
+        (
+            "radiation.readout_s",
+            "100.0",
+            [
+                "radiation.readout_s = 100",
+                "at most 1 / timing.rate_hz = 0.25 s",
+            ],
+        ),
+        // No figures at all.
+        (
+            "detector.width_px",
+            "512.5",
+            [
+                "detector.width_px: ",
+                "must be a whole number from 0 to 4294967295, not 512.5",
+            ],
+        ),
+        (
+            "detector.adc_clips_first",
+            "1",
+            ["detector.adc_clips_first: ", "must be true or false, not 1"],
+        ),
+        (
+            "detector.gain_e_per_dn",
+            "",
+            [
+                "not TOML: gain_e_per_dn has no value",
+                "write gain_e_per_dn = value",
+            ],
+        ),
+        (
+            "detector.hot_fracton",
+            "0.1",
+            [
+                "detector.hot_fracton: unknown key `hot_fracton`",
+                "did you mean `hot_fraction`?",
+            ],
+        ),
+    ] {
+        refuses(key, value, &words);
     }
 }

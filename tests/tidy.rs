@@ -77,6 +77,7 @@ const FENCES: &[(&str, &[&str])] = &[
     ("sofars::", &["sky/bodies"]),
     ("serde_json::", &["cli/plan", "label", "link/fault/book"]),
     ("toml::", &["load"]),
+    ("strsim::", &["load"]),
     ("image::", &["output"]),
     ("embedded_graphics::", &["output"]),
     (

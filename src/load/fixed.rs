@@ -27,7 +27,7 @@ impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Values<T, N> {
     type Value = Fixed<T, N>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "an array of {N} values")
+        write!(f, "a list of {N} values")
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut given: A) -> Result<Self::Value, A::Error> {

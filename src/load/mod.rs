@@ -6,11 +6,13 @@ mod fixed;
 mod folder;
 pub mod orbits;
 mod syntax;
+mod words;
 
 pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
 pub(crate) use fixed::Fixed;
 pub use folder::Folder;
 pub(crate) use syntax::parse;
+pub(crate) use words::{advice, nearest};
 
 use serde::Deserialize;
 use std::fmt;
@@ -78,10 +80,28 @@ impl Check<'_> {
         value: f64,
         range: RangeInclusive<f64>,
     ) -> Result<f64, ConfigError> {
+        self.range_in(unit_of(key), key, value, range)
+    }
+
+    /// The same, where the key does not name the unit.
+    pub fn range_in(
+        &self,
+        unit: &str,
+        key: &str,
+        value: f64,
+        range: RangeInclusive<f64>,
+    ) -> Result<f64, ConfigError> {
         if range.contains(&value) {
-            return Ok(value);
+            // No negative zero.
+            return Ok(value + 0.0);
         }
-        Err(self.refuse(key, value, format!("{} to {}", range.start(), range.end())))
+        let mut allowed = format!("{} to {}", range.start(), range.end());
+        if !unit.is_empty() {
+            allowed += &format!(" {unit}");
+        } else if *range.end() <= 1.0 && (*range.end()..=100.0).contains(&value) {
+            allowed += &format!(", a share: {value} % is {}", value / 100.0);
+        }
+        Err(self.refuse(key, value, allowed))
     }
 
     /// `values` if each lies in `range`; the error names the first that does not.
@@ -120,6 +140,38 @@ impl Check<'_> {
             allowed: allowed.into(),
         }
     }
+}
+
+/// Ends of keys and the units that they name; of two that fit the first.
+const UNITS: &[(&str, &str)] = &[
+    ("_e_per_dn", "e-/DN"),
+    ("_cm2_s", "1/cm^2/s"),
+    ("_deg_s", "deg/s"),
+    ("_e_s", "e-/s"),
+    ("_arcsec", "arcsec"),
+    ("_bits", "bits"),
+    ("_mev", "MeV"),
+    ("_mm", "mm"),
+    ("_um", "um"),
+    ("_us", "us"),
+    ("_px", "px"),
+    ("_hz", "Hz"),
+    ("_dn", "DN"),
+    ("_e", "e-"),
+    ("_c", "deg C"),
+    ("_k", "K"),
+    ("_m", "m"),
+    ("_s", "s"),
+];
+
+/// The unit that a key names; none where it names none.
+fn unit_of(key: &str) -> &'static str {
+    let name = match key.rfind('[') {
+        Some(at) if key.ends_with(']') => &key[..at],
+        _ => key,
+    };
+    let unit = UNITS.iter().find(|(end, _)| name.ends_with(end));
+    unit.map_or("", |(_, unit)| *unit)
 }
 
 /// A time: a string, or TOML's own date and time.

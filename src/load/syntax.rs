@@ -1,13 +1,11 @@
 //! TOML into raw keys. What is wrong is told in one line: file, line, column, key, and what is expected there.
 
 use super::ConfigError;
+use super::words::{no_toml, plain};
 use serde::de::DeserializeOwned;
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
-
-/// How TOML is written, for those who have not.
-const FORM: &str = "write key = value, a key a line, texts in quotes";
 
 /// Parses TOML into raw keys; the error names the file.
 pub(crate) fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ConfigError> {
@@ -18,12 +16,19 @@ fn explain(file: &str, text: &str, error: &Error) -> ConfigError {
     let span = error.span().unwrap_or_default();
     let (line, column) = position(text, span.start);
     let reason = match DeTable::parse(text) {
-        Err(_) => format!("not TOML: {}; {FORM}", error.message()),
+        Err(_) => {
+            let line = text.lines().nth(line - 1).unwrap_or_default();
+            format!("not TOML: {}", no_toml(error.message(), line))
+        }
         // What is missing at the top is missing in no entry.
-        Ok(table) if table.span() == span => error.message().to_string(),
+        Ok(table) if table.span() == span => plain(error.message()),
         Ok(table) => match in_table(table.get_ref(), &span) {
-            Some(key) => format!("{}: {}", key.trim_start_matches('.'), error.message()),
-            None => error.message().to_string(),
+            Some(key) => format!(
+                "{}: {}",
+                key.trim_start_matches('.'),
+                plain(error.message())
+            ),
+            None => plain(error.message()),
         },
     };
     ConfigError::Syntax {
@@ -107,7 +112,7 @@ mod tests {
             ),
             (
                 "seed = 1\npoints = 5",
-                "f:2:10: points: invalid type: integer `5`, expected a sequence",
+                "f:2:10: points: must be a list in brackets, not 5",
             ),
             (
                 "seed = 1\n[table]\nrows = [{ q = [0, 0, 0, 1] }, { q = [0, 0, 0, 1, 0] }]",
@@ -115,22 +120,49 @@ mod tests {
             ),
             (
                 "seed = 1\n[[table.rows]]\nq = [0, 0, 0, \"ä\", 1]",
-                "f:3:15: table.rows[0].q[3]: invalid type: string \"ä\", expected f64",
+                "f:3:15: table.rows[0].q[3]: must be a number, not \"ä\"",
             ),
             (
                 "seed = 1\n[table]\nsead = 3",
-                "f:3:1: table.sead: unknown field `sead`, expected `rows`",
+                "f:3:1: table.sead: unknown key `sead`, known: rows",
             ),
-            ("seed = 1\n[table]", "f:2:1: table: missing field `rows`"),
-            ("points = []\n", "f:1:1: missing field `seed`"),
-            ("", "f:1:1: missing field `seed`"),
+            (
+                "seed = 1\n[table]",
+                "f:2:1: table: the key `rows` is missing",
+            ),
+            ("points = []\n", "f:1:1: the key `seed` is missing"),
+            ("", "f:1:1: the key `seed` is missing"),
             (
                 "seed = 1\nöl = one",
-                "f:2:1: not TOML: invalid unquoted key, expected letters, numbers, `-`, `_`; write key = value, a key a line, texts in quotes",
+                "f:2:1: not TOML: öl = one: texts stand in quotes, öl = \"one\"",
+            ),
+            (
+                "seed = -1",
+                "f:1:8: seed: must be a whole number, 0 or more, not -1",
+            ),
+            (
+                "seed = 1.5",
+                "f:1:8: seed: must be a whole number, 0 or more, not 1.5",
+            ),
+            (
+                "seed = [1]",
+                "f:1:8: seed: must be a whole number, 0 or more, not a list",
+            ),
+            (
+                "seed = 1\npoints = [7]",
+                "f:2:11: points[0]: must be a list of 2 values, not 7",
+            ),
+            (
+                "seed = 1\ntable = 3",
+                "f:2:9: table: must be a table of keys, not 3",
+            ),
+            (
+                "seed =",
+                "f:1:7: not TOML: seed has no value: write seed = value",
             ),
             (
                 "seed = 1\nname = one",
-                "f:2:8: not TOML: string values must be quoted, expected literal string; write key = value, a key a line, texts in quotes",
+                "f:2:8: not TOML: name = one: texts stand in quotes, name = \"one\"",
             ),
         ] {
             let error = parse::<Raw>("f", text).unwrap_err();

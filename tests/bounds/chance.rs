@@ -133,7 +133,7 @@ pub fn case(seed: u64, epoch: Epoch, folder: &Path) -> Option<Case> {
         if c.once_in(2.0) {
             0.0
         } else {
-            c.of_any_size(1e-3, 0.5)
+            c.of_any_size(1e-3, 0.5).min(0.3)
         },
         if c.once_in(3.0) {
             0.0

@@ -239,7 +239,10 @@ fn epochs_beyond_the_series() {
 #[test]
 fn scenes() {
     let scene = |file, words: &[&str]| refuses(&["render", "--out", "o", "--scene", file], words);
-    scene("key.toml", &["key.toml:2:1: sead: unknown field", "seed"]);
+    scene(
+        "key.toml",
+        &["key.toml:2:1: sead: unknown key `sead`: did you mean `seed`?"],
+    );
     scene(
         "range.toml",
         &["range.toml", "label_snr = -3", "must be 0 to"],
@@ -249,7 +252,7 @@ fn scenes() {
         &[
             "clock.toml:2:9: run.clock: ",
             "sundial",
-            "`stepped` or `wall`",
+            "must be \"stepped\" or \"wall\", not \"sundial\"",
         ],
     );
     scene("camera.toml", &["nope", "fai-nir"]);
@@ -267,8 +270,7 @@ fn scenes() {
         "words.toml",
         &[
             "words.toml:2:10: not TOML: ",
-            "must be quoted",
-            "write key = value",
+            "camera = rigel-l: texts stand in quotes, camera = \"rigel-l\"",
         ],
     );
     scene(

@@ -385,3 +385,45 @@ fn reasons_say_where_the_objects_are() {
         assert!(why.contains(words), "{camera}, {epoch}: {why}");
     }
 }
+
+/// What is legal and hardly meant is told, and loads.
+#[test]
+fn figures_that_nobody_means_are_warned_of() {
+    let here = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(repository("configs/cameras/cmos-rolling.toml")).unwrap();
+    for (key, value, words) in [
+        // Its aperture in metres, and its focal length in centimetres.
+        (
+            "aperture_mm",
+            "0.0157",
+            "WARN mine.toml: optics.aperture_mm = 0.0157: with optics.focal_length_mm = 22 it is f/1401",
+        ),
+        (
+            "focal_length_mm",
+            "2.2",
+            "WARN mine.toml: optics.aperture_mm = 15.7143: with optics.focal_length_mm = 2.2 it is f/0.140",
+        ),
+        // DN/e-.
+        (
+            "gain_e_per_dn",
+            "800.0",
+            "WARN mine.toml: detector.gain_e_per_dn = 800: pixels are full at 0.916 %",
+        ),
+        // ms.
+        ("row_us", "0.04", "WARN mine.toml: timing.row_us = 0.04: "),
+        // rad.
+        (
+            "width_by_field",
+            "[[0.0, 1.0], [0.16, 1.2]]",
+            "WARN mine.toml: optics.psf.width_by_field: it ends at 0.16 deg, the field at 9.",
+        ),
+    ] {
+        let line = text.lines().find(|line| line.starts_with(key)).unwrap();
+        let mine = text.replace(line, &format!("{key} = {value}"));
+        std::fs::write(here.path().join("mine.toml"), mine).unwrap();
+        let (code, _, log) = plan(here.path(), &["--camera", "mine.toml"]);
+        assert_eq!((code, log.lines().count()), (0, 1), "{log}");
+        let log = log.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(log.contains(words), "{key}: {log}");
+    }
+}

@@ -23,15 +23,24 @@ optics.psf | kind = "gaussian"; sigma_px = 9.5; wavelength_exponent = 4.0 | opti
 optics.psf | kind = "moffat"; fwhm_px = 19.0; beta = 1.5; wavelength_exponent = -4.0 | optics.psf.fwhm_px | with the colour of stars (power -4) | at most 20 px
 optics.psf | kind = "image"; oversampling = 2 | optics.psf.images | missing
 optics.psf | kind = "image"; oversampling = 0.5; images = [{ file = "good.csv" }] | optics.psf.oversampling = 0.5 | 1 to 64
-optics.psf | kind = "image"; oversampling = 2; images = [{ file = "short.csv" }] | optics.psf.images[0].file = | short.csv with a sum of 0.97 | sum to 1 within 0.001
-optics.psf | kind = "image"; oversampling = 2; images = [{ file = "below.csv" }] | optics.psf.images[0].file | below.csv with a sample of -0.1 | 0 or more
-optics.psf | kind = "image"; oversampling = 2; images = [{ file = "ragged.csv" }] | optics.psf.images[0].file | ragged.csv | one length
-optics.psf | kind = "image"; oversampling = 2; images = [{ file = "words.csv" }] | optics.psf.images[0].file | words.csv: line 1 | not numbers
+optics.psf | kind = "image"; oversampling = 2; images = [{ file = "short.csv" }] | optics.psf.images[0].file = | short.csv with a sum of 0.97 | sum to 1 within 0.001: divide each by 0.97
+optics.psf | kind = "image"; oversampling = 2; images = [{ file = "below.csv" }] | optics.psf.images[0].file | below.csv with a sample of -0.1 in line 2 | 0 or more
+optics.psf | kind = "image"; oversampling = 2; images = [{ file = "ragged.csv" }] | optics.psf.images[0].file | ragged.csv: samples in line 3: 1, in line 1: 2 | every row needs as many
+optics.psf | kind = "image"; oversampling = 2; images = [{ file = "empty.csv" }] | optics.psf.images[0].file | empty.csv: no samples
+optics.psf | kind = "image"; oversampling = 2; images = [{ file = "counts.csv" }] | optics.psf.images[0].file | counts.csv with a sum of 2000: | divide each by 2000
+optics.psf | kind = "image"; oversampling = 2; images = [] | optics.psf.images = []: must be at least one { file
+optics.psf | kind = "image"; oversampling = 2; images = [{ file = "words.csv" }] | optics.psf.images[0].file | words.csv: line 1: "half" is no number
 optics.psf | kind = "image"; oversampling = 2; images = [{ file = "none.csv" }] | optics.psf.images[0].file | none.csv | No such file | check the path
 optics.psf | kind = "image"; oversampling = 2; images = [{ file = "good.csv" }, { file = "good.csv", at_px = [1.0, 2.0] }] | optics.psf.images[0].at_px | missing | one of several
 optics.psf | kind = "image"; oversampling = 2; images = [{ file = "good.csv", at_px = [1.0, 2e9] }] | optics.psf.images[0].at_px[1] = 2000000000
 optics.psf | kind = "image"; oversampling = 2; images = [{ file = "good.csv", at_px = [1.0, 2.0, 3.0] }] | optics.psf.images[0].at_px: must have 2 values, not 3
 optics.psf | kind = "image"; oversampling = 2; images = [{ file = "good.csv", at_px = [1.0, 2.0] }, { file = "good.csv", at_px = [5.0, 9.0] }] | optics.psf.images | crossings of a grid
+optics.psf | kind = "gaussian"; sigma_px = 1.0; width_by_field = [] | optics.psf.width_by_field = [] | at least one [angle, factor]
+optics.psf | kind = "gaussian"; sigma_px = 11.0 | optics.psf.sigma_px = 11: must be 0.01 to 10 px
+optics.psf | kind = "gaussian"; sigma = 1.0 | optics.psf.sigma: unknown key `sigma`: did you mean `sigma_px`?
+optics.psf | kind = "gaussian"; sigma_px = "1" | optics.psf.sigma_px: must be a number, not "1"
+optics.psf | kind = "gaussian"; sigma_px = | not TOML: sigma_px has no value: write sigma_px = value
+optics.projection |  | optics.projection: says nothing: name its model
 optics.projection | model = "mercator" | optics.projection.model = "mercator" | brown-conrady
 optics.projection | k = [0.1] | optics.projection.k | no key of model "pinhole"
 optics.projection | model = "fisheye"; p = [0.1, 0.1] | optics.projection.p | no key
@@ -47,12 +56,15 @@ optics.projection | model = "brown-conrady"; k = [0.1]; strength = -1.0 | optics
 optics.projection | model = "brown-conrady"; k = [-1.0]; strength = 100.0 | optics.projection.k = [-1.0] | fold
 optics.projection | model = "brown-conrady"; k = [0.0]; p = [0.0, 10.0] | optics.projection.p = [0.0, 10.0] | fold
 optics.projection | model = "fisheye"; k = [-100.0] | optics.projection.k = [-100.0] | fold
+optics.vignetting |  | optics.vignetting: says nothing: set cos4 = true
+optics.vignetting | cos4 = 1 | optics.vignetting.cos4: must be true or false, not 1
+optics.vignetting | table = [[0.0, 1.0], [200.0, 0.1]] | optics.vignetting.table[1][0] = 200: must be 0 to 180 deg
 optics.vignetting | table = [[0.0, 1.0], [5.0, 1.1]] | optics.vignetting.table[1][1] = 1.1 | 0 to 1
 optics.vignetting | table = [[0.0, 1.0], [5.0]] | optics.vignetting.table[1]: must have 2 values, not 1
 optics.vignetting | table = [[4.0, 1.0], [2.0, 0.5]] | optics.vignetting.table[1] = [2.0, 0.5] | greater angle
 optics.vignetting | table = [] | optics.vignetting.table = []
 optics.vignetting | table = [[0.0, 1.0]]; cos4 = true | optics.vignetting.table | exclude
-mounting | misalignment_arcsec = [0.0, 40000.0, 0.0] | mounting.misalignment_arcsec[1] = 40000 | -36000 to 36000
+mounting | misalignment_arcsec = [0.0, 40000.0, 0.0] | mounting.misalignment_arcsec[1] = 40000 | -36000 to 36000 arcsec
 mounting | misalignment_arcsec = [0.0, 0.0, 0.0, 0.0] | mounting.misalignment_arcsec: must have 3 values, not 4
 mounting | q_body_to_camera = [0.0, 0.0, 0.0, 1.0, 0.0] | mounting.q_body_to_camera: must have 4 values, not 5
 "#;
@@ -64,7 +76,9 @@ fn refused(text: &str, words: &[&str]) {
     write("short.csv", "0.2, 0.3\n0.2, 0.27\n");
     write("good.csv", "0.2, 0.3\n0.2, 0.3005\n");
     write("below.csv", "0.5, 0.6\n-0.1, 0.0\n");
-    write("ragged.csv", "0.5, 0.5\n0.0\n");
+    write("ragged.csv", "0.5, 0.5\n# remark\n0.0\n");
+    write("empty.csv", "# nothing\n\n");
+    write("counts.csv", "500, 500\n400, 600\n");
     write("words.csv", "0.5, half\n");
     let Err(error) = load_in(folder.path(), text) else {
         panic!("it loads: {text}");

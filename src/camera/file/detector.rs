@@ -3,6 +3,7 @@
 use crate::camera::{Blooming, Detector, GAIN_E_PER_DN, Pattern, PatternFigures};
 use crate::load::{Check, ConfigError, Fixed};
 use serde::Deserialize;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 #[derive(Deserialize)]
@@ -20,20 +21,16 @@ pub struct RawDetector {
     dark_doubling_k: f64,
     #[serde(default)]
     dark_nonuniformity: f64,
-    #[serde(default)]
-    hot_fraction: f64,
-    #[serde(default)]
-    hot_e_s: f64,
+    hot_fraction: Option<f64>,
+    hot_e_s: Option<f64>,
     #[serde(default)]
     prnu: f64,
     #[serde(default)]
     dead_fraction: f64,
     #[serde(default)]
     dead_px: Vec<Fixed<u32, 2>>,
-    #[serde(default)]
-    stuck_fraction: f64,
-    #[serde(default)]
-    stuck_px: Vec<Fixed<u32, 2>>,
+    stuck_fraction: Option<f64>,
+    stuck_px: Option<Vec<Fixed<u32, 2>>>,
     stuck_dn: Option<f64>,
     read_noise_e: f64,
     full_well_e: f64,
@@ -47,6 +44,14 @@ pub struct RawDetector {
     #[serde(default)]
     adc_clips_first: bool,
 }
+
+/// Relative sigmas that a sensor may have. Responses of silicon differ by 0.002 to 0.03; from 0.3 on a Gaussian that is clipped at 0 is none.
+const MOST_PRNU: RangeInclusive<f64> = 0.0..=0.3;
+/// Dark currents by 0.03 to 0.5; beyond that the tail is that of hot pixels, which have keys of their own.
+const MOST_DARK_NONUNIFORMITY: RangeInclusive<f64> = 0.0..=2.0;
+
+/// A converter of which full pixels use less than this is hardly meant.
+const LEAST_FILLED: f64 = 0.01;
 
 /// Where dark currents are stated, deg C.
 fn room_temperature() -> f64 {
@@ -72,7 +77,7 @@ impl RawDetector {
         let doubling = range("dark_doubling_k", self.dark_doubling_k, 1.0..=100.0)?;
         let warmth = Detector::dark_growth(temperature - reference, doubling);
         let dark_e_s = range("dark_e_s", self.dark_e_s, 0.0..=1e9)? * warmth;
-        let hot_e_s = range("hot_e_s", self.hot_e_s, 0.0..=1e9)? * warmth;
+        let hot_e_s = range("hot_e_s", self.hot_e_s.unwrap_or(0.0), 0.0..=1e9)? * warmth;
         if dark_e_s + hot_e_s > 1e9 {
             let allowed = format!(
                 "such that dark current and hot pixels stay below 1e9 e-/s: {:.3e} here",
@@ -92,25 +97,35 @@ impl RawDetector {
                 }
             }
         };
+        let hot_fraction = self.hot_fraction.unwrap_or(0.0);
+        let any_stuck = self.stuck_fraction.is_some() || self.stuck_px.is_some();
         let figures = PatternFigures {
             serial,
             width,
             height,
-            prnu: range("prnu", self.prnu, 0.0..=1.0)?,
+            prnu: range("prnu", self.prnu, MOST_PRNU)?,
             dark_e_s,
-            dark_nonuniformity: range("dark_nonuniformity", self.dark_nonuniformity, 0.0..=10.0)?,
-            hot_fraction: range("hot_fraction", self.hot_fraction, 0.0..=0.1)?,
+            dark_nonuniformity: range(
+                "dark_nonuniformity",
+                self.dark_nonuniformity,
+                MOST_DARK_NONUNIFORMITY,
+            )?,
+            hot_fraction: range("hot_fraction", hot_fraction, 0.0..=0.1)?,
             hot_e_s,
             dead_fraction: range("dead_fraction", self.dead_fraction, 0.0..=0.1)?,
             dead_px: listed("dead_px", self.dead_px)?,
-            stuck_fraction: range("stuck_fraction", self.stuck_fraction, 0.0..=0.1)?,
-            stuck_px: listed("stuck_px", self.stuck_px)?,
+            stuck_fraction: range(
+                "stuck_fraction",
+                self.stuck_fraction.unwrap_or(0.0),
+                0.0..=0.1,
+            )?,
+            stuck_px: listed("stuck_px", self.stuck_px.unwrap_or_default())?,
         };
         let stuck_dn = self.stuck_dn.unwrap_or(full_scale);
         let detector = Detector {
             width,
             height,
-            pitch_m: range("pixel_um", self.pixel_um, 0.1..=1e4)? * 1e-6,
+            pitch_m: range("pixel_um", self.pixel_um, 0.3..=1e3)? * 1e-6,
             quantum_efficiency: range("quantum_efficiency", self.quantum_efficiency, 0.0..=1.0)?,
             dark_e_s,
             read_noise_e: range("read_noise_e", self.read_noise_e, 0.0..=1e6)?,
@@ -124,6 +139,24 @@ impl RawDetector {
             stuck_dn: range("stuck_dn", stuck_dn, 0.0..=full_scale)?.round() as u16,
             pattern: Arc::new(Pattern::new(&figures)),
         };
+        let alone = |key: &str, reason| Err(check.explain(&format!("detector.{key}"), reason));
+        if hot_fraction > 0.0 && self.hot_e_s.is_none() {
+            return alone(
+                "hot_fraction",
+                "needs detector.hot_e_s, by how much those are hotter, e-/s",
+            );
+        }
+        if hot_e_s > 0.0 && self.hot_fraction.is_none() {
+            return alone(
+                "hot_e_s",
+                "needs detector.hot_fraction, the share of such pixels",
+            );
+        }
+        if self.stuck_dn.is_some() && !any_stuck {
+            let reason =
+                "needs detector.stuck_fraction or detector.stuck_px, the pixels that give it";
+            return alone("stuck_dn", reason);
+        }
         if let Some(warning) = detector
             .converter_clips_first()
             .filter(|_| !self.adc_clips_first)
@@ -132,6 +165,16 @@ impl RawDetector {
                 "{}: detector.full_well_e = {}: {warning}",
                 check.file,
                 self.full_well_e
+            );
+        }
+        let filled = self.full_well_e / detector.gain_e_per_dn / full_scale;
+        if filled < LEAST_FILLED {
+            tracing::warn!(
+                "{}: detector.gain_e_per_dn = {}: pixels are full at {:.3} % of the converter's largest number: is it e-/DN (not DN/e-), and \
+                 detector.full_well_e in e-?",
+                check.file,
+                self.gain_e_per_dn,
+                100.0 * filled
             );
         }
         Ok(detector)

@@ -19,6 +19,10 @@ pub fn grid(
     check: &Check,
     folder: &Folder,
 ) -> Result<Images, ConfigError> {
+    if raw.is_empty() {
+        let allowed = "at least one { file = \"FILE\" }";
+        return Err(check.refuse("optics.psf.images", "[]", allowed));
+    }
     let mut placed = Vec::new();
     for (i, one) in raw.iter().enumerate() {
         let key = format!("optics.psf.images[{i}]");
@@ -68,41 +72,51 @@ fn read(
     let found = folder.read(&raw.file);
     let (file, text) = found.map_err(|error| check.explain(&key, error))?;
     let most = (2.0 * FURTHEST_PX * oversampling).min(4096.0) as usize;
-    let mut rows = Vec::new();
-    let lines = (1..).zip(text.lines());
-    for (number, line) in
-        lines.map(|(n, line)| (n, line.split('#').next().unwrap_or_default().trim()))
-    {
+    let wrong = |reason: String| check.explain(&key, format!("{file}: {reason}"));
+    let (mut rows, mut places) = (Vec::new(), Vec::new());
+    for (number, line) in (1..).zip(text.lines()) {
+        let line = line.split('#').next().unwrap_or_default().trim();
         if line.is_empty() {
             continue;
         }
-        let numbers = line.split([',', ' ', '\t']).filter(|word| !word.is_empty());
-        let row: Result<Vec<f64>, _> = numbers.map(str::parse).collect();
-        let row = row.map_err(|_| {
-            check.explain(
-                &key,
-                format!("{file}: line {number}: not numbers, between commas or spaces"),
-            )
+        let words = line.split([',', ' ', '\t']).filter(|word| !word.is_empty());
+        let numbers = words.map(|word| word.parse().map_err(|_| word));
+        let row: Vec<f64> = numbers.collect::<Result<_, _>>().map_err(|word| {
+            let form = "numbers stand between commas or spaces, remarks behind #";
+            wrong(format!("line {number}: {word:?} is no number; {form}"))
         })?;
         rows.push(row);
+        places.push(number);
         if rows.len() > most || rows.iter().any(|row| row.len() > most) {
-            let reason = format!("{file}: more than {most} samples a side");
-            return Err(check.explain(&key, reason));
+            return Err(wrong(format!("more than {most} samples a side")));
         }
     }
+    let first = rows.first().map_or(0, Vec::len);
+    if let Some(i) = rows.iter().position(|row: &Vec<f64>| row.len() != first) {
+        return Err(wrong(format!(
+            "samples in line {}: {}, in line {}: {first}; every row needs as many",
+            places[i],
+            rows[i].len(),
+            places[0]
+        )));
+    }
     Image::new(&rows).map_err(|flaw| match flaw {
-        Flaw::Ragged => check.explain(&key, format!("{file}: needs rows of one length")),
+        Flaw::Ragged => wrong("no samples: rows of numbers are wanted, a line a row".to_string()),
         Flaw::Sample(value) => {
-            let value = format!("{file} with a sample of {value}");
+            let here = |row: &Vec<f64>| row.iter().any(|s| s.total_cmp(&value).is_eq());
+            let line = rows.iter().position(here).map_or(0, |i| places[i]);
+            let value = format!("{file} with a sample of {value} in line {line}");
             check.refuse(&key, value, "an image whose samples are 0 or more")
         }
         Flaw::Sum(sum) => {
             let value = format!("{file} with a sum of {sum}");
-            check.refuse(
-                &key,
-                value,
-                format!("an image whose samples sum to 1 within {SUM_TOLERANCE}"),
-            )
+            let remedy = if sum > 0.0 {
+                format!(": divide each by {sum}")
+            } else {
+                String::new()
+            };
+            let allowed = format!("an image whose samples sum to 1 within {SUM_TOLERANCE}{remedy}");
+            check.refuse(&key, value, allowed)
         }
     })
 }

@@ -10,7 +10,7 @@ mod timing;
 mod vignetting;
 
 use super::Camera;
-use crate::load::{CAMERAS, Check, ConfigError, Folder, parse};
+use crate::load::{CAMERAS, Check, ConfigError, Folder, nearest, parse};
 use detector::RawDetector;
 use optics::RawOptics;
 use radiation::RawRadiation;
@@ -61,7 +61,9 @@ fn name_the_cameras(error: ConfigError, name: &str) -> ConfigError {
             file: format!("camera {name:?} ({file})"),
             source,
             remedy: format!(
-                "name a camera file or one of the built-in cameras: {}",
+                "{}name a camera file or one of the built-in cameras: {}",
+                nearest(name, CAMERAS)
+                    .map_or(String::new(), |meant| format!("did you mean {meant}? ")),
                 CAMERAS.join(", ")
             ),
         },
@@ -81,7 +83,7 @@ fn validate(raw: RawCamera, check: &Check, folder: &Folder) -> Result<Camera, Co
     let timing = raw.timing.validate(detector.height, check)?;
     let radiation = raw
         .radiation
-        .map(|r| r.validate(&detector, timing.exposure_s, check))
+        .map(|r| r.validate(&detector, &timing, check))
         .transpose()?;
     Ok(Camera {
         name: raw.name,
@@ -104,7 +106,7 @@ fn rising_angles(
     check: &Check,
 ) -> Result<(), ConfigError> {
     for (i, [deg, value]) in table.iter().enumerate() {
-        check.range(&format!("{key}[{i}][0]"), *deg, 0.0..=180.0)?;
+        check.range_in("deg", &format!("{key}[{i}][0]"), *deg, 0.0..=180.0)?;
         check.range(&format!("{key}[{i}][1]"), *value, range.clone())?;
     }
     match table.windows(2).position(|pair| pair[1][0] <= pair[0][0]) {

@@ -4,9 +4,14 @@ use super::projection::RawProjection;
 use super::psf::{Lens, RawPsf};
 use super::vignetting::RawVignetting;
 use crate::camera::psf::{Shape, Variation};
-use crate::camera::{Band, Detector, Optics, Psf};
+use crate::camera::{Band, Detector, Optics, Psf, Vignetting};
 use crate::load::{Check, ConfigError, Fixed, Folder};
+use nalgebra::Vector3;
 use serde::Deserialize;
+use std::ops::RangeInclusive;
+
+/// Focal lengths by apertures that nobody wonders at: from Abbe's sine condition to pinholes.
+const LIKELY_FOCAL_RATIOS: RangeInclusive<f64> = 0.5..=500.0;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -17,16 +22,14 @@ pub struct RawOptics {
     band: RawBand,
     principal_px: Option<Fixed<f64, 2>>,
     psf: RawPsf,
-    #[serde(default)]
-    projection: RawProjection,
-    #[serde(default)]
-    vignetting: RawVignetting,
+    projection: Option<RawProjection>,
+    vignetting: Option<RawVignetting>,
 }
 
 #[derive(Deserialize, Debug)]
 #[serde(
     untagged,
-    expecting = "band must be \"v\", \"silicon\" or two wavelengths [from, to] in nm"
+    expecting = "must be \"v\", \"silicon\" or two wavelengths [from, to] in nm"
 )]
 enum RawBand {
     Named(String),
@@ -41,8 +44,9 @@ impl RawOptics {
         folder: &Folder,
     ) -> Result<Optics, ConfigError> {
         let range = |key: &str, value, range| check.range(&format!("optics.{key}"), value, range);
-        let focal_m = range("focal_length_mm", self.focal_length_mm, 0.01..=1e6)? * 1e-3;
-        let aperture_m = range("aperture_mm", self.aperture_mm, 1e-3..=1e5)? * 1e-3;
+        let focal_m = range("focal_length_mm", self.focal_length_mm, 0.5..=1e6)? * 1e-3;
+        let aperture_m = range("aperture_mm", self.aperture_mm, 0.01..=1e5)? * 1e-3;
+        let lens_ratio = focal_m / aperture_m;
         let size = [detector.width as f64, detector.height as f64];
         let centre = size.map(|pixels| (pixels - 1.0) / 2.0);
         let principal_px = self.principal_px.map_or(centre, |Fixed(at)| at);
@@ -51,14 +55,31 @@ impl RawOptics {
             range(&key, principal_px[i], -pixels..=2.0 * pixels)?;
         }
         let band = self.band.validate(check)?;
-        let projection = self.projection.validate(check)?;
+        let raw_projection = match self.projection {
+            Some(raw) => raw.not_empty(check)?,
+            None => RawProjection::default(),
+        };
+        let projection = raw_projection.validate(check)?;
+        let tables = [
+            ("psf.width_by_field", self.psf.last_angle_deg()),
+            (
+                "vignetting.table",
+                self.vignetting
+                    .as_ref()
+                    .and_then(RawVignetting::last_angle_deg),
+            ),
+        ];
+        let vignetting = match self.vignetting {
+            Some(raw) => raw.validate(check)?,
+            None => Vignetting::None,
+        };
         let mut optics = Optics {
             focal_px: focal_m / detector.pitch_m,
             principal_px,
             aperture_m,
             transmission: range("transmission", self.transmission, 0.0..=1.0)?,
             psf: Psf::new(Shape::Gaussian(0.1), Variation::default()),
-            vignetting: self.vignetting.validate(check)?,
+            vignetting,
             band,
             projection,
         };
@@ -66,17 +87,38 @@ impl RawOptics {
             focal_px: optics.focal_px,
             principal_px,
             pitch_m: detector.pitch_m,
-            focal_ratio: focal_m / aperture_m,
+            focal_ratio: lens_ratio,
             band: &optics.band,
             projection: &optics.projection,
         };
         let psf = self.psf.validate(&lens, check, folder);
         if psf.is_err() {
             // Where the field folds, angles have no image: that comes first.
-            self.projection.check_folds(&optics, detector, check)?;
+            raw_projection.check_folds(&optics, detector, check)?;
         }
         optics.psf = psf?;
-        self.projection.check_folds(&optics, detector, check)?;
+        raw_projection.check_folds(&optics, detector, check)?;
+        if !LIKELY_FOCAL_RATIOS.contains(&lens_ratio) {
+            tracing::warn!(
+                "{}: optics.aperture_mm = {}: with optics.focal_length_mm = {} it is f/{lens_ratio:.3}, where lenses have f/0.5 (an aplanatic \
+                 one in air can have no less) to f/500: are both in mm?",
+                check.file,
+                self.aperture_mm,
+                self.focal_length_mm
+            );
+        }
+        let edge = detector
+            .edge(0.0)
+            .map(|at| optics.direction(at).angle(&Vector3::z()));
+        let field_deg = edge.fold(0.0, f64::max).to_degrees();
+        for (key, last_deg) in tables {
+            if let Some(last_deg) = last_deg.filter(|deg| *deg < field_deg / 20.0) {
+                tracing::warn!(
+                    "{}: optics.{key}: it ends at {last_deg} deg, the field at {field_deg:.1} deg: are its angles in degrees?",
+                    check.file
+                );
+            }
+        }
         Ok(optics)
     }
 }

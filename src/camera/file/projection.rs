@@ -44,6 +44,17 @@ impl RawProjection {
         Ok(k)
     }
 
+    /// Itself, unless nothing stands in its table.
+    pub fn not_empty(self, check: &Check) -> Result<Self, ConfigError> {
+        match (&self.model, &self.k, &self.p, self.strength) {
+            (None, None, None, None) => {
+                let reason = "says nothing: name its model, or leave it out for a pinhole's";
+                Err(check.explain("optics.projection", reason))
+            }
+            _ => Ok(self),
+        }
+    }
+
     pub fn validate(&self, check: &Check) -> Result<Projection, ConfigError> {
         let strength = self.strength.unwrap_or(1.0);
         let strength = check.range("optics.projection.strength", strength, 0.0..=100.0)?;

@@ -165,6 +165,12 @@ impl RawPsf {
         }
     }
 
+    /// Where the table of widths ends, deg, if it is one.
+    pub fn last_angle_deg(&self) -> Option<f64> {
+        let table = self.width_by_field.as_ref().filter(|t| t.len() > 1)?;
+        table.last().map(|Fixed([deg, _])| *deg)
+    }
+
     fn missing(&self, key: &str, check: &Check) -> ConfigError {
         let reason = format!("missing: kind {:?} needs it", self.kind);
         check.explain(&format!("optics.psf.{key}"), reason)
@@ -208,6 +214,9 @@ impl RawPsf {
     fn width_by_field(&self, lens: &Lens<'_>, check: &Check) -> Result<Vec<[f64; 2]>, ConfigError> {
         let key = "optics.psf.width_by_field";
         let table = Fixed::all(self.width_by_field.clone().unwrap_or_default());
+        if table.is_empty() && self.width_by_field.is_some() {
+            return Err(check.refuse(key, "[]", "at least one [angle, factor]"));
+        }
         super::rising_angles(key, &table, 0.1..=10.0, check)?;
         let distance = |(i, [deg, factor]): (usize, &[f64; 2])| {
             let (sin, cos) = libm::sincos(deg.to_radians());

@@ -1,5 +1,6 @@
 //! `[radiation]` of a camera file.
 
+use super::timing::Timing;
 use crate::camera::{Detector, Flux, MOST_WORK_AN_EVENT, Radiation};
 use crate::load::{Check, ConfigError};
 use serde::Deserialize;
@@ -18,7 +19,7 @@ pub struct RawRadiation {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "flux_cm2_s must be a number or \"orbit\"")]
+#[serde(untagged, expecting = "must be a number or \"orbit\"")]
 enum RawFlux {
     Fixed(f64),
     Named(String),
@@ -33,7 +34,7 @@ impl RawRadiation {
     pub fn validate(
         self,
         detector: &Detector,
-        exposure_s: f64,
+        timing: &Timing,
         check: &Check,
     ) -> Result<Radiation, ConfigError> {
         let range =
@@ -53,6 +54,13 @@ impl RawRadiation {
             diffusion_um: range("diffusion_um", self.diffusion_um, 0.0..=100.0)?,
             readout_s: range("readout_s", self.readout_s, 0.0..=1e4)?,
         };
+        if radiation.readout_s * timing.rate_hz > 1.0 + 1e-9 {
+            let allowed = format!(
+                "at most 1 / timing.rate_hz = {} s: a frame's charge is read before the next one's",
+                1.0 / timing.rate_hz
+            );
+            return Err(check.refuse("radiation.readout_s", radiation.readout_s, allowed));
+        }
         let work = radiation.work_an_event(detector);
         if work > MOST_WORK_AN_EVENT {
             let allowed = format!(
@@ -62,7 +70,7 @@ impl RawRadiation {
             return Err(check.refuse("radiation.diffusion_um", radiation.diffusion_um, allowed));
         }
         if let Flux::Fixed(flux) = flux {
-            let events = radiation.expected_events(detector, flux, exposure_s);
+            let events = radiation.expected_events(detector, flux, timing.exposure_s);
             let most = radiation.most_events(detector);
             if events > most {
                 let allowed = format!(

@@ -10,6 +10,9 @@ use std::ops::RangeInclusive;
 /// 10 degrees: what is turned by more is mounted otherwise.
 const MISALIGNMENT_ARCSEC: RangeInclusive<f64> = -36_000.0..=36_000.0;
 
+/// A row is hardly shifted or read in less, us.
+const SHORTEST_ROW_US: f64 = 0.1;
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawTiming {
@@ -41,17 +44,22 @@ impl RawTiming {
         let shutter = self.shutter(check)?;
         let period_s = shutter.period_s(rows, exposure_s);
         if rate_hz * period_s > 1.0 {
-            let most = match shutter {
-                Shutter::Global => format!(
-                    "at most 1 / timing.exposure_s = {}: exposures do not overlap",
-                    1.0 / period_s
-                ),
-                _ => format!(
-                    "at most {}: exposures do not overlap, and {rows} rows of timing.row_us are read in the time of a frame",
-                    1.0 / period_s
-                ),
+            let rows_read = match shutter {
+                Shutter::Global => String::new(),
+                _ => format!(", and {rows} rows of timing.row_us are read in the time of a frame"),
             };
-            return Err(check.refuse("timing.rate_hz", rate_hz, most));
+            let reason = format!(
+                "at most {} Hz with timing.exposure_s = {exposure_s} s: exposures do not overlap{rows_read}; lower the rate or shorten the exposure",
+                1.0 / period_s
+            );
+            return Err(check.refuse("timing.rate_hz", rate_hz, reason));
+        }
+        if self.row_us.is_some_and(|us| us < SHORTEST_ROW_US) {
+            tracing::warn!(
+                "{}: timing.row_us = {}: less than {SHORTEST_ROW_US} us a row is faster than detectors are: is it in us?",
+                check.file,
+                self.row_us.unwrap_or_default()
+            );
         }
         Ok(Timing {
             exposure_s,

@@ -4,7 +4,7 @@ use crate::camera::Vignetting;
 use crate::load::{Check, ConfigError, Fixed};
 use serde::Deserialize;
 
-#[derive(Deserialize, Default)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawVignetting {
     cos4: Option<bool>,
@@ -12,7 +12,17 @@ pub struct RawVignetting {
 }
 
 impl RawVignetting {
+    /// Where the table ends, deg, if it is one.
+    pub fn last_angle_deg(&self) -> Option<f64> {
+        let table = self.table.as_ref().filter(|t| t.len() > 1)?;
+        table.last().map(|Fixed([deg, _])| *deg)
+    }
+
     pub fn validate(self, check: &Check) -> Result<Vignetting, ConfigError> {
+        if self.cos4.is_none() && self.table.is_none() {
+            let reason = "says nothing: set cos4 = true or table = [[angle, transmission], ...], or leave it out";
+            return Err(check.explain("optics.vignetting", reason));
+        }
         match (self.cos4.unwrap_or(false), self.table) {
             (true, Some(_)) => Err(check.explain(
                 "optics.vignetting.table",

@@ -57,7 +57,7 @@ pub type Mix = [(usize, f64); 4];
 pub enum Flaw {
     /// A row is not as long as the first, or there is none.
     Ragged,
-    /// A sample is below 0 or no number.
+    /// A sample is below 0, infinite or no number.
     Sample(f64),
     /// The light does not sum to 1.
     Sum(f64),
@@ -74,7 +74,7 @@ impl Image {
             return Err(Flaw::Ragged);
         }
         let samples = || rows.iter().flatten().copied();
-        if let Some(bad) = samples().find(|s| !(0.0..=2.0).contains(s)) {
+        if let Some(bad) = samples().find(|s| !(0.0..f64::INFINITY).contains(s)) {
             return Err(Flaw::Sample(bad));
         }
         let total: f64 = samples().sum();

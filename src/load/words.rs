@@ -1,0 +1,183 @@
+//! What the parser says of a value, in words of the files: no Rust types, the key that may be meant, the remedy.
+
+/// What serde says of a key or a value.
+pub fn plain(message: &str) -> String {
+    let quoted = |text: &str| -> Vec<String> {
+        let words = text.split('`').skip(1).step_by(2);
+        words.map(str::to_string).collect()
+    };
+    let of_type = ["invalid type: ", "invalid value: "];
+    if let Some(rest) = of_type.iter().find_map(|head| message.strip_prefix(head))
+        && let Some((given, wanted)) = rest.rsplit_once(", expected ")
+    {
+        return format!(
+            "must be {}, not {}",
+            wanted_value(wanted),
+            given_value(given)
+        );
+    }
+    let words = quoted(message);
+    if let Some((given, known)) = words.split_first() {
+        if message.starts_with("unknown field ") {
+            return format!("unknown key `{given}`{}", advice(given, known));
+        }
+        if message.starts_with("unknown variant ") {
+            let known: Vec<String> = known.iter().map(|word| format!("{word:?}")).collect();
+            return format!("must be {}, not {given:?}", known.join(" or "));
+        }
+        if message.starts_with("missing field ") {
+            return format!("the key `{given}` is missing");
+        }
+    }
+    match message {
+        "wanted string or table" => "must be a text in quotes".to_string(),
+        _ => message.to_string(),
+    }
+}
+
+/// What may be meant by a word that is none of those known.
+pub fn advice(given: &str, known: &[impl AsRef<str>]) -> String {
+    let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
+    match nearest(given, &known) {
+        Some(meant) => format!(": did you mean `{meant}`?"),
+        None => format!(", known: {}", known.join(", ")),
+    }
+}
+
+/// The word that is most like `given`: off by a slip or two (Damerau's distance), or by the unit at its end.
+pub fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
+    let alike = |word: &str| word.to_lowercase().replace('-', "_");
+    let given = alike(given);
+    let far = |word: &&str| {
+        let word = alike(word);
+        let unit_apart = given.len() >= 3 && (word.starts_with(&given) || given.starts_with(&word));
+        match strsim::osa_distance(&given, &word) {
+            slips if unit_apart => slips.min(1),
+            slips => slips,
+        }
+    };
+    let meant = known.iter().min_by_key(|word| far(word))?;
+    (far(meant) <= (given.chars().count() / 3).clamp(1, 3)).then_some(*meant)
+}
+
+fn wanted_value(serde: &str) -> String {
+    let text = match serde {
+        "f64" => "a number",
+        "u8" => "a whole number from 0 to 255",
+        "u16" => "a whole number from 0 to 65535",
+        "u32" => "a whole number from 0 to 4294967295",
+        "u64" => "a whole number, 0 or more",
+        "a boolean" => "true or false",
+        "a string" => "a text in quotes",
+        "a sequence" => "a list in brackets",
+        other if other.starts_with("struct ") => "a table of keys",
+        other => other,
+    };
+    text.to_string()
+}
+
+fn given_value(serde: &str) -> String {
+    let shown = ["integer ", "floating point ", "boolean "];
+    let value = shown.iter().find_map(|kind| serde.strip_prefix(kind));
+    match (serde, value) {
+        ("sequence", _) => "a list".to_string(),
+        ("map", _) => "a table or a date".to_string(),
+        (_, Some(value)) => value.replace(" as i128", "").replace('`', ""),
+        _ => serde.strip_prefix("string ").unwrap_or(serde).to_string(),
+    }
+}
+
+/// How TOML is written, for those who have not.
+const FORM: &str = "write key = value, a key a line, texts in quotes";
+
+/// What is wrong with a line that is not TOML, where the parser says `message`.
+pub fn no_toml(message: &str, line: &str) -> String {
+    if message.starts_with("duplicate key") {
+        return "a key or a table that is there already: leave one out".to_string();
+    }
+    let code = line.split('#').next().unwrap_or_default().trim();
+    let Some((key, value)) = code.split_once('=') else {
+        return format!("{message}; {FORM}");
+    };
+    let (key, value) = (key.trim(), value.trim());
+    let number = value.trim_start_matches(['+', '-']);
+    let begins = |is: fn(&char) -> bool| number.chars().next().is_some_and(|c| is(&c));
+    if value.is_empty() {
+        format!("{key} has no value: write {key} = value")
+    } else if ["true", "false", "yes", "no", "on", "off"].contains(&&*value.to_lowercase()) {
+        format!("{key} = {value}: write true or false, in small letters")
+    } else if begins(|c| c.is_alphabetic()) {
+        format!("{key} = {value}: texts stand in quotes, {key} = {value:?}")
+    } else if begins(|c| c.is_ascii_digit() || *c == '.') {
+        let remedy = if number.contains(',') {
+            "a number has a decimal point, no comma"
+        } else if number.starts_with('.') || number.ends_with('.') {
+            "a decimal point has digits on both sides, as in 0.5"
+        } else if number.contains(char::is_whitespace) || number.ends_with(char::is_alphabetic) {
+            "a number stands alone, without its unit"
+        } else {
+            return format!("{key} = {value}: {message}");
+        };
+        format!("{key} = {value}: {remedy}")
+    } else {
+        format!("{message}; {FORM}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slips_and_lacking_units_are_seen_through() {
+        let keys = ["focal_length_mm", "aperture_mm", "band", "psf"];
+        for (given, meant) in [
+            ("focal_length", Some("focal_length_mm")),
+            ("focal_lenght_mm", Some("focal_length_mm")),
+            ("Focal-Length-mm", Some("focal_length_mm")),
+            ("aperture_m", Some("aperture_mm")),
+            ("bandwidth", Some("band")),
+            ("spf", Some("psf")),
+            ("gain", None),
+            ("x", None),
+        ] {
+            assert_eq!(nearest(given, &keys), meant, "{given}");
+        }
+        assert_eq!(nearest("x", &[]), None);
+        assert_eq!(
+            plain("unknown variant `sun`, expected `stepped` or `wall`"),
+            "must be \"stepped\" or \"wall\", not \"sun\""
+        );
+        assert_eq!(
+            plain("unknown field `bnad`, expected one of `band`, `psf`"),
+            "unknown key `bnad`: did you mean `band`?"
+        );
+        assert_eq!(
+            plain("unknown field `gain`, expected `band` or `psf`"),
+            "unknown key `gain`, known: band, psf"
+        );
+    }
+
+    #[test]
+    fn lines_that_are_not_toml_have_their_own_remedy() {
+        for (line, words) in [
+            ("gain =   # e-/DN", "gain has no value: write gain = value"),
+            (
+                "name = one",
+                "name = one: texts stand in quotes, name = \"one\"",
+            ),
+            ("cos4 = True", "write true or false"),
+            ("gain = 7,5", "a decimal point, no comma"),
+            ("gain = -.5", "as in 0.5"),
+            ("gain = 5 mm", "without its unit"),
+            ("gain = 5mm", "without its unit"),
+            ("gain = 05", "gain = 05: why"),
+            ("gain", "why; write key = value"),
+            ("name = \"one", "why; write key = value"),
+        ] {
+            let text = no_toml("why", line);
+            assert!(text.contains(words), "{line}: {text}");
+        }
+        assert!(no_toml("duplicate key", "a = 1").contains("leave one out"));
+    }
+}
