@@ -328,7 +328,7 @@ impl Config {
                 let names: Vec<_> = PRESETS.iter().map(|(n, _)| *n).collect();
                 check.refuse(
                     "fidelity",
-                    &raw.fidelity,
+                    format!("{:?}", raw.fidelity),
                     format!("one of {}", names.join(", ")),
                 )
             })?,
@@ -383,7 +383,13 @@ impl RawSky {
         let selection = match self.catalog.as_str() {
             "hipparcos" => Selection::Hipparcos,
             "bsc" => Selection::Bsc,
-            other => return Err(check.refuse("sky.catalog", other, "\"hipparcos\" or \"bsc\"")),
+            other => {
+                return Err(check.refuse(
+                    "sky.catalog",
+                    format!("{other:?}"),
+                    "\"hipparcos\" or \"bsc\"",
+                ));
+            }
         };
         let corrections = Corrections {
             proper_motion: self.proper_motion,
@@ -411,7 +417,11 @@ impl RawRun {
         };
         let preset = Output::preset(&self.output).ok_or_else(|| {
             let names = Output::PRESETS.map(|(name, ..)| name).join(", ");
-            check.refuse("run.output", &self.output, format!("one of {names}"))
+            check.refuse(
+                "run.output",
+                format!("{:?}", self.output),
+                format!("one of {names}"),
+            )
         })?;
         let most = f64::from(MAX_WINDOW);
         check.range("run.window_px", f64::from(self.window_px), 1.0..=most)?;

@@ -267,13 +267,30 @@ fn figures_of_another_unit() {
                 "at most 1 / timing.rate_hz = 0.25 s",
             ],
         ),
+        // What leaves no room.
+        (
+            "detector.offset_dn",
+            "16383.0",
+            [
+                "detector.offset_dn = 16383",
+                "below 16383, the largest number of 14 bits",
+            ],
+        ),
+        (
+            "detector.read_noise_e",
+            "2e5",
+            [
+                "detector.read_noise_e = 200000",
+                "at most detector.full_well_e = 100000 e-",
+            ],
+        ),
         // No figures at all.
         (
             "detector.width_px",
             "512.5",
             [
                 "detector.width_px: ",
-                "must be a whole number from 0 to 4294967295, not 512.5",
+                "must be a whole number, 0 or more, not 512.5",
             ],
         ),
         (

@@ -10,11 +10,14 @@ pub fn plain(message: &str) -> String {
     if let Some(rest) = of_type.iter().find_map(|head| message.strip_prefix(head))
         && let Some((given, wanted)) = rest.rsplit_once(", expected ")
     {
-        return format!(
-            "must be {}, not {}",
-            wanted_value(wanted),
-            given_value(given)
-        );
+        let given = given_value(given);
+        let wanted = match given.parse::<f64>() {
+            Ok(most) if wanted == "u32" && most > f64::from(u32::MAX) => {
+                "a whole number below 4294967296".to_string()
+            }
+            _ => wanted_value(wanted),
+        };
+        return format!("must be {wanted}, not {given}");
     }
     let words = quoted(message);
     if let Some((given, known)) = words.split_first() {
@@ -65,8 +68,7 @@ fn wanted_value(serde: &str) -> String {
         "f64" => "a number",
         "u8" => "a whole number from 0 to 255",
         "u16" => "a whole number from 0 to 65535",
-        "u32" => "a whole number from 0 to 4294967295",
-        "u64" => "a whole number, 0 or more",
+        "u32" | "u64" => "a whole number, 0 or more",
         "a boolean" => "true or false",
         "a string" => "a text in quotes",
         "a sequence" => "a list in brackets",
@@ -144,6 +146,21 @@ mod tests {
             assert_eq!(nearest(given, &keys), meant, "{given}");
         }
         assert_eq!(nearest("x", &[]), None);
+        for (given, words) in [
+            ("integer `-3`", "a whole number, 0 or more, not -3"),
+            ("floating point `3.5`", "a whole number, 0 or more, not 3.5"),
+            (
+                "integer `5000000000`",
+                "a whole number below 4294967296, not 5000000000",
+            ),
+            (
+                "integer `99999999999999999999` as i128",
+                "a whole number below 4294967296, not 99999999999999999999",
+            ),
+        ] {
+            let message = format!("invalid value: {given}, expected u32");
+            assert_eq!(plain(&message), format!("must be {words}"));
+        }
         assert_eq!(
             plain("unknown variant `sun`, expected `stepped` or `wall`"),
             "must be \"stepped\" or \"wall\", not \"sun\""

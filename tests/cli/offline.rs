@@ -76,10 +76,10 @@ fn particles_that_are_too_many_are_warned_of_once() {
     };
     let keys = [
         ("focal_length_mm", "5000.0"),
-        ("principal_px", "[31.5, 31.5]"),
-        ("width_px", "64"),
-        ("height_px", "64"),
-        ("pixel_um", "10000.0"),
+        ("principal_px", "[319.5, 319.5]"),
+        ("width_px", "640"),
+        ("height_px", "640"),
+        ("pixel_um", "1000.0"),
         ("exposure_s", "100.0"),
         ("rate_hz", "0.01"),
     ];

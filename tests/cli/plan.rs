@@ -411,6 +411,12 @@ fn figures_that_nobody_means_are_warned_of() {
         ),
         // ms.
         ("row_us", "0.04", "WARN mine.toml: timing.row_us = 0.04: "),
+        // 80 K above where it is stated: 5,000 times 12 e-.
+        (
+            "temperature_c",
+            "100.0",
+            "WARN mine.toml: detector.dark_e_s: at detector.temperature_c 6.",
+        ),
         // rad.
         (
             "width_by_field",

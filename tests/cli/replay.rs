@@ -153,7 +153,7 @@ fn wrong_inputs_are_refused_in_a_line() {
         ("loopback --faults none.toml", vec!["none.toml"]),
         (
             "loopback --faults key.toml",
-            vec!["key.toml", "unknown field", "faults"],
+            vec!["key.toml", "unknown key", "did you mean `faults`?"],
         ),
         (
             "loopback --faults off.toml",

@@ -139,6 +139,16 @@ impl RawDetector {
             stuck_dn: range("stuck_dn", stuck_dn, 0.0..=full_scale)?.round() as u16,
             pattern: Arc::new(Pattern::new(&figures)),
         };
+        if self.offset_dn >= full_scale {
+            let allowed = format!(
+                "below {full_scale}, the largest number of {bits} bits: none is left for charge"
+            );
+            return Err(check.refuse("detector.offset_dn", self.offset_dn, allowed));
+        }
+        if self.read_noise_e > self.full_well_e {
+            let allowed = format!("at most detector.full_well_e = {} e-", self.full_well_e);
+            return Err(check.refuse("detector.read_noise_e", self.read_noise_e, allowed));
+        }
         let alone = |key: &str, reason| Err(check.explain(&format!("detector.{key}"), reason));
         if hot_fraction > 0.0 && self.hot_e_s.is_none() {
             return alone(

@@ -85,6 +85,15 @@ fn validate(raw: RawCamera, check: &Check, folder: &Folder) -> Result<Camera, Co
         .radiation
         .map(|r| r.validate(&detector, &timing, check))
         .transpose()?;
+    let dark_e = detector.dark_e(timing.exposure_s);
+    if dark_e >= detector.full_well_e {
+        tracing::warn!(
+            "{}: detector.dark_e_s: at detector.temperature_c {dark_e:.3e} e- come in timing.exposure_s, and detector.full_well_e is {}: dark \
+             current fills every pixel",
+            check.file,
+            detector.full_well_e
+        );
+    }
     Ok(Camera {
         name: raw.name,
         serial: raw.serial,
