@@ -129,6 +129,21 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
             ["objects.diffuse + objects.specular", "above 1"],
         ),
         (
+            "[effects]\noff = [\"Smeer\"]",
+            ["effects.off[0] = \"Smeer\"", "did you mean `smear`?"],
+        ),
+        (
+            "[effects]\noff = [\"noise\"]",
+            [
+                "effects.off[0] = \"noise\"",
+                "known: distortion, aberration drift",
+            ],
+        ),
+        (
+            "[objects]\nfiles = [\"\"]",
+            ["objects.files: \"\": No such file", "check the path"],
+        ),
+        (
             "[objects]\nfiles = [\"none.tle\"]",
             ["none.tle", "check the path"],
         ),

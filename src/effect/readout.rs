@@ -27,7 +27,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let held = scene.brightest_e().min(scene.spill.most_e);
     let digit = (held * per_electron + offset + 0.5).clamp(0.0, max);
     let all = digit * detector.gain_e_per_dn;
-    let need = Need::of_pixels(scene, "a frame is digits", all, 1.25);
+    let because = format!("a frame is digits of {} bits", detector.bits);
+    let need = Need::of_pixels(scene, because, all, 1.25);
     let pass = Pass::Tile(Box::new(move |tile| {
         for (dn, e) in tile.digits.iter_mut().zip(tile.electrons.iter()) {
             *dn = (f64::from(*e) * per_electron + offset + 0.5).clamp(0.0, max) as u16;

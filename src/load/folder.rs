@@ -47,7 +47,10 @@ impl Folder {
         match self {
             Folder::Disk(folder) => {
                 let path = folder.join(name);
-                let shown = path.display().to_string();
+                let shown = match name {
+                    "" => "\"\"".to_string(),
+                    _ => path.display().to_string(),
+                };
                 match skyloop_orbit::read_text(&path) {
                     Ok(text) => Ok((shown, text)),
                     Err(source) => Err(failed(shown, source)),

@@ -60,7 +60,10 @@ pub fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
         }
     };
     let meant = known.iter().min_by_key(|word| far(word))?;
-    (far(meant) <= (given.chars().count() / 3).clamp(1, 3)).then_some(*meant)
+    let letters = given.chars().count();
+    // Of a letter that is another one nothing is left.
+    let near = far(meant) <= (letters / 3).clamp(1, 3) && far(meant) < letters;
+    near.then_some(*meant)
 }
 
 fn wanted_value(serde: &str) -> String {
@@ -146,6 +149,8 @@ mod tests {
             assert_eq!(nearest(given, &keys), meant, "{given}");
         }
         assert_eq!(nearest("x", &[]), None);
+        assert_eq!(nearest("t", &["q", "utc"]), None);
+        assert_eq!(nearest("k1", &["k", "p"]), Some("k"));
         for (given, words) in [
             ("integer `-3`", "a whole number, 0 or more, not -3"),
             ("floating point `3.5`", "a whole number, 0 or more, not 3.5"),

@@ -156,6 +156,7 @@ fn cameras_numbers_and_folders() {
             "fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky",
         ],
     );
+    render(&["--camera", "fai_nri"], &["did you mean fai-nir?"]);
     render(&["--frames", "0"], &["--frames", "0", "1..=1000000"]);
     render(&["--period", "-1"], &["--period", "seconds"]);
     render(&["--label-snr", "nan"], &["--label-snr", "0 to 1e9"]);

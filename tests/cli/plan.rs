@@ -262,6 +262,9 @@ fn reasons_are_causes() {
     let here = tempfile::tempdir().unwrap();
     let orbit = repository("configs/scenes/leo-570.tle");
     let orbit = format!("[observer]\norbit = {orbit:?}\n");
+    let open = std::fs::read_to_string(repository("configs/cameras/cmos-rolling.toml")).unwrap();
+    let capped = open.replace("transmission = 0.85", "transmission = 0.0");
+    std::fs::write(here.path().join("capped.toml"), capped).unwrap();
     let off = "[effects]\noff = [\"stars\", \"dark current\", \"smear\"]\n";
     for (camera, tables, sequence, reasons_of) in [
         (
@@ -320,6 +323,25 @@ fn reasons_are_causes() {
                 ("dark current", "with 62 hot pixels"),
                 ("stuck pixels", "the detector has no stuck pixels"),
             ],
+        ),
+        (
+            "capped.toml",
+            String::new(),
+            STILL,
+            &[
+                (
+                    "stars",
+                    " stars in the field: the camera turns no light into charge",
+                ),
+                ("vignetting", "no source in the field gives light"),
+                ("pixel response", "no light: "),
+            ],
+        ),
+        (
+            "rigel-l",
+            orbit.clone(),
+            "attitudes = [{ q = [1.0, 0.0, 0.0, 0.0] }]",
+            &[("stars", " stars in the field, behind the Earth")],
         ),
         (
             "fai-nir",
