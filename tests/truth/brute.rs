@@ -85,6 +85,14 @@ pub fn verdict(emulator: &Emulator, vehicle: &VehicleState, effect: &str) -> Eff
     verdicts.find(|verdict| verdict.effect == effect).unwrap()
 }
 
+/// Electrons that all of an object's light which arrives in the exposure would give: Clark et al. 2021, Eqs. (2), (11).
+pub fn arriving_e(label: &Label, object: &ObjectLabel, camera: &Camera) -> f64 {
+    let area = std::f64::consts::PI * camera.optics.aperture_m.powi(2) / 4.0;
+    let gathered = camera.detector.quantum_efficiency * camera.optics.transmission * area;
+    let irradiance = camera.optics.band.zero_point() * 10f64.powf(-0.4 * object.band_mag.unwrap());
+    irradiance * gathered * label.exposure_s
+}
+
 /// The attitude that turns +Z to `direction`, rolled by `roll` rad.
 pub fn look_at(direction: Vector3<f64>, roll: f64) -> [f64; 4] {
     let z = direction.normalize();

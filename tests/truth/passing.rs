@@ -6,7 +6,7 @@ use skyloop::fidelity::Fidelity;
 use skyloop::label::{Label, ObjectLabel};
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{Image, emulator, epoch, pixel, share, shoot, simpson};
+use super::brute::{Image, arriving_e, emulator, epoch, pixel, share, shoot, simpson};
 
 /// X-Val: a barrel of 3 % in the corners of 27 degrees, radial and tangential.
 const K: [f64; 3] = [-0.3, 0.05, 0.0];
@@ -30,13 +30,10 @@ fn compare(shot: &Shot) -> [f64; 3] {
     let (label, camera) = (&shot.label, &shot.camera);
     let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
     let sigma = camera.optics.psf.core_px();
-    let area = std::f64::consts::PI * camera.optics.aperture_m.powi(2) / 4.0;
-    let gathered = camera.detector.quantum_efficiency * camera.optics.transmission * area;
     let mut truth = vec![0.0; (width * height) as usize];
     let [mut off_light, mut off_px] = [0.0f64; 2];
     for o in label.objects.iter().filter(|o| o.electrons > 0.0) {
-        let irradiance = camera.optics.band.zero_point() * 10f64.powf(-0.4 * o.band_mag.unwrap());
-        let arriving = irradiance * gathered * label.exposure_s;
+        let arriving = arriving_e(label, o, camera);
         let length = (o.x1_px - o.x0_px).hypot(o.y1_px - o.y0_px);
         let steps = 2 * ((8.0 * length).ceil() as usize).max(2);
         let (mut light, mut moments) = (0.0, [0.0; 2]);

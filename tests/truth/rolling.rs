@@ -6,7 +6,7 @@ use skyloop::fidelity::Fidelity;
 use skyloop::label::{Label, ObjectLabel};
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{Image, emulator, epoch, pixel, share, shoot, simpson};
+use super::brute::{Image, arriving_e, emulator, epoch, pixel, share, shoot, simpson};
 
 /// What the rows collect of one object whose light is 1 in an exposure: on the detector, and of all light its sum and
 /// centre. Rows beyond the detector are exposed with the row at its edge.
@@ -66,13 +66,9 @@ fn compare(shot: &Shot, row_s: f64) -> (f64, f64, f64) {
     let seen = Image::light_of(shot);
     let mut truth = vec![0.0; seen.e.len()];
     let (mut off_light, mut off_px) = (0.0f64, 0.0f64);
-    let area = std::f64::consts::PI * camera.optics.aperture_m.powi(2) / 4.0;
-    let gathered = camera.detector.quantum_efficiency * camera.optics.transmission * area;
     for object in label.objects.iter().filter(|o| o.electrons > 0.0) {
         let (image, light, centre) = collected(label, object, camera, row_s);
-        let irradiance =
-            camera.optics.band.zero_point() * 10f64.powf(-0.4 * object.band_mag.unwrap());
-        let arriving = irradiance * gathered * label.exposure_s;
+        let arriving = arriving_e(label, object, camera);
         // Of faint sources tracks are sampled coarsely: `Fidelity::track_e`.
         let off_e = (object.electrons - arriving * light).abs();
         off_light = off_light.max(off_e / (arriving * light).max(1000.0));
@@ -133,14 +129,8 @@ fn rows_collect_what_falls_on_them_while_they_are_open() {
             assert!(px <= 1e-4, "{px}");
             assert!(pixel <= 3e-5, "{pixel}");
             let objects = shot.label.objects.iter();
-            let area = std::f64::consts::PI * shot.camera.optics.aperture_m.powi(2) / 4.0;
-            let whole = shot.camera.detector.quantum_efficiency
-                * shot.camera.optics.transmission
-                * area
-                * shot.label.exposure_s
-                * shot.camera.optics.band.zero_point();
             for o in objects.filter(|o| o.electrons > 0.0) {
-                let arriving = whole * 10f64.powf(-0.4 * o.band_mag.unwrap());
+                let arriving = arriving_e(&shot.label, o, &shot.camera);
                 longer = longer.max((o.electrons / arriving - 1.0).abs());
             }
         }
