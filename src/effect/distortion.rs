@@ -29,7 +29,7 @@ const PLACES: usize = 13;
 fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
     let (optics, detector) = (&view.camera.optics, &view.camera.detector);
     if optics.projection.is_ideal() {
-        return Need::none("the lens has no distortion");
+        return Need::none("the lens has no distortion (optics.projection: k, p, strength)");
     }
     let ideal = optics.projection.ideal();
     let place = |i: usize, pixels: usize| i as f64 / (PLACES - 1) as f64 * pixels as f64 - 0.5;
