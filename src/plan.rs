@@ -1,6 +1,6 @@
 //! The plan of one frame: every effect's verdict on the scene, in physical order.
 
-use crate::effect::{EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict, passed_e};
+use crate::effect::{EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict};
 use crate::fidelity::{Choice, Fidelity};
 use crate::scene::{Scene, Simulated, View};
 use std::borrow::Cow;
@@ -72,11 +72,7 @@ fn refusal(need: &Need, fidelity: &Fidelity, choice: &Choice) -> Option<Cow<'sta
 /// What leaving out `effect`, which answered `asked`, costs, now that the images are made.
 fn changed(effect: &Effect, scene: &Scene, asked: Loss) -> Loss {
     match &effect.judge {
-        Judge::Images(_, change) if asked != Loss::default() => {
-            let Loss { e, px } = change(scene, &asked);
-            let e = passed_e(scene, e);
-            Loss { e, px }
-        }
+        Judge::Images(_, change) if asked != Loss::default() => change(scene, &asked),
         _ => asked,
     }
 }

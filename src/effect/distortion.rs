@@ -9,10 +9,11 @@
 //! track is looked at.
 
 use super::cause::digits;
+use super::shown::changed_e;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Model;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, STEEPEST_STREAK, Scene, Simulated, View};
+use crate::scene::{Change, STEEPEST_STREAK, Scene, Simulated, Source, View};
 
 /// The lens's departure from its ideal.
 pub const DISTORTION: Effect = Effect {
@@ -61,12 +62,21 @@ fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
 fn change(scene: &Scene, loss: &Loss) -> Loss {
     let optics = &scene.view.camera.optics;
     let ideal = optics.projection.ideal();
-    let without = Simulated {
-        distortion: false,
+    let other = Simulated {
+        distortion: !scene.simulated.distortion,
         ..scene.simulated
     };
+    let enters = scene.simulated.distortion;
     let seen = scene.seen();
-    let e = scene.change_e(&without, |image| {
+    let faint = |source: &Source| {
+        let [_, seen, _] = scene.seen()(&source.body);
+        let [a, b] = [&ideal, &optics.projection].map(|by| optics.project_by(by, &seen));
+        let (a, b) = a.zip(b)?;
+        let off_px = (a[0] - b[0]).hypot(a[1] - b[1]);
+        // On the way it is not much more.
+        (source.length_px() < 1.0).then_some(1.1 * off_px + 1.0)
+    };
+    let e = changed_e(scene, &other, enters, faint, |image| {
         let (mut px, mut sharper) = (0.0f64, 0.0f64);
         for seen in seen(&image.source.body) {
             let [a, b] = [&ideal, &optics.projection].map(|by| optics.project_by(by, &seen));

@@ -17,9 +17,10 @@
 //!
 //! Price: some ten products each time a star is looked at.
 
+use super::shown::changed_e;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::{Body, Change, STEEPEST, STEEPEST_STREAK, Scene, Simulated, View};
+use crate::scene::{Body, Change, STEEPEST, STEEPEST_STREAK, Scene, Simulated, Source, View};
 use crate::sky::bodies::LIGHT_M_S;
 use hifitime::Unit;
 use nalgebra::Vector3;
@@ -97,8 +98,13 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     // Rows that are exposed early or late see the stars off by their part of the way.
     let rolled = d * view.camera.readout_s() / view.open_s.max(f64::MIN_POSITIVE);
     let b = (start + end).norm() / 6.0 / LIGHT_M_S * scale + rolled;
+    let other = Simulated {
+        aberration_drift: !scene.simulated.aberration_drift,
+        ..scene.simulated
+    };
     // Whatever is there without it touches the detector with it.
-    let e = scene.change_e(&scene.simulated, |image| {
+    let beside = |_: &Source| Some(d + 1.0);
+    let e = changed_e(scene, &other, false, beside, |image| {
         let still = Change {
             e: 0.0,
             beside_px: 0.0,

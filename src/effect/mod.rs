@@ -22,7 +22,6 @@ mod stuck;
 mod vignetting;
 
 pub use cause::{counted, digits};
-pub use shown::passed_e;
 
 use crate::fidelity::Fidelity;
 use crate::frame::{Charge, Tile};
@@ -97,7 +96,7 @@ pub enum Judge {
     Pixels(for<'s> fn(&'s Scene, &Fidelity) -> (Need, Pass<'s>)),
 }
 
-/// A bound of what leaving an effect out changes, by the images as they are made and what the effect answered before.
+/// A bound of what leaving an effect out changes in the end, by the images as they are made and what the effect answered before.
 pub type Change = fn(&Scene, &Loss) -> Loss;
 
 /// The chain's stages, in order.

@@ -10,10 +10,11 @@
 //! in which rows that an image touches open or close.
 
 use super::cause::digits;
+use super::shown::changed_e;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, STEEPEST_STREAK, Scene, Simulated, View};
+use crate::scene::{Change, STEEPEST_STREAK, Scene, Simulated, Source, View};
 
 /// Rows exposed in turn.
 pub const ROLLING_SHUTTER: Effect = Effect {
@@ -53,11 +54,14 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
 }
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {
-    let without = Simulated {
-        rolling: false,
+    let other = Simulated {
+        rolling: !scene.simulated.rolling,
         ..scene.simulated
     };
-    let e = scene.change_e(&without, |image| {
+    let enters = scene.simulated.rolling;
+    let dimming = scene.dimming_px();
+    let beside = |_: &Source| Some(loss.px + 1.0);
+    let e = changed_e(scene, &other, enters, beside, |image| {
         let (off_px, longer) = if scene.simulated.smear {
             scene.rolled(image, image.length_px)
         } else {
@@ -65,7 +69,8 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         };
         let all_e = image.inside_e(image.height_e, off_px);
         Change {
-            e: image.moved_e(image.height_e, STEEPEST_STREAK, off_px) + all_e * longer,
+            e: image.moved_e(image.height_e, STEEPEST_STREAK, off_px)
+                + all_e * (longer + dimming * off_px).min(1.0),
             beside_px: off_px + 1.0,
         }
     });

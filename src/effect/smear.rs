@@ -10,9 +10,10 @@
 //! own track is a parabola. Price: the pixels of an image once more for each step of half a PSF's width along its track.
 
 use super::cause::digits;
+use super::shown::changed_e;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, STEEPEST, Scene, Simulated, View};
+use crate::scene::{Change, STEEPEST, Scene, Simulated, Source, View};
 
 /// Motion during the exposure.
 pub const SMEAR: Effect = Effect {
@@ -57,12 +58,28 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     let simulated = &scene.simulated;
     // Without smear, images have the ends of their true tracks, unless they drift.
     let own = simulated.smear || !simulated.aberration_drift;
-    // A still image lies on its track, but that a rolling shutter exposes its parts at other times.
-    let without = Simulated {
-        smear: simulated.smear && !simulated.rolling,
-        ..scene.simulated
+    let other = if simulated.smear {
+        Simulated {
+            smear: false,
+            ..*simulated
+        }
+    } else {
+        Simulated {
+            smear: true,
+            rolling: scene.view.camera.readout_s() > 0.0,
+            ..*simulated
+        }
     };
-    let e = scene.change_e(&without, |image| {
+    // A still image lies on its track, but that a rolling shutter exposes its parts at other times.
+    let enters = simulated.smear && simulated.rolling;
+    let moved_px = if simulated.smear {
+        scene.view.longest_track_px(scene.view.camera.readout_s()) / 2.0
+    } else {
+        loss.px
+    };
+    let dimming = scene.dimming_px();
+    let beside = |_: &Source| Some(moved_px + 1.0);
+    let e = changed_e(scene, &other, enters, beside, |image| {
         let (length_px, bend_px) = if own {
             (image.length_px, image.bend_px())
         } else {
@@ -77,7 +94,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         let all_e = image.inside_e(image.still_e, moved + length_px / 2.0);
         let e = image.spread_e(image.still_e, length_px)
             + image.moved_e(image.still_e, STEEPEST, bend_px + rolled_px)
-            + all_e * longer;
+            + all_e * (longer + dimming * (moved + length_px / 2.0)).min(1.0);
         Change {
             e: e.min(all_e),
             beside_px: moved + 1.0,

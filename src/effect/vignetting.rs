@@ -17,6 +17,7 @@
 //! table, each time a track is looked at.
 
 use super::cause::digits;
+use super::shown::changed_e;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
@@ -110,20 +111,30 @@ fn change(scene: &Scene, _: &Loss) -> Loss {
         source.length_px() * part.min(1.0)
     });
     // The same images are there without it.
-    let e = scene.change_e(simulated, |image| {
-        let [least, _] = passes(image.source);
-        // Of the light that would arrive; a tenth more again.
-        let taken = 1.1 * (1.0 - least);
-        let clear_e = if simulated.vignetting {
-            (image.height_e / least).min(image.still_e)
-        } else {
-            image.height_e
-        };
-        Change {
-            e: clear_e * taken.min(1.0),
-            beside_px: 0.0,
-        }
-    });
+    let other = Simulated {
+        vignetting: !simulated.vignetting,
+        ..*simulated
+    };
+    let e = changed_e(
+        scene,
+        &other,
+        false,
+        |_| Some(0.0),
+        |image| {
+            let [least, _] = passes(image.source);
+            // Of the light that would arrive; a tenth more again.
+            let taken = 1.1 * (1.0 - least);
+            let clear_e = if simulated.vignetting {
+                (image.height_e / least).min(image.still_e)
+            } else {
+                image.height_e
+            };
+            Change {
+                e: clear_e * taken.min(1.0),
+                beside_px: 0.0,
+            }
+        },
+    );
     Loss {
         e,
         px: off_px.fold(0.0, f64::max),

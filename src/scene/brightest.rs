@@ -2,6 +2,7 @@
 
 use super::Source;
 use crate::camera::Detector;
+use std::collections::VecDeque;
 
 /// Side of the cells (px) in which the light of sources is added up.
 pub const CELL: usize = 8;
@@ -66,46 +67,63 @@ pub(super) fn greatest_share(source: &Source) -> f64 {
     f64::from(shares.copied().fold(0.0, f32::max))
 }
 
-/// A bound (e-) of what any pixel gets, each source giving so much at most to any pixel that its image touches or that
-/// lies so many pixels beside it.
-pub(super) fn summed_e<'a>(
+/// Calls `each` with the cells in which the image of a source has a pixel, or one that lies no more than `beside` pixels from it; each once.
+pub(super) fn cells(
     detector: &Detector,
-    lights: impl Iterator<Item = (&'a Source, f64, usize)>,
-) -> f64 {
+    source: &Source,
+    beside: usize,
+    mut each: impl FnMut(usize),
+) {
     let columns = detector.width.div_ceil(CELL);
-    let mut cells = vec![0.0; columns * detector.height.div_ceil(CELL)];
-    for (source, e, beside) in lights.filter(|(_, e, _)| *e > 0.0) {
-        let lit = |(_, _, shares): &(usize, usize, &[f32])| !shares.is_empty();
-        let rows = source.footprint.rows(0..detector.height).filter(lit);
-        let mut rows = rows.peekable();
-        let last = (source.footprint.rows(0..detector.height))
-            .filter(lit)
-            .last()
-            .map_or(0, |(row, ..)| row);
-        // The cells' rows that it reaches, each from its least column to its greatest.
-        let Some((first, ..)) = rows.peek() else {
-            continue;
-        };
-        let top = first.saturating_sub(beside) / CELL;
-        let bottom = (last + beside).min(detector.height - 1) / CELL;
-        let mut reached = vec![(usize::MAX, 0); bottom + 1 - top];
+    let lit = |(_, _, shares): &(usize, usize, &[f32])| !shares.is_empty();
+    let rows = source.footprint.rows(0..detector.height).filter(lit);
+    if source.length_px() < CELL as f64 {
+        // Of a spot all in a rectangle.
+        let (mut across, mut down) = ((usize::MAX, 0), (usize::MAX, 0));
         for (row, column, shares) in rows {
-            let low = column.saturating_sub(beside) / CELL;
-            let high = (column + shares.len() - 1 + beside).min(detector.width - 1) / CELL;
-            let near = row.saturating_sub(beside) / CELL..=((row + beside) / CELL).min(bottom);
-            for cells in near {
-                let (from, to) = &mut reached[cells - top];
-                (*from, *to) = ((*from).min(low), (*to).max(high));
-            }
+            across = (
+                across.0.min(column),
+                across.1.max(column + shares.len() - 1),
+            );
+            down = (down.0.min(row), down.1.max(row));
         }
-        for (i, (from, to)) in reached.into_iter().enumerate() {
-            if from <= to {
-                let row = (top + i) * columns;
-                cells[row + from..=row + to]
-                    .iter_mut()
-                    .for_each(|cell| *cell += e);
+        let cells = |(from, to): (usize, usize), pixels: usize| {
+            from.saturating_sub(beside) / CELL..(to + beside).min(pixels - 1) / CELL + 1
+        };
+        let across = cells(across, detector.width);
+        for row in cells(down, detector.height) {
+            across
+                .clone()
+                .for_each(|column| each(row * columns + column));
+        }
+        return;
+    }
+    // The cells' rows that it reaches, each from its least column to its greatest: of those before the row at hand, nothing is added any more.
+    let (mut open, mut top) = (VecDeque::<(usize, usize)>::new(), None);
+    let mut close = |row: usize, (from, to): (usize, usize)| {
+        (row * columns + from..=row * columns + to).for_each(&mut each);
+    };
+    let none = (usize::MAX, 0);
+    for (row, column, shares) in rows {
+        let low = column.saturating_sub(beside) / CELL;
+        let high = (column + shares.len() - 1 + beside).min(detector.width - 1) / CELL;
+        let first = row.saturating_sub(beside) / CELL;
+        let last = (row + beside).min(detector.height - 1) / CELL;
+        let top = top.get_or_insert(first);
+        while *top < first {
+            if let Some(reached) = open.pop_front().filter(|reached| *reached != none) {
+                close(*top, reached);
             }
+            *top += 1;
+        }
+        if open.len() <= last - *top {
+            open.resize(last - *top + 1, none);
+        }
+        for (from, to) in open.iter_mut() {
+            (*from, *to) = ((*from).min(low), (*to).max(high));
         }
     }
-    cells.into_iter().fold(0.0, f64::max)
+    for (i, reached) in open.into_iter().enumerate().filter(|(_, of)| *of != none) {
+        close(top.unwrap_or(0) + i, reached);
+    }
 }

@@ -10,19 +10,24 @@
 //! Spreads given as images bring their own peak, slope and kinks (`Relief`). The flank of an image that is centred r outside of the
 //! detector has the slope `N r / s^2` and the bend `N r^2 / s^4` there. Wings end at whole pixels, and what is drawn at their edge comes and
 //! goes; so do sources that touch the detector only with the effect, or only without it. What single sources change is added up where
-//! their images meet (`brightest`); `effect::shown` has what becomes of it in pixels that respond unevenly, fill up and spill.
+//! their images meet, and replaced by the truth where that is large (`compared`); `effect::shown` has what becomes of it in pixels that respond unevenly, fill up and spill.
 
-use super::brightest::{greatest_share, summed_e};
+use super::brightest::greatest_share;
 use super::{Body, Candidate, Scene, Simulated, Source};
 use crate::camera::psf::square;
-use crate::camera::{Detector, LocalPsf, Stamp};
+use crate::camera::{Detector, LocalPsf, Stamp, Vignetting};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::f64::consts::TAU;
 
 /// The steepest slope, in heights a core, of the image of a point that stands still.
 pub const STEEPEST: f64 = 0.61;
 /// The same of a streak, in any direction at once.
 pub const STEEPEST_STREAK: f64 = 0.86;
+
+/// So many of the brightest sources tell which others are faint: all their light makes less than this part of what those change by.
+const BRIGHT: usize = 16;
+const FAINT: f64 = 0.02;
 
 /// What a bound of an image's change is made of.
 pub struct Image<'a> {
@@ -146,28 +151,56 @@ pub struct Change {
 }
 
 impl Scene {
-    /// A bound (e-) of the change of any pixel, where each image changes by what `change` says of it; those that are there only in a
-    /// scene `without`, if that differs from this one, come with all their light.
-    pub fn change_e(
+    /// What each image that has light changes by, as `change` says of it: e- of any pixel, and how many pixels beside it. All light of what is
+    /// faint beside the brightest changes by is bound enough for it, as many pixels beside it as `faint` says (none: it is not).
+    pub(super) fn changes(
         &self,
-        without: &Simulated,
+        faint: impl Fn(&Source) -> Option<f64> + Sync,
         change: impl Fn(&Image<'_>) -> Change + Sync,
-    ) -> f64 {
-        let detector = &self.view.camera.detector;
+    ) -> Vec<(&Source, f64, usize)> {
+        let (optics, detector) = (&self.view.camera.optics, &self.view.camera.detector);
         let widest = detector.width.max(detector.height) as f64;
-        let entering = self.entering(without);
-        let came = entering.iter().map(|source| {
-            let e = source.electrons * greatest_share(source);
-            (source, e, 0)
-        });
-        let lights = (self.sources.par_iter())
-            .filter(|source| source.arriving_e > 0.0 && !source.footprint.shares().is_empty())
-            .map_init(Stamp::default, |stamp, source| {
-                let Change { e, beside_px } = change(&self.image(source, stamp));
-                (source, e, beside_px.min(widest).ceil() as usize)
+        let shining = (self.sources.iter())
+            .filter(|source| source.arriving_e > 0.0 && !source.footprint.shares().is_empty());
+        // No profile of that width is higher in its middle than a Gaussian. Rows may be exposed a little longer than all together.
+        let core_px = optics.psf.core_px();
+        let middle = match optics.psf_at(optics.principal_px, 1.0).relief() {
+            None => (1.0 / (TAU * core_px * core_px)).min(1.0),
+            Some(_) => 1.0,
+        };
+        // What is laid evenly over the pixels that are drawn, nine at least, is faint on each of them.
+        let even_e = 8.0 * self.fidelity.wing_e;
+        let all_e = |source: &Source| {
+            let e = source.arriving_e.max(source.electrons);
+            2.0 * middle * e + even_e.min(0.45 * e)
+        };
+        let mut shining: Vec<(&Source, f64)> =
+            shining.map(|source| (source, all_e(source))).collect();
+        let beside = |px: f64| px.min(widest).ceil() as usize;
+        let bound = |stamp: &mut Stamp, source| {
+            let Change { e, beside_px } = change(&self.image(source, stamp));
+            (source, e, beside(beside_px))
+        };
+        let bright = BRIGHT.min(shining.len());
+        if bright < shining.len() {
+            shining.select_nth_unstable_by(bright, |a, b| b.1.total_cmp(&a.1));
+        }
+        let (bright, others) = shining.split_at(bright);
+        let mut stamp = Stamp::default();
+        let bright = bright.iter().map(|(source, _)| bound(&mut stamp, source));
+        let mut changes: Vec<(&Source, f64, usize)> = bright.collect();
+        let most = changes.iter().map(|(_, e, _)| *e).fold(0.0, f64::max);
+        let others = others
+            .par_iter()
+            .map_init(Stamp::default, |stamp, (source, all_e)| {
+                match faint(source).filter(|_| *all_e <= most * FAINT) {
+                    Some(px) => (*source, *all_e, beside(px)),
+                    None => bound(stamp, source),
+                }
             });
-        let lights: Vec<(&Source, f64, usize)> = lights.collect();
-        summed_e(detector, lights.into_iter().chain(came))
+        changes.par_extend(others);
+        changes.retain(|(_, e, _)| *e > 0.0);
+        changes
     }
 
     fn image<'a>(&'a self, source: &'a Source, stamp: &mut Stamp) -> Image<'a> {
@@ -185,26 +218,34 @@ impl Scene {
                 (middle, middle / psf.on_pixel([0.5; 2], stamp))
             }
         };
-        let ends = [source.start, source.end].map(|at| psf.differs(&optics.psf_at(at, ratio)));
-        let sharper = 1.0 + ends[0].max(ends[1]);
-        let (core_px, still_e) = (psf.core_px(), source.arriving_e * middle * sharper);
         let length_px = source.length_px();
+        // No width changes by a twentieth within a pixel.
+        let sharper = if length_px < 0.01 {
+            1.001
+        } else {
+            let ends = [source.start, source.end].map(|at| psf.differs(&optics.psf_at(at, ratio)));
+            1.0 + ends[0].max(ends[1])
+        };
+        let fidelity = &self.fidelity;
+        // By what it gives were all its light let pass.
+        let passes = source.electrons / source.arriving_e;
+        let drawn_px = psf.drawn_px(fidelity, source.clear_e / passes.max(f64::MIN_POSITIVE));
+        let square = square(source.centroid, drawn_px);
+        // Tilted it is up to twice as high along each axis.
+        let pixels = (2.0 * drawn_px + 1.0).powi(2);
+        let even = 4.0 * psf.undrawn(source.centroid, &square, fidelity) / pixels;
+        let core_px = psf.core_px();
+        let still_e = source.arriving_e * (middle * sharper + even);
         // Between pixels it may be higher than in the greatest of them.
         let seen_e = source.electrons * greatest_share(source) * over;
         let (height_e, outside_px) = if detector.contains(source.centroid) {
             (seen_e, 0.0)
         } else {
             // Little may be seen of it: a streak of even speed has the height sqrt(2 pi) s / length; a quarter more.
-            let even = 1.25 * 2.507 * core_px / length_px.max(f64::MIN_POSITIVE);
+            let streak = 1.25 * 2.507 * core_px / length_px.max(f64::MIN_POSITIVE);
             let outside_px = outside_px(source, length_px, detector);
-            (seen_e.max(still_e * even), outside_px)
+            (seen_e.max(still_e * streak), outside_px)
         };
-        let fidelity = &self.fidelity;
-        let drawn_px = psf.drawn_px(fidelity, source.clear_e);
-        let square = square(source.centroid, drawn_px);
-        // Tilted it is up to twice as high along each axis.
-        let pixels = (2.0 * drawn_px + 1.0).powi(2);
-        let even = 4.0 * psf.undrawn(source.centroid, &square, fidelity) / pixels;
         Image {
             source,
             still_e,
@@ -219,7 +260,7 @@ impl Scene {
     }
 
     /// The images that touch the detector in a scene `without` and not in this one.
-    fn entering(&self, without: &Simulated) -> Vec<Source> {
+    pub(super) fn entering(&self, without: &Simulated) -> Vec<Source> {
         if *without == self.simulated {
             return Vec::new();
         }
@@ -305,8 +346,32 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// By which part of its light a source's transmission changes where its image moves by a pixel, at most; 0 where nothing is vignetted.
+    pub fn dimming_px(&self) -> f64 {
+        let camera = &self.view.camera;
+        let vignetting = &camera.optics.vignetting;
+        let field = camera.cone_rad(0.0).min(1.5);
+        let by_angle = match vignetting {
+            _ if !self.simulated.vignetting => 0.0,
+            Vignetting::None => 0.0,
+            Vignetting::Cos4 => 4.0 * libm::tan(field),
+            Vignetting::Table(table) => {
+                let slopes = table.windows(2).map(|ends| {
+                    let [[from, a], [to, b]] = [ends[0], ends[1]];
+                    (b - a).abs() / (to - from)
+                });
+                let [least, _] = vignetting.range(field);
+                slopes.fold(0.0, f64::max) / least.max(f64::MIN_POSITIVE)
+            }
+        };
+        // A distorting lens may show more in a pixel than its focal length says.
+        2.0 * by_angle / camera.optics.focal_px
+    }
+}
+
 /// What a body is, to tell it from others.
-fn identity(body: &Body) -> (bool, usize) {
+pub(super) fn identity(body: &Body) -> (bool, usize) {
     match body {
         Body::Star(star) => (true, star.index),
         Body::Rso(object) => (false, object.index),

@@ -105,12 +105,31 @@ impl Scene {
         charge
     }
 
+    /// No pixel of a column of cells expects more charge than this, particles left out, e-.
+    pub fn fullest_e(&self, column: usize) -> f64 {
+        let dark = if self.simulated.dark {
+            let pattern = &self.view.camera.detector.pattern;
+            pattern.dark_max_e_s() * self.view.exposure.duration_s
+        } else {
+            0.0
+        };
+        let trail = self.trail().iter().copied().fold(0.0, f64::max);
+        let light = self.peaks_e.get(column);
+        light.copied().unwrap_or(0.0) + dark + trail
+    }
+
     /// The charge (e-) that is expected in `columns`, sorted, one column after the other, of a frame that has only those effects of
     /// this one that `parts` has too: light and dark charge, before wells fill.
     pub fn columns_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
-        let detector = &self.view.camera.detector;
-        let height = detector.height;
-        let mut charge = vec![0.0; columns.len() * height];
+        let mut charge = self.light_e(columns, parts);
+        self.turn(&mut charge, columns, parts);
+        charge
+    }
+
+    /// The light (e-) on `columns`, sorted, one column after the other, of a frame that has only those effects that `parts` has.
+    pub fn light_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
+        let height = self.view.camera.detector.height;
+        let mut light = vec![0.0; columns.len() * height];
         let shines = |source: &&Source| match source.body {
             Body::Star(_) => parts.stars,
             Body::Rso(_) => parts.rsos,
@@ -121,12 +140,19 @@ impl Scene {
                 let here = columns[from..].iter().zip(from..);
                 for (column, i) in here.take_while(|(column, _)| **column < first + shares.len()) {
                     let share = f64::from(shares[*column - first]);
-                    charge[i * height + row] += source.electrons * share;
+                    light[i * height + row] += source.electrons * share;
                 }
             }
         }
+        light
+    }
+
+    /// Turns the light (e-) on `columns` into charge: as pixels respond, with dark charge and the trails of frame transfer, as far as
+    /// `parts` has them.
+    pub fn turn(&self, light: &mut [f64], columns: &[usize], parts: &Simulated) {
+        let detector = &self.view.camera.detector;
         let trail = trail::part(&self.view);
-        for (charge, column) in charge.chunks_exact_mut(height).zip(columns) {
+        for (charge, column) in light.chunks_exact_mut(detector.height).zip(columns) {
             let trail_e = if parts.frame_transfer {
                 trail * charge.iter().sum::<f64>()
             } else {
@@ -143,6 +169,5 @@ impl Scene {
                 *e += trail_e;
             }
         }
-        charge
     }
 }

@@ -6,6 +6,7 @@
 mod brightest;
 mod change;
 mod collected;
+mod compared;
 mod expected;
 mod imaging;
 mod signal;
@@ -19,6 +20,7 @@ use signal::Noise;
 
 pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
+pub use compared::{Compared, Peak};
 pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e};
 pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};

@@ -1,0 +1,314 @@
+//! How images differ from those with other effects: bounds for all of them, and the truth for those that matter.
+//!
+//! The light of every source is bounded first (`change`). Where these bounds add up to most, the greatest of them are replaced by
+//! what is so: the other image is made, and both are compared pixel by pixel. `effect::shown` says where to look closer, until bounds are
+//! no more than what is known. How much is compared is limited (`Compared::spare`), for it costs what making the images costs.
+
+use super::brightest::{CELL, cells};
+use super::change::{Change, Image, identity};
+use super::{Scene, Simulated, Source};
+use crate::camera::Detector;
+use crate::fidelity::Fidelity;
+use std::ops::Range;
+
+/// So many pixels may be worked out again for an effect that is skipped, each frame;
+const SKIPPED: u64 = 1_000;
+/// for one that runs, which is asked where a plan is printed, this part of the pixels of all images, and some more.
+const PART: u64 = 4;
+const MORE: u64 = 1_000_000;
+/// So many of the greatest bounds may be replaced.
+const GREATEST: usize = 128;
+
+/// A bound of what one source's light changes by.
+struct Light<'a> {
+    source: &'a Source,
+    e: f64,
+    beside: usize,
+    /// Whether the truth is known instead.
+    settled: bool,
+}
+
+/// An image as it is and with the other effects.
+struct Pair<'a> {
+    here: Option<&'a Source>,
+    there: Option<Source>,
+}
+
+/// The images of a scene, and what is known of them with other effects.
+pub struct Compared<'a> {
+    scene: &'a Scene,
+    other: Simulated,
+    fidelity: Fidelity,
+    /// The greatest first.
+    lights: Vec<Light<'a>>,
+    pairs: Vec<Pair<'a>>,
+    /// Bounds of each cell (`brightest`), e-.
+    bounds: Vec<f64>,
+    /// What is known of each cell's pixels as they respond, e-.
+    known: Vec<f64>,
+    /// Columns of cells.
+    columns: usize,
+    /// How many pixels may still be worked out.
+    spare: u64,
+}
+
+/// What the pixels of a column of cells change by, e-.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Peak {
+    /// The part that is known, in the cell in which it and the bound are greatest.
+    pub known: f64,
+    /// The bound of the rest there.
+    pub bound: f64,
+    /// That cell's row.
+    pub row: usize,
+    /// The greatest bound in any cell of the column, and its row.
+    pub most: (f64, usize),
+    /// No column of pixels changes by more altogether: what is known, and the bound of the rest.
+    pub all: [f64; 2],
+}
+
+impl Scene {
+    /// The images beside those with the effects `other`; `faint` and `change` bound what each changes by (`Scene::changes`). Where it `enters`, sources may be on the detector
+    /// that are not now.
+    pub fn compared(
+        &self,
+        other: &Simulated,
+        enters: bool,
+        faint: impl Fn(&Source) -> Option<f64> + Sync,
+        change: impl Fn(&Image<'_>) -> Change + Sync,
+    ) -> Compared<'_> {
+        let (detector, now) = (&self.view.camera.detector, &self.simulated);
+        let columns = detector.width.div_ceil(CELL);
+        let cells = columns * detector.height.div_ceil(CELL);
+        let pixels: u64 = self.sources.iter().map(|s| s.footprint.evaluated()).sum();
+        let skipped = (other.distortion && !now.distortion)
+            || (other.aberration_drift && !now.aberration_drift)
+            || (other.smear && !now.smear)
+            || (other.rolling && !now.rolling)
+            || (other.vignetting && !now.vignetting);
+        let mut fidelity = self.fidelity;
+        if skipped {
+            // Short tracks are tracks.
+            fidelity.skip_px = 0.0;
+        }
+        let lights = self.changes(faint, change).into_iter();
+        let lights = lights.map(|(source, e, beside)| Light {
+            source,
+            e,
+            beside,
+            settled: false,
+        });
+        let mut compared = Compared {
+            scene: self,
+            other: *other,
+            fidelity,
+            lights: lights.collect(),
+            pairs: Vec::new(),
+            bounds: vec![0.0; cells],
+            known: vec![0.0; cells],
+            columns,
+            spare: if skipped {
+                SKIPPED
+            } else {
+                pixels / PART + MORE
+            },
+        };
+        for light in &compared.lights {
+            each_cell(detector, light, |cell| compared.bounds[cell] += light.e);
+        }
+        let lights = &mut compared.lights;
+        let falling = |a: &Light<'_>, b: &Light<'_>| b.e.total_cmp(&a.e);
+        if lights.len() > GREATEST {
+            lights.select_nth_unstable_by(GREATEST, falling);
+            lights.truncate(GREATEST);
+        }
+        lights.sort_by(falling);
+        if enters {
+            for source in self.entering(other) {
+                compared.know(Pair {
+                    here: None,
+                    there: Some(source),
+                });
+            }
+        }
+        compared
+    }
+}
+
+impl<'a> Compared<'a> {
+    /// What each column of cells changes by.
+    pub fn peaks(&self) -> Vec<Peak> {
+        let mut peaks = vec![Peak::default(); self.columns];
+        let rows = self.known.chunks_exact(self.columns);
+        let rows = rows.zip(self.bounds.chunks_exact(self.columns));
+        for (row, (known, bounds)) in rows.enumerate() {
+            for (peak, (known, bound)) in peaks.iter_mut().zip(known.iter().zip(bounds)) {
+                let bound = bound.max(0.0);
+                if known + bound > peak.known + peak.bound {
+                    (peak.known, peak.bound, peak.row) = (*known, bound, row);
+                }
+                if bound > peak.most.0 {
+                    peak.most = (bound, row);
+                }
+                let pixels = CELL as f64;
+                peak.all = [peak.all[0] + known * pixels, peak.all[1] + bound * pixels];
+            }
+        }
+        peaks
+    }
+
+    /// Replaces the greatest bounds of those in a cell by the truth, until the rest is no more than that: tells the
+    /// columns of cells in which they were. None where none can be replaced.
+    pub fn look_closer(&mut self, column: usize, row: usize) -> Vec<usize> {
+        let scene = self.scene;
+        let detector = &scene.view.camera.detector;
+        let wanted = row * self.columns + column;
+        let mut replaced = Vec::new();
+        for i in 0..self.lights.len() {
+            let light = &mut self.lights[i];
+            let mut reaches = false;
+            if !light.settled {
+                each_cell(detector, light, |cell| reaches |= cell == wanted);
+            }
+            if !reaches {
+                continue;
+            }
+            let (source, e) = (light.source, light.e);
+            let pixels = scene.pixels(source, &self.other, &self.fidelity);
+            if pixels > self.spare {
+                break;
+            }
+            self.spare -= pixels;
+            light.settled = true;
+            each_cell(detector, light, |cell| {
+                self.bounds[cell] -= e;
+                replaced.push(cell % self.columns);
+            });
+            self.know(Pair {
+                here: Some(source),
+                there: scene.other_image(source, &self.other, &self.fidelity),
+            });
+            if self.bounds[wanted] <= self.known[wanted] {
+                break;
+            }
+        }
+        replaced
+    }
+
+    /// Adds what a pair of images differs by to what is known.
+    fn know(&mut self, pair: Pair<'a>) {
+        let (detector, columns) = (&self.scene.view.camera.detector, self.columns);
+        let response = self.scene.simulated.response;
+        let mut greatest = vec![0.0f64; columns];
+        let mut row_of_cells = 0;
+        let known = &mut self.known;
+        let mut add = |row: usize, greatest: &mut [f64]| {
+            for (known, e) in known[row * columns..].iter_mut().zip(greatest) {
+                *known += std::mem::take(e);
+            }
+        };
+        pair.each(detector, |row, column, e| {
+            if row / CELL != row_of_cells {
+                add(row_of_cells, &mut greatest);
+                row_of_cells = row / CELL;
+            }
+            let e = if response {
+                e * detector.pattern.response_of(row * detector.width + column)
+            } else {
+                e
+            };
+            let cell = &mut greatest[column / CELL];
+            *cell = cell.max(e.abs());
+        });
+        add(row_of_cells, &mut greatest);
+        self.pairs.push(pair);
+    }
+
+    /// What is known to come to the light of each pixel of `columns` with the other effects, one column after the other, e-.
+    pub fn comes_e(&self, columns: &Range<usize>) -> Vec<f64> {
+        let detector = &self.scene.view.camera.detector;
+        let mut comes = vec![0.0; columns.len() * detector.height];
+        for pair in &self.pairs {
+            pair.each(detector, |row, column, e| {
+                if columns.contains(&column) {
+                    comes[(column - columns.start) * detector.height + row] += e;
+                }
+            });
+        }
+        comes
+    }
+}
+
+impl Pair<'_> {
+    /// Calls `each` with row, column and change (e-) of every pixel of either image, row by row.
+    fn each(&self, detector: &Detector, mut each: impl FnMut(usize, usize, f64)) {
+        for row in 0..detector.height {
+            let (a, was, was_e) = line(self.here, row);
+            let (b, is, is_e) = line(self.there.as_ref(), row);
+            for (column, share) in (a..).zip(was) {
+                let other = column.checked_sub(b).and_then(|i| is.get(i));
+                let other = other.map_or(0.0, |share| f64::from(*share) * is_e);
+                each(row, column, other - f64::from(*share) * was_e);
+            }
+            for (column, share) in (b..).zip(is) {
+                if !(a..a + was.len()).contains(&column) {
+                    each(row, column, f64::from(*share) * is_e);
+                }
+            }
+        }
+    }
+}
+
+impl Scene {
+    /// The image of a source with other effects; none if nothing of it touches the detector then.
+    fn other_image(
+        &self,
+        source: &Source,
+        other: &Simulated,
+        fidelity: &Fidelity,
+    ) -> Option<Source> {
+        let wanted = identity(&source.body);
+        let candidates = &mut self.view.candidates.iter();
+        let candidate = candidates.find(|candidate| identity(&candidate.body) == wanted)?;
+        self.view.image(candidate, other, fidelity)
+    }
+
+    /// How many pixels are worked out for that, about.
+    fn pixels(&self, source: &Source, other: &Simulated, fidelity: &Fidelity) -> u64 {
+        let worked_out = source.footprint.evaluated();
+        let moves = |of: &Simulated| of.smear || of.aberration_drift;
+        if moves(other) {
+            // A short track has two pieces of two points.
+            return if moves(&self.simulated) {
+                worked_out
+            } else {
+                4 * worked_out
+            };
+        }
+        let drawn_px = (self.view.camera.optics.psf).drawn_px(fidelity, source.clear_e);
+        worked_out.min((2.0 * drawn_px + 1.0).powi(2) as u64)
+    }
+
+    /// No pixel turns its light into more than so many times the charge.
+    pub fn responds(&self) -> f64 {
+        if self.simulated.response {
+            1.0 + self.view.camera.detector.pattern.worst_response()
+        } else {
+            1.0
+        }
+    }
+}
+
+/// A row of a source's image: its first column, its shares and all its electrons.
+fn line(source: Option<&Source>, row: usize) -> (usize, &[f32], f64) {
+    let of = source.and_then(|source| {
+        let (_, first, shares) = source.footprint.rows(row..row + 1).next()?;
+        Some((first, shares, source.electrons))
+    });
+    of.unwrap_or((0, &[], 0.0))
+}
+
+/// Calls `each` with the cells that a light's change reaches, each once.
+fn each_cell(detector: &Detector, light: &Light<'_>, each: impl FnMut(usize)) {
+    cells(detector, light.source, light.beside, each);
+}
