@@ -68,12 +68,7 @@ fn report(path: &Path) -> bool {
         .unwrap();
     let plan = Plan::new(&scene, emulator.fidelity(), choice);
     let verdicts: Vec<EffectLabel> = plan.steps.iter().map(EffectLabel::new).collect();
-    let asking = bench.asking_ms(choice).unwrap();
-    let skipped = verdicts
-        .iter()
-        .zip(&asking)
-        .filter(|(verdict, _)| !verdict.run);
-    let skipped_ms: f64 = skipped.map(|(_, ms)| ms).sum();
+    let skipped_ms = bench.skipped_ms(choice).unwrap();
     let share = skipped_ms / frame_ms;
     let mut kept = share < MOST_ASKING;
     println!(

@@ -205,9 +205,10 @@ impl Bench<'_> {
         Ok(plan.steps.iter().map(&mut time).collect())
     }
 
-    /// What asking each effect takes (ms), in the order of [`EFFECTS`]: what one costs that is skipped.
-    pub fn asking_ms(&self, choice: &Choice) -> Result<Vec<f64>, Unobservable> {
+    /// What asking the effects takes that the plan by `choice` skips, ms: what they cost.
+    pub fn skipped_ms(&self, choice: &Choice) -> Result<f64, Unobservable> {
         let (fidelity, scene) = (self.emulator.fidelity(), self.scene(choice, 0)?);
+        let plan = Plan::new(&scene, fidelity, choice);
         let ask = |effect: &Effect| match &effect.judge {
             // Twice: for the scene, and for the plan.
             Judge::Images(judge, change_e) => {
@@ -220,10 +221,9 @@ impl Bench<'_> {
         };
         const TIMES: u32 = 100;
         let time = |effect| cost(|| (), |()| (0..TIMES).for_each(|_| ask(effect))).0.ms;
-        Ok(EFFECTS
-            .iter()
-            .map(|effect| time(effect) / f64::from(TIMES))
-            .collect())
+        let skipped = |step: &&Step<'_>| matches!(step.verdict, Verdict::Skip { .. });
+        let steps = plan.steps.iter().filter(skipped);
+        Ok(steps.map(|step| time(step.effect)).sum::<f64>() / f64::from(TIMES))
     }
 
     /// What `effect` adds to the making of images: a kind of source, its still images; what shapes them, over images
