@@ -36,6 +36,12 @@ impl Optics {
         self.psf.at(self.offset(pixel), wavelength_ratio)
     }
 
+    /// The centre of the light of a source whose image is at a pixel.
+    pub fn lit(&self, pixel: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.psf.offset_px(self.offset(pixel));
+        [pixel[0] + x, pixel[1] + y]
+    }
+
     /// The pixel `[column, row]` of a direction in camera axes; none where it has no image.
     pub fn project(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
         self.project_by(&self.projection, direction)

@@ -11,7 +11,7 @@ use crate::track::{Lit, Sample, Track};
 pub struct Collected {
     /// In units of the light that arrives at the aperture in one exposure (1).
     pub light: f64,
-    /// Its centre, px.
+    /// Its centre, px: where its pixels have it, for images of a point may be off their middle.
     pub centre: [f64; 2],
 }
 
@@ -31,10 +31,11 @@ impl Collected {
         for sample in &track.samples {
             let weight = sample.weight;
             let (part, shift) = open(sample, camera, fidelity, shine, &mut stamp);
+            let [x, y] = camera.optics.lit(sample.at);
             light += weight * part;
             // Relative to the start, so that digits survive far from the origin.
-            moments[0] += weight * part * (sample.at[0] - track.start[0]);
-            moments[1] += weight * (part * (sample.at[1] - track.start[1]) + shift);
+            moments[0] += weight * part * (x - track.start[0]);
+            moments[1] += weight * (part * (y - track.start[1]) + shift);
         }
         let centre = [0, 1].map(|k| track.start[k] + moments[k] / light.max(f64::MIN_POSITIVE));
         Collected { light, centre }

@@ -29,12 +29,6 @@ impl View {
         let light = if whole { 1.0 } else { light };
         track.scale(1.0 / light.max(f64::MIN_POSITIVE));
         let footprint = Footprint::of(&track, camera, fidelity, &shine);
-        // Labels tell where the light is.
-        let lit = |at: [f64; 2]| {
-            let offset = camera.optics.psf_at(at, shine.wavelength_ratio).offset_px();
-            [at[0] + offset[0], at[1] + offset[1]]
-        };
-        let centre = lit(centre);
         if footprint.shares().is_empty() && !camera.detector.contains(centre) {
             return None;
         }
@@ -45,8 +39,9 @@ impl View {
             snr: 0.0,
             clear_snr: 0.0,
             body: candidate.body.clone(),
-            start: lit(track.start),
-            end: lit(track.end),
+            // Labels tell where the light is.
+            start: camera.optics.lit(track.start),
+            end: camera.optics.lit(track.end),
             centroid: centre,
             footprint,
             arriving_e,

@@ -61,6 +61,8 @@ const FOUR: [(f64, f64); 4] = [
 const BEND: f64 = 0.02;
 /// Longest piece (px): of what passes by at speed, little more is sampled finely than what crosses the window.
 const LONGEST_PX: f64 = 256.0;
+/// A piece of which nothing is seen is cut in two where what its light is uncertain by may move the centre of all by more than this, px.
+const FAR_PX: f64 = 1e-5;
 /// How often a piece is cut in two at most.
 const DEPTH: u32 = 24;
 
@@ -101,9 +103,10 @@ impl Track {
         course: &Course,
         fidelity: &Fidelity,
     ) -> Option<Track> {
-        let walk = Walk {
+        let mut walk = Walk {
             place: &place,
             course,
+            length_px: 0.0,
         };
         let knots = walk.knots();
         let seen = knots
@@ -120,11 +123,9 @@ impl Track {
             .or_else(|| seen.clone().next_back())?;
         let (start, end) = (start.1.at, end.1.at);
 
-        let length: f64 = knots
-            .windows(2)
-            .map(|ends| length(&[ends[0].1, ends[1].1]))
-            .sum();
-        if length <= fidelity.skip_px
+        let between = knots.windows(2);
+        walk.length_px = between.map(|ends| length(&[ends[0].1, ends[1].1])).sum();
+        if walk.length_px <= fidelity.skip_px
             && let Some(mid) = place(0.5)
         {
             let samples = Track::still(mid).samples;
@@ -150,6 +151,8 @@ impl Track {
 struct Walk<'a, F> {
     place: &'a F,
     course: &'a Course,
+    /// Of all of it.
+    length_px: f64,
 }
 
 impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
@@ -261,7 +264,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
                 self.course.rows.are_together() || self.collects(mid.0, mid_place.at[1])
             });
             if own {
-                self.panel([a.0, b.0], Lit::ALL, samples);
+                self.far_piece(a, mid, b, depth, samples);
             }
             return;
         }
@@ -278,6 +281,24 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
             let ys = ends.map(|part| (self.place)(part).map_or(f64::NAN, |p| p.at[1]));
             let near = [ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach];
             self.cut_panel(ends, &self.course.rows.turns(ends, near), samples);
+        }
+    }
+
+    /// Samples a piece that nothing is seen of: two points tell its light and their centre, unless the optics' transmission bends or breaks on
+    /// the way, where Simpson's rule tells another light.
+    fn far_piece(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
+        let from = samples.len();
+        self.panel([a.0, b.0], Lit::ALL, samples);
+        let (Some(first), Some(middle), Some(last)) = (a.1, mid.1, b.1) else {
+            return;
+        };
+        let told: f64 = samples[from..].iter().map(|sample| sample.weight).sum();
+        let simpson = (first.light + 4.0 * middle.light + last.light) / 6.0;
+        let apart = told - simpson * (b.0 - a.0) / self.course.rows.exposure;
+        if apart.abs() * self.length_px > FAR_PX && depth > 0 {
+            samples.truncate(from);
+            self.piece(a, mid, depth - 1, samples);
+            self.piece(mid, b, depth - 1, samples);
         }
     }
 

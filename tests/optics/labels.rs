@@ -6,6 +6,7 @@ use skyloop::camera::Psf;
 use skyloop::camera::psf::{Image, Images, Shape, Variation};
 use skyloop::config::Config;
 use skyloop::engine::Emulator;
+use skyloop::fidelity::Choice;
 use skyloop::sky::catalog::Selection;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -49,4 +50,57 @@ fn labels_have_the_centre_of_an_image_that_is_off_its_middle() {
             assert!((b[0] - a[0] - 0.3).abs() < 1e-9 && (b[1] - a[1] - 0.1).abs() < 1e-9);
         }
     }
+}
+
+/// A spread that is off its middle by so many px upwards: a Gaussian of 1.2 px in cells of half a pixel.
+fn coma(off_px: f64) -> Image {
+    let cell = |i: i32, off: f64| {
+        let edge = |i: f64| libm::erf((i / 2.0 - off) / (1.2 * std::f64::consts::SQRT_2));
+        (edge(f64::from(i) + 0.5) - edge(f64::from(i) - 0.5)) / 2.0
+    };
+    let row = |j: i32| (-18..=18).map(|i| cell(i, 0.0) * cell(j, off_px)).collect();
+    Image::new(&(-18..=18).map(row).collect::<Vec<Vec<f64>>>()).unwrap()
+}
+
+/// Along a track the light is off by what it is off at each place, not by what it is off at the centre.
+#[test]
+fn labels_have_the_centre_of_light_that_is_off_by_place() {
+    let images = [0.8, 0.0, 0.8].map(coma).to_vec();
+    let places = [vec![-110.0, 0.0, 110.0], vec![0.0]];
+    let images = Images::new(2.0, places, images).unwrap();
+    let mut config = Config::defaults().unwrap();
+    config.sky.selection = Selection::Bsc;
+    let mut emulator = Emulator::new(&mut config);
+    let camera = emulator.camera_mut();
+    camera.optics.psf = Psf::new(Shape::Images(Arc::new(images)), Variation::default());
+    camera.exposure_s = 0.5;
+    let q = [0.1, 0.2, -0.3, 0.927_361_849_549_570_4];
+    let epoch = Epoch::from_str("2026-02-11T18:22:41 UTC").unwrap();
+    let rates = [0.0, 30f64.to_radians(), 0.0];
+    let vehicle = VehicleState::new(1, epoch, q, rates, None).unwrap();
+    let scene = emulator.scene(&emulator.camera(), &vehicle, 0, &Choice::default());
+    let (mut compared, mut furthest) = (0, 0.0f64);
+    for source in scene.unwrap().sources {
+        let inside = |at: [f64; 2]| at.iter().all(|x| (15.0..240.0).contains(x));
+        if !inside(source.start) || !inside(source.end) {
+            continue;
+        }
+        let (mut light, mut moments) = (0.0, [0.0; 2]);
+        for (row, column, shares) in source.footprint.rows(0..256) {
+            for (x, share) in (column..).zip(shares) {
+                let share = f64::from(*share);
+                light += share;
+                moments[0] += share * x as f64;
+                moments[1] += share * row as f64;
+            }
+        }
+        let centre = moments.map(|moment| moment / light);
+        let off = [0, 1].map(|k| source.centroid[k] - centre[k]);
+        assert!(off[0].hypot(off[1]) < 1e-3, "{off:?} {:?}", source.body);
+        compared += 1;
+        // Of a light that is off by as much everywhere it would be there.
+        let middle = (source.start[1] + source.end[1]) / 2.0;
+        furthest = furthest.max((source.centroid[1] - middle).abs());
+    }
+    assert!(compared > 10 && furthest > 0.1, "{compared} {furthest} px");
 }

@@ -375,6 +375,20 @@ fn the_width_goes_with_field_and_colour() {
     assert!((psf.reach_px(1e-3) / widest - 1.0).abs() < 1e-9);
 }
 
+/// Straight by angle, where the distance grows as its tangent.
+#[test]
+fn the_width_is_straight_between_the_angles_of_its_table() {
+    let keys = "[optics.psf]\nkind = \"gaussian\"\nsigma_px = 1.0\nwidth_by_field = [[0.0, 1.0], [40.0, 2.0]]";
+    let camera = load(&text("", keys)).unwrap();
+    for deg in [5.0, 20.1, 31.6] {
+        // X-Val: 20 mm over 10 um: 2,000 px.
+        let at = [99.5 + 2000.0 * f64::to_radians(deg).tan(), 79.5];
+        let width = camera.optics.psf_at(at, 1.0).core_px();
+        let expected = 1.0 + deg / 40.0;
+        assert!((width - expected).abs() < 1e-5, "{deg} deg: {width}");
+    }
+}
+
 #[test]
 fn images_are_mixed_between_their_places() {
     let folder = tempfile::tempdir().unwrap();

@@ -35,6 +35,8 @@ pub struct Lens<'a> {
     pub projection: &'a Projection,
 }
 
+/// Points of a table of widths are no further apart than this, deg: what lines by distance then miss is below 1e-4 of their rise.
+const FINE_DEG: f64 = 0.25;
 /// Greatest standard deviation (px) of a Gaussian anywhere in the field and for any star: 120 x 120 pixels each.
 const WIDEST_SIGMA_PX: f64 = 10.0;
 
@@ -210,7 +212,8 @@ impl RawPsf {
         super::images::grid(raw, oversampling, lens.principal_px, check, folder)
     }
 
-    /// Field angles (deg) to distances from the principal point (px).
+    /// Field angles (deg) to distances from the principal point (px), and points between, for lines that are straight by angle
+    /// are not by distance.
     fn width_by_field(&self, lens: &Lens<'_>, check: &Check) -> Result<Vec<[f64; 2]>, ConfigError> {
         let key = "optics.psf.width_by_field";
         let table = Fixed::all(self.width_by_field.clone().unwrap_or_default());
@@ -218,16 +221,25 @@ impl RawPsf {
             return Err(check.refuse(key, "[]", "at least one [angle, factor]"));
         }
         super::rising_angles(key, &table, 0.1..=10.0, check)?;
-        let distance = |(i, [deg, factor]): (usize, &[f64; 2])| {
+        let distance = |(i, [deg, factor]): (usize, [f64; 2])| {
             let (sin, cos) = libm::sincos(deg.to_radians());
             let image = lens.projection.image(&Vector3::new(sin, 0.0, cos));
             let [x, y] = image.ok_or_else(|| {
                 let end = lens.projection.end_rad().to_degrees();
                 let allowed = format!("an angle that has an image: below {end:.2} deg");
-                check.refuse(&format!("{key}[{i}][0]"), deg, allowed)
+                check.refuse(&format!("{key}[{i}][0]"), table[i][0], allowed)
             })?;
-            Ok([lens.focal_px * libm::hypot(x, y), *factor])
+            Ok([lens.focal_px * libm::hypot(x, y), factor])
         };
-        table.iter().enumerate().map(distance).collect()
+        let first = table.first().map(|point| (0, *point));
+        let between = table.windows(2).enumerate().flat_map(|(i, ends)| {
+            let parts = ((ends[1][0] - ends[0][0]) / FINE_DEG).ceil().max(1.0) as usize;
+            let point = move |k: usize| {
+                let part = k as f64 / parts as f64;
+                [0, 1].map(|j| ends[0][j] + (ends[1][j] - ends[0][j]) * part)
+            };
+            (1..=parts).map(move |k| (i + 1, point(k)))
+        });
+        first.into_iter().chain(between).map(distance).collect()
     }
 }

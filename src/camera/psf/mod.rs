@@ -118,6 +118,15 @@ impl Psf {
         self.local(scale, mix)
     }
 
+    /// From a source at `field_px` from the principal point to the centre of its light, px: images may be off their middle, other
+    /// profiles are symmetric.
+    pub fn offset_px(&self, field_px: [f64; 2]) -> [f64; 2] {
+        match &self.shape {
+            Shape::Images(images) => images.offset_px(&images.mix(field_px)),
+            _ => [0.0; 2],
+        }
+    }
+
     fn local(&self, scale: f64, mix: images::Mix) -> LocalPsf<'_> {
         LocalPsf {
             shape: &self.shape,
@@ -182,14 +191,6 @@ impl Psf {
 }
 
 impl LocalPsf<'_> {
-    /// From the source to the centre of its light, px: images may be off their middle, other profiles are symmetric.
-    pub fn offset_px(&self) -> [f64; 2] {
-        match self.shape {
-            Shape::Images(images) => images.offset_px(&self.mix),
-            _ => [0.0; 2],
-        }
-    }
-
     /// Half the side (px) of the square outside of which less than `loss` of the light falls; at most [`FURTHEST_PX`].
     pub fn reach_px(&self, loss: f64) -> f64 {
         let reach = match self.shape {
