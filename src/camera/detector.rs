@@ -122,6 +122,11 @@ impl Detector {
             })
     }
 
+    /// Columns and rows.
+    pub fn sides(&self) -> [f64; 2] {
+        [self.width as f64, self.height as f64]
+    }
+
     /// Whether a position lies on the detector, pixel edges included on the lower side.
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
         (-0.5..self.width as f64 - 0.5).contains(&x)

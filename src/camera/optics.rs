@@ -68,10 +68,10 @@ impl Optics {
     /// The unit direction in camera axes of a pixel: the inverse of [`Optics::project`]. Beyond the projection's end,
     /// that of the last place before it, on the way out from the principal point.
     pub fn direction(&self, pixel: [f64; 2]) -> Vector3<f64> {
-        let at = self.offset(pixel).map(|px| px / self.focal_px);
-        if let Some(direction) = self.projection.direction(at) {
+        if let Some(direction) = self.seen_at(pixel) {
             return direction;
         }
+        let at = self.offset(pixel).map(|px| px / self.focal_px);
         let (mut inside, mut outside) = (0.0, 1.0);
         let mut direction = Vector3::z();
         for _ in 0..50 {
@@ -84,10 +84,15 @@ impl Optics {
         direction
     }
 
+    /// The direction of a pixel, if it has one.
+    pub fn seen_at(&self, pixel: [f64; 2]) -> Option<Vector3<f64>> {
+        let at = self.offset(pixel).map(|px| px / self.focal_px);
+        self.projection.direction(at)
+    }
+
     /// Whether a pixel has a direction.
     pub fn sees(&self, pixel: [f64; 2]) -> bool {
-        let at = self.offset(pixel).map(|px| px / self.focal_px);
-        self.projection.direction(at).is_some()
+        self.seen_at(pixel).is_some()
     }
 
     fn offset(&self, pixel: [f64; 2]) -> [f64; 2] {

@@ -24,7 +24,7 @@ pub const DISTORTION: Effect = Effect {
     mark: |simulated| simulated.distortion = true,
 };
 
-/// Places along a side of the detector at which the displacement is looked at.
+/// Places along a side of the detector, and of what images pass beside it, at which the displacement is looked at.
 const PLACES: usize = 13;
 
 fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
@@ -33,15 +33,16 @@ fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
         return Need::none("the lens has no distortion (optics.projection: k, p, strength)");
     }
     let ideal = optics.projection.ideal();
-    let place = |i: usize, pixels: usize| i as f64 / (PLACES - 1) as f64 * pixels as f64 - 0.5;
-    let places = (0..PLACES * PLACES).map(|i| {
-        [
-            place(i % PLACES, detector.width),
-            place(i / PLACES, detector.height),
-        ]
-    });
-    let off = places.filter_map(|at| {
-        let [x, y] = optics.project_by(&ideal, &optics.direction(at))?;
+    // An image whose centre is on the detector has been half of its way beside it.
+    let beside_px = view.longest_track_px(view.exposure.duration_s) / 2.0;
+    let [columns, rows] = detector.sides();
+    let place = |i: usize, pixels: f64| {
+        i as f64 / (PLACES - 1) as f64 * (pixels + 2.0 * beside_px) - 0.5 - beside_px
+    };
+    let off = (0..PLACES * PLACES).filter_map(|i| {
+        let at = [place(i % PLACES, columns), place(i / PLACES, rows)];
+        // Far out there may be no image.
+        let [x, y] = optics.project_by(&ideal, &optics.seen_at(at)?)?;
         Some((x - at[0]).hypot(y - at[1]))
     });
     // Between two places it is no hundredth more.

@@ -57,12 +57,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             digits(full)
         );
         let need = Need::of_pixels(scene, because, apart(&with, &without), ns);
-        // Column after column spills.
-        let spilt = if spills {
-            scene.spill.columns.len() * detector.height
-        } else {
-            0
-        };
+        // Column after column spills, of those with a pixel that noise is likely to bring over its well.
+        let over = |e: &f64| e + 3.0 * e.sqrt() > full;
+        let overfull = |column: &&[f64]| spills && column.iter().any(over);
+        let spilt = without.chunks_exact(detector.height).filter(overfull);
+        let spilt = spilt.count() * detector.height;
         Need {
             drawn_e: most - brightest,
             price_ms: need.price_ms + spilt as f64 * 8e-6,

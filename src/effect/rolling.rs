@@ -47,10 +47,21 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
             digits(2.0 * off_px)
         )
         .into(),
-        error: Loss { e: 0.0, px: off_px },
+        // Where optics let uneven light pass, what is shifted is weighed otherwise too.
+        error: Loss {
+            e: 0.0,
+            px: off_px * (2.0 - evenness(view)),
+        },
         drawn_e: 0.0,
         price_ms: view.work(view.open_s, fidelity).rolling_ms,
     }
+}
+
+/// The least part of the greatest transmission in the field (1), at most.
+fn evenness(view: &View) -> f64 {
+    let camera = &view.camera;
+    let [least, most] = camera.optics.vignetting.range(camera.cone_rad(0.0));
+    least / most.max(f64::MIN_POSITIVE)
 }
 
 fn change(scene: &Scene, loss: &Loss) -> Loss {

@@ -84,9 +84,9 @@ impl View {
         let Some(middle) = places.get(places.len() / 2) else {
             return;
         };
-        let side = side_px(self, *middle, candidate.clear_e, fidelity);
+        let reach = 2.0 * drawn_px(self, *middle, candidate.clear_e, fidelity) + 1.0;
         let inside = |at: &[f64; 2]| {
-            let near = |x: f64, pixels: usize| x > -side && x < pixels as f64 + side;
+            let near = |x: f64, pixels: usize| x > -reach && x < pixels as f64 + reach;
             near(at[0], detector.width) && near(at[1], detector.height)
         };
         let lit = places.iter().filter(|at| inside(at)).count() as f64 / PLACES as f64;
@@ -101,6 +101,8 @@ impl View {
         let (way, down) = steps.fold((0.0, 0.0), |(way, down), [x, y]: [f64; 2]| {
             (way + x.hypot(y) * lit, down + y.abs() * lit)
         });
+        let [across, rows] = detector.sides().map(|pixels| reach.min(pixels));
+        let side = (across * rows).sqrt();
         let panels = (way / self.step_px(candidate, fidelity)).max(2.0);
         let stamp_ns = camera.optics.psf.stamp_ns(side);
         let looks = 2.0 * panels + 7.0;
@@ -109,7 +111,7 @@ impl View {
         work.moving_ms += share * moving_ns * 1e-6;
 
         // The rows of an image open during some of its panels, and close during as many.
-        let rows = side + down;
+        let rows = rows + down;
         let opening_s = rows * camera.readout_s() / detector.height as f64;
         let cut = (2.0 * (1.0 + opening_s * panels / seconds)).min(panels);
         let looks = 2.0 * panels + 2.0 * cut + CROSSING;
@@ -124,10 +126,15 @@ impl View {
 pub fn still_ms(scene: &Scene, sources: &[&Source], fidelity: &Fidelity) -> f64 {
     let (view, psf) = (&scene.view, &scene.view.camera.optics.psf);
     let moves = scene.simulated.smear || scene.simulated.aberration_drift;
+    let sides = view.camera.detector.sides();
     let still = sources.iter().map(|source| {
         let drawn = source.footprint.shares().len() as f64;
         let side = if moves {
-            side_px(view, source.centroid, source.clear_e, fidelity)
+            let reach = 2.0 * drawn_px(view, source.centroid, source.clear_e, fidelity) + 1.0;
+            sides
+                .map(|pixels| reach.min(pixels).sqrt())
+                .iter()
+                .product()
         } else {
             drawn.sqrt()
         };
@@ -141,8 +148,8 @@ pub fn still_ms(scene: &Scene, sources: &[&Source], fidelity: &Fidelity) -> f64 
     still.sum::<f64>() * 1e-6
 }
 
-/// Rows and columns of the spread of a source of that light at `at` (px).
-fn side_px(view: &View, at: [f64; 2], electrons: f64, fidelity: &Fidelity) -> f64 {
+/// How far the light of a source at `at` (px) is drawn.
+fn drawn_px(view: &View, at: [f64; 2], electrons: f64, fidelity: &Fidelity) -> f64 {
     let psf = view.camera.optics.psf_at(at, 1.0);
-    2.0 * psf.drawn_px(fidelity, electrons) + 1.0
+    psf.drawn_px(fidelity, electrons)
 }
