@@ -56,6 +56,8 @@ fn in_table(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
 /// What follows a key whose value `span` lies in: `[1].key`, or nothing.
 fn in_value(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> Option<String> {
     let inside = match value.get_ref() {
+        // A table without its own header has its name's span, within the header of the table inside it.
+        DeValue::Table(_) if value.span() == *span => None,
         DeValue::Table(table) => in_table(table, span),
         DeValue::Array(values) => (0..)
             .zip(values.iter())
@@ -90,6 +92,14 @@ mod tests {
     #[allow(dead_code)]
     struct Table {
         rows: Vec<Row>,
+        inner: Option<Inner>,
+    }
+
+    #[derive(Deserialize, Debug)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code)]
+    struct Inner {
+        size: f64,
     }
 
     #[derive(Deserialize, Debug)]
@@ -124,11 +134,31 @@ mod tests {
             ),
             (
                 "seed = 1\n[table]\nsead = 3",
-                "f:3:1: table.sead: unknown key `sead`, known: rows",
+                "f:3:1: table.sead: unknown key `sead`, known: rows, inner",
             ),
             (
                 "seed = 1\n[table]",
                 "f:2:1: table: the key `rows` is missing",
+            ),
+            (
+                "seed = 1\n[table.inner]\nsize = 1.0",
+                "f:2:2: table: the key `rows` is missing",
+            ),
+            (
+                "seed = 1\ntable.inner.size = 1.0",
+                "f:2:1: table: the key `rows` is missing",
+            ),
+            (
+                "seed = 1\n[table.inner]",
+                "f:2:1: table.inner: the key `size` is missing",
+            ),
+            (
+                "seed = 1\n[[table.rows]]",
+                "f:2:1: table.rows[0]: the key `q` is missing",
+            ),
+            (
+                "seed = 1\n[tabel.inner]\nsize = 1.0",
+                "f:2:2: tabel: unknown key `tabel`: did you mean `table`?",
             ),
             ("points = []\n", "f:1:1: the key `seed` is missing"),
             ("", "f:1:1: the key `seed` is missing"),

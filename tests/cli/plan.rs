@@ -439,6 +439,12 @@ fn figures_that_nobody_means_are_warned_of() {
             "100.0",
             "WARN mine.toml: detector.dark_e_s: at detector.temperature_c 6.",
         ),
+        // k2 of another lens, or of other coordinates: no fold, but all stars far outside of their places.
+        (
+            "k",
+            "[-0.08, 1e6]",
+            "WARN mine.toml: optics.projection.k = [-0.08, 1000000.0]: at the detector's edge it sees ",
+        ),
         // rad.
         (
             "width_by_field",

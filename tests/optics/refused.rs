@@ -42,8 +42,11 @@ optics.psf | kind = "gaussian"; sigma_px = "1" | optics.psf.sigma_px: must be a 
 optics.psf | kind = "gaussian"; sigma_px = | not TOML: sigma_px has no value: write sigma_px = value
 optics.projection |  | optics.projection: says nothing: name its model
 optics.projection | model = "mercator" | optics.projection.model = "mercator" | brown-conrady
-optics.projection | k = [0.1] | optics.projection.k | no key of model "pinhole"
-optics.projection | model = "fisheye"; p = [0.1, 0.1] | optics.projection.p | no key
+optics.projection | k = [0.1] | optics.projection.k = [0.1]: must be with a model: add model = "brown-conrady" or model = "fisheye" | a pinhole
+optics.projection | p = [0.1, 0.2] | optics.projection.p = [0.1, 0.2]: must be with a model: add model = "brown-conrady"; without
+optics.projection | strength = 2.0 | optics.projection.strength = 2.0: must be with a model: add model = "brown-conrady" or model = "fisheye"
+optics.projection | model = "pinhole"; k = [0.1] | optics.projection.k = [0.1] | left out, it is no key of model "pinhole"; model = "brown-conrady" or model = "fisheye" has it
+optics.projection | model = "fisheye"; k = [0.0]; p = [0.1, 0.1] | optics.projection.p = [0.1, 0.1] | no key of model "fisheye"; model = "brown-conrady" has it
 optics.projection | model = "brown-conrady" | optics.projection.k | missing | [k1, k2, k3]
 optics.projection | model = "brown-conrady"; p = [0.1, 0.1] | optics.projection.k | missing | without radial distortion
 optics.projection | model = "fisheye" | optics.projection.k | missing | [k1, k2, k3, k4] | equidistant
@@ -127,6 +130,18 @@ fn widths_that_no_table_has() {
     refused(
         &text(&format!("principal_px = [1.0, 2e6]\n{GAUSSIAN}"), ""),
         &["optics.principal_px[1] = 2000000"],
+    );
+}
+
+/// The table that lacks a key is the one named, not the one inside it that has a header.
+#[test]
+fn the_table_that_is_not_there_is_named() {
+    let whole = text(GAUSSIAN, "[optics.projection]\nmodel = \"pinhole\"");
+    let inner = whole.find("[optics.projection]").unwrap();
+    let bare = format!("name = \"mine\"\n{}", &whole[inner..]);
+    refused(
+        &bare,
+        &["mine.toml:2:2: optics: the key `focal_length_mm` is missing"],
     );
 }
 

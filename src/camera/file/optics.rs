@@ -98,6 +98,7 @@ impl RawOptics {
         }
         optics.psf = psf?;
         raw_projection.check_folds(&optics, detector, check)?;
+        raw_projection.check_size(&optics, detector, check);
         if !LIKELY_FOCAL_RATIOS.contains(&lens_ratio) {
             tracing::warn!(
                 "{}: optics.aperture_mm = {}: with optics.focal_length_mm = {} it is f/{lens_ratio:.3}, where lenses have f/0.5 (an aplanatic \

@@ -2,6 +2,7 @@
 
 use crate::camera::{Detector, Model, Optics, Projection};
 use crate::load::{Check, ConfigError, Fixed};
+use nalgebra::Vector3;
 use serde::Deserialize;
 
 #[derive(Deserialize, Default)]
@@ -64,15 +65,22 @@ impl RawProjection {
     /// The projection with its coefficients multiplied by `strength`.
     fn of_strength(&self, strength: f64, check: &Check) -> Result<Projection, ConfigError> {
         let model = self.model.as_deref().unwrap_or("pinhole");
+        let both = ["brown-conrady", "fisheye"];
         let unused = match model {
-            "pinhole" if self.k.is_some() => Some("k"),
-            "pinhole" | "fisheye" if self.p.is_some() => Some("p"),
-            "pinhole" if self.strength.is_some() => Some("strength"),
+            "pinhole" if self.k.is_some() => Some(("k", &both[..])),
+            "pinhole" | "fisheye" if self.p.is_some() => Some(("p", &both[..1])),
+            "pinhole" if self.strength.is_some() => Some(("strength", &both[..])),
             _ => None,
         };
-        if let Some(key) = unused {
-            let reason = format!("no key of model {model:?}");
-            return Err(check.explain(&format!("optics.projection.{key}"), reason));
+        if let Some((key, models)) = unused {
+            let models = models.iter().map(|name| format!("model = {name:?}"));
+            let models = models.collect::<Vec<_>>().join(" or ");
+            let allowed = match self.model {
+                Some(_) => format!("left out, it is no key of model {model:?}; {models} has it"),
+                None => format!("with a model: add {models}; without one the lens is a pinhole"),
+            };
+            let (key, given) = self.given(key);
+            return Err(check.refuse(&key, given, allowed));
         }
         Ok(Projection::new(match model {
             "pinhole" => Model::Pinhole,
@@ -116,14 +124,7 @@ impl RawProjection {
         };
         let end = optics.projection.end_rad().to_degrees();
         let strength = self.strength.unwrap_or(1.0);
-        let key = |name: &str| format!("optics.projection.{name}");
-        let (key, given) = match (&self.k, &self.p) {
-            (Some(k), Some(Fixed(p))) if k.iter().all(|k| *k == 0.0) => {
-                (key("p"), format!("{p:?}"))
-            }
-            (Some(k), _) => (key("k"), format!("{k:?}")),
-            _ => (key("model"), format!("{:?}", self.model)),
-        };
+        let (key, given) = self.culprit();
         // In hundredths, so that what is advised holds as it is written.
         let weaker = |part: u32| f64::from(part) * strength / 100.0;
         let holds = |part: u32| -> Result<bool, ConfigError> {
@@ -152,5 +153,49 @@ impl RawProjection {
              {end:.2} deg from the boresight, the detector {furthest:.0} px from the principal point; {remedy} (they are for coordinates in focal lengths)"
         );
         Err(check.refuse(&key, given, allowed))
+    }
+
+    /// Warns of coefficients that put images far from where they would be without any.
+    pub fn check_size(&self, optics: &Optics, detector: &Detector, check: &Check) {
+        let ideal = Optics {
+            projection: optics.projection.ideal(),
+            ..optics.clone()
+        };
+        let (mut most, mut field) = (0.0f64, 0.0f64);
+        for at in detector.edge(0.0) {
+            let seen = optics.direction(at);
+            most = most.max(seen.angle(&ideal.direction(at)).to_degrees());
+            field = field.max(seen.angle(&Vector3::z()).to_degrees());
+        }
+        // The barrel that makes an equidistant fisheye of a pinhole comes to 0.36 of a field of 90 deg.
+        if most > field / 2.0 {
+            let (key, given) = self.culprit();
+            tracing::warn!(
+                "{}: {key} = {given}: at the detector's edge it sees {most:.2} deg away from where it would without distortion, in a field of \
+                 {field:.2} deg from the boresight: are they for coordinates in focal lengths?",
+                check.file
+            );
+        }
+    }
+
+    /// The coefficients that distort most, as key and value.
+    fn culprit(&self) -> (String, String) {
+        match &self.k {
+            Some(k) if self.p.is_none() || k.iter().any(|k| *k != 0.0) => self.given("k"),
+            _ if self.p.is_some() => self.given("p"),
+            _ => self.given("model"),
+        }
+    }
+
+    /// A key by its full name, and the value given.
+    fn given(&self, key: &str) -> (String, String) {
+        let value = match key {
+            "k" => self.k.as_ref().map(|k| format!("{k:?}")),
+            "p" => self.p.map(|Fixed(p)| format!("{p:?}")),
+            "strength" => self.strength.map(|strength| format!("{strength:?}")),
+            _ => self.model.as_ref().map(|model| format!("{model:?}")),
+        };
+        let value = value.unwrap_or_default();
+        (format!("optics.projection.{key}"), value)
     }
 }
