@@ -1,8 +1,10 @@
 //! What is in each picture: a small camera with exaggerated figures, without the effect on the left and with it on the
 //! right; all other effects but stars, objects and readout (and those beside it) are switched off in both.
 
+use image::{GrayImage, Luma};
+use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
-use skyloop::camera::Camera;
+use skyloop::camera::{Camera, Optics, Projection};
 use skyloop::config::{Config, Observer};
 use skyloop::effect::EFFECTS;
 use skyloop::engine::Emulator;
@@ -24,6 +26,17 @@ pub struct Picture {
     beside: &'static [&'static str],
     /// Electrons that are black and white.
     levels_e: [f64; 2],
+    /// How greys follow electrons between them.
+    tone: Tone,
+}
+
+/// How greys follow electrons.
+#[derive(Clone, Copy)]
+enum Tone {
+    /// Faint light shows, and bright light does not all look alike.
+    Stretched,
+    /// Twice the electrons are twice the grey.
+    Linear,
 }
 
 /// Columns and rows of a picture's middle that are shown.
@@ -73,17 +86,19 @@ const ORION: &str = "sky.catalog = \"bsc\"\nsequence.attitudes = \
 pub const PICTURES: &[Picture] = &[
     Picture {
         effect: "distortion",
-        camera: "optics.focal_length_mm = 4.0\noptics.projection = { model = \"brown-conrady\", k = [-0.9] }\n",
+        camera: "optics.focal_length_mm = 4.0\noptics.projection = { model = \"brown-conrady\", k = [-1.6, 1.5] }\n",
         scene: ORION,
         beside: &[],
-        levels_e: [0.0, 40000.0],
+        levels_e: [0.0, 20000.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "aberration drift",
-        camera: "optics.focal_length_mm = 4000.0\ntiming = { exposure_s = 1500.0, rate_hz = 0.0005 }\noptics.aperture_mm = 1.0\n",
+        camera: "optics.focal_length_mm = 8000.0\noptics.principal_px = [12.0, 24.0]\ntiming = { exposure_s = 1500.0, rate_hz = 0.0005 }\noptics.aperture_mm = 1.0\n",
         scene: "sequence.attitudes = [{ q = [0.52129861, -0.15505349, 0.239241716, 0.80434419] }]\n",
         beside: &["smear"],
         levels_e: [0.0, 60000.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "smear",
@@ -91,6 +106,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "sequence.rates_deg_s = [2.0, 1.5, 40.0]\n",
         beside: &[],
         levels_e: [0.0, 3000.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "rolling shutter",
@@ -98,13 +114,15 @@ pub const PICTURES: &[Picture] = &[
         scene: "sequence.rates_deg_s = [0.0, 30.0, 0.0]\n",
         beside: &["smear"],
         levels_e: [0.0, 200.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "vignetting",
-        camera: "optics.focal_length_mm = 4.0\noptics.vignetting.table = [[0.0, 1.0], [6.0, 0.9], [14.0, 0.1], [25.0, 0.0]]\n",
+        camera: "optics.focal_length_mm = 4.0\noptics.vignetting.table = [[0.0, 1.0], [4.0, 0.9], [12.0, 0.1], [16.0, 0.0]]\n",
         scene: ORION,
         beside: &[],
-        levels_e: [0.0, 40000.0],
+        levels_e: [0.0, 20000.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "stars",
@@ -112,6 +130,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &[],
         levels_e: [0.0, 3000.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "rsos",
@@ -119,6 +138,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &[],
         levels_e: [0.0, 3000.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "pixel response",
@@ -126,13 +146,15 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &[],
         levels_e: [0.0, 300.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "frame transfer",
-        camera: "timing = { exposure_s = 0.02, rate_hz = 1.0, shutter = \"frame-transfer\", row_us = 20.0 }\n",
+        camera: "timing = { exposure_s = 0.02, rate_hz = 1.0, shutter = \"frame-transfer\", row_us = 100.0 }\n",
         scene: "",
         beside: &[],
         levels_e: [0.0, 60.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "dark current",
@@ -140,6 +162,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &[],
         levels_e: [0.0, 500.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "shot noise",
@@ -147,6 +170,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &["dark current"],
         levels_e: [0.0, 300.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "radiation",
@@ -154,6 +178,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &[],
         levels_e: [0.0, 5000.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "full well",
@@ -161,6 +186,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &[],
         levels_e: [0.0, 4000.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "dead pixels",
@@ -168,13 +194,15 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &["dark current"],
         levels_e: [0.0, 300.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "non-linearity",
-        camera: "detector.nonlinearity = 0.4\ndetector.full_well_e = 3000.0\noptics.psf.sigma_px = 4.0\n",
+        camera: "detector.nonlinearity = 0.5\ndetector.full_well_e = 1800.0\noptics.psf.sigma_px = 3.0\n",
         scene: "",
         beside: &[],
-        levels_e: [0.0, 3000.0],
+        levels_e: [0.0, 1800.0],
+        tone: Tone::Linear,
     },
     Picture {
         effect: "read noise",
@@ -182,6 +210,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &[],
         levels_e: [-100.0, 500.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "readout",
@@ -189,6 +218,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &[],
         levels_e: [0.0, 3000.0],
+        tone: Tone::Stretched,
     },
     Picture {
         effect: "stuck pixels",
@@ -196,6 +226,7 @@ pub const PICTURES: &[Picture] = &[
         scene: "",
         beside: &[],
         levels_e: [0.0, 3000.0],
+        tone: Tone::Stretched,
     },
 ];
 
@@ -233,7 +264,20 @@ pub fn png(picture: &Picture) -> Result<Vec<u8>, Box<dyn Error>> {
         let charge = |dn: &u16| (f64::from(*dn) - detector.offset_dn) * detector.gain_e_per_dn;
         digits.map(charge).collect()
     };
-    beside([electrons(without), electrons(with)], picture.levels_e)
+    let sides = [electrons(without), electrons(with)];
+    let mut image = beside(&sides, picture);
+    let optics = &emulator.camera().optics;
+    match picture.effect {
+        "distortion" => {
+            draw_grid(&mut image, 0, optics, &optics.projection.ideal());
+            draw_grid(&mut image, 1, optics, &optics.projection);
+        }
+        "non-linearity" => draw_profiles(&mut image, &sides, picture.levels_e[1]),
+        _ => {}
+    }
+    let mut file = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut file, image::ImageFormat::Png)?;
+    Ok(file.into_inner())
 }
 
 fn config(picture: &Picture) -> Result<Config, Box<dyn Error>> {
@@ -283,27 +327,79 @@ fn merge(table: &mut toml::Table, more: toml::Table) {
     }
 }
 
-/// Two frames beside each other, each pixel three wide, as PNG.
-fn beside(frames: [Vec<f64>; 2], [black, white]: [f64; 2]) -> Result<Vec<u8>, Box<dyn Error>> {
-    const SCALE: usize = 3;
-    const GAP: usize = 6;
+/// Each pixel of a frame is as many wide.
+const SCALE: usize = 3;
+/// Columns between the two sides.
+const GAP: usize = 6;
+
+/// Two frames beside each other.
+fn beside(frames: &[Vec<f64>; 2], picture: &Picture) -> GrayImage {
     let (columns, rows) = (2 * SIDE * SCALE + GAP, SIDE * SCALE);
-    // Faint light shows, and bright light does not all look alike.
-    let grey = |e: f64| {
-        let stretch = |part: f64| (10.0 * part).asinh();
-        (255.0 * stretch((e - black) / (white - black)) / stretch(1.0)).clamp(0.0, 255.0) as u8
+    let [black, white] = picture.levels_e;
+    let stretch = |part: f64| match picture.tone {
+        Tone::Stretched => (10.0 * part).asinh() / 10f64.asinh(),
+        Tone::Linear => part,
     };
-    let mut image = image::GrayImage::from_pixel(columns as u32, rows as u32, image::Luma([255]));
+    let grey = |e: f64| (255.0 * stretch((e - black) / (white - black))).clamp(0.0, 255.0) as u8;
+    let mut image = GrayImage::from_pixel(columns as u32, rows as u32, Luma([255]));
     for (side, frame) in frames.iter().enumerate() {
         for y in 0..rows {
             for x in 0..SIDE * SCALE {
                 let level = grey(frame[y / SCALE * SIDE + x / SCALE]);
                 let column = x + side * (SIDE * SCALE + GAP);
-                image.put_pixel(column as u32, y as u32, image::Luma([level]));
+                image.put_pixel(column as u32, y as u32, Luma([level]));
             }
         }
     }
-    let mut file = std::io::Cursor::new(Vec::new());
-    image.write_to(&mut file, image::ImageFormat::Png)?;
-    Ok(file.into_inner())
+    image
+}
+
+/// Draws where a lens puts straight lines: a grid whose lines are 12 px apart behind a pinhole.
+fn draw_grid(image: &mut GrayImage, side: usize, optics: &Optics, projection: &Projection) {
+    const APART_PX: f64 = 12.0;
+    const LEVEL: u8 = 90;
+    const LINES: i32 = 12;
+    let step = APART_PX / optics.focal_px;
+    for line in -LINES..=LINES {
+        for part in -LINES * 100..=LINES * 100 {
+            let (across, along) = (f64::from(line) * step, f64::from(part) * step / 100.0);
+            for [x, y] in [[across, along], [along, across]] {
+                let at = optics.project_by(projection, &Vector3::new(x, y, 1.0));
+                // A pixel's middle has whole numbers.
+                let at = at.map(|at| at.map(|px| ((px + 0.5) * SCALE as f64).floor()));
+                let inside =
+                    |at: &[f64; 2]| at.iter().all(|x| (0.0..(SIDE * SCALE) as f64).contains(x));
+                if let Some([column, row]) = at.filter(inside) {
+                    let column = column as usize + side * (SIDE * SCALE + GAP);
+                    let pixel = image.get_pixel_mut(column as u32, row as u32);
+                    pixel.0[0] = pixel.0[0].max(LEVEL);
+                }
+            }
+        }
+    }
+}
+
+/// Draws, along the lower edge, the electrons of the row with the fullest pixel; on the right those of the left as well.
+fn draw_profiles(image: &mut GrayImage, frames: &[Vec<f64>; 2], full_e: f64) {
+    const HEIGHT: f64 = 100.0;
+    const OTHER: u8 = 120;
+    const OWN: u8 = 255;
+    let rows = || frames[0].chunks_exact(SIDE);
+    let most = |row: &[f64]| row.iter().copied().fold(0.0, f64::max);
+    let fullest = rows().map(most).fold(0.0, f64::max);
+    let row = rows().position(|row| most(row) == fullest).unwrap_or(0);
+    let height = |frame: &[f64], x: usize| {
+        let column = (x / SCALE).min(SIDE - 1);
+        (HEIGHT * (frame[row * SIDE + column] / full_e).clamp(0.0, 1.0)) as usize
+    };
+    for (side, frame, level) in [(0, 0, OWN), (1, 0, OTHER), (1, 1, OWN)] {
+        for x in 0..SIDE * SCALE {
+            let (here, next) = (height(&frames[frame], x), height(&frames[frame], x + 1));
+            for up in here.min(next)..=here.max(next) {
+                let column = x + side * (SIDE * SCALE + GAP);
+                let row = SIDE * SCALE - 2 - up;
+                image.put_pixel(column as u32, row as u32, Luma([level]));
+            }
+        }
+    }
 }
