@@ -34,7 +34,7 @@ fn camera() -> Camera {
 }
 
 /// The attitude that has Sirius at `at` (px) of an ideal lens.
-fn towards_sirius(camera: &Camera, at: [f64; 2]) -> [f64; 4] {
+pub fn towards_sirius(camera: &Camera, at: [f64; 2]) -> [f64; 4] {
     let [ra, dec] = SIRIUS_DEG.map(f64::to_radians);
     let star = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
     let optics = &camera.optics;

@@ -5,6 +5,7 @@ mod chance;
 mod entering;
 #[path = "../support/oem.rs"]
 mod oem;
+mod skipped;
 
 use std::collections::BTreeMap;
 use std::ops::Range;

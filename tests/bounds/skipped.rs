@@ -1,0 +1,113 @@
+//! Effects that are skipped: of wide images, too large to be made once more, the bound alone is declared.
+
+use std::sync::Arc;
+
+use skyloop::attitude::VehicleState;
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::engine::Emulator;
+use skyloop::fidelity::Choice;
+use skyloop::load::Folder;
+use skyloop::measure::Bench;
+use skyloop::sky::catalog::Selection;
+
+use super::entering::towards_sirius;
+use super::{ORBIT, epoch, verdicts};
+
+/// Images may be off by so much before anything is called for, px.
+const SKIP_PX: f64 = 0.2;
+/// No bound is this many times what is measured.
+const NEAR: f64 = 3.0;
+
+/// 40,000 px to the radian, and images 30 px wide.
+fn camera(timing: &str) -> Camera {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!(
+        r#"name = "wide images"
+[optics]
+focal_length_mm = 400.0
+aperture_mm = 10.0
+transmission = 1e-3
+band = "silicon"
+psf = {{ kind = "gaussian", sigma_px = 3.0 }}
+[detector]
+width_px = 96
+height_px = 96
+pixel_um = 10.0
+quantum_efficiency = 0.5
+read_noise_e = 5.0
+full_well_e = 1e6
+gain_e_per_dn = 20.0
+adc_bits = 16
+dark_e_s = 0.0
+offset_dn = 0.0
+[timing]
+exposure_s = 100.0
+rate_hz = 0.005
+{timing}
+"#
+    );
+    std::fs::write(folder.path().join("wide.toml"), text).unwrap();
+    Camera::load("wide.toml", &Folder::Disk(folder.path().to_path_buf())).unwrap()
+}
+
+/// Leaves `name` out of a frame of Sirius, near the last rows, with so many px/s along them, seen from an orbit or not.
+fn bound_is_near(name: &str, timing: &str, px_s: f64, in_orbit: bool) {
+    let emulator = |skip_px: f64| {
+        let mut config = Config::defaults().unwrap();
+        config.camera = camera(timing);
+        config.sky.selection = Selection::Bsc;
+        config.fidelity.skip_px = skip_px;
+        Emulator::new(&mut config)
+    };
+    // Measured where the shortest tracks are drawn.
+    let [tolerant, exact] = [SKIP_PX, 0.0].map(emulator);
+    let camera = exact.camera();
+    let attitude = towards_sirius(&camera, [47.5, 75.0]);
+    let rates = [0.0, px_s / camera.optics.focal_px, 0.0];
+    let metres = |km: [f64; 3]| km.map(|x| x * 1e3);
+    let orbit = in_orbit.then(|| (metres(ORBIT.0), metres(ORBIT.1)));
+    let vehicle = VehicleState::new(7, epoch(), attitude, rates, orbit).unwrap();
+    let bench = |emulator| Bench {
+        emulator,
+        camera: Arc::clone(&camera),
+        vehicle: vehicle.clone(),
+    };
+    let quiet = Choice {
+        noise: false,
+        ..Choice::default()
+    };
+    let mut verdicts = verdicts(&bench(&tolerant), &quiet).into_iter();
+    let (effect, verdict) = verdicts.find(|(of, _)| of.name == name).unwrap();
+    assert!(!verdict.run, "{name} runs: {}", verdict.why);
+    let all = Choice { all: true, ..quiet };
+    let measured = bench(&exact).error_e(effect, &all).unwrap();
+    let declared = verdict.error_e.unwrap();
+    println!("{name}: declared {declared} e-, measured {measured}");
+    // Of Sirius a pixel gets some 9,000 e-, which f32 round by a thousandth.
+    assert!(measured > 0.3, "{name}: {measured} e-");
+    assert!(
+        (measured..NEAR * measured).contains(&declared),
+        "{name}: declared {declared} e-, measured {measured}"
+    );
+}
+
+/// 8 m/s each second (`ORBIT`) make 0.08 px in the 75 s from mid-exposure to the ends; rows are exposed up to 25 s early and late.
+#[test]
+fn the_bound_of_drift_that_rows_see_at_other_times_is_near() {
+    let rolling = "shutter = \"rolling\"\nrow_us = 526_000.0";
+    bound_is_near("aberration drift", rolling, 0.0, true);
+}
+
+/// Rows together: only the spread along the way is left, and its bend.
+#[test]
+fn the_bound_of_drift_during_an_exposure_is_near() {
+    bound_is_near("aberration drift", "", 0.0, true);
+}
+
+/// Streaks of 2 px; the last row is exposed 2.5 s late, for which they move by 0.05 px.
+#[test]
+fn the_bound_of_rows_exposed_in_turn_is_near() {
+    let rolling = "shutter = \"rolling\"\nrow_us = 52_600.0";
+    bound_is_near("rolling shutter", rolling, 0.02, false);
+}
