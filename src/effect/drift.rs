@@ -63,7 +63,7 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
         .iter()
         .map(bound)
         .fold(0.0, f64::max);
-    let px = furthest * view.camera.scale_and_corner_px().0;
+    let px = furthest * view.scale_and_corner_px.0;
     Need {
         because: format!("stars move by up to {px:.2e} px from mid-exposure to its ends").into(),
         error: Loss { e: 0.0, px },
@@ -94,7 +94,7 @@ fn why_none(view: &View) -> &'static str {
 fn change(scene: &Scene, loss: &Loss) -> Loss {
     let (view, d) = (&scene.view, loss.px);
     let [start, end] = &view.velocity_change_m_s;
-    let scale = view.camera.scale_and_corner_px().0;
+    let scale = view.scale_and_corner_px.0;
     // Rows that are exposed early or late see the stars off by their part of the way.
     let rolled = d * view.camera.readout_s() / view.open_s.max(f64::MIN_POSITIVE);
     let b = (start + end).norm() / 6.0 / LIGHT_M_S * scale + rolled;

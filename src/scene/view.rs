@@ -158,6 +158,8 @@ pub struct View {
     pub vehicle: VehicleState,
     /// The camera, with what was commanded of it.
     pub camera: Arc<Camera>,
+    /// Its [`Camera::scale_and_corner_px`].
+    pub scale_and_corner_px: (f64, f64),
     /// What all noise is keyed by.
     pub key: NoiseKey,
     /// Stars in catalogue order, then objects in the population's.
@@ -199,6 +201,7 @@ impl View {
             velocity_change_m_s: [change(&shutter[0]), change(&shutter[2])],
             vehicle: vehicle.at(exposure.mid),
             camera: camera.clone(),
+            scale_and_corner_px: camera.scale_and_corner_px(),
             key,
             candidates: Vec::new(),
             objects: world.population.objects.len(),
@@ -263,7 +266,7 @@ impl View {
         };
         let own = self.candidates.iter().map(Candidate::swing);
         let own = own.fold(0.0, f64::max) * share;
-        let (scale, furthest) = self.camera.scale_and_corner_px();
+        let (scale, furthest) = self.scale_and_corner_px;
         (turn.x.hypot(turn.y) + own) * scale + turn.z.abs() * furthest
     }
 

@@ -15,8 +15,8 @@ const BRIGHT: f64 = 4.0;
 const LOOK_NS: f64 = 90.0;
 /// ns of a source whose image stands still, beside its pixels.
 const SOURCE_NS: f64 = 500.0;
-/// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds.
-const FOOTPRINT_NS: f64 = 7.0;
+/// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds, memory that is new.
+const FOOTPRINT_NS: f64 = 9.0;
 /// ns of a pixel of a footprint when it is drawn.
 const DRAWN_NS: f64 = 1.0;
 /// ns of a point of a panel in which rows open or close, and of each row there: weights, parts in light and centre.
