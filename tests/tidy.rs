@@ -74,7 +74,7 @@ const FENCES: &[(&str, &[&str])] = &[
         "rayon::",
         &["cli/plan", "measure", "render", "scene", "sky/population"],
     ),
-    ("sofars::", &["sky/bodies"]),
+    ("sofars::", &["sky/bodies", "sky/moon/series"]),
     ("serde_json::", &["cli/plan", "label", "link/fault/book"]),
     ("toml::", &["load"]),
     ("strsim::", &["load"]),

@@ -1,4 +1,4 @@
-//! In which direction an observer sees stars and objects in orbit.
+//! In which direction an observer sees stars, objects in orbit, the Sun, the Moon and the Earth.
 //!
 //! All directions are unit vectors along the axes of the ICRF, *proper*: as measured by the moving observer, aberration included.
 //!
@@ -105,6 +105,42 @@ impl Observer {
     /// Barycentric velocity, m/s.
     pub fn barycentric_velocity_m_s(&self) -> Vector3<f64> {
         self.bodies.earth_barycentric_velocity_m_s + self.velocity_m_s
+    }
+
+    /// To where the observer sees the Sun's centre: apparent direction times distance, m. The Sun moves 13 m/s, so that its light time
+    /// (0.01 arcsec) is left out.
+    pub fn sun_m(&self, corrections: &Corrections) -> Vector3<f64> {
+        let line = self.bodies.sun_geocentric_m - self.position_m;
+        self.seen(line, self.barycentric_velocity_m_s(), corrections)
+    }
+
+    /// To where the observer sees the Moon's centre, likewise; light time and aberration are geocentric, as for objects in orbit.
+    pub fn moon_m(&self, corrections: &Corrections) -> Vector3<f64> {
+        let mut line = self.bodies.moon_geocentric_m - self.position_m;
+        if corrections.light_time {
+            // 1.3 s, in which the Moon moves 0.7 arcsec.
+            line -= self.bodies.moon_geocentric_velocity_m_s * (line.norm() / LIGHT_M_S);
+        }
+        self.seen(line, self.velocity_m_s, corrections)
+    }
+
+    /// To where the observer sees the Earth's centre, likewise; zero for an observer who is there.
+    pub fn earth_m(&self, corrections: &Corrections) -> Vector3<f64> {
+        self.seen(-self.position_m, self.velocity_m_s, corrections)
+    }
+
+    /// `line`, aberrated by `velocity_m_s`.
+    fn seen(
+        &self,
+        line: Vector3<f64>,
+        velocity_m_s: Vector3<f64>,
+        corrections: &Corrections,
+    ) -> Vector3<f64> {
+        let distance = line.norm();
+        if !corrections.aberration || distance == 0.0 {
+            return line;
+        }
+        aberrate(line / distance, velocity_m_s) * distance
     }
 }
 

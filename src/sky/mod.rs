@@ -4,6 +4,8 @@
 pub mod apparent;
 pub mod bodies;
 pub mod catalog;
+pub mod ecliptic;
+pub mod moon;
 pub mod photometry;
 pub mod population;
 pub mod radiation;
