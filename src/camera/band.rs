@@ -87,7 +87,7 @@ impl Band {
             mean_wavelengths: Vec::new(),
         };
         band.sun_photons = band.black_body_photons(temperature(SUN_B_V));
-        band.zero_point = band.solar_photons() * 10f64.powf(0.4 * SUN_MAGNITUDE);
+        band.zero_point = band.sun_irradiance() * 10f64.powf(0.4 * SUN_MAGNITUDE);
         let step = (B_V[1] - B_V[0]) / B_V_STEPS as f64;
         band.mean_wavelengths = (0..=B_V_STEPS)
             .map(|i| band.mean_wavelength_m(temperature(B_V[0] + i as f64 * step)))
@@ -106,10 +106,26 @@ impl Band {
         self.zero_point
     }
 
-    /// `E_sun`: photon irradiance of the Sun in the band, ph/s/m^2.
-    fn solar_photons(&self) -> f64 {
-        let photons = |(w, r): &(f64, f64)| r * solar_irradiance(*w) * w / H_C * self.step_m;
-        self.samples.iter().map(photons).sum()
+    /// `E_sun`: photon irradiance of the Sun at 1 au in the band, ph/s/m^2.
+    pub fn sun_irradiance(&self) -> f64 {
+        self.sun_spectrum().map(|(_, photons)| photons).sum()
+    }
+
+    /// The parts of [`Band::sun_irradiance`]: wavelength (m) and photon irradiance (ph/s/m^2) of each step of the band.
+    pub fn sun_spectrum(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let photons = |(w, r): &(f64, f64)| (*w, r * solar_irradiance(*w) * w / H_C * self.step_m);
+        self.samples.iter().map(photons)
+    }
+
+    /// The response to a photon of a wavelength (m), 0..1: that of the step in which it lies, 0 outside the band.
+    pub fn response(&self, wavelength_m: f64) -> f64 {
+        let from_m = self
+            .samples
+            .first()
+            .map_or(0.0, |(w, _)| w - self.step_m / 2.0);
+        let step = ((wavelength_m - from_m) / self.step_m).floor();
+        let sample = (step >= 0.0).then(|| self.samples.get(step as usize));
+        sample.flatten().map_or(0.0, |(_, r)| *r)
     }
 
     /// Band magnitude minus V of a star of colour B-V, relative to the Sun: black bodies at the

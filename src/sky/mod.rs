@@ -4,6 +4,7 @@
 pub mod apparent;
 pub mod bodies;
 pub mod catalog;
+pub mod earth_light;
 pub mod ecliptic;
 pub mod moon;
 pub mod photometry;
@@ -13,5 +14,6 @@ pub mod shadow;
 pub mod star_field;
 
 pub use apparent::{Corrections, Observer};
+pub use earth_light::EarthDisc;
 pub use population::Population;
 pub use star_field::StarField;

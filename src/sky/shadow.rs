@@ -46,9 +46,14 @@ impl Earth {
     }
 
     /// Stretches space along the axis by a/b: the ellipsoid becomes a sphere of the equatorial radius.
-    fn to_sphere(self, v: Vector3<f64>) -> Vector3<f64> {
+    pub(super) fn to_sphere(self, v: Vector3<f64>) -> Vector3<f64> {
         const STRETCH: f64 = 1.0 / (1.0 - EARTH_FLATTENING) - 1.0;
         v + self.pole * (STRETCH * v.dot(&self.pole))
+    }
+
+    /// The inverse of [`Earth::to_sphere`].
+    pub(super) fn unstretched(self, v: Vector3<f64>) -> Vector3<f64> {
+        v - self.pole * (EARTH_FLATTENING * v.dot(&self.pole))
     }
 
     /// Whether a point (GCRF, m) lies inside the ellipsoid.
@@ -76,6 +81,29 @@ impl Earth {
     pub fn occults_direction(&self, observer_m: Vector3<f64>, direction: Vector3<f64>) -> bool {
         !self.contains(observer_m)
             && self.line_meets_sphere(self.to_sphere(observer_m), self.to_sphere(direction))
+    }
+
+    /// Where the line of sight from `observer_m` (GCRF, m) along `direction` (any length) meets the ground first, GCRF, m: exact to
+    /// 1e-7 m near the Earth, to 1e-5 m from the Moon's distance. None where it misses, and for an observer inside the Earth.
+    pub fn meets(&self, observer_m: Vector3<f64>, direction: Vector3<f64>) -> Option<Vector3<f64>> {
+        if self.contains(observer_m) {
+            return None;
+        }
+        let start = self.to_sphere(observer_m);
+        let line = self.to_sphere(direction);
+        let along = line.norm();
+        // Half the chord: R^2 less the square of the line's distance from the centre, which keeps its digits from afar.
+        let miss = start.cross(&line).norm() / along;
+        let inside = (EARTH_RADIUS_M - miss) * (EARTH_RADIUS_M + miss);
+        let nearest = -start.dot(&line) / along;
+        (inside > 0.0 && nearest > 0.0)
+            .then(|| observer_m + direction * ((nearest - inside.sqrt()) / along))
+    }
+
+    /// The upward normal of the ellipsoid at a point of it (GCRF, m), unit vector: the gradient of |S x|^2, `S` the stretch, is
+    /// 2 S S x.
+    pub fn normal(&self, point_m: Vector3<f64>) -> Vector3<f64> {
+        self.to_sphere(self.to_sphere(point_m)).normalize()
     }
 
     /// Whether the half line from `start` along `line` comes nearer to the origin than the Earth's radius after `start`.

@@ -1,0 +1,153 @@
+//! The Earth's disc: sunlight from its day side.
+//!
+//! Each piece of the WGS84 ellipsoid reflects as a Lambert surface does. Its radiance over the Sun's irradiance at 1 au is, whatever the
+//! band,
+//!
+//! ```text
+//! L / E_sun = A cos(i) / pi * (1 au / d)^2     [1/sr]
+//! ```
+//!
+//! with `A` the albedo, `i` the angle between the ellipsoid's normal and the Sun, `d` the Sun's distance: Lambert's law, of which the
+//! paper's Eq. (7) is the sum over a sphere. The night side is dark. A radiance is Eq. (3) of Clark et al. 2021,
+//! `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`, of the magnitude m a square arcsecond that it has.
+//!
+//! Not modelled: clouds, oceans and continents (real albedos run from 0.05 to 0.9; this is their mean), the Sun's glint on water, the
+//! brightening of the real disc toward full phase, twilight by the Sun's own half degree. Light scattered above the ground is
+//! [`atmosphere`](super::atmosphere)'s.
+
+use super::bodies::AU_M;
+use super::shadow::{EARTH_RADIUS_M, Earth};
+use nalgebra::Vector3;
+use std::f64::consts::PI;
+
+/// The share of the Sun's light that the Earth returns, air and clouds included: 0.31 (107 of 342 W/m^2; Kiehl & Trenberth 1997, BAMS 78,
+/// 197) to 0.29 by later budgets.
+pub const EARTH_ALBEDO: f64 = 0.3;
+
+/// Golden angle, rad: turns between neighbours of a spiral that never fall into line.
+const GOLDEN_ANGLE: f64 = PI * (3.0 - 2.236_067_977_499_79);
+/// Points along the limb at which its radius is taken, and what they may miss of it (rad).
+const LIMB_POINTS: usize = 360;
+const LIMB_MARGIN: f64 = 1e-5;
+
+/// The Earth as an observer sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EarthDisc {
+    observer_m: Vector3<f64>,
+    sun_m: Vector3<f64>,
+    earth: Earth,
+    albedo: f64,
+}
+
+/// A part of the Earth's disc.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Patch {
+    /// Toward its middle: unit vector, GCRF axes.
+    pub direction: Vector3<f64>,
+    /// What it gives on a surface that faces it, over the Sun's irradiance at 1 au (1).
+    pub irradiance: f64,
+}
+
+impl EarthDisc {
+    /// The Earth from `observer_m`, lit from `sun_m` ([`Bodies::sun_apparent_m`](super::bodies::Bodies::sun_apparent_m)); both GCRF, m.
+    /// None for an observer inside the Earth, such as the fictitious one at its centre.
+    pub fn new(observer_m: Vector3<f64>, sun_m: Vector3<f64>, earth: Earth) -> Option<Self> {
+        (!earth.contains(observer_m)).then_some(EarthDisc {
+            observer_m,
+            sun_m,
+            earth,
+            albedo: EARTH_ALBEDO,
+        })
+    }
+
+    /// The same with another albedo (0..1).
+    pub fn with_albedo(self, albedo: f64) -> Self {
+        EarthDisc { albedo, ..self }
+    }
+
+    /// Radiance along `direction` (GCRF axes, any length) over the Sun's irradiance at 1 au, 1/sr; 0 where the line misses the Earth or
+    /// ends on its night side.
+    pub fn reflectance(&self, direction: &Vector3<f64>) -> f64 {
+        let Some(point_m) = self.earth.meets(self.observer_m, *direction) else {
+            return 0.0;
+        };
+        let to_sun = self.sun_m - point_m;
+        let distance2 = to_sun.norm_squared();
+        let cos_i = self.earth.normal(point_m).dot(&to_sun) / distance2.sqrt();
+        self.albedo * cos_i.max(0.0) / PI * (AU_M * AU_M / distance2)
+    }
+
+    /// The least and the greatest angle (rad) of the limb from the direction of the Earth's centre, to 1e-5 rad on the safe side: the
+    /// outline of an ellipsoid is no circle.
+    pub fn edge(&self) -> [f64; 2] {
+        let [mut least, mut greatest] = [PI, 0.0f64];
+        for k in 0..LIMB_POINTS {
+            let turn = 2.0 * PI * k as f64 / LIMB_POINTS as f64;
+            let (limb, _) = self.within(1.0, turn);
+            let angle = angle_between(&limb, &-self.observer_m);
+            (least, greatest) = (least.min(angle), greatest.max(angle));
+        }
+        [
+            (least - LIMB_MARGIN).max(0.0),
+            (greatest + LIMB_MARGIN).min(PI),
+        ]
+    }
+
+    /// The lit part of the disc in at most `n` patches of nearly the same solid angle, each with what it gives on a surface that faces
+    /// it.
+    ///
+    /// Sums of smooth functions over a thousand patches err by some 0.1 %, over a hundred by 1 %.
+    pub fn patches(&self, n: usize) -> Vec<Patch> {
+        let patch = |k: usize| {
+            let (direction, solid_angle) =
+                self.within((k as f64 + 0.5) / n as f64, k as f64 * GOLDEN_ANGLE);
+            let irradiance = self.reflectance(&direction) * solid_angle / n as f64;
+            (irradiance > 0.0).then_some(Patch {
+                direction,
+                irradiance,
+            })
+        };
+        (0..n).filter_map(patch).collect()
+    }
+
+    /// The direction (unit vector) that has `part` of the disc nearer to its middle, `turn` (rad) about that, and the solid angle (sr) of a
+    /// disc whose every part were as large as the one there.
+    ///
+    /// Stretched space has a sphere, whose disc is a cone of half angle rho, sin(rho) = a / r, and solid angle 4 pi sin^2(rho / 2). An angle
+    /// theta from its axis has (sin(theta / 2) / sin(rho / 2))^2 of it inside. Of a solid angle in direction d, unstretching makes
+    /// det(S)^-1 |S^-1 d|^-3 times as much.
+    fn within(&self, part: f64, turn: f64) -> (Vector3<f64>, f64) {
+        let observer = self.earth.to_sphere(self.observer_m);
+        let distance = observer.norm();
+        let axis = observer / -distance;
+        let sin = (EARTH_RADIUS_M / distance).min(1.0);
+        let half = sin * sin / (2.0 * (1.0 + ((1.0 - sin) * (1.0 + sin)).sqrt())); // sin^2(rho / 2)
+        let sin_half2 = half * part;
+        let across = self.across(&axis);
+        let (sin_turn, cos_turn) = libm::sincos(turn);
+        let side = across * cos_turn + axis.cross(&across) * sin_turn;
+        let sin_theta = 2.0 * (sin_half2 * (1.0 - sin_half2)).sqrt();
+        let stretched = axis * (1.0 - 2.0 * sin_half2) + side * sin_theta;
+        let direction = self.earth.unstretched(stretched);
+        let length = direction.norm();
+        let shrink = self.earth.unstretched(self.earth.pole()).norm();
+        let solid_angle = 4.0 * PI * half * shrink / (length * length * length);
+        (direction / length, solid_angle)
+    }
+
+    /// A unit vector across `axis`: toward the pole, or whatever else is not along it.
+    fn across(&self, axis: &Vector3<f64>) -> Vector3<f64> {
+        let pole = self.earth.pole();
+        let other = if pole.dot(axis).abs() < 0.9 {
+            pole
+        } else {
+            Vector3::x()
+        };
+        (other - axis * axis.dot(&other)).normalize()
+    }
+}
+
+/// The angle between two vectors, rad.
+fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+    libm::atan2(a.cross(b).norm(), a.dot(b))
+}
