@@ -12,6 +12,7 @@ pub mod population;
 pub mod radiation;
 pub mod shadow;
 pub mod star_field;
+pub mod zodiacal;
 
 pub use apparent::{Corrections, Observer};
 pub use earth_light::EarthDisc;

@@ -1,0 +1,349 @@
+//! Zodiacal light: sunlight that the dust between the planets scatters.
+//!
+//! Reference: Levasseur-Regourd & Dumont 1980 (A&A 84, 277) at 500 nm, as Table 16 of Leinert et al. 1998 (A&AS 127, 1) completes it, in
+//! S10: one star of V = 10 with the Sun's spectrum a square degree; 60 at the ecliptic's poles. By longitude from the Sun and latitude,
+//! ecliptic of J2000.0. Read as in PyPI `dorado-sensitivity` 0.4.0; PyPI `EXOSIMS` 3.6.6 has the paper's Table 17, the same in SI.
+//!
+//! Validity: the table is good to some 10 %; it holds at 1 au, and [`distance_factor`] for an observer elsewhere. The year's change, up to 10 %
+//! at high latitudes (the dust is inclined to the ecliptic by 1.5 degrees), and the colour (2 % redder than the Sun in V) are left out.
+//!
+//! In between, with `l` the longitude from the Sun, `b` the latitude, both symmetric about the Sun,
+//!
+//! ```text
+//! S10 = e^r(l, b) / (e^2)^(p/2),   e^2 = 2 (1 - cos b cos l) + q sin^2 b
+//! ```
+//!
+//! where `e` is the elongation, stretched toward the poles, `p` = 2.25, `q` = 2.2, and `r` the bicubic Hermite polynomial through the table:
+//! the table's values are met, and the light is smooth over the whole sky (C1). Nearer to the Sun than the table goes (15 degrees), `r` is
+//! constant: the power law goes on. The table's own exponents there are 2.0 in the ecliptic and 2.3 across it.
+
+use std::f64::consts::PI;
+use std::sync::LazyLock;
+
+use nalgebra::Vector3;
+
+use super::bodies::AU_M;
+use super::ecliptic;
+
+/// Magnitude per square arc second of 1 S10: `10 + 2.5 log10(3600^2)`.
+const S10_MAG: f64 = 27.781_512_503_836_436;
+
+const LONGITUDES_DEG: [f64; 19] = [
+    0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0,
+    135.0, 150.0, 165.0, 180.0,
+];
+const LATITUDES_DEG: [f64; 11] = [
+    0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 45.0, 60.0, 75.0, 90.0,
+];
+/// S10 by longitude (rows) and latitude; 0: too near to the Sun.
+const TABLE: [[f64; 11]; 19] = [
+    [
+        0.0, 0.0, 0.0, 2450.0, 1260.0, 770.0, 500.0, 215.0, 117.0, 78.0, 60.0,
+    ],
+    [
+        0.0, 0.0, 0.0, 2300.0, 1200.0, 740.0, 490.0, 212.0, 117.0, 78.0, 60.0,
+    ],
+    [
+        0.0, 0.0, 3700.0, 1930.0, 1070.0, 675.0, 460.0, 206.0, 116.0, 78.0, 60.0,
+    ],
+    [
+        9000.0, 5300.0, 2690.0, 1450.0, 870.0, 590.0, 410.0, 196.0, 114.0, 78.0, 60.0,
+    ],
+    [
+        5000.0, 3500.0, 1880.0, 1100.0, 710.0, 495.0, 355.0, 185.0, 110.0, 77.0, 60.0,
+    ],
+    [
+        3000.0, 2210.0, 1350.0, 860.0, 585.0, 425.0, 320.0, 174.0, 106.0, 76.0, 60.0,
+    ],
+    [
+        1940.0, 1460.0, 955.0, 660.0, 480.0, 365.0, 285.0, 162.0, 102.0, 74.0, 60.0,
+    ],
+    [
+        1290.0, 990.0, 710.0, 530.0, 400.0, 310.0, 250.0, 151.0, 98.0, 73.0, 60.0,
+    ],
+    [
+        925.0, 735.0, 545.0, 415.0, 325.0, 264.0, 220.0, 140.0, 94.0, 72.0, 60.0,
+    ],
+    [
+        710.0, 570.0, 435.0, 345.0, 278.0, 228.0, 195.0, 130.0, 91.0, 70.0, 60.0,
+    ],
+    [
+        395.0, 345.0, 275.0, 228.0, 190.0, 163.0, 143.0, 105.0, 81.0, 67.0, 60.0,
+    ],
+    [
+        264.0, 248.0, 210.0, 177.0, 153.0, 134.0, 118.0, 91.0, 73.0, 64.0, 60.0,
+    ],
+    [
+        202.0, 196.0, 176.0, 151.0, 130.0, 115.0, 103.0, 81.0, 67.0, 62.0, 60.0,
+    ],
+    [
+        166.0, 164.0, 154.0, 133.0, 117.0, 104.0, 93.0, 75.0, 64.0, 60.0, 60.0,
+    ],
+    [
+        147.0, 145.0, 138.0, 120.0, 108.0, 98.0, 88.0, 70.0, 60.0, 58.0, 60.0,
+    ],
+    [
+        140.0, 139.0, 130.0, 115.0, 105.0, 95.0, 86.0, 70.0, 60.0, 57.0, 60.0,
+    ],
+    [
+        140.0, 139.0, 129.0, 116.0, 107.0, 99.0, 91.0, 75.0, 62.0, 56.0, 60.0,
+    ],
+    [
+        153.0, 150.0, 140.0, 129.0, 118.0, 110.0, 102.0, 81.0, 64.0, 56.0, 60.0,
+    ],
+    [
+        180.0, 166.0, 152.0, 139.0, 127.0, 116.0, 105.0, 82.0, 65.0, 56.0, 60.0,
+    ],
+];
+/// `p` of the module's head, halved.
+const HALF_POWER: f64 = 1.125;
+/// `q` of the module's head.
+const STRETCH: f64 = 2.2;
+/// The least `e^2`: within the Sun's disc (16 arcmin) the light grows no more.
+const LEAST_SQUARE: f64 = 2.2e-5;
+
+/// `r` and its derivatives by longitude, by latitude, and by both (rad) at the table's places.
+static NODES: LazyLock<[[[f64; 4]; 11]; 19]> = LazyLock::new(nodes);
+
+/// Surface brightness (V, mag per square arc second) in `direction` with the Sun in direction `sun` (unit vectors, ICRF), at 1 au. Costs some
+/// 100 ns.
+pub fn surface_magnitude(direction: &Vector3<f64>, sun: &Vector3<f64>) -> f64 {
+    S10_MAG - 2.5 * libm::log10(s10(direction, sun))
+}
+
+/// The same in S10.
+pub fn s10(direction: &Vector3<f64>, sun: &Vector3<f64>) -> f64 {
+    let (v, s) = (ecliptic::from_icrf(direction), ecliptic::from_icrf(sun));
+    let toward_sun = (s.x * v.x + s.y * v.y) / (s.x * s.x + s.y * s.y).sqrt();
+    let longitude = libm::atan2((s.x * v.y - s.y * v.x).abs(), s.x * v.x + s.y * v.y);
+    let latitude = libm::atan2(v.z.abs(), (v.x * v.x + v.y * v.y).sqrt());
+    let square = elongation_square(toward_sun, v.z);
+    libm::exp(residual(longitude, latitude) - HALF_POWER * libm::log(square))
+}
+
+/// What the light is multiplied by for an observer at `sun_distance_m` (m) from the Sun: the power -2.3 that Helios measured from 0.3
+/// to 1 au (Leinert et al. 1981, A&A 103, 177).
+pub fn distance_factor(sun_distance_m: f64) -> f64 {
+    libm::pow(sun_distance_m / AU_M, -2.3)
+}
+
+/// `e^2` from the components toward the Sun's longitude and toward the pole.
+fn elongation_square(toward_sun: f64, up: f64) -> f64 {
+    (2.0 * (1.0 - toward_sun) + STRETCH * up * up).max(LEAST_SQUARE)
+}
+
+/// `r` at a longitude from the Sun in [0, pi] and a latitude in [0, pi/2].
+fn residual(longitude: f64, latitude: f64) -> f64 {
+    let (i, x, width) = cell(&LONGITUDES_DEG, longitude.to_degrees());
+    let (j, y, height) = cell(&LATITUDES_DEG, latitude.to_degrees());
+    let (along, up) = (hermite(x, width), hermite(y, height));
+    let row = |i: usize| {
+        let ([a, a_x, a_y, a_xy], [b, b_x, b_y, b_xy]) = (NODES[i][j], NODES[i][j + 1]);
+        let value = up[0] * a + up[1] * b + up[2] * a_y + up[3] * b_y;
+        let slope = up[0] * a_x + up[1] * b_x + up[2] * a_xy + up[3] * b_xy;
+        (value, slope)
+    };
+    let ((a, a_x), (b, b_x)) = (row(i), row(i + 1));
+    along[0] * a + along[1] * b + along[2] * a_x + along[3] * b_x
+}
+
+/// The interval of `nodes_deg` that holds `at_deg`: its number, the place in it (0 to 1), its width (rad).
+fn cell(nodes_deg: &[f64], at_deg: f64) -> (usize, f64, f64) {
+    let above = nodes_deg.partition_point(|node| *node <= at_deg);
+    let k = above.clamp(1, nodes_deg.len() - 1) - 1;
+    let width = nodes_deg[k + 1] - nodes_deg[k];
+    (k, (at_deg - nodes_deg[k]) / width, width.to_radians())
+}
+
+/// Hermite's cubics at `x` of an interval: for the values at its ends, then for the slopes.
+fn hermite(x: f64, width: f64) -> [f64; 4] {
+    let (square, rest) = (x * x, 1.0 - x);
+    let rise = square * (3.0 - 2.0 * x);
+    [
+        1.0 - rise,
+        rise,
+        x * rest * rest * width,
+        -square * rest * width,
+    ]
+}
+
+/// The table as `r`, with its slopes.
+fn nodes() -> [[[f64; 4]; 11]; 19] {
+    let longitudes = LONGITUDES_DEG.map(f64::to_radians);
+    let latitudes = LATITUDES_DEG.map(f64::to_radians);
+    let logarithm = |i: usize, j: usize| {
+        let (sin, cos) = latitudes[j].sin_cos();
+        let square = elongation_square(cos * longitudes[i].cos(), sin);
+        libm::log(TABLE[i][j]) + HALF_POWER * libm::log(square)
+    };
+    let by_longitude =
+        |f: &dyn Fn(usize) -> f64| slopes(&longitudes, &std::array::from_fn::<_, 19, _>(f), 0.0);
+
+    let values: [[f64; 11]; 19] = std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            if TABLE[i][j] > 0.0 {
+                logarithm(i, j)
+            } else {
+                logarithm(3, 0)
+            }
+        })
+    });
+    // Over the pole the light goes on at the opposite longitude. It is smooth there if its slope runs as the cosine of longitude.
+    let tilt = (values[18][9] - values[0][9]) / (2.0 * (latitudes[10] - latitudes[9]));
+    let up: [[f64; 11]; 19] =
+        std::array::from_fn(|i| slopes(&latitudes, &values[i], tilt * longitudes[i].cos()));
+    let mut nodes = [[[0.0; 4]; 11]; 19];
+    for j in 0..11 {
+        let along = by_longitude(&|i| values[i][j]);
+        let both = by_longitude(&|i| up[i][j]);
+        for i in 0..19 {
+            let pole = j == 10;
+            let twist = if pole {
+                -tilt * longitudes[i].sin()
+            } else {
+                both[i]
+            };
+            nodes[i][j] = [values[i][j], along[i], up[i][j], twist];
+        }
+    }
+    nodes
+}
+
+/// The slopes at `x` of the parabolas through each value and its two neighbours; 0 at the first place, by symmetry, and `last` at
+/// the last.
+fn slopes<const N: usize>(x: &[f64; N], values: &[f64; N], last: f64) -> [f64; N] {
+    std::array::from_fn(|k| match k {
+        0 => 0.0,
+        k if k + 1 == N => last,
+        k => {
+            let (before, after) = (x[k] - x[k - 1], x[k + 1] - x[k]);
+            let rise = (values[k] - values[k - 1]) / before * after;
+            (rise + (values[k + 1] - values[k]) / after * before) / (before + after)
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The direction at ecliptic longitude and latitude (deg).
+    fn at(longitude_deg: f64, latitude_deg: f64) -> Vector3<f64> {
+        let (l, b) = (longitude_deg.to_radians(), latitude_deg.to_radians());
+        ecliptic::to_icrf(&Vector3::new(b.cos() * l.cos(), b.cos() * l.sin(), b.sin()))
+    }
+
+    #[test]
+    fn the_tables_values_are_met_on_all_four_sides_of_the_sun() {
+        let sun_deg = 217.3;
+        let sun = at(sun_deg, 0.0);
+        for (i, row) in TABLE.iter().enumerate() {
+            for (j, &value) in row.iter().enumerate().filter(|(_, value)| **value > 0.0) {
+                for (side, up) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
+                    let v = at(sun_deg + side * LONGITUDES_DEG[i], up * LATITUDES_DEG[j]);
+                    assert!((s10(&v, &sun) / value - 1.0).abs() < 1e-9, "{i} {j}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn published_brightness_is_met() {
+        assert!((S10_MAG - 10.0 - 2.5 * (3600.0_f64 * 3600.0).log10()).abs() < 1e-12);
+        let sun = at(0.0, 0.0);
+        let magnitude = |l: f64, b: f64| surface_magnitude(&at(l, b), &sun);
+        // X-Val: 23.3 mag per square arc second at the pole, 22.1 opposite the Sun (STIS Instrument Handbook, chapter 6: "low" and "high").
+        assert!((magnitude(0.0, 90.0) - 23.3).abs() < 0.05);
+        assert!((magnitude(180.0, 0.0) - 22.1).abs() < 0.1);
+        // X-Val: Table 17 of Leinert et al. 1998 in 1e-8 W/m^2/sr/um at 500 nm, where 1 S10 is 1.28 (their Table 2): both are rounded.
+        for (l, b, value) in [
+            (90.0, 0.0, 259.0),
+            (15.0, 0.0, 11500.0),
+            (0.0, 15.0, 3140.0),
+            (45.0, 30.0, 250.0),
+            (135.0, 60.0, 77.0),
+            (165.0, 5.0, 192.0),
+            (75.0, 75.0, 82.0),
+            (0.0, 90.0, 77.0),
+        ] {
+            let ours = 1.28 * s10(&at(l, b), &sun);
+            assert!(
+                (ours / value - 1.0).abs() < 0.012,
+                "{l} {b}: {ours} {value}"
+            );
+        }
+    }
+
+    /// The polynomial does not swing out between the table's places.
+    #[test]
+    fn between_its_places_the_table_is_not_exceeded() {
+        let sun = at(0.0, 0.0);
+        for i in 0..18 {
+            for j in 0..10 {
+                let corners = [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)];
+                let corners = corners.map(|(i, j)| TABLE[i][j]);
+                if corners.contains(&0.0) {
+                    continue;
+                }
+                let middle = |nodes: &[f64], k: usize| (nodes[k] + nodes[k + 1]) / 2.0;
+                let v = at(middle(&LONGITUDES_DEG, i), middle(&LATITUDES_DEG, j));
+                let (low, high) = corners
+                    .iter()
+                    .fold((f64::MAX, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+                let value = s10(&v, &sun);
+                assert!(
+                    (0.97 * low..1.03 * high).contains(&value),
+                    "{i} {j}: {value}"
+                );
+            }
+        }
+    }
+
+    /// Along great circles in all directions, over the nodes, the pole and near the Sun, neither value nor slope leaps.
+    #[test]
+    fn the_light_is_smooth_over_the_sky() {
+        let sun = at(0.0, 0.0);
+        let log = |v: &Vector3<f64>| s10(v, &sun).ln();
+        let leap = |step: f64| {
+            let mut worst = 0.0_f64;
+            for k in 0..40 {
+                let k = f64::from(k);
+                // Circles through the pole, and tilted ones.
+                for (start, side) in [
+                    (at(k * 4.5, 0.0), at(0.0, 90.0)),
+                    (at(90.0, 3.0 + 2.0 * k), at(0.0, 1.0 + 2.0 * k)),
+                ] {
+                    let side = (side - start * side.dot(&start)).normalize();
+                    let go = |t: f64| start * t.cos() + side * t.sin();
+                    let places = (0..3600).map(|n| f64::from(n) * PI / 1800.0);
+                    // Within 8 degrees of the Sun the power law itself is steep.
+                    for t in places.filter(|t| go(*t).dot(&sun) < 0.99) {
+                        let [a, b, c] = [t - step, t, t + step].map(|t| log(&go(t)));
+                        worst = worst.max(((c - b) - (b - a)).abs() / step);
+                    }
+                }
+            }
+            worst
+        };
+        // Curvature shrinks with the step, a leap of the slope does not.
+        let (coarse, fine) = (leap(1e-5), leap(1e-6));
+        assert!(coarse < 3e-3 && fine < 3e-4, "{coarse} {fine}");
+    }
+
+    #[test]
+    fn the_light_grows_to_the_sun_and_stays_finite() {
+        let sun = at(40.0, 0.0);
+        for (side, up) in [(1.0, 0.0), (0.0, 1.0), (0.6, 0.8)] {
+            let mut last = 0.0;
+            for elongation_deg in [30.0, 20.0, 15.0, 12.0, 10.0, 7.0, 5.0, 3.0, 1.0, 0.5] {
+                let v = at(40.0 + side * elongation_deg, up * elongation_deg);
+                let value = s10(&v, &sun);
+                assert!(value > last, "{elongation_deg}: {value}");
+                last = value;
+            }
+        }
+        assert!(s10(&sun, &sun).is_finite() && s10(&sun, &sun) >= s10(&at(40.3, 0.0), &sun));
+        assert!((distance_factor(AU_M) - 1.0).abs() < 1e-12);
+        assert!(distance_factor(0.9833 * AU_M) > 1.03);
+    }
+}
