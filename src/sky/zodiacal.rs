@@ -17,7 +17,6 @@
 //! the table's values are met, and the light is smooth over the whole sky (C1). Nearer to the Sun than the table goes (15 degrees), `r` is
 //! constant: the power law goes on. The table's own exponents there are 2.0 in the ecliptic and 2.3 across it.
 
-use std::f64::consts::PI;
 use std::sync::LazyLock;
 
 use nalgebra::Vector3;
@@ -226,6 +225,7 @@ fn slopes<const N: usize>(x: &[f64; N], values: &[f64; N], last: f64) -> [f64; N
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     /// The direction at ecliptic longitude and latitude (deg).
     fn at(longitude_deg: f64, latitude_deg: f64) -> Vector3<f64> {
