@@ -2,6 +2,7 @@
 //! which direction a camera sees them.
 
 pub mod apparent;
+mod bicubic;
 pub mod bodies;
 pub mod catalog;
 pub mod earth_light;
@@ -12,6 +13,7 @@ pub mod population;
 pub mod radiation;
 pub mod shadow;
 pub mod star_field;
+pub mod starlight;
 pub mod zodiacal;
 
 pub use apparent::{Corrections, Observer};

@@ -21,11 +21,12 @@ use std::sync::LazyLock;
 
 use nalgebra::Vector3;
 
+use super::bicubic::Bicubic;
 use super::bodies::AU_M;
 use super::ecliptic;
 
 /// Magnitude per square arc second of 1 S10: `10 + 2.5 log10(3600^2)`.
-const S10_MAG: f64 = 27.781_512_503_836_436;
+pub(super) const S10_MAG: f64 = 27.781_512_503_836_436;
 
 const LONGITUDES_DEG: [f64; 19] = [
     0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0,
@@ -101,8 +102,10 @@ const STRETCH: f64 = 2.2;
 /// The least `e^2`: within the Sun's disc (16 arcmin) the light grows no more.
 const LEAST_SQUARE: f64 = 2.2e-5;
 
-/// `r` and its derivatives by longitude, by latitude, and by both (rad) at the table's places.
-static NODES: LazyLock<[[[f64; 4]; 11]; 19]> = LazyLock::new(nodes);
+/// The table's innermost place in the ecliptic, whose `r` holds nearer to the Sun.
+const NEXT_TO_THE_SUN: (usize, usize) = (3, 0);
+
+static RESIDUAL: LazyLock<Bicubic> = LazyLock::new(residual);
 
 /// Surface brightness (V, mag per square arc second) in `direction` with the Sun in direction `sun` (unit vectors, ICRF), at 1 au. Costs some
 /// 100 ns.
@@ -117,7 +120,7 @@ pub fn s10(direction: &Vector3<f64>, sun: &Vector3<f64>) -> f64 {
     let longitude = libm::atan2((s.x * v.y - s.y * v.x).abs(), s.x * v.x + s.y * v.y);
     let latitude = libm::atan2(v.z.abs(), (v.x * v.x + v.y * v.y).sqrt());
     let square = elongation_square(toward_sun, v.z);
-    libm::exp(residual(longitude, latitude) - HALF_POWER * libm::log(square))
+    libm::exp(RESIDUAL.at(longitude, latitude) - HALF_POWER * libm::log(square))
 }
 
 /// What the light is multiplied by for an observer at `sun_distance_m` (m) from the Sun: the power -2.3 that Helios measured from 0.3
@@ -131,95 +134,28 @@ fn elongation_square(toward_sun: f64, up: f64) -> f64 {
     (2.0 * (1.0 - toward_sun) + STRETCH * up * up).max(LEAST_SQUARE)
 }
 
-/// `r` at a longitude from the Sun in [0, pi] and a latitude in [0, pi/2].
-fn residual(longitude: f64, latitude: f64) -> f64 {
-    let (i, x, width) = cell(&LONGITUDES_DEG, longitude.to_degrees());
-    let (j, y, height) = cell(&LATITUDES_DEG, latitude.to_degrees());
-    let (along, up) = (hermite(x, width), hermite(y, height));
-    let row = |i: usize| {
-        let ([a, a_x, a_y, a_xy], [b, b_x, b_y, b_xy]) = (NODES[i][j], NODES[i][j + 1]);
-        let value = up[0] * a + up[1] * b + up[2] * a_y + up[3] * b_y;
-        let slope = up[0] * a_x + up[1] * b_x + up[2] * a_xy + up[3] * b_xy;
-        (value, slope)
-    };
-    let ((a, a_x), (b, b_x)) = (row(i), row(i + 1));
-    along[0] * a + along[1] * b + along[2] * a_x + along[3] * b_x
-}
-
-/// The interval of `nodes_deg` that holds `at_deg`: its number, the place in it (0 to 1), its width (rad).
-fn cell(nodes_deg: &[f64], at_deg: f64) -> (usize, f64, f64) {
-    let above = nodes_deg.partition_point(|node| *node <= at_deg);
-    let k = above.clamp(1, nodes_deg.len() - 1) - 1;
-    let width = nodes_deg[k + 1] - nodes_deg[k];
-    (k, (at_deg - nodes_deg[k]) / width, width.to_radians())
-}
-
-/// Hermite's cubics at `x` of an interval: for the values at its ends, then for the slopes.
-fn hermite(x: f64, width: f64) -> [f64; 4] {
-    let (square, rest) = (x * x, 1.0 - x);
-    let rise = square * (3.0 - 2.0 * x);
-    [
-        1.0 - rise,
-        rise,
-        x * rest * rest * width,
-        -square * rest * width,
-    ]
-}
-
-/// The table as `r`, with its slopes.
-fn nodes() -> [[[f64; 4]; 11]; 19] {
+/// `r` by longitude from the Sun and latitude (rad).
+fn residual() -> Bicubic {
     let longitudes = LONGITUDES_DEG.map(f64::to_radians);
     let latitudes = LATITUDES_DEG.map(f64::to_radians);
-    let logarithm = |i: usize, j: usize| {
+    let value = |i: usize, j: usize| {
+        let (i, j) = if TABLE[i][j] > 0.0 {
+            (i, j)
+        } else {
+            NEXT_TO_THE_SUN
+        };
         let (sin, cos) = latitudes[j].sin_cos();
         let square = elongation_square(cos * longitudes[i].cos(), sin);
         libm::log(TABLE[i][j]) + HALF_POWER * libm::log(square)
     };
-    let by_longitude =
-        |f: &dyn Fn(usize) -> f64| slopes(&longitudes, &std::array::from_fn::<_, 19, _>(f), 0.0);
-
-    let values: [[f64; 11]; 19] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            if TABLE[i][j] > 0.0 {
-                logarithm(i, j)
-            } else {
-                logarithm(3, 0)
-            }
-        })
-    });
     // Over the pole the light goes on at the opposite longitude. It is smooth there if its slope runs as the cosine of longitude.
-    let tilt = (values[18][9] - values[0][9]) / (2.0 * (latitudes[10] - latitudes[9]));
-    let up: [[f64; 11]; 19] =
-        std::array::from_fn(|i| slopes(&latitudes, &values[i], tilt * longitudes[i].cos()));
-    let mut nodes = [[[0.0; 4]; 11]; 19];
-    for j in 0..11 {
-        let along = by_longitude(&|i| values[i][j]);
-        let both = by_longitude(&|i| up[i][j]);
-        for i in 0..19 {
-            let pole = j == 10;
-            let twist = if pole {
-                -tilt * longitudes[i].sin()
-            } else {
-                both[i]
-            };
-            nodes[i][j] = [values[i][j], along[i], up[i][j], twist];
-        }
-    }
-    nodes
-}
-
-/// The slopes at `x` of the parabolas through each value and its two neighbours; 0 at the first place, by symmetry, and `last` at
-/// the last.
-fn slopes<const N: usize>(x: &[f64; N], values: &[f64; N], last: f64) -> [f64; N] {
-    std::array::from_fn(|k| match k {
-        0 => 0.0,
-        k if k + 1 == N => last,
-        k => {
-            let (before, after) = (x[k] - x[k - 1], x[k + 1] - x[k]);
-            let rise = (values[k] - values[k - 1]) / before * after;
-            (rise + (values[k + 1] - values[k]) / after * before) / (before + after)
-        }
-    })
+    let tilt = (value(18, 9) - value(0, 9)) / (2.0 * (latitudes[10] - latitudes[9]));
+    Bicubic::new(
+        longitudes.to_vec(),
+        latitudes.to_vec(),
+        value,
+        |longitude| [tilt * longitude.cos(), -tilt * longitude.sin()],
+    )
 }
 
 #[cfg(test)]
