@@ -1,5 +1,8 @@
 //! The run's configuration: what `skyloop run --config` and `skyloop render --scene` read.
 
+mod objects;
+mod shapes;
+
 use crate::attitude::Attitude;
 use crate::camera::Camera;
 use crate::effect::EFFECTS;
@@ -10,7 +13,9 @@ use crate::load::{
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
 use crate::sky::photometry::Sphere;
+use crate::sky::population::{Looks, Population};
 use hifitime::Epoch;
+use objects::{Objects, RawObjects};
 use serde::Deserialize;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Object, StateVector};
@@ -39,6 +44,8 @@ pub struct Config {
     pub rejected: Vec<String>,
     /// What an object reflects where nothing is known of it.
     pub sphere: Sphere,
+    /// What is known of others.
+    pub looks: Looks,
     /// The observer's own orbit, for runs that make their own attitudes.
     pub observer: Option<Observer>,
     /// The exposures of an offline run.
@@ -157,16 +164,6 @@ struct RawSky {
     light_time: bool,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct RawObjects {
-    files: Vec<String>,
-    diameter_m: f64,
-    reflectance: f64,
-    diffuse: f64,
-    specular: f64,
-}
-
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields)]
 struct RawObserver {
@@ -243,19 +240,6 @@ impl Default for RawSky {
     }
 }
 
-impl Default for RawObjects {
-    fn default() -> Self {
-        let sphere = Sphere::default();
-        RawObjects {
-            files: Vec::new(),
-            diameter_m: sphere.diameter_m,
-            reflectance: sphere.reflectance,
-            diffuse: sphere.diffuse,
-            specular: sphere.specular,
-        }
-    }
-}
-
 impl Default for RawRun {
     fn default() -> Self {
         let output = Output::default();
@@ -294,25 +278,25 @@ impl Config {
         Config::parse(&file, &text, folder)
     }
 
+    /// The objects and what they look like; takes them out of the configuration.
+    pub fn take_population(&mut self) -> Population {
+        Population {
+            objects: std::mem::take(&mut self.objects),
+            sphere: self.sphere,
+            looks: std::mem::take(&mut self.looks),
+        }
+    }
+
     /// From text; `file` is its name in messages.
     pub fn parse(file: &str, text: &str, folder: &Folder) -> Result<Config, ConfigError> {
         let raw: Raw = parse(file, text)?;
         let check = Check { file };
-        let sphere = Sphere {
-            diameter_m: check.range("objects.diameter_m", raw.objects.diameter_m, 1e-6..=1e6)?,
-            reflectance: check.range("objects.reflectance", raw.objects.reflectance, 0.0..=1.0)?,
-            diffuse: check.range("objects.diffuse", raw.objects.diffuse, 0.0..=1.0)?,
-            specular: check.range("objects.specular", raw.objects.specular, 0.0..=1.0)?,
-        };
-        if sphere.diffuse + sphere.specular > 1.0 + 1e-9 {
-            let more = "objects.diffuse + objects.specular is above 1: the sphere would return more light than it takes";
-            return Err(check.explain("objects", more));
-        }
-        let (mut objects, mut rejected) = (Vec::new(), Vec::new());
-        for name in &raw.objects.files {
-            orbits::add(folder, name, &mut objects, &mut rejected)
-                .map_err(|error| check.explain("objects.files", error))?;
-        }
+        let Objects {
+            objects,
+            looks,
+            mut rejected,
+            sphere,
+        } = raw.objects.validate(&check, folder)?;
         let observer = match &raw.observer.orbit {
             None => None,
             Some(selector) => {
@@ -338,6 +322,7 @@ impl Config {
             objects,
             rejected,
             sphere,
+            looks,
             observer,
             sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
             run: raw.run.validate(&check)?,

@@ -10,8 +10,8 @@ use crate::plan::{Plan, simulated};
 use crate::render::render;
 use crate::rng::NoiseKey;
 use crate::scene::{Exposure, Scene, Unobservable, View, World};
+use crate::sky::StarField;
 use crate::sky::catalog::Catalog;
-use crate::sky::{Population, StarField};
 use skyloop_orbit::OrbitError;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -63,10 +63,7 @@ impl Emulator {
         let catalog = Catalog::embedded(config.sky.selection);
         let world = World {
             stars: StarField::new(catalog, &camera.optics.band, config.sky.colour),
-            population: Population {
-                objects: std::mem::take(&mut config.objects),
-                sphere: config.sphere,
-            },
+            population: config.take_population(),
             corrections: config.sky.corrections,
         };
         Emulator {

@@ -18,6 +18,15 @@ impl Folder {
         Folder::Disk(file.parent().map(Path::to_path_buf).unwrap_or_default())
     }
 
+    /// The folder that holds the file called `name` of this one.
+    pub fn beside(&self, name: &str) -> Folder {
+        match self {
+            Folder::Disk(folder) => Folder::of(&folder.join(name)),
+            // Built-in folders have no folders inside.
+            Folder::Embedded(folder) => Folder::Embedded(folder),
+        }
+    }
+
     /// The folder that the process runs in.
     pub fn current() -> Folder {
         Folder::Disk(PathBuf::new())

@@ -13,6 +13,17 @@ pub fn add(
     objects: &mut Vec<Object>,
     rejected: &mut Vec<String>,
 ) -> Result<(), ConfigError> {
+    add_without(folder, name, &HashSet::new(), objects, rejected)
+}
+
+/// [`add`], but for the objects of the ids `without`, which have come from elsewhere.
+pub fn add_without(
+    folder: &Folder,
+    name: &str,
+    without: &HashSet<String>,
+    objects: &mut Vec<Object>,
+    rejected: &mut Vec<String>,
+) -> Result<(), ConfigError> {
     if let (file, Some(_)) = file_and_name(name, |file| folder.has(file))
         && folder.has(file)
     {
@@ -27,7 +38,8 @@ pub fn add(
         return Err(ConfigError::Orbit(format!("{name}: {why}")));
     }
     let known: HashSet<String> = objects.iter().map(|object| object.id.clone()).collect();
-    for object in loaded.objects {
+    let wanted = loaded.objects.into_iter();
+    for object in wanted.filter(|object| !without.contains(&object.id)) {
         if known.contains(&object.id) {
             let label = object.label();
             rejected.push(format!(

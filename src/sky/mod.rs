@@ -4,14 +4,17 @@
 pub mod apparent;
 mod bicubic;
 pub mod bodies;
+pub mod body_attitude;
 pub mod catalog;
 pub mod earth_light;
 pub mod ecliptic;
 pub mod moon;
+pub mod look;
 pub mod photometry;
 pub mod population;
 pub mod radiation;
 pub mod shadow;
+pub mod shape;
 pub mod star_field;
 pub mod starlight;
 pub mod zodiacal;

@@ -48,14 +48,18 @@ impl Sphere {
         self.reflectance * area * f
     }
 
-    /// Apparent magnitude: Eq. (9),
-    /// `m = m_sun - 2.5 log10(rho A F / a^2) + 5 log10(d_rso,sun d_rso,sensor / a^2)`,
-    /// distances in m. Infinite where nothing is reflected.
+    /// [`magnitude`] at phase angle `phase` (rad).
     pub fn magnitude(&self, phase: f64, to_sun_m: f64, to_sensor_m: f64) -> f64 {
-        let a2 = AU_M * AU_M;
-        SUN_MAGNITUDE - 2.5 * (self.reflective_area(phase) / a2).log10()
-            + 5.0 * (to_sun_m * to_sensor_m / a2).log10()
+        magnitude(self.reflective_area(phase), to_sun_m, to_sensor_m)
     }
+}
+
+/// Apparent magnitude: Eq. (9), `m = m_sun - 2.5 log10(rho A F / a^2) + 5 log10(d_rso,sun d_rso,sensor / a^2)`, of the reflective
+/// area `rho A F` (m^2/sr), distances in m. Infinite where nothing is reflected.
+pub fn magnitude(reflective_area: f64, to_sun_m: f64, to_sensor_m: f64) -> f64 {
+    let a2 = AU_M * AU_M;
+    SUN_MAGNITUDE - 2.5 * (reflective_area / a2).log10()
+        + 5.0 * (to_sun_m * to_sensor_m / a2).log10()
 }
 
 /// Eq. (7): `F_diff = 2 / (3 pi^2) [(pi - phi) cos phi + sin phi]`, 1/sr.

@@ -1,19 +1,36 @@
 //! The resident space objects of a scene, and how an observer sees them at one exposure.
 
 use super::apparent::{ApparentObject, Corrections, Observer, object_direction};
-use super::photometry::{Sphere, phase_angle};
+use super::look::{Body, Passage};
+use super::photometry::{Sphere, magnitude, phase_angle};
 use super::shadow::Earth;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::{Object, OrbitError, frames};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Objects and what they reflect.
 #[derive(Debug, Default)]
 pub struct Population {
     /// Orbits and names.
     pub objects: Vec<Object>,
-    /// What an object reflects.
+    /// What an object reflects of which nothing is known.
     pub sphere: Sphere,
+    /// What is known of others.
+    pub looks: Looks,
+}
+
+/// What is known of objects, by their ids.
+pub type Looks = BTreeMap<String, Look>;
+
+/// What an object looks like.
+#[derive(Debug, Clone)]
+pub enum Look {
+    /// The same from all sides.
+    Sphere(Sphere),
+    /// A body with a shape and an attitude.
+    Body(Arc<Body>),
 }
 
 /// An object in the field.
@@ -32,7 +49,7 @@ pub struct SeenObject {
     pub illumination: f64,
     /// Whether the Earth stands before it.
     pub occulted: bool,
-    /// Magnitude by Eq. (9), in full sunlight.
+    /// Magnitude by Eq. (9), in full sunlight; of a body with an attitude the mean light over the exposure.
     pub mag: f64,
 }
 
@@ -72,7 +89,7 @@ impl Population {
             .par_iter()
             .enumerate()
             .filter_map(|(index, object)| match near_axis(object) {
-                Ok(true) => Some(self.see(index, object, &earth, shutter, corrections)),
+                Ok(true) => Some(self.see(index, &earth, shutter, corrections)),
                 Ok(false) => None,
                 Err(error) => Some(Err(error)),
             })
@@ -87,35 +104,41 @@ impl Population {
         (objects, errors)
     }
 
-    fn see(
+    /// The object of that index as it is seen during an exposure, wherever it stands; `earth` is that of mid-exposure.
+    ///
+    /// Errors: its orbit has no answer.
+    pub fn see(
         &self,
         index: usize,
-        object: &Object,
         earth: &Earth,
         shutter: &Shutter,
         corrections: &Corrections,
     ) -> Result<SeenObject, OrbitError> {
-        let object = object.settled(shutter[1].epoch);
+        let object = self.objects[index].settled(shutter[1].epoch);
         let at = |observer: &Observer| object_direction(|t| object.state(t), observer, corrections);
         let line = |seen: &ApparentObject| seen.direction * seen.range_m;
-        let apparent = at(&shutter[1])?;
+        let (apparent, start, end) = (at(&shutter[1])?, at(&shutter[0])?, at(&shutter[2])?);
         let observer_m = shutter[1].position_m;
         let sun_m = shutter[1].bodies.sun_apparent_m();
         let to_sun = sun_m - apparent.seen_at_m;
         let phase = phase_angle(&to_sun, &(observer_m - apparent.seen_at_m));
+        let reflective_area = match self.looks.get(&object.id) {
+            None => self.sphere.reflective_area(phase),
+            Some(Look::Sphere(sphere)) => sphere.reflective_area(phase),
+            Some(Look::Body(body)) => body.mean_reflective_area(&Passage {
+                observers: shutter,
+                seen: [&start, &apparent, &end],
+                sun_m,
+                light_time: corrections.light_time,
+            }),
+        };
         Ok(SeenObject {
             index,
-            lines_m: [
-                line(&at(&shutter[0])?),
-                line(&apparent),
-                line(&at(&shutter[2])?),
-            ],
+            lines_m: [line(&start), line(&apparent), line(&end)],
             phase,
             illumination: earth.illumination(apparent.seen_at_m, sun_m),
             occulted: earth.occults(observer_m, apparent.seen_at_m),
-            mag: self
-                .sphere
-                .magnitude(phase, to_sun.norm(), apparent.range_m),
+            mag: magnitude(reflective_area, to_sun.norm(), apparent.range_m),
             apparent,
         })
     }

@@ -1,0 +1,209 @@
+//! `[objects]` of a scene and the population file that it may name: who is in orbit, and what is known of whose looks.
+
+use super::shapes::{RawAttitude, RawShape, RawSphere};
+use crate::load::{Check, ConfigError, Folder, advice, orbits, parse};
+use crate::sky::look::Body;
+use crate::sky::photometry::Sphere;
+use crate::sky::population::{Look, Looks};
+use crate::sky::shape::Shape;
+use serde::Deserialize;
+use skyloop_orbit::Object;
+use std::collections::{BTreeMap, HashSet};
+use std::sync::Arc;
+
+/// The objects of a scene.
+#[derive(Debug, Default)]
+pub struct Objects {
+    /// Orbits and names.
+    pub objects: Vec<Object>,
+    /// What is known of some of them.
+    pub looks: Looks,
+    /// Records of their files that were refused, one line each.
+    pub rejected: Vec<String>,
+    /// What stands for all others.
+    pub sphere: Sphere,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawObjects {
+    population: Option<String>,
+    files: Vec<String>,
+    diameter_m: f64,
+    reflectance: f64,
+    diffuse: f64,
+    specular: f64,
+}
+
+impl Default for RawObjects {
+    fn default() -> Self {
+        let sphere = Sphere::default();
+        RawObjects {
+            population: None,
+            files: Vec::new(),
+            diameter_m: sphere.diameter_m,
+            reflectance: sphere.reflectance,
+            diffuse: sphere.diffuse,
+            specular: sphere.specular,
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawPopulation {
+    objects: Vec<RawEntry>,
+    #[serde(default)]
+    shapes: BTreeMap<String, RawShape>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawEntry {
+    files: Option<Vec<String>>,
+    object: Option<String>,
+    sphere: Option<RawSphere>,
+    shape: Option<String>,
+    attitude: Option<RawAttitude>,
+}
+
+impl RawObjects {
+    /// The objects of the population file first, then those of `files`.
+    pub fn validate(self, check: &Check, folder: &Folder) -> Result<Objects, ConfigError> {
+        let sphere = RawSphere {
+            diameter_m: self.diameter_m,
+            reflectance: self.reflectance,
+            diffuse: self.diffuse,
+            specular: self.specular,
+        };
+        let mut all = Objects {
+            sphere: sphere.validate("objects", check)?,
+            ..Objects::default()
+        };
+        if let Some(name) = &self.population {
+            let (file, text) = folder
+                .read(name)
+                .map_err(|error| check.explain("objects.population", error))?;
+            let raw: RawPopulation = parse(&file, &text)?;
+            raw.add(&Check { file: &file }, &folder.beside(name), &mut all)?;
+        }
+        // What the population says of an object counts: the file has the rest.
+        let known: HashSet<String> = all.looks.keys().cloned().collect();
+        for name in &self.files {
+            all.add_file(folder, name, &known)
+                .map_err(|error| check.explain("objects.files", error))?;
+        }
+        Ok(all)
+    }
+}
+
+impl RawPopulation {
+    /// Objects that an entry selects are left out of files that others bring whole.
+    fn add(self, check: &Check, folder: &Folder, all: &mut Objects) -> Result<(), ConfigError> {
+        let mut shapes = BTreeMap::new();
+        for (name, raw) in self.shapes {
+            let shape = raw.validate(&format!("shapes.{name}"), check)?;
+            shapes.insert(name, shape);
+        }
+        let mut selected = HashSet::new();
+        let mut entries = Vec::new();
+        for (i, entry) in self.objects.into_iter().enumerate() {
+            let key = format!("objects[{i}]");
+            let look = entry.look(&key, &shapes, check)?;
+            let one = match (&entry.object, &entry.files) {
+                (Some(selector), None) => {
+                    let key = format!("{key}.object");
+                    let one = orbits::one(folder, selector, &mut all.rejected)
+                        .map_err(|error| check.explain(&key, error))?;
+                    if !selected.insert(one.id.clone()) {
+                        let reason = format!(
+                            "{} is selected by an earlier entry: keep one of the two",
+                            one.label()
+                        );
+                        return Err(check.explain(&key, reason));
+                    }
+                    Some(one)
+                }
+                (None, Some(files)) if !files.is_empty() => None,
+                _ => {
+                    let reason = "give either object = \"FILE:NAME\", or files = [\"FILE\", ...] with at least one file";
+                    return Err(check.explain(&key, reason));
+                }
+            };
+            entries.push((key, entry.files.unwrap_or_default(), one, look));
+        }
+        for (key, files, one, look) in entries {
+            let first = all.objects.len();
+            all.objects.extend(one);
+            for (i, name) in files.iter().enumerate() {
+                all.add_file(folder, name, &selected)
+                    .map_err(|error| check.explain(&format!("{key}.files[{i}]"), error))?;
+            }
+            for object in &all.objects[first..] {
+                all.looks.insert(object.id.clone(), look.clone());
+            }
+        }
+        Ok(())
+    }
+}
+
+impl RawEntry {
+    /// What the entry says of the looks of its objects.
+    fn look(
+        &self,
+        key: &str,
+        shapes: &BTreeMap<String, Shape>,
+        check: &Check,
+    ) -> Result<Look, ConfigError> {
+        match (&self.sphere, &self.shape, &self.attitude) {
+            (Some(sphere), None, None) => {
+                let sphere = sphere.validate(&format!("{key}.sphere"), check)?;
+                Ok(Look::Sphere(sphere))
+            }
+            (None, Some(name), Some(attitude)) => {
+                let Some(shape) = shapes.get(name) else {
+                    let known: Vec<&str> = shapes.keys().map(String::as_str).collect();
+                    let allowed = match known.is_empty() {
+                        true => format!("a shape of this file: add [shapes.{name}]"),
+                        false => format!("one of the shapes{}", advice(name, &known)),
+                    };
+                    return Err(check.refuse(
+                        &format!("{key}.shape"),
+                        format!("{name:?}"),
+                        allowed,
+                    ));
+                };
+                Ok(Look::Body(Arc::new(Body {
+                    shape: shape.clone(),
+                    attitude: attitude.validate(&format!("{key}.attitude"), check)?,
+                })))
+            }
+            (None, Some(_), None) => {
+                let reason =
+                    "a shape looks different from each side: add attitude = { mode = ... }";
+                Err(check.explain(key, reason))
+            }
+            (_, None, Some(_)) => {
+                let reason = "an attitude turns a shape: add shape = \"NAME\", or leave it out";
+                Err(check.explain(key, reason))
+            }
+            (Some(_), Some(_), _) => Err(check.explain(key, "give sphere or shape, not both")),
+            (None, None, None) => {
+                let reason = "says nothing of its objects: give sphere = { diameter_m = ... }, or shape and attitude";
+                Err(check.explain(key, reason))
+            }
+        }
+    }
+}
+
+impl Objects {
+    /// Adds the objects of a file but those of the ids `without`.
+    fn add_file(
+        &mut self,
+        folder: &Folder,
+        name: &str,
+        without: &HashSet<String>,
+    ) -> Result<(), ConfigError> {
+        orbits::add_without(folder, name, without, &mut self.objects, &mut self.rejected)
+    }
+}

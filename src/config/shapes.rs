@@ -1,0 +1,328 @@
+//! What a population file says of looks: spheres, shapes and attitudes.
+
+use super::utc;
+use crate::attitude::Attitude;
+use crate::load::{Check, ConfigError, Fixed, RawTime};
+use crate::sky::body_attitude::BodyAttitude;
+use crate::sky::photometry::Sphere;
+use crate::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
+use nalgebra::{Unit, Vector3};
+use serde::Deserialize;
+use std::ops::RangeInclusive;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RawSphere {
+    pub diameter_m: f64,
+    pub reflectance: f64,
+    pub diffuse: f64,
+    pub specular: f64,
+}
+
+impl Default for RawSphere {
+    fn default() -> Self {
+        let sphere = Sphere::default();
+        RawSphere {
+            diameter_m: sphere.diameter_m,
+            reflectance: sphere.reflectance,
+            diffuse: sphere.diffuse,
+            specular: sphere.specular,
+        }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawShape {
+    parts: Vec<RawPart>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawPart {
+    kind: String,
+    area_m2: Option<f64>,
+    normal: Option<Fixed<f64, 3>>,
+    two_sided: Option<bool>,
+    sun_axis: Option<Fixed<f64, 3>>,
+    size_m: Option<Fixed<f64, 3>>,
+    axis: Option<Fixed<f64, 3>>,
+    diameter_m: Option<f64>,
+    top_diameter_m: Option<f64>,
+    length_m: Option<f64>,
+    ends: Option<String>,
+    reflectance: Option<f64>,
+    diffuse: Option<f64>,
+    specular: Option<f64>,
+    lobe_deg: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawAttitude {
+    mode: String,
+    q: Option<Fixed<f64, 4>>,
+    utc: Option<RawTime>,
+    rates_deg_s: Option<Fixed<f64, 3>>,
+}
+
+/// The keys of each kind of part beside those of all: needed ones, then others.
+const KINDS: &[(&str, &[&str], &[&str])] = &[
+    ("plate", &["area_m2", "normal"], &["two_sided", "sun_axis"]),
+    ("box", &["size_m"], &[]),
+    ("cylinder", &["axis", "diameter_m", "length_m"], &["ends"]),
+    (
+        "cone",
+        &["axis", "diameter_m", "length_m"],
+        &["top_diameter_m", "ends"],
+    ),
+    ("sphere", &["diameter_m"], &[]),
+];
+
+/// Attitudes, their needed keys and others.
+const MODES: &[(&str, &[&str], &[&str])] = &[
+    ("inertial", &["q"], &[]),
+    ("nadir", &[], &["q"]),
+    ("spin", &["q", "utc", "rates_deg_s"], &[]),
+];
+
+/// Lengths of parts, m.
+const LENGTHS: RangeInclusive<f64> = 1e-3..=1e4;
+/// Parts that a shape may have: their light is worked out in up to hundreds of instants a frame.
+const MOST_PARTS: usize = 200;
+
+impl RawSphere {
+    pub fn validate(&self, key: &str, check: &Check) -> Result<Sphere, ConfigError> {
+        let of = |name: &str| format!("{key}.{name}");
+        let sphere = Sphere {
+            diameter_m: check.range(&of("diameter_m"), self.diameter_m, 1e-6..=1e6)?,
+            reflectance: check.range(&of("reflectance"), self.reflectance, 0.0..=1.0)?,
+            diffuse: check.range(&of("diffuse"), self.diffuse, 0.0..=1.0)?,
+            specular: check.range(&of("specular"), self.specular, 0.0..=1.0)?,
+        };
+        no_more_than_all(key, [sphere.diffuse, sphere.specular], "sphere", check)?;
+        Ok(sphere)
+    }
+}
+
+fn no_more_than_all(
+    key: &str,
+    [diffuse, specular]: [f64; 2],
+    what: &str,
+    check: &Check,
+) -> Result<(), ConfigError> {
+    if diffuse + specular <= 1.0 + 1e-9 {
+        return Ok(());
+    }
+    let more = format!(
+        "{key}.diffuse + {key}.specular is above 1 ({diffuse} + {specular}): the {what} would return more light than it takes"
+    );
+    Err(check.explain(key, more))
+}
+
+impl RawShape {
+    pub fn validate(self, key: &str, check: &Check) -> Result<Shape, ConfigError> {
+        let key = format!("{key}.parts");
+        if !(1..=MOST_PARTS).contains(&self.parts.len()) {
+            let allowed = format!("1 to {MOST_PARTS} parts, such as {{ kind = \"plate\", ... }}");
+            let given = format!("{} parts", self.parts.len());
+            return Err(check.refuse(&key, given, allowed));
+        }
+        let mut shape = Shape::default();
+        for (i, part) in self.parts.iter().enumerate() {
+            part.add(&mut shape, &format!("{key}[{i}]"), check)?;
+        }
+        Ok(shape)
+    }
+}
+
+impl RawPart {
+    fn add(&self, shape: &mut Shape, key: &str, check: &Check) -> Result<(), ConfigError> {
+        only_its_keys(key, "kind", &self.kind, KINDS, &self.given(), check)?;
+        let surface = self.surface(key, check)?;
+        let length = |name: &str, value: Option<f64>| {
+            check.range(&format!("{key}.{name}"), value.unwrap_or(0.0), LENGTHS)
+        };
+        match self.kind.as_str() {
+            "plate" => {
+                let area = self.area_m2.unwrap_or(0.0);
+                let of = format!("{key}.area_m2");
+                let plate = Plate {
+                    area_m2: check.range_in("m^2", &of, area, 1e-6..=1e6)?,
+                    normal: direction(&format!("{key}.normal"), &self.normal, check)?,
+                    two_sided: self.two_sided.unwrap_or(false),
+                    hinge: match self.sun_axis {
+                        Some(_) => {
+                            let of = format!("{key}.sun_axis");
+                            Some(direction(&of, &self.sun_axis, check)?)
+                        }
+                        None => None,
+                    },
+                };
+                shape.plate(plate, surface);
+            }
+            "box" => {
+                let Fixed(size) = self.size_m.unwrap_or(Fixed([0.0; 3]));
+                shape.cuboid(
+                    check.each(&format!("{key}.size_m"), size, LENGTHS)?,
+                    surface,
+                );
+            }
+            "sphere" => shape.sphere(length("diameter_m", self.diameter_m)?, surface),
+            kind => {
+                let axis = direction(&format!("{key}.axis"), &self.axis, check)?;
+                let base_m = length("diameter_m", self.diameter_m)?;
+                let top_m = if kind == "cylinder" {
+                    base_m
+                } else {
+                    let of = format!("{key}.top_diameter_m");
+                    check.range(&of, self.top_diameter_m.unwrap_or(0.0), 0.0..=1e4)?
+                };
+                let length_m = length("length_m", self.length_m)?;
+                let ends = self.ends(key, check)?;
+                shape.cone(axis, [base_m, top_m], length_m, ends, surface);
+            }
+        }
+        Ok(())
+    }
+
+    fn given(&self) -> Vec<&'static str> {
+        let given = [
+            ("area_m2", self.area_m2.is_some()),
+            ("normal", self.normal.is_some()),
+            ("two_sided", self.two_sided.is_some()),
+            ("sun_axis", self.sun_axis.is_some()),
+            ("size_m", self.size_m.is_some()),
+            ("axis", self.axis.is_some()),
+            ("diameter_m", self.diameter_m.is_some()),
+            ("top_diameter_m", self.top_diameter_m.is_some()),
+            ("length_m", self.length_m.is_some()),
+            ("ends", self.ends.is_some()),
+        ];
+        names(&given)
+    }
+
+    fn surface(&self, key: &str, check: &Check) -> Result<Surface, ConfigError> {
+        let default = Sphere::default();
+        let share = |name: &str, value: Option<f64>, default: f64| {
+            check.range(
+                &format!("{key}.{name}"),
+                value.unwrap_or(default),
+                0.0..=1.0,
+            )
+        };
+        let surface = Surface {
+            reflectance: share("reflectance", self.reflectance, default.reflectance)?,
+            diffuse: share("diffuse", self.diffuse, default.diffuse)?,
+            specular: share("specular", self.specular, default.specular)?,
+            lobe: match self.lobe_deg {
+                Some(deg) => {
+                    let narrowest = Lobe::NARROWEST.to_degrees();
+                    let of = format!("{key}.lobe_deg");
+                    let deg = check.range_in("deg", &of, deg, narrowest..=90.0)?;
+                    Lobe::smooth(deg.to_radians())
+                }
+                None => Lobe::mirror(),
+            },
+        };
+        no_more_than_all(key, [surface.diffuse, surface.specular], "part", check)?;
+        Ok(surface)
+    }
+
+    fn ends(&self, key: &str, check: &Check) -> Result<Ends, ConfigError> {
+        let (base, top) = match self.ends.as_deref() {
+            None | Some("both") => (true, true),
+            Some("base") => (true, false),
+            Some("top") => (false, true),
+            Some("none") => (false, false),
+            Some(other) => {
+                let allowed = "\"both\", \"base\", \"top\" or \"none\": which are closed";
+                return Err(check.refuse(&format!("{key}.ends"), format!("{other:?}"), allowed));
+            }
+        };
+        Ok(Ends { base, top })
+    }
+}
+
+impl RawAttitude {
+    pub fn validate(&self, key: &str, check: &Check) -> Result<BodyAttitude, ConfigError> {
+        let given = names(&[
+            ("q", self.q.is_some()),
+            ("utc", self.utc.is_some()),
+            ("rates_deg_s", self.rates_deg_s.is_some()),
+        ]);
+        only_its_keys(key, "mode", &self.mode, MODES, &given, check)?;
+        let attitude = match self.q {
+            Some(Fixed(q)) => {
+                Attitude::from_xyzw(q).map_err(|error| check.explain(&format!("{key}.q"), error))?
+            }
+            None => Attitude::identity(),
+        };
+        let (Some(time), Some(Fixed(rates))) = (&self.utc, self.rates_deg_s) else {
+            return Ok(match self.mode.as_str() {
+                "nadir" => BodyAttitude::Nadir(attitude),
+                _ => BodyAttitude::Inertial(attitude),
+            });
+        };
+        let rates = check.each(&format!("{key}.rates_deg_s"), rates, -36000.0..=36000.0)?;
+        Ok(BodyAttitude::Spin {
+            epoch: utc(check, &format!("{key}.utc"), time)?,
+            attitude,
+            rates: Vector3::from(rates.map(f64::to_radians)),
+        })
+    }
+}
+
+fn names(given: &[(&'static str, bool)]) -> Vec<&'static str> {
+    let is_given = given.iter().filter(|(_, is_given)| *is_given);
+    is_given.map(|(name, _)| *name).collect()
+}
+
+/// Refuses an unknown kind, keys that mean nothing to a known one, and a lack of those that it needs.
+fn only_its_keys(
+    key: &str,
+    what: &str,
+    kind: &str,
+    kinds: &[(&str, &[&str], &[&str])],
+    given: &[&str],
+    check: &Check,
+) -> Result<(), ConfigError> {
+    let Some((_, needed, others)) = kinds.iter().find(|(known, ..)| *known == kind) else {
+        let known: Vec<String> = kinds
+            .iter()
+            .map(|(known, ..)| format!("{known:?}"))
+            .collect();
+        let allowed = format!("one of {}", known.join(", "));
+        return Err(check.refuse(&format!("{key}.{what}"), format!("{kind:?}"), allowed));
+    };
+    let takes = [*needed, *others].concat().join(", ");
+    if let Some(name) = given
+        .iter()
+        .find(|name| !needed.contains(name) && !others.contains(name))
+    {
+        let reason = format!("means nothing to {what} {kind:?}, which takes {takes}");
+        return Err(check.explain(&format!("{key}.{name}"), reason));
+    }
+    if let Some(name) = needed.iter().find(|name| !given.contains(name)) {
+        let reason = format!(
+            "the key `{name}` is missing: {what} {kind:?} needs {}",
+            needed.join(", ")
+        );
+        return Err(check.explain(key, reason));
+    }
+    Ok(())
+}
+
+/// A direction of any length but none.
+fn direction(
+    key: &str,
+    given: &Option<Fixed<f64, 3>>,
+    check: &Check,
+) -> Result<Unit<Vector3<f64>>, ConfigError> {
+    let Fixed(axes) = given.unwrap_or(Fixed([0.0; 3]));
+    let axes = check.each(key, axes, -1e6..=1e6)?;
+    Unit::try_new(Vector3::from(axes), 1e-9).ok_or_else(|| {
+        let allowed = "a direction [x, y, z] in body axes, not zero; any length";
+        check.refuse(key, format!("{axes:?}"), allowed)
+    })
+}

@@ -1,0 +1,205 @@
+//! Shapes of objects in orbit: facets whose reflective areas add up, Eq. (6) of Clark et al. 2021.
+//!
+//! Plates, the sides of cylinders and cones, and spheres; boxes and closed bodies are made of them. A facet that faces away from the Sun or
+//! from the sensor is dark. Parts neither shade nor hide each other, and light does not go from one to another: a panel behind a body is
+//! as bright as one beside it. Where a shape's own shadow counts, its parts must be chosen so that what is hidden is left out.
+
+mod ring;
+mod surface;
+
+pub use surface::{Lobe, Surface};
+
+use super::photometry::{Sphere, phase_angle};
+use nalgebra::{Unit, Vector3};
+use ring::Ring;
+use std::f64::consts::PI;
+
+/// What an object is made of; axes of its body.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Shape {
+    facets: Vec<Facet>,
+}
+
+/// A part with one kind of surface.
+#[derive(Debug, Clone, PartialEq)]
+struct Facet {
+    form: Form,
+    surface: Surface,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Form {
+    Plate(Plate),
+    Ring(Ring),
+    /// Its diameter, m.
+    Sphere(f64),
+}
+
+/// A flat piece of surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plate {
+    /// Area of one side, m^2.
+    pub area_m2: f64,
+    /// Normal of its front, unit vector.
+    pub normal: Unit<Vector3<f64>>,
+    /// Whether its back is a surface too.
+    pub two_sided: bool,
+    /// The body axis that it turns about to face the Sun as well as it can.
+    pub hinge: Option<Unit<Vector3<f64>>>,
+}
+
+/// Which ends of a cylinder or a cone are closed: at the foot of its axis, and at the tip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ends {
+    /// Where the axis comes from.
+    pub base: bool,
+    /// Where the axis points.
+    pub top: bool,
+}
+
+/// The turn of a body over which diffuse light changes little, rad.
+const DIFFUSE_DETAIL: f64 = 0.2;
+
+impl Shape {
+    /// Adds a plate.
+    pub fn plate(&mut self, plate: Plate, surface: Surface) {
+        let form = Form::Plate(plate);
+        self.facets.push(Facet { form, surface });
+    }
+
+    /// Adds a box of edges `size_m` along the body's axes: six plates, or nothing where an edge is 0.
+    pub fn cuboid(&mut self, size_m: [f64; 3], surface: Surface) {
+        let [x, y, z] = size_m;
+        for (axis, area_m2) in [
+            (Vector3::x_axis(), y * z),
+            (Vector3::y_axis(), z * x),
+            (Vector3::z_axis(), x * y),
+        ] {
+            for normal in [axis, -axis] {
+                self.plate(Plate::new(area_m2, normal), surface);
+            }
+        }
+    }
+
+    /// Adds a cone, cut off where its diameter is that of its top: a cylinder where both diameters are the same. Lengths in m.
+    pub fn cone(
+        &mut self,
+        axis: Unit<Vector3<f64>>,
+        [base_m, top_m]: [f64; 2],
+        length_m: f64,
+        ends: Ends,
+        surface: Surface,
+    ) {
+        // The side's normals lean towards the narrower end; its area is pi (r1 + r2) times its slant height.
+        let narrowing = (base_m - top_m) / 2.0;
+        let slant_m = libm::hypot(length_m, narrowing);
+        let area_m2 = PI * (base_m + top_m) / 2.0 * slant_m;
+        let elevation = libm::atan2(narrowing, length_m);
+        let form = Form::Ring(Ring::new(axis.into_inner(), elevation, area_m2));
+        self.facets.push(Facet { form, surface });
+        for (closed, diameter_m, normal) in [(ends.base, base_m, -axis), (ends.top, top_m, axis)] {
+            if closed && diameter_m > 0.0 {
+                let area_m2 = PI * diameter_m * diameter_m / 4.0;
+                self.plate(Plate::new(area_m2, normal), surface);
+            }
+        }
+    }
+
+    /// Adds a sphere, Eqs. (7) and (8): its lobe does not count, for mirrors of all directions add up to the same light everywhere.
+    pub fn sphere(&mut self, diameter_m: f64, surface: Surface) {
+        let form = Form::Sphere(diameter_m);
+        self.facets.push(Facet { form, surface });
+    }
+
+    /// Eq. (6): `rho A F` (m^2/sr), summed over the facets, for the unit vectors to the Sun and to the sensor in axes of the body.
+    ///
+    /// Plates and spheres are exact, sides of cylinders and cones within 1e-4.
+    pub fn reflective_area(&self, to_sun: &Vector3<f64>, to_sensor: &Vector3<f64>) -> f64 {
+        let facets = self.facets.iter();
+        facets
+            .map(|facet| facet.reflective_area(to_sun, to_sensor))
+            .sum()
+    }
+
+    /// How many facets it has, and at least one.
+    pub fn facets(&self) -> usize {
+        self.facets.len().max(1)
+    }
+
+    /// The turn of the body (rad) over which its light may change much: that which takes the narrowest lobe past a sensor.
+    pub fn detail(&self) -> f64 {
+        let details = self.facets.iter().map(|facet| match facet.form {
+            Form::Plate(_) | Form::Ring(_) if facet.surface.specular > 0.0 => {
+                facet.surface.lobe.edge()
+            }
+            _ => DIFFUSE_DETAIL,
+        });
+        details.fold(DIFFUSE_DETAIL, f64::min)
+    }
+}
+
+impl Facet {
+    fn reflective_area(&self, to_sun: &Vector3<f64>, to_sensor: &Vector3<f64>) -> f64 {
+        let Surface {
+            reflectance,
+            diffuse,
+            specular,
+            ..
+        } = self.surface;
+        match &self.form {
+            Form::Plate(plate) => plate.reflective_area(&self.surface, to_sun, to_sensor),
+            Form::Ring(ring) => ring.reflective_area(&self.surface, to_sun, to_sensor),
+            Form::Sphere(diameter_m) => Sphere {
+                diameter_m: *diameter_m,
+                reflectance,
+                diffuse,
+                specular,
+            }
+            .reflective_area(phase_angle(to_sun, to_sensor)),
+        }
+    }
+}
+
+impl Plate {
+    /// One-sided and fixed.
+    pub fn new(area_m2: f64, normal: Unit<Vector3<f64>>) -> Plate {
+        Plate {
+            area_m2,
+            normal,
+            two_sided: false,
+            hinge: None,
+        }
+    }
+
+    fn reflective_area(
+        &self,
+        surface: &Surface,
+        to_sun: &Vector3<f64>,
+        to_sensor: &Vector3<f64>,
+    ) -> f64 {
+        let normal = self.turned(to_sun);
+        let (mut sun, mut seen) = (normal.dot(to_sun), normal.dot(to_sensor));
+        if self.two_sided && sun < 0.0 {
+            (sun, seen) = (-sun, -seen);
+        }
+        if sun <= 0.0 || seen <= 0.0 {
+            return 0.0;
+        }
+        self.area_m2 * surface.reflected(sun, seen, to_sun.dot(to_sensor))
+    }
+
+    /// Its normal once it has turned about its hinge until the Sun stands as high over it as can be. With the Sun on the hinge's own
+    /// line all turns are alike, and it stays.
+    fn turned(&self, to_sun: &Vector3<f64>) -> Vector3<f64> {
+        let normal = self.normal.into_inner();
+        let Some(hinge) = self.hinge else {
+            return normal;
+        };
+        let across = |v: &Vector3<f64>| v - hinge.into_inner() * hinge.dot(v);
+        let (own, wanted) = (across(&normal), across(to_sun));
+        match wanted.try_normalize(1e-9) {
+            Some(wanted) => hinge.into_inner() * hinge.dot(&normal) + wanted * own.norm(),
+            None => normal,
+        }
+    }
+}

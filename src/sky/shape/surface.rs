@@ -1,0 +1,128 @@
+//! How a surface shares out the light that it takes: Lambert's law, and a lobe about the mirror direction.
+
+use crate::sky::bodies::{AU_M, SUN_RADIUS_M};
+use std::f64::consts::PI;
+
+/// What a surface does with light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surface {
+    /// Reflectance `rho` (1).
+    pub reflectance: f64,
+    /// Hejduk's diffuse mixing coefficient `B_diff` (1).
+    pub diffuse: f64,
+    /// Hejduk's specular mixing coefficient `B_spec` (1).
+    pub specular: f64,
+    /// Where what is mirrored goes.
+    pub lobe: Lobe,
+}
+
+/// The light that a small piece of surface mirrors, over directions: a cap about the mirror direction.
+///
+/// With `x = (1 - cos a) / (1 - cos w)`, `a` the angle from the mirror direction and `w` the cap's radius, its density (1/sr) is
+///
+/// ```text
+/// L = (k + 1) (1 - x)^k / (2 pi (1 - cos w))   for x < 1, else 0
+/// ```
+///
+/// whose integral over all directions is 1 for any `w`. A mirror shows the Sun's disc (`k = 0`): its radiance is the Sun's, so that
+/// a lossless one fills the Sun's solid angle and no more. A glossy surface has `k = 2`, which goes out smoothly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lobe {
+    /// Radius of the cap, rad.
+    edge: f64,
+    /// `1 - cos` of it.
+    depth: f64,
+    /// The power `k`.
+    smooth: bool,
+}
+
+impl Lobe {
+    /// The narrowest smooth lobe, rad. Its middle has three times the density of its mean: narrower than sqrt(3) times the Sun's radius
+    /// (0.462 deg, here rounded up) it would be brighter than the Sun.
+    pub const NARROWEST: f64 = 0.5 * PI / 180.0;
+
+    /// That of a mirror: the Sun's disc as seen from 1 au (0.266 deg; over the year it is up to 1.7 % larger or smaller).
+    pub fn mirror() -> Lobe {
+        Lobe::new(libm::asin(SUN_RADIUS_M / AU_M), false)
+    }
+
+    /// A smooth lobe that ends at `edge` (rad), from [`Lobe::NARROWEST`] to a right angle.
+    pub fn smooth(edge: f64) -> Lobe {
+        Lobe::new(edge.clamp(Lobe::NARROWEST, PI / 2.0), true)
+    }
+
+    fn new(edge: f64, smooth: bool) -> Lobe {
+        let half = libm::sin(edge / 2.0);
+        Lobe {
+            edge,
+            depth: 2.0 * half * half,
+            smooth,
+        }
+    }
+
+    /// Radius, rad.
+    pub fn edge(&self) -> f64 {
+        self.edge
+    }
+
+    /// Cosine of the radius.
+    pub fn cos_edge(&self) -> f64 {
+        1.0 - self.depth
+    }
+
+    /// Density (1/sr) where the cosine of the angle from the mirror direction is `cos`.
+    pub fn density(&self, cos: f64) -> f64 {
+        let within = 1.0 - (1.0 - cos) / self.depth;
+        if within <= 0.0 {
+            return 0.0;
+        }
+        let mean = 1.0 / (2.0 * PI * self.depth);
+        if self.smooth {
+            3.0 * within * within * mean
+        } else {
+            mean
+        }
+    }
+}
+
+impl Surface {
+    /// Eq. (6) of a lit and seen piece of surface, per area (1/sr): `rho (B_diff F_diff + B_spec F_spec)` with
+    ///
+    /// ```text
+    /// F_diff = (n . s) (n . o) / pi
+    /// F_spec = (n . s) [L(r . o) + L(-s . o)],   r = 2 (n . s) n - s
+    /// ```
+    ///
+    /// for the cosines `sun = n . s` and `seen = n . o`, both above 0, and `apart = s . o`. The second term of `F_spec` is the part of the
+    /// lobe that would go into the surface at grazing light, turned back at it: with it no light is lost.
+    pub fn reflected(&self, sun: f64, seen: f64, apart: f64) -> f64 {
+        let mirrored = 2.0 * sun * seen - apart;
+        let lobes = self.lobe.density(mirrored) + self.lobe.density(-apart);
+        self.reflectance * (self.diffuse * sun * seen / PI + self.specular * sun * lobes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lobe_holds_all_its_light_and_no_more_radiance_than_the_sun() {
+        const STEPS: usize = 200_000;
+        let solid_angle = PI * (SUN_RADIUS_M / AU_M).powi(2);
+        for lobe in [
+            Lobe::mirror(),
+            Lobe::smooth(0.0),
+            Lobe::smooth(0.3),
+            Lobe::smooth(PI / 2.0),
+        ] {
+            // Even steps of the cosine are even steps of the solid angle.
+            let ring = 2.0 * PI * lobe.depth / STEPS as f64;
+            let at = |i: usize| 1.0 - lobe.depth * (i as f64 + 0.5) / STEPS as f64;
+            let all: f64 = (0..STEPS).map(|i| lobe.density(at(i)) * ring).sum();
+            assert!((all - 1.0).abs() < 1e-6, "{lobe:?}: {all}");
+            assert!(lobe.density(1.0) <= 1.0001 / solid_angle, "{lobe:?}");
+            assert_eq!(lobe.density(lobe.cos_edge() - 1e-9), 0.0);
+        }
+    }
+}
