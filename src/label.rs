@@ -192,7 +192,7 @@ pub struct ObjectLabel {
     /// `(y1 - y0) / exposure`.
     #[serde(serialize_with = "e6")]
     pub vy_px_s: f64,
-    /// V; of an RSO by Clark et al. 2021, Eq. (9), in full sunlight.
+    /// V; of an RSO by Clark et al. 2021, Eq. (9), in full sunlight, mean over the exposure.
     #[serde(serialize_with = "e4")]
     pub mag: f64,
     /// `-2.5 log10(E / E_zero)` of the light that arrives; null where none does.
@@ -370,8 +370,7 @@ fn why_not_visible(source: &Source, in_frame: bool) -> Option<String> {
         return Some("its centroid is outside the frame".to_string());
     }
     match source.hidden {
-        Some(Hidden::ByEarth) => Some("behind the Earth".to_string()),
-        Some(Hidden::InShadow) => Some("in the Earth's shadow".to_string()),
+        Some(hidden) => Some(why_hidden(hidden).to_string()),
         None if source.snr < VISIBLE_SNR => {
             let dimmed = match &source.body {
                 Body::Rso(seen) if seen.illumination < 1.0 => ", in the Earth's penumbra",
@@ -380,6 +379,14 @@ fn why_not_visible(source: &Source, in_frame: bool) -> Option<String> {
             Some(too_faint(dimmed, source.snr))
         }
         None => None,
+    }
+}
+
+/// Why no light of an object arrives, as its label says it.
+pub fn why_hidden(hidden: Hidden) -> &'static str {
+    match hidden {
+        Hidden::ByEarth => "behind the Earth",
+        Hidden::InShadow => "in the Earth's shadow",
     }
 }
 

@@ -267,6 +267,7 @@ fn the_default_file_holds_with_every_commented_key_in_force() {
         1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
         2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
     std::fs::write(folder.path().join("FILE"), elements).unwrap();
+    std::fs::write(folder.path().join("POPULATION"), "objects = []\n").unwrap();
     let folder = Folder::Disk(folder.path().to_path_buf());
     let mut config = Config::parse("default.toml", &uncommented(), &folder).unwrap();
     let sequence = config.sequence.take().unwrap();
@@ -345,6 +346,36 @@ fn the_readme_lists_the_cameras_keys() {
         .into_iter()
         .filter(|key| !CAMERAS.contains(&key.as_str()));
     assert_eq!(keys.collect::<Names>(), wanted);
+}
+
+#[test]
+fn the_readme_lists_a_populations_keys() {
+    let folder = tempfile::tempdir().unwrap();
+    let probe = |population: &str, table: &str| {
+        std::fs::write(folder.path().join("people.toml"), population).unwrap();
+        let scene = "[objects]\npopulation = \"people.toml\"";
+        let folder = Folder::Disk(folder.path().to_path_buf());
+        known(
+            Config::parse("scene.toml", scene, &folder).unwrap_err(),
+            table,
+        )
+    };
+    let mut wanted = probe("no_such_key = 1", "");
+    wanted.remove("shapes");
+    wanted.remove("objects");
+    for (text, table) in [
+        ("[[objects]]\nno_such_key = 1", "objects."),
+        ("[[objects]]\nsphere = { no_such_key = 1 }", "sphere."),
+        ("[[objects]]\nattitude = { no_such_key = 1 }", "attitude."),
+        ("[shapes.thing]\nno_such_key = 1", "shapes.NAME."),
+        ("[shapes.thing]\nparts = [{ no_such_key = 1 }]", "parts."),
+    ] {
+        wanted.extend(probe(&format!("{text}\n"), table));
+    }
+    for table in ["objects.sphere", "objects.attitude"] {
+        assert!(wanted.remove(table), "{table}");
+    }
+    assert_eq!(first_column(section(README, "## Populations")), wanted);
 }
 
 #[test]

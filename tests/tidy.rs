@@ -17,7 +17,8 @@ const LAYERS: &[&[&str]] = &[
     &["effect"],
     &["config", "plan"],
     &["flight", "label", "render"],
-    &["engine", "output"],
+    &["engine", "light_curve"],
+    &["output"],
     &["measure", "stats"],
     &["serve"],
 ];

@@ -1,6 +1,7 @@
 //! The command line. A command is a file here and a line in [`Command`].
 
 mod instruments;
+mod lightcurve;
 mod loopback;
 mod plan;
 #[cfg(target_os = "linux")]
@@ -42,6 +43,8 @@ enum Command {
     Render(Box<render::Args>),
     /// Say what a frame simulates and what not, why, and what that costs
     Plan(plan::Args),
+    /// Write the magnitude of an object against time, as a table and a plot
+    Lightcurve(lightcurve::Args),
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
     #[cfg(target_os = "linux")]
     Pty(pty::Args),
@@ -57,6 +60,7 @@ impl Cli {
             Command::Run(args) => run::run(args),
             Command::Render(args) => render::run(*args),
             Command::Plan(args) => plan::run(args),
+            Command::Lightcurve(args) => lightcurve::run(args),
             #[cfg(target_os = "linux")]
             Command::Pty(args) => pty::run(args),
             Command::Replay(args) => replay::run(args, self.verbose),

@@ -59,7 +59,7 @@ fn is_ours(name: &str) -> bool {
     })
 }
 
-/// An output folder without files of an earlier run.
+/// An output folder.
 #[derive(Debug)]
 pub struct Folder {
     dir: PathBuf,
@@ -68,10 +68,7 @@ pub struct Folder {
 impl Folder {
     /// Creates the folder if need be, and removes an earlier run's files.
     pub fn open(dir: &Path) -> Result<Folder, OutputError> {
-        let folder = Folder {
-            dir: dir.to_path_buf(),
-        };
-        fs::create_dir_all(dir).map_err(|e| folder.error("create the folder", "", e))?;
+        let folder = Folder::shared(dir)?;
         let read = |e| folder.error("read the folder", "", e);
         for entry in fs::read_dir(dir).map_err(read)? {
             let entry = entry.map_err(read)?;
@@ -85,6 +82,15 @@ impl Folder {
                     .map_err(|e| folder.error("remove the earlier run's", name, e))?;
             }
         }
+        Ok(folder)
+    }
+
+    /// Creates the folder if need be, and leaves alone what is in it.
+    pub fn shared(dir: &Path) -> Result<Folder, OutputError> {
+        let folder = Folder {
+            dir: dir.to_path_buf(),
+        };
+        fs::create_dir_all(dir).map_err(|e| folder.error("create the folder", "", e))?;
         Ok(folder)
     }
 

@@ -7,12 +7,16 @@
 //! labels.jsonl                one JSON object a line and frame
 //! contact_sheet.png           up to twelve annotated frames, spread over the run
 //! ```
+//!
+//! `skyloop lightcurve` writes `lightcurve.csv` and `lightcurve.png` instead.
 
 mod canvas;
 mod fits;
 mod folder;
+mod light_curve;
 mod names;
 mod panel;
+mod plot;
 mod png;
 mod sheet;
 mod sip;
@@ -20,6 +24,7 @@ mod stretch;
 mod wcs;
 
 pub use folder::OutputError;
+pub use light_curve::write_light_curve;
 
 use crate::camera::Camera;
 use crate::frame::Frame;

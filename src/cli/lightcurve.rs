@@ -1,0 +1,162 @@
+//! `skyloop lightcurve`: the magnitude of an object against time, as an observer in orbit sees it.
+
+use super::progress;
+use anyhow::{Context, anyhow, bail};
+use clap::Args as ClapArgs;
+use hifitime::{Epoch, Unit};
+use skyloop::config::{Config, Observer};
+use skyloop::light_curve::{Span, point};
+use skyloop::orbit::time::{parse_utc, utc_text};
+use skyloop::orbit::{Loaded, Object};
+use skyloop::output::write_light_curve;
+use skyloop_firmware_sim::console::say;
+use std::path::PathBuf;
+
+/// Arguments of `skyloop lightcurve`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Scene file with [objects] and an [observer] [default: the built-in FAI on CASSIOPE, 15 June 2019]
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// The object: a name, an id or a number of its file
+    #[arg(long, value_name = "NAME")]
+    object: String,
+    /// First instant [default: the scene's first exposure]
+    #[arg(long, value_name = "UTC", value_parser = parse_utc)]
+    from: Option<Epoch>,
+    /// Last instant [default: the scene's last exposure]
+    #[arg(long, value_name = "UTC", value_parser = parse_utc)]
+    to: Option<Epoch>,
+    /// Seconds from one instant to the next [default: the scene's period]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    step: Option<f64>,
+    /// Seconds around each instant over which light is averaged; 0: the instant alone [default: the camera's exposure time]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    exposure: Option<f64>,
+    /// Folder for lightcurve.csv and lightcurve.png; made if it does not exist
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// Instants at most.
+const MOST_POINTS: f64 = 1e6;
+
+/// Runs the command.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let mut config = match &args.scene {
+        Some(scene) => Config::load(scene)?,
+        None => Config::builtin()?,
+    };
+    for line in &config.rejected {
+        tracing::warn!("refused: {line}");
+    }
+    let name = args.scene.as_ref().map(|scene| scene.display().to_string());
+    let name = name.unwrap_or("the built-in scene".to_string());
+    let span = span(&args, &config).context(name.clone())?;
+    let Some(Observer::Object(observer)) = config.observer.take() else {
+        bail!("{name}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\"");
+    };
+    let population = config.take_population();
+    let index = find(&population.objects, &args.object).with_context(|| name.clone())?;
+    let object = &population.objects[index];
+    if object.id == observer.id {
+        bail!("--object {}: that is the observer itself", object.label());
+    }
+    let bar = progress(span.points, "points");
+    let mut points = Vec::new();
+    for epoch in span.epochs() {
+        let corrections = &config.sky.corrections;
+        let seen = point(
+            &population,
+            index,
+            &observer,
+            corrections,
+            epoch,
+            span.exposure_s,
+        )?;
+        points.push(seen);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let title = format!("{} seen from {}", object.label(), observer.label());
+    write_light_curve(&args.out, &title, &points)?;
+    let shown = points.iter().filter_map(|point| point.band_mag());
+    let (count, brightest, faintest) = shown.fold(
+        (0, f64::INFINITY, f64::NEG_INFINITY),
+        |(n, low, high), mag| (n + 1, low.min(mag), high.max(mag)),
+    );
+    let what = match count {
+        0 => "no light of it arrives".to_string(),
+        _ => format!("light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}"),
+    };
+    say(format_args!(
+        "{title}: {} points from {} to {}, {what}\nwrote {}\n",
+        points.len(),
+        utc_text(span.from),
+        points
+            .last()
+            .map_or(String::new(), |last| utc_text(last.epoch)),
+        args.out.display()
+    ))?;
+    Ok(())
+}
+
+/// The instants: those of the scene's sequence, where the arguments do not say otherwise.
+fn span(args: &Args, config: &Config) -> anyhow::Result<Span> {
+    let sequence = config.sequence.as_ref();
+    let first = sequence.map(|s| s.epoch);
+    let last = sequence.map(|s| s.epoch + Unit::Second * (s.period_s * f64::from(s.frames - 1)));
+    let none = |key: &str| anyhow!("the scene has no [sequence] to take it from: give {key}");
+    let from = args.from.or(first).ok_or_else(|| none("--from UTC"))?;
+    let to = args.to.or(last).ok_or_else(|| none("--to UTC"))?;
+    let step_s = args
+        .step
+        .or(sequence.map(|s| s.period_s))
+        .ok_or_else(|| none("--step S"))?;
+    if !(1e-6..=1e6).contains(&step_s) {
+        bail!("--step {step_s}: a number of seconds from 1e-6 to 1e6 is wanted");
+    }
+    let exposure_s = args.exposure.unwrap_or(config.camera.exposure_s);
+    if !(0.0..=1e4).contains(&exposure_s) {
+        bail!("--exposure {exposure_s}: a number of seconds from 0 to 10000 is wanted");
+    }
+    let length_s = (to - from).to_seconds();
+    if length_s < 0.0 {
+        bail!(
+            "from {} to {}: the end lies before the start; give --from and --to",
+            utc_text(from),
+            utc_text(to)
+        );
+    }
+    // The last instant counts, whatever a division rounds to.
+    let points = (length_s / step_s * (1.0 + 1e-12)).floor() + 1.0;
+    if points > MOST_POINTS {
+        bail!(
+            "{points:.0} points from {} to {}: at most {MOST_POINTS:.0}; enlarge --step",
+            utc_text(from),
+            utc_text(to)
+        );
+    }
+    Ok(Span {
+        from,
+        step_s,
+        points: points as u32,
+        exposure_s,
+    })
+}
+
+/// The object that goes by this name.
+fn find(objects: &[Object], name: &str) -> anyhow::Result<usize> {
+    if objects.is_empty() {
+        bail!("the scene has no objects: name their files in [objects] files or population");
+    }
+    let all = Loaded {
+        objects: objects.to_vec(),
+        rejected: Vec::new(),
+    };
+    let (found, _) = all
+        .pick(Some(name))
+        .map_err(|why| anyhow!("--object: {why}"))?;
+    let index = objects.iter().position(|object| object.id == found.id);
+    index.ok_or_else(|| anyhow!("--object {name}: no such object"))
+}

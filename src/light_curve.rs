@@ -1,0 +1,110 @@
+//! The brightness of one object over time, as an observer in orbit sees it: no camera, no frame.
+
+use crate::attitude::{Attitude, VehicleState};
+use crate::label::why_hidden;
+use crate::scene::{Exposure, Hidden, Unobservable, shutter};
+use crate::sky::shadow::Earth;
+use crate::sky::{Corrections, Population};
+use hifitime::{Epoch, Unit};
+use nalgebra::Vector3;
+use skyloop_orbit::{Object, OrbitError};
+use thiserror::Error;
+
+/// An object at one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Middle of the exposure.
+    pub epoch: Epoch,
+    /// Magnitude by Eq. (9) in full sunlight, the mean over the exposure; infinite where nothing is reflected.
+    pub mag: f64,
+    /// Distance from the observer, m.
+    pub range_m: f64,
+    /// Angle Sun - object - observer, rad.
+    pub phase: f64,
+    /// Part of the Sun's disc that lights it, 0..1.
+    pub illumination: f64,
+    /// Why none of its light arrives.
+    pub hidden: Option<Hidden>,
+}
+
+/// Which instants.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span {
+    /// The first.
+    pub from: Epoch,
+    /// From one to the next, s.
+    pub step_s: f64,
+    /// How many.
+    pub points: u32,
+    /// Over how long a time around each the light is averaged, s.
+    pub exposure_s: f64,
+}
+
+/// Why there is no light curve.
+#[derive(Debug, Error)]
+pub enum NoLightCurve {
+    /// Observer or object has no state.
+    #[error(transparent)]
+    Orbit(#[from] OrbitError),
+    /// Nothing can be seen from there, or then.
+    #[error(transparent)]
+    Unobservable(#[from] Unobservable),
+}
+
+impl Point {
+    /// Magnitude of the light that arrives; none where none does. Objects have the Sun's colour: it is the same in any band.
+    pub fn band_mag(&self) -> Option<f64> {
+        let seen = self.hidden.is_none() && self.illumination > 0.0 && self.mag.is_finite();
+        seen.then(|| self.mag - 2.5 * self.illumination.log10())
+    }
+
+    /// Why no light arrives, empty where some does.
+    pub fn reason(&self) -> &'static str {
+        match self.hidden {
+            Some(hidden) => why_hidden(hidden),
+            None if self.mag.is_finite() => "",
+            None => "reflects nothing this way",
+        }
+    }
+}
+
+impl Span {
+    /// Its instants.
+    pub fn epochs(&self) -> impl Iterator<Item = Epoch> {
+        let Span { from, step_s, .. } = *self;
+        (0..self.points).map(move |i| from + Unit::Second * (step_s * f64::from(i)))
+    }
+}
+
+/// The object of that index as `observer` sees it at `epoch`, its light averaged over `exposure_s`.
+pub fn point(
+    population: &Population,
+    index: usize,
+    observer: &Object,
+    corrections: &Corrections,
+    epoch: Epoch,
+    exposure_s: f64,
+) -> Result<Point, NoLightCurve> {
+    let vehicle = VehicleState {
+        sequence: 0,
+        epoch,
+        attitude: Attitude::identity(),
+        rates: Vector3::zeros(),
+        orbit: Some(observer.state(epoch)?),
+    };
+    let shutter = shutter(&vehicle, &Exposure::around(epoch, exposure_s))?;
+    let earth = Earth::at(epoch);
+    let seen = population.see(index, &earth, &shutter, corrections)?;
+    Ok(Point {
+        epoch,
+        mag: seen.mag,
+        range_m: seen.apparent.range_m,
+        phase: seen.phase,
+        illumination: seen.illumination,
+        hidden: if seen.occulted {
+            Some(Hidden::ByEarth)
+        } else {
+            (seen.illumination <= 0.0).then_some(Hidden::InShadow)
+        },
+    })
+}
