@@ -1,0 +1,232 @@
+//! Attitudes, spins and glints during an exposure, through to labels.
+
+use crate::facets::{glossy, lossless, one_plate, unit};
+use hifitime::{Epoch, Unit as Time};
+use nalgebra::{Unit, Vector3};
+use skyloop::attitude::Attitude;
+use skyloop::orbit::StateVector;
+use skyloop::orbit::time::parse_utc;
+use skyloop::sky::apparent::{ApparentObject, Observer};
+use skyloop::sky::bodies::{AU_M, Bodies, SUN_RADIUS_M};
+use skyloop::sky::body_attitude::BodyAttitude;
+use skyloop::sky::look::{Body, Passage};
+use skyloop::sky::photometry::{diffuse_phase, magnitude};
+use skyloop::sky::population::{Look, Population};
+use skyloop::sky::shadow::Earth;
+use skyloop::sky::shape::{Lobe, Plate, Shape};
+use skyloop::sky::{Corrections, photometry};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+#[path = "../support/oem.rs"]
+mod oem;
+
+fn mid() -> Epoch {
+    parse_utc("2026-03-01T12:00:00").unwrap()
+}
+
+/// An object at rest, its sensor and the Sun in given directions, for an exposure of some length.
+struct Still {
+    observers: [Observer; 3],
+    seen: [ApparentObject; 3],
+    sun_m: Vector3<f64>,
+}
+
+impl Still {
+    fn new(exposure_s: f64, to_sun: Vector3<f64>, to_sensor: Vector3<f64>) -> Still {
+        let position_m = Vector3::new(7e6, 0.0, 0.0);
+        let bodies = Bodies::at(mid()).unwrap();
+        let observer = |s: f64| Observer {
+            epoch: mid() + Time::Second * s,
+            position_m: position_m + to_sensor * 1e6,
+            velocity_m_s: Vector3::zeros(),
+            bodies,
+        };
+        let seen = ApparentObject {
+            direction: -to_sensor,
+            range_m: 1e6,
+            range_rate_m_s: 0.0,
+            state: StateVector {
+                position_m,
+                velocity_m_s: Vector3::zeros(),
+            },
+            seen_at_m: position_m,
+        };
+        Still {
+            observers: [-0.5, 0.0, 0.5].map(|part| observer(part * exposure_s)),
+            seen: [seen; 3],
+            sun_m: position_m + to_sun * AU_M,
+        }
+    }
+
+    fn mean(&self, shape: &Shape, attitude: BodyAttitude) -> f64 {
+        let body = Body {
+            shape: shape.clone(),
+            attitude,
+        };
+        body.mean_reflective_area(&Passage {
+            observers: &self.observers,
+            seen: self.seen.each_ref(),
+            sun_m: self.sun_m,
+            light_time: false,
+        })
+    }
+}
+
+/// Turning about ICRF's +Y; at mid-exposure the plate's normal, the body's +Z, points along ICRF's +Z.
+fn spin(rate_deg_s: f64) -> BodyAttitude {
+    BodyAttitude::Spin {
+        epoch: mid(),
+        attitude: Attitude::identity(),
+        rates: Vector3::new(0.0, f64::to_radians(rate_deg_s), 0.0),
+    }
+}
+
+fn from_z(deg: f64) -> Vector3<f64> {
+    let (sin, cos) = deg.to_radians().sin_cos();
+    Vector3::new(sin, 0.0, cos)
+}
+
+#[test]
+fn a_matt_plate_that_turns_once_gives_the_mean_over_the_turn() {
+    let plate = one_plate(2.0, lossless(0.0, Lobe::mirror()));
+    for phase_deg in [0.0, 50.0, 130.0] {
+        let scene = Still::new(1.0, from_z(phase_deg), from_z(0.0));
+        let got = scene.mean(&plate, spin(360.0));
+        // By hand: the mean of max(cos a, 0) max(cos(a - p), 0) / pi over a is [(pi - p) cos p + sin p] / (4 pi^2).
+        let p = f64::to_radians(phase_deg);
+        let wanted = 2.0 * ((PI - p) * p.cos() + p.sin()) / (4.0 * PI * PI);
+        assert!(
+            (got / wanted - 1.0).abs() < 2e-3,
+            "{phase_deg}: {got} {wanted}"
+        );
+    }
+}
+
+#[test]
+fn a_glint_that_passes_counts_for_the_time_it_lasts() {
+    let plate = one_plate(2.0, lossless(1.0, Lobe::mirror()));
+    let scene = Still::new(0.5, from_z(40.0), from_z(-40.0));
+    let inside = 2.0 * f64::to_radians(40.0).cos() / (PI * (SUN_RADIUS_M / AU_M).powi(2));
+    for rate_deg_s in [2.0, 7.0, 40.0] {
+        let got = scene.mean(&plate, spin(rate_deg_s));
+        // The mirror direction goes twice as fast as the plate past the image of the Sun, 0.5331 deg across.
+        let lasts_s = 2.0 * (SUN_RADIUS_M / AU_M).asin().to_degrees() / (2.0 * rate_deg_s);
+        let wanted = inside * lasts_s / 0.5;
+        assert!(
+            (got / wanted - 1.0).abs() < 0.03,
+            "{rate_deg_s}: {got} {wanted}"
+        );
+    }
+    // At rest it is there all the time, and a degree beside it never.
+    let rest = BodyAttitude::Inertial(Attitude::identity());
+    assert!((scene.mean(&plate, rest) / inside - 1.0).abs() < 1e-3);
+    let beside = Still::new(0.5, from_z(40.0), from_z(-41.0));
+    assert_eq!(beside.mean(&plate, rest), 0.0);
+}
+
+#[test]
+fn a_spin_shows_the_attitude_of_the_time() {
+    // A quarter of a turn after mid-exposure the plate faces +X.
+    let plate = one_plate(1.0, lossless(0.0, Lobe::mirror()));
+    let turned = BodyAttitude::Spin {
+        epoch: mid() - Time::Second * 9.0,
+        attitude: Attitude::identity(),
+        rates: Vector3::new(0.0, f64::to_radians(10.0), 0.0),
+    };
+    let facing = Still::new(0.0, from_z(90.0), from_z(90.0));
+    assert!((facing.mean(&plate, turned) - 1.0 / PI).abs() < 1e-9);
+    let away = Still::new(0.0, from_z(-90.0), from_z(-90.0));
+    assert_eq!(away.mean(&plate, turned), 0.0);
+}
+
+/// Object and observer on circular orbits, the object's body by `look`; what the observer sees.
+fn seen(look: Option<Look>, range_km: f64) -> (Population, skyloop::sky::population::SeenObject) {
+    let position = Vector3::new(-5200.0, 4000.0, 3000.0);
+    let velocity = Vector3::new(-4.0, -6.0, 1.0);
+    let objects = oem::oem("OBJECT", mid(), oem::falling(position, velocity));
+    let mut population = Population {
+        objects,
+        ..Population::default()
+    };
+    population
+        .looks
+        .extend(look.map(|look| ("OBJECT".to_string(), look)));
+    let bodies = Bodies::at(mid()).unwrap();
+    let observer = |s: f64| Observer {
+        epoch: mid() + Time::Second * s,
+        position_m: (position + unit(-0.3, 0.5, 0.8).into_inner() * range_km + velocity * s) * 1e3,
+        velocity_m_s: velocity * 1e3,
+        bodies,
+    };
+    let shutter = [observer(-0.05), observer(0.0), observer(0.05)];
+    let seen = population.see(0, &Earth::at(mid()), &shutter, &Corrections::default());
+    (population, seen.unwrap())
+}
+
+#[test]
+fn magnitudes_follow_eq_9_with_range_and_phase() {
+    for range_km in [50.0, 500.0] {
+        let (population, sphere) = seen(None, range_km);
+        let sun_m = Bodies::at(mid()).unwrap().sun_apparent_m();
+        let to_sun_m = (sun_m - sphere.apparent.seen_at_m).norm();
+        // X-Val: Eqs. (7) and (9) by hand for the paper's sphere: 0.2 * pi * 25 m^2 of diffuse light; m_sun = -26.73.
+        let area = 0.2 * PI * 25.0 * diffuse_phase(sphere.phase);
+        let wanted = -26.73 - 2.5 * area.log10() + 5.0 * (to_sun_m / AU_M * range_km * 1e3).log10();
+        assert!(
+            (sphere.mag - wanted).abs() < 1e-3,
+            "{} {wanted}",
+            sphere.mag
+        );
+        assert_eq!(population.sphere, photometry::Sphere::default());
+        // The same sphere as a shape.
+        let mut shape = Shape::default();
+        let matt = skyloop::sky::shape::Surface {
+            reflectance: 0.2,
+            ..lossless(0.0, Lobe::mirror())
+        };
+        shape.sphere(10.0, matt);
+        let attitude = BodyAttitude::Nadir(Attitude::identity());
+        let (_, body) = seen(
+            Some(Look::Body(Arc::new(Body { shape, attitude }))),
+            range_km,
+        );
+        assert!((body.mag - wanted).abs() < 1e-3);
+        assert_eq!(body.phase, sphere.phase);
+    }
+}
+
+/// A mirror that is held so that it throws the Sun at the observer: a magnitude from radiance alone.
+#[test]
+fn an_aimed_mirror_flashes_and_one_a_degree_off_is_dark() {
+    let (_, sphere) = seen(None, 200.0);
+    let sun_m = Bodies::at(mid()).unwrap().sun_apparent_m();
+    let to_sun = (sun_m - sphere.apparent.seen_at_m).normalize();
+    let to_observer = -sphere.apparent.direction;
+    let normal = (to_sun + to_observer).normalize();
+    let aimed = |normal: Vector3<f64>, lobe: Lobe| {
+        let mut shape = Shape::default();
+        let plate = Plate::new(1.5, Unit::new_normalize(normal));
+        shape.plate(plate, lossless(1.0, lobe));
+        let attitude = BodyAttitude::Inertial(Attitude::identity());
+        seen(Some(Look::Body(Arc::new(Body { shape, attitude }))), 200.0)
+            .1
+            .mag
+    };
+    // X-Val: the observer sees the Sun's radiance over the solid angle of the plate, (A cos i / d^2) / (pi R^2 / a^2) of the Sun's light.
+    let cos_i = normal.dot(&to_sun);
+    let share = 1.5 * cos_i / 200e3f64.powi(2) / (PI * (SUN_RADIUS_M / AU_M).powi(2));
+    let wanted = -26.73 - 2.5 * share.log10()
+        + 5.0 * ((sun_m - sphere.apparent.seen_at_m).norm() / AU_M).log10();
+    let flash = aimed(normal, Lobe::mirror());
+    assert!((flash - wanted).abs() < 5e-3, "{flash} {wanted}");
+    assert!(flash < -9.0);
+    let across = normal.cross(&to_sun).normalize();
+    assert_eq!(aimed(normal + across * 0.01, Lobe::mirror()), f64::INFINITY);
+    // A glossy one spreads the same light.
+    let glossy = aimed(normal, glossy(5.0));
+    assert!(glossy > flash + 4.0 && glossy.is_finite(), "{glossy}");
+    // Eq. (9) of what the shape says.
+    let area = share * 200e3f64.powi(2);
+    assert!((magnitude(area, AU_M, 200e3) - wanted).abs() < 0.05);
+}

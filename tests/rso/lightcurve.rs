@@ -1,0 +1,208 @@
+//! `skyloop lightcurve`: what it writes, and what it refuses.
+
+use assert_cmd::Command;
+use std::path::Path;
+
+const ROCKET: &str = "configs/scenes/tumbling-rocket-body/scene.toml";
+
+/// Standard output, standard error and the exit code.
+fn skyloop(args: &[&str]) -> (String, String, i32) {
+    let output = Command::new(env!("CARGO_BIN_EXE_skyloop"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .arg("lightcurve")
+        .args(args)
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (
+        text(output.stdout),
+        text(output.stderr),
+        output.status.code().unwrap(),
+    )
+}
+
+/// The rows of a table, without its head.
+fn table(folder: &Path) -> Vec<Vec<String>> {
+    let text = std::fs::read_to_string(folder.join("lightcurve.csv")).unwrap();
+    let mut lines = text.lines();
+    let head = "utc,t_s,mag,band_mag,range_km,phase_deg,illumination,reason";
+    assert_eq!(lines.next(), Some(head));
+    lines
+        .map(|line| line.split(',').map(str::to_string).collect())
+        .collect()
+}
+
+#[test]
+fn a_table_and_a_picture_are_written_and_nothing_is_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    std::fs::write(folder.path().join("labels.jsonl"), "mine").unwrap();
+    let (said, warned, code) = skyloop(&[
+        "--scene",
+        ROCKET,
+        "--object",
+        "rocket body",
+        "--step",
+        "0.25",
+        "--out",
+        out,
+    ]);
+    assert_eq!((warned.as_str(), code), ("", 0), "{said}");
+    assert!(
+        said.contains("NORAD 99002 (ROCKET BODY) seen from NORAD 99001")
+            && said.contains("81 points"),
+        "{said}"
+    );
+    let rows = table(folder.path());
+    assert_eq!(rows.len(), 81);
+    assert_eq!(rows[0][..2], ["2026-06-01T00:33:00.000Z", "0.000000"]);
+    assert_eq!(rows[80][..2], ["2026-06-01T00:33:20.000Z", "20.000000"]);
+    // It tumbles: brighter and fainter by more than range and phase explain, in flashes.
+    let mags: Vec<f64> = rows.iter().map(|row| row[2].parse().unwrap()).collect();
+    let span = mags.iter().copied().fold(f64::MIN, f64::max)
+        - mags.iter().copied().fold(f64::MAX, f64::min);
+    assert!(span > 2.0, "{span}");
+    assert!(
+        rows.iter()
+            .all(|row| row[2] == row[3] && row[6] == "1.000000" && row[7].is_empty())
+    );
+    let picture = image::open(folder.path().join("lightcurve.png"))
+        .unwrap()
+        .to_rgb8();
+    let curve = picture
+        .pixels()
+        .filter(|pixel| pixel.0 == [255, 200, 80])
+        .count();
+    assert!(curve > 900, "{curve}");
+    assert_eq!(
+        std::fs::read_to_string(folder.path().join("labels.jsonl")).unwrap(),
+        "mine"
+    );
+}
+
+/// The light curve and the labels of the same exposures are one.
+#[test]
+fn it_says_what_labels_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let (_, _, code) = skyloop(&["--object", "RCM-2", "--out", out]);
+    assert_eq!(code, 0);
+    let rows = table(folder.path());
+    let mut config = skyloop::config::Config::builtin().unwrap();
+    let mission = skyloop::flight::mission(&config).unwrap();
+    let mut emulator = skyloop::engine::Emulator::new(&mut config);
+    let vehicle = skyloop::flight::vehicle(&mission, 7).unwrap();
+    let label = emulator.shoot(&vehicle, 0).unwrap().label;
+    let object = label
+        .objects
+        .iter()
+        .find(|object| object.names.contains(&"RCM-2".to_string()))
+        .unwrap();
+    let rso = object.rso.as_ref().unwrap();
+    for (column, wanted, tolerance) in [
+        (2, object.mag, 1e-4),
+        (3, object.band_mag.unwrap(), 1e-4),
+        (4, rso.range_km, 1e-6),
+        (5, rso.phase_deg, 1e-6),
+        (6, rso.illumination, 1e-6),
+    ] {
+        let got: f64 = rows[7][column].parse().unwrap();
+        assert!(
+            (got - wanted).abs() <= tolerance,
+            "column {column}: {got} {wanted}"
+        );
+    }
+    assert_eq!(rows[7][0], label.epoch_mid);
+}
+
+#[test]
+fn what_is_hidden_has_a_reason_and_no_magnitude_that_arrives() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    let scene = "configs/scenes/geo-belt-stare/scene.toml";
+    let args = [
+        "--scene",
+        scene,
+        "--object",
+        "GEO 4",
+        "--to",
+        "2026-06-01T16:00:00Z",
+        "--step",
+        "300",
+        "--out",
+        out,
+    ];
+    let (said, _, code) = skyloop(&args);
+    assert_eq!(code, 0, "{said}");
+    let rows = table(folder.path());
+    let hidden: Vec<_> = rows
+        .iter()
+        .filter(|row| row[7] == "behind the Earth")
+        .collect();
+    assert!(!hidden.is_empty() && hidden.len() < rows.len());
+    assert!(hidden.iter().all(|row| row[3].is_empty()));
+}
+
+#[test]
+fn wrong_input_says_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let out = out.to_str().unwrap();
+    let refuses = |args: &[&str], words: &[&str]| {
+        let (_, said, code) = skyloop(&[args, &["--out", out]].concat());
+        assert!(code != 0, "{args:?}");
+        for word in words {
+            assert!(said.contains(word), "{args:?}: {said} has no {word:?}");
+        }
+        assert!(!Path::new(out).exists(), "{args:?} left something behind");
+    };
+    let rocket = ["--scene", ROCKET, "--object"];
+    let with = |more: &[&'static str]| [&rocket[..], more].concat();
+    refuses(
+        &with(&["ISS"]),
+        &["no object called \"ISS\"", "NORAD 99002 (ROCKET BODY)"],
+    );
+    refuses(
+        &with(&["99002", "--step", "0"]),
+        &["--step 0", "from 1e-6 to 1e6"],
+    );
+    refuses(&with(&["99002", "--step", "nan"]), &["--step NaN"]);
+    refuses(
+        &with(&["99002", "--exposure", "-1"]),
+        &["--exposure -1", "0 to 10000"],
+    );
+    refuses(
+        &with(&["99002", "--step", "1e-6"]),
+        &["points", "enlarge --step"],
+    );
+    refuses(
+        &with(&["99002", "--from", "2026-06-02T00:00:00Z"]),
+        &["the end lies before the start", "--to"],
+    );
+    refuses(
+        &with(&["99002", "--from", "tomorrow"]),
+        &["--from", "tomorrow"],
+    );
+    refuses(
+        &["--scene", "nowhere.toml", "--object", "X"],
+        &["nowhere.toml", "check the path"],
+    );
+    refuses(
+        &["--object", "RCM-1", "--to", "2019-06-16T00:00:00Z"],
+        &["outside its ephemeris", "23:36:30"],
+    );
+    refuses(&["--object", "CASSIOPE"], &["no object called", "RCM-1"]);
+    refuses(
+        &["--scene", "configs/scenes/deep-sky.toml", "--object", "X"],
+        &["deep-sky.toml", "no observer", "[observer]"],
+    );
+    refuses(
+        &[
+            "--scene",
+            "configs/scenes/south-atlantic-anomaly.toml",
+            "--object",
+            "X",
+        ],
+        &["has no objects", "[objects]"],
+    );
+}

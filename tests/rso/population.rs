@@ -1,0 +1,318 @@
+//! Population files: who is in them and what they look like, and what is refused, with file, key and value.
+
+use skyloop::config::Config;
+use skyloop::load::Folder;
+use skyloop::sky::population::Look;
+use std::path::Path;
+
+// X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251.
+const VANGUARD: &str = "VANGUARD 1\n\
+    1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+    2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
+const DELTA: &str = "DELTA 1 DEB\n\
+    1 06251U 62025E   06176.82412014  .00008885  00000-0  12808-3 0  3985\n\
+    2 06251  58.0579  54.0425 0030035 139.1568 221.1854 15.56387291  6774\n";
+
+const PLATE: &str = "{ kind = \"plate\", area_m2 = 2.0, normal = [0, 0, 1] }";
+
+/// A folder with both objects' files, the scene in `text` and the population.
+fn load(scene: &str, population: &str) -> Result<Config, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let inner = folder.path().join("inner");
+    std::fs::create_dir(&inner).unwrap();
+    std::fs::write(folder.path().join("both.tle"), format!("{VANGUARD}{DELTA}")).unwrap();
+    std::fs::write(inner.join("both.tle"), format!("{VANGUARD}{DELTA}")).unwrap();
+    std::fs::write(inner.join("one.tle"), DELTA).unwrap();
+    std::fs::write(inner.join("population.toml"), population).unwrap();
+    let folder = Folder::Disk(folder.path().to_path_buf());
+    Config::parse("scene.toml", scene, &folder).map_err(|error| error.to_string())
+}
+
+const SCENE: &str = "[objects]\npopulation = \"inner/population.toml\"\n";
+
+fn shaped(parts: &str, entry: &str) -> String {
+    format!("[shapes.thing]\nparts = [{parts}]\n[[objects]]\nobject = \"both.tle:5\"\n{entry}\n")
+}
+
+const NADIR: &str = "shape = \"thing\"\nattitude = { mode = \"nadir\" }";
+
+/// One line that names the population file, and has these words.
+fn refuses(population: &str, words: &[&str]) {
+    let message = load(SCENE, population).unwrap_err();
+    for word in ["population.toml"].iter().chain(words) {
+        assert!(
+            message.contains(word),
+            "{population}\n{message} has no {word}"
+        );
+    }
+    assert_eq!(message.lines().count(), 1, "{message}");
+}
+
+#[test]
+fn who_has_what() {
+    let population = shaped(PLATE, NADIR)
+        + "[[objects]]\nfiles = [\"both.tle\"]\nsphere = { diameter_m = 1.5, reflectance = 0.4, diffuse = 0.25, specular = 0.75 }\n";
+    let config = load(SCENE, &population).unwrap();
+    let ids: Vec<&str> = config
+        .objects
+        .iter()
+        .map(|object| object.id.as_str())
+        .collect();
+    // The one that is selected is not taken with its file again; files are looked for beside the population.
+    assert_eq!(ids, ["NORAD 5", "NORAD 6251"]);
+    assert!(config.rejected.is_empty());
+    assert!(matches!(&config.looks["NORAD 5"], Look::Body(_)));
+    match &config.looks["NORAD 6251"] {
+        Look::Sphere(sphere) => assert_eq!(
+            [
+                sphere.diameter_m,
+                sphere.reflectance,
+                sphere.diffuse,
+                sphere.specular
+            ],
+            [1.5, 0.4, 0.25, 0.75]
+        ),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn a_scenes_own_files_bring_the_rest() {
+    let scene = format!("{SCENE}files = [\"both.tle\"]\ndiameter_m = 3.0\n");
+    let config = load(&scene, &shaped(PLATE, NADIR)).unwrap();
+    assert_eq!(config.objects.len(), 2);
+    assert!(config.rejected.is_empty(), "{:?}", config.rejected);
+    assert_eq!(config.looks.keys().collect::<Vec<_>>(), ["NORAD 5"]);
+    assert_eq!(config.sphere.diameter_m, 3.0);
+    // Of two files with the same object, one is told to go.
+    let twice = "[[objects]]\nfiles = [\"both.tle\", \"one.tle\"]\nsphere = {}\n";
+    let config = load(SCENE, twice).unwrap();
+    assert_eq!(config.objects.len(), 2);
+    assert!(
+        config.rejected[0].contains("NORAD 6251"),
+        "{:?}",
+        config.rejected
+    );
+}
+
+#[test]
+fn every_kind_of_part_and_attitude_loads() {
+    for part in [
+        PLATE,
+        "{ kind = \"plate\", area_m2 = 2, normal = [1, 2, 3], two_sided = true, sun_axis = [0, 1, 0], reflectance = 1.0, diffuse = 0.1, specular = 0.9 }",
+        "{ kind = \"box\", size_m = [1, 2, 3], diffuse = 0.2, specular = 0.5, lobe_deg = 0.5 }",
+        "{ kind = \"cylinder\", axis = [0, 0, 2], diameter_m = 1, length_m = 3, ends = \"none\" }",
+        "{ kind = \"cone\", axis = [0, 0, 2], diameter_m = 1, length_m = 3 }",
+        "{ kind = \"cone\", axis = [0, 0, 2], diameter_m = 1, top_diameter_m = 2, length_m = 3, ends = \"top\" }",
+        "{ kind = \"sphere\", diameter_m = 1 }",
+    ] {
+        load(SCENE, &shaped(part, NADIR)).unwrap();
+    }
+    for attitude in [
+        "{ mode = \"inertial\", q = [0, 0, 0, 1] }",
+        "{ mode = \"nadir\", q = [0, 0, 1, 0] }",
+        "{ mode = \"spin\", q = [0, 0, 0, 1], utc = \"2026-01-01T00:00:00Z\", rates_deg_s = [0, 0, 6] }",
+    ] {
+        load(
+            SCENE,
+            &shaped(PLATE, &format!("shape = \"thing\"\nattitude = {attitude}")),
+        )
+        .unwrap();
+    }
+}
+
+#[test]
+fn parts_that_there_cannot_be() {
+    let part = |text: &str, words: &[&str]| {
+        let words = [&["shapes.thing.parts[0]"], words].concat();
+        refuses(&shaped(text, NADIR), &words);
+    };
+    let plate = |keys: &str| format!("{{ kind = \"plate\", {keys} }}");
+    for (area, shown) in [("0.0", "0"), ("-1.0", "-1"), ("nan", "NaN"), ("inf", "inf")] {
+        part(
+            &plate(&format!("area_m2 = {area}, normal = [0, 0, 1]")),
+            &[".area_m2 = ", shown, "must be 0.000001 to 1000000 m^2"],
+        );
+    }
+    part(
+        &plate("area_m2 = 1, normal = [0, 0, 0]"),
+        &[".normal = [0.0, 0.0, 0.0]", "not zero"],
+    );
+    part(
+        &plate("area_m2 = 1, normal = [0, nan, 1]"),
+        &[".normal[1] = NaN"],
+    );
+    part(
+        &plate("area_m2 = 1, normal = [0, 1]"),
+        &[".normal", "must have 3 values, not 2"],
+    );
+    part(
+        &plate("normal = [0, 0, 1]"),
+        &["`area_m2` is missing", "area_m2, normal"],
+    );
+    part(
+        &plate("area_m2 = 1, normal = [0, 0, 1], sun_axis = [0, 0, 0]"),
+        &[".sun_axis = ", "not zero"],
+    );
+    part(
+        &plate("area_m2 = 1, normal = [0, 0, 1], diameter_m = 2"),
+        &[".diameter_m", "means nothing to kind \"plate\""],
+    );
+    part(
+        "{ kind = \"disc\", diameter_m = 2 }",
+        &[".kind = \"disc\"", "\"plate\", \"box\""],
+    );
+    part("{ kind = \"plate\", areas = 2 }", &["areas"]);
+    let surface = |keys: &str| plate(&format!("area_m2 = 1, normal = [0, 0, 1], {keys}"));
+    part(
+        &surface("diffuse = 0.7, specular = 0.4"),
+        &["diffuse", "specular is above 1 (0.7 + 0.4)"],
+    );
+    part(&surface("specular = 0.1"), &["above 1 (1 + 0.1)"]);
+    part(
+        &surface("reflectance = 1.2"),
+        &[".reflectance = 1.2", "0 to 1"],
+    );
+    part(&surface("reflectance = nan"), &[".reflectance = NaN"]);
+    part(
+        &surface("lobe_deg = 0.2"),
+        &[".lobe_deg = 0.2", "must be 0.5 to 90 deg"],
+    );
+    part(
+        "{ kind = \"box\", size_m = [1, 0, 1] }",
+        &[".size_m[1] = 0", "0.001 to 10000 m"],
+    );
+    part(
+        "{ kind = \"cylinder\", axis = [0, 0, 1], diameter_m = 0, length_m = 1 }",
+        &[".diameter_m = 0"],
+    );
+    part(
+        "{ kind = \"cone\", axis = [0, 0, 0], diameter_m = 1, length_m = 1 }",
+        &[".axis = ", "not zero"],
+    );
+    part(
+        "{ kind = \"cylinder\", axis = [0, 0, 1], diameter_m = 1, length_m = 1, ends = \"one\" }",
+        &[".ends = \"one\"", "\"both\""],
+    );
+    refuses(
+        &shaped("", NADIR),
+        &["shapes.thing.parts = 0 parts", "1 to 200"],
+    );
+}
+
+#[test]
+fn entries_that_there_cannot_be() {
+    let entry = |text: &str, words: &[&str]| {
+        let words = [&["objects[0]"], words].concat();
+        refuses(
+            &format!("[shapes.thing]\nparts = [{PLATE}]\n[[objects]]\n{text}\n"),
+            &words,
+        );
+    };
+    entry(
+        "files = [\"none.tle\"]\nsphere = {}",
+        &[".files[0]", "none.tle", "check the path"],
+    );
+    entry(
+        "object = \"none.oem\"\nsphere = {}",
+        &[".object", "none.oem", "check the path"],
+    );
+    entry(
+        "object = \"both.tle:ISS\"\nsphere = {}",
+        &["no object called \"ISS\"", "NORAD 5"],
+    );
+    entry("object = \"both.tle\"\nsphere = {}", &["2 usable objects"]);
+    entry("files = [\"both.tle:5\"]\nsphere = {}", &["whole files"]);
+    entry("sphere = {}", &["give either object"]);
+    entry("files = []\nsphere = {}", &["at least one file"]);
+    entry(
+        "object = \"one.tle\"\nfiles = [\"one.tle\"]\nsphere = {}",
+        &["give either object"],
+    );
+    entry("object = \"one.tle\"", &["says nothing of its objects"]);
+    entry(
+        &format!("object = \"one.tle\"\nsphere = {{}}\n{NADIR}"),
+        &["sphere or shape, not both"],
+    );
+    entry("object = \"one.tle\"\nshape = \"thing\"", &["add attitude"]);
+    entry(
+        "object = \"one.tle\"\nattitude = { mode = \"nadir\" }",
+        &["add shape"],
+    );
+    entry(
+        "object = \"one.tle\"\nshape = \"think\"\nattitude = { mode = \"nadir\" }",
+        &[".shape = \"think\"", "thing"],
+    );
+    entry(
+        "object = \"one.tle\"\nsphere = { diameter_m = 0.0 }",
+        &[".sphere.diameter_m = 0"],
+    );
+    entry(
+        "object = \"one.tle\"\nsphere = { diffuse = 0.6, specular = 0.6 }",
+        &[".sphere.diffuse", "above 1"],
+    );
+    entry("object = \"one.tle\"\nsphere = {}\ncolour = 1", &["colour"]);
+    let attitude = |text: &str, words: &[&str]| {
+        entry(
+            &format!("object = \"one.tle\"\nshape = \"thing\"\nattitude = {{ {text} }}"),
+            &[&[".attitude"], words].concat(),
+        );
+    };
+    attitude(
+        "mode = \"sun\"",
+        &[".mode = \"sun\"", "\"inertial\", \"nadir\", \"spin\""],
+    );
+    attitude("mode = \"inertial\"", &["`q` is missing"]);
+    attitude("mode = \"inertial\", q = [0, 0, 0, 2]", &[".q", "norm 2"]);
+    attitude(
+        "mode = \"inertial\", q = [0, 0, 0, nan]",
+        &[".q", "not finite"],
+    );
+    attitude(
+        "mode = \"nadir\", rates_deg_s = [1, 0, 0]",
+        &[".rates_deg_s", "means nothing to mode \"nadir\""],
+    );
+    let spin = "mode = \"spin\", q = [0, 0, 0, 1]";
+    attitude(spin, &["`utc` is missing"]);
+    attitude(
+        &format!("{spin}, utc = \"noon\", rates_deg_s = [1, 0, 0]"),
+        &[".utc = noon", "a UTC time"],
+    );
+    attitude(
+        &format!("{spin}, utc = \"2026-01-01T00:00:00Z\", rates_deg_s = [1, 0, inf]"),
+        &[".rates_deg_s[2] = inf"],
+    );
+    let twice = "[[objects]]\nobject = \"one.tle\"\nsphere = {}\n[[objects]]\nobject = \"both.tle:6251\"\nsphere = {}\n";
+    refuses(
+        twice,
+        &["objects[1].object", "NORAD 6251", "keep one of the two"],
+    );
+    refuses("", &["the key `objects` is missing"]);
+    refuses("objects = []\nobjcts = 1", &["objcts"]);
+    refuses("objects = [", &["not TOML"]);
+}
+
+#[test]
+fn a_population_that_is_not_there_is_the_scenes_error() {
+    let error = load("[objects]\npopulation = \"nobody.toml\"", "objects = []").unwrap_err();
+    for word in [
+        "scene.toml: objects.population",
+        "nobody.toml",
+        "check the path",
+    ] {
+        assert!(error.contains(word), "{error}");
+    }
+}
+
+#[test]
+fn the_scenes_with_populations_load() {
+    for (scene, objects, looks) in [("tumbling-rocket-body", 1, 1), ("geo-belt-stare", 8, 8)] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("configs/scenes")
+            .join(scene)
+            .join("scene.toml");
+        let config = Config::load(&path).unwrap();
+        assert_eq!((config.objects.len(), config.looks.len()), (objects, looks));
+        assert!(config.rejected.is_empty());
+    }
+}

@@ -1,0 +1,145 @@
+//! Sides of cylinders and cones: closed forms, and the bands of light that they mirror.
+
+use crate::facets::{glossy, lossless, unit};
+use nalgebra::{Unit, Vector3};
+use skyloop::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
+use std::f64::consts::PI;
+
+const OPEN: Ends = Ends {
+    base: false,
+    top: false,
+};
+
+/// The side of a cylinder along +Z, diameter 2 m, length 5 m.
+fn cylinder(surface: Surface) -> Shape {
+    let mut shape = Shape::default();
+    shape.cone(Vector3::z_axis(), [2.0, 2.0], 5.0, OPEN, surface);
+    shape
+}
+
+fn direction(azimuth_deg: f64, elevation_deg: f64) -> Vector3<f64> {
+    let (sin, cos) = elevation_deg.to_radians().sin_cos();
+    let (y, x) = azimuth_deg.to_radians().sin_cos();
+    Vector3::new(cos * x, cos * y, sin)
+}
+
+#[test]
+fn a_diffuse_cylinder_is_the_closed_form() {
+    let shape = cylinder(lossless(0.0, Lobe::mirror()));
+    for (sun_deg, seen_deg, apart_deg) in
+        [(0.0, 0.0, 0.0), (20.0, -50.0, 70.0), (-10.0, 5.0, 170.0)]
+    {
+        let got = shape.reflective_area(
+            &direction(15.0, sun_deg),
+            &direction(15.0 + apart_deg, seen_deg),
+        );
+        // By hand: r h / pi cos(e_s) cos(e_o) [(pi - d) cos d + sin d] / 2, d the difference of azimuths.
+        let d = f64::to_radians(apart_deg);
+        let wanted = 5.0 / PI
+            * f64::to_radians(sun_deg).cos()
+            * f64::to_radians(seen_deg).cos()
+            * ((PI - d) * d.cos() + d.sin())
+            / 2.0;
+        assert!((got - wanted).abs() < 1e-12, "{got} {wanted}");
+    }
+}
+
+/// A mirror keeps the elevation against the axis, turned over, and spreads the Sun around it: over a band as high as the Sun's disc.
+#[test]
+fn a_mirror_cylinder_sends_a_band_around_its_axis() {
+    let shape = cylinder(lossless(1.0, Lobe::mirror()));
+    let sun_radius_deg = Lobe::mirror().edge().to_degrees();
+    let sun_elevation = 25.0;
+    let sun = direction(0.0, sun_elevation);
+    for azimuth in [0.0, 40.0, 110.0, -165.0] {
+        let light = |elevation: f64| shape.reflective_area(&sun, &direction(azimuth, elevation));
+        assert!(light(-sun_elevation) > 0.0);
+        for off in [-1.01, 1.01, 40.0] {
+            assert_eq!(
+                light(-sun_elevation + off * sun_radius_deg),
+                0.0,
+                "{azimuth}"
+            );
+        }
+        // Across the band: r h cos(e_s) cos(d / 2) / 2, by the area of normals between two azimuths of the mirrored light.
+        const STEPS: i32 = 400;
+        let step = 2.2 * sun_radius_deg / f64::from(STEPS);
+        let across = (0..STEPS).map(|i| {
+            let elevation = -sun_elevation - 1.1 * sun_radius_deg + (f64::from(i) + 0.5) * step;
+            light(elevation) * elevation.to_radians().cos() * step.to_radians()
+        });
+        let across: f64 = across.sum();
+        let wanted =
+            5.0 * f64::to_radians(sun_elevation).cos() * (f64::to_radians(azimuth) / 2.0).cos()
+                / 2.0;
+        assert!(
+            (across / wanted - 1.0).abs() < 2e-3,
+            "{azimuth}: {across} {wanted}"
+        );
+    }
+    // Opposite to the Sun's azimuth there is no light but that of grazing normals.
+    assert_eq!(shape.reflective_area(&sun, &direction(0.0, 10.0)), 0.0);
+}
+
+/// A ring against as many plates as it takes.
+#[test]
+fn a_cone_is_the_sum_of_its_plates() {
+    let mut compared = 0;
+    for (base_m, top_m, length_m) in [(2.0, 0.0, 3.0), (1.0, 3.0, 0.5), (2.0, 2.0, 4.0)] {
+        for surface in [
+            lossless(0.0, Lobe::mirror()),
+            lossless(1.0, glossy(8.0)),
+            lossless(1.0, glossy(90.0)),
+            lossless(1.0, Lobe::mirror()),
+        ] {
+            let axis = unit(0.2, -0.5, 0.7);
+            let mut ring = Shape::default();
+            ring.cone(axis, [base_m, top_m], length_m, OPEN, surface);
+            let mut plates = Shape::default();
+            const PLATES: u32 = 40_000;
+            let narrowing = 0.5 * (base_m - top_m);
+            let slant = f64::hypot(length_m, narrowing);
+            let area_m2 = PI * 0.5 * (base_m + top_m) * slant / f64::from(PLATES);
+            let across = Unit::new_normalize(axis.cross(&Vector3::x()));
+            for i in 0..PLATES {
+                let turn = 2.0 * PI * f64::from(i) / f64::from(PLATES);
+                let out = nalgebra::Rotation3::from_axis_angle(&axis, turn) * across.into_inner();
+                let normal = Unit::new_normalize(out * length_m + axis.into_inner() * narrowing);
+                plates.plate(Plate::new(area_m2, normal), surface);
+            }
+            for sun in [
+                unit(1.0, 0.1, 0.0),
+                unit(0.2, -0.5, 0.7),
+                unit(-0.5, 0.3, -0.6),
+            ] {
+                // Towards the mirror direction of one of the normals, and elsewhere.
+                let towards = sun.into_inner() - axis.into_inner() * axis.dot(&sun);
+                let out = towards.try_normalize(1e-9).unwrap_or(across.into_inner());
+                let normal = (out * length_m + axis.into_inner() * narrowing).normalize();
+                let mirrored = normal * (2.0 * normal.dot(&sun)) - sun.into_inner();
+                for seen in [
+                    mirrored,
+                    unit(0.3, 0.3, -0.9).into_inner(),
+                    sun.into_inner(),
+                    -sun.into_inner(),
+                ] {
+                    let got = ring.reflective_area(&sun, &seen);
+                    let wanted = plates.reflective_area(&sun, &seen);
+                    // A mirror's disc holds some fifty plates, and its edge falls between two of them.
+                    let share = if surface.lobe == Lobe::mirror() {
+                        2.5e-2
+                    } else {
+                        3e-3
+                    };
+                    let tolerance = share * wanted.max(1e-3);
+                    assert!(
+                        (got - wanted).abs() <= tolerance,
+                        "{base_m}, {top_m}, {surface:?}, {sun:?}, {seen:?}: {got} {wanted}"
+                    );
+                    compared += usize::from(wanted > 0.0);
+                }
+            }
+        }
+    }
+    assert!(compared > 50, "{compared}");
+}
