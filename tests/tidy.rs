@@ -75,7 +75,10 @@ const FENCES: &[(&str, &[&str])] = &[
         "rayon::",
         &["cli/plan", "measure", "render", "scene", "sky/population"],
     ),
-    ("sofars::", &["sky/bodies", "sky/moon/series"]),
+    (
+        "sofars::",
+        &["sky/bodies", "sky/moon/series", "sky/planets"],
+    ),
     ("serde_json::", &["cli/plan", "label", "link/fault/book"]),
     ("toml::", &["load"]),
     ("strsim::", &["load"]),

@@ -11,6 +11,7 @@ pub mod ecliptic;
 pub mod look;
 pub mod moon;
 pub mod photometry;
+pub mod planets;
 pub mod population;
 pub mod radiation;
 pub mod shadow;
