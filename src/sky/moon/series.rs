@@ -2,11 +2,11 @@
 //! that it leaves out.
 //!
 //! Over 1991 to 2060 `moon98` alone lies up to 17.7 arcsec (rms 2.9) from JPL DE440. With the terms below it is 7.9 arcsec (rms 1.6),
-//! and 13 km in distance, at all of 10,788 epochs.
+//! and 13 km in distance, at all of 10,789 epochs.
 //!
 //! Reference: ELP/MPP02 (Chapront & Francou 2003, A&A 404, 735), amplitudes, phases and rates of the series in longitude and latitude
 //! that are constant in time, with the constants fitted to DE405, as npm `astronomia` 4.2.0 lists them (`elpMppDeFull.js`). Chosen are the
-//! terms of at least 0.25 arcsec that the difference of `moon98` and DE440 shows whole.
+//! terms of at least 0.25 arcsec that the difference of `moon98` and DE440 shows whole (`tests/reference/moon_terms.py`).
 
 use std::f64::consts::PI;
 
