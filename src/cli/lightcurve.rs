@@ -90,7 +90,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         _ => format!("light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}"),
     };
     say(format_args!(
-        "{title}: {} points from {} to {}, {what}\nwrote {}\n",
+        "{title}: {} instants from {} to {}, {what}\nwrote {}\n",
         points.len(),
         utc_text(span.from),
         points

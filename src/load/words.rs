@@ -75,6 +75,7 @@ fn wanted_value(serde: &str) -> String {
         "a boolean" => "true or false",
         "a string" => "a text in quotes",
         "a sequence" => "a list in brackets",
+        "a map" => "a table of keys",
         other if other.starts_with("struct ") => "a table of keys",
         other => other,
     };

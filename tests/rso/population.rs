@@ -290,6 +290,10 @@ fn entries_that_there_cannot_be() {
     refuses("", &["the key `objects` is missing"]);
     refuses("objects = []\nobjcts = 1", &["objcts"]);
     refuses("objects = [", &["not TOML"]);
+    refuses(
+        "shapes = 3\nobjects = []",
+        &["shapes: must be a table of keys, not 3"],
+    );
 }
 
 #[test]
