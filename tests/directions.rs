@@ -8,6 +8,7 @@ use hifitime::Epoch;
 use nalgebra::Vector3;
 use reference::{number, rows, vector};
 use skyloop::sky::bodies::{AU_M, Bodies};
+use skyloop::sky::moon::MoonDisc;
 use skyloop::sky::planets::{self, Planet};
 use skyloop::sky::{Corrections, Observer};
 
@@ -163,4 +164,30 @@ fn corrections_move_the_planets() {
     // X-Val: Jupiter at opposition: 20.5 arcsec of aberration, and 13.1 km/s for 2066 s at 619 million km: 9 arcsec.
     assert!((arcsec(aberrated[3], plain[3]) - 20.5).abs() < 0.5);
     assert!((arcsec(late[3], plain[3]) - 9.0).abs() < 0.5);
+}
+
+/// Full Moons and quarters of the almanac: the phase angle, the magnitude at the Moon's mean distance, and the side of the Sun.
+#[test]
+fn the_moon_goes_through_its_phases() {
+    // X-Val: skyfield 1.55, almanac.moon_phases with DE440; phase angles (deg) from the Earth's centre.
+    for (epoch, phase_deg, v, tolerance) in [
+        ("2019-06-10T05:59:55", 89.866, -10.0, 0.3),
+        ("2019-06-17T08:31:17", 1.943, -12.7, 0.2),
+        ("2019-06-25T09:47:01", 89.843, -10.0, 0.3),
+        ("2019-07-09T10:55:28", 89.865, -10.0, 0.3),
+        ("2019-08-15T12:29:52", 2.977, -12.7, 0.2),
+    ] {
+        let observer = at_the_earths_centre(epoch);
+        let disc = MoonDisc::seen_by(&observer, &Corrections::default());
+        let phase = disc.phase.to_degrees();
+        assert!((phase - phase_deg).abs() < 0.01, "{epoch}: {phase}");
+        let magnitude = disc.magnitude() - 5.0 * (disc.distance_m / 384_400e3).log10();
+        assert!((magnitude - v).abs() < tolerance, "{epoch}: {magnitude}");
+
+        let sun = observer.sun_m(&Corrections::default()).normalize();
+        let sunward = (sun - disc.direction * sun.dot(&disc.direction)).normalize();
+        let at = |x: f64| (disc.direction + sunward * (x * disc.angular_radius)).normalize();
+        assert!(disc.brightness(&at(0.95)) > 0.0, "{epoch}");
+        assert_eq!(disc.brightness(&at(-0.95)) > 0.0, phase < 10.0, "{epoch}");
+    }
 }
