@@ -26,9 +26,6 @@ pub const EARTH_ALBEDO: f64 = 0.3;
 
 /// Golden angle, rad: turns between neighbours of a spiral that never fall into line.
 const GOLDEN_ANGLE: f64 = PI * (3.0 - 2.236_067_977_499_79);
-/// Points along the limb at which its radius is taken, and what they may miss of it (rad).
-const LIMB_POINTS: usize = 360;
-const LIMB_MARGIN: f64 = 1e-5;
 
 /// The Earth as an observer sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,20 +74,9 @@ impl EarthDisc {
         self.albedo * cos_i.max(0.0) / PI * (AU_M * AU_M / distance2)
     }
 
-    /// The least and the greatest angle (rad) of the limb from the direction of the Earth's centre, to 1e-5 rad on the safe side: the
-    /// outline of an ellipsoid is no circle.
+    /// The least and the greatest angle (rad) of the limb from the direction of the Earth's centre, see [`Earth::outline`].
     pub fn edge(&self) -> [f64; 2] {
-        let [mut least, mut greatest] = [PI, 0.0f64];
-        for k in 0..LIMB_POINTS {
-            let turn = 2.0 * PI * k as f64 / LIMB_POINTS as f64;
-            let (limb, _) = self.within(1.0, turn);
-            let angle = angle_between(&limb, &-self.observer_m);
-            (least, greatest) = (least.min(angle), greatest.max(angle));
-        }
-        [
-            (least - LIMB_MARGIN).max(0.0),
-            (greatest + LIMB_MARGIN).min(PI),
-        ]
+        self.earth.outline(self.observer_m, 0.0)
     }
 
     /// The lit part of the disc in at most `n` patches of nearly the same solid angle, each with what it gives on a surface that faces
@@ -123,9 +109,7 @@ impl EarthDisc {
         let sin = (EARTH_RADIUS_M / distance).min(1.0);
         let half = sin * sin / (2.0 * (1.0 + ((1.0 - sin) * (1.0 + sin)).sqrt())); // sin^2(rho / 2)
         let sin_half2 = half * part;
-        let across = self.across(&axis);
-        let (sin_turn, cos_turn) = libm::sincos(turn);
-        let side = across * cos_turn + axis.cross(&across) * sin_turn;
+        let side = self.earth.across(axis, turn);
         let sin_theta = 2.0 * (sin_half2 * (1.0 - sin_half2)).sqrt();
         let stretched = axis * (1.0 - 2.0 * sin_half2) + side * sin_theta;
         let direction = self.earth.unstretched(stretched);
@@ -134,20 +118,4 @@ impl EarthDisc {
         let solid_angle = 4.0 * PI * half * shrink / (length * length * length);
         (direction / length, solid_angle)
     }
-
-    /// A unit vector across `axis`: toward the pole, or whatever else is not along it.
-    fn across(&self, axis: &Vector3<f64>) -> Vector3<f64> {
-        let pole = self.earth.pole();
-        let other = if pole.dot(axis).abs() < 0.9 {
-            pole
-        } else {
-            Vector3::x()
-        };
-        (other - axis * axis.dot(&other)).normalize()
-    }
-}
-
-/// The angle between two vectors, rad.
-fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-    libm::atan2(a.cross(b).norm(), a.dot(b))
 }

@@ -2,6 +2,7 @@
 //! which direction a camera sees them.
 
 pub mod apparent;
+pub mod atmosphere;
 mod bicubic;
 pub mod bodies;
 pub mod body_attitude;
@@ -21,6 +22,7 @@ pub mod starlight;
 pub mod zodiacal;
 
 pub use apparent::{Corrections, Observer};
+pub use atmosphere::{Atmosphere, Limb};
 pub use earth_light::EarthDisc;
 pub use population::Population;
 pub use star_field::StarField;

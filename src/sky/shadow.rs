@@ -6,6 +6,7 @@
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
+use std::f64::consts::PI;
 
 use super::bodies::{SUN_RADIUS_M, tt_days_since_j2000};
 
@@ -14,7 +15,7 @@ pub const EARTH_RADIUS_M: f64 = 6_378_137.0;
 /// Flattening of the WGS84 ellipsoid.
 pub const EARTH_FLATTENING: f64 = 1.0 / 298.257_223_563;
 
-const ARCSEC: f64 = std::f64::consts::PI / 648_000.0;
+const ARCSEC: f64 = PI / 648_000.0;
 const DAYS_PER_CENTURY: f64 = 36_525.0;
 
 /// The Earth's figure at one epoch.
@@ -106,6 +107,43 @@ impl Earth {
         self.to_sphere(self.to_sphere(point_m)).normalize()
     }
 
+    /// The least and the greatest angle (rad) from the direction of the Earth's centre at which an observer (GCRF, m) sees the edge of the
+    /// Earth with a shell of `altitude_m` around it, to 1e-5 rad on the safe side: the outline of an ellipsoid is no circle. Pi for an
+    /// observer inside.
+    pub fn outline(&self, observer_m: Vector3<f64>, altitude_m: f64) -> [f64; 2] {
+        const POINTS: usize = 360;
+        const MARGIN: f64 = 1e-5;
+        let observer = self.to_sphere(observer_m);
+        let sin = (EARTH_RADIUS_M + altitude_m) / observer.norm();
+        if sin >= 1.0 {
+            return [PI; 2];
+        }
+        let axis = observer.normalize() * -1.0;
+        let toward_centre = -observer_m.normalize();
+        let cos = ((1.0 - sin) * (1.0 + sin)).sqrt();
+        let (mut least, mut greatest) = (PI, 0.0f64);
+        for k in 0..POINTS {
+            let turn = 2.0 * PI * k as f64 / POINTS as f64;
+            let edge = self.unstretched(axis * cos + self.across(axis, turn) * sin);
+            let angle = angle_between(edge.normalize(), toward_centre);
+            (least, greatest) = (least.min(angle), greatest.max(angle));
+        }
+        [(least - MARGIN).max(0.0), (greatest + MARGIN).min(PI)]
+    }
+
+    /// The unit vector across `axis` (unit vector) that lies `turn` (rad) from the one nearest to the pole.
+    pub(super) fn across(self, axis: Vector3<f64>, turn: f64) -> Vector3<f64> {
+        // Any other will do where the axis is the pole.
+        let other = if self.pole.dot(&axis).abs() < 0.9 {
+            self.pole
+        } else {
+            Vector3::x()
+        };
+        let first = (other - axis * axis.dot(&other)).normalize();
+        let (sin, cos) = libm::sincos(turn);
+        first * cos + axis.cross(&first) * sin
+    }
+
     /// Whether the half line from `start` along `line` comes nearer to the origin than the Earth's radius after `start`.
     fn line_meets_sphere(self, start: Vector3<f64>, line: Vector3<f64>) -> bool {
         // Distance of a line from the origin: |start x line| / |line|.
@@ -178,7 +216,7 @@ fn covered_fraction(sun: f64, earth: f64, separation: f64) -> f64 {
     let x = (to_limb * (centres + radius) + sun * sun) / (2.0 * centres);
     let half_chord = ((sun - x) * (sun + x)).max(0.0).sqrt();
     let area = segment(sun, half_chord, x) + segment(radius, half_chord, centres - x);
-    (area / (std::f64::consts::PI * sun * sun)).clamp(0.0, 1.0)
+    (area / (PI * sun * sun)).clamp(0.0, 1.0)
 }
 
 /// Area of the segment that a chord cuts off a circle, the chord `half_chord` long to each side and `x` from the centre (negative: the

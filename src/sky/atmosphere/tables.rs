@@ -1,0 +1,111 @@
+//! Tables of light against lines of sight, and against the Sun's height.
+
+/// Places in a row.
+pub const PLACES: usize = 17;
+/// The sine of the Sun's height within which a row has most of its places: twilight.
+const TWILIGHT: f64 = 0.15;
+
+/// The least entry of a table over its greatest.
+const LEAST: f64 = 1e-12;
+
+/// Light against one kind of line: logarithms of equidistant values.
+#[derive(Debug, Clone, Default)]
+pub struct Table {
+    logs: Vec<f64>,
+}
+
+/// The Sun's part against its height over one line's place.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// The line: its coordinate among lines of its kind.
+    pub at: f64,
+    /// Weights of the Sun's cosines to the observer's zenith and to the line's horizontal direction in that to the place's zenith.
+    pub weights: [f64; 2],
+    /// Where the row's places begin, and how far they reach, see [`crowd`].
+    pub from: f64,
+    pub span: f64,
+    /// The part of the table's scattered light by the Sun's direct light, and by the day side's.
+    pub parts: [[f64; 2]; PLACES],
+}
+
+impl Table {
+    pub fn of(values: Vec<f64>) -> Table {
+        let most = values.iter().copied().fold(0.0f64, f64::max);
+        let least = (LEAST * most).max(f64::MIN_POSITIVE);
+        Table {
+            logs: values.iter().map(|v| libm::log(v.max(least))).collect(),
+        }
+    }
+
+    /// The value at 0..1, by cubics through four of them.
+    pub fn at(&self, part: f64) -> f64 {
+        let last = self.logs.len().saturating_sub(1);
+        let along = part.clamp(0.0, 1.0) * last as f64;
+        let i = (along as usize).min(last.saturating_sub(1));
+        let log = |k: usize| self.logs.get(k.min(last)).copied().unwrap_or(0.0);
+        let four = [log(i.saturating_sub(1)), log(i), log(i + 1), log(i + 2)];
+        let weights = cubic(along - i as f64);
+        libm::exp((0..4).map(|j| weights[j] * four[j]).sum())
+    }
+}
+
+impl Row {
+    /// The parts for the Sun's cosines to the observer's zenith and to the line's horizontal direction.
+    pub fn at(&self, sun: [f64; 2]) -> [f64; 2] {
+        let height = self.weights[0] * sun[0] + self.weights[1] * sun[1];
+        let last = PLACES - 1;
+        let part = if self.span.abs() > 1e-9 {
+            ((crowd(height) - self.from) / self.span).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let along = part * last as f64;
+        let i = (along as usize).min(last - 1);
+        let four = [i.saturating_sub(1), i, i + 1, (i + 2).min(last)].map(|k| self.parts[k]);
+        let weights = cubic(along - i as f64);
+        [0, 1].map(|k| {
+            (0..4)
+                .map(|j| weights[j] * four[j][k])
+                .sum::<f64>()
+                .max(0.0)
+        })
+    }
+}
+
+/// Rows of the lines on either side of `at`, in proportion.
+pub fn sun_parts(rows: &[Row], at: f64, sun: [f64; 2]) -> [f64; 2] {
+    let next = rows.partition_point(|row| row.at < at);
+    match (
+        next.checked_sub(1).and_then(|i| rows.get(i)),
+        rows.get(next),
+    ) {
+        (Some(a), Some(b)) => {
+            let part = (at - a.at) / (b.at - a.at);
+            let (a, b) = (a.at(sun), b.at(sun));
+            [0, 1].map(|k| a[k] + (b[k] - a[k]) * part)
+        }
+        (Some(one), None) | (None, Some(one)) => one.at(sun),
+        (None, None) => [0.0; 2],
+    }
+}
+
+/// Weights of four equidistant values for a place `t` (0..1) between the middle two (Catmull & Rom 1974).
+fn cubic(t: f64) -> [f64; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [
+        (2.0 * t2 - t - t3) / 2.0,
+        (2.0 - 5.0 * t2 + 3.0 * t3) / 2.0,
+        (t + 4.0 * t2 - 3.0 * t3) / 2.0,
+        (t3 - t2) / 2.0,
+    ]
+}
+
+/// A scale of the sine of the Sun's height that is wide in twilight.
+pub fn crowd(height: f64) -> f64 {
+    height / (height * height + TWILIGHT * TWILIGHT).sqrt()
+}
+
+/// The inverse of [`crowd`].
+pub fn uncrowd(place: f64) -> f64 {
+    TWILIGHT * place / ((1.0 - place) * (1.0 + place)).max(1e-12).sqrt()
+}
