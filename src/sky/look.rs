@@ -32,7 +32,7 @@ pub struct Passage<'a> {
 
 /// Instants of an exposure for every narrowest lobe that passes a sensor: the light of one passage is known within 3 %.
 const INSTANTS: f64 = 32.0;
-/// Instants at most, times facets: half a second, if all are sides of cylinders. A body that turns further shows the mean of as many
+/// Instants at most, times facets: a tenth of a second, if all are sides of cylinders. A body that turns further shows the mean of as many
 /// attitudes as there is time for.
 const MOST_WORK: f64 = 50_000.0;
 

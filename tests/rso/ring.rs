@@ -129,7 +129,7 @@ fn a_cone_is_the_sum_of_its_plates() {
                     let share = if surface.lobe == Lobe::mirror() {
                         2.5e-2
                     } else {
-                        3e-3
+                        1e-4
                     };
                     let tolerance = share * wanted.max(1e-3);
                     assert!(
