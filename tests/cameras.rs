@@ -300,3 +300,14 @@ fn a_camera_value_out_of_range_is_refused_by_name() {
         "{unknown}"
     );
 }
+
+#[test]
+fn the_sun_stays_out_of_every_camera_s_image() {
+    // X-Val: by hand: the corner of fai-nir, 128 sqrt(2) px of 530.77 px, is 18.83 deg from the boresight; all-sky's vignetting ends at 90 deg.
+    for (name, deg) in [("fai-nir", 28.83), ("all-sky", 100.0), ("rigel-l", 30.0)] {
+        let stray = Camera::load(name, &Folder::current()).unwrap().optics.stray;
+        let exclusion_deg = stray.sun_exclusion.to_degrees();
+        assert!((exclusion_deg - deg).abs() < 0.1, "{name}: {exclusion_deg}");
+        assert!(stray.pst(1.0) > stray.pst(2.5) || name == "all-sky");
+    }
+}

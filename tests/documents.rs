@@ -329,6 +329,7 @@ fn the_readme_lists_the_cameras_keys() {
         "optics.psf",
         "optics.projection",
         "optics.vignetting",
+        "optics.stray",
         "detector",
         "radiation",
         "timing",

@@ -9,6 +9,7 @@ mod projection;
 pub mod psf;
 mod radiation;
 mod shutter;
+mod stray;
 mod vignetting;
 
 pub use band::{Band, SUN_MAGNITUDE};
@@ -19,6 +20,7 @@ pub use projection::{Model, Projection};
 pub use psf::{LocalPsf, Psf, Stamp};
 pub use radiation::{Event, Flux, MOST_WORK_AN_EVENT, Radiation};
 pub use shutter::Shutter;
+pub use stray::Stray;
 pub use vignetting::Vignetting;
 
 use crate::attitude::Attitude;

@@ -1,7 +1,7 @@
 //! From direction to pixel: projection, aperture, transmission and point spread function as one.
 
 use super::projection::Model;
-use super::{Band, LocalPsf, Projection, Psf, Vignetting};
+use super::{Band, LocalPsf, Projection, Psf, Stray, Vignetting};
 use nalgebra::Vector3;
 
 /// The optics of a camera.
@@ -23,6 +23,8 @@ pub struct Optics {
     pub vignetting: Vignetting,
     /// The point spread function.
     pub psf: Psf,
+    /// What is scattered onto the detector from outside the image, and the Sun's exclusion angle.
+    pub stray: Stray,
 }
 
 impl Optics {

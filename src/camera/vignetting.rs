@@ -36,6 +36,18 @@ impl Vignetting {
         }
     }
 
+    /// The field angle (rad) from which on nothing passes; pi where something always does.
+    pub fn end(&self) -> f64 {
+        match self {
+            Vignetting::None => std::f64::consts::PI,
+            Vignetting::Cos4 => std::f64::consts::FRAC_PI_2,
+            Vignetting::Table(table) => {
+                let dark = table.iter().rev().take_while(|[_, t]| *t <= 0.0).last();
+                dark.map_or(std::f64::consts::PI, |[angle, _]| *angle)
+            }
+        }
+    }
+
     /// The least and the greatest transmission up to a field angle (rad) from the boresight.
     pub fn range(&self, angle: f64) -> [f64; 2] {
         match self {

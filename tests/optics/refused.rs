@@ -67,6 +67,18 @@ optics.vignetting | table = [[0.0, 1.0], [5.0]] | optics.vignetting.table[1]: mu
 optics.vignetting | table = [[4.0, 1.0], [2.0, 0.5]] | optics.vignetting.table[1] = [2.0, 0.5] | greater angle
 optics.vignetting | table = [] | optics.vignetting.table = []
 optics.vignetting | table = [[0.0, 1.0]]; cos4 = true | optics.vignetting.table | exclude
+optics.stray |  | optics.stray: says nothing: set pst = [[angle, transmittance], ...] or sun_exclusion_deg
+optics.stray | pst = [] | optics.stray.pst = [] | at least one [angle, transmittance]
+optics.stray | pst = [[10.0, 0.0]] | optics.stray.pst[0][1] = 0: must be 0.000000000001 to 1
+optics.stray | pst = [[10.0, 1e-3], [20.0, 1.5]] | optics.stray.pst[1][1] = 1.5
+optics.stray | pst = [[10.0, nan]] | optics.stray.pst[0][1] = NaN
+optics.stray | pst = [[10.0, 1e-3], [190.0, 1e-5]] | optics.stray.pst[1][0] = 190: must be 0 to 180 deg
+optics.stray | pst = [[20.0, 1e-3], [10.0, 1e-5]] | optics.stray.pst[1] = [10.0, 1e-5] | greater angle
+optics.stray | pst = [[20.0, 1e-3, 1.0]] | optics.stray.pst[0]: must have 2 values, not 3
+optics.stray | psf = [[20.0, 1e-3]] | optics.stray.psf: unknown key `psf`
+optics.stray | sun_exclusion_deg = 3.0 | optics.stray.sun_exclusion_deg = 3: must be 3.94 to 180 deg | never in the image | 3.66 deg
+optics.stray | sun_exclusion_deg = nan | optics.stray.sun_exclusion_deg = NaN
+optics.stray | sun_exclusion_deg = 181.0 | optics.stray.sun_exclusion_deg = 181
 mounting | misalignment_arcsec = [0.0, 40000.0, 0.0] | mounting.misalignment_arcsec[1] = 40000 | -36000 to 36000 arcsec
 mounting | misalignment_arcsec = [0.0, 0.0, 0.0, 0.0] | mounting.misalignment_arcsec: must have 3 values, not 4
 mounting | q_body_to_camera = [0.0, 0.0, 0.0, 1.0, 0.0] | mounting.q_body_to_camera: must have 4 values, not 5

@@ -6,6 +6,7 @@ mod optics;
 mod projection;
 mod psf;
 mod radiation;
+mod stray;
 mod timing;
 mod vignetting;
 

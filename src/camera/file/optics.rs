@@ -2,9 +2,10 @@
 
 use super::projection::RawProjection;
 use super::psf::{Lens, RawPsf};
+use super::stray::RawStray;
 use super::vignetting::RawVignetting;
 use crate::camera::psf::{Shape, Variation};
-use crate::camera::{Band, Detector, Optics, Psf, Vignetting};
+use crate::camera::{Band, Detector, Optics, Psf, Stray, Vignetting};
 use crate::load::{Check, ConfigError, Fixed, Folder};
 use nalgebra::Vector3;
 use serde::Deserialize;
@@ -24,6 +25,7 @@ pub struct RawOptics {
     psf: RawPsf,
     projection: Option<RawProjection>,
     vignetting: Option<RawVignetting>,
+    stray: Option<RawStray>,
 }
 
 #[derive(Deserialize, Debug)]
@@ -82,6 +84,7 @@ impl RawOptics {
             vignetting,
             band,
             projection,
+            stray: Stray::default(),
         };
         let lens = Lens {
             focal_px: optics.focal_px,
@@ -112,6 +115,8 @@ impl RawOptics {
             .edge(0.0)
             .map(|at| optics.direction(at).angle(&Vector3::z()));
         let field_deg = edge.fold(0.0, f64::max).to_degrees();
+        let lit_deg = field_deg.min(optics.vignetting.end().to_degrees());
+        optics.stray = RawStray::validate(self.stray, lit_deg, check)?;
         for (key, last_deg) in tables {
             if let Some(last_deg) = last_deg.filter(|deg| *deg < field_deg / 20.0) {
                 tracing::warn!(

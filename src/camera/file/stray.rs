@@ -1,0 +1,58 @@
+//! `[optics.stray]` of a camera file.
+
+use crate::camera::Stray;
+use crate::load::{Check, ConfigError, Fixed};
+use serde::Deserialize;
+
+/// The Sun's radius as seen from the Earth, deg.
+const SUN_RADIUS_DEG: f64 = 0.27;
+/// How far from the field the Sun stays, deg, where the file does not say.
+const MARGIN_DEG: f64 = 10.0;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawStray {
+    pst: Option<Vec<Fixed<f64, 2>>>,
+    sun_exclusion_deg: Option<f64>,
+}
+
+impl RawStray {
+    /// Of a camera whose image holds light from up to `field_deg` from the boresight.
+    pub fn validate(
+        raw: Option<RawStray>,
+        field_deg: f64,
+        check: &Check,
+    ) -> Result<Stray, ConfigError> {
+        let default_deg = (field_deg + MARGIN_DEG).min(180.0);
+        let Some(raw) = raw else {
+            return Ok(Stray::new(&[], default_deg.to_radians()));
+        };
+        if raw.pst.is_none() && raw.sun_exclusion_deg.is_none() {
+            let reason = "says nothing: set pst = [[angle, transmittance], ...] or sun_exclusion_deg, or leave it out";
+            return Err(check.explain("optics.stray", reason));
+        }
+        let mut table = Vec::new();
+        if let Some(pst) = raw.pst {
+            let (key, points) = ("optics.stray.pst", Fixed::all(pst));
+            if points.is_empty() {
+                return Err(check.refuse(key, "[]", "at least one [angle, transmittance]"));
+            }
+            super::rising_angles(key, &points, 1e-12..=1.0, check)?;
+            table = points;
+        }
+        let least_deg = (field_deg + SUN_RADIUS_DEG).min(180.0);
+        let exclusion_deg = raw.sun_exclusion_deg.unwrap_or(default_deg);
+        if !(least_deg..=180.0).contains(&exclusion_deg) {
+            let allowed = format!(
+                "{:.2} to 180 deg: the Sun is never in the image, whose corner is {field_deg:.2} deg from the boresight",
+                (least_deg * 100.0).ceil() / 100.0
+            );
+            return Err(check.refuse("optics.stray.sun_exclusion_deg", exclusion_deg, allowed));
+        }
+        let rad: Vec<[f64; 2]> = table
+            .into_iter()
+            .map(|[deg, pst]| [deg.to_radians(), pst])
+            .collect();
+        Ok(Stray::new(&rad, exclusion_deg.to_radians()))
+    }
+}
