@@ -122,7 +122,8 @@ pub struct VehicleState {
 
 /// Body rates beyond this (rad/s; 100 turns a second) are refused.
 const MAX_RATE: f64 = 628.4;
-/// Geocentric positions nearer than this (m) lie below the ground: the Earth's polar radius is 6,356,752 m.
+/// Geocentric positions nearer than this (m) lie below the ground: the Earth's polar radius is 6,356,752 m. What is given in files is
+/// held to the ellipsoid itself (`flight`).
 const MIN_POSITION: f64 = 6_356_000.0;
 /// Geocentric positions beyond this (m) are refused: the observer is taken to orbit the Earth.
 const MAX_POSITION: f64 = 4e9;

@@ -3,12 +3,14 @@
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::{Config, Observer, Sequence, TimedAttitude};
 use crate::scene::{Exposure, Unobservable, shutter, turn_at};
+use crate::sky::shadow::Earth;
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::{AttitudeList, ListError};
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, ProfileError, orbit_of};
 use skyloop_orbit::time::utc_text;
+use skyloop_orbit::two_body::propagate_j2;
 use std::time::Duration;
 use thiserror::Error;
 
@@ -26,6 +28,23 @@ pub enum FlightError {
          give the observer's --state or --orbit ([observer] orbit in a scene)"
     )]
     NoObserver,
+    /// A place inside the Earth.
+    #[error(
+        "{key} = {value}: at {} it is {position_km:?} km (GCRF), {:.1} km from the Earth's centre and below the ground (WGS84): must be above it; \
+         check orbit, units and epochs",
+        utc_text(*epoch),
+        Vector3::from(*position_km).norm()
+    )]
+    BelowGround {
+        /// The key or option that gives the observer's orbit.
+        key: &'static str,
+        /// What it gives.
+        value: String,
+        /// Middle of the exposure.
+        epoch: Epoch,
+        /// Where the observer would be, GCRF, km.
+        position_km: [f64; 3],
+    },
     /// Attitude or orbit at a frame.
     #[error(transparent)]
     Profile(#[from] ProfileError),
@@ -71,6 +90,9 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         positions: None,
     };
     // Said before anything is opened or written.
+    if let Some(observer) = &config.observer {
+        above_ground(observer, &mission)?;
+    }
     let open_s = config.camera.exposure_s + config.camera.readout_s();
     for number in [0, mission.frames.saturating_sub(1)] {
         let vehicle = vehicle(&mission, number)?;
@@ -86,6 +108,44 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         }
     }
     Ok(mission)
+}
+
+/// Refuses an observer who is inside the Earth in the middle of an exposure. Packets on a wire are held to the radius of the pole alone
+/// (`attitude::check_orbit`): their time comes with them.
+fn above_ground(observer: &Observer, mission: &Mission) -> Result<(), FlightError> {
+    // A state is carried on from frame to frame: from the first to each would take longer with every frame.
+    let mut drifting = match observer {
+        Observer::State(state) => Some(*state),
+        Observer::Object(_) => None,
+    };
+    for number in 0..mission.frames {
+        let epoch = mission.epoch(number);
+        let (key, value, state) = match (observer, &mut drifting) {
+            (Observer::Object(object), _) => {
+                // A gap in an orbit is told by the attitudes.
+                let Ok(state) = object.state(epoch) else {
+                    continue;
+                };
+                ("observer.orbit", object.label(), state)
+            }
+            (Observer::State(given), Some(state)) => {
+                let now = *state;
+                *state = propagate_j2(&now, mission.period_s);
+                let value = format!("{:?} km", given.position_m.map(|m| m * 1e-3).as_slice());
+                ("--state", value, now)
+            }
+            (Observer::State(_), None) => continue,
+        };
+        if Earth::at(epoch).contains(state.position_m) {
+            return Err(FlightError::BelowGround {
+                key,
+                value,
+                epoch,
+                position_km: state.position_m.map(|m| (m * 1e-2).round() / 10.0).into(),
+            });
+        }
+    }
+    Ok(())
 }
 
 /// The vehicle in the middle of exposure `number` of a mission.
@@ -128,10 +188,5 @@ fn profile(sequence: &Sequence) -> Result<Profile, FlightError> {
 
 /// A state carried on by two-body motion and J2.
 fn drift(state: skyloop_orbit::StateVector, at: Epoch) -> OrbitSource {
-    std::sync::Arc::new(move |epoch| {
-        Ok(skyloop_orbit::two_body::propagate_j2(
-            &state,
-            (epoch - at).to_seconds(),
-        ))
-    })
+    std::sync::Arc::new(move |epoch| Ok(propagate_j2(&state, (epoch - at).to_seconds())))
 }
