@@ -154,8 +154,8 @@ fn find(objects: &[Object], name: &str) -> anyhow::Result<usize> {
         objects: objects.to_vec(),
         rejected: Vec::new(),
     };
-    let (found, _) = all
-        .pick(Some(name))
+    let found = all
+        .find(Some(name))
         .map_err(|why| anyhow!("--object: {why}"))?;
     let index = objects.iter().position(|object| object.id == found.id);
     index.ok_or_else(|| anyhow!("--object {name}: no such object"))

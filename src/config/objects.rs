@@ -1,7 +1,8 @@
 //! `[objects]` of a scene and the population file that it may name: who is in orbit, and what is known of whose looks.
 
 use super::shapes::{RawAttitude, RawShape, RawSphere};
-use crate::load::{Check, ConfigError, Folder, advice, orbits, parse};
+use crate::load::orbits::{Shelf, add_without};
+use crate::load::{Check, ConfigError, Folder, advice, parse};
 use crate::sky::look::Body;
 use crate::sky::photometry::Sphere;
 use crate::sky::population::{Look, Looks};
@@ -106,6 +107,7 @@ impl RawPopulation {
             shapes.insert(name, shape);
         }
         let mut selected = HashSet::new();
+        let mut shelf = Shelf::new(folder);
         let mut entries = Vec::new();
         for (i, entry) in self.objects.into_iter().enumerate() {
             let key = format!("objects[{i}]");
@@ -113,7 +115,8 @@ impl RawPopulation {
             let one = match (&entry.object, &entry.files) {
                 (Some(selector), None) => {
                     let key = format!("{key}.object");
-                    let one = orbits::one(folder, selector, &mut all.rejected)
+                    let one = shelf
+                        .one(selector, &mut all.rejected)
                         .map_err(|error| check.explain(&key, error))?;
                     if !selected.insert(one.id.clone()) {
                         let reason = format!(
@@ -204,6 +207,6 @@ impl Objects {
         name: &str,
         without: &HashSet<String>,
     ) -> Result<(), ConfigError> {
-        orbits::add_without(folder, name, without, &mut self.objects, &mut self.rejected)
+        add_without(folder, name, without, &mut self.objects, &mut self.rejected)
     }
 }

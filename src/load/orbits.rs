@@ -1,7 +1,8 @@
 //! Orbit files (TLE, 3LE, OEM) by name.
 
 use super::{ConfigError, Folder};
-use std::collections::HashSet;
+use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 
 use skyloop_orbit::{Loaded, Object, Rejected, file_and_name};
 
@@ -58,12 +59,39 @@ pub fn one(
     selector: &str,
     rejected: &mut Vec<String>,
 ) -> Result<Object, ConfigError> {
-    let (file, name) = file_and_name(selector, |file| folder.has(file));
-    let (object, refused) = load(folder, file)?
-        .pick(name)
-        .map_err(|why| ConfigError::Orbit(format!("{file}: {why}")))?;
-    book(&refused, rejected);
-    Ok(object)
+    Shelf::new(folder).one(selector, rejected)
+}
+
+/// Files that are read once, however many objects are taken out of them.
+pub struct Shelf<'a> {
+    folder: &'a Folder,
+    files: HashMap<String, Loaded>,
+}
+
+impl Shelf<'_> {
+    /// Of the files in `folder`; none is read yet.
+    pub fn new(folder: &Folder) -> Shelf<'_> {
+        let files = HashMap::new();
+        Shelf { folder, files }
+    }
+
+    /// [`one`], from a file that may have been read before.
+    pub fn one(
+        &mut self,
+        selector: &str,
+        rejected: &mut Vec<String>,
+    ) -> Result<Object, ConfigError> {
+        let (file, name) = file_and_name(selector, |file| self.folder.has(file));
+        let loaded = match self.files.entry(file.to_string()) {
+            Entry::Occupied(read) => read.into_mut(),
+            Entry::Vacant(place) => place.insert(load(self.folder, file)?),
+        };
+        let object = loaded
+            .find(name)
+            .map_err(|why| ConfigError::Orbit(format!("{file}: {why}")))?;
+        book(&loaded.rejected, rejected);
+        Ok(object.clone())
+    }
 }
 
 /// Adds what was refused, unless another use of the same file has told it already.

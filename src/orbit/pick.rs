@@ -25,14 +25,22 @@ impl Loaded {
     ///
     /// Errors: says what there is, and what was refused.
     pub fn pick(mut self, name: Option<&str>) -> Result<(Object, Vec<Rejected>), String> {
+        let index = self.index_of(name)?;
+        Ok((self.objects.swap_remove(index), self.rejected))
+    }
+
+    /// The object that [`Loaded::pick`] would take, left where it is; its errors.
+    pub fn find(&self, name: Option<&str>) -> Result<&Object, String> {
+        Ok(&self.objects[self.index_of(name)?])
+    }
+
+    fn index_of(&self, name: Option<&str>) -> Result<usize, String> {
         let meant: Vec<usize> = (0..self.objects.len())
             .filter(|i| name.is_none_or(|name| self.objects[*i].is_called(name)))
             .collect();
         let why = match (meant.as_slice(), name) {
-            ([one], Some(_)) => return Ok((self.objects.swap_remove(*one), self.rejected)),
-            ([one], None) if self.rejected.is_empty() => {
-                return Ok((self.objects.swap_remove(*one), self.rejected));
-            }
+            ([one], Some(_)) => return Ok(*one),
+            ([one], None) if self.rejected.is_empty() => return Ok(*one),
             ([], Some(name)) => format!("no object called {name:?}"),
             (_, Some(name)) => format!(
                 "{} objects called {name:?}: pick one by its number",
