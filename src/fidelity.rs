@@ -14,6 +14,10 @@ pub struct Fidelity {
     pub track_step_sigma: f64,
     /// Panels are longer, up to one sigma, where the profile still errs by no more than this (e-).
     pub track_e: f64,
+    /// Area light runs in straight lines between places at which it is worked out where that errs by no more than this (e-) and
+    pub area_e: f64,
+    /// this part of it (1).
+    pub area_part: f64,
     /// An effect without which no pixel's expected electrons change by more than this (e-) is skipped.
     pub skip_e: f64,
     /// An effect without which no image moves by more than this (px) is skipped; so is a source's own motion.
@@ -27,6 +31,8 @@ impl Fidelity {
         wing_e: 0.02,
         track_step_sigma: 0.5,
         track_e: 0.01,
+        area_e: 0.01,
+        area_part: 2e-4,
         skip_e: 0.05,
         skip_px: 1e-3,
     };
@@ -36,6 +42,8 @@ impl Fidelity {
         wing_e: 1e-3,
         track_step_sigma: 0.1,
         track_e: 0.0,
+        area_e: 1e-3,
+        area_part: 1e-6,
         skip_e: 0.0,
         skip_px: 0.0,
     };

@@ -205,6 +205,25 @@ impl Footprint {
         }
     }
 
+    /// That of a source of so many `electrons` in all that lights the whole detector, `e` (e-) in each pixel, row by row.
+    pub fn whole(width: usize, mut e: Vec<f32>, electrons: f64) -> Footprint {
+        let spans = (0..e.len() / width.max(1)).map(|row| Span {
+            column: 0,
+            offset: (row * width) as u32,
+            length: width as u32,
+        });
+        let spans = spans.collect();
+        let part = 1.0 / electrons;
+        e.iter_mut()
+            .for_each(|e| *e = (f64::from(*e) * part) as f32);
+        Footprint {
+            first_row: 0,
+            spans,
+            shares: e,
+            evaluated: 0,
+        }
+    }
+
     /// How many times the light of a point on a pixel was worked out for it.
     pub fn evaluated(&self) -> u64 {
         self.evaluated

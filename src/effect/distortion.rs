@@ -98,5 +98,6 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             beside_px: px.min(2.0 * loss.px) + 1.0,
         }
     });
+    let e = e + scene.areas_change_e(&other, loss.px);
     Loss { e, ..*loss }
 }

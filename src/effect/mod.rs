@@ -1,5 +1,6 @@
 //! The effects, from light to digits. Adding one is a file here and a line in [`EFFECTS`].
 
+mod area;
 mod bloom;
 mod cause;
 mod dark;

@@ -11,7 +11,7 @@ use super::cause::{counted, digits, is_rso, is_star, none_lit};
 use super::shown::{of_cells, shown_e};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::{Body, Scene, Simulated, Source, still_ms};
+use crate::scene::{Body, Lit, Scene, Simulated, Source, still_ms};
 
 /// The stars.
 pub const STARS: Effect = Effect {
@@ -56,7 +56,7 @@ fn judge<'s>(
         Need::none(none_lit(scene, what, kind))
     } else {
         // Their own light, and their part of its column's trail.
-        let mut cells_e = scene.lit_e(&drawn);
+        let mut cells_e = scene.lit_e(drawn.iter().copied().map(Lit::from));
         if scene.simulated.frame_transfer {
             let trails = of_cells(&scene.trail_e);
             cells_e

@@ -85,5 +85,6 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             beside_px: off_px + 1.0,
         }
     });
+    let e = e + scene.areas_change_e(&other, loss.px);
     Loss { e, ..*loss }
 }

@@ -38,7 +38,8 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
         return Need::none("the optics have no vignetting");
     }
     let [least, most] = vignetting.range(view.camera.cone_rad(0.0));
-    let e = view.brightest_px_e(|seen| (1.0 - vignetting.transmission(seen)).abs());
+    let e = view.brightest_px_e(|seen| (1.0 - vignetting.transmission(seen)).abs())
+        + view.areas_peak_e() * (1.0 - least);
     if e == 0.0 {
         return Need::none(why_none(view, simulated));
     }
@@ -94,7 +95,7 @@ fn looks(view: &View, fidelity: &Fidelity) -> f64 {
     view.looks() + moving + rolling
 }
 
-fn change(scene: &Scene, _: &Loss) -> Loss {
+fn change(scene: &Scene, loss: &Loss) -> Loss {
     let (vignetting, simulated) = (&scene.view.camera.optics.vignetting, &scene.simulated);
     let moves = simulated.smear || simulated.aberration_drift;
     let seen = scene.seen();
@@ -135,6 +136,12 @@ fn change(scene: &Scene, _: &Loss) -> Loss {
             }
         },
     );
+    // Of area light that is so faint that it is skipped, all that it was asked for.
+    let e = if simulated.vignetting {
+        e + scene.areas_change_e(&other, 0.0)
+    } else {
+        e.max(loss.e)
+    };
     Loss {
         e,
         px: off_px.fold(0.0, f64::max),

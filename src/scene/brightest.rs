@@ -1,6 +1,6 @@
 //! How much light the brightest pixel may hold: a bound that costs far less than drawing the sources.
 
-use super::Source;
+use super::{Lit, Source};
 use crate::camera::Detector;
 use std::collections::VecDeque;
 
@@ -8,17 +8,17 @@ use std::collections::VecDeque;
 pub const CELL: usize = 8;
 
 /// A bound (e-) of the light on any pixel times its `weight` (by row-major index; none: 1), for each column of cells: in each cell
-/// the sum of what every source gives to its greatest pixel there.
+/// the sum of what every light gives to its greatest pixel there.
 pub(super) fn pixels_e<'a>(
     detector: &Detector,
-    sources: impl Iterator<Item = &'a Source>,
+    lights: impl Iterator<Item = Lit<'a>>,
     weight: Option<&dyn Fn(usize) -> f64>,
 ) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
     let mut cells = vec![0.0; columns * detector.height.div_ceil(CELL)];
     let mut greatest = vec![0.0f64; columns];
-    for source in sources.filter(|source| source.electrons > 0.0) {
-        let mut rows = source.footprint.rows(0..detector.height).peekable();
+    for light in lights.filter(|light| light.electrons > 0.0) {
+        let mut rows = light.footprint.rows(0..detector.height).peekable();
         while let Some((row, first, shares)) = rows.next() {
             let mut share = |column: usize, share: f64| {
                 let cell = &mut greatest[column / CELL];
@@ -42,14 +42,14 @@ pub(super) fn pixels_e<'a>(
                     }
                 }
             }
-            // The source's last row in these cells.
+            // The light's last row in these cells.
             if rows
                 .peek()
                 .is_none_or(|(next, ..)| next / CELL != row / CELL)
             {
                 let cells = &mut cells[row / CELL * columns..];
                 for (cell, greatest) in cells.iter_mut().zip(&mut greatest) {
-                    *cell += source.electrons * *greatest;
+                    *cell += light.electrons * *greatest;
                     *greatest = 0.0;
                 }
             }

@@ -299,10 +299,7 @@ impl Scene {
             .peekable();
         let gone = view.candidates.iter().filter(|candidate| {
             let here = there.next_if_eq(&identity(&candidate.body)).is_some();
-            let shines = match candidate.body {
-                Body::Star(_) => self.simulated.stars,
-                Body::Rso(_) => self.simulated.rsos,
-            };
+            let shines = candidate.body.is_in(&self.simulated);
             !here && shines && candidate.electrons() > 0.0 && comes_near(candidate)
         });
         gone.filter_map(|candidate| view.image(candidate, without, fidelity))

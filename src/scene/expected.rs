@@ -1,22 +1,22 @@
 //! The charge that pixels expect: bounds of it, and what single pixels and columns expect.
 
-use super::{Body, Scene, Simulated, Source, brightest, trail};
+use super::{Lit, Scene, Simulated, brightest, trail};
 
 impl Scene {
-    /// What of light the pixels turn into charge, by `sources` alone: a bound (e-) for each column of cells (`brightest`), whether
+    /// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether
     /// their response is skipped or not.
-    pub fn lit_e(&self, sources: &[&Source]) -> Vec<f64> {
+    pub fn lit_e<'a>(&self, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
         let detector = &self.view.camera.detector;
         let response = |pixel| detector.pattern.response_of(pixel).max(1.0);
         let weight = self.simulated.response && detector.pattern.response().is_some();
         let weight = weight.then_some(&response as &dyn Fn(usize) -> f64);
-        brightest::pixels_e(detector, sources.iter().copied(), weight)
+        brightest::pixels_e(detector, lights, weight)
     }
 
     /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-, for each column of cells.
     pub fn lit_where(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
         let detector = &self.view.camera.detector;
-        brightest::pixels_e(detector, self.sources.iter(), Some(&weight))
+        brightest::pixels_e(detector, self.lights(&self.simulated), Some(&weight))
     }
 
     /// No pixel's expected charge is more than this, particles left out, e-.
@@ -35,12 +35,26 @@ impl Scene {
     pub(super) fn brightest_of(&self, column: usize) -> f64 {
         let detector = &self.view.camera.detector;
         let rows = (0..detector.height).map(|row| row * detector.width + column);
-        let background = rows.map(|pixel| self.background_of(pixel));
+        let background = rows.map(|pixel| self.unlit_of(pixel));
         self.peaks_e[column / brightest::CELL] + background.fold(0.0, f64::max)
     }
 
-    /// The charge (e-) that a pixel (row-major index) expects from no light that it is shown: dark charge, its column's trail.
+    /// The charge (e-) that a pixel (row-major index) expects on which no star and no object shines: area light, dark charge, its
+    /// column's trail.
     pub fn background_of(&self, pixel: usize) -> f64 {
+        let Some(light) = self.areas_e.get(pixel) else {
+            return self.unlit_of(pixel);
+        };
+        let response = if self.simulated.response {
+            self.view.camera.detector.pattern.response_of(pixel)
+        } else {
+            1.0
+        };
+        f64::from(*light) * response + self.unlit_of(pixel)
+    }
+
+    /// The charge (e-) that a pixel expects from no light that it is shown: dark charge, its column's trail.
+    fn unlit_of(&self, pixel: usize) -> f64 {
         let detector = &self.view.camera.detector;
         let trail = self.trail().get(pixel % detector.width);
         let dark = if self.simulated.dark {
@@ -76,11 +90,12 @@ impl Scene {
             let past = pixels.partition_point(|pixel| (*pixel as usize) < from + length);
             first..past
         };
-        for source in self.sources.iter().filter(|source| source.electrons > 0.0) {
-            for (row, column, shares) in source.footprint.rows(0..detector.height) {
+        let lights = self.lights(&self.simulated);
+        for light in lights.filter(|light| light.electrons > 0.0) {
+            for (row, column, shares) in light.footprint.rows(0..detector.height) {
                 let from = row * detector.width + column;
                 for i in within(from, shares.len()) {
-                    charge[i] += source.electrons * f64::from(shares[pixels[i] as usize - from]);
+                    charge[i] += light.electrons * f64::from(shares[pixels[i] as usize - from]);
                 }
             }
         }
@@ -89,7 +104,7 @@ impl Scene {
             if self.simulated.response {
                 *charge *= detector.pattern.response_of(pixel);
             }
-            *charge += self.background_of(pixel);
+            *charge += self.unlit_of(pixel);
         }
         charge
     }
@@ -130,17 +145,13 @@ impl Scene {
     pub fn light_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
         let height = self.view.camera.detector.height;
         let mut light = vec![0.0; columns.len() * height];
-        let shines = |source: &&Source| match source.body {
-            Body::Star(_) => parts.stars,
-            Body::Rso(_) => parts.rsos,
-        };
-        for source in self.sources.iter().filter(shines) {
-            for (row, first, shares) in source.footprint.rows(0..height) {
+        for lit in self.lights(parts) {
+            for (row, first, shares) in lit.footprint.rows(0..height) {
                 let from = columns.partition_point(|column| *column < first);
                 let here = columns[from..].iter().zip(from..);
                 for (column, i) in here.take_while(|(column, _)| **column < first + shares.len()) {
                     let share = f64::from(shares[*column - first]);
-                    light[i * height + row] += source.electrons * share;
+                    light[i * height + row] += lit.electrons * share;
                 }
             }
         }

@@ -3,12 +3,14 @@
 //! First the [`View`], what stands before the camera; then, with the effects that the frame has ([`Simulated`]), the
 //! image of every source on the detector.
 
+mod area;
 mod brightest;
 mod change;
 mod collected;
 mod compared;
 mod expected;
 mod imaging;
+mod lit;
 mod signal;
 mod simulated;
 mod spill;
@@ -18,9 +20,11 @@ mod work;
 
 use signal::Noise;
 
+pub use area::{Area, AreaLight, KINDS, Kind, Radiance};
 pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
+pub use lit::Lit;
 pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e};
 pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};
@@ -81,6 +85,16 @@ pub enum Body {
     Rso(Box<SeenObject>),
 }
 
+impl Body {
+    /// Whether a frame has its kind.
+    pub fn is_in(&self, simulated: &Simulated) -> bool {
+        match self {
+            Body::Star(_) => simulated.stars,
+            Body::Rso(_) => simulated.rsos,
+        }
+    }
+}
+
 /// Why no light of a source arrives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hidden {
@@ -134,6 +148,10 @@ pub struct Scene {
     pub simulated: Simulated,
     /// The images that touch the detector, in the view's order.
     pub sources: Vec<Source>,
+    /// The light of area sources, in the order of their effects.
+    pub areas: Vec<AreaLight>,
+    /// Their light together on each pixel, e-; empty where there is none.
+    areas_e: Vec<f32>,
     /// No pixel turns more light than this into charge, for each column of cells (`brightest`), e-.
     peaks_e: Vec<f64>,
     /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge is not shifted
@@ -152,21 +170,25 @@ pub struct Scene {
 impl Scene {
     /// The images of all that is in view.
     pub fn new(view: View, simulated: Simulated, fidelity: &Fidelity) -> Scene {
-        let shines = |candidate: &&Candidate| match candidate.body {
-            Body::Star(_) => simulated.stars,
-            Body::Rso(_) => simulated.rsos,
-        };
-        let candidates = view.candidates.par_iter().filter(shines);
+        let candidates = view.candidates.par_iter();
+        let candidates = candidates.filter(|candidate| candidate.body.is_in(&simulated));
         let mut sources: Vec<Source> = candidates
             .filter_map(|candidate| view.image(candidate, &simulated, fidelity))
             .collect();
-        let trail_e = trail::trail_e(&view, &sources);
+        let areas = view.areas.iter();
+        let areas = areas.filter(|area| (area.kind.is_in)(&simulated));
+        let areas: Vec<AreaLight> = areas
+            .map(|area| view.lit_by(area, &simulated, fidelity))
+            .collect();
+        let areas_e = area::together(&areas);
+        let lights = sources.iter().map(Lit::from);
+        let trail_e = trail::trail_e(&view, lights.chain(areas.iter().map(Lit::from)));
         let counted = if simulated.frame_transfer {
             &trail_e[..]
         } else {
             &[]
         };
-        let noise = Noise::new(&view, &simulated, counted);
+        let noise = Noise::new(&view, &simulated, counted, &areas_e);
         sources.par_iter_mut().for_each(|source| {
             let snr = |e: f64| noise.snr(&source.footprint, e);
             source.clear_snr = snr(source.clear_e);
@@ -179,6 +201,8 @@ impl Scene {
         let (events, particles_left_out) = events(&view, &simulated);
         let mut scene = Scene {
             simulated,
+            areas,
+            areas_e,
             peaks_e: Vec::new(),
             trail_e,
             events,
@@ -188,8 +212,7 @@ impl Scene {
             spill: Spill::default(),
             fidelity: *fidelity,
         };
-        let all: Vec<&Source> = scene.sources.iter().collect();
-        scene.peaks_e = scene.lit_e(&all);
+        scene.peaks_e = scene.lit_e(scene.lights(&scene.simulated));
         scene.spill = Spill::of(&scene);
         scene
     }
@@ -209,7 +232,8 @@ impl Scene {
     /// Expected background of a pixel, on which no star and no object shines, averaged over the frame, e-.
     pub fn background_e(&self) -> f64 {
         let trail = self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64;
-        self.dark_e() + trail
+        let light = self.areas_e.iter().map(|e| f64::from(*e)).sum::<f64>();
+        self.dark_e() + trail + light / self.view.camera.detector.pixels() as f64
     }
 
     /// Expected dark charge of a pixel, as far as it is simulated, e-.

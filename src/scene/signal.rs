@@ -5,7 +5,7 @@
 //! S = c(s + b) - c(b),   V = c'(s + b)^2 (s + b) + read^2 + gain^2 / 12
 //! ```
 //!
-//! with the light s and the background b (dark charge and what transfer adds to the column, e-) of the pixel as it responds, and the curve c of its amplifier. Pixels that show nothing
+//! with the light s and the background b (area light, dark charge and what transfer adds to the column, e-) of the pixel as it responds, and the curve c of its amplifier. Pixels that show nothing
 //! of the light count for nothing: dead, stuck, or full in expectation.
 
 use super::{Simulated, View};
@@ -18,6 +18,8 @@ pub(super) struct Noise<'a> {
     simulated: &'a Simulated,
     /// What transfer adds to each column, if anything, e-.
     trail_e: &'a [f64],
+    /// Area light on each pixel, if any, e-.
+    areas_e: &'a [f32],
     exposure_s: f64,
     /// Variance beside the charge's own, e-^2.
     floor: f64,
@@ -26,7 +28,12 @@ pub(super) struct Noise<'a> {
 }
 
 impl<'a> Noise<'a> {
-    pub fn new(view: &'a View, simulated: &'a Simulated, trail_e: &'a [f64]) -> Noise<'a> {
+    pub fn new(
+        view: &'a View,
+        simulated: &'a Simulated,
+        trail_e: &'a [f64],
+        areas_e: &'a [f32],
+    ) -> Noise<'a> {
         let detector = &view.camera.detector;
         let read = if simulated.read {
             detector.read_noise_e
@@ -42,6 +49,7 @@ impl<'a> Noise<'a> {
             detector,
             simulated,
             trail_e,
+            areas_e,
             exposure_s: view.exposure.duration_s,
             floor: read * read + detector.quantisation_variance(),
             full_e: well.min(detector.converter_reach_e()),
@@ -51,12 +59,18 @@ impl<'a> Noise<'a> {
     /// Background of a pixel, e-.
     fn background_e(&self, pixel: usize) -> f64 {
         let trail = self.trail_e.get(pixel % self.detector.width);
+        let light = self.areas_e.get(pixel).map_or(0.0, |e| f64::from(*e));
+        let light = if self.simulated.response {
+            light * self.detector.pattern.response_of(pixel)
+        } else {
+            light
+        };
         let dark = if self.simulated.dark {
             self.detector.pattern.dark_e_s_of(pixel) * self.exposure_s
         } else {
             0.0
         };
-        dark + trail.copied().unwrap_or(0.0)
+        light + dark + trail.copied().unwrap_or(0.0)
     }
 
     /// Whether nothing of its light shows in a pixel.

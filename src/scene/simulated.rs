@@ -19,6 +19,10 @@ pub struct Simulated {
     pub stars: bool,
     /// The objects in orbit shine.
     pub rsos: bool,
+    /// Dust between the planets scatters sunlight.
+    pub zodiacal: bool,
+    /// Stars shine that are too faint for the catalogue.
+    pub starlight: bool,
     /// Pixels respond as their pattern says.
     pub response: bool,
     /// Charge is shifted through light when it is read out.
@@ -39,4 +43,18 @@ pub struct Simulated {
     pub stuck: bool,
     /// Charge is read with noise.
     pub read: bool,
+}
+
+impl Simulated {
+    /// With those of the other's effects that shape images.
+    pub fn and_shapes(&self, other: &Simulated) -> Simulated {
+        Simulated {
+            distortion: self.distortion || other.distortion,
+            aberration_drift: self.aberration_drift || other.aberration_drift,
+            smear: self.smear || other.smear,
+            rolling: self.rolling || other.rolling,
+            vignetting: self.vignetting || other.vignetting,
+            ..*self
+        }
+    }
 }

@@ -10,7 +10,7 @@
 //! It is monotonic, so the same bounds what is taken away, and what is added here and taken there by the greater of both.
 
 use super::brightest::CELL;
-use super::{Scene, Source};
+use super::{Lit, Scene};
 use crate::camera::{Blooming, Detector};
 
 /// What fills up and spills.
@@ -77,13 +77,13 @@ pub fn drawn_e(expected_e: f64) -> f64 {
 /// The light on each column, e-.
 pub(super) fn columns_e<'a>(
     detector: &Detector,
-    sources: impl Iterator<Item = &'a Source>,
+    lights: impl Iterator<Item = Lit<'a>>,
 ) -> Vec<f64> {
     let mut columns = vec![0.0; detector.width];
-    for source in sources.filter(|source| source.electrons > 0.0) {
-        for (_, first, shares) in source.footprint.rows(0..detector.height) {
+    for light in lights.filter(|light| light.electrons > 0.0) {
+        for (_, first, shares) in light.footprint.rows(0..detector.height) {
             for (column, share) in columns[first..].iter_mut().zip(shares) {
-                *column += source.electrons * f64::from(*share);
+                *column += light.electrons * f64::from(*share);
             }
         }
     }

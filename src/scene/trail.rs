@@ -9,16 +9,16 @@
 //! ever way it goes. The scene is taken to stand still for it: a row's light comes at the rate that it has on average over the exposure.
 
 use super::spill::columns_e;
-use super::{Source, View};
+use super::{Lit, View};
 use crate::camera::Shutter;
 
 /// What each pixel of a column gets, e-, one value a column; empty where no charge is shifted through light.
-pub(super) fn trail_e(view: &View, sources: &[Source]) -> Vec<f64> {
+pub(super) fn trail_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
     let detector = &view.camera.detector;
     if !matches!(view.camera.shutter, Shutter::FrameTransfer { .. }) {
         return Vec::new();
     }
-    let mut columns = columns_e(detector, sources.iter());
+    let mut columns = columns_e(detector, lights);
     let part = part(view);
     columns.iter_mut().for_each(|column| *column *= part);
     columns

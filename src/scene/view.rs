@@ -1,6 +1,6 @@
 //! What stands before the camera during one exposure: directions and light, before the optics make images of them.
 
-use super::{Body, Exposure, Hidden, World};
+use super::{Area, Body, Exposure, Hidden, Simulated, World};
 use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
@@ -162,8 +162,12 @@ pub struct View {
     pub scale_and_corner_px: (f64, f64),
     /// What all noise is keyed by.
     pub key: NoiseKey,
+    /// Who looks, in the middle of the exposure: without an orbit, from the Earth's centre.
+    pub observer: Observer,
     /// Stars in catalogue order, then objects in the population's.
     pub candidates: Vec<Candidate>,
+    /// Area sources, in the order of their effects.
+    pub areas: Vec<Area>,
     /// How many objects the scene has, before the camera or not.
     pub objects: usize,
     /// Objects whose orbit has no answer at this time.
@@ -203,7 +207,9 @@ impl View {
             camera: camera.clone(),
             scale_and_corner_px: camera.scale_and_corner_px(),
             key,
+            observer: shutter[1],
             candidates: Vec::new(),
+            areas: Vec::new(),
             objects: world.population.objects.len(),
             unknown: Vec::new(),
         };
@@ -225,16 +231,20 @@ impl View {
                 .in_cone(&axis, cone, &shutter, &world.corrections);
         candidates.extend(objects.into_iter().map(|object| view.rso(object)));
         (view.candidates, view.unknown) = (candidates, unknown);
+        view.areas = view.areas(world);
         Ok(view)
     }
 
     /// Without the sources of effects that are switched off.
     pub fn where_shine(mut self, runs: impl Fn(&'static str) -> bool) -> View {
-        let (stars, rsos) = (runs("stars"), runs("rsos"));
-        self.candidates.retain(|candidate| match candidate.body {
-            Body::Star(_) => stars,
-            Body::Rso(_) => rsos,
-        });
+        let simulated = Simulated {
+            stars: runs("stars"),
+            rsos: runs("rsos"),
+            ..Simulated::default()
+        };
+        let shines = |candidate: &Candidate| candidate.body.is_in(&simulated);
+        self.candidates.retain(shines);
+        self.areas.retain(|area| runs(area.kind.effect));
         self
     }
 
@@ -265,7 +275,8 @@ impl View {
             1.0
         };
         let own = self.candidates.iter().map(Candidate::swing);
-        let own = own.fold(0.0, f64::max) * share;
+        let areas = self.areas.iter().map(|area| area.swing() * self.open_s);
+        let own = own.chain(areas).fold(0.0, f64::max) * share;
         let (scale, furthest) = self.scale_and_corner_px;
         (turn.x.hypot(turn.y) + own) * scale + turn.z.abs() * furthest
     }
@@ -293,6 +304,11 @@ impl View {
             }
         }
         2.0 * most * share
+    }
+
+    /// About the most area light of a pixel, e-.
+    pub fn areas_peak_e(&self) -> f64 {
+        self.areas.iter().map(|area| area.peak_e).sum()
     }
 
     fn star(&self, star: SeenStar, earth: &Earth, observer: &Observer) -> Candidate {

@@ -1,0 +1,79 @@
+//! What the effects of area sources have in common: their light is in the scene, laid on the pixels (`scene::area`), and is added here.
+//!
+//! Clark et al. 2021, Eqs. (3) to (5), the exponent of Eq. (3) mended to -0.4 m:
+//!
+//! ```text
+//! L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2,   E = L IFOV^2,   N_xy = E QE tau A_app t_int
+//! ```
+//!
+//! with the pixel's true solid angle for IFOV^2, and before the division by the gain.
+
+use super::cause::digits;
+use super::shown::{of_cells, shown_e};
+use super::{Loss, Need, Pass};
+use crate::scene::{AreaLight, Lit, Scene, Simulated};
+use std::iter;
+
+/// ns of a pixel whose light runs in straight lines or is blurred, is added up with other areas' and drawn.
+const PIXEL_NS: f64 = 6.0;
+
+/// The answer of the area source whose effect is called `name`: `says` gives the reason, `ns` is what asking for its radiance takes,
+/// `leave` switches it off.
+pub(super) fn judge<'s>(
+    scene: &'s Scene,
+    name: &str,
+    says: impl Fn(&AreaLight) -> String,
+    ns: f64,
+    leave: impl Fn(&mut Simulated),
+) -> (Need, Pass<'s>) {
+    let Some(area) = scene.areas.iter().find(|area| area.kind.effect == name) else {
+        return (Need::none("there is none in the scene"), Pass::idle());
+    };
+    if let Some(why) = &area.dark {
+        return (Need::none(why.clone()), Pass::idle());
+    }
+    let pixels = scene.view.camera.detector.pixels() as f64;
+    let need = if area.electrons == 0.0 {
+        // Too faint to be laid on pixels.
+        Need {
+            because: says(area).into(),
+            error: Loss {
+                e: area.most_e,
+                px: 0.0,
+            },
+            drawn_e: area.most_e * pixels,
+            price_ms: 0.0,
+        }
+    } else {
+        let mut cells_e = scene.lit_e(iter::once(Lit::from(area)));
+        if scene.simulated.frame_transfer {
+            let trails = of_cells(&scene.trail_e);
+            cells_e
+                .iter_mut()
+                .zip(trails)
+                .for_each(|(e, trail)| *e += trail);
+        }
+        Need {
+            because: says(area).into(),
+            error: Loss {
+                e: shown_e(scene, &cells_e, leave),
+                px: 0.0,
+            },
+            drawn_e: area.electrons,
+            price_ms: (area.asked as f64 * ns + pixels * PIXEL_NS) * 1e-6,
+        }
+    };
+    let pass = Pass::Tile(Box::new(move |tile| {
+        let shares = area.footprint.shares().get(tile.first_pixel()..);
+        let pixels = tile.electrons.iter_mut();
+        for (pixel, share) in pixels.zip(shares.unwrap_or_default()) {
+            *pixel += (area.electrons * f64::from(*share)) as f32;
+        }
+    }));
+    (need, pass)
+}
+
+/// `up to 75.2 e- a pixel`.
+pub(super) fn up_to(area: &AreaLight) -> String {
+    format!("up to {} e- a pixel", digits(area.most_e))
+}

@@ -1,0 +1,140 @@
+//! The point spread function on area light: where it has edges or fine detail, each pixel gets of its neighbours' light.
+//!
+//! ```text
+//! N_xy <- sum_ij K_ij N_(x-i)(y-j),   sum K = 1
+//! ```
+//!
+//! K is the spread of a point in the middle of a pixel over the pixels around it, of the Sun's colour, at the middle of a patch of the detector. Even
+//! light stays as it is. Wings are followed as far as they matter, at most [`FURTHEST`] pixels; what is further out is laid evenly over those.
+
+use crate::camera::{Camera, Stamp};
+use crate::fidelity::Fidelity;
+use rayon::prelude::*;
+
+/// Furthest that light is spread, px.
+const FURTHEST: usize = 24;
+/// Side of the patches that have one spread, px.
+const PATCH: usize = 64;
+
+/// How a camera spreads area light.
+pub struct Blur<'a> {
+    camera: &'a Camera,
+    reach: usize,
+    margin: usize,
+}
+
+impl<'a> Blur<'a> {
+    /// Of light up to `most_e` in a pixel; without edges nothing is spread.
+    pub fn new(camera: &'a Camera, most_e: f64, has_edges: bool, fidelity: &Fidelity) -> Blur<'a> {
+        let loss = (fidelity.area_e / most_e.max(f64::MIN_POSITIVE)).clamp(fidelity.psf_loss, 1e-3);
+        let reach = (camera.optics.psf.reach_px(loss).ceil() as usize).clamp(1, FURTHEST);
+        Blur {
+            camera,
+            reach,
+            margin: if has_edges { reach } else { 0 },
+        }
+    }
+
+    /// Columns and rows of the detector.
+    pub fn size(&self) -> [usize; 2] {
+        [self.camera.detector.width, self.camera.detector.height]
+    }
+
+    /// How many pixels around the detector give light to it.
+    pub fn margin(&self) -> usize {
+        self.margin
+    }
+
+    /// The detector's part of `e`, which has the margin around it; spread near pixels that are `marked`.
+    pub fn blurred(&self, e: Vec<f32>, marked: &[bool]) -> Vec<f32> {
+        let ([width, height], margin) = (self.size(), self.margin);
+        let columns = width + 2 * margin;
+        if margin == 0 {
+            return e;
+        }
+        let near = self.near(marked, columns);
+        let mut out = vec![0.0f32; width * height];
+        out.par_chunks_mut(width * PATCH)
+            .enumerate()
+            .for_each(|(band, out)| {
+                let top = band * PATCH;
+                for left in (0..width).step_by(PATCH) {
+                    let mut kernel = None;
+                    for row in 0..out.len() / width {
+                        for column in left..(left + PATCH).min(width) {
+                            let pixel = (top + row + margin) * columns + column + margin;
+                            out[row * width + column] = if near[pixel] {
+                                let kernel = kernel.get_or_insert_with(|| self.kernel(left, top));
+                                self.spread(&e, pixel, columns, kernel)
+                            } else {
+                                e[pixel]
+                            };
+                        }
+                    }
+                }
+            });
+        out
+    }
+
+    fn spread(&self, e: &[f32], pixel: usize, columns: usize, kernel: &[f32]) -> f32 {
+        let side = 2 * self.reach + 1;
+        let first = pixel - self.reach * columns - self.reach;
+        let lines = kernel.chunks_exact(side).enumerate();
+        let sum: f64 = lines
+            .map(|(line, kernel)| {
+                let from = first + line * columns;
+                let light = e[from..from + side].iter().zip(kernel);
+                light
+                    .map(|(e, k)| f64::from(*e) * f64::from(*k))
+                    .sum::<f64>()
+            })
+            .sum();
+        sum as f32
+    }
+
+    /// The pixels that are no further than the reach from one that is marked.
+    fn near(&self, marked: &[bool], columns: usize) -> Vec<bool> {
+        let reach = self.reach;
+        let along = |marked: &[bool]| {
+            let mut near = vec![false; marked.len()];
+            for (row, out) in marked.chunks(columns).zip(near.chunks_mut(columns)) {
+                for (i, _) in row.iter().enumerate().filter(|(_, marked)| **marked) {
+                    out[i.saturating_sub(reach)..(i + reach + 1).min(columns)].fill(true);
+                }
+            }
+            near
+        };
+        let wide = along(marked);
+        let rows = wide.len() / columns;
+        let mut near = vec![false; wide.len()];
+        for (row, line) in wide
+            .chunks(columns)
+            .enumerate()
+            .filter(|(_, line)| line.contains(&true))
+        {
+            for to in row.saturating_sub(reach)..(row + reach + 1).min(rows) {
+                let out = near[to * columns..(to + 1) * columns].iter_mut();
+                out.zip(line).for_each(|(near, wide)| *near |= wide);
+            }
+        }
+        near
+    }
+
+    /// The spread in the patch from a column and a row on, mirrored (light comes from where it is looked for), row by row.
+    fn kernel(&self, left: usize, top: usize) -> Vec<f32> {
+        let middle = [left, top].map(|from| from as f64 + PATCH as f64 / 2.0);
+        let psf = self.camera.optics.psf_at(middle, 1.0);
+        let (reach, mut stamp) = (self.reach as i64, Stamp::default());
+        psf.spread(
+            1.0,
+            [0.0; 2],
+            -reach..reach + 1,
+            -reach..reach + 1,
+            &mut stamp,
+        );
+        let sum: f64 = stamp.light.iter().sum();
+        let even = (1.0 - sum) / stamp.light.len() as f64;
+        let light = stamp.light.iter().rev();
+        light.map(|light| (light + even) as f32).collect()
+    }
+}

@@ -1,0 +1,32 @@
+//! Which area sources there are. Adding one is a file here, a line in [`KINDS`], and its effect.
+
+use super::Radiance;
+use crate::scene::{Simulated, View, World};
+use std::borrow::Cow;
+use std::fmt;
+use std::sync::Arc;
+
+/// The area sources, in the order of their effects.
+pub const KINDS: &[Kind] = &[];
+
+/// The light of an area source before the camera, or why there is none.
+pub type Found = Result<Arc<dyn Radiance>, Cow<'static, str>>;
+
+/// A kind of area source.
+#[derive(Clone, Copy)]
+pub struct Kind {
+    /// Name of its effect.
+    pub effect: &'static str,
+    /// Whether a frame has it.
+    pub is_in: fn(&Simulated) -> bool,
+    /// Finds its light.
+    pub radiance: fn(&World, &View) -> Found,
+    /// Why none of it is on the detector though it was found.
+    pub unlit: &'static str,
+}
+
+impl fmt::Debug for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.effect)
+    }
+}

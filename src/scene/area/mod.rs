@@ -1,0 +1,196 @@
+//! Area sources: light that comes from all over the field, as a radiance of each direction, laid on the pixels.
+
+mod blur;
+mod change;
+mod kinds;
+mod lay;
+mod plane;
+
+pub use kinds::{KINDS, Kind};
+
+use crate::fidelity::Fidelity;
+use crate::footprint::Footprint;
+use crate::scene::{Simulated, View, World};
+use blur::Blur;
+use kinds::Found;
+use nalgebra::Vector3;
+use plane::Plane;
+use std::borrow::Cow;
+use std::fmt::Debug;
+
+/// Places along a side of the field at which a radiance is looked at before it is laid on pixels.
+const PLACES: usize = 4;
+
+/// Light that depends on its direction alone.
+pub trait Radiance: Debug + Send + Sync {
+    /// Photons in the band from a direction (unit vector, ICRF) at mid-exposure, ph/s/m^2/sr; of what optics scatter ([`Radiance::is_of_pixels`]),
+    /// e-/s on a pixel that looks there.
+    fn toward(&self, direction: &Vector3<f64>) -> f64;
+
+    /// The angle (rad) of a direction from the nearest edge at which the light jumps: positive outside, negative inside.
+    fn edge(&self, _direction: &Vector3<f64>) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Whether there may be an edge in the field.
+    fn has_edges(&self) -> bool {
+        false
+    }
+
+    /// Angular velocity (rad/s) of its pattern against ICRF.
+    fn turning(&self) -> Vector3<f64> {
+        Vector3::zeros()
+    }
+
+    /// Whether pixels get it whatever their solid angle and what the optics let pass.
+    fn is_of_pixels(&self) -> bool {
+        false
+    }
+}
+
+/// An area source before the camera, before its light is laid on pixels.
+#[derive(Debug, Clone)]
+pub struct Area {
+    /// What it is.
+    pub kind: &'static Kind,
+    /// Its light, or why there is none.
+    pub radiance: Found,
+    /// Twice its light in that pixel that gets most of it, of some all over the field, e-.
+    pub peak_e: f64,
+}
+
+impl Area {
+    /// How fast (rad/s) its edges move by themselves.
+    pub fn swing(&self) -> f64 {
+        match &self.radiance {
+            Ok(radiance) if radiance.has_edges() => radiance.turning().norm(),
+            _ => 0.0,
+        }
+    }
+}
+
+/// The light of an area source on the pixels.
+#[derive(Debug)]
+pub struct AreaLight {
+    /// What it is.
+    pub kind: &'static Kind,
+    /// Why there is none.
+    pub dark: Option<Cow<'static, str>>,
+    /// Its share on each pixel; empty where it is too faint for any.
+    pub footprint: Footprint,
+    /// Electrons on all of them.
+    pub electrons: f64,
+    /// The most in a pixel, e-.
+    pub most_e: f64,
+    /// How many times its radiance was asked for.
+    pub asked: usize,
+}
+
+impl View {
+    /// What is before the camera.
+    pub(super) fn areas(&self, world: &World) -> Vec<Area> {
+        let ideal = Plane::new(self, &Simulated::default(), Vector3::zeros());
+        let kinds = KINDS.iter().map(|kind| {
+            let radiance = (kind.radiance)(world, self);
+            let peak_e = match &radiance {
+                Ok(radiance) => 2.0 * self.looked_at(radiance.as_ref(), &ideal),
+                Err(_) => 0.0,
+            };
+            Area {
+                kind,
+                radiance,
+                peak_e,
+            }
+        });
+        kinds.collect()
+    }
+
+    /// The most light (e-) of a pixel, of some all over the field.
+    fn looked_at(&self, radiance: &dyn Radiance, plane: &Plane<'_>) -> f64 {
+        let [columns, rows] = self.camera.detector.sides();
+        let (scale_e, sky) = (self.area_scale_e(radiance), plane.to_sky(0.0));
+        let part = |i: usize| i as f64 / (PLACES - 1) as f64;
+        let places = (0..PLACES * PLACES).map(|i| {
+            let at = [
+                part(i % PLACES) * (columns - 1.0),
+                part(i / PLACES) * (rows - 1.0),
+            ];
+            plane.taken(at).map_or(0.0, |(seen, taken)| {
+                let taken = if radiance.is_of_pixels() { 1.0 } else { taken };
+                radiance.toward(&(sky * seen)) * taken * scale_e
+            })
+        });
+        places.fold(0.0, f64::max)
+    }
+
+    /// Clark et al. 2021, Eq. (5), before the division by the gain: `N = E QE tau A_app t_int`, of a radiance of 1.
+    fn area_scale_e(&self, radiance: &dyn Radiance) -> f64 {
+        let (camera, seconds) = (&self.camera, self.exposure.duration_s);
+        if radiance.is_of_pixels() {
+            return seconds;
+        }
+        let optics = &camera.optics;
+        camera.detector.quantum_efficiency
+            * optics.transmission
+            * optics.aperture_area_m2()
+            * seconds
+    }
+
+    /// The light of an area source on the pixels of a frame with those effects.
+    pub fn lit_by(&self, area: &Area, simulated: &Simulated, fidelity: &Fidelity) -> AreaLight {
+        let none = |dark: Option<Cow<'static, str>>| AreaLight {
+            kind: area.kind,
+            dark,
+            footprint: Footprint::default(),
+            electrons: 0.0,
+            most_e: area.peak_e,
+            asked: 0,
+        };
+        let radiance = match &area.radiance {
+            Ok(radiance) => radiance.as_ref(),
+            Err(why) => return none(Some(why.clone())),
+        };
+        let pixels = self.camera.detector.pixels() as f64;
+        if !radiance.has_edges() && area.peak_e * pixels <= fidelity.skip_e {
+            return none(None);
+        }
+        let plane = Plane::new(self, simulated, radiance.turning());
+        let blur = Blur::new(&self.camera, area.peak_e, radiance.has_edges(), fidelity);
+        let laid = lay::lay(
+            radiance,
+            &plane,
+            &blur,
+            self.area_scale_e(radiance),
+            fidelity,
+        );
+        let electrons: f64 = laid.e.iter().map(|e| f64::from(*e)).sum();
+        if electrons == 0.0 {
+            return none(Some(area.kind.unlit.into()));
+        }
+        let most_e = laid.e.iter().copied().fold(0.0, f32::max);
+        AreaLight {
+            kind: area.kind,
+            dark: None,
+            footprint: Footprint::whole(self.camera.detector.width, laid.e, electrons),
+            electrons,
+            most_e: f64::from(most_e),
+            asked: laid.asked,
+        }
+    }
+}
+
+/// The light of all of them on each pixel, e-; empty where there is none.
+pub(super) fn together(areas: &[AreaLight]) -> Vec<f32> {
+    let mut sum = Vec::new();
+    for area in areas {
+        let shares = area.footprint.shares();
+        sum.resize(shares.len().max(sum.len()), 0.0f32);
+        let light = shares
+            .iter()
+            .map(|share| (area.electrons * f64::from(*share)) as f32);
+        sum.iter_mut()
+            .zip(light)
+            .for_each(|(sum, light)| *sum += light);
+    }
+    sum
+}

@@ -1,0 +1,114 @@
+//! From a pixel to the sky: where its middle looks, and how much of an evenly bright sky it takes.
+
+use crate::camera::{Camera, Projection, Vignetting};
+use crate::scene::{Simulated, View};
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+/// Half the step (px) over which a pixel's solid angle is taken: inside the pixel, and long enough to keep digits.
+const HALF_PX: f64 = 0.25;
+
+/// The detector's pixels as solid angles, with those effects that shape them.
+pub struct Plane<'a> {
+    view: &'a View,
+    projection: Projection,
+    vignetted: bool,
+    smeared: bool,
+    rolling: bool,
+    turning: Vector3<f64>,
+    middle: Matrix3<f64>,
+}
+
+impl<'a> Plane<'a> {
+    /// Of a pattern that turns by itself against ICRF (rad/s).
+    pub fn new(view: &'a View, simulated: &Simulated, turning: Vector3<f64>) -> Plane<'a> {
+        let projection = &view.camera.optics.projection;
+        Plane {
+            view,
+            projection: if simulated.distortion {
+                projection.clone()
+            } else {
+                projection.ideal()
+            },
+            vignetted: simulated.vignetting,
+            smeared: simulated.smear,
+            rolling: simulated.smear && simulated.rolling,
+            turning,
+            middle: view.pointing(0.0).matrix().transpose(),
+        }
+    }
+
+    fn camera(&self) -> &Camera {
+        &self.view.camera
+    }
+
+    /// The unit direction (camera axes) that a place of the plane (px) looks in.
+    fn seen_at(&self, at: [f64; 2]) -> Option<Vector3<f64>> {
+        let optics = &self.camera().optics;
+        self.projection
+            .direction([0, 1].map(|k| (at[k] - optics.principal_px[k]) / optics.focal_px))
+    }
+
+    /// Where a place looks (unit vector, camera axes), and the light (sr) that its pixel takes of a sky of radiance 1.
+    ///
+    /// Clark et al. 2021, Eq. (4), `E = L IFOV^2`, holds on the boresight of a pinhole. Anywhere, the pixel's solid angle is
+    /// `|du/dx x du/dy|` of the direction u, and what stars lose to vignetting is lost here too; but that `cos^4` is the law of
+    /// an evenly bright scene and has the solid angle in it.
+    pub fn taken(&self, at: [f64; 2]) -> Option<(Vector3<f64>, f64)> {
+        let seen = self.seen_at(at)?;
+        let optics = &self.camera().optics;
+        if self.vignetted && optics.vignetting == Vignetting::Cos4 {
+            let square = 1.0 / (optics.focal_px * optics.focal_px);
+            return Some((seen, square * optics.vignetting.transmission(&seen)));
+        }
+        let step = |x: f64, y: f64| self.seen_at([at[0] + x, at[1] + y]);
+        let across = step(HALF_PX, 0.0)? - step(-HALF_PX, 0.0)?;
+        let down = step(0.0, HALF_PX)? - step(0.0, -HALF_PX)?;
+        let solid_angle = across.cross(&down).norm() / (4.0 * HALF_PX * HALF_PX);
+        let passes = if self.vignetted {
+            optics.vignetting.transmission(&seen)
+        } else {
+            1.0
+        };
+        Some((seen, solid_angle * passes))
+    }
+
+    /// When a row is open around the middle of the view's time, s: its middle, and how long.
+    pub fn open_s(&self, row: f64) -> [f64; 2] {
+        let exposure_s = self.view.exposure.duration_s;
+        let duration_s = if self.smeared { exposure_s } else { 0.0 };
+        if !self.rolling {
+            return [0.0, duration_s];
+        }
+        let rows = self.camera().detector.height as f64;
+        let part = (row + 0.5) / rows - 0.5;
+        [
+            part * self.camera().readout_s() * (rows - 1.0) / rows.max(1.0),
+            duration_s,
+        ]
+    }
+
+    /// From camera axes to ICRF as the pattern stood at mid-exposure, `dt_s` after it.
+    pub fn to_sky(&self, dt_s: f64) -> Matrix3<f64> {
+        if dt_s == 0.0 {
+            return self.middle;
+        }
+        let to_icrf = self.view.pointing(dt_s).matrix().transpose();
+        if self.turning == Vector3::zeros() {
+            return to_icrf;
+        }
+        Rotation3::new(self.turning * -dt_s).into_inner() * to_icrf
+    }
+
+    /// The greatest scale of the plane, px a rad.
+    pub fn scale_px(&self) -> f64 {
+        self.view.scale_and_corner_px.0
+    }
+
+    /// How far (rad) the pattern moves over the plane while a pixel is open, at most.
+    pub fn motion(&self) -> f64 {
+        if !self.smeared {
+            return 0.0;
+        }
+        (self.view.vehicle.rates.norm() + self.turning.norm()) * self.view.exposure.duration_s
+    }
+}

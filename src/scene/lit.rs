@@ -1,0 +1,41 @@
+//! What lights pixels, points and areas alike: electrons, and the share of them on each pixel.
+
+use super::{AreaLight, Scene, Simulated, Source};
+use crate::footprint::Footprint;
+
+/// Light on pixels.
+#[derive(Debug, Clone, Copy)]
+pub struct Lit<'a> {
+    /// All of it, e-.
+    pub electrons: f64,
+    /// Where it falls.
+    pub footprint: &'a Footprint,
+}
+
+impl<'a> From<&'a Source> for Lit<'a> {
+    fn from(source: &'a Source) -> Lit<'a> {
+        Lit {
+            electrons: source.electrons,
+            footprint: &source.footprint,
+        }
+    }
+}
+
+impl<'a> From<&'a AreaLight> for Lit<'a> {
+    fn from(area: &'a AreaLight) -> Lit<'a> {
+        Lit {
+            electrons: area.electrons,
+            footprint: &area.footprint,
+        }
+    }
+}
+
+impl Scene {
+    /// All that lights pixels in a frame that has only those effects that `parts` has.
+    pub fn lights<'a>(&'a self, parts: &'a Simulated) -> impl Iterator<Item = Lit<'a>> {
+        let sources = self.sources.iter();
+        let sources = sources.filter(|source| source.body.is_in(parts));
+        let areas = self.areas.iter().filter(|area| (area.kind.is_in)(parts));
+        sources.map(Lit::from).chain(areas.map(Lit::from))
+    }
+}

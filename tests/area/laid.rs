@@ -1,0 +1,256 @@
+//! Radiances that are known in closed form, laid on the pixels of real cameras.
+
+use nalgebra::Vector3;
+use skyloop::attitude::VehicleState;
+use skyloop::camera::{Camera, Vignetting};
+use skyloop::config::Config;
+use skyloop::engine::Emulator;
+use skyloop::fidelity::{Choice, Fidelity};
+use skyloop::load::Folder;
+use skyloop::scene::{Area, AreaLight, Kind, Radiance, Simulated, View};
+use std::sync::Arc;
+
+static KIND: Kind = Kind {
+    effect: "test",
+    is_in: |_| true,
+    radiance: |_, _| Err("none".into()),
+    unlit: "it is dark",
+};
+
+/// ph/s/m^2/sr, so that pixels get some thousand electrons.
+const LEVEL: f64 = 1e13;
+
+/// A disc of even light around a direction, with all of the sky as its extreme; grows by `slope` a radian from its middle.
+#[derive(Debug)]
+struct Disc {
+    axis: Vector3<f64>,
+    radius: f64,
+    slope: f64,
+}
+
+impl Radiance for Disc {
+    fn toward(&self, direction: &Vector3<f64>) -> f64 {
+        let off = direction.angle(&self.axis);
+        if off <= self.radius {
+            LEVEL * (1.0 + self.slope * off * off)
+        } else {
+            0.0
+        }
+    }
+
+    fn edge(&self, direction: &Vector3<f64>) -> f64 {
+        direction.angle(&self.axis) - self.radius
+    }
+
+    fn has_edges(&self) -> bool {
+        self.radius < 3.0
+    }
+}
+
+fn view(camera: Camera, rates: [f64; 3]) -> View {
+    let emulator = Emulator::new(&mut Config::defaults().unwrap());
+    let epoch = "2026-06-01T00:00:00 UTC".parse().unwrap();
+    let q = [0.1, -0.2, 0.3, (1.0f64 - 0.14).sqrt()];
+    let vehicle = VehicleState::new(0, epoch, q, rates, None).unwrap();
+    let scene = emulator.scene(&Arc::new(camera), &vehicle, 0, &Choice::default());
+    scene.unwrap().view
+}
+
+fn camera(name: &str) -> Camera {
+    Camera::load(name, &Folder::current()).unwrap()
+}
+
+fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &Simulated) -> AreaLight {
+    let area = Area {
+        kind: &KIND,
+        radiance: Ok(Arc::new(radiance)),
+        peak_e: 1e5,
+    };
+    view.lit_by(&area, simulated, &Fidelity::REALTIME)
+}
+
+/// Electrons of one pixel at a steradian of the level.
+fn scale_e(view: &View) -> f64 {
+    let (camera, seconds) = (&view.camera, view.exposure.duration_s);
+    let optics = &camera.optics;
+    LEVEL
+        * camera.detector.quantum_efficiency
+        * optics.transmission
+        * optics.aperture_area_m2()
+        * seconds
+}
+
+fn pixel_e(light: &AreaLight, pixel: usize) -> f64 {
+    light.electrons * f64::from(light.footprint.shares()[pixel])
+}
+
+fn boresight(view: &View) -> Vector3<f64> {
+    view.pointing(0.0).matrix().transpose() * Vector3::z()
+}
+
+const SHAPES: Simulated = Simulated {
+    distortion: true,
+    vignetting: true,
+    smear: true,
+    ..NONE
+};
+const NONE: Simulated = Simulated {
+    noise: false,
+    distortion: false,
+    aberration_drift: false,
+    smear: false,
+    rolling: false,
+    vignetting: false,
+    stars: false,
+    rsos: false,
+    zodiacal: false,
+    starlight: false,
+    response: false,
+    frame_transfer: false,
+    dark: false,
+    shot: false,
+    radiation: false,
+    full_well: false,
+    dead: false,
+    nonlinearity: false,
+    stuck: false,
+    read: false,
+};
+
+/// Of a pinhole a pixel takes `cos^3 / f^2` sr; with `cos^4` the law of the thin lens, that and no more.
+#[test]
+fn an_even_sky_gives_each_pixel_its_solid_angle() {
+    for (cos4, power) in [(false, 3), (true, 4)] {
+        let mut camera = camera("fai-nir");
+        if cos4 {
+            camera.optics.vignetting = Vignetting::Cos4;
+        }
+        let view = view(camera, [0.0; 3]);
+        let even = Disc {
+            axis: boresight(&view),
+            radius: 4.0,
+            slope: 0.0,
+        };
+        let light = lit(&view, even, &SHAPES);
+        let f = view.camera.optics.focal_px;
+        for (x, y) in [(127, 127), (0, 0), (255, 17), (128, 250), (33, 99)] {
+            let off = [x as f64 - 127.5, y as f64 - 127.5];
+            let cos = f / (f * f + off[0] * off[0] + off[1] * off[1]).sqrt();
+            let expected = scale_e(&view) * cos.powi(power) / (f * f);
+            let e = pixel_e(&light, y * 256 + x);
+            assert!((e / expected - 1.0).abs() < 2e-4, "{x} {y}: {e} {expected}");
+        }
+    }
+}
+
+/// All light of a disc is `2 pi (1 - cos r)` sr of it, its centre in the middle, whatever the projection.
+#[test]
+fn a_disc_keeps_its_light_and_its_centre() {
+    for (name, radius, at) in [
+        ("fai-nir", 0.05, [100.3, 140.2]),
+        ("fai-nir", 0.004, [30.7, 200.1]),
+        ("cmos-rolling", 0.02, [300.2, 222.9]),
+        ("all-sky", 0.3, [255.5, 255.5]),
+        ("all-sky", 0.2, [400.5, 155.5]),
+    ] {
+        let view = view(camera(name), [0.0; 3]);
+        let to_sky = view.pointing(0.0).matrix().transpose();
+        let axis = to_sky * view.camera.optics.direction(at);
+        let no_vignetting = Simulated {
+            vignetting: false,
+            ..SHAPES
+        };
+        let light = lit(
+            &view,
+            Disc {
+                axis,
+                radius,
+                slope: 0.0,
+            },
+            &no_vignetting,
+        );
+        let expected = scale_e(&view) * 2.0 * std::f64::consts::PI * (1.0 - radius.cos());
+        // Edges are straight within a pixel: a disc of r px gets `1 / 12 r^2` too much.
+        let radius_px = radius * view.camera.optics.focal_px;
+        let off = (light.electrons / expected - 1.0).abs();
+        let allowed = 1e-4 + 1.2 / (12.0 * radius_px * radius_px);
+        assert!(off < allowed, "{name}: {off} of {allowed}");
+        let width = view.camera.detector.width;
+        let mut centre = [0.0; 2];
+        for (row, first, shares) in light.footprint.rows(0..view.camera.detector.height) {
+            for (i, share) in shares.iter().enumerate() {
+                centre[0] += f64::from(*share) * (first + i) as f64;
+                centre[1] += f64::from(*share) * row as f64;
+            }
+        }
+        assert_eq!(light.footprint.shares().len() % width, 0);
+        // Off the boresight, projections move the centre of an area a little.
+        let off = (centre[0] - at[0]).hypot(centre[1] - at[1]);
+        let allowed = if name == "all-sky" && at[0] > 300.0 {
+            0.05 * radius_px
+        } else {
+            0.02 + 2.0 * radius * radius * radius_px
+        };
+        assert!(off < allowed, "{name}: {off} px of {radius_px}");
+    }
+}
+
+/// Where light is uneven, the grid follows it.
+#[test]
+fn uneven_light_is_what_it_is_in_the_middle_of_pixels() {
+    let mut camera = camera("cmos-rolling");
+    camera.optics.vignetting = Vignetting::Table(vec![[0.0, 1.0], [0.3, 0.5]]);
+    let view = view(camera, [0.0; 3]);
+    let axis = view.pointing(0.0).matrix().transpose() * Vector3::new(0.1, 0.05, 1.0).normalize();
+    let uneven = || Disc {
+        axis,
+        radius: 4.0,
+        slope: 300.0,
+    };
+    let light = lit(&view, uneven(), &SHAPES);
+    let plane = |x: f64, y: f64| view.camera.optics.direction([x, y]);
+    let to_sky = view.pointing(0.0).matrix().transpose();
+    let mut worst = 0.0f64;
+    for (x, y) in (0..512)
+        .step_by(37)
+        .flat_map(|x| (0..512).step_by(29).map(move |y| (x, y)))
+    {
+        let (fx, fy) = (x as f64, y as f64);
+        let across = plane(fx + 0.5, fy) - plane(fx - 0.5, fy);
+        let down = plane(fx, fy + 0.5) - plane(fx, fy - 0.5);
+        let seen = plane(fx, fy);
+        let passes = view.camera.optics.vignetting.transmission(&seen);
+        let expected = scale_e(&view) / LEVEL
+            * uneven().toward(&(to_sky * seen))
+            * across.cross(&down).norm()
+            * passes;
+        let off = (pixel_e(&light, y * 512 + x) / expected - 1.0).abs();
+        worst = worst.max(off);
+    }
+    assert!(worst < 5e-4, "{worst}");
+}
+
+/// An edge that crosses n pixels leaves a ramp n pixels long: its light is the mean over the exposure.
+#[test]
+fn an_edge_is_smeared_evenly() {
+    let mut camera = camera("fai-nir");
+    camera.exposure_s = 0.5;
+    let f = camera.optics.focal_px;
+    // About the camera's y axis: images move along rows, 20 px in the middle of the field.
+    let view = view(camera, [0.0, 20.0 / f / 0.5, 0.0]);
+    let to_sky = view.pointing(0.0).matrix().transpose();
+    // Half of the sky, its edge in the middle of the field.
+    let half = Disc {
+        axis: to_sky * Vector3::x(),
+        radius: std::f64::consts::FRAC_PI_2,
+        slope: 0.0,
+    };
+    let light = lit(&view, half, &SHAPES);
+    let level = scale_e(&view) / (f * f);
+    for dx in [-14, -8, -3, 0, 5, 9, 14] {
+        let x = 127.5 + f64::from(dx) + 0.5;
+        let expected = ((x - 127.5) / 20.0 + 0.5).clamp(0.0, 1.0);
+        let e = pixel_e(&light, 128 * 256 + x as usize) / level;
+        assert!((e - expected).abs() < 0.01, "{dx}: {e} {expected}");
+    }
+}

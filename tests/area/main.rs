@@ -1,0 +1,3 @@
+//! Area light on the pixels, against integration from figures alone.
+
+mod laid;
