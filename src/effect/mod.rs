@@ -7,6 +7,7 @@ mod dark;
 mod dead;
 mod distortion;
 mod drift;
+mod earth;
 mod frame_transfer;
 mod full_well;
 mod nonlinearity;
@@ -38,6 +39,7 @@ pub const EFFECTS: &[Effect] = &[
     vignetting::VIGNETTING,
     point::STARS,
     point::RSOS,
+    earth::EARTH,
     response::PIXEL_RESPONSE,
     frame_transfer::FRAME_TRANSFER,
     dark::DARK_CURRENT,

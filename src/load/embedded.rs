@@ -16,6 +16,7 @@ const FILES: &[(&str, &str)] = files![
     "cameras/cmos-rolling.toml",
     "cameras/ccd-transfer.toml",
     "cameras/all-sky.toml",
+    "cameras/horizon.toml",
     "scenes/rcm-2019-06-15/scene.toml",
     "scenes/rcm-2019-06-15/cassiope-A.oem",
     "scenes/rcm-2019-06-15/cassiope-B.oem",
@@ -36,6 +37,7 @@ pub const CAMERAS: &[&str] = &[
     "cmos-rolling",
     "ccd-transfer",
     "all-sky",
+    "horizon",
 ];
 
 /// Every key with its default.

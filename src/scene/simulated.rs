@@ -19,6 +19,8 @@ pub struct Simulated {
     pub stars: bool,
     /// The objects in orbit shine.
     pub rsos: bool,
+    /// The Earth reflects sunlight.
+    pub earth: bool,
     /// Dust between the planets scatters sunlight.
     pub zodiacal: bool,
     /// Stars shine that are too faint for the catalogue.

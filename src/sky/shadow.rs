@@ -101,6 +101,19 @@ impl Earth {
             .then(|| observer_m + direction * ((nearest - inside.sqrt()) / along))
     }
 
+    /// The angle (rad) from the Earth's limb, as an observer at `observer_m` (GCRF, m) sees it, to a direction (any length): negative before the
+    /// Earth; infinite for an observer inside it. Exact in sign; up to a flattening of itself in size.
+    pub fn limb_angle(&self, observer_m: Vector3<f64>, direction: &Vector3<f64>) -> f64 {
+        let observer = self.to_sphere(observer_m);
+        let distance = observer.norm();
+        if distance < EARTH_RADIUS_M {
+            return f64::INFINITY;
+        }
+        let (line, centre) = (self.to_sphere(*direction), -observer);
+        let off = libm::atan2(line.cross(&centre).norm(), line.dot(&centre));
+        off - libm::asin(EARTH_RADIUS_M / distance)
+    }
+
     /// The upward normal of the ellipsoid at a point of it (GCRF, m), unit vector: the gradient of |S x|^2, `S` the stretch, is
     /// 2 S S x.
     pub fn normal(&self, point_m: Vector3<f64>) -> Vector3<f64> {

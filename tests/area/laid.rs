@@ -103,6 +103,7 @@ const NONE: Simulated = Simulated {
     vignetting: false,
     stars: false,
     rsos: false,
+    earth: false,
     zodiacal: false,
     starlight: false,
     response: false,

@@ -2,6 +2,8 @@
 
 mod blur;
 mod change;
+mod earth;
+mod horizon;
 mod kinds;
 mod lay;
 mod plane;
@@ -20,6 +22,14 @@ use std::fmt::Debug;
 
 /// Places along a side of the field at which a radiance is looked at before it is laid on pixels.
 const PLACES: usize = 4;
+
+/// Why an observer without an orbit sees no Earth.
+const NO_ORBIT: &str = "the observer has no orbit (observer.orbit), and sees no Earth from its centre";
+
+/// Why a body is not in the field whose limb is at least so many rad from it.
+fn not_in_field(body: &str, nearest: f64) -> Cow<'static, str> {
+    format!("{body} is {:.1} deg from the field", nearest.to_degrees()).into()
+}
 
 /// Light that depends on its direction alone.
 pub trait Radiance: Debug + Send + Sync {

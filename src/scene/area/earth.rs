@@ -1,0 +1,62 @@
+//! The Earth's disc before the camera.
+
+use super::horizon::Horizon;
+use super::kinds::Found;
+use super::{Kind, Radiance};
+use crate::scene::{View, World};
+use crate::sky::earth_light::EarthDisc;
+use crate::sky::shadow::Earth;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// The Earth's disc.
+pub const EARTH: Kind = Kind {
+    effect: "earth",
+    is_in: |simulated| simulated.earth,
+    radiance: find,
+    unlit: "no part of its day side is in the field",
+};
+
+#[derive(Debug)]
+struct Disc {
+    disc: EarthDisc,
+    horizon: Horizon,
+    /// The Sun's irradiance at 1 au, ph/s/m^2.
+    sun: f64,
+}
+
+fn find(_: &World, view: &View) -> Found {
+    let horizon = Horizon::of(view);
+    let (position_m, bodies) = (view.observer.position_m, &view.observer.bodies);
+    let earth = Earth::at(view.exposure.mid);
+    let disc = EarthDisc::new(position_m, bodies.sun_apparent_m(), earth);
+    let (Some(horizon), Some(disc)) = (horizon, disc) else {
+        return Err(super::NO_ORBIT.into());
+    };
+    if !horizon.is_in_field() {
+        return Err(super::not_in_field("the Earth", horizon.nearest()));
+    }
+    Ok(Arc::new(Disc {
+        disc,
+        horizon,
+        sun: view.camera.optics.band.sun_irradiance(),
+    }))
+}
+
+impl Radiance for Disc {
+    fn toward(&self, direction: &Vector3<f64>) -> f64 {
+        self.sun * self.disc.reflectance(direction)
+    }
+
+    fn edge(&self, direction: &Vector3<f64>) -> f64 {
+        self.horizon.edge(direction)
+    }
+
+    fn has_edges(&self) -> bool {
+        self.horizon.has_limb()
+    }
+
+    fn turning(&self) -> Vector3<f64> {
+        self.horizon.turning
+    }
+}

@@ -1,0 +1,77 @@
+//! The Earth before the sky: what it hides, and where its limb is.
+
+use crate::scene::View;
+use crate::sky::shadow::Earth;
+use nalgebra::Vector3;
+
+/// The Earth as the view's observer sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct Horizon {
+    earth: Earth,
+    observer_m: Vector3<f64>,
+    /// Angular velocity of the direction of its centre, rad/s, ICRF.
+    pub turning: Vector3<f64>,
+    /// The least and the greatest angle (rad) of the field, wherever it turns, from the limb; negative before the Earth.
+    reach: [f64; 2],
+}
+
+impl Horizon {
+    /// That of a view; none for an observer without an orbit, who sees no Earth.
+    pub fn of(view: &View) -> Option<Horizon> {
+        view.vehicle.orbit?;
+        let (r, v) = (view.observer.position_m, view.observer.velocity_m_s);
+        let earth = Earth::at(view.exposure.mid);
+        if earth.contains(r) {
+            return None;
+        }
+        let turning = r.cross(&v) / r.norm_squared();
+        let motion = view.turn + turning.norm() * view.open_s;
+        // What is blurred comes from beside the detector; a flattening's part of the limb's angle, too.
+        let cone = view.camera.cone_rad(MARGIN_PX) + motion / 2.0;
+        let boresight = view.pointing(0.0).matrix().transpose() * Vector3::z();
+        let off = earth.limb_angle(r, &boresight);
+        let slack = cone + SLACK;
+        Some(Horizon {
+            earth,
+            observer_m: r,
+            turning,
+            reach: [off - slack, off + slack],
+        })
+    }
+
+    /// Whether the field sees nothing but the Earth.
+    pub fn fills(&self) -> bool {
+        self.reach[1] < 0.0
+    }
+
+    /// Whether some of the Earth may be in the field.
+    pub fn is_in_field(&self) -> bool {
+        self.reach[0] < 0.0
+    }
+
+    /// Whether the limb may be in the field.
+    pub fn has_limb(&self) -> bool {
+        self.reach[0] < 0.0 && self.reach[1] > 0.0
+    }
+
+    /// The angle (rad) from the limb, negative before the Earth.
+    pub fn edge(&self, direction: &Vector3<f64>) -> f64 {
+        if self.has_limb() {
+            self.earth.limb_angle(self.observer_m, direction)
+        } else if self.fills() {
+            f64::NEG_INFINITY
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// The least angle (rad) of the field from the limb.
+    pub fn nearest(&self) -> f64 {
+        self.reach[0]
+    }
+}
+
+/// How far around the detector light comes from, px.
+const MARGIN_PX: f64 = 25.0;
+/// What angles from the limb of the ellipsoid may be off by, far from it, rad.
+const SLACK: f64 = 0.006;
