@@ -224,6 +224,49 @@ impl Footprint {
         }
     }
 
+    /// That of several points together, each with its part of the light.
+    pub fn sum(parts: &[(f64, Footprint)]) -> Footprint {
+        let lit = || parts.iter().filter(|(_, part)| !part.shares.is_empty());
+        let first_row = lit().map(|(_, part)| part.first_row).min().unwrap_or(0);
+        let past_row = lit().map(|(_, part)| part.first_row + part.spans.len());
+        let mut reached = vec![(u32::MAX, 0u32); past_row.max().unwrap_or(0) - first_row];
+        for (_, part) in lit() {
+            let rows = reached[part.first_row - first_row..].iter_mut();
+            for (row, span) in rows.zip(&part.spans).filter(|(_, span)| span.length > 0) {
+                *row = (row.0.min(span.column), row.1.max(span.column + span.length));
+            }
+        }
+        let mut offset = 0;
+        let spans = reached.iter().map(|&(from, past)| {
+            let length = past.saturating_sub(from);
+            let span = Span {
+                column: if length > 0 { from } else { 0 },
+                offset,
+                length,
+            };
+            offset += length;
+            span
+        });
+        let spans: Vec<Span> = spans.collect();
+        let mut shares = vec![0.0f32; offset as usize];
+        for (light, part) in lit() {
+            let rows = spans[part.first_row - first_row..].iter();
+            for (to, from) in rows.zip(&part.spans).filter(|(_, from)| from.length > 0) {
+                let at = (to.offset + from.column - to.column) as usize;
+                let from = &part.shares[from.offset as usize..(from.offset + from.length) as usize];
+                for (to, share) in shares[at..at + from.len()].iter_mut().zip(from) {
+                    *to += (light * f64::from(*share)) as f32;
+                }
+            }
+        }
+        Footprint {
+            first_row,
+            spans,
+            shares,
+            evaluated: parts.iter().map(|(_, part)| part.evaluated).sum(),
+        }
+    }
+
     /// How many times the light of a point on a pixel was worked out for it.
     pub fn evaluated(&self) -> u64 {
         self.evaluated

@@ -162,9 +162,9 @@ impl EffectLabel {
 /// One object in a frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ObjectLabel {
-    /// `star` or `rso`.
+    /// `star`, `rso`, `moon` or `planet`.
     pub kind: &'static str,
-    /// `HIP 80351`, `HR n` where there is no HIP, `NORAD 44322`, or an OEM's OBJECT_ID.
+    /// `HIP 80351`, `HR n` where there is no HIP, `NORAD 44322`, an OEM's OBJECT_ID, or a name such as `Moon`.
     pub id: String,
     /// Other names.
     pub names: Vec<String>,
@@ -220,6 +220,25 @@ pub struct ObjectLabel {
     /// What only an RSO has.
     #[serde(flatten)]
     pub rso: Option<RsoLabel>,
+    /// What only the Moon and planets have.
+    #[serde(flatten)]
+    pub wanderer: Option<WandererLabel>,
+}
+
+/// What a label says of the Moon and of planets alone, at mid-exposure.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WandererLabel {
+    /// Distance from the observer.
+    pub distance_km: f64,
+    /// Angle Sun - body - observer.
+    #[serde(serialize_with = "e6")]
+    pub phase_angle_deg: f64,
+    /// Angular radius.
+    #[serde(serialize_with = "e9")]
+    pub radius_deg: f64,
+    /// Part of its light that arrives: what neither the Earth nor its shadow takes, 0..1.
+    #[serde(serialize_with = "e6")]
+    pub light: f64,
 }
 
 /// What a label says of an RSO alone; geometric, at mid-exposure.
@@ -328,6 +347,23 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
                 Some(rso_label(seen)),
             )
         }
+        Body::Wanderer(seen) => (
+            seen.kind(),
+            seen.name.to_string(),
+            Vec::new(),
+            seen.mag,
+            seen.directions[1],
+            None,
+        ),
+    };
+    let wanderer = match &source.body {
+        Body::Wanderer(seen) => Some(WandererLabel {
+            distance_km: seen.distance_m * 1e-3,
+            phase_angle_deg: seen.phase.to_degrees(),
+            radius_deg: seen.angular_radius.to_degrees(),
+            light: source.electrons / source.clear_e.max(f64::MIN_POSITIVE),
+        }),
+        Body::Star(_) | Body::Rso(_) => None,
     };
     let in_frame = scene.view.camera.detector.contains([x_px, y_px]);
     let reason = why_not_visible(source, in_frame);
@@ -362,6 +398,7 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         visible: reason.is_none(),
         reason,
         rso,
+        wanderer,
     }
 }
 

@@ -9,7 +9,7 @@ use crate::frame::{Charge, Frame};
 use crate::label::EffectLabel;
 use crate::plan::{Plan, Step};
 use crate::render::{render, tiles};
-use crate::scene::{Body, Scene, Simulated, Source, Unobservable};
+use crate::scene::{Scene, Simulated, Source, Unobservable};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::hint::black_box;
@@ -125,10 +125,7 @@ impl Bench<'_> {
             choice.off.extend(off);
             let scene = self.scene(&choice, 0)?;
             let image = |source: &Source| {
-                let body = match &source.body {
-                    Body::Star(star) => (true, star.index),
-                    Body::Rso(object) => (false, object.index),
-                };
+                let body = source.body.identity();
                 (body, [source.centroid, source.start, source.end])
             };
             Ok(scene.sources.iter().map(image).collect())
@@ -233,12 +230,7 @@ impl Bench<'_> {
         let mut alone = Simulated::default();
         (effect.mark)(&mut alone);
         let (with, without) = if effect.stage == Stage::Images {
-            let Simulated { stars, rsos, .. } = scene.simulated;
-            let mut without = Simulated {
-                stars,
-                rsos,
-                ..Simulated::default()
-            };
+            let mut without = scene.simulated.lights();
             let before = EFFECTS.iter().take_while(|other| other.name != effect.name);
             for other in before.filter(|other| other.is_among(&scene.simulated)) {
                 (other.mark)(&mut without);
@@ -246,7 +238,7 @@ impl Bench<'_> {
             let mut with = without;
             (effect.mark)(&mut with);
             (with, without)
-        } else if alone.stars || alone.rsos {
+        } else if alone.lights() != Simulated::default() {
             let mut with = alone;
             with.distortion = scene.simulated.distortion;
             (with, Simulated::default())

@@ -1,6 +1,6 @@
 //! Why a scene calls for an effect, or for none, in words and figures: what several effects say alike.
 
-use crate::scene::{Body, Hidden, Scene, Source};
+use crate::scene::{Body, Hidden, MOON, Scene, Source};
 
 /// A figure of a text: three digits.
 pub fn digits(value: f64) -> String {
@@ -44,6 +44,14 @@ pub(super) fn is_rso(body: &Body) -> bool {
     matches!(body, Body::Rso(_))
 }
 
+pub(super) fn is_moon(body: &Body) -> bool {
+    matches!(body, Body::Wanderer(body) if body.is_moon())
+}
+
+pub(super) fn is_planet(body: &Body) -> bool {
+    matches!(body, Body::Wanderer(body) if !body.is_moon())
+}
+
 /// Why none of the stars or of the objects lights a pixel; `what` is one of them.
 pub(super) fn none_lit(scene: &Scene, what: &str, is: impl Fn(&Body) -> bool) -> String {
     let here: Vec<&Source> = scene.sources.iter().filter(|s| is(&s.body)).collect();
@@ -56,6 +64,7 @@ pub(super) fn none_lit(scene: &Scene, what: &str, is: impl Fn(&Body) -> bool) ->
                 let unknown = unknown(scene);
                 format!("none of the scene's {n} objects is in the field{unknown}")
             }
+            (MOON, _) => "the Moon is not in the field".to_string(),
             _ => format!("no {what} is in the field"),
         };
     }

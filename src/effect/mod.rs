@@ -10,6 +10,7 @@ mod drift;
 mod earth;
 mod frame_transfer;
 mod full_well;
+mod moon;
 mod nonlinearity;
 mod point;
 mod radiation;
@@ -39,6 +40,7 @@ pub const EFFECTS: &[Effect] = &[
     vignetting::VIGNETTING,
     point::STARS,
     point::RSOS,
+    moon::THE_MOON,
     earth::EARTH,
     response::PIXEL_RESPONSE,
     frame_transfer::FRAME_TRANSFER,

@@ -42,7 +42,7 @@ fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
     })
 }
 
-fn judge<'s>(
+pub(super) fn judge<'s>(
     scene: &'s Scene,
     fidelity: &Fidelity,
     what: &'static str,

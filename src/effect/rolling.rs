@@ -35,7 +35,8 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
         });
     }
     let off_px = view.longest_track_px(readout_s) / 2.0;
-    if off_px == 0.0 {
+    let swing_px = view.areas_swing_px(readout_s) / 2.0;
+    if off_px + swing_px == 0.0 {
         return Need::none("the body's rates are 0, and no object moves across the field");
     }
     if !simulated.smear && !simulated.aberration_drift {
@@ -44,12 +45,13 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
     Need {
         because: format!(
             "images move by up to {} px during the readout",
-            digits(2.0 * off_px)
+            digits(2.0 * off_px.max(swing_px))
         )
         .into(),
         // Where optics let uneven light pass, what is shifted is weighed otherwise too.
         error: Loss {
-            e: 0.0,
+            // What edges of area light pass over.
+            e: view.areas_peak_e() * swing_px.min(1.0),
             px: off_px * (2.0 - evenness(view)),
         },
         drawn_e: 0.0,
@@ -85,6 +87,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             beside_px: off_px + 1.0,
         }
     });
-    let e = e + scene.areas_change_e(&other, loss.px);
+    let swing_px = scene.view.areas_swing_px(scene.view.camera.readout_s()) / 2.0;
+    let e = e + scene.areas_change_e(&other, loss.px + swing_px);
     Loss { e, ..*loss }
 }

@@ -26,12 +26,13 @@ pub const SMEAR: Effect = Effect {
 
 fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
     let length_px = view.longest_track_px(view.exposure.duration_s);
+    let swing_px = view.areas_swing_px(view.exposure.duration_s);
     // What stands still does so for a rolling shutter too, whose rows see it elsewhere.
     let rolled_px = match view.camera.readout_s() {
         0.0 => 0.0,
         readout_s => view.longest_track_px(readout_s) / 2.0,
     };
-    if length_px == 0.0 {
+    if length_px + swing_px == 0.0 {
         return Need::none("the body's rates are 0, and no object moves across the field");
     }
     let moving_ms = |seconds: f64| view.work(seconds, fidelity).moving_ms;
@@ -44,9 +45,14 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
         moving_ms(view.exposure.duration_s)
     };
     Need {
-        because: format!("images move by up to {} px", digits(length_px)).into(),
+        because: format!(
+            "images move by up to {} px",
+            digits(length_px.max(swing_px))
+        )
+        .into(),
         error: Loss {
-            e: 0.0,
+            // What edges of area light pass over.
+            e: view.areas_peak_e() * (swing_px / 2.0).min(1.0),
             px: length_px / 2.0 + rolled_px,
         },
         drawn_e: 0.0,
@@ -100,6 +106,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             beside_px: moved + 1.0,
         }
     });
-    let e = e + scene.areas_change_e(&other, loss.px);
+    let swing_px = scene.view.areas_swing_px(scene.view.exposure.duration_s);
+    let e = e + scene.areas_change_e(&other, loss.px + swing_px);
     Loss { e, ..*loss }
 }

@@ -205,10 +205,7 @@ impl Scene {
 
     fn image<'a>(&'a self, source: &'a Source, stamp: &mut Stamp) -> Image<'a> {
         let (optics, detector) = (&self.view.camera.optics, &self.view.camera.detector);
-        let ratio = match &source.body {
-            Body::Star(star) => star.wavelength_ratio,
-            Body::Rso(_) => 1.0,
-        };
+        let ratio = source.body.wavelength_ratio();
         let psf = optics.psf_at(source.centroid, ratio);
         // Of a source in the middle of a pixel, and what it has more than the greatest pixel of one at a corner.
         let (middle, over) = match psf.relief() {
@@ -295,10 +292,10 @@ impl Scene {
         let mut there = self
             .sources
             .iter()
-            .map(|source| identity(&source.body))
+            .map(|source| source.body.identity())
             .peekable();
         let gone = view.candidates.iter().filter(|candidate| {
-            let here = there.next_if_eq(&identity(&candidate.body)).is_some();
+            let here = there.next_if_eq(&candidate.body.identity()).is_some();
             let shines = candidate.body.is_in(&self.simulated);
             !here && shines && candidate.electrons() > 0.0 && comes_near(candidate)
         });
@@ -317,12 +314,7 @@ impl Scene {
                 view.pointing(turned_s),
             )
         });
-        move |body| {
-            times.map(|(part, pointing)| match body {
-                Body::Star(star) => pointing.rotate(&star.direction),
-                Body::Rso(object) => pointing.rotate(&object.line_m(part)),
-            })
-        }
+        move |body| times.map(|(part, pointing)| pointing.rotate(&body.line(part)))
     }
 
     /// How far (px) an image's rows are exposed from where the middle row is, and by which part of its time they are
@@ -364,14 +356,6 @@ impl Scene {
         };
         // A distorting lens may show more in a pixel than its focal length says.
         2.0 * by_angle / camera.optics.focal_px
-    }
-}
-
-/// What a body is, to tell it from others.
-pub(super) fn identity(body: &Body) -> (bool, usize) {
-    match body {
-        Body::Star(star) => (true, star.index),
-        Body::Rso(object) => (false, object.index),
     }
 }
 

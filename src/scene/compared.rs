@@ -5,7 +5,7 @@
 //! no more than what is known. How much is compared is limited (`Compared::spare`), for it costs what making the images costs.
 
 use super::brightest::{CELL, cells};
-use super::change::{Change, Image, identity};
+use super::change::{Change, Image};
 use super::{Scene, Simulated, Source};
 use crate::camera::Detector;
 use crate::fidelity::Fidelity;
@@ -267,9 +267,9 @@ impl Scene {
         other: &Simulated,
         fidelity: &Fidelity,
     ) -> Option<Source> {
-        let wanted = identity(&source.body);
+        let wanted = source.body.identity();
         let candidates = &mut self.view.candidates.iter();
-        let candidate = candidates.find(|candidate| identity(&candidate.body) == wanted)?;
+        let candidate = candidates.find(|candidate| candidate.body.identity() == wanted)?;
         self.view.image(candidate, other, fidelity)
     }
 

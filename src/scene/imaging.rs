@@ -2,15 +2,26 @@
 
 use super::collected::Collected;
 use super::view::{Candidate, View};
+use super::wanderer::Element;
 use super::{Body, Simulated, Source};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::track::{Course, Place, Rows, Track};
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Pieces of a track turn by at most this (rad), 3 degrees: they are nearly straight.
 const PIECE: f64 = 0.05;
+
+/// The image of one point, or of what is made of points.
+struct Point {
+    /// What is collected of its light (1).
+    light: f64,
+    /// Its centre, px.
+    centre: [f64; 2],
+    footprint: Footprint,
+}
 
 impl View {
     /// The image of `candidate`; none if nothing of it can touch the detector.
@@ -21,14 +32,16 @@ impl View {
         fidelity: &Fidelity,
     ) -> Option<Source> {
         let camera = &self.camera;
-        let mut track = self.track(candidate, simulated, fidelity)?;
-        // Where nothing takes of the light, not even the last digit of a sum does.
-        let whole = !simulated.rolling && !simulated.vignetting;
-        let shine = candidate.shine();
-        let Collected { light, centre } = Collected::of(&track, camera, fidelity, &shine);
-        let light = if whole { 1.0 } else { light };
-        track.scale(1.0 / light.max(f64::MIN_POSITIVE));
-        let footprint = Footprint::of(&track, camera, fidelity, &shine);
+        let track = self.track(candidate, &Vector3::zeros(), simulated, fidelity)?;
+        let (start, end) = (track.start, track.end);
+        let Point {
+            light,
+            centre,
+            footprint,
+        } = match candidate.body.elements() {
+            [] => self.point(track, candidate, simulated, fidelity),
+            elements => self.disc(elements, candidate, simulated, fidelity),
+        };
         if footprint.shares().is_empty() && !camera.detector.contains(centre) {
             return None;
         }
@@ -40,8 +53,8 @@ impl View {
             clear_snr: 0.0,
             body: candidate.body.clone(),
             // Labels tell where the light is.
-            start: camera.optics.lit(track.start),
-            end: camera.optics.lit(track.end),
+            start: camera.optics.lit(start),
+            end: camera.optics.lit(end),
             centroid: centre,
             footprint,
             arriving_e,
@@ -51,17 +64,76 @@ impl View {
         })
     }
 
+    /// The light of a point that runs along a track.
+    fn point(
+        &self,
+        mut track: Track,
+        candidate: &Candidate,
+        simulated: &Simulated,
+        fidelity: &Fidelity,
+    ) -> Point {
+        // Where nothing takes of the light, not even the last digit of a sum does.
+        let whole = !simulated.rolling && !simulated.vignetting;
+        let shine = candidate.shine();
+        let Collected { light, centre } = Collected::of(&track, &self.camera, fidelity, &shine);
+        let light = if whole { 1.0 } else { light };
+        track.scale(1.0 / light.max(f64::MIN_POSITIVE));
+        Point {
+            light,
+            centre,
+            footprint: Footprint::of(&track, &self.camera, fidelity, &shine),
+        }
+    }
+
+    /// The light of a disc that is cut into elements.
+    fn disc(
+        &self,
+        elements: &[Element],
+        candidate: &Candidate,
+        simulated: &Simulated,
+        fidelity: &Fidelity,
+    ) -> Point {
+        // What a share of so much light leaves undrawn would show.
+        let loss = (fidelity.wing_e / candidate.clear_e).max(f64::EPSILON);
+        let fidelity = &Fidelity {
+            psf_loss: fidelity.psf_loss.min(loss),
+            ..*fidelity
+        };
+        let points = elements.par_iter().filter_map(|element| {
+            let track = self.track(candidate, &element.offset, simulated, fidelity)?;
+            let point = self.point(track, candidate, simulated, fidelity);
+            Some((element.share * point.light, point))
+        });
+        let points: Vec<(f64, Point)> = points.collect();
+        let light: f64 = points.iter().map(|(part, _)| part).sum();
+        let whole = light.max(f64::MIN_POSITIVE);
+        let moments = points.iter().fold([0.0; 2], |sum, (part, point)| {
+            [0, 1].map(|k| sum[k] + part * point.centre[k])
+        });
+        let parts = points.into_iter();
+        let parts: Vec<(f64, Footprint)> = parts
+            .map(|(part, point)| (part / whole, point.footprint))
+            .collect();
+        Point {
+            light,
+            centre: moments.map(|moment| moment / whole),
+            footprint: Footprint::sum(&parts),
+        }
+    }
+
     /// How many points the tracks of all candidates have.
     pub fn track_all(&self, simulated: &Simulated, fidelity: &Fidelity) -> usize {
         let tracks = self.candidates.iter();
-        let tracks = tracks.filter_map(|candidate| self.track(candidate, simulated, fidelity));
+        let tracks = tracks
+            .filter_map(|candidate| self.track(candidate, &Vector3::zeros(), simulated, fidelity));
         tracks.map(|track| track.samples.len()).sum()
     }
 
-    /// The path of its image while its rows are open, with the light that arrives along it.
+    /// The path of its image while its rows are open, with the light that arrives along it; of what is `off` (any length) it.
     fn track(
         &self,
         candidate: &Candidate,
+        off: &Vector3<f64>,
         simulated: &Simulated,
         fidelity: &Fidelity,
     ) -> Option<Track> {
@@ -80,9 +152,9 @@ impl View {
                     star.direction + self.aberration_drift(&star.direction, part)
                 }
                 Body::Star(star) => star.direction,
-                Body::Rso(_) => candidate.line(0.5 + turned_s / self.open_s.max(f64::MIN_POSITIVE)),
+                body => body.line(0.5 + turned_s / self.open_s.max(f64::MIN_POSITIVE)),
             };
-            let seen: Vector3<f64> = self.pointing(turned_s).rotate(&line);
+            let seen: Vector3<f64> = self.pointing(turned_s).rotate(&(line + off));
             let light = if simulated.vignetting {
                 optics.vignetting.transmission(&seen)
             } else {

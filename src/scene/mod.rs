@@ -16,9 +16,11 @@ mod simulated;
 mod spill;
 mod trail;
 mod view;
+mod wanderer;
 mod work;
 
 use signal::Noise;
+use wanderer::Element;
 
 pub use area::{Area, AreaLight, KINDS, Kind, Radiance};
 pub use brightest::CELL;
@@ -28,6 +30,7 @@ pub use lit::Lit;
 pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e};
 pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};
+pub use wanderer::{MOON, SeenWanderer};
 pub use work::{Work, still_ms};
 
 use crate::camera::{Event, Flux};
@@ -37,6 +40,7 @@ use crate::sky::population::SeenObject;
 use crate::sky::star_field::SeenStar;
 use crate::sky::{Corrections, Population, StarField, radiation};
 use hifitime::{Epoch, Unit};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// What does not change from frame to frame.
@@ -83,6 +87,8 @@ pub enum Body {
     Star(SeenStar),
     /// A resident space object.
     Rso(Box<SeenObject>),
+    /// The Moon or a planet.
+    Wanderer(Box<SeenWanderer>),
 }
 
 impl Body {
@@ -91,7 +97,49 @@ impl Body {
         match self {
             Body::Star(_) => simulated.stars,
             Body::Rso(_) => simulated.rsos,
+            Body::Wanderer(body) if body.is_moon() => simulated.moon,
+            Body::Wanderer(_) => simulated.planets,
         }
+    }
+
+    /// Mean wavelength of its light over the band's reference: all but stars shine by the Sun's.
+    pub fn wavelength_ratio(&self) -> f64 {
+        match self {
+            Body::Star(star) => star.wavelength_ratio,
+            Body::Rso(_) | Body::Wanderer(_) => 1.0,
+        }
+    }
+
+    /// Its apparent vector (ICRF axes, any length) at a part of the view's time (0: its start, 1: its end); of stars
+    /// that at mid-exposure.
+    pub fn line(&self, part: f64) -> Vector3<f64> {
+        match self {
+            Body::Star(star) => star.direction,
+            Body::Rso(object) => object.line_m(part),
+            Body::Wanderer(body) => body.direction(part),
+        }
+    }
+
+    /// What tells it from all others.
+    pub fn identity(&self) -> (&'static str, usize) {
+        match self {
+            Body::Star(star) => ("star", star.index),
+            Body::Rso(object) => ("rso", object.index),
+            Body::Wanderer(body) => (body.name, 0),
+        }
+    }
+
+    /// What its disc is cut into; nothing of what is a point.
+    fn elements(&self) -> &[Element] {
+        match self {
+            Body::Wanderer(body) => &body.elements,
+            Body::Star(_) | Body::Rso(_) => &[],
+        }
+    }
+
+    /// How many points its image is made of.
+    pub fn points(&self) -> usize {
+        self.elements().len().max(1)
     }
 }
 

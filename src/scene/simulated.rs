@@ -19,6 +19,10 @@ pub struct Simulated {
     pub stars: bool,
     /// The objects in orbit shine.
     pub rsos: bool,
+    /// The planets shine.
+    pub planets: bool,
+    /// The Moon shines.
+    pub moon: bool,
     /// The Earth reflects sunlight.
     pub earth: bool,
     /// Dust between the planets scatters sunlight.
@@ -48,6 +52,20 @@ pub struct Simulated {
 }
 
 impl Simulated {
+    /// Those alone that are light.
+    pub fn lights(&self) -> Simulated {
+        Simulated {
+            stars: self.stars,
+            rsos: self.rsos,
+            planets: self.planets,
+            moon: self.moon,
+            earth: self.earth,
+            zodiacal: self.zodiacal,
+            starlight: self.starlight,
+            ..Simulated::default()
+        }
+    }
+
     /// With those of the other's effects that shape images.
     pub fn and_shapes(&self, other: &Simulated) -> Simulated {
         Simulated {

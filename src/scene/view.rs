@@ -101,22 +101,13 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Its apparent vector (ICRF axes, any length) at a part of the view's time (0: its start, 1: its end); of stars
-    /// that at mid-exposure.
-    pub fn line(&self, part: f64) -> Vector3<f64> {
-        match &self.body {
-            Body::Star(star) => star.direction,
-            Body::Rso(object) => object.line_m(part),
-        }
-    }
-
     /// The angle (rad) that it moves through by itself.
     pub fn swing(&self) -> f64 {
         match &self.body {
             Body::Star(_) => 0.0,
-            Body::Rso(_) => {
-                let mid = self.line(0.5);
-                self.line(0.0).angle(&mid) + mid.angle(&self.line(1.0))
+            Body::Rso(_) | Body::Wanderer(_) => {
+                let line = |part: f64| self.body.line(part);
+                line(0.0).angle(&line(0.5)) + line(0.5).angle(&line(1.0))
             }
         }
     }
@@ -125,10 +116,7 @@ impl Candidate {
     pub fn shine(&self) -> Light {
         Light {
             electrons: self.clear_e,
-            wavelength_ratio: match &self.body {
-                Body::Star(star) => star.wavelength_ratio,
-                Body::Rso(_) => 1.0,
-            },
+            wavelength_ratio: self.body.wavelength_ratio(),
         }
     }
 
@@ -230,6 +218,7 @@ impl View {
                 .population
                 .in_cone(&axis, cone, &shutter, &world.corrections);
         candidates.extend(objects.into_iter().map(|object| view.rso(object)));
+        candidates.extend(view.moon(world, &shutter, &axis, cone));
         (view.candidates, view.unknown) = (candidates, unknown);
         view.areas = view.areas(world);
         Ok(view)
@@ -240,6 +229,8 @@ impl View {
         let simulated = Simulated {
             stars: runs("stars"),
             rsos: runs("rsos"),
+            planets: runs("planets"),
+            moon: runs("moon"),
             ..Simulated::default()
         };
         let shines = |candidate: &Candidate| candidate.body.is_in(&simulated);
@@ -275,8 +266,7 @@ impl View {
             1.0
         };
         let own = self.candidates.iter().map(Candidate::swing);
-        let areas = self.areas.iter().map(|area| area.swing() * self.open_s);
-        let own = own.chain(areas).fold(0.0, f64::max) * share;
+        let own = own.fold(0.0, f64::max) * share;
         let (scale, furthest) = self.scale_and_corner_px;
         (turn.x.hypot(turn.y) + own) * scale + turn.z.abs() * furthest
     }
@@ -297,13 +287,19 @@ impl View {
             let e = candidate.electrons();
             // Few are brighter than all before them.
             if e > most {
-                let seen = pointing.rotate(&candidate.line(0.5)).normalize();
+                let seen = pointing.rotate(&candidate.body.line(0.5)).normalize();
                 if seen.z >= edge - candidate.swing() {
                     most = most.max(e * part(&seen));
                 }
             }
         }
         2.0 * most * share
+    }
+
+    /// How far (px) the edges of area light move by themselves in `seconds`, at most.
+    pub fn areas_swing_px(&self, seconds: f64) -> f64 {
+        let swings = self.areas.iter().map(|area| area.swing());
+        swings.fold(0.0, f64::max) * seconds * self.scale_and_corner_px.0
     }
 
     /// About the most area light of a pixel, e-.
@@ -337,7 +333,7 @@ impl View {
 
     /// Clark et al. 2021, Eqs. (2), (11), before the division by the gain:
     /// `N = E_obj QE tau A_app t_int`, with `E_obj = E_zero 10^(-0.4 m)`.
-    fn electrons(&self, band_mag: f64) -> f64 {
+    pub(super) fn electrons(&self, band_mag: f64) -> f64 {
         let per_second = self.camera.electrons_per_second_at_zero();
         photon_irradiance(per_second, band_mag) * self.exposure.duration_s
     }

@@ -51,7 +51,8 @@ impl View {
         let is_bright = |candidate: &&Candidate| candidate.clear_e > BRIGHT * mean;
         let mut work = Work::default();
         for candidate in self.candidates.iter().filter(is_bright) {
-            self.add_work(candidate, seconds, 1.0, fidelity, &mut work);
+            let points = candidate.body.points() as f64;
+            self.add_work(candidate, seconds, points, fidelity, &mut work);
         }
         let faint = || self.candidates.iter().filter(|c| !is_bright(c));
         let count = faint().count();
@@ -78,7 +79,7 @@ impl View {
             let part = 0.5 + dt_s / self.open_s.max(f64::MIN_POSITIVE);
             camera
                 .optics
-                .project(&self.pointing(dt_s).rotate(&candidate.line(part)))
+                .project(&self.pointing(dt_s).rotate(&candidate.body.line(part)))
         });
         let places: Vec<[f64; 2]> = places.collect();
         let Some(middle) = places.get(places.len() / 2) else {
@@ -138,11 +139,16 @@ pub fn still_ms(scene: &Scene, sources: &[&Source], fidelity: &Fidelity) -> f64 
         } else {
             drawn.sqrt()
         };
+        // A disc is made of points, each with a part of its pixels.
+        let points = source.body.points() as f64;
+        let side = if points > 1.0 {
+            let loss = fidelity.psf_loss.min(fidelity.wing_e / source.clear_e);
+            2.0 * psf.reach_px(loss) + 1.0
+        } else {
+            side
+        };
         // Some of its kind stand near the field and are looked at in vain.
-        SOURCE_NS
-            + 5.0 * LOOK_NS
-            + psf.stamp_ns(side)
-            + side * side * FOOTPRINT_NS
+        points * (SOURCE_NS + 5.0 * LOOK_NS + psf.stamp_ns(side) + side * side * FOOTPRINT_NS)
             + drawn * DRAWN_NS
     });
     still.sum::<f64>() * 1e-6

@@ -103,6 +103,8 @@ const NONE: Simulated = Simulated {
     vignetting: false,
     stars: false,
     rsos: false,
+    planets: false,
+    moon: false,
     earth: false,
     zodiacal: false,
     starlight: false,

@@ -24,7 +24,8 @@ use std::fmt::Debug;
 const PLACES: usize = 4;
 
 /// Why an observer without an orbit sees no Earth.
-const NO_ORBIT: &str = "the observer has no orbit (observer.orbit), and sees no Earth from its centre";
+const NO_ORBIT: &str =
+    "the observer has no orbit (observer.orbit), and sees no Earth from its centre";
 
 /// Why a body is not in the field whose limb is at least so many rad from it.
 fn not_in_field(body: &str, nearest: f64) -> Cow<'static, str> {

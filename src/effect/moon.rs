@@ -1,0 +1,26 @@
+//! The Moon: its disc where it is larger than a pixel, cut into points; else a point.
+//!
+//! ```text
+//! N_xy = sum_k s_k E QE tau A_app t_int PSF(x, y, x_k, y_k),   sum s_k = 1
+//! ```
+//!
+//! with all its light E by Clark et al. 2021, Eq. (1), of the magnitude of Kieffer & Stone 2005 (phase and opposition surge), and the shares s of half
+//! a pixel's squares by the law of Lommel and Seeliger (`sky::moon`). What the Earth hides and what its shadow covers is dark (in the umbra wholly: the
+//! red light of the air is left out). Reference: Kieffer & Stone 2005 (AJ 129, 2887). Validity: no maria, no mountains, no light of the Earth on the night
+//! side; turned as its middle moves. Price: that of a star for each of its points.
+
+use super::cause::is_moon;
+use super::point;
+use super::{Effect, Judge, Stage};
+use crate::scene::MOON;
+
+/// The Moon.
+pub const THE_MOON: Effect = Effect {
+    name: "moon",
+    stage: Stage::Light,
+    random: false,
+    judge: Judge::Pixels(|scene, fidelity| {
+        point::judge(scene, fidelity, MOON, is_moon, |parts| parts.moon = false)
+    }),
+    mark: |simulated| simulated.moon = true,
+};

@@ -1,0 +1,188 @@
+//! The Moon and the planets before the camera.
+
+use super::view::{Candidate, View};
+use super::{Body, Hidden, World};
+use crate::sky::Observer;
+use crate::sky::moon::{MoonDisc, RADIUS_M};
+use crate::sky::shadow::Earth;
+use nalgebra::Vector3;
+
+/// A resolved disc is cut into squares of this side, px: narrower than any core that samples well.
+const ELEMENT_PX: f64 = 0.5;
+/// No disc is cut into more squares than this on a side.
+const MOST_ELEMENTS: f64 = 400.0;
+/// Farther (rad) than this from the anti-Sun no part of the Moon is in the Earth's shadow: penumbra and the Moon's radius reach 1.6 deg.
+const ECLIPSED: f64 = 0.03;
+
+/// A body of the solar system as the view's observer sees it.
+#[derive(Debug, Clone)]
+pub struct SeenWanderer {
+    /// Its name.
+    pub name: &'static str,
+    /// Where its light's centre appears at the start, the middle and the end of the view's time: unit vectors, ICRF.
+    pub directions: [Vector3<f64>; 3],
+    /// V magnitude of all of it, in full sunlight.
+    pub mag: f64,
+    /// Angle Sun - body - observer, rad.
+    pub phase: f64,
+    /// From the observer, m.
+    pub distance_m: f64,
+    /// Angular radius, rad.
+    pub angular_radius: f64,
+    /// What it is cut into where it is larger than a pixel; else nothing.
+    pub elements: Vec<Element>,
+}
+
+/// A small part of a disc.
+#[derive(Debug, Clone, Copy)]
+pub struct Element {
+    /// From the direction of the light's centre, across it (rad).
+    pub offset: Vector3<f64>,
+    /// Its part of the light that arrives (1).
+    pub share: f64,
+}
+
+impl SeenWanderer {
+    /// Its direction (any length) at a part of the view's time, by the parabola through start, mid and end.
+    pub fn direction(&self, part: f64) -> Vector3<f64> {
+        let [a, b, c] = &self.directions;
+        a * ((2.0 * part - 1.0) * (part - 1.0))
+            + b * (4.0 * part * (1.0 - part))
+            + c * (part * (2.0 * part - 1.0))
+    }
+
+    /// What it is: `moon` or `planet`.
+    pub fn kind(&self) -> &'static str {
+        if self.is_moon() { "moon" } else { "planet" }
+    }
+
+    /// Whether it is the Moon.
+    pub fn is_moon(&self) -> bool {
+        self.name == MOON
+    }
+}
+
+/// The Moon's name.
+pub const MOON: &str = "Moon";
+
+impl View {
+    /// The Moon, if it may be in the cone of `angle` (rad) around `axis`.
+    pub(super) fn moon(
+        &self,
+        world: &World,
+        shutter: &[Observer; 3],
+        axis: &Vector3<f64>,
+        angle: f64,
+    ) -> Option<Candidate> {
+        let disc = MoonDisc::seen_by(&shutter[1], &world.corrections);
+        let reach = (angle + disc.angular_radius).min(std::f64::consts::PI);
+        if disc.direction.dot(axis) < libm::cos(reach) || disc.distance_m <= RADIUS_M {
+            return None;
+        }
+        let earth = Earth::at(self.exposure.mid);
+        let cells = self.cells(&disc);
+        let (mut all, mut light) = (0.0, 0.0);
+        let (mut lit, mut behind) = (Vec::new(), false);
+        for (direction, share) in cells {
+            all += share;
+            let hidden = earth.occults_direction(shutter[1].position_m, direction);
+            behind |= hidden;
+            let part = if hidden {
+                0.0
+            } else {
+                sunlit(&direction, &disc, &earth, &shutter[1])
+            };
+            light += part * share;
+            if part > 0.0 {
+                lit.push((direction, part * share));
+            }
+        }
+        let visible = light / f64::max(all, f64::MIN_POSITIVE);
+        let centre: Vector3<f64> = lit.iter().map(|(at, share)| at * *share).sum();
+        let centre = centre.try_normalize(0.0).unwrap_or(disc.direction);
+        let elements = if lit.len() > 1 {
+            let part = |(at, share): &(Vector3<f64>, f64)| Element {
+                offset: at - centre,
+                share: share / light,
+            };
+            lit.iter().map(part).collect()
+        } else {
+            Vec::new()
+        };
+        let off = centre - disc.direction;
+        let appears = |observer: &Observer| {
+            (observer.moon_m(&world.corrections).normalize() + off).normalize()
+        };
+        let seen = SeenWanderer {
+            name: MOON,
+            directions: [appears(&shutter[0]), centre, appears(&shutter[2])],
+            mag: disc.magnitude(),
+            phase: disc.phase,
+            distance_m: disc.distance_m,
+            angular_radius: disc.angular_radius,
+            elements,
+        };
+        let hidden = match (visible > 0.0, behind) {
+            (true, _) => None,
+            (false, true) => Some(Hidden::ByEarth),
+            (false, false) => Some(Hidden::InShadow),
+        };
+        Some(Candidate {
+            clear_e: self.electrons(seen.mag),
+            light: visible,
+            hidden,
+            body: Body::Wanderer(Box::new(seen)),
+        })
+    }
+
+    /// The squares of a disc that have light: direction (unit vector) and light (any unit); of a disc smaller than a pixel its middle.
+    fn cells(&self, disc: &MoonDisc) -> Vec<(Vector3<f64>, f64)> {
+        let side_px = 2.0 * disc.angular_radius * self.scale_and_corner_px.0;
+        if side_px <= 1.0 {
+            return vec![(disc.direction, 1.0)];
+        }
+        let count = (side_px / ELEMENT_PX).ceil().min(MOST_ELEMENTS) as i64;
+        let (x, y) = across(&disc.direction);
+        let step = 2.0 * disc.angular_radius / count as f64;
+        let at = |i: f64, j: f64| {
+            let middle = (count - 1) as f64 / 2.0;
+            let off = x * ((i - middle) * step) + y * ((j - middle) * step);
+            (disc.direction + off).normalize()
+        };
+        let mut cells = Vec::new();
+        for (i, j) in (0..count).flat_map(|j| (0..count).map(move |i| (i as f64, j as f64))) {
+            // Squares at the limb and the terminator are lit in part.
+            let corners = [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]];
+            let light: f64 = corners
+                .iter()
+                .map(|[dx, dy]| disc.brightness(&at(i + dx, j + dy)))
+                .sum();
+            if light > 0.0 {
+                cells.push((at(i, j), light));
+            }
+        }
+        cells
+    }
+}
+
+/// The part of the Sun's disc that the Moon's surface sees past the Earth, in a direction from the observer.
+fn sunlit(at: &Vector3<f64>, disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
+    let moon_m = observer.bodies.moon_geocentric_m;
+    let sun_m = observer.bodies.sun_apparent_m();
+    if (-moon_m).angle(&sun_m) > ECLIPSED {
+        return 1.0;
+    }
+    let across_m = (at - disc.direction * at.dot(&disc.direction)) * disc.distance_m;
+    earth.illumination(moon_m + across_m, sun_m)
+}
+
+/// Two unit vectors across a unit vector and each other.
+fn across(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let other = if direction.x.abs() < 0.7 {
+        Vector3::x()
+    } else {
+        Vector3::y()
+    };
+    let x = direction.cross(&other).normalize();
+    (x, direction.cross(&x))
+}
