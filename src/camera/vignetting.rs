@@ -48,6 +48,19 @@ impl Vignetting {
         }
     }
 
+    /// By which part of itself the transmission changes across a disc of so many rad radius around a direction (camera axes), outwards from the
+    /// boresight.
+    pub fn change_across(&self, direction: &Vector3<f64>, radius: f64) -> f64 {
+        let across = libm::hypot(direction.x, direction.y);
+        let angle = libm::atan2(across, direction.z);
+        let at = |angle: f64| {
+            let (sin, cos) = libm::sincos(angle.max(0.0));
+            self.transmission(&Vector3::new(sin, 0.0, cos))
+        };
+        let [near, far] = [at(angle - radius), at(angle + radius)];
+        2.0 * (near - far).abs() / (near + far).max(f64::MIN_POSITIVE)
+    }
+
     /// The least and the greatest transmission up to a field angle (rad) from the boresight.
     pub fn range(&self, angle: f64) -> [f64; 2] {
         match self {

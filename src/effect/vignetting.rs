@@ -21,7 +21,7 @@ use super::shown::changed_e;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
-use crate::scene::{Change, Scene, Simulated, Source, View};
+use crate::scene::{Body, Change, Scene, Simulated, Source, View};
 
 /// The transmission off the boresight.
 pub const VIGNETTING: Effect = Effect {
@@ -105,11 +105,19 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             [t.min(least), t.max(most)]
         })
     };
-    let off_px = scene.sources.iter().filter(|_| moves).map(|source| {
-        let [least, most] = passes(source);
+    let radius = |source: &Source| match &source.body {
+        Body::Wanderer(body) if body.elements.len() > 1 => body.angular_radius,
+        _ => 0.0,
+    };
+    let scale = scene.view.scale_and_corner_px.0;
+    let off_px = scene.sources.iter().map(|source| {
+        let [least, most] = if moves { passes(source) } else { [1.0, 1.0] };
         // A tenth more, for what a track passes between.
         let part = 1.1 * (most - least) / (4.0 * least.max(f64::MIN_POSITIVE));
-        source.length_px() * part.min(1.0)
+        // Of a disc of radius R across which the logarithm of the light changes by c, R c / 8; of a part of it, up to twice that.
+        let [_, seen, _] = seen(&source.body);
+        let across = vignetting.change_across(&seen, radius(source));
+        source.length_px() * part.min(1.0) + radius(source) * scale * (across / 4.0).min(1.0)
     });
     // The same images are there without it.
     let other = Simulated {

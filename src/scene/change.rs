@@ -189,7 +189,11 @@ impl Scene {
         let mut stamp = Stamp::default();
         let bright = bright.iter().map(|(source, _)| bound(&mut stamp, source));
         let mut changes: Vec<(&Source, f64, usize)> = bright.collect();
-        let most = changes.iter().map(|(_, e, _)| *e).fold(0.0, f64::max);
+        // A disc outshines all points, and where it is full of light nothing of that shows.
+        let points = changes
+            .iter()
+            .filter(|(source, ..)| source.body.points() == 1);
+        let most = points.map(|(_, e, _)| *e).fold(0.0, f64::max);
         let others = others
             .par_iter()
             .map_init(Stamp::default, |stamp, (source, all_e)| {
