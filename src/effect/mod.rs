@@ -23,6 +23,7 @@ mod shown;
 mod smear;
 mod stuck;
 mod vignetting;
+mod zodiacal;
 
 pub use cause::{counted, digits};
 
@@ -40,6 +41,7 @@ pub const EFFECTS: &[Effect] = &[
     vignetting::VIGNETTING,
     point::STARS,
     point::RSOS,
+    zodiacal::ZODIACAL_LIGHT,
     moon::THE_MOON,
     earth::EARTH,
     response::PIXEL_RESPONSE,

@@ -15,6 +15,13 @@ pub fn photon_irradiance(e_zero: f64, m: f64) -> f64 {
     e_zero * 10f64.powf(-0.4 * m)
 }
 
+/// Photon radiance (ph/s/m^2/sr) of `m` magnitudes a square arc second: Eq. (3), its exponent mended,
+/// `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`.
+pub fn photon_radiance(e_zero: f64, m: f64) -> f64 {
+    const ARCSEC: f64 = PI / 648_000.0;
+    e_zero * libm::exp10(-0.4 * m) / (ARCSEC * ARCSEC)
+}
+
 /// A sphere that reflects sunlight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {

@@ -1,5 +1,6 @@
 //! Area sources: light that comes from all over the field, as a radiance of each direction, laid on the pixels.
 
+mod background;
 mod blur;
 mod change;
 mod earth;
