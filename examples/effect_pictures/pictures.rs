@@ -72,7 +72,7 @@ rate_hz = 1.0
 /// The Pleiades.
 const SCENE: &str = r#"
 [sequence]
-epoch = "2026-06-01T00:00:00Z"
+epoch = "2026-12-01T00:00:00Z"
 frames = 1
 period_s = 1.0
 attitudes = [{ q = [0.521170458, -0.155615307, 0.240084982, 0.80406743] }]

@@ -125,6 +125,28 @@ impl Projection {
         }
     }
 
+    /// The solid angle (sr) that a square of one focal length's side takes in a direction (unit vector, camera axes), were it as large
+    /// everywhere: `cos^3` of a pinhole, less by as much as distortion spreads images; `sin(a) / (r dr/da)` of a fisheye.
+    pub fn solid_angle(&self, direction: &Vector3<f64>) -> f64 {
+        let z = direction.z;
+        match &self.model {
+            Model::Pinhole => z * z * z,
+            Model::BrownConrady { k, p } => {
+                let (_, [a, b, c]) = distorted(k, p, [direction.x / z, direction.y / z]);
+                z * z * z / (a * c - b * b)
+            }
+            Model::Fisheye { k } => {
+                let across = libm::hypot(direction.x, direction.y);
+                let (radius, slope) = radius_of(k, libm::atan2(across, z));
+                if radius > 0.0 {
+                    across / (radius * slope)
+                } else {
+                    1.0
+                }
+            }
+        }
+    }
+
     /// The unit direction (camera axes) whose image falls at `at`, in focal lengths from the principal point: the
     /// inverse of [`Projection::image`]. None beyond the model's end.
     pub fn direction(&self, at: [f64; 2]) -> Option<Vector3<f64>> {

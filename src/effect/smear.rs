@@ -56,7 +56,7 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
             px: length_px / 2.0 + rolled_px,
         },
         drawn_e: 0.0,
-        price_ms,
+        price_ms: price_ms + view.areas_smear_ms(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! What stands before the camera during one exposure: directions and light, before the optics make images of them.
 
+use super::area::STEPS_PX;
 use super::{Area, Body, Exposure, Hidden, Simulated, World};
 use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
 use crate::camera::{Camera, Stamp};
@@ -300,6 +301,18 @@ impl View {
     pub fn areas_swing_px(&self, seconds: f64) -> f64 {
         let swings = self.areas.iter().map(|area| area.swing());
         swings.fold(0.0, f64::max) * seconds * self.scale_and_corner_px.0
+    }
+
+    /// What smearing the edges of area light takes, about, ms: they are taken to run once across the field.
+    pub fn areas_smear_ms(&self) -> f64 {
+        const LIMB_PX: f64 = 8.0;
+        const STEP_NS: f64 = 600.0;
+        let edged = self.areas.iter().filter(|area| area.has_edges());
+        let seconds = self.exposure.duration_s;
+        let px = self.longest_track_px(seconds) + self.areas_swing_px(seconds);
+        let steps = (STEPS_PX * px) + 1.0;
+        let [columns, rows] = self.camera.detector.sides();
+        edged.count() as f64 * LIMB_PX * (columns + rows) * steps * STEP_NS * 1e-6
     }
 
     /// About the most area light of a pixel, e-.

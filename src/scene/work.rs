@@ -17,6 +17,8 @@ const LOOK_NS: f64 = 90.0;
 const SOURCE_NS: f64 = 500.0;
 /// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds, memory that is new.
 const FOOTPRINT_NS: f64 = 9.0;
+/// The same of a point of a disc, whose light is added to that of others.
+const ADDED_NS: f64 = 1.0;
 /// ns of a pixel of a footprint when it is drawn.
 const DRAWN_NS: f64 = 1.0;
 /// ns of a point of a panel in which rows open or close, and of each row there: weights, parts in light and centre.
@@ -142,8 +144,11 @@ pub fn still_ms(scene: &Scene, sources: &[&Source], fidelity: &Fidelity) -> f64 
         // A disc is made of points, each with a part of its pixels.
         let points = source.body.points() as f64;
         let side = if points > 1.0 {
-            let loss = fidelity.psf_loss.min(fidelity.wing_e / source.clear_e);
-            2.0 * psf.reach_px(loss) + 1.0
+            let reach = 2.0 * drawn_px(view, source.centroid, source.clear_e, fidelity) + 1.0;
+            sides
+                .map(|pixels| reach.min(pixels).sqrt())
+                .iter()
+                .product()
         } else {
             side
         };

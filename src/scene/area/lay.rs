@@ -18,7 +18,7 @@ const SMALLEST: usize = 4;
 /// What moves by less (px) stands still.
 const STILL_PX: f64 = 0.02;
 /// Steps of the time of a pixel for each pixel that the light moves by, and at most.
-const STEPS_PX: f64 = 4.0;
+pub const STEPS_PX: f64 = 4.0;
 const MOST_STEPS: usize = 1024;
 /// The two points of Gauss's rule, px from the middle of a pixel: 1 / (2 sqrt 3).
 const GAUSS: f64 = 0.288_675_134_594_812_9;
@@ -131,6 +131,9 @@ impl Band<'_, '_> {
 
     /// Whether an edge may run through a square, while it moves.
     fn has_edge(&self, square: &Square) -> bool {
+        if !self.radiance.has_edges() {
+            return false;
+        }
         let half = square.side as f64 / 2.0;
         let middle = [square.x as f64 + half, square.y as f64 + half];
         let Some((seen, _)) = self.plane.taken(middle) else {

@@ -14,6 +14,8 @@ pub use kinds::{KINDS, Kind};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::scene::{Simulated, View, World};
+pub(super) use lay::STEPS_PX;
+
 use blur::Blur;
 use kinds::Found;
 use nalgebra::Vector3;
@@ -72,6 +74,11 @@ pub struct Area {
 }
 
 impl Area {
+    /// Whether there may be an edge of it in the field.
+    pub fn has_edges(&self) -> bool {
+        matches!(&self.radiance, Ok(radiance) if radiance.has_edges())
+    }
+
     /// How fast (rad/s) its edges move by themselves.
     pub fn swing(&self) -> f64 {
         match &self.radiance {

@@ -4,9 +4,6 @@ use crate::camera::{Camera, Projection, Vignetting};
 use crate::scene::{Simulated, View};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// Half the step (px) over which a pixel's solid angle is taken: inside the pixel, and long enough to keep digits.
-const HALF_PX: f64 = 0.25;
-
 /// The detector's pixels as solid angles, with those effects that shape them.
 pub struct Plane<'a> {
     view: &'a View,
@@ -50,8 +47,8 @@ impl<'a> Plane<'a> {
 
     /// Where a place looks (unit vector, camera axes), and the light (sr) that its pixel takes of a sky of radiance 1.
     ///
-    /// Clark et al. 2021, Eq. (4), `E = L IFOV^2`, holds on the boresight of a pinhole. Anywhere, the pixel's solid angle is
-    /// `|du/dx x du/dy|` of the direction u, and what stars lose to vignetting is lost here too; but that `cos^4` is the law of
+    /// Clark et al. 2021, Eq. (4), `E = L IFOV^2`, holds on the boresight of a pinhole. Anywhere, the pixel has its own solid
+    /// angle ([`Projection::solid_angle`]), and what stars lose to vignetting is lost here too; but that `cos^4` is the law of
     /// an evenly bright scene and has the solid angle in it.
     pub fn taken(&self, at: [f64; 2]) -> Option<(Vector3<f64>, f64)> {
         let seen = self.seen_at(at)?;
@@ -60,10 +57,7 @@ impl<'a> Plane<'a> {
             let square = 1.0 / (optics.focal_px * optics.focal_px);
             return Some((seen, square * optics.vignetting.transmission(&seen)));
         }
-        let step = |x: f64, y: f64| self.seen_at([at[0] + x, at[1] + y]);
-        let across = step(HALF_PX, 0.0)? - step(-HALF_PX, 0.0)?;
-        let down = step(0.0, HALF_PX)? - step(0.0, -HALF_PX)?;
-        let solid_angle = across.cross(&down).norm() / (4.0 * HALF_PX * HALF_PX);
+        let solid_angle = self.projection.solid_angle(&seen) / (optics.focal_px * optics.focal_px);
         let passes = if self.vignetted {
             optics.vignetting.transmission(&seen)
         } else {
