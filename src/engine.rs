@@ -12,6 +12,7 @@ use crate::rng::NoiseKey;
 use crate::scene::{Exposure, Scene, Unobservable, View, World};
 use crate::sky::StarField;
 use crate::sky::catalog::Catalog;
+use crate::sky::starlight::StarLight;
 use skyloop_orbit::OrbitError;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -63,6 +64,7 @@ impl Emulator {
         let catalog = Catalog::embedded(config.sky.selection);
         let world = World {
             stars: StarField::new(catalog, &camera.optics.band, config.sky.colour),
+            starlight: Arc::new(StarLight::new(config.sky.selection)),
             population: config.take_population(),
             corrections: config.sky.corrections,
         };

@@ -31,8 +31,8 @@ impl Fidelity {
         wing_e: 0.02,
         track_step_sigma: 0.5,
         track_e: 0.01,
-        area_e: 0.01,
-        area_part: 2e-4,
+        area_e: 0.02,
+        area_part: 5e-4,
         skip_e: 0.05,
         skip_px: 1e-3,
     };

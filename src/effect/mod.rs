@@ -21,6 +21,7 @@ mod rolling;
 mod shot;
 mod shown;
 mod smear;
+mod starlight;
 mod stuck;
 mod vignetting;
 mod zodiacal;
@@ -42,6 +43,7 @@ pub const EFFECTS: &[Effect] = &[
     point::STARS,
     point::RSOS,
     zodiacal::ZODIACAL_LIGHT,
+    starlight::STARLIGHT,
     moon::THE_MOON,
     earth::EARTH,
     response::PIXEL_RESPONSE,

@@ -38,16 +38,20 @@ use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::sky::population::SeenObject;
 use crate::sky::star_field::SeenStar;
+use crate::sky::starlight::StarLight;
 use crate::sky::{Corrections, Population, StarField, radiation};
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// What does not change from frame to frame.
 #[derive(Debug)]
 pub struct World {
     /// The stars.
     pub stars: StarField,
+    /// The light of fainter ones.
+    pub starlight: Arc<StarLight>,
     /// The objects in orbit.
     pub population: Population,
     /// What moves directions.

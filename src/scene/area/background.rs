@@ -18,6 +18,14 @@ pub const ZODIACAL: Kind = Kind {
     unlit: EARTH_FILLS,
 };
 
+/// Stars too faint for the catalogue.
+pub const STARLIGHT: Kind = Kind {
+    effect: "starlight",
+    is_in: |simulated| simulated.starlight,
+    radiance: starlight,
+    unlit: EARTH_FILLS,
+};
+
 const EARTH_FILLS: &str = "the Earth fills the field";
 
 /// V magnitude a square arc second in a direction (unit vector, ICRF).
@@ -55,6 +63,12 @@ fn zodiacal(world: &World, view: &View) -> Found {
     let (sun, distance_m) = (sun_m.normalize(), sun_m.norm());
     let nearer = 2.5 * libm::log10(zodiacal::distance_factor(distance_m));
     let magnitude = move |at: &Vector3<f64>| zodiacal::surface_magnitude(at, &sun) - nearer;
+    behind_the_earth(view, Box::new(magnitude))
+}
+
+fn starlight(world: &World, view: &View) -> Found {
+    let starlight = world.starlight.clone();
+    let magnitude = move |at: &Vector3<f64>| starlight.surface_magnitude(at);
     behind_the_earth(view, Box::new(magnitude))
 }
 

@@ -7,7 +7,11 @@ use std::fmt;
 use std::sync::Arc;
 
 /// The area sources, in the order of their effects.
-pub static KINDS: &[Kind] = &[super::background::ZODIACAL, super::earth::EARTH];
+pub static KINDS: &[Kind] = &[
+    super::background::ZODIACAL,
+    super::background::STARLIGHT,
+    super::earth::EARTH,
+];
 
 /// The light of an area source before the camera, or why there is none.
 pub type Found = Result<Arc<dyn Radiance>, Cow<'static, str>>;
