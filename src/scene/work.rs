@@ -152,8 +152,9 @@ pub fn still_ms(scene: &Scene, sources: &[&Source], fidelity: &Fidelity) -> f64 
         } else {
             side
         };
+        let kept_ns = if points > 1.0 { ADDED_NS } else { FOOTPRINT_NS };
         // Some of its kind stand near the field and are looked at in vain.
-        points * (SOURCE_NS + 5.0 * LOOK_NS + psf.stamp_ns(side) + side * side * FOOTPRINT_NS)
+        points * (SOURCE_NS + 5.0 * LOOK_NS + psf.stamp_ns(side) + side * side * kept_ns)
             + drawn * DRAWN_NS
     });
     still.sum::<f64>() * 1e-6
