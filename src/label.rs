@@ -423,6 +423,7 @@ fn why_not_visible(source: &Source, in_frame: bool) -> Option<String> {
 pub fn why_hidden(hidden: Hidden) -> &'static str {
     match hidden {
         Hidden::ByEarth => "behind the Earth",
+        Hidden::ByMoon => "behind the Moon",
         Hidden::InShadow => "in the Earth's shadow",
     }
 }

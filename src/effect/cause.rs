@@ -70,11 +70,15 @@ pub(super) fn none_lit(scene: &Scene, what: &str, is: impl Fn(&Body) -> bool) ->
     }
     let hidden = |by: Hidden| here.iter().filter(|s| s.hidden == Some(by)).count();
     let (earth, shadow) = (hidden(Hidden::ByEarth), hidden(Hidden::InShadow));
-    if earth + shadow == here.len() {
-        return match (earth, shadow) {
-            (_, 0) => format!("{all} in the field, behind the Earth"),
-            (0, _) => format!("{all} in the field, in the Earth's shadow"),
-            _ => format!("{all} in the field: {earth} behind the Earth, {shadow} in its shadow"),
+    let moon = hidden(Hidden::ByMoon);
+    if earth + shadow + moon == here.len() {
+        return match (earth, shadow, moon) {
+            (_, 0, 0) => format!("{all} in the field, behind the Earth"),
+            (0, _, 0) => format!("{all} in the field, in the Earth's shadow"),
+            (0, 0, _) => format!("{all} in the field, behind the Moon"),
+            _ => format!(
+                "{all} in the field: {earth} behind the Earth, {shadow} in its shadow, {moon} behind the Moon"
+            ),
         };
     }
     let reason = if here.iter().all(|s| s.arriving_e == 0.0) {

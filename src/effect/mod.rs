@@ -12,6 +12,7 @@ mod frame_transfer;
 mod full_well;
 mod moon;
 mod nonlinearity;
+mod planets;
 mod point;
 mod radiation;
 mod read;
@@ -44,6 +45,7 @@ pub const EFFECTS: &[Effect] = &[
     point::RSOS,
     zodiacal::ZODIACAL_LIGHT,
     starlight::STARLIGHT,
+    planets::PLANETS,
     moon::THE_MOON,
     earth::EARTH,
     response::PIXEL_RESPONSE,

@@ -152,6 +152,8 @@ impl Body {
 pub enum Hidden {
     /// The Earth stands before it.
     ByEarth,
+    /// The Moon stands before it.
+    ByMoon,
     /// It is in the Earth's umbra.
     InShadow,
 }

@@ -9,6 +9,7 @@ use crate::footprint::Light;
 use crate::rng::NoiseKey;
 use crate::sky::apparent::Observer;
 use crate::sky::bodies::{Bodies, EpochOutOfRange, LIGHT_M_S};
+use crate::sky::moon::MoonDisc;
 use crate::sky::photometry::photon_irradiance;
 use crate::sky::population::SeenObject;
 use crate::sky::shadow::Earth;
@@ -153,8 +154,10 @@ pub struct View {
     pub key: NoiseKey,
     /// Who looks, in the middle of the exposure: without an orbit, from the Earth's centre.
     pub observer: Observer,
-    /// Stars in catalogue order, then objects in the population's.
+    /// Stars in catalogue order, then objects in the population's, planets, the Moon.
     pub candidates: Vec<Candidate>,
+    /// The direction of the Moon's centre (unit vector, ICRF), and the cosine of its radius.
+    pub(super) moon: (Vector3<f64>, f64),
     /// Area sources, in the order of their effects.
     pub areas: Vec<Area>,
     /// How many objects the scene has, before the camera or not.
@@ -198,6 +201,7 @@ impl View {
             key,
             observer: shutter[1],
             candidates: Vec::new(),
+            moon: (Vector3::zeros(), 1.0),
             areas: Vec::new(),
             objects: world.population.objects.len(),
             unknown: Vec::new(),
@@ -206,6 +210,8 @@ impl View {
         let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);
         let cone = camera.cone_rad(reach_px) + turn / 2.0;
 
+        let moon = MoonDisc::seen_by(&shutter[1], &world.corrections);
+        view.moon = (moon.direction, libm::cos(moon.angular_radius));
         let stars = world
             .stars
             .in_cone(&axis, cone, &shutter[1], &world.corrections);
@@ -219,7 +225,8 @@ impl View {
                 .population
                 .in_cone(&axis, cone, &shutter, &world.corrections);
         candidates.extend(objects.into_iter().map(|object| view.rso(object)));
-        candidates.extend(view.moon(world, &shutter, &axis, cone));
+        candidates.extend(view.planets(world, &shutter, &axis, cone));
+        candidates.extend(view.the_moon(&moon, world, &shutter, &axis, cone));
         (view.candidates, view.unknown) = (candidates, unknown);
         view.areas = view.areas(world);
         Ok(view)
@@ -321,11 +328,10 @@ impl View {
     }
 
     fn star(&self, star: SeenStar, earth: &Earth, observer: &Observer) -> Candidate {
-        let behind_earth = earth.occults_direction(observer.position_m, star.direction);
         Candidate {
             clear_e: self.electrons(star.band_mag),
             light: 1.0,
-            hidden: behind_earth.then_some(Hidden::ByEarth),
+            hidden: self.hidden(&star.direction, earth, observer),
             body: Body::Star(star),
         }
     }

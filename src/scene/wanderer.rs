@@ -4,6 +4,7 @@ use super::view::{Candidate, View};
 use super::{Body, Hidden, World};
 use crate::sky::Observer;
 use crate::sky::moon::{MoonDisc, RADIUS_M};
+use crate::sky::planets;
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
 
@@ -27,7 +28,7 @@ pub struct SeenWanderer {
     pub phase: f64,
     /// From the observer, m.
     pub distance_m: f64,
-    /// Angular radius, rad.
+    /// Angular radius, rad; 0 of planets, which are points.
     pub angular_radius: f64,
     /// What it is cut into where it is larger than a pixel; else nothing.
     pub elements: Vec<Element>,
@@ -67,20 +68,20 @@ pub const MOON: &str = "Moon";
 
 impl View {
     /// The Moon, if it may be in the cone of `angle` (rad) around `axis`.
-    pub(super) fn moon(
+    pub(super) fn the_moon(
         &self,
+        disc: &MoonDisc,
         world: &World,
         shutter: &[Observer; 3],
         axis: &Vector3<f64>,
         angle: f64,
     ) -> Option<Candidate> {
-        let disc = MoonDisc::seen_by(&shutter[1], &world.corrections);
         let reach = (angle + disc.angular_radius).min(std::f64::consts::PI);
         if disc.direction.dot(axis) < libm::cos(reach) || disc.distance_m <= RADIUS_M {
             return None;
         }
         let earth = Earth::at(self.exposure.mid);
-        let cells = self.cells(&disc);
+        let cells = self.cells(disc);
         let (mut all, mut light) = (0.0, 0.0);
         let (mut lit, mut behind) = (Vec::new(), false);
         for (direction, share) in cells {
@@ -90,7 +91,7 @@ impl View {
             let part = if hidden {
                 0.0
             } else {
-                sunlit(&direction, &disc, &earth, &shutter[1])
+                sunlit(&direction, disc, &earth, &shutter[1])
             };
             light += part * share;
             if part > 0.0 {
@@ -133,6 +134,58 @@ impl View {
             hidden,
             body: Body::Wanderer(Box::new(seen)),
         })
+    }
+
+    /// The planets that may be in the cone of `angle` (rad) around `axis`: points.
+    pub(super) fn planets(
+        &self,
+        world: &World,
+        shutter: &[Observer; 3],
+        axis: &Vector3<f64>,
+        angle: f64,
+    ) -> Vec<Candidate> {
+        let seen = planets::seen_by(&shutter[1], &world.corrections);
+        let nearest = libm::cos(angle.min(std::f64::consts::PI));
+        let near = |planet: &planets::Planet| planet.direction.dot(axis) >= nearest;
+        if !seen.iter().any(near) {
+            return Vec::new();
+        }
+        let ends = [0, 2].map(|i: usize| planets::seen_by(&shutter[i], &world.corrections));
+        let earth = Earth::at(self.exposure.mid);
+        let rows = seen.iter().zip(ends[0].iter().zip(&ends[1]));
+        let rows = rows.filter(|(planet, _)| near(planet) && planet.magnitude.is_finite());
+        let candidates = rows.map(|(planet, (start, end))| {
+            let body = SeenWanderer {
+                name: planet.name,
+                directions: [start.direction, planet.direction, end.direction],
+                mag: planet.magnitude,
+                phase: planet.phase,
+                distance_m: planet.distance_m,
+                angular_radius: 0.0,
+                elements: Vec::new(),
+            };
+            Candidate {
+                clear_e: self.electrons(body.mag),
+                light: 1.0,
+                hidden: self.hidden(&planet.direction, &earth, &shutter[1]),
+                body: Body::Wanderer(Box::new(body)),
+            }
+        });
+        candidates.collect()
+    }
+
+    /// What stands before a direction at infinity.
+    pub(super) fn hidden(
+        &self,
+        direction: &Vector3<f64>,
+        earth: &Earth,
+        observer: &Observer,
+    ) -> Option<Hidden> {
+        if earth.occults_direction(observer.position_m, *direction) {
+            return Some(Hidden::ByEarth);
+        }
+        let [toward, reach] = [self.moon.0.dot(direction), self.moon.1];
+        (toward > reach).then_some(Hidden::ByMoon)
     }
 
     /// The squares of a disc that have light: direction (unit vector) and light (any unit); of a disc smaller than a pixel its middle.
