@@ -11,6 +11,7 @@ use crate::render::render;
 use crate::rng::NoiseKey;
 use crate::scene::{Exposure, Scene, Unobservable, View, World};
 use crate::sky::StarField;
+use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::Catalog;
 use crate::sky::starlight::StarLight;
 use skyloop_orbit::OrbitError;
@@ -64,6 +65,7 @@ impl Emulator {
         let catalog = Catalog::embedded(config.sky.selection);
         let world = World {
             stars: StarField::new(catalog, &camera.optics.band, config.sky.colour),
+            atmosphere: Arc::new(Atmosphere::of(&camera.optics.band)),
             starlight: Arc::new(StarLight::new(config.sky.selection)),
             population: config.take_population(),
             corrections: config.sky.corrections,

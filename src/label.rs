@@ -1,8 +1,11 @@
 //! Labels: what is in a frame, exactly. One JSON object a frame; its names are the contract of the README.
 
+mod rounded;
 mod spot;
 
 pub use spot::{MOST_SPOTS, SpotLabel};
+
+use rounded::{e4, e6, e9, some_bound, some_e4, some_short};
 
 use crate::camera::Camera;
 use crate::effect::Verdict;
@@ -448,59 +451,4 @@ fn rso_label(seen: &SeenObject) -> RsoLabel {
 
 fn km(v: &Vector3<f64>) -> [f64; 3] {
     (v * 1e-3).into()
-}
-
-/// Rounds to a number of decimals that lies well below any error of the value, for shorter lines.
-fn rounded(value: f64, decimals: i32) -> f64 {
-    let scale = 10f64.powi(decimals);
-    let scaled = value * scale;
-    // Beyond 2^53 there are no decimals to drop.
-    if scaled.abs() < 9e15 {
-        // No negative zero.
-        scaled.round() / scale + 0.0
-    } else {
-        value
-    }
-}
-
-fn e4<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_f64(rounded(*value, 4))
-}
-
-fn e6<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_f64(rounded(*value, 6))
-}
-
-fn e9<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_f64(rounded(*value, 9))
-}
-
-/// Four digits: bounds and prices are no more exact.
-fn four_digits(value: f64) -> f64 {
-    let decimals = 3 - value.abs().max(1e-12).log10().floor() as i32;
-    rounded(value, decimals)
-}
-
-/// A bound stays one.
-fn some_bound<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
-    let up = |value: f64| {
-        let near = four_digits(value);
-        if near < value {
-            four_digits(value * (1.0 + 1e-3 / 2.0))
-        } else {
-            near
-        }
-    };
-    value.map(up).serialize(to)
-}
-
-fn some_short<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
-    value.map(four_digits).serialize(to)
-}
-
-fn some_e4<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
-    match value {
-        Some(value) => e4(value, to),
-        None => to.serialize_none(),
-    }
 }

@@ -10,6 +10,7 @@ mod drift;
 mod earth;
 mod frame_transfer;
 mod full_well;
+mod limb;
 mod moon;
 mod nonlinearity;
 mod planets;
@@ -48,6 +49,7 @@ pub const EFFECTS: &[Effect] = &[
     planets::PLANETS,
     moon::THE_MOON,
     earth::EARTH,
+    limb::LIMB,
     response::PIXEL_RESPONSE,
     frame_transfer::FRAME_TRANSFER,
     dark::DARK_CURRENT,

@@ -36,6 +36,7 @@ pub use work::{Work, still_ms};
 use crate::camera::{Event, Flux};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
+use crate::sky::atmosphere::Atmosphere;
 use crate::sky::population::SeenObject;
 use crate::sky::star_field::SeenStar;
 use crate::sky::starlight::StarLight;
@@ -52,6 +53,8 @@ pub struct World {
     pub stars: StarField,
     /// The light of fainter ones.
     pub starlight: Arc<StarLight>,
+    /// The Earth's air in the camera's band.
+    pub atmosphere: Arc<Atmosphere>,
     /// The objects in orbit.
     pub population: Population,
     /// What moves directions.

@@ -25,6 +25,8 @@ pub struct Simulated {
     pub moon: bool,
     /// The Earth reflects sunlight.
     pub earth: bool,
+    /// The Earth's air scatters sunlight and shines.
+    pub limb: bool,
     /// Dust between the planets scatters sunlight.
     pub zodiacal: bool,
     /// Stars shine that are too faint for the catalogue.
@@ -60,6 +62,7 @@ impl Simulated {
             planets: self.planets,
             moon: self.moon,
             earth: self.earth,
+            limb: self.limb,
             zodiacal: self.zodiacal,
             starlight: self.starlight,
             ..Simulated::default()

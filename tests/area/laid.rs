@@ -13,7 +13,7 @@ use std::sync::Arc;
 static KIND: Kind = Kind {
     effect: "test",
     is_in: |_| true,
-    radiance: |_, _| Err("none".into()),
+    radiance: |_, _, _| Err("none".into()),
     unlit: "it is dark",
 };
 
@@ -106,6 +106,7 @@ const NONE: Simulated = Simulated {
     planets: false,
     moon: false,
     earth: false,
+    limb: false,
     zodiacal: false,
     starlight: false,
     response: false,

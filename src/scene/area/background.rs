@@ -1,8 +1,8 @@
 //! The sky behind all else: light that is told in magnitudes a square arc second, as far as the Earth does not hide it.
 
-use super::Radiance;
 use super::horizon::Horizon;
 use super::kinds::{Found, Kind};
+use super::{Radiance, Surroundings};
 use crate::scene::{View, World};
 use crate::sky::photometry::photon_radiance;
 use crate::sky::zodiacal;
@@ -46,8 +46,8 @@ impl fmt::Debug for Background {
     }
 }
 
-fn behind_the_earth(view: &View, magnitude: Box<Brightness>) -> Found {
-    let horizon = Horizon::of(view);
+fn behind_the_earth(view: &View, around: &Surroundings, magnitude: Box<Brightness>) -> Found {
+    let horizon = around.horizon;
     if horizon.is_some_and(|horizon| horizon.fills()) {
         return Err(EARTH_FILLS.into());
     }
@@ -58,18 +58,18 @@ fn behind_the_earth(view: &View, magnitude: Box<Brightness>) -> Found {
     }))
 }
 
-fn zodiacal(world: &World, view: &View) -> Found {
+fn zodiacal(world: &World, view: &View, around: &Surroundings) -> Found {
     let sun_m = view.observer.sun_m(&world.corrections);
     let (sun, distance_m) = (sun_m.normalize(), sun_m.norm());
     let nearer = 2.5 * libm::log10(zodiacal::distance_factor(distance_m));
     let magnitude = move |at: &Vector3<f64>| zodiacal::surface_magnitude(at, &sun) - nearer;
-    behind_the_earth(view, Box::new(magnitude))
+    behind_the_earth(view, around, Box::new(magnitude))
 }
 
-fn starlight(world: &World, view: &View) -> Found {
+fn starlight(world: &World, view: &View, around: &Surroundings) -> Found {
     let starlight = world.starlight.clone();
     let magnitude = move |at: &Vector3<f64>| starlight.surface_magnitude(at);
-    behind_the_earth(view, Box::new(magnitude))
+    behind_the_earth(view, around, Box::new(magnitude))
 }
 
 impl Radiance for Background {

@@ -1,9 +1,10 @@
-//! The Earth's disc before the camera.
+//! The Earth's disc before the camera: the ground, as far as the air before it lets it be seen.
 
 use super::horizon::Horizon;
 use super::kinds::Found;
-use super::{Kind, Radiance};
+use super::{Kind, Radiance, Surroundings};
 use crate::scene::{View, World};
+use crate::sky::atmosphere::Limb;
 use crate::sky::earth_light::EarthDisc;
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
@@ -21,12 +22,13 @@ pub const EARTH: Kind = Kind {
 struct Disc {
     disc: EarthDisc,
     horizon: Horizon,
+    air: Option<Arc<Limb>>,
     /// The Sun's irradiance at 1 au, ph/s/m^2.
     sun: f64,
 }
 
-fn find(_: &World, view: &View) -> Found {
-    let horizon = Horizon::of(view);
+fn find(_: &World, view: &View, around: &Surroundings) -> Found {
+    let horizon = around.horizon;
     let (position_m, bodies) = (view.observer.position_m, &view.observer.bodies);
     let earth = Earth::at(view.exposure.mid);
     let disc = EarthDisc::new(position_m, bodies.sun_apparent_m(), earth);
@@ -39,13 +41,19 @@ fn find(_: &World, view: &View) -> Found {
     Ok(Arc::new(Disc {
         disc,
         horizon,
+        air: around.limb.clone(),
         sun: view.camera.optics.band.sun_irradiance(),
     }))
 }
 
 impl Radiance for Disc {
     fn toward(&self, direction: &Vector3<f64>) -> f64 {
-        self.sun * self.disc.reflectance(direction)
+        let reflectance = self.disc.reflectance(direction);
+        if reflectance == 0.0 {
+            return 0.0;
+        }
+        let share = (self.air.as_ref()).map_or(1.0, |air| air.ground_share(direction));
+        self.sun * reflectance * share
     }
 
     fn edge(&self, direction: &Vector3<f64>) -> f64 {

@@ -1,7 +1,7 @@
 //! The Earth before the sky: what it hides, and where its limb is.
 
 use crate::scene::View;
-use crate::sky::shadow::Earth;
+use crate::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth};
 use nalgebra::Vector3;
 
 /// The Earth as the view's observer sees it.
@@ -63,6 +63,17 @@ impl Horizon {
         } else {
             f64::INFINITY
         }
+    }
+
+    /// The angle (rad) above the limb at which what is so many m high is seen at most; pi from within.
+    pub fn height_of(&self, height_m: f64) -> f64 {
+        let distance = self.observer_m.norm();
+        let least = EARTH_RADIUS_M * (1.0 - EARTH_FLATTENING);
+        let top = (EARTH_RADIUS_M + height_m) / distance;
+        if top >= 1.0 {
+            return std::f64::consts::PI;
+        }
+        libm::asin(top) - libm::asin((least / distance).min(1.0))
     }
 
     /// The least angle (rad) of the field from the limb.

@@ -1,6 +1,6 @@
 //! Which area sources there are. Adding one is a file here, a line in [`KINDS`], and its effect.
 
-use super::Radiance;
+use super::{Radiance, Surroundings};
 use crate::scene::{Simulated, View, World};
 use std::borrow::Cow;
 use std::fmt;
@@ -11,6 +11,7 @@ pub static KINDS: &[Kind] = &[
     super::background::ZODIACAL,
     super::background::STARLIGHT,
     super::earth::EARTH,
+    super::limb::LIMB,
 ];
 
 /// The light of an area source before the camera, or why there is none.
@@ -24,7 +25,7 @@ pub struct Kind {
     /// Whether a frame has it.
     pub is_in: fn(&Simulated) -> bool,
     /// Finds its light.
-    pub radiance: fn(&World, &View) -> Found,
+    pub radiance: fn(&World, &View, &Surroundings) -> Found,
     /// Why none of it is on the detector though it was found.
     pub unlit: &'static str,
 }

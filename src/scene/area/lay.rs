@@ -148,8 +148,8 @@ impl Band<'_, '_> {
         });
         let radius = radius.fold(0.0, f64::max) + self.motion / 2.0;
         let sky = self.plane.to_sky(self.plane.open_s(middle[1])[0]);
-        // Also where it is no number.
-        !(self.radiance.edge(&(sky * seen)).abs() > radius)
+        let nearest = self.radiance.edge(&(sky * seen)).abs();
+        nearest <= radius || nearest.is_nan()
     }
 
     fn refine(&mut self, square: Square) {
@@ -347,7 +347,7 @@ impl Crossing {
     fn part(&self, side: usize) -> f64 {
         let [x, y] = self.slope.map(f64::abs);
         let (a, b, m) = (x.max(y), x.min(y), self.middle);
-        let outside = if !(m.abs() < (a + b) / 2.0) {
+        let outside = if m.abs() >= (a + b) / 2.0 || m.is_nan() {
             f64::from(u8::from(m > 0.0))
         } else if b < 1e-6 * a {
             (m / a + 0.5).clamp(0.0, 1.0)

@@ -7,6 +7,7 @@ mod earth;
 mod horizon;
 mod kinds;
 mod lay;
+mod limb;
 mod plane;
 
 pub use kinds::{KINDS, Kind};
@@ -14,14 +15,18 @@ pub use kinds::{KINDS, Kind};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::scene::{Simulated, View, World};
+use crate::sky::atmosphere::Limb;
+use crate::sky::shadow::Earth;
 pub(super) use lay::STEPS_PX;
 
 use blur::Blur;
+use horizon::Horizon;
 use kinds::Found;
 use nalgebra::Vector3;
 use plane::Plane;
 use std::borrow::Cow;
 use std::fmt::Debug;
+use std::sync::Arc;
 
 /// Places along a side of the field at which a radiance is looked at before it is laid on pixels.
 const PLACES: usize = 4;
@@ -105,12 +110,42 @@ pub struct AreaLight {
     pub asked: usize,
 }
 
+/// Above this (m) the air's light is left out where the field sees nothing lower: of the highest layer, at 250 km, a thousandth is up there.
+const AIR_M: f64 = 400e3;
+
+/// The Earth and its air around the observer.
+#[derive(Debug)]
+pub struct Surroundings {
+    /// The Earth; none for an observer without an orbit.
+    horizon: Option<Horizon>,
+    /// Its air, where some of it may be in the field.
+    limb: Option<Arc<Limb>>,
+}
+
+impl Surroundings {
+    fn of(world: &World, view: &View) -> Surroundings {
+        let horizon = Horizon::of(view);
+        let sun_m = view.observer.bodies.sun_apparent_m();
+        let limb = horizon
+            .filter(|horizon| horizon.nearest() < horizon.height_of(AIR_M))
+            .and_then(|_| {
+                let earth = Earth::at(view.exposure.mid);
+                Limb::new(&world.atmosphere, view.observer.position_m, sun_m, earth)
+            });
+        Surroundings {
+            horizon,
+            limb: limb.map(Arc::new),
+        }
+    }
+}
+
 impl View {
     /// What is before the camera.
     pub(super) fn areas(&self, world: &World) -> Vec<Area> {
         let ideal = Plane::new(self, &Simulated::default(), Vector3::zeros());
+        let around = Surroundings::of(world, self);
         let kinds = KINDS.iter().map(|kind| {
-            let radiance = (kind.radiance)(world, self);
+            let radiance = (kind.radiance)(world, self, &around);
             let peak_e = match &radiance {
                 Ok(radiance) => 2.0 * self.looked_at(radiance.as_ref(), &ideal),
                 Err(_) => 0.0,

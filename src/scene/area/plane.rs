@@ -22,7 +22,7 @@ impl<'a> Plane<'a> {
         Plane {
             view,
             projection: if simulated.distortion {
-                projection.clone()
+                *projection
             } else {
                 projection.ideal()
             },
