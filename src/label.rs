@@ -52,6 +52,11 @@ pub struct Label {
     /// Expected electrons of a pixel that no object lights, dark charge included, averaged over the frame.
     #[serde(serialize_with = "e4")]
     pub background_e_px: f64,
+    /// The Sun from the boresight at mid-exposure.
+    #[serde(serialize_with = "e6")]
+    pub sun_deg: f64,
+    /// Whether the Sun is within its exclusion angle and not behind the Earth: the frame saturates.
+    pub sun_excluded: bool,
     /// What was simulated and what was not, and why, in physical order.
     pub effects: Vec<EffectLabel>,
     /// Particles and defects that are not listed, for there are more than [`MOST_SPOTS`].
@@ -292,6 +297,8 @@ impl Label {
             state_gcrf_km: [r[0], r[1], r[2], v[0], v[1], v[2]],
             r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
             background_e_px: scene.background_e(),
+            sun_deg: view.sun.angle.to_degrees(),
+            sun_excluded: view.sun.excluded && scene.simulated.sunlight,
             effects: plan.steps.iter().map(EffectLabel::new).collect(),
             spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
             spots_left_out_snr: spots.left_out_snr,

@@ -25,6 +25,7 @@ mod shown;
 mod smear;
 mod starlight;
 mod stuck;
+mod veil;
 mod vignetting;
 mod zodiacal;
 
@@ -50,6 +51,9 @@ pub const EFFECTS: &[Effect] = &[
     moon::THE_MOON,
     earth::EARTH,
     limb::LIMB,
+    veil::SUNLIGHT,
+    veil::MOONGLOW,
+    veil::EARTHSHINE,
     response::PIXEL_RESPONSE,
     frame_transfer::FRAME_TRANSFER,
     dark::DARK_CURRENT,

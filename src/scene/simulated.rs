@@ -27,6 +27,12 @@ pub struct Simulated {
     pub earth: bool,
     /// The Earth's air scatters sunlight and shines.
     pub limb: bool,
+    /// The optics scatter sunlight over the field.
+    pub sunlight: bool,
+    /// The optics scatter the Moon's light.
+    pub moonglow: bool,
+    /// The optics scatter the Earth's light.
+    pub earthshine: bool,
     /// Dust between the planets scatters sunlight.
     pub zodiacal: bool,
     /// Stars shine that are too faint for the catalogue.
@@ -63,6 +69,9 @@ impl Simulated {
             moon: self.moon,
             earth: self.earth,
             limb: self.limb,
+            sunlight: self.sunlight,
+            moonglow: self.moonglow,
+            earthshine: self.earthshine,
             zodiacal: self.zodiacal,
             starlight: self.starlight,
             ..Simulated::default()

@@ -1,7 +1,7 @@
 //! What stands before the camera during one exposure: directions and light, before the optics make images of them.
 
 use super::area::STEPS_PX;
-use super::{Area, Body, Exposure, Hidden, Simulated, World};
+use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
 use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
@@ -158,6 +158,8 @@ pub struct View {
     pub candidates: Vec<Candidate>,
     /// The direction of the Moon's centre (unit vector, ICRF), and the cosine of its radius.
     pub(super) moon: (Vector3<f64>, f64),
+    /// The Sun.
+    pub sun: SeenSun,
     /// Area sources, in the order of their effects.
     pub areas: Vec<Area>,
     /// How many objects the scene has, before the camera or not.
@@ -202,6 +204,7 @@ impl View {
             observer: shutter[1],
             candidates: Vec::new(),
             moon: (Vector3::zeros(), 1.0),
+            sun: SeenSun::default(),
             areas: Vec::new(),
             objects: world.population.objects.len(),
             unknown: Vec::new(),
@@ -228,6 +231,7 @@ impl View {
         candidates.extend(view.planets(world, &shutter, &axis, cone));
         candidates.extend(view.the_moon(&moon, world, &shutter, &axis, cone));
         (view.candidates, view.unknown) = (candidates, unknown);
+        view.sun = SeenSun::of(world, &view);
         view.areas = view.areas(world);
         Ok(view)
     }

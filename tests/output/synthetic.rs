@@ -60,6 +60,8 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
         state_gcrf_km: [7000.0, 0.0, 0.0, 0.0, 7.5, 0.0],
         r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
         background_e_px: 20.0,
+        sun_deg: 90.0,
+        sun_excluded: false,
         spots_left_out: None,
         spots_left_out_snr: None,
         particles_left_out: None,

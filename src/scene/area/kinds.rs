@@ -12,6 +12,9 @@ pub static KINDS: &[Kind] = &[
     super::background::STARLIGHT,
     super::earth::EARTH,
     super::limb::LIMB,
+    super::veil::SUNLIGHT,
+    super::veil::MOONGLOW,
+    super::veil::EARTHSHINE,
 ];
 
 /// The light of an area source before the camera, or why there is none.

@@ -9,6 +9,7 @@ mod kinds;
 mod lay;
 mod limb;
 mod plane;
+mod veil;
 
 pub use kinds::{KINDS, Kind};
 
