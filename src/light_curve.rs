@@ -7,6 +7,7 @@ use crate::sky::shadow::Earth;
 use crate::sky::{Corrections, Population};
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
+use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{Object, OrbitError};
 use thiserror::Error;
 
@@ -46,6 +47,17 @@ pub enum NoLightCurve {
     /// Observer or object has no state.
     #[error(transparent)]
     Orbit(#[from] OrbitError),
+    /// The observer is inside the Earth.
+    #[error(
+        "the observer {observer} is below the ground (WGS84) at {}: must be above it; check orbit, units and epochs",
+        utc_text(*epoch)
+    )]
+    BelowGround {
+        /// The observer's label.
+        observer: String,
+        /// When.
+        epoch: Epoch,
+    },
     /// Nothing can be seen from there, or then.
     #[error(transparent)]
     Unobservable(#[from] Unobservable),
@@ -85,15 +97,20 @@ pub fn point(
     epoch: Epoch,
     exposure_s: f64,
 ) -> Result<Point, NoLightCurve> {
+    let earth = Earth::at(epoch);
+    let state = observer.state(epoch)?;
+    if earth.contains(state.position_m) {
+        let observer = observer.label();
+        return Err(NoLightCurve::BelowGround { observer, epoch });
+    }
     let vehicle = VehicleState {
         sequence: 0,
         epoch,
         attitude: Attitude::identity(),
         rates: Vector3::zeros(),
-        orbit: Some(observer.state(epoch)?),
+        orbit: Some(state),
     };
     let shutter = shutter(&vehicle, &Exposure::around(epoch, exposure_s))?;
-    let earth = Earth::at(epoch);
     let seen = population.see(index, &earth, &shutter, corrections)?;
     Ok(Point {
         epoch,

@@ -19,7 +19,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 #[path = "../support/oem.rs"]
-mod oem;
+pub mod oem;
 
 fn mid() -> Epoch {
     parse_utc("2026-03-01T12:00:00").unwrap()

@@ -245,3 +245,44 @@ fn wrong_input_says_what_to_do() {
         &["has no objects", "[objects]"],
     );
 }
+
+#[test]
+fn an_observer_below_the_ground_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mid = skyloop::orbit::time::parse_utc("2026-03-01T12:00:00").unwrap();
+    // Sinking by 2 km a second.
+    let path = |t: f64| {
+        let down = nalgebra::Vector3::new(-2.0, 0.0, 0.0);
+        (nalgebra::Vector3::new(6388.0, 0.0, 0.0) + down * t, down)
+    };
+    let text = crate::glints::oem::oem_text("DIVER", mid, path);
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("diver.oem", &text);
+    write("high.oem", &text.replace("DIVER", "HIGH"));
+    write(
+        "scene.toml",
+        "[observer]\norbit = \"diver.oem\"\n[objects]\nfiles = [\"high.oem\"]\n",
+    );
+    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    let (scene, out) = (file("scene.toml"), file("out"));
+    let (_, said, code) = skyloop(&[
+        "--scene",
+        &scene,
+        "--object",
+        "HIGH",
+        "--from",
+        "2026-03-01T12:00:00",
+        "--to",
+        "2026-03-01T12:00:08",
+        "--step",
+        "1",
+        "--out",
+        &out,
+    ]);
+    assert_eq!(code, 1, "{said}");
+    // X-Val: WGS84: the equator's radius is 6378.137 km.
+    for word in ["DIVER", "below the ground", "2026-03-01T12:00:05"] {
+        assert!(said.contains(word), "{said} has no {word}");
+    }
+    assert!(!Path::new(&out).exists());
+}

@@ -13,6 +13,17 @@ pub fn oem(
     mid: Epoch,
     state: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>),
 ) -> Vec<Object> {
+    let text = oem_text(id, mid, state);
+    skyloop::orbit::parse(&text, "test.oem").unwrap().objects
+}
+
+/// Its text.
+#[allow(dead_code, reason = "some tests want the objects alone")]
+pub fn oem_text(
+    id: &str,
+    mid: Epoch,
+    state: impl Fn(f64) -> (Vector3<f64>, Vector3<f64>),
+) -> String {
     let utc = |s: f64| {
         let text = skyloop::orbit::time::utc_text(mid + hifitime::Duration::from_seconds(s));
         text.trim_end_matches('Z').to_string()
@@ -37,7 +48,7 @@ pub fn oem(
             v.z
         );
     }
-    skyloop::orbit::parse(&text, "test.oem").unwrap().objects
+    text
 }
 
 /// A state that falls freely from `r` (km), `v` (km/s), to second order in time.
