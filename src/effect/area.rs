@@ -47,7 +47,7 @@ pub(super) fn judge<'s>(
     } else {
         let mut cells_e = scene.lit_e(iter::once(Lit::from(area)));
         if scene.simulated.frame_transfer {
-            let trails = of_cells(&scene.trail_e);
+            let trails = of_cells(&scene.trail_of(Lit::from(area)));
             cells_e
                 .iter_mut()
                 .zip(trails)

@@ -1,6 +1,6 @@
 //! The charge that pixels expect: bounds of it, and what single pixels and columns expect.
 
-use super::{Lit, Scene, Simulated, brightest, trail};
+use super::{Lit, Scene, Simulated, brightest, spill, trail};
 
 impl Scene {
     /// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether
@@ -68,6 +68,14 @@ impl Scene {
     /// What each pixel of a column gets of the column's light while it is shifted (1).
     pub fn trail_part(&self) -> f64 {
         trail::part(&self.view)
+    }
+
+    /// What each pixel of each column gets of the column's light by `lit` alone while it is shifted, e-.
+    pub fn trail_of(&self, lit: Lit<'_>) -> Vec<f64> {
+        let mut columns = spill::columns_e(&self.view.camera.detector, std::iter::once(lit));
+        let part = self.trail_part();
+        columns.iter_mut().for_each(|e| *e *= part);
+        columns
     }
 
     /// The most charge that particles leave in one pixel, e-.
