@@ -44,7 +44,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
                 full_well,
                 ..scene.simulated
             };
-            held_e(scene, &parts)
+            held_e(scene, &scene.spill.columns, &parts)
         });
         let (spilling, ns) = if spills {
             (", and spill along its column", 0.3)

@@ -7,11 +7,11 @@ use super::full_well::fill;
 use crate::scene::{CELL, Change, Compared, Image, Peak, Scene, Simulated, Source};
 use std::collections::BTreeMap;
 
-/// The charge (e-) that is expected in the columns that may fill up, column by column, when their wells are full, in a
-/// frame that has those effects of the scene's that `parts` has too.
-pub(super) fn held_e(scene: &Scene, parts: &Simulated) -> Vec<f64> {
+/// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
+/// scene's that `parts` has too.
+pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec<f64> {
     let detector = &scene.view.camera.detector;
-    let mut charge = scene.columns_e(&scene.spill.columns, parts);
+    let mut charge = scene.columns_e(columns, parts);
     if parts.full_well {
         for column in charge.chunks_exact_mut(detector.height) {
             fill(column, detector);
@@ -34,7 +34,15 @@ pub(super) fn shown_e(scene: &Scene, cells_e: &[f64], leave: impl Fn(&mut Simula
     }
     let mut without = scene.simulated;
     leave(&mut without);
-    let [with, without] = [&scene.simulated, &without].map(|parts| held_e(scene, parts));
+    // Where all pixels are full either way, nothing of it shows.
+    let full_e = 2.0 * scene.view.camera.detector.full_well_e;
+    let floor_e = scene.areas_floor_e(&without);
+    let drowns = without.full_well && scene.simulated.full_well;
+    let columns = spill.columns.iter().copied();
+    let columns: Vec<usize> = columns
+        .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
+        .collect();
+    let [with, without] = [&scene.simulated, &without].map(|parts| held_e(scene, &columns, parts));
     most.max(apart(&with, &without))
 }
 
@@ -59,7 +67,7 @@ pub(super) fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
         return held;
     }
     let detector = &scene.view.camera.detector;
-    let filled = held_e(scene, &scene.simulated);
+    let filled = held_e(scene, &scene.spill.columns, &scene.simulated);
     for (held, pixel) in held.iter_mut().zip(pixels) {
         let (row, column) = (
             *pixel as usize / detector.width,

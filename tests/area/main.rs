@@ -1,3 +1,4 @@
 //! Area light on the pixels, against integration from figures alone.
 
+mod frames;
 mod laid;

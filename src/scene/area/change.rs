@@ -8,6 +8,29 @@ use crate::scene::{Scene, Simulated, spill};
 const STEEPER: f64 = 1.5;
 
 impl Scene {
+    /// No pixel of a column gets less than this of the area light that a frame with the effects `parts` has too, e-, as much as the least
+    /// response leaves of it; empty where there is none.
+    pub fn areas_floor_e(&self, parts: &Simulated) -> Vec<f64> {
+        let width = self.view.camera.detector.width;
+        let mut floors = Vec::new();
+        let both = self.areas.iter().filter(|area| (area.kind.is_in)(parts));
+        for area in both.filter(|area| area.electrons > 0.0) {
+            let mut least = vec![f32::INFINITY; width];
+            for row in area.footprint.shares().chunks_exact(width) {
+                for (least, share) in least.iter_mut().zip(row) {
+                    *least = least.min(*share);
+                }
+            }
+            floors.resize(width, 0.0);
+            for (floor, share) in floors.iter_mut().zip(least) {
+                *floor += area.electrons * f64::from(share);
+            }
+        }
+        let responds = 2.0 - self.responds();
+        floors.iter_mut().for_each(|floor| *floor *= responds);
+        floors
+    }
+
     /// A bound (e-) of the change of what area light makes of any pixel with the effects `other`: where they leave out one of the scene's the
     /// light is laid anew and compared, else it moves by no more than `px`.
     pub fn areas_change_e(&self, other: &Simulated, px: f64) -> f64 {

@@ -187,8 +187,8 @@ impl Band<'_, '_> {
             area_e, area_part, ..
         } = self.fidelity;
         let even = between.iter().zip(lines).all(|(node, line)| {
-            // Between nine nodes lines miss a quarter of what they miss between four.
-            node.is_some_and(|node| (node - line).abs() <= 4.0 * (area_e + area_part * node.abs()))
+            // Between nine nodes lines miss a quarter of what they miss between four, across and down together up to half.
+            node.is_some_and(|node| (node - line).abs() <= 2.0 * (area_e + area_part * node.abs()))
         }) && nodes.iter().all(Option::is_some);
         if even && !self.has_edge(&square) {
             self.fill(&square, &nodes.map(value));
