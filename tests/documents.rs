@@ -49,6 +49,8 @@ fn names<'a>(names: impl IntoIterator<Item = &'a str>) -> Names {
     names.into_iter().map(str::to_string).collect()
 }
 
+#[path = "../examples/effect_pictures/draw.rs"]
+mod draw;
 #[path = "../examples/effect_pictures/pictures.rs"]
 mod pictures;
 
@@ -65,7 +67,7 @@ fn every_effect_has_its_section_and_the_picture_that_the_program_draws() {
         let file = format!("effects/{}", picture.file());
         assert!(page.contains(&format!("]({file})")), "{file}");
         assert!(
-            std::fs::read(folder.join(&file)).unwrap() == pictures::png(picture).unwrap(),
+            std::fs::read(folder.join(&file)).unwrap() == draw::png(picture).unwrap(),
             "docs/{file} is another picture: cargo run --release --example effect_pictures"
         );
     }

@@ -1,8 +1,10 @@
 //! Draws the pictures of docs/effects.md: each effect alone. `cargo run --release --example effect_pictures`.
 
+mod draw;
 mod pictures;
 
-use pictures::{PICTURES, png};
+use draw::png;
+use pictures::PICTURES;
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
