@@ -74,6 +74,27 @@ fn every_effect_has_its_section_and_the_picture_that_the_program_draws() {
 }
 
 #[test]
+fn every_scene_has_its_section_and_a_picture() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("docs/scenes.md")).unwrap();
+    let files = std::fs::read_dir(root.join("configs/scenes")).unwrap();
+    let files = files.map(|entry| entry.unwrap().path());
+    let scenes: Names = files
+        .filter(|path| path.is_dir() || path.extension().is_some_and(|end| end == "toml"))
+        .map(|path| path.file_stem().unwrap().to_string_lossy().into_owned())
+        .collect();
+    let sections = page.lines().filter_map(|line| line.strip_prefix("## "));
+    assert_eq!(names(sections), scenes);
+    for scene in &scenes {
+        let text = section(&page, &format!("## {scene}"));
+        assert!(text.contains(&format!("](scenes/{scene}.png)")), "{scene}");
+        let picture = image::open(root.join(format!("docs/scenes/{scene}.png"))).unwrap();
+        assert!(picture.width() <= 512, "{scene}");
+    }
+    assert!(README.contains("(docs/scenes.md)"));
+}
+
+#[test]
 fn the_readme_lists_the_labels_fields() {
     let mut config = Config::builtin().unwrap();
     let mission = flight::mission(&config).unwrap();
@@ -97,10 +118,18 @@ fn the_readme_lists_the_labels_fields() {
         .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
         .unwrap();
     let flaws: serde_json::Value = serde_json::from_str(&flaws.json).unwrap();
+    // The Moon.
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes/moon-in-field.toml");
+    let mut config = Config::load(&scene).unwrap();
+    let mission = flight::mission(&config).unwrap();
+    let moon = Emulator::new(&mut config)
+        .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
+        .unwrap();
+    let moon: serde_json::Value = serde_json::from_str(&moon.json).unwrap();
     let of_frames = [&label, &flaws].map(|label| label.as_object().unwrap().keys().cloned());
     let mut fields: Names = of_frames.into_iter().flatten().collect();
     let of_frame = label["effects"].as_array().unwrap();
-    let objects = [&label, &flaws].map(|label| label["objects"].as_array().unwrap());
+    let objects = [&label, &flaws, &moon].map(|label| label["objects"].as_array().unwrap());
     for object in of_frame.iter().chain(objects.into_iter().flatten()) {
         fields.extend(object.as_object().unwrap().keys().cloned());
     }

@@ -23,7 +23,7 @@ pub struct Args {
     /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude, --rates, --state, --orbit, --rso
     #[arg(long, value_name = "FILE", conflicts_with_all = ["camera", "epoch", "attitude", "rates", "state", "orbit", "rso"])]
     scene: Option<PathBuf>,
-    /// Camera: fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky, or a camera file
+    /// Camera: fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky, horizon, or a camera file
     #[arg(long, value_name = "NAME|FILE", default_value = "fai-nir")]
     camera: String,
     /// Middle of the first exposure, such as 2019-06-15T23:35:50Z
