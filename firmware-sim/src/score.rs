@@ -40,7 +40,7 @@ pub struct Label {
 impl Label {
     /// Whether it is a source of light, which a detection should find.
     fn is_source(&self) -> bool {
-        self.kind == "star" || self.kind == "rso"
+        matches!(self.kind.as_str(), "star" | "rso" | "planet" | "moon")
     }
 }
 

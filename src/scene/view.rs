@@ -317,7 +317,7 @@ impl View {
     /// What smearing the edges of area light takes, about, ms: they are taken to run once across the field.
     pub fn areas_smear_ms(&self) -> f64 {
         const LIMB_PX: f64 = 8.0;
-        const STEP_NS: f64 = 600.0;
+        const STEP_NS: f64 = 1500.0;
         let edged = self.areas.iter().filter(|area| area.has_edges());
         let seconds = self.exposure.duration_s;
         let px = self.longest_track_px(seconds) + self.areas_swing_px(seconds);

@@ -6,11 +6,11 @@ use skyloop_protocols::reply::ID_LENGTH;
 use skyloop_protocols::{ObjectRecord, Positions};
 
 /// Stars and RSOs whose centroid is in the frame, the brightest first; where two are as bright, in the label's order.
-/// Particles and defects are in the label's text alone.
+/// The Moon, planets, particles and defects are in the label's text alone.
 fn by_brightness(shot: &Shot, wanted: impl Fn(&ObjectLabel) -> bool) -> Vec<&ObjectLabel> {
     let objects = shot.label.objects.sources.iter();
     let mut objects: Vec<&ObjectLabel> = objects
-        .filter(|object| object.in_frame && wanted(object))
+        .filter(|object| object.in_frame && object.wanderer.is_none() && wanted(object))
         .collect();
     objects.sort_by(|a, b| b.electrons.total_cmp(&a.electrons));
     objects
