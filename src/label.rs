@@ -237,10 +237,11 @@ pub struct ObjectLabel {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct WandererLabel {
     /// Distance from the observer.
-    pub distance_km: f64,
+    #[serde(serialize_with = "e6")]
+    pub range_km: f64,
     /// Angle Sun - body - observer.
     #[serde(serialize_with = "e6")]
-    pub phase_angle_deg: f64,
+    pub phase_deg: f64,
     /// Angular radius.
     #[serde(serialize_with = "e9")]
     pub radius_deg: f64,
@@ -368,8 +369,8 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
     };
     let wanderer = match &source.body {
         Body::Wanderer(seen) => Some(WandererLabel {
-            distance_km: seen.distance_m * 1e-3,
-            phase_angle_deg: seen.phase.to_degrees(),
+            range_km: seen.distance_m * 1e-3,
+            phase_deg: seen.phase.to_degrees(),
             radius_deg: seen.angular_radius.to_degrees(),
             light: source.electrons / source.clear_e.max(f64::MIN_POSITIVE),
         }),

@@ -16,7 +16,7 @@ fn near(a: f64, b: f64, what: &str) {
 
 /// Name, columns, rows, pitch (um), focal length (mm), aperture (mm), exposure (s).
 // X-Val: Clark et al. 2021, Table 1 (FAI), README's table (all others); f/1.4 and f/1.2 give their apertures.
-const FIGURES: [(&str, usize, usize, f64, f64, f64, f64); 7] = [
+const FIGURES: [(&str, usize, usize, f64, f64, f64, f64); 8] = [
     ("fai-nir", 256, 256, 26.0, 13.8, 17.0, 0.1),
     ("fai-630", 256, 256, 26.0, 13.8, 17.0, 0.1),
     ("rigel-l", 1024, 1024, 18.0, 47.7, 47.7 / 1.4, 0.066),
@@ -24,6 +24,7 @@ const FIGURES: [(&str, usize, usize, f64, f64, f64, f64); 7] = [
     ("cmos-rolling", 512, 512, 10.0, 22.0, 22.0 / 1.4, 0.1),
     ("ccd-transfer", 512, 512, 15.0, 36.0, 36.0 / 1.2, 0.2),
     ("all-sky", 512, 512, 10.0, 1.6, 1.6 / 1.4, 1.0),
+    ("horizon", 512, 384, 7.4, 6.0, 6.0 / 4.0, 50e-6),
 ];
 
 #[test]

@@ -1,6 +1,6 @@
 //! What stands before the camera during one exposure: directions and light, before the optics make images of them.
 
-use super::area::STEPS_PX;
+use super::area::{STEPS_PX, most_steps};
 use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
 use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
 use crate::camera::{Camera, Stamp};
@@ -321,9 +321,11 @@ impl View {
         let edged = self.areas.iter().filter(|area| area.has_edges());
         let seconds = self.exposure.duration_s;
         let px = self.longest_track_px(seconds) + self.areas_swing_px(seconds);
-        let steps = (STEPS_PX * px) + 1.0;
+        let pixels = self.camera.detector.pixels();
+        let steps = (STEPS_PX * px + 1.0).min(most_steps(pixels) as f64);
         let [columns, rows] = self.camera.detector.sides();
-        edged.count() as f64 * LIMB_PX * (columns + rows) * steps * STEP_NS * 1e-6
+        let smeared = ((LIMB_PX + px) * (columns + rows)).min(pixels as f64);
+        edged.count() as f64 * smeared * steps * STEP_NS * 1e-6
     }
 
     /// About the most area light of a pixel, e-.

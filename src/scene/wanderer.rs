@@ -8,10 +8,13 @@ use crate::sky::planets;
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
 
-/// A resolved disc is cut into squares of this side, px: narrower than any core that samples well.
-const ELEMENT_PX: f64 = 0.5;
-/// No disc is cut into more squares than this on a side.
-const MOST_ELEMENTS: f64 = 400.0;
+/// A resolved disc is cut into squares of this side, in widths of the core of what a point is spread over: Gaussians that are a width apart ripple by
+/// less than 1e-8.
+const ELEMENT: f64 = 1.0;
+/// No square is wider than this, px.
+const WIDEST_PX: f64 = 0.7;
+/// No disc is cut into more squares than this on a side: one that is larger is grainy (0.5 % at 900 px and a width of 0.8 px).
+const MOST_ELEMENTS: f64 = 600.0;
 /// Farther (rad) than this from the anti-Sun no part of the Moon is in the Earth's shadow: penumbra and the Moon's radius reach 1.6 deg.
 const ECLIPSED: f64 = 0.03;
 
@@ -194,7 +197,9 @@ impl View {
         if side_px <= 1.0 {
             return vec![(disc.direction, 1.0)];
         }
-        let count = (side_px / ELEMENT_PX).ceil().min(MOST_ELEMENTS) as i64;
+        let core_px = self.camera.optics.psf.core_px();
+        let element_px = (ELEMENT * core_px).min(WIDEST_PX);
+        let count = (side_px / element_px).ceil().min(MOST_ELEMENTS) as i64;
         let (x, y) = across(&disc.direction);
         let step = 2.0 * disc.angular_radius / count as f64;
         let at = |i: f64, j: f64| {
@@ -227,6 +232,28 @@ fn sunlit(at: &Vector3<f64>, disc: &MoonDisc, earth: &Earth, observer: &Observer
     }
     let across_m = (at - disc.direction * at.dot(&disc.direction)) * disc.distance_m;
     earth.illumination(moon_m + across_m, sun_m)
+}
+
+/// The part of the Moon's light that arrives: what neither the Earth nor its shadow takes, to a hundredth.
+pub fn moons_light(disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
+    const SIDE: i32 = 12;
+    let far = earth.limb_angle(observer.position_m, &disc.direction) > 2.0 * disc.angular_radius;
+    let eclipsed = (-observer.bodies.moon_geocentric_m).angle(&observer.bodies.sun_apparent_m());
+    if far && eclipsed > ECLIPSED {
+        return 1.0;
+    }
+    let (x, y) = across(&disc.direction);
+    let part = |i: i32| (f64::from(2 * i + 1) / f64::from(SIDE) - 1.0) * disc.angular_radius;
+    let (mut all, mut light) = (0.0, 0.0);
+    for (i, j) in (0..SIDE).flat_map(|i| (0..SIDE).map(move |j| (i, j))) {
+        let at = (disc.direction + x * part(i) + y * part(j)).normalize();
+        let share = disc.brightness(&at);
+        all += share;
+        if share > 0.0 && !earth.occults_direction(observer.position_m, at) {
+            light += share * sunlit(&at, disc, earth, observer);
+        }
+    }
+    light / f64::max(all, f64::MIN_POSITIVE)
 }
 
 /// Two unit vectors across a unit vector and each other.

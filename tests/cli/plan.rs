@@ -265,7 +265,8 @@ fn reasons_are_causes() {
     let open = std::fs::read_to_string(repository("configs/cameras/cmos-rolling.toml")).unwrap();
     let capped = open.replace("transmission = 0.85", "transmission = 0.0");
     std::fs::write(here.path().join("capped.toml"), capped).unwrap();
-    let off = "[effects]\noff = [\"stars\", \"dark current\", \"smear\"]\n";
+    let sky = "\"zodiacal light\", \"starlight\", \"planets\", \"moon\", \"earth\", \"limb\", \"sunlight\", \"moonglow\", \"earthshine\"";
+    let off = format!("[effects]\noff = [\"stars\", \"dark current\", \"smear\", {sky}]\n");
     for (camera, tables, sequence, reasons_of) in [
         (
             "cmos-rolling",
@@ -312,7 +313,7 @@ fn reasons_are_causes() {
         ),
         (
             "ccd-transfer",
-            "[effects]\noff = [\"stars\", \"rsos\"]\n".to_string(),
+            format!("[effects]\noff = [\"stars\", \"rsos\", {sky}]\n"),
             STILL,
             &[
                 ("rolling shutter", "frame transfer"),
@@ -453,7 +454,9 @@ fn figures_that_nobody_means_are_warned_of() {
         ),
     ] {
         let line = text.lines().find(|line| line.starts_with(key)).unwrap();
-        let mine = text.replace(line, &format!("{key} = {value}"));
+        // Of a wider field the Sun is to stay away.
+        let mine = text.replace("sun_exclusion_deg = 30.0", "sun_exclusion_deg = 100.0");
+        let mine = mine.replace(line, &format!("{key} = {value}"));
         std::fs::write(here.path().join("mine.toml"), mine).unwrap();
         let (code, _, log) = plan(here.path(), &["--camera", "mine.toml"]);
         assert_eq!((code, log.lines().count()), (0, 1), "{log}");

@@ -49,12 +49,27 @@ fn camera(text: &str) -> Camera {
     Camera::load("probe.toml", &Folder::Disk(folder.path().to_path_buf())).unwrap()
 }
 
+/// Area light and what stands in Orion beside the stars.
+const DARK_SKY: [&str; 9] = [
+    "zodiacal light",
+    "starlight",
+    "planets",
+    "moon",
+    "earth",
+    "limb",
+    "sunlight",
+    "moonglow",
+    "earthshine",
+];
+
 fn emulator(text: &str) -> Emulator {
     let mut config = Config::defaults().unwrap();
     config.camera = camera(text);
     config.seed = 5;
     config.sky.selection = Selection::Bsc;
     config.label_snr = 0.0;
+    // The sky is dark, so that backgrounds are what is set.
+    config.choice.off = DARK_SKY.to_vec();
     Emulator::new(&mut config)
 }
 

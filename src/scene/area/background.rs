@@ -89,6 +89,11 @@ impl Radiance for Background {
         self.horizon.is_some_and(|horizon| horizon.has_limb())
     }
 
+    fn edge_radius(&self) -> f64 {
+        self.horizon
+            .map_or(f64::INFINITY, |horizon| horizon.radius())
+    }
+
     /// Its edge's: in what it hides little changes.
     fn turning(&self) -> Vector3<f64> {
         match self.horizon {

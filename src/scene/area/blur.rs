@@ -4,7 +4,7 @@
 //! N_xy <- sum_ij K_ij N_(x-i)(y-j),   sum K = 1
 //! ```
 //!
-//! K is the spread of a point in the middle of a pixel over the pixels around it, of the Sun's colour, at the middle of a patch of the detector. Even
+//! K is the spread of a point in the middle of a pixel over the pixels around it, less the pixel's own width, of the Sun's colour, at the middle of a patch of the detector. Even
 //! light stays as it is. Wings are followed as far as they matter, at most [`FURTHEST`] pixels; what is further out is laid evenly over those.
 
 use crate::camera::{Camera, Stamp};
@@ -121,10 +121,13 @@ impl<'a> Blur<'a> {
     }
 
     /// The spread in the patch from a column and a row on, mirrored (light comes from where it is looked for), row by row.
+    ///
+    /// A point's share S of each pixel has the pixel's width in it, and so has the light that it is laid over: it is taken out of one of them to
+    /// second order, `K = S - S'' / 24` along columns and along rows, which is narrower by a pixel's variance, 1/12 px^2.
     fn kernel(&self, left: usize, top: usize) -> Vec<f32> {
         let middle = [left, top].map(|from| from as f64 + PATCH as f64 / 2.0);
         let psf = self.camera.optics.psf_at(middle, 1.0);
-        let (reach, mut stamp) = (self.reach as i64, Stamp::default());
+        let (reach, mut stamp) = (self.reach as i64 + 1, Stamp::default());
         psf.spread(
             1.0,
             [0.0; 2],
@@ -132,9 +135,18 @@ impl<'a> Blur<'a> {
             -reach..reach + 1,
             &mut stamp,
         );
-        let sum: f64 = stamp.light.iter().sum();
-        let even = (1.0 - sum) / stamp.light.len() as f64;
-        let light = stamp.light.iter().rev();
-        light.map(|light| (light + even) as f32).collect()
+        let wide = (2 * reach + 1) as usize;
+        let narrower = |i: usize| {
+            let share = |i: usize| stamp.light[i];
+            let bend = share(i - 1) + share(i + 1) + share(i - wide) + share(i + wide);
+            share(i) - (bend - 4.0 * share(i)) / 24.0
+        };
+        let inside = 1..wide - 1;
+        let kernel = inside
+            .clone()
+            .flat_map(|row| inside.clone().map(move |column| row * wide + column));
+        let kernel: Vec<f64> = kernel.map(narrower).collect();
+        let even = (1.0 - kernel.iter().sum::<f64>()) / kernel.len() as f64;
+        kernel.iter().rev().map(|k| (k + even) as f32).collect()
     }
 }

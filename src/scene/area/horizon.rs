@@ -76,6 +76,11 @@ impl Horizon {
         libm::asin(top) - libm::asin((least / distance).min(1.0))
     }
 
+    /// The radius (rad) of the limb.
+    pub fn radius(&self) -> f64 {
+        libm::asin((EARTH_RADIUS_M / self.observer_m.norm()).min(1.0))
+    }
+
     /// The least angle (rad) of the field from the limb.
     pub fn nearest(&self) -> f64 {
         self.reach[0]

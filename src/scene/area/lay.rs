@@ -19,7 +19,13 @@ const SMALLEST: usize = 4;
 const STILL_PX: f64 = 0.02;
 /// Steps of the time of a pixel for each pixel that the light moves by, and at most.
 pub const STEPS_PX: f64 = 4.0;
-const MOST_STEPS: usize = 1024;
+const MOST_STEPS: usize = 256;
+/// A frame has no more of them than this for all its pixels, but for the least that there are of each.
+const ALL_STEPS: usize = 6_000_000;
+const LEAST_STEPS: usize = 16;
+/// Edges of this radius (px) are straight enough, and more cells than this a side are none the better.
+const STRAIGHT: f64 = 8.0;
+const MOST_CELLS: f64 = 16.0;
 /// The two points of Gauss's rule, px from the middle of a pixel: 1 / (2 sqrt 3).
 const GAUSS: f64 = 0.288_675_134_594_812_9;
 
@@ -49,6 +55,8 @@ struct Band<'a, 'v> {
     from: [i64; 2],
     columns: usize,
     motion: f64,
+    /// Along a side of a pixel.
+    cells: usize,
     e: &'a mut [f32],
     sampled: &'a mut [bool],
     asked: usize,
@@ -80,6 +88,7 @@ pub fn lay(
             from: [from[0], from[1] + (i * SQUARE) as i64],
             columns,
             motion: plane.motion(),
+            cells: cells(radiance, plane),
             e,
             sampled,
             asked: 0,
@@ -272,7 +281,7 @@ impl Band<'_, '_> {
         let count = if px < STILL_PX {
             1
         } else {
-            ((STEPS_PX * px) as usize + 2).min(MOST_STEPS)
+            ((STEPS_PX * px) as usize + 2).min(most_steps(self.plane.pixels()))
         };
         let part = |i: usize| (i as f64 + 0.5) / count as f64 - 0.5;
         (0..count)
@@ -280,12 +289,23 @@ impl Band<'_, '_> {
             .collect()
     }
 
-    /// The mean light of a pixel, e-. Each side of an edge has the mean of those of four places (Gauss) that are on it, for the part of the
-    /// pixel that it takes.
+    /// The mean light of a pixel, e-: of its cells, if an edge is so strongly curved that it is not straight across a pixel.
     fn mean(&mut self, x: f64, y: f64, skies: &[Matrix3<f64>]) -> f64 {
+        let cells = self.cells;
+        let side = 1.0 / cells as f64;
+        let middle = |i: usize| (i as f64 + 0.5) * side - 0.5;
+        let places = (0..cells * cells).map(|i| [x + middle(i % cells), y + middle(i / cells)]);
+        let sum: f64 = places.map(|at| self.mean_of(at, side, skies)).sum();
+        self.asked += 4 * skies.len() * cells * cells;
+        sum * side * side
+    }
+
+    /// The mean light of a square around a place, its side in px, e- a pixel. Each side of an edge has the mean of those of four places (Gauss)
+    /// that are on it, for the part of the square that it takes.
+    fn mean_of(&self, [x, y]: [f64; 2], size: f64, skies: &[Matrix3<f64>]) -> f64 {
         let plane = self.plane;
         let gauss = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
-            .map(|off| off.map(|off: f64| off * GAUSS))
+            .map(|off| off.map(|off: f64| off * GAUSS * size))
             .map(|[u, v]| plane.taken([x + u, y + v]));
         let Some((centre, taken)) = plane.taken([x, y]) else {
             return 0.0;
@@ -302,7 +322,6 @@ impl Band<'_, '_> {
                 sides[side] += self.light(at, *taken);
                 counts[side] += 1.0;
             }
-            self.asked += 4;
             for side in 0..2 {
                 let part = crossing.part(side);
                 if counts[side] > 0.0 {
@@ -310,7 +329,7 @@ impl Band<'_, '_> {
                 } else if part > 0.0 {
                     // The corner that no place is in.
                     let [u, v] = crossing.inside(side);
-                    if let Some((seen, _)) = plane.taken([x + u, y + v]) {
+                    if let Some((seen, _)) = plane.taken([x + u * size, y + v * size]) {
                         sum += part * self.light(&(sky * seen), taken);
                     }
                 }
@@ -318,6 +337,18 @@ impl Band<'_, '_> {
         }
         sum / skies.len() as f64
     }
+}
+
+/// Into how many cells a pixel is cut on a side, so that edges are nearly straight across each: they bow out of it by `1 / 8 r` of it
+/// where their radius is r of it.
+fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
+    let radius_px = radiance.edge_radius() * plane.scale_px();
+    (STRAIGHT / radius_px).ceil().clamp(1.0, MOST_CELLS) as usize
+}
+
+/// In how many steps the time of a pixel is taken at most, in a frame of so many pixels.
+pub fn most_steps(pixels: usize) -> usize {
+    (ALL_STEPS / pixels.max(1)).clamp(LEAST_STEPS, MOST_STEPS)
 }
 
 /// A straight edge across a pixel: its signed distance (rad) from the middle, positive outside, and how that grows along

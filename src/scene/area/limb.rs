@@ -48,6 +48,10 @@ impl Radiance for Air {
         self.horizon.has_limb()
     }
 
+    fn edge_radius(&self) -> f64 {
+        self.horizon.radius()
+    }
+
     fn turning(&self) -> Vector3<f64> {
         self.horizon.turning
     }

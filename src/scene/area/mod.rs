@@ -18,7 +18,7 @@ use crate::footprint::Footprint;
 use crate::scene::{Simulated, View, World};
 use crate::sky::atmosphere::Limb;
 use crate::sky::shadow::Earth;
-pub(super) use lay::STEPS_PX;
+pub(super) use lay::{STEPS_PX, most_steps};
 
 use blur::Blur;
 use horizon::Horizon;
@@ -55,6 +55,11 @@ pub trait Radiance: Debug + Send + Sync {
     /// Whether there may be an edge in the field.
     fn has_edges(&self) -> bool {
         false
+    }
+
+    /// The radius (rad) of its edges, where they are circles.
+    fn edge_radius(&self) -> f64 {
+        f64::INFINITY
     }
 
     /// Angular velocity (rad/s) of its pattern against ICRF.

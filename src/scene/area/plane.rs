@@ -93,6 +93,11 @@ impl<'a> Plane<'a> {
         Rotation3::new(self.turning * -dt_s).into_inner() * to_icrf
     }
 
+    /// The detector's pixels.
+    pub fn pixels(&self) -> usize {
+        self.camera().detector.pixels()
+    }
+
     /// The greatest scale of the plane, px a rad.
     pub fn scale_px(&self) -> f64 {
         self.view.scale_and_corner_px.0

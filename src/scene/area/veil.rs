@@ -9,6 +9,7 @@
 
 use super::kinds::{Found, Kind};
 use super::{Radiance, Surroundings};
+use crate::scene::wanderer::moons_light;
 use crate::scene::{View, World};
 use crate::sky::earth_light::EarthDisc;
 use crate::sky::moon::MoonDisc;
@@ -66,6 +67,10 @@ impl Radiance for Veil {
 /// That of a source of so many ph/s/m^2 on the aperture, `angle` (rad) from the boresight, e-/s.
 fn scattered(view: &View, irradiance: f64, angle: f64) -> f64 {
     let (stray, detector) = (&view.camera.optics.stray, &view.camera.detector);
+    if view.camera.optics.transmission == 0.0 {
+        // The point-source transmittance has it in it, but for what lets nothing pass.
+        return 0.0;
+    }
     stray.veil_e_s(
         irradiance,
         angle,
@@ -103,11 +108,12 @@ fn moonglow(world: &World, view: &View, _: &Surroundings) -> Found {
     }
     let moon = MoonDisc::seen_by(&view.observer, &world.corrections);
     let earth = Earth::at(view.exposure.mid);
-    if earth.occults_direction(view.observer.position_m, moon.direction) {
-        return Err("the Earth hides the Moon".into());
+    let light = moons_light(&moon, &earth, &view.observer);
+    if light == 0.0 {
+        return Err("the Earth, or its shadow, hides the Moon".into());
     }
     let zero_point = view.camera.optics.band.zero_point();
-    let irradiance = photon_irradiance(zero_point, moon.magnitude());
+    let irradiance = light * photon_irradiance(zero_point, moon.magnitude());
     let e_s = scattered(view, irradiance, from_boresight(view, &moon.direction));
     Ok(Arc::new(Veil { e_s }))
 }
