@@ -9,7 +9,7 @@
 //! track is looked at.
 
 use super::cause::digits;
-use super::shown::changed_e;
+use super::shown::{areas_changed_e, changed_e};
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Model;
 use crate::fidelity::Fidelity;
@@ -98,6 +98,6 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             beside_px: px.min(2.0 * loss.px) + 1.0,
         }
     });
-    let e = e + scene.areas_change_e(&other, loss.px);
+    let e = e + areas_changed_e(scene, &other, loss.px);
     Loss { e, ..*loss }
 }

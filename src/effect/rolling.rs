@@ -10,7 +10,7 @@
 //! in which rows that an image touches open or close.
 
 use super::cause::digits;
-use super::shown::changed_e;
+use super::shown::{areas_changed_e, changed_e};
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
@@ -88,6 +88,6 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         }
     });
     let swing_px = scene.view.areas_swing_px(scene.view.camera.readout_s()) / 2.0;
-    let e = e + scene.areas_change_e(&other, loss.px + swing_px);
+    let e = e + areas_changed_e(scene, &other, loss.px + swing_px);
     Loss { e, ..*loss }
 }

@@ -134,6 +134,59 @@ pub(super) fn changed_e(
     most
 }
 
+/// A bound (e-) of the change of what area light makes of any pixel in the end with the effects `other`: where they leave out one of the
+/// scene's the light is laid anew and compared, else it moves by no more than `px`.
+pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 {
+    if scene.areas_e().is_empty() {
+        return 0.0;
+    }
+    if scene.simulated.and_shapes(other) != scene.simulated {
+        return scene.areas_moved_e(px).min(scene.spill.most_e);
+    }
+    let detector = &scene.view.camera.detector;
+    let (width, height) = (detector.width, detector.height);
+    let others_e = scene.areas_e_with(other);
+    let comes_e = |pixel: usize| {
+        let is = others_e.get(pixel).copied().unwrap_or(0.0);
+        f64::from(is) - f64::from(scene.areas_e()[pixel])
+    };
+    let (mut most, mut columns_e) = (0.0f64, vec![0.0; width]);
+    for pixel in 0..width * height {
+        let comes = comes_e(pixel);
+        columns_e[pixel % width] += comes;
+        if !scene.spill.has(pixel % width) {
+            most = most.max(comes.abs());
+        }
+    }
+    let mut most = most * scene.responds();
+    if scene.simulated.frame_transfer {
+        let trail = columns_e.iter().map(|e| e.abs()).fold(0.0, f64::max);
+        most += trail * scene.trail_part();
+    }
+    let columns = &scene.spill.columns;
+    if columns.is_empty() {
+        return most;
+    }
+    let with = scene.light_e(columns, &scene.simulated);
+    let pixels = columns
+        .iter()
+        .flat_map(|column| (0..height).map(move |row| row * width + column));
+    let without = with.iter().zip(pixels);
+    let without = without
+        .map(|(e, pixel)| (e + comes_e(pixel)).max(0.0))
+        .collect();
+    let [with, without] = [with, without].map(|mut charge: Vec<f64>| {
+        scene.turn(&mut charge, columns, &scene.simulated);
+        if scene.simulated.full_well {
+            charge
+                .chunks_exact_mut(height)
+                .for_each(|column| fill(column, detector));
+        }
+        charge
+    });
+    most.max(apart(&with, &without))
+}
+
 /// What a column of cells changes by in the end, e-.
 struct Part {
     known: f64,

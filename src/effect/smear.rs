@@ -10,7 +10,7 @@
 //! own track is a parabola. Price: the pixels of an image once more for each step of half a PSF's width along its track.
 
 use super::cause::digits;
-use super::shown::changed_e;
+use super::shown::{areas_changed_e, changed_e};
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Change, STEEPEST, Scene, Simulated, Source, View};
@@ -107,6 +107,6 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         }
     });
     let swing_px = scene.view.areas_swing_px(scene.view.exposure.duration_s);
-    let e = e + scene.areas_change_e(&other, (2.0 * loss.px + swing_px).powi(2) / 8.0);
+    let e = e + areas_changed_e(scene, &other, (2.0 * loss.px + swing_px).powi(2) / 8.0);
     Loss { e, ..*loss }
 }

@@ -17,7 +17,7 @@
 //! table, each time a track is looked at.
 
 use super::cause::digits;
-use super::shown::changed_e;
+use super::shown::{areas_changed_e, changed_e};
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
@@ -146,7 +146,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
     );
     // Of area light that is so faint that it is skipped, all that it was asked for.
     let e = if simulated.vignetting {
-        e + scene.areas_change_e(&other, 0.0)
+        e + areas_changed_e(scene, &other, 0.0)
     } else {
         e.max(loss.e)
     };

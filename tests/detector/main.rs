@@ -1,6 +1,8 @@
 //! The detector against theory: photon transfer, dark current by temperature, the fixed pattern, spilled charge, particles; and what
 //! labels say stands out of the noise by how much.
 
+#[path = "../support/sky.rs"]
+mod sky;
 mod snr;
 
 use std::str::FromStr;
@@ -49,19 +51,6 @@ fn camera(text: &str) -> Camera {
     Camera::load("probe.toml", &Folder::Disk(folder.path().to_path_buf())).unwrap()
 }
 
-/// Area light and what stands in Orion beside the stars.
-const DARK_SKY: [&str; 9] = [
-    "zodiacal light",
-    "starlight",
-    "planets",
-    "moon",
-    "earth",
-    "limb",
-    "sunlight",
-    "moonglow",
-    "earthshine",
-];
-
 fn emulator(text: &str) -> Emulator {
     let mut config = Config::defaults().unwrap();
     config.camera = camera(text);
@@ -69,7 +58,7 @@ fn emulator(text: &str) -> Emulator {
     config.sky.selection = Selection::Bsc;
     config.label_snr = 0.0;
     // The sky is dark, so that backgrounds are what is set.
-    config.choice.off = DARK_SKY.to_vec();
+    config.choice.off = sky::DARK_SKY.to_vec();
     Emulator::new(&mut config)
 }
 

@@ -43,6 +43,7 @@ pub fn emulator(
     config.objects = objects;
     config.fidelity = fidelity;
     config.label_snr = 0.0;
+    config.choice.off = crate::sky::DARK_SKY.to_vec();
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = false;
     emulator.keep_expected = true;

@@ -17,7 +17,7 @@ use super::brute::{apparent, emulator, epoch, matrix, pointing, shoot, stamp};
 
 // The contract: the names in the README.
 const FRAME_KEYS: &str = "frame seed camera epoch_start epoch_mid epoch_end exposure_s q_icrf_to_body q_body_to_camera \
-    rates_rad_s state_gcrf_km r_icrf_to_camera background_e_px effects objects";
+    rates_rad_s state_gcrf_km sun_deg sun_excluded r_icrf_to_camera background_e_px effects objects";
 const OBJECT_KEYS: &str = "kind id names x_px y_px x0_px y0_px x1_px y1_px vx_px_s vy_px_s mag band_mag electrons snr \
     ra_deg dec_deg in_frame visible";
 const RSO_KEYS: &str =
@@ -211,6 +211,7 @@ fn objects_in_orbit_are_geometric_at_mid_exposure_and_their_range_rate_is_a_deri
     config.sky.selection = Selection::Bsc;
     config.sky.corrections.aberration = true;
     config.label_snr = 0.0;
+    config.choice.off = crate::sky::DARK_SKY.to_vec();
     let objects = config.objects.clone();
     let mission = flight::mission(&config).unwrap();
     let mut emulator = Emulator::new(&mut config);

@@ -190,6 +190,7 @@ fn objects_in_orbit_do_too() {
     config.sky.selection = Selection::Bsc;
     config.sky.corrections.aberration = true;
     config.label_snr = 0.0;
+    config.choice.off = crate::sky::DARK_SKY.to_vec();
     let mission = flight::mission(&config).unwrap();
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = false;

@@ -6,5 +6,7 @@ mod light;
 mod passing;
 mod rolling;
 mod shade;
+#[path = "../support/sky.rs"]
+mod sky;
 mod smear;
 mod transfer;

@@ -43,6 +43,7 @@ fn shot_of(
     let mut config = Config::defaults().unwrap();
     config.sky.selection = Selection::Bsc;
     config.objects = objects;
+    config.choice.off = crate::sky::DARK_SKY.to_vec();
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = false;
     emulator.keep_expected = true;
