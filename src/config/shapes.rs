@@ -220,9 +220,9 @@ impl RawPart {
                     let narrowest = Lobe::NARROWEST.to_degrees();
                     let of = format!("{key}.lobe_deg");
                     let deg = check.range_in("deg", &of, deg, narrowest..=90.0)?;
-                    Lobe::smooth(deg.to_radians())
+                    Lobe::Smooth(deg.to_radians())
                 }
-                None => Lobe::mirror(),
+                None => Lobe::Mirror,
             },
         };
         no_more_than_all(key, [surface.diffuse, surface.specular], "part", check)?;

@@ -1,7 +1,7 @@
 //! What is known of an object's looks, and how much sunlight it sends to an observer during an exposure.
 
 use super::apparent::{ApparentObject, Observer};
-use super::bodies::LIGHT_M_S;
+use super::bodies::{LIGHT_M_S, SUN_RADIUS_M};
 use super::body_attitude::BodyAttitude;
 use super::shape::Shape;
 use hifitime::{Epoch, Unit};
@@ -43,7 +43,7 @@ impl Body {
         let [start, _, end] = passage.observers;
         let duration_s = (end.epoch - start.epoch).to_seconds();
         let turn = self.attitude.rate(&passage.seen[1].state) * duration_s + passage.swing();
-        let needed = (turn / self.shape.detail() * INSTANTS).ceil();
+        let needed = (turn / self.shape.detail(passage.at(0.5).sun_radius()) * INSTANTS).ceil();
         let most = (MOST_WORK / self.shape.facets() as f64).max(1.0);
         let instants = needed.clamp(1.0, most) as usize;
         let parts = (0..instants).map(|i| (i as f64 + 0.5) / instants as f64);
@@ -56,8 +56,11 @@ impl Body {
     fn reflective_area(&self, instant: &Instant) -> f64 {
         let to_body = self.attitude.matrix(instant.epoch, &instant.state);
         let axes = |v: &Vector3<f64>| (to_body * v).normalize();
-        self.shape
-            .reflective_area(&axes(&instant.to_sun), &axes(&instant.to_sensor))
+        self.shape.reflective_area(
+            &axes(&instant.to_sun),
+            &axes(&instant.to_sensor),
+            instant.sun_radius(),
+        )
     }
 }
 
@@ -67,6 +70,13 @@ struct Instant {
     state: StateVector,
     to_sun: Vector3<f64>,
     to_sensor: Vector3<f64>,
+}
+
+impl Instant {
+    /// The angular radius of the Sun's disc, rad.
+    fn sun_radius(&self) -> f64 {
+        libm::asin((SUN_RADIUS_M / self.to_sun.norm()).min(1.0))
+    }
 }
 
 impl Passage<'_> {

@@ -6,6 +6,9 @@ use skyloop::sky::photometry::{SPECULAR_PHASE, diffuse_phase};
 use skyloop::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
 use std::f64::consts::PI;
 
+/// The Sun's angular radius at 1 au, rad. X-Val: by hand, asin(695,700 km / 149,597,870.7 km).
+pub const SUN_RADIUS: f64 = 4.650_484e-3;
+
 pub const BOTH: Ends = Ends {
     base: true,
     top: true,
@@ -22,7 +25,7 @@ pub fn lossless(specular: f64, lobe: Lobe) -> Surface {
 }
 
 pub fn glossy(deg: f64) -> Lobe {
-    Lobe::smooth(deg.to_radians())
+    Lobe::Smooth(deg.to_radians())
 }
 
 pub fn unit(x: f64, y: f64, z: f64) -> Unit<Vector3<f64>> {
@@ -56,7 +59,7 @@ fn sent(shape: &Shape, to_sun: &Vector3<f64>) -> f64 {
                 theta.sin() * phi.sin(),
                 theta.cos(),
             );
-            sum += shape.reflective_area(to_sun, &to) * solid_angle;
+            sum += shape.reflective_area(to_sun, &to, SUN_RADIUS) * solid_angle;
         }
     }
     sum
@@ -134,7 +137,7 @@ fn lossless_solids_return_all_the_light_they_take() {
         for sun in suns {
             let taken = (solid.shadow_m2)(&sun);
             for surface in [
-                lossless(0.0, Lobe::mirror()),
+                lossless(0.0, Lobe::Mirror),
                 lossless(1.0, glossy(20.0)),
                 lossless(0.5, glossy(90.0)),
             ] {
@@ -196,7 +199,7 @@ fn worst(shape: &Shape, phases_deg: &[f64], phase_function: impl Fn(f64) -> f64)
             for side in 0..8 {
                 let side = nalgebra::Rotation3::from_axis_angle(&sun, f64::from(side));
                 let tilt = nalgebra::Rotation3::from_axis_angle(&(side * across), phase);
-                let got = shape.reflective_area(&sun, &(tilt * sun.into_inner()));
+                let got = shape.reflective_area(&sun, &(tilt * sun.into_inner()), SUN_RADIUS);
                 worst = worst.max((got / (PI * phase_function(phase)) - 1.0).abs());
             }
         }
@@ -206,7 +209,7 @@ fn worst(shape: &Shape, phases_deg: &[f64], phase_function: impl Fn(f64) -> f64)
 
 #[test]
 fn a_faceted_sphere_converges_to_the_diffuse_one() {
-    let matt = lossless(0.0, Lobe::mirror());
+    let matt = lossless(0.0, Lobe::Mirror);
     let phases = [0.0, 10.0, 45.0, 90.0, 120.0, 150.0];
     for make in [faceted, turned] {
         let errors = [8, 16, 32, 64].map(|n| worst(&make(n, matt), &phases, diffuse_phase));
@@ -240,14 +243,14 @@ fn a_glint_carries_the_flux_that_the_suns_solid_angle_demands() {
     for (reflectance, incidence_deg) in [(1.0, 0.0), (0.7, 35.0), (1.0, 80.0)] {
         let surface = Surface {
             reflectance,
-            ..lossless(1.0, Lobe::mirror())
+            ..lossless(1.0, Lobe::Mirror)
         };
         let plate = one_plate(3.0, surface);
         let sun = from_z(incidence_deg);
         let wanted = reflectance * 3.0 * incidence_deg.to_radians().cos() / solid_angle;
         // X-Val: the Sun's radius of 959.63 arcsec is 0.26656 deg. All over the image of its disc, and nothing beside it.
         for off in [0.0, 0.2, -0.265] {
-            let got = plate.reflective_area(&sun, &from_z(-incidence_deg + off));
+            let got = plate.reflective_area(&sun, &from_z(-incidence_deg + off), SUN_RADIUS);
             assert!(
                 (got / wanted - 1.0).abs() < 1e-4,
                 "{incidence_deg}, {off}: {got}"
@@ -255,7 +258,7 @@ fn a_glint_carries_the_flux_that_the_suns_solid_angle_demands() {
         }
         for off in [0.268, -0.268, 5.0] {
             assert_eq!(
-                plate.reflective_area(&sun, &from_z(-incidence_deg + off)),
+                plate.reflective_area(&sun, &from_z(-incidence_deg + off), SUN_RADIUS),
                 0.0
             );
         }
@@ -269,7 +272,7 @@ fn a_glint_lies_where_the_mirror_law_says_and_moves_by_twice_the_plates_turn() {
         let normal = Unit::new_normalize(from_z(turn_deg));
         plate.plate(Plate::new(1.0, normal), lossless(1.0, glossy(2.0)));
         let brightest = (-9000..9000).map(|i| f64::from(i) * 0.01).max_by(|a, b| {
-            let light = |deg: f64| plate.reflective_area(&from_z(30.0), &from_z(deg));
+            let light = |deg: f64| plate.reflective_area(&from_z(30.0), &from_z(deg), SUN_RADIUS);
             light(*a).total_cmp(&light(*b))
         });
         let expected = -30.0 + 2.0 * turn_deg;
@@ -284,8 +287,9 @@ fn a_glint_lies_where_the_mirror_law_says_and_moves_by_twice_the_plates_turn() {
 fn what_faces_away_is_dark() {
     let surface = lossless(0.5, glossy(30.0));
     let plate = one_plate(1.0, surface);
-    let bright =
-        |sun_deg, seen_deg| plate.reflective_area(&from_z(sun_deg), &from_z(seen_deg)) > 0.0;
+    let bright = |sun_deg, seen_deg| {
+        plate.reflective_area(&from_z(sun_deg), &from_z(seen_deg), SUN_RADIUS) > 0.0
+    };
     assert!(bright(80.0, -80.0) && bright(0.0, 0.0));
     assert!(!bright(91.0, 0.0) && !bright(0.0, 91.0) && !bright(100.0, 100.0));
     let mut two_sided = Shape::default();
@@ -296,32 +300,33 @@ fn what_faces_away_is_dark() {
         },
         surface,
     );
-    let back = two_sided.reflective_area(&from_z(150.0), &from_z(140.0));
-    let front = two_sided.reflective_area(&from_z(30.0), &from_z(40.0));
+    let back = two_sided.reflective_area(&from_z(150.0), &from_z(140.0), SUN_RADIUS);
+    let front = two_sided.reflective_area(&from_z(30.0), &from_z(40.0), SUN_RADIUS);
     assert!(back > 0.0 && (back - front).abs() < 1e-12 * front);
     assert_eq!(
-        two_sided.reflective_area(&from_z(150.0), &from_z(40.0)),
+        two_sided.reflective_area(&from_z(150.0), &from_z(40.0), SUN_RADIUS),
         0.0
     );
     // The back of a closed box adds nothing: from the front it is one plate.
     let mut cube = Shape::default();
     cube.cuboid([1.0; 3], surface);
     let (sun, seen) = (from_z(0.0), from_z(1e-9));
-    let ratio = cube.reflective_area(&sun, &seen) / plate.reflective_area(&sun, &seen);
+    let ratio = cube.reflective_area(&sun, &seen, SUN_RADIUS)
+        / plate.reflective_area(&sun, &seen, SUN_RADIUS);
     assert!((ratio - 1.0).abs() < 1e-6);
 }
 
 #[test]
 fn a_diffuse_plate_follows_lambert() {
-    let plate = one_plate(2.0, lossless(0.0, Lobe::mirror()));
-    let got = plate.reflective_area(&from_z(60.0), &from_z(-60.0));
+    let plate = one_plate(2.0, lossless(0.0, Lobe::Mirror));
+    let got = plate.reflective_area(&from_z(60.0), &from_z(-60.0), SUN_RADIUS);
     // X-Val: by hand, 2 * 0.5 * 0.5 / pi.
     assert!((got - 0.5 / PI).abs() < 1e-12);
 }
 
 #[test]
 fn a_panel_turns_about_its_axis_to_face_the_sun() {
-    let surface = lossless(0.0, Lobe::mirror());
+    let surface = lossless(0.0, Lobe::Mirror);
     let panel = |normal: Unit<Vector3<f64>>| {
         let mut shape = Shape::default();
         shape.plate(
@@ -336,21 +341,21 @@ fn a_panel_turns_about_its_axis_to_face_the_sun() {
     // Wherever the Sun is around the axis, the panel faces it.
     for deg in [0.0, 60.0, 135.0, 270.0] {
         let sun = from_z(deg);
-        let facing = panel(Vector3::x_axis()).reflective_area(&sun, &sun);
+        let facing = panel(Vector3::x_axis()).reflective_area(&sun, &sun, SUN_RADIUS);
         assert!((facing - 1.0 / PI).abs() < 1e-12, "{deg}");
     }
     // A Sun 30 deg off the plane across the axis is met at 30 deg, and at no less by any turn.
     let sun = unit(0.0, 0.5, 0.75f64.sqrt());
-    let met = panel(Vector3::x_axis()).reflective_area(&sun, &sun);
+    let met = panel(Vector3::x_axis()).reflective_area(&sun, &sun, SUN_RADIUS);
     assert!((met - 0.75 / PI).abs() < 1e-12);
     // On the axis itself no turn helps.
     let along = Vector3::y();
     assert_eq!(
-        panel(Vector3::x_axis()).reflective_area(&along, &along),
+        panel(Vector3::x_axis()).reflective_area(&along, &along, SUN_RADIUS),
         0.0
     );
     // A panel whose normal leans towards the axis keeps its lean.
     let lean = panel(unit(1.0, 1.0, 0.0));
-    let got = lean.reflective_area(&from_z(10.0), &from_z(10.0));
+    let got = lean.reflective_area(&from_z(10.0), &from_z(10.0), SUN_RADIUS);
     assert!((got - 0.5 / PI).abs() < 1e-12);
 }

@@ -1,6 +1,6 @@
 //! Magnitudes that others saw and published, of satellites whose size and material are known: `tests/reference/satellites.csv`.
 
-use crate::facets::{lossless, one_plate};
+use crate::facets::{SUN_RADIUS, lossless, one_plate};
 use crate::reference::{number, rows};
 use nalgebra::{Rotation3, Vector3};
 use skyloop::sky::bodies::AU_M;
@@ -13,7 +13,7 @@ fn published_magnitudes_are_met_within_one() {
     for row in rows(include_str!("../reference/satellites.csv")) {
         let mirror = Surface {
             reflectance: number(&row, 3),
-            ..lossless(1.0, Lobe::mirror())
+            ..lossless(1.0, Lobe::Mirror)
         };
         let sizes: Vec<f64> = row[2]
             .split(" x ")
@@ -32,7 +32,7 @@ fn published_magnitudes_are_met_within_one() {
         let half = number(&row, 5).to_radians() / 2.0;
         let turned =
             |angle: f64| Rotation3::from_axis_angle(&Vector3::y_axis(), angle) * Vector3::z();
-        let area = shape.reflective_area(&turned(half), &turned(-half));
+        let area = shape.reflective_area(&turned(half), &turned(-half), SUN_RADIUS);
         let got = magnitude(area, AU_M, number(&row, 4) * 1e3);
         let published = number(&row, 6);
         println!("{}: published {published}, here {got:.2}", row[0]);

@@ -1,6 +1,6 @@
 //! Sides of cylinders and cones: closed forms, and the bands of light that they mirror.
 
-use crate::facets::{glossy, lossless, unit};
+use crate::facets::{SUN_RADIUS, glossy, lossless, unit};
 use nalgebra::{Unit, Vector3};
 use skyloop::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
 use std::f64::consts::PI;
@@ -25,13 +25,14 @@ fn direction(azimuth_deg: f64, elevation_deg: f64) -> Vector3<f64> {
 
 #[test]
 fn a_diffuse_cylinder_is_the_closed_form() {
-    let shape = cylinder(lossless(0.0, Lobe::mirror()));
+    let shape = cylinder(lossless(0.0, Lobe::Mirror));
     for (sun_deg, seen_deg, apart_deg) in
         [(0.0, 0.0, 0.0), (20.0, -50.0, 70.0), (-10.0, 5.0, 170.0)]
     {
         let got = shape.reflective_area(
             &direction(15.0, sun_deg),
             &direction(15.0 + apart_deg, seen_deg),
+            SUN_RADIUS,
         );
         // By hand: r h / pi cos(e_s) cos(e_o) [(pi - d) cos d + sin d] / 2, d the difference of azimuths.
         let d = f64::to_radians(apart_deg);
@@ -47,12 +48,14 @@ fn a_diffuse_cylinder_is_the_closed_form() {
 /// A mirror keeps the elevation against the axis, turned over, and spreads the Sun around it: over a band as high as the Sun's disc.
 #[test]
 fn a_mirror_cylinder_sends_a_band_around_its_axis() {
-    let shape = cylinder(lossless(1.0, Lobe::mirror()));
-    let sun_radius_deg = Lobe::mirror().edge().to_degrees();
+    let shape = cylinder(lossless(1.0, Lobe::Mirror));
+    let sun_radius_deg = SUN_RADIUS.to_degrees();
     let sun_elevation = 25.0;
     let sun = direction(0.0, sun_elevation);
     for azimuth in [0.0, 40.0, 110.0, -165.0] {
-        let light = |elevation: f64| shape.reflective_area(&sun, &direction(azimuth, elevation));
+        let light = |elevation: f64| {
+            shape.reflective_area(&sun, &direction(azimuth, elevation), SUN_RADIUS)
+        };
         assert!(light(-sun_elevation) > 0.0);
         for off in [-1.01, 1.01, 40.0] {
             assert_eq!(
@@ -78,7 +81,10 @@ fn a_mirror_cylinder_sends_a_band_around_its_axis() {
         );
     }
     // Opposite to the Sun's azimuth there is no light but that of grazing normals.
-    assert_eq!(shape.reflective_area(&sun, &direction(0.0, 10.0)), 0.0);
+    assert_eq!(
+        shape.reflective_area(&sun, &direction(0.0, 10.0), SUN_RADIUS),
+        0.0
+    );
 }
 
 /// A ring against as many plates as it takes.
@@ -87,10 +93,10 @@ fn a_cone_is_the_sum_of_its_plates() {
     let mut compared = 0;
     for (base_m, top_m, length_m) in [(2.0, 0.0, 3.0), (1.0, 3.0, 0.5), (2.0, 2.0, 4.0)] {
         for surface in [
-            lossless(0.0, Lobe::mirror()),
+            lossless(0.0, Lobe::Mirror),
             lossless(1.0, glossy(8.0)),
             lossless(1.0, glossy(90.0)),
-            lossless(1.0, Lobe::mirror()),
+            lossless(1.0, Lobe::Mirror),
         ] {
             let axis = unit(0.2, -0.5, 0.7);
             let mut ring = Shape::default();
@@ -123,10 +129,10 @@ fn a_cone_is_the_sum_of_its_plates() {
                     sun.into_inner(),
                     -sun.into_inner(),
                 ] {
-                    let got = ring.reflective_area(&sun, &seen);
-                    let wanted = plates.reflective_area(&sun, &seen);
+                    let got = ring.reflective_area(&sun, &seen, SUN_RADIUS);
+                    let wanted = plates.reflective_area(&sun, &seen, SUN_RADIUS);
                     // A mirror's disc holds some fifty plates, and its edge falls between two of them.
-                    let share = if surface.lobe == Lobe::mirror() {
+                    let share = if surface.lobe == Lobe::Mirror {
                         2.5e-2
                     } else {
                         1e-4

@@ -111,13 +111,19 @@ impl Shape {
         self.facets.push(Facet { form, surface });
     }
 
-    /// Eq. (6): `rho A F` (m^2/sr), summed over the facets, for the unit vectors to the Sun and to the sensor in axes of the body.
+    /// Eq. (6): `rho A F` (m^2/sr), summed over the facets, for the unit vectors to the Sun and to the sensor in axes of the body,
+    /// where the Sun's disc has an angular radius of `sun_radius` (rad).
     ///
     /// Plates and spheres are exact, sides of cylinders and cones within 1e-4.
-    pub fn reflective_area(&self, to_sun: &Vector3<f64>, to_sensor: &Vector3<f64>) -> f64 {
+    pub fn reflective_area(
+        &self,
+        to_sun: &Vector3<f64>,
+        to_sensor: &Vector3<f64>,
+        sun_radius: f64,
+    ) -> f64 {
         let facets = self.facets.iter();
         facets
-            .map(|facet| facet.reflective_area(to_sun, to_sensor))
+            .map(|facet| facet.reflective_area(to_sun, to_sensor, sun_radius))
             .sum()
     }
 
@@ -126,11 +132,12 @@ impl Shape {
         self.facets.len().max(1)
     }
 
-    /// The turn of the body (rad) over which its light may change much: that which takes the narrowest lobe past a sensor.
-    pub fn detail(&self) -> f64 {
+    /// The turn of the body (rad) over which its light may change much: that which takes the narrowest lobe past a sensor;
+    /// `sun_radius` as above.
+    pub fn detail(&self, sun_radius: f64) -> f64 {
         let details = self.facets.iter().map(|facet| match facet.form {
             Form::Plate(_) | Form::Ring(_) if facet.surface.specular > 0.0 => {
-                facet.surface.lobe.edge()
+                facet.surface.lobe.cap(sun_radius).edge()
             }
             _ => DIFFUSE_DETAIL,
         });
@@ -139,7 +146,12 @@ impl Shape {
 }
 
 impl Facet {
-    fn reflective_area(&self, to_sun: &Vector3<f64>, to_sensor: &Vector3<f64>) -> f64 {
+    fn reflective_area(
+        &self,
+        to_sun: &Vector3<f64>,
+        to_sensor: &Vector3<f64>,
+        sun_radius: f64,
+    ) -> f64 {
         let Surface {
             reflectance,
             diffuse,
@@ -147,8 +159,10 @@ impl Facet {
             ..
         } = self.surface;
         match &self.form {
-            Form::Plate(plate) => plate.reflective_area(&self.surface, to_sun, to_sensor),
-            Form::Ring(ring) => ring.reflective_area(&self.surface, to_sun, to_sensor),
+            Form::Plate(plate) => {
+                plate.reflective_area(&self.surface, to_sun, to_sensor, sun_radius)
+            }
+            Form::Ring(ring) => ring.reflective_area(&self.surface, to_sun, to_sensor, sun_radius),
             Form::Sphere(diameter_m) => Sphere {
                 diameter_m: *diameter_m,
                 reflectance,
@@ -176,6 +190,7 @@ impl Plate {
         surface: &Surface,
         to_sun: &Vector3<f64>,
         to_sensor: &Vector3<f64>,
+        sun_radius: f64,
     ) -> f64 {
         let normal = self.turned(to_sun);
         let (mut sun, mut seen) = (normal.dot(to_sun), normal.dot(to_sensor));
@@ -185,7 +200,8 @@ impl Plate {
         if sun <= 0.0 || seen <= 0.0 {
             return 0.0;
         }
-        self.area_m2 * surface.reflected(sun, seen, to_sun.dot(to_sensor))
+        let cap = surface.lobe.cap(sun_radius);
+        self.area_m2 * surface.reflected(sun, seen, to_sun.dot(to_sensor), &cap)
     }
 
     /// Its normal once it has turned about its hinge until the Sun stands as high over it as can be. With the Sun on the hinge's own

@@ -49,17 +49,18 @@ impl Ring {
         }
     }
 
-    /// Eq. (6), m^2/sr, for the unit vectors to the Sun and to the sensor: the integral of [`Surface::reflected`] over the ring. The
+    /// Eq. (6), m^2/sr, for the unit vectors to the Sun and to the sensor and the Sun's angular radius (rad): the integral of [`Surface::reflected`] over the ring. The
     /// diffuse part is in closed form; the mirrored one is summed over the arc whose mirror directions have the sensor in their lobe.
     pub fn reflective_area(
         &self,
         surface: &Surface,
         sun: &Vector3<f64>,
         seen: &Vector3<f64>,
+        sun_radius: f64,
     ) -> f64 {
         let apart = sun.dot(seen);
         let (sun, seen) = (self.wave(sun), self.wave(seen));
-        let lobe = &surface.lobe;
+        let lobe = surface.lobe.cap(sun_radius);
         let cos_apart = |phi: f64| 2.0 * sun.at(phi) * seen.at(phi) - apart;
         let mut sum = 0.0;
         for arc in lit_and_seen(&sun, &seen) {

@@ -1,6 +1,5 @@
 //! How a surface shares out the light that it takes: Lambert's law, and a lobe about the mirror direction.
 
-use crate::sky::bodies::{AU_M, SUN_RADIUS_M};
 use std::f64::consts::PI;
 
 /// What a surface does with light.
@@ -16,6 +15,15 @@ pub struct Surface {
     pub lobe: Lobe,
 }
 
+/// How far from the mirror direction what is mirrored goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Lobe {
+    /// A mirror shows the Sun's disc, as large as it is seen from there.
+    Mirror,
+    /// A glossy surface: it ends at this angle (rad), from [`Lobe::NARROWEST`] to a right angle.
+    Smooth(f64),
+}
+
 /// The light that a small piece of surface mirrors, over directions: a cap about the mirror direction.
 ///
 /// With `x = (1 - cos a) / (1 - cos w)`, `a` the angle from the mirror direction and `w` the cap's radius, its density (1/sr) is
@@ -24,10 +32,10 @@ pub struct Surface {
 /// L = (k + 1) (1 - x)^k / (2 pi (1 - cos w))   for x < 1, else 0
 /// ```
 ///
-/// whose integral over all directions is 1 for any `w`. A mirror shows the Sun's disc (`k = 0`): its radiance is the Sun's, so that
+/// whose integral over all directions is 1 for any `w`. A mirror's (`k = 0`) is the Sun's disc: its radiance is the Sun's, so that
 /// a lossless one fills the Sun's solid angle and no more. A glossy surface has `k = 2`, which goes out smoothly.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lobe {
+pub struct Cap {
     /// Radius of the cap, rad.
     edge: f64,
     /// `1 - cos` of it.
@@ -38,28 +46,25 @@ pub struct Lobe {
 
 impl Lobe {
     /// The narrowest smooth lobe, rad. Its middle has three times the density of its mean: narrower than sqrt(3) times the Sun's radius
-    /// (0.462 deg, here rounded up) it would be brighter than the Sun.
+    /// (0.470 deg in January, here rounded up) it would be brighter than the Sun.
     pub const NARROWEST: f64 = 0.5 * PI / 180.0;
 
-    /// That of a mirror: the Sun's disc as seen from 1 au (0.266 deg; over the year it is up to 1.7 % larger or smaller).
-    pub fn mirror() -> Lobe {
-        Lobe::new(libm::asin(SUN_RADIUS_M / AU_M), false)
-    }
-
-    /// A smooth lobe that ends at `edge` (rad), from [`Lobe::NARROWEST`] to a right angle.
-    pub fn smooth(edge: f64) -> Lobe {
-        Lobe::new(edge.clamp(Lobe::NARROWEST, PI / 2.0), true)
-    }
-
-    fn new(edge: f64, smooth: bool) -> Lobe {
+    /// Its light where the Sun's disc has an angular radius of `sun_radius` (rad).
+    pub fn cap(self, sun_radius: f64) -> Cap {
+        let (edge, smooth) = match self {
+            Lobe::Mirror => (sun_radius, false),
+            Lobe::Smooth(edge) => (edge.clamp(Lobe::NARROWEST, PI / 2.0), true),
+        };
         let half = libm::sin(edge / 2.0);
-        Lobe {
+        Cap {
             edge,
             depth: 2.0 * half * half,
             smooth,
         }
     }
+}
 
+impl Cap {
     /// Radius, rad.
     pub fn edge(&self) -> f64 {
         self.edge
@@ -93,11 +98,11 @@ impl Surface {
     /// F_spec = (n . s) [L(r . o) + L(-s . o)],   r = 2 (n . s) n - s
     /// ```
     ///
-    /// for the cosines `sun = n . s` and `seen = n . o`, both above 0, and `apart = s . o`. The second term of `F_spec` is the part of the
+    /// for the cosines `sun = n . s` and `seen = n . o`, both above 0, `apart = s . o`, and its lobe's `cap`. The second term of `F_spec` is the part of the
     /// lobe that would go into the surface at grazing light, turned back at it: with it no light is lost.
-    pub fn reflected(&self, sun: f64, seen: f64, apart: f64) -> f64 {
+    pub fn reflected(&self, sun: f64, seen: f64, apart: f64, cap: &Cap) -> f64 {
         let mirrored = 2.0 * sun * seen - apart;
-        let lobes = self.lobe.density(mirrored) + self.lobe.density(-apart);
+        let lobes = cap.density(mirrored) + cap.density(-apart);
         self.reflectance * (self.diffuse * sun * seen / PI + self.specular * sun * lobes)
     }
 }
@@ -105,24 +110,30 @@ impl Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sky::bodies::{AU_M, SUN_RADIUS_M};
 
     #[test]
     fn a_lobe_holds_all_its_light_and_no_more_radiance_than_the_sun() {
         const STEPS: usize = 200_000;
-        let solid_angle = PI * (SUN_RADIUS_M / AU_M).powi(2);
-        for lobe in [
-            Lobe::mirror(),
-            Lobe::smooth(0.0),
-            Lobe::smooth(0.3),
-            Lobe::smooth(PI / 2.0),
-        ] {
-            // Even steps of the cosine are even steps of the solid angle.
-            let ring = 2.0 * PI * lobe.depth / STEPS as f64;
-            let at = |i: usize| 1.0 - lobe.depth * (i as f64 + 0.5) / STEPS as f64;
-            let all: f64 = (0..STEPS).map(|i| lobe.density(at(i)) * ring).sum();
-            assert!((all - 1.0).abs() < 1e-6, "{lobe:?}: {all}");
-            assert!(lobe.density(1.0) <= 1.0001 / solid_angle, "{lobe:?}");
-            assert_eq!(lobe.density(lobe.cos_edge() - 1e-9), 0.0);
+        // X-Val: the Earth's orbit has an eccentricity of 0.0167.
+        for distance_m in [0.983 * AU_M, AU_M, 1.017 * AU_M] {
+            let sun_radius = (SUN_RADIUS_M / distance_m).asin();
+            let solid_angle = PI * (SUN_RADIUS_M / distance_m).powi(2);
+            for lobe in [
+                Lobe::Mirror,
+                Lobe::Smooth(0.0),
+                Lobe::Smooth(0.3),
+                Lobe::Smooth(PI / 2.0),
+            ] {
+                let cap = lobe.cap(sun_radius);
+                // Even steps of the cosine are even steps of the solid angle.
+                let ring = 2.0 * PI * cap.depth / STEPS as f64;
+                let at = |i: usize| 1.0 - cap.depth * (i as f64 + 0.5) / STEPS as f64;
+                let all: f64 = (0..STEPS).map(|i| cap.density(at(i)) * ring).sum();
+                assert!((all - 1.0).abs() < 1e-6, "{lobe:?}: {all}");
+                assert!(cap.density(1.0) <= 1.0001 / solid_angle, "{lobe:?}");
+                assert_eq!(cap.density(cap.cos_edge() - 1e-9), 0.0);
+            }
         }
     }
 }
