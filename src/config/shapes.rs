@@ -88,6 +88,8 @@ const MODES: &[(&str, &[&str], &[&str])] = &[
 
 /// Lengths of parts, m.
 const LENGTHS: RangeInclusive<f64> = 1e-3..=1e4;
+/// Directions nearer to each other than this (rad) are the same.
+const ALONG: f64 = 1e-6;
 /// Parts that a shape may have: their light is worked out in up to hundreds of instants a frame.
 const MOST_PARTS: usize = 200;
 
@@ -147,17 +149,12 @@ impl RawPart {
             "plate" => {
                 let area = self.area_m2.unwrap_or(0.0);
                 let of = format!("{key}.area_m2");
+                let normal = direction(&format!("{key}.normal"), &self.normal, check)?;
                 let plate = Plate {
                     area_m2: check.range_in("m^2", &of, area, 1e-6..=1e6)?,
-                    normal: direction(&format!("{key}.normal"), &self.normal, check)?,
+                    normal,
                     two_sided: self.two_sided.unwrap_or(false),
-                    hinge: match self.sun_axis {
-                        Some(_) => {
-                            let of = format!("{key}.sun_axis");
-                            Some(direction(&of, &self.sun_axis, check)?)
-                        }
-                        None => None,
-                    },
+                    hinge: self.hinge(key, &normal, check)?,
                 };
                 shape.plate(plate, surface);
             }
@@ -227,6 +224,25 @@ impl RawPart {
         };
         no_more_than_all(key, [surface.diffuse, surface.specular], "part", check)?;
         Ok(surface)
+    }
+
+    /// The axis that a plate turns about, across its normal at least in part: about that itself no turn faces it to anything.
+    fn hinge(
+        &self,
+        key: &str,
+        normal: &Unit<Vector3<f64>>,
+        check: &Check,
+    ) -> Result<Option<Unit<Vector3<f64>>>, ConfigError> {
+        let Some(Fixed(axes)) = self.sun_axis else {
+            return Ok(None);
+        };
+        let key = format!("{key}.sun_axis");
+        let hinge = direction(&key, &self.sun_axis, check)?;
+        if hinge.cross(normal).norm() < ALONG {
+            let allowed = "at an angle to the normal: about its normal a plate turns towards no Sun; give the axis it is hinged on, or leave it out";
+            return Err(check.refuse(&key, format!("{axes:?}"), allowed));
+        }
+        Ok(Some(hinge))
     }
 
     fn ends(&self, key: &str, check: &Check) -> Result<Ends, ConfigError> {

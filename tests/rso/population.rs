@@ -155,6 +155,23 @@ fn parts_that_there_cannot_be() {
         &[".sun_axis = ", "not zero"],
     );
     part(
+        &plate("area_m2 = 1, normal = [0, 0, 1], sun_axis = [0, nan, 1]"),
+        &[".sun_axis[1] = NaN"],
+    );
+    // Forward and back along the normal.
+    for normal in ["[0.1, 0.2, 0.3]", "[-1, -2, -3]"] {
+        part(
+            &plate(&format!(
+                "area_m2 = 1, normal = {normal}, sun_axis = [10, 20, 30]"
+            )),
+            &[
+                ".sun_axis = [10.0, 20.0, 30.0]",
+                "angle to the normal",
+                "leave it out",
+            ],
+        );
+    }
+    part(
         &plate("area_m2 = 1, normal = [0, 0, 1], diameter_m = 2"),
         &[".diameter_m", "means nothing to kind \"plate\""],
     );
