@@ -2,7 +2,8 @@
 
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::{Config, Observer, Sequence, TimedAttitude};
-use crate::scene::{Exposure, Unobservable, shutter, turn_at};
+use crate::scene::{Exposure, Unobservable, above_the_moon, shutter, turn_at};
+use crate::sky::bodies::Bodies;
 use crate::sky::shadow::Earth;
 use hifitime::Epoch;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -44,6 +45,16 @@ pub enum FlightError {
         epoch: Epoch,
         /// Where the observer would be, GCRF, km.
         position_km: [f64; 3],
+    },
+    /// A place inside the Moon, or a time at which nobody knows where that is.
+    #[error("{key} = {value}: {source}")]
+    NearMoon {
+        /// The key or option that gives the observer's orbit.
+        key: &'static str,
+        /// What it gives.
+        value: String,
+        /// What is wrong.
+        source: Unobservable,
     },
     /// Attitude or orbit at a frame.
     #[error(transparent)]
@@ -110,8 +121,11 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     Ok(mission)
 }
 
-/// Refuses an observer who is inside the Earth in the middle of an exposure. Packets on a wire are held to the radius of the pole alone
-/// (`attitude::check_orbit`): their time comes with them.
+/// Nearer to the Earth's centre than this (m) there is no Moon: its perigees are 356,400 km away.
+const BELOW_MOON: f64 = 3.5e8;
+
+/// Refuses an observer who is inside the Earth or the Moon in the middle of an exposure. Packets on a wire are held to the radius of the Earth's
+/// pole alone (`attitude::check_orbit`) before their time, which comes with them, and to the Moon at it (`scene::shutter`).
 fn above_ground(observer: &Observer, mission: &Mission) -> Result<(), FlightError> {
     // A state is carried on from frame to frame: from the first to each would take longer with every frame.
     let mut drifting = match observer {
@@ -143,6 +157,11 @@ fn above_ground(observer: &Observer, mission: &Mission) -> Result<(), FlightErro
                 epoch,
                 position_km: state.position_m.map(|m| (m * 1e-2).round() / 10.0).into(),
             });
+        }
+        if state.position_m.norm() > BELOW_MOON {
+            let moon = Bodies::at(epoch).map_err(Unobservable::from);
+            moon.and_then(|at| above_the_moon(&state.position_m, &at.moon_geocentric_m, epoch))
+                .map_err(|source| FlightError::NearMoon { key, value, source })?;
         }
     }
     Ok(())

@@ -31,7 +31,7 @@ pub use lit::Lit;
 pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e};
 pub use sun::SeenSun;
-pub use view::{Candidate, MAX_TURN, Unobservable, View, shutter, turn_at};
+pub use view::{Candidate, MAX_TURN, Unobservable, View, above_the_moon, shutter, turn_at};
 pub use wanderer::{MOON, SeenWanderer};
 pub use work::{Work, still_ms};
 

@@ -9,7 +9,7 @@ use crate::footprint::Light;
 use crate::rng::NoiseKey;
 use crate::sky::apparent::Observer;
 use crate::sky::bodies::{Bodies, EpochOutOfRange, LIGHT_M_S};
-use crate::sky::moon::MoonDisc;
+use crate::sky::moon::{MoonDisc, RADIUS_M};
 use crate::sky::photometry::photon_irradiance;
 use crate::sky::population::SeenObject;
 use crate::sky::shadow::Earth;
@@ -51,6 +51,32 @@ pub enum Unobservable {
         /// What is wrong with it there.
         source: AttitudeError,
     },
+    /// The observer is inside the Moon.
+    #[error(
+        "the observer is {:.1} km from the Moon's centre at {}: must be above its ground, {:.1} km from there; check state or orbit, units and epochs",
+        distance_m * 1e-3,
+        utc_text(*epoch),
+        RADIUS_M * 1e-3
+    )]
+    InMoon {
+        /// An instant of the exposure.
+        epoch: Epoch,
+        /// From the Moon's centre, m.
+        distance_m: f64,
+    },
+}
+
+/// Refuses a geocentric place (ICRF axes, m) inside the Moon or on it; `moon_m` is the Moon's at that epoch.
+pub fn above_the_moon(
+    position_m: &Vector3<f64>,
+    moon_m: &Vector3<f64>,
+    epoch: Epoch,
+) -> Result<(), Unobservable> {
+    let distance_m = (position_m - moon_m).norm();
+    if distance_m <= RADIUS_M {
+        return Err(Unobservable::InMoon { epoch, distance_m });
+    }
+    Ok(())
 }
 
 /// How far (rad) a body of these rates (rad/s) turns during an exposure of `exposure_s`, if that can be shown.
@@ -79,6 +105,9 @@ pub fn shutter(vehicle: &VehicleState, exposure: &Exposure) -> Result<[Observer;
             check_orbit(state).map_err(|source| Unobservable::State { epoch, source })?;
         }
         let state = orbit.unwrap_or(centre);
+        let moon_m = bodies.moon_geocentric_m
+            + bodies.moon_geocentric_velocity_m_s * (epoch - exposure.mid).to_seconds();
+        above_the_moon(&state.position_m, &moon_m, epoch)?;
         Ok(Observer {
             epoch,
             position_m: state.position_m,
@@ -172,7 +201,7 @@ impl View {
     /// What `camera` on `vehicle` has before it during `exposure`.
     ///
     /// Fails only where the epoch lies outside the ephemerides, the body turns further than [`MAX_TURN`], or the
-    /// observer's state, carried through the exposure, leaves its range.
+    /// observer's state, carried through the exposure, leaves its range or comes into the Moon.
     pub fn new(
         world: &World,
         camera: &Arc<Camera>,

@@ -3,7 +3,7 @@
 use super::view::{Candidate, View};
 use super::{Body, Hidden, World};
 use crate::sky::Observer;
-use crate::sky::moon::{MoonDisc, RADIUS_M};
+use crate::sky::moon::MoonDisc;
 use crate::sky::planets;
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
@@ -80,7 +80,7 @@ impl View {
         angle: f64,
     ) -> Option<Candidate> {
         let reach = (angle + disc.angular_radius).min(std::f64::consts::PI);
-        if disc.direction.dot(axis) < libm::cos(reach) || disc.distance_m <= RADIUS_M {
+        if disc.direction.dot(axis) < libm::cos(reach) {
             return None;
         }
         let earth = Earth::at(self.exposure.mid);

@@ -1,6 +1,10 @@
 //! Observers inside the Earth: refused before anything is written.
 
 use crate::{EPOCH, Q, skyloop};
+use hifitime::Unit;
+use nalgebra::Vector3;
+use skyloop::orbit::time::{parse_utc, utc_text};
+use skyloop::sky::bodies::Bodies;
 
 /// An observer inside the Earth: by a state, and by an orbit that goes there in a later exposure of a scene.
 #[test]
@@ -68,4 +72,73 @@ fn an_observer_below_the_ground() {
         assert!(message.contains(word), "{message} has no {word}");
     }
     scene(2).success();
+}
+
+/// On the Moon, by a state; and in it, by an orbit that falls there in a later exposure of a scene. Nothing is written.
+#[test]
+fn an_observer_inside_the_moon() {
+    // X-Val: IAU WGCCRE 2015: the Moon's mean radius is 1737.4 km.
+    let here = tempfile::tempdir().unwrap();
+    let start = parse_utc(EPOCH).unwrap();
+    let moon_km = |s: i32| {
+        let epoch = start + Unit::Second * f64::from(s);
+        Bodies::at(epoch).unwrap().moon_geocentric_m * 1e-3
+    };
+    let render = |height_km: f64| {
+        let at = moon_km(0) + Vector3::new(0.0, 0.0, height_km);
+        let state = format!("{},{},{},0,0,0", at.x, at.y, at.z);
+        let args = ["render", "--epoch", EPOCH, "--attitude", Q, "--out", "o"];
+        let mut command = skyloop(here.path());
+        command.args(args).args(["--state", &state]).assert()
+    };
+    let message = |refused: assert_cmd::assert::Assert| {
+        String::from_utf8(refused.get_output().stderr.clone()).unwrap()
+    };
+    let said = message(render(1737.39).failure());
+    for word in [
+        "--state = ",
+        "1737.4 km from the Moon's centre",
+        "2019-06-15T23:35:50",
+        "above its ground",
+    ] {
+        assert!(said.contains(word), "{said} has no {word}");
+    }
+    assert!(!here.path().join("o").exists());
+    render(1742.0).success();
+
+    let write = |name: &str, text: &str| std::fs::write(here.path().join(name), text).unwrap();
+    let mut oem = format!(
+        "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-01-01T00:00:00\nORIGINATOR = TEST\n\nMETA_START\nOBJECT_NAME = DIVER\n\
+         OBJECT_ID = 2026-001A\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = {}\nSTOP_TIME = {}\n\
+         INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = 5\nMETA_STOP\n\n",
+        utc_text(start).trim_end_matches('Z'),
+        utc_text(start + Unit::Second * 20.0).trim_end_matches('Z'),
+    );
+    // Falling by 2 km a second from 1747 km: in the Moon after 5 s.
+    for s in 0..=20 {
+        let at = moon_km(s) + Vector3::new(0.0, 0.0, 1747.0 - 2.0 * f64::from(s));
+        let epoch = utc_text(start + Unit::Second * f64::from(s));
+        let epoch = epoch.trim_end_matches('Z');
+        oem += &format!("{epoch} {} {} {} 0 0 0\n", at.x, at.y, at.z);
+    }
+    write("diver.oem", &oem);
+    write(
+        "scene.toml",
+        &format!(
+            "[observer]\norbit = \"diver.oem\"\n[sequence]\nepoch = \"{EPOCH}\"\nframes = 10\nperiod_s = 1.0\n\
+             attitudes = [{{ q = [0.0, 0.0, 0.0, 1.0] }}]\n"
+        ),
+    );
+    let args = ["render", "--scene", "scene.toml", "--out", "p"];
+    let said = message(skyloop(here.path()).args(args).assert().failure());
+    for word in [
+        "scene.toml",
+        "observer.orbit = ",
+        "DIVER",
+        "1737.0 km from the Moon's centre",
+        "2019-06-15T23:35:55",
+    ] {
+        assert!(said.contains(word), "{said} has no {word}");
+    }
+    assert!(!here.path().join("p").exists());
 }

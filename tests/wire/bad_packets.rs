@@ -1,6 +1,9 @@
 //! The table of bad packets.
 
 use crate::support::{EPOCH, Q, attitude, later};
+use nalgebra::Vector3;
+use skyloop::sky::bodies::Bodies;
+use skyloop_firmware_sim::time::to_epoch;
 use skyloop_protocols::packet::{CRC_LENGTH, reseal};
 use skyloop_protocols::{Attitude, Command, OrbitState, Reason, WireTime};
 
@@ -74,6 +77,12 @@ fn with_state(position_m: [f64; 3], velocity_m_s: [f64; 3]) -> Command {
         }),
         ..attitude(902)
     })
+}
+
+/// 1000 km above the Moon's centre at [`EPOCH`], GCRF, m.
+fn in_the_moon() -> [f64; 3] {
+    let moon_m = Bodies::at(to_epoch(EPOCH)).unwrap().moon_geocentric_m;
+    (moon_m + Vector3::new(0.0, 0.0, 1e6)).into()
 }
 
 /// Leaves the first `length` octets, sealed anew, with the length that the header states left as it was.
@@ -159,6 +168,13 @@ pub fn cases() -> Vec<Case> {
             ValueOutOfRange,
             "bad_value",
             &["attitude 902", "position", "at least 6356000 m"],
+        ),
+        case(
+            "position inside the Moon",
+            with_state(in_the_moon(), V),
+            ValueOutOfRange,
+            "bad_value",
+            &["attitude 902", "from the Moon's centre", "1737.4 km"],
         ),
         case(
             "velocity beyond reason",
