@@ -1,7 +1,7 @@
 //! `skyloop lightcurve`: the magnitude of an object against time, as an observer in orbit sees it.
 
-use super::progress;
-use anyhow::{Context, anyhow, bail};
+use super::{progress, scene, scene_name, warn_of_refused};
+use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
 use skyloop::config::{Config, Observer};
@@ -43,21 +43,15 @@ const MOST_POINTS: f64 = 1e6;
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let mut config = match &args.scene {
-        Some(scene) => Config::load(scene)?,
-        None => Config::builtin()?,
-    };
-    for line in &config.rejected {
-        tracing::warn!("refused: {line}");
-    }
-    let name = args.scene.as_ref().map(|scene| scene.display().to_string());
-    let name = name.unwrap_or("the built-in scene".to_string());
-    let span = span(&args, &config).context(name.clone())?;
+    let mut config = scene(args.scene.as_deref())?;
+    warn_of_refused(&config);
+    let name = scene_name(args.scene.as_deref());
+    let span = span(&args, &config, &name)?;
     let Some(Observer::Object(observer)) = config.observer.take() else {
         bail!("{name}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\"");
     };
     let population = config.take_population();
-    let index = find(&population.objects, &args.object).with_context(|| name.clone())?;
+    let index = find(&population.objects, &args.object, &name)?;
     let object = &population.objects[index];
     if object.id == observer.id {
         bail!("--object {}: that is the observer itself", object.label());
@@ -102,11 +96,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 }
 
 /// The instants: those of the scene's sequence, where the arguments do not say otherwise.
-fn span(args: &Args, config: &Config) -> anyhow::Result<Span> {
+fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
     let sequence = config.sequence.as_ref();
     let first = sequence.map(|s| s.epoch);
     let last = sequence.map(|s| s.epoch + Unit::Second * (s.period_s * f64::from(s.frames - 1)));
-    let none = |key: &str| anyhow!("the scene has no [sequence] to take it from: give {key}");
+    let none = |key: &str| anyhow!("{scene}: no [sequence] to take it from: give {key}");
     let from = args.from.or(first).ok_or_else(|| none("--from UTC"))?;
     let to = args.to.or(last).ok_or_else(|| none("--to UTC"))?;
     let step_s = args
@@ -121,20 +115,24 @@ fn span(args: &Args, config: &Config) -> anyhow::Result<Span> {
         bail!("--exposure {exposure_s}: a number of seconds from 0 to 10000 is wanted");
     }
     let length_s = (to - from).to_seconds();
+    let named = |option: &str, given: bool, value: String| match given {
+        true => format!("{option} {value}"),
+        false => format!("{option} {value} (the scene's)"),
+    };
+    let ends = [
+        named("--from", args.from.is_some(), utc_text(from)),
+        named("--to", args.to.is_some(), utc_text(to)),
+    ];
+    let ends = ends.join(", ");
     if length_s < 0.0 {
-        bail!(
-            "from {} to {}: the end lies before the start; give --from and --to",
-            utc_text(from),
-            utc_text(to)
-        );
+        bail!("{ends}: the end lies before the start; give --from and --to in their order");
     }
     // The last instant counts, whatever a division rounds to.
     let points = (length_s / step_s * (1.0 + 1e-12)).floor() + 1.0;
     if points > MOST_POINTS {
+        let step = named("--step", args.step.is_some(), step_s.to_string());
         bail!(
-            "{points:.0} points from {} to {}: at most {MOST_POINTS:.0}; enlarge --step",
-            utc_text(from),
-            utc_text(to)
+            "{step}, {ends}: these are {points:.0} points, at most {MOST_POINTS:.0} are written; enlarge --step"
         );
     }
     Ok(Span {
@@ -146,9 +144,9 @@ fn span(args: &Args, config: &Config) -> anyhow::Result<Span> {
 }
 
 /// The object that goes by this name.
-fn find(objects: &[Object], name: &str) -> anyhow::Result<usize> {
+fn find(objects: &[Object], name: &str, scene: &str) -> anyhow::Result<usize> {
     if objects.is_empty() {
-        bail!("the scene has no objects: name their files in [objects] files or population");
+        bail!("{scene}: has no objects: name their files in [objects] files or population");
     }
     let all = Loaded {
         objects: objects.to_vec(),
@@ -156,7 +154,7 @@ fn find(objects: &[Object], name: &str) -> anyhow::Result<usize> {
     };
     let found = all
         .find(Some(name))
-        .map_err(|why| anyhow!("--object: {why}"))?;
+        .map_err(|why| anyhow!("--object {name}: {why}"))?;
     let index = objects.iter().position(|object| object.id == found.id);
     index.ok_or_else(|| anyhow!("--object {name}: no such object"))
 }

@@ -1,9 +1,9 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
-use super::{instruments, levels, mission, progress, with_level};
+use super::{instruments, levels, mission, progress, scene, warn_of_refused, with_level};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
-use skyloop::config::{Clock, Config};
+use skyloop::config::Clock;
 use skyloop::effect::counted;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, Roles};
@@ -49,13 +49,8 @@ const WRITE_QUEUE: usize = 8;
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let mut config = match &args.scene {
-        Some(scene) => Config::load(scene)?,
-        None => Config::builtin()?,
-    };
-    for line in &config.rejected {
-        tracing::warn!("refused: {line}");
-    }
+    let mut config = scene(args.scene.as_deref())?;
+    warn_of_refused(&config);
     if let (Some(sequence), Some(frames)) = (&mut config.sequence, args.frames) {
         sequence.frames = frames;
     }

@@ -84,6 +84,28 @@ pub fn start_log(verbose: bool) {
         .init();
 }
 
+/// The scene of a file, or the built-in one.
+fn scene(file: Option<&Path>) -> anyhow::Result<Config> {
+    Ok(match file {
+        Some(file) => Config::load(file)?,
+        None => Config::builtin()?,
+    })
+}
+
+/// What a scene is called: its file.
+fn scene_name(file: Option<&Path>) -> String {
+    file.map_or("the built-in scene".to_string(), |file| {
+        file.display().to_string()
+    })
+}
+
+/// Logs what was refused of a scene's orbit files.
+fn warn_of_refused(config: &Config) {
+    for line in &config.rejected {
+        tracing::warn!("refused: {line}");
+    }
+}
+
 /// The mission of a configuration; an error names the scene file that it comes from.
 fn mission(config: &Config, scene: Option<&Path>) -> anyhow::Result<Mission> {
     let mission = flight::mission(config);

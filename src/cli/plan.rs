@@ -1,11 +1,10 @@
 //! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and what it saves.
 
-use super::{mission, progress};
+use super::{mission, progress, scene, scene_name};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::camera::Camera;
-use skyloop::config::Config;
 use skyloop::effect::{EFFECTS, digits};
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Choice;
@@ -77,10 +76,7 @@ struct Line {
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let mut config = match &args.scene {
-        Some(scene) => Config::load(scene)?,
-        None => Config::builtin()?,
-    };
+    let mut config = scene(args.scene.as_deref())?;
     if let Some(camera) = &args.camera {
         config.camera = Camera::load(camera, &Folder::current())?;
     }
@@ -96,9 +92,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         vehicle: flight::vehicle(&mission, args.frame)?,
     };
     let fidelity = emulator.fidelity();
-    let scene = args.scene.map(|scene| scene.display().to_string());
     let report = Report {
-        scene: scene.unwrap_or("the built-in scene".to_string()),
+        scene: scene_name(args.scene.as_deref()),
         camera: bench.camera.name.clone(),
         frame: args.frame,
         epoch_mid: utc_text(bench.vehicle.epoch),

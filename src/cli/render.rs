@@ -1,6 +1,6 @@
 //! `skyloop render`: frames and labels into a folder, without a flight computer.
 
-use super::{mission, progress};
+use super::{mission, progress, warn_of_refused};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
@@ -109,9 +109,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = configure(&args)?;
-    for line in &config.rejected {
-        tracing::warn!("refused: {line}");
-    }
+    warn_of_refused(&config);
     let mission = mission(&config, args.scene.as_deref())?;
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = !args.no_noise;

@@ -1,9 +1,9 @@
 //! `skyloop replay`: the inputs of a recording once more, and what comes of them compared.
 
-use super::{levels, with_level};
+use super::{levels, scene, warn_of_refused, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
-use skyloop::config::{Clock, Config};
+use skyloop::config::Clock;
 use skyloop::effect::counted;
 use skyloop::engine::Emulator;
 use skyloop::link::capture::replay::{Progress, Recording, Replay, Same, load};
@@ -47,13 +47,8 @@ fn seconds(text: &str) -> Result<Duration, String> {
 /// Runs the command; `verbose`: lists the frames.
 pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     let recording = load(&args.file, &NATIVE)?;
-    let mut config = match args.config.as_ref().or(args.scene.as_ref()) {
-        Some(file) => Config::load(file)?,
-        None => Config::builtin()?,
-    };
-    for line in &config.rejected {
-        tracing::warn!("refused: {line}");
-    }
+    let mut config = scene(args.config.as_deref().or(args.scene.as_deref()))?;
+    warn_of_refused(&config);
     if let (Some(file), Clock::Wall) = (&args.config, config.run.clock) {
         bail!(
             "{}: run.clock = \"wall\": only stepped runs can be replayed: by the wall clock frames depend on the moment",

@@ -1,6 +1,6 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
-use super::{instruments, levels, with_level};
+use super::{instruments, levels, warn_of_refused, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -37,9 +37,7 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = Config::load(&args.config)?;
-    for line in &config.rejected {
-        tracing::warn!("refused: {line}");
-    }
+    warn_of_refused(&config);
     let idle = Duration::from_secs_f64(config.run.idle_s);
     let urls = match args.link.is_empty() {
         true => &config.run.links,

@@ -199,24 +199,35 @@ fn wrong_input_says_what_to_do() {
     let with = |more: &[&'static str]| [&rocket[..], more].concat();
     refuses(
         &with(&["ISS"]),
-        &["no object called \"ISS\"", "NORAD 99002 (ROCKET BODY)"],
+        &[
+            "error: --object ISS: no object called",
+            "NORAD 99002 (ROCKET BODY)",
+        ],
     );
     refuses(
         &with(&["99002", "--step", "0"]),
-        &["--step 0", "from 1e-6 to 1e6"],
+        &["error: --step 0: ", "from 1e-6 to 1e6"],
     );
     refuses(&with(&["99002", "--step", "nan"]), &["--step NaN"]);
     refuses(
         &with(&["99002", "--exposure", "-1"]),
-        &["--exposure -1", "0 to 10000"],
+        &["error: --exposure -1: ", "0 to 10000"],
     );
     refuses(
         &with(&["99002", "--step", "1e-6"]),
-        &["points", "enlarge --step"],
+        &[
+            "error: --step 0.000001, --from 2026-06-01T00:33:00",
+            "20000001 points",
+            "enlarge --step",
+        ],
     );
     refuses(
         &with(&["99002", "--from", "2026-06-02T00:00:00Z"]),
-        &["the end lies before the start", "--to"],
+        &[
+            "error: --from 2026-06-02T00:00:00",
+            "--to 2026-06-01T00:33:20.000Z (the scene's)",
+            "the end lies before the start",
+        ],
     );
     refuses(
         &with(&["99002", "--from", "tomorrow"]),
@@ -242,7 +253,7 @@ fn wrong_input_says_what_to_do() {
             "--object",
             "X",
         ],
-        &["has no objects", "[objects]"],
+        &["south-atlantic-anomaly.toml: has no objects", "[objects]"],
     );
 }
 
