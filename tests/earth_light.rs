@@ -1,27 +1,18 @@
 //! The Earth's disc against the Lambert sphere's closed form, the solar constant, and the limb that the shadow knows.
 
-use std::f64::consts::PI;
-use std::str::FromStr;
+#[path = "support/earth.rs"]
+mod place;
 
-use hifitime::Epoch;
+use std::f64::consts::PI;
+
 use nalgebra::Vector3;
+use place::{axes, earth};
 use skyloop::camera::{Band, SUN_MAGNITUDE};
 use skyloop::sky::EarthDisc;
 use skyloop::sky::bodies::AU_M;
 use skyloop::sky::earth_light::EARTH_ALBEDO;
 use skyloop::sky::photometry::{diffuse_phase, photon_irradiance};
-use skyloop::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth};
-
-fn earth() -> Earth {
-    Earth::at(Epoch::from_str("2019-06-15T23:35:50 UTC").unwrap())
-}
-
-/// The pole and two vectors across it: GCRF, unit vectors.
-fn axes() -> [Vector3<f64>; 3] {
-    let pole = earth().pole();
-    let x = pole.cross(&Vector3::y()).normalize();
-    [x, pole.cross(&x), pole]
-}
+use skyloop::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M};
 
 /// Irradiance of the whole disc over the Sun's at 1 au.
 fn total(disc: &EarthDisc, patches: usize) -> f64 {

@@ -1,29 +1,19 @@
 //! The atmosphere's light against an independent radiative transfer model and the laws it obeys.
 
+#[path = "support/earth.rs"]
+mod place;
 mod reference;
 
 use std::f64::consts::PI;
-use std::str::FromStr;
 use std::sync::Arc;
 
-use hifitime::Epoch;
 use nalgebra::Vector3;
+use place::{axes, earth};
 use reference::{number, rows, vector};
 use skyloop::camera::Band;
 use skyloop::sky::bodies::AU_M;
-use skyloop::sky::shadow::{EARTH_RADIUS_M, Earth};
+use skyloop::sky::shadow::EARTH_RADIUS_M;
 use skyloop::sky::{Atmosphere, EarthDisc, Limb};
-
-fn earth() -> Earth {
-    Earth::at(Epoch::from_str("2019-06-15T23:35:50 UTC").unwrap())
-}
-
-/// Two vectors in the equator plane and the pole.
-fn axes() -> [Vector3<f64>; 3] {
-    let pole = earth().pole();
-    let x = pole.cross(&Vector3::y()).normalize();
-    [x, pole.cross(&x), pole]
-}
 
 fn band(from_nm: f64, to_nm: f64) -> (Band, Arc<Atmosphere>) {
     let band = Band::top_hat(from_nm * 1e-9, to_nm * 1e-9);

@@ -38,14 +38,19 @@ pub struct RawObjects {
 
 impl Default for RawObjects {
     fn default() -> Self {
-        let sphere = Sphere::default();
+        let RawSphere {
+            diameter_m,
+            reflectance,
+            diffuse,
+            specular,
+        } = RawSphere::default();
         RawObjects {
             population: None,
             files: Vec::new(),
-            diameter_m: sphere.diameter_m,
-            reflectance: sphere.reflectance,
-            diffuse: sphere.diffuse,
-            specular: sphere.specular,
+            diameter_m,
+            reflectance,
+            diffuse,
+            specular,
         }
     }
 }
