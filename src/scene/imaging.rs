@@ -3,7 +3,7 @@
 use super::collected::Collected;
 use super::view::{Candidate, View};
 use super::wanderer::Element;
-use super::{Body, Simulated, Source};
+use super::{Area, Body, Simulated, Source};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::track::{Course, Place, Rows, Track};
@@ -38,9 +38,10 @@ impl View {
             light,
             centre,
             footprint,
-        } = match candidate.body.elements() {
-            [] => self.point(track, candidate, simulated, fidelity),
-            elements => self.disc(elements, candidate, simulated, fidelity),
+        } = match (candidate.body.area(), candidate.body.elements()) {
+            (Some(area), _) => self.laid(area, track, candidate, simulated, fidelity),
+            (None, []) => self.point(track, candidate, simulated, fidelity),
+            (None, elements) => self.disc(elements, candidate, simulated, fidelity),
         };
         if footprint.shares().is_empty() && !camera.detector.contains(centre) {
             return None;
@@ -118,6 +119,26 @@ impl View {
             light,
             centre: moments.map(|moment| moment / whole),
             footprint: Footprint::sum(&parts),
+        }
+    }
+
+    /// The light of a disc that is laid on the pixels as areas are. What is collected of all of it, on and off the detector, and where, is
+    /// told by its centre.
+    fn laid(
+        &self,
+        area: &Area,
+        track: Track,
+        candidate: &Candidate,
+        simulated: &Simulated,
+        fidelity: &Fidelity,
+    ) -> Point {
+        let centre = self.point(track, candidate, simulated, fidelity);
+        let lit = self.lit_by(area, simulated, fidelity);
+        let whole_e = candidate.electrons() * centre.light;
+        let part = lit.electrons / whole_e.max(f64::MIN_POSITIVE);
+        Point {
+            footprint: Footprint::sum(&[(part, lit.footprint)]),
+            ..centre
         }
     }
 

@@ -8,6 +8,7 @@ mod brightest;
 mod change;
 mod collected;
 mod compared;
+mod disc;
 mod expected;
 mod imaging;
 mod lit;
@@ -146,9 +147,20 @@ impl Body {
         }
     }
 
-    /// How many points its image is made of.
+    /// Its light by direction, where it is too large for elements.
+    fn area(&self) -> Option<&Area> {
+        match self {
+            Body::Wanderer(body) => body.area.as_ref(),
+            Body::Star(_) | Body::Rso(_) => None,
+        }
+    }
+
+    /// How many points its image is made of, or would be in the same time.
     pub fn points(&self) -> usize {
-        self.elements().len().max(1)
+        match self {
+            Body::Wanderer(body) => body.points,
+            Body::Star(_) | Body::Rso(_) => 1,
+        }
     }
 }
 

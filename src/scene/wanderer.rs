@@ -1,9 +1,11 @@
 //! The Moon and the planets before the camera.
 
+use super::disc::LargeDisc;
 use super::view::{Candidate, View};
-use super::{Body, Hidden, World};
+use super::{Area, Body, Hidden, World};
 use crate::sky::Observer;
 use crate::sky::moon::MoonDisc;
+use crate::sky::photometry::photon_irradiance;
 use crate::sky::planets;
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
@@ -13,8 +15,11 @@ use nalgebra::Vector3;
 const ELEMENT: f64 = 1.0;
 /// No square is wider than this, px.
 const WIDEST_PX: f64 = 0.7;
-/// No disc is cut into more squares than this on a side: one that is larger is grainy (0.5 % at 900 px and a width of 0.8 px).
+/// A disc that asks for more squares than this on a side is laid on the pixels as areas are.
 const MOST_ELEMENTS: f64 = 600.0;
+/// Points that take as long as laying a disc on no pixels, and pixels for each further one.
+const AREA_POINTS: usize = 10_000;
+const PIXELS_A_POINT: usize = 42;
 /// Farther (rad) than this from the anti-Sun no part of the Moon is in the Earth's shadow: penumbra and the Moon's radius reach 1.6 deg.
 const ECLIPSED: f64 = 0.03;
 
@@ -35,6 +40,10 @@ pub struct SeenWanderer {
     pub angular_radius: f64,
     /// What it is cut into where it is larger than a pixel; else nothing.
     pub elements: Vec<Element>,
+    /// Its light by direction, where it is too large for them.
+    pub area: Option<Area>,
+    /// How many points its image is made of, or would be in the same time.
+    pub points: usize,
 }
 
 /// A small part of a disc.
@@ -84,7 +93,9 @@ impl View {
             return None;
         }
         let earth = Earth::at(self.exposure.mid);
-        let cells = self.cells(disc);
+        let squares = self.squares(disc);
+        let count = squares.min(MOST_ELEMENTS);
+        let cells = self.cells(disc, count as i64);
         let (mut all, mut light) = (0.0, 0.0);
         let (mut lit, mut behind) = (Vec::new(), false);
         for (direction, share) in cells {
@@ -104,7 +115,8 @@ impl View {
         let visible = light / f64::max(all, f64::MIN_POSITIVE);
         let centre: Vector3<f64> = lit.iter().map(|(at, share)| at * *share).sum();
         let centre = centre.try_normalize(0.0).unwrap_or(disc.direction);
-        let elements = if lit.len() > 1 {
+        let is_large = squares > MOST_ELEMENTS;
+        let elements = if lit.len() > 1 && !is_large {
             let part = |(at, share): &(Vector3<f64>, f64)| Element {
                 offset: at - centre,
                 share: share / light,
@@ -117,14 +129,38 @@ impl View {
         let appears = |observer: &Observer| {
             (observer.moon_m(&world.corrections).normalize() + off).normalize()
         };
+        let directions = [appears(&shutter[0]), centre, appears(&shutter[2])];
+        let mag = disc.magnitude();
+        let clear_e = self.electrons(mag);
+        let area = is_large.then(|| {
+            let large = LargeDisc {
+                disc: *disc,
+                observer: shutter[1],
+                earth,
+                behind,
+                irradiance: photon_irradiance(self.camera.optics.band.zero_point(), mag),
+                turning: directions[0].cross(&directions[2]) / self.open_s.max(f64::MIN_POSITIVE),
+            };
+            // That of the brightest square, on as much of a pixel as it is.
+            let brightest = lit.iter().map(|(_, share)| *share).fold(0.0, f64::max);
+            let square_px = 2.0 * disc.angular_radius * self.scale_and_corner_px.0 / count;
+            let most_e = clear_e * brightest / f64::max(all, f64::MIN_POSITIVE);
+            large.area(2.0 * most_e / (square_px * square_px))
+        });
+        let points = match area {
+            Some(_) => AREA_POINTS + self.camera.detector.pixels() / PIXELS_A_POINT,
+            None => elements.len().max(1),
+        };
         let seen = SeenWanderer {
             name: MOON,
-            directions: [appears(&shutter[0]), centre, appears(&shutter[2])],
-            mag: disc.magnitude(),
+            directions,
+            mag,
             phase: disc.phase,
             distance_m: disc.distance_m,
             angular_radius: disc.angular_radius,
             elements,
+            area,
+            points,
         };
         let hidden = match (visible > 0.0, behind) {
             (true, _) => None,
@@ -132,7 +168,7 @@ impl View {
             (false, false) => Some(Hidden::InShadow),
         };
         Some(Candidate {
-            clear_e: self.electrons(seen.mag),
+            clear_e,
             light: visible,
             hidden,
             body: Body::Wanderer(Box::new(seen)),
@@ -166,6 +202,8 @@ impl View {
                 distance_m: planet.distance_m,
                 angular_radius: 0.0,
                 elements: Vec::new(),
+                area: None,
+                points: 1,
             };
             Candidate {
                 clear_e: self.electrons(body.mag),
@@ -191,15 +229,21 @@ impl View {
         (toward > reach).then_some(Hidden::ByMoon)
     }
 
-    /// The squares of a disc that have light: direction (unit vector) and light (any unit); of a disc smaller than a pixel its middle.
-    fn cells(&self, disc: &MoonDisc) -> Vec<(Vector3<f64>, f64)> {
+    /// How many squares on a side a disc asks for; 1 of one smaller than a pixel.
+    fn squares(&self, disc: &MoonDisc) -> f64 {
         let side_px = 2.0 * disc.angular_radius * self.scale_and_corner_px.0;
         if side_px <= 1.0 {
-            return vec![(disc.direction, 1.0)];
+            return 1.0;
         }
         let core_px = self.camera.optics.psf.core_px();
-        let element_px = (ELEMENT * core_px).min(WIDEST_PX);
-        let count = (side_px / element_px).ceil().min(MOST_ELEMENTS) as i64;
+        (side_px / (ELEMENT * core_px).min(WIDEST_PX)).ceil()
+    }
+
+    /// The squares of a disc, so many on a side, that have light: direction (unit vector) and light (any unit); of one square its middle.
+    fn cells(&self, disc: &MoonDisc, count: i64) -> Vec<(Vector3<f64>, f64)> {
+        if count <= 1 {
+            return vec![(disc.direction, 1.0)];
+        }
         let (x, y) = across(&disc.direction);
         let step = 2.0 * disc.angular_radius / count as f64;
         let at = |i: f64, j: f64| {
@@ -224,7 +268,12 @@ impl View {
 }
 
 /// The part of the Sun's disc that the Moon's surface sees past the Earth, in a direction from the observer.
-fn sunlit(at: &Vector3<f64>, disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
+pub(super) fn sunlit(
+    at: &Vector3<f64>,
+    disc: &MoonDisc,
+    earth: &Earth,
+    observer: &Observer,
+) -> f64 {
     let moon_m = observer.bodies.moon_geocentric_m;
     let sun_m = observer.bodies.sun_apparent_m();
     if (-moon_m).angle(&sun_m) > ECLIPSED {

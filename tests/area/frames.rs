@@ -23,7 +23,7 @@ fn shoot(scene: &str, frame: u32, effects: &[&str]) -> Shot {
     emulator.shoot(&vehicle, 0).unwrap()
 }
 
-fn only(emulator: &mut Emulator, effects: &[&str]) {
+pub fn only(emulator: &mut Emulator, effects: &[&str]) {
     emulator.keep_expected = true;
     let others = EFFECTS.iter().map(|effect| effect.name);
     let kept = |name: &&str| !effects.contains(name) && *name != "readout";
@@ -49,12 +49,12 @@ fn rigel() -> Camera {
     camera
 }
 
-fn expected(shot: &Shot) -> &[f32] {
+pub fn expected(shot: &Shot) -> &[f32] {
     shot.frame.expected_e.as_deref().unwrap()
 }
 
 /// Sum and centre of a frame's expected electrons.
-fn moments(shot: &Shot) -> (f64, [f64; 2]) {
+pub fn moments(shot: &Shot) -> (f64, [f64; 2]) {
     let (mut sum, mut centre) = (0.0, [0.0; 2]);
     for (i, e) in expected(shot).iter().enumerate() {
         let e = f64::from(*e);

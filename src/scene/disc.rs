@@ -1,0 +1,79 @@
+//! The Moon's disc where it is too large for points: light by direction, laid on the pixels as that of areas.
+
+use super::wanderer::sunlit;
+use super::{Area, Kind, Radiance};
+use crate::sky::Observer;
+use crate::sky::moon::MoonDisc;
+use crate::sky::shadow::Earth;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// It comes with the Moon, and is none of those that are looked for by themselves (`KINDS`).
+static DISC: Kind = Kind {
+    effect: "moon",
+    is_in: |simulated| simulated.moon,
+    radiance: |_, _, _| Err(UNLIT.into()),
+    unlit: UNLIT,
+};
+const UNLIT: &str = "no lit part of the Moon is in the field";
+
+/// The disc before one observer.
+#[derive(Debug)]
+pub struct LargeDisc {
+    /// Where it is, and how its light lies on it.
+    pub disc: MoonDisc,
+    /// Who sees it.
+    pub observer: Observer,
+    /// What may hide it and take its sunlight.
+    pub earth: Earth,
+    /// Whether the Earth hides some of it.
+    pub behind: bool,
+    /// Photon irradiance of all its light, in full sunlight, ph/s/m^2.
+    pub irradiance: f64,
+    /// Angular velocity of its direction, ICRF, rad/s.
+    pub turning: Vector3<f64>,
+}
+
+impl LargeDisc {
+    /// With twice the light of its brightest pixel, e-.
+    pub fn area(self, peak_e: f64) -> Area {
+        Area {
+            kind: &DISC,
+            radiance: Ok(Arc::new(self)),
+            peak_e,
+        }
+    }
+}
+
+impl Radiance for LargeDisc {
+    fn toward(&self, direction: &Vector3<f64>) -> f64 {
+        let share = self.disc.brightness(direction);
+        let position_m = self.observer.position_m;
+        if share == 0.0 || self.behind && self.earth.occults_direction(position_m, *direction) {
+            return 0.0;
+        }
+        self.irradiance * share * sunlit(direction, &self.disc, &self.earth, &self.observer)
+    }
+
+    fn edge(&self, direction: &Vector3<f64>) -> f64 {
+        let toward = &self.disc.direction;
+        let off = libm::atan2(toward.cross(direction).norm(), toward.dot(direction));
+        let limb = off - self.disc.angular_radius;
+        if !self.behind {
+            return limb;
+        }
+        limb.max(-self.earth.limb_angle(self.observer.position_m, direction))
+    }
+
+    fn has_edges(&self) -> bool {
+        true
+    }
+
+    fn edge_radius(&self) -> f64 {
+        self.disc.angular_radius
+    }
+
+    fn turning(&self) -> Vector3<f64> {
+        self.turning
+    }
+}

@@ -1,0 +1,179 @@
+//! The Moon's disc at sizes of hundreds and thousands of pixels: the law of Lommel and Seeliger, pixel by pixel.
+
+use crate::frames::{expected, moments, only};
+use nalgebra::Vector3;
+use skyloop::attitude::VehicleState;
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::engine::{Emulator, Shot};
+use skyloop::load::Folder;
+use skyloop::sky::bodies::Bodies;
+use skyloop::sky::moon::MoonDisc;
+use skyloop::sky::shadow::Earth;
+use skyloop::sky::{Corrections, Observer};
+use std::f64::consts::PI;
+
+/// 6 and 94 deg of phase.
+const FULL: &str = "2026-06-29T12:00:00 UTC";
+const QUARTER: &str = "2026-06-21T22:00:00 UTC";
+
+/// The middle of the first partial phase of the eclipse of 3 March 2026. X-Val: penumbra 8:44, umbra 9:50, totality 11:04 UTC (NASA).
+const ECLIPSE: &str = "2026-03-03T10:27:00 UTC";
+
+/// The Moon from a place, GCRF, m.
+fn disc(epoch: &str, position_m: Vector3<f64>) -> MoonDisc {
+    let epoch = epoch.parse().unwrap();
+    let observer = Observer {
+        epoch,
+        position_m,
+        velocity_m_s: Vector3::zeros(),
+        bodies: Bodies::at(epoch).unwrap(),
+    };
+    MoonDisc::seen_by(&observer, &Corrections::default())
+}
+
+/// A camera that has the Moon so many pixels across in the middle of so many, and moves by some; at the Earth's centre, or at a place.
+fn shoot_from(
+    place: Option<Vector3<f64>>,
+    epoch: &str,
+    across_px: f64,
+    pixels: usize,
+    motion_px: f64,
+) -> Shot {
+    let disc = disc(epoch, place.unwrap_or(Vector3::zeros()));
+    let mut camera = Camera::load("rigel-l", &Folder::current()).unwrap();
+    (camera.detector.width, camera.detector.height) = (pixels, pixels);
+    camera.optics.principal_px = [(pixels as f64 - 1.0) / 2.0; 2];
+    camera.optics.focal_px = across_px / (2.0 * disc.angular_radius);
+    // Pixels do not fill: labels list what is not full.
+    camera.exposure_s = 1e-3;
+    let rate = motion_px / (camera.optics.focal_px * camera.exposure_s);
+    let mut config = Config::defaults().unwrap();
+    config.camera = camera;
+    let mut emulator = Emulator::new(&mut config);
+    only(&mut emulator, &["moon", "smear"]);
+    let turn = nalgebra::UnitQuaternion::rotation_between(&disc.direction, &Vector3::z()).unwrap();
+    let q = [turn.i, turn.j, turn.k, turn.w];
+    let orbit = place.map(|position| (position.into(), [0.0; 3]));
+    let epoch = epoch.parse().unwrap();
+    let vehicle = VehicleState::new(0, epoch, q, [0.0, rate, 0.0], orbit).unwrap();
+    emulator.shoot(&vehicle, 0).unwrap()
+}
+
+fn shoot(epoch: &str, across_px: f64, pixels: usize, motion_px: f64) -> Shot {
+    shoot_from(None, epoch, across_px, pixels, motion_px)
+}
+
+/// Electrons that all the Moon's light gives, by the label's magnitude: Clark et al. 2021, Eqs. (1), (2).
+fn all_e(shot: &Shot) -> f64 {
+    let moon = shot.label.objects.iter().find(|o| o.kind == "moon");
+    let camera = &shot.camera;
+    camera.electrons_per_second_at_zero() * 10f64.powf(-0.4 * moon.unwrap().mag) * camera.exposure_s
+}
+
+/// `mu0 / (mu0 + mu)` over its integral, for a place on the disc (radii of it, camera axes).
+fn law(disc: &MoonDisc, to_sun: &Vector3<f64>, [x, y]: [f64; 2]) -> f64 {
+    let mu = (1.0 - x * x - y * y).max(0.0).sqrt();
+    let mu0 = Vector3::new(x, y, -mu).dot(to_sun);
+    // By hand, as in `sky::moon`: S = (pi / 2) (1 - sin(g/2) tan(g/2) ln cot(g/4)).
+    let g = disc.phase;
+    let all = PI / 2.0 * (1.0 - (g / 2.0).sin() * (g / 2.0).tan() * (1.0 / (g / 4.0).tan()).ln());
+    mu0.max(0.0) / (mu0.max(0.0) + mu) / all
+}
+
+/// The greatest difference between pixels and the law, of what it has in the middle; of those that are further than some pixels from limb and
+/// terminator, where it bends.
+fn worst(shot: &Shot, epoch: &str, across_px: f64) -> (f64, usize) {
+    let disc = disc(epoch, Vector3::zeros());
+    let q = shot.label.q_icrf_to_body;
+    let turn = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
+        q[3], q[0], q[1], q[2],
+    ));
+    let to_sun = turn * disc.to_sun;
+    let (pixels, radius) = (shot.camera.detector.width, across_px / 2.0);
+    let middle = (pixels as f64 - 1.0) / 2.0;
+    let scale_e = all_e(shot) / (radius * radius);
+    let (mut worst, mut compared) = (0.0f64, 0);
+    for (i, e) in expected(shot).iter().enumerate() {
+        let [x, y] = [i % pixels, i / pixels].map(|k| (k as f64 - middle) / radius);
+        let wanted = law(&disc, &to_sun, [x, y]) * scale_e;
+        let sunlit = Vector3::new(x, y, -(1.0 - x * x - y * y).max(0.0).sqrt()).dot(&to_sun);
+        if x.hypot(y) < 1.0 - 12.0 / radius && sunlit > 0.1 {
+            worst = worst.max((f64::from(*e) / wanted - 1.0).abs());
+            compared += 1;
+        }
+    }
+    (worst, compared)
+}
+
+#[test]
+fn a_large_disc_is_as_smooth_as_its_law() {
+    for (epoch, across_px, pixels) in [
+        (QUARTER, 200.0, 220),
+        (FULL, 450.0, 460),
+        (QUARTER, 1000.0, 512),
+        (FULL, 2000.0, 512),
+    ] {
+        let shot = shoot(epoch, across_px, pixels, 0.0);
+        let (worst, compared) = worst(&shot, epoch, across_px);
+        println!("{epoch}, {across_px} px: {worst:.2e} over {compared} pixels");
+        assert!(worst < 2e-3, "{epoch}, {across_px}: {worst}");
+        assert!(compared > 8_000, "{compared}");
+    }
+}
+
+/// Made of points below some size and laid as an area above it: the same light, around the same place, and dark beside it.
+#[test]
+fn a_large_disc_has_the_light_and_the_centre_of_its_label() {
+    // While it moves, even light is taken as it is in the middle of its time: towards the terminator it bends.
+    for (motion_px, off_px) in [(0.0, 0.01), (26.0, 0.1)] {
+        for (across_px, pixels) in [(200.0, 260), (480.0, 560)] {
+            let shot = shoot(FULL, across_px, pixels, motion_px);
+            let (sum, centre) = moments(&shot);
+            let moon = shot.label.objects.iter().find(|o| o.kind == "moon");
+            let moon = moon.unwrap();
+            let off = (centre[0] - moon.x_px).hypot(centre[1] - moon.y_px);
+            println!(
+                "{across_px} px, {motion_px} px/s: {} {off}",
+                sum / moon.electrons - 1.0
+            );
+            assert!((sum / moon.electrons - 1.0).abs() < 1e-3, "{across_px}");
+            assert!((moon.electrons / all_e(&shot) - 1.0).abs() < 1e-6);
+            assert!(off < off_px, "{across_px}, {motion_px}: {off} px");
+            // Ten pixels beside the limb, across its way.
+            let row = (centre[1] - across_px / 2.0 - 10.0) as usize;
+            let beside = expected(&shot)[row * pixels + centre[0] as usize];
+            let middle = expected(&shot)[centre[1] as usize * pixels + centre[0] as usize];
+            assert!(beside < 1e-3 * middle, "{beside} {middle}");
+        }
+    }
+}
+
+/// Half behind the Earth, and half in its shadow: what is laid is what the label says arrives, around the same place.
+#[test]
+fn the_earth_takes_of_a_large_disc_what_the_label_says() {
+    // 700 km high, so far around the Earth that its limb stands before the middle of the Moon.
+    let geocentric = disc(FULL, Vector3::zeros()).direction;
+    let across = geocentric.cross(&Vector3::z()).normalize();
+    let at = |depth: f64| (across * depth.cos() - geocentric * depth.sin()) * 7078e3;
+    let earth = Earth::at(FULL.parse().unwrap());
+    let is_up = |depth: f64| earth.limb_angle(at(depth), &disc(FULL, at(depth)).direction) > 0.0;
+    let [mut up, mut down] = [0.0, 1.0];
+    for _ in 0..40 {
+        let middle = 0.5 * (up + down);
+        *(if is_up(middle) { &mut up } else { &mut down }) = middle;
+    }
+    let place = at(up);
+    for (place, epoch) in [(Some(place), FULL), (None, ECLIPSE)] {
+        let shot = shoot_from(place, epoch, 480.0, 560, 0.0);
+        let (sum, centre) = moments(&shot);
+        let moon = shot.label.objects.iter().find(|o| o.kind == "moon");
+        let moon = moon.unwrap();
+        let part = moon.electrons / all_e(&shot);
+        let off = (centre[0] - moon.x_px).hypot(centre[1] - moon.y_px);
+        println!("{epoch}: {part}, {} {off}", sum / moon.electrons - 1.0);
+        assert!((0.05..0.95).contains(&part), "{epoch}: {part}");
+        assert!((sum / moon.electrons - 1.0).abs() < 2e-3, "{epoch}: {sum}");
+        assert!(off < 0.1, "{epoch}: {off} px");
+    }
+}
