@@ -7,6 +7,8 @@ use std::str::FromStr;
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use reference::{number, rows, vector};
+use skyloop::attitude::VehicleState;
+use skyloop::scene::{Exposure, shutter};
 use skyloop::sky::bodies::{AU_M, Bodies};
 use skyloop::sky::moon::MoonDisc;
 use skyloop::sky::planets::{self, Planet};
@@ -189,5 +191,26 @@ fn the_moon_goes_through_its_phases() {
         let at = |x: f64| (disc.direction + sunward * (x * disc.angular_radius)).normalize();
         assert!(disc.brightness(&at(0.95)) > 0.0, "{epoch}");
         assert_eq!(disc.brightness(&at(-0.95)) > 0.0, phase < 10.0, "{epoch}");
+    }
+}
+
+/// While the shutter is open: what an observer sees at its ends is what one sees who looks then.
+#[test]
+fn moon_and_planets_move_on_during_an_exposure() {
+    let mid = at_the_earths_centre("2026-08-10T12:00:00").epoch;
+    let vehicle = VehicleState::new(0, mid, [0.0, 0.0, 0.0, 1.0], [0.0; 3], None).unwrap();
+    let all = Corrections::default();
+    for seen in shutter(&vehicle, &Exposure::around(mid, 600.0)).unwrap() {
+        let then = Observer {
+            bodies: Bodies::at(seen.epoch).unwrap(),
+            ..seen
+        };
+        let off = arcsec(seen.moon_m(&all), then.moon_m(&all));
+        assert!(off < 0.15, "Moon: {off} arcsec");
+        for name in ["Venus", "Jupiter"] {
+            let [seen, then] = [&seen, &then].map(|observer| planet(name, observer).direction);
+            let off = arcsec(seen, then);
+            assert!(off < 0.05, "{name}: {off} arcsec");
+        }
     }
 }

@@ -92,7 +92,7 @@ pub fn turn_at(rates: Vector3<f64>, exposure_s: f64) -> Result<f64, Unobservable
     Ok(turn)
 }
 
-/// The observer at start, mid and end of an exposure. The Earth and the Sun are taken at mid, for which they are asked.
+/// The observer at start, mid and end of an exposure. The bodies are asked for at mid, and move on in straight lines from there.
 pub fn shutter(vehicle: &VehicleState, exposure: &Exposure) -> Result<[Observer; 3], Unobservable> {
     let centre = StateVector {
         position_m: Vector3::zeros(),
@@ -105,9 +105,8 @@ pub fn shutter(vehicle: &VehicleState, exposure: &Exposure) -> Result<[Observer;
             check_orbit(state).map_err(|source| Unobservable::State { epoch, source })?;
         }
         let state = orbit.unwrap_or(centre);
-        let moon_m = bodies.moon_geocentric_m
-            + bodies.moon_geocentric_velocity_m_s * (epoch - exposure.mid).to_seconds();
-        above_the_moon(&state.position_m, &moon_m, epoch)?;
+        let bodies = bodies.after((epoch - exposure.mid).to_seconds());
+        above_the_moon(&state.position_m, &bodies.moon_geocentric_m, epoch)?;
         Ok(Observer {
             epoch,
             position_m: state.position_m,
