@@ -223,6 +223,13 @@ impl RawPart {
             },
         };
         no_more_than_all(key, [surface.diffuse, surface.specular], "part", check)?;
+        if self.lobe_deg.is_some() && (surface.specular == 0.0 || self.kind == "sphere") {
+            let reason = match surface.specular {
+                0.0 => "means nothing where nothing is mirrored: give specular, or leave it out",
+                _ => "means nothing to a sphere, which mirrors the same to all sides: leave it out",
+            };
+            return Err(check.explain(&format!("{key}.lobe_deg"), reason));
+        }
         Ok(surface)
     }
 

@@ -196,6 +196,14 @@ fn parts_that_there_cannot_be() {
         &[".lobe_deg = 0.2", "must be 0.5 to 90 deg"],
     );
     part(
+        &surface("lobe_deg = 5"),
+        &[".lobe_deg", "nothing is mirrored", "give specular"],
+    );
+    part(
+        "{ kind = \"sphere\", diameter_m = 1, diffuse = 0.5, specular = 0.5, lobe_deg = 5 }",
+        &[".lobe_deg", "nothing to a sphere", "leave it out"],
+    );
+    part(
         "{ kind = \"box\", size_m = [1, 0, 1] }",
         &[".size_m[1] = 0", "0.001 to 10000 m"],
     );
