@@ -4,6 +4,7 @@ use super::disc::LargeDisc;
 use super::view::{Candidate, View};
 use super::{Area, Body, Hidden, World};
 use crate::sky::Observer;
+use crate::sky::apparent::parabola;
 use crate::sky::moon::MoonDisc;
 use crate::sky::photometry::photon_irradiance;
 use crate::sky::planets;
@@ -58,10 +59,7 @@ pub struct Element {
 impl SeenWanderer {
     /// Its direction (any length) at a part of the view's time, by the parabola through start, mid and end.
     pub fn direction(&self, part: f64) -> Vector3<f64> {
-        let [a, b, c] = &self.directions;
-        a * ((2.0 * part - 1.0) * (part - 1.0))
-            + b * (4.0 * part * (1.0 - part))
-            + c * (part * (2.0 * part - 1.0))
+        parabola(&self.directions, part)
     }
 
     /// What it is: `moon` or `planet`.

@@ -30,6 +30,13 @@ const DEFLECTION_FLOOR: f64 = 1e-6;
 /// Light time converges by a factor v/c, below 1e-4, a step.
 const LIGHT_TIME_STEPS: usize = 3;
 
+/// Lagrange's parabola through what is at the start, in the middle and at the end of a time, at a part of it (0: start, 1: end).
+pub fn parabola([a, b, c]: &[Vector3<f64>; 3], part: f64) -> Vector3<f64> {
+    a * ((2.0 * part - 1.0) * (part - 1.0))
+        + b * (4.0 * part * (1.0 - part))
+        + c * (part * (2.0 * part - 1.0))
+}
+
 /// A star's place in the catalogue: ICRS at J1991.25.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StarPlace {

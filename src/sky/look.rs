@@ -1,6 +1,6 @@
 //! What is known of an object's looks, and how much sunlight it sends to an observer during an exposure.
 
-use super::apparent::{ApparentObject, Observer};
+use super::apparent::{ApparentObject, Observer, parabola};
 use super::bodies::{LIGHT_M_S, SUN_RADIUS_M};
 use super::body_attitude::BodyAttitude;
 use super::shape::Shape;
@@ -80,18 +80,11 @@ impl Instant {
 }
 
 impl Passage<'_> {
-    /// At a part of the exposure (0: start, 1: end), by Lagrange's parabola through start, mid and end.
+    /// At a part of the exposure (0: start, 1: end).
     fn at(&self, part: f64) -> Instant {
-        let weights = [
-            (2.0 * part - 1.0) * (part - 1.0),
-            4.0 * part * (1.0 - part),
-            part * (2.0 * part - 1.0),
-        ];
-        let mean = |of: &dyn Fn(usize) -> Vector3<f64>| -> Vector3<f64> {
-            (0..3).map(|i| of(i) * weights[i]).sum()
-        };
-        let position_m = mean(&|i| self.seen[i].seen_at_m);
-        let to_sensor = mean(&|i| self.observers[i].position_m) - position_m;
+        let position_m = parabola(&self.seen.map(|seen| seen.seen_at_m), part);
+        let observers_m = self.observers.each_ref().map(|at| at.position_m);
+        let to_sensor = parabola(&observers_m, part) - position_m;
         let [start, _, end] = self.observers;
         let delay_s = if self.light_time {
             to_sensor.norm() / LIGHT_M_S
@@ -103,7 +96,7 @@ impl Passage<'_> {
             epoch: start.epoch + Unit::Second * (open_s * part - delay_s),
             state: StateVector {
                 position_m,
-                velocity_m_s: mean(&|i| self.seen[i].state.velocity_m_s),
+                velocity_m_s: parabola(&self.seen.map(|seen| seen.state.velocity_m_s), part),
             },
             to_sun: self.sun_m - position_m,
             to_sensor,

@@ -1,6 +1,6 @@
 //! The resident space objects of a scene, and how an observer sees them at one exposure.
 
-use super::apparent::{ApparentObject, Corrections, Observer, object_direction};
+use super::apparent::{ApparentObject, Corrections, Observer, object_direction, parabola};
 use super::look::{Body, Passage};
 use super::photometry::{Sphere, magnitude, phase_angle};
 use super::shadow::Earth;
@@ -145,12 +145,9 @@ impl Population {
 }
 
 impl SeenObject {
-    /// The apparent vector at a part of the exposure (0: start, 1: end), by Lagrange's parabola through
+    /// The apparent vector at a part of the exposure (0: start, 1: end), by the parabola through
     /// start, mid and end; what it misses is a jerk of some 0.01 m/s^3: micrometres in a second.
     pub fn line_m(&self, part: f64) -> Vector3<f64> {
-        let [a, b, c] = &self.lines_m;
-        a * ((2.0 * part - 1.0) * (part - 1.0))
-            + b * (4.0 * part * (1.0 - part))
-            + c * (part * (2.0 * part - 1.0))
+        parabola(&self.lines_m, part)
     }
 }
