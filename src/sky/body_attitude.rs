@@ -52,9 +52,10 @@ impl BodyAttitude {
     }
 }
 
-/// GCRF to the axes of the orbit. A state without an orbital plane, which nothing in orbit has, gets some +X.
+/// GCRF to the axes of the orbit. A state without an orbital plane, which nothing in orbit has, gets some +X; at the Earth's centre, some +Z.
 fn orbit_axes(state: &StateVector) -> Matrix3<f64> {
-    let z = -state.position_m.normalize();
+    let up = state.position_m.try_normalize(1e-6);
+    let z = -up.unwrap_or_else(Vector3::z);
     let across = |v: &Vector3<f64>| (v - z * z.dot(v)).try_normalize(1e-6);
     let x = across(&state.velocity_m_s)
         .or_else(|| across(&Vector3::x()))
@@ -96,6 +97,31 @@ mod tests {
         let quarter = Attitude::from_xyzw([0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2]).unwrap();
         let r = BodyAttitude::Nadir(quarter).matrix(epoch(0.0), &state());
         assert!((r * -Vector3::z() - Vector3::x()).norm() < 1e-12);
+    }
+
+    /// An ephemeris may say anything.
+    #[test]
+    fn states_without_an_orbital_plane_have_axes_too() {
+        let places = [
+            Vector3::zeros(),
+            Vector3::x() * 7e6,
+            Vector3::y() * 7e6,
+            Vector3::z() * 7e6,
+        ];
+        for position_m in places {
+            for velocity_m_s in [Vector3::zeros(), position_m * 1e-3] {
+                let state = StateVector {
+                    position_m,
+                    velocity_m_s,
+                };
+                let r = BodyAttitude::Nadir(Attitude::identity()).matrix(epoch(0.0), &state);
+                assert!((r * r.transpose() - Matrix3::identity()).norm() < 1e-15);
+                assert!((r.determinant() - 1.0).abs() < 1e-15, "{state:?}");
+                if position_m.norm() > 0.0 {
+                    assert!((r * position_m.normalize() + Vector3::z()).norm() < 1e-15);
+                }
+            }
+        }
     }
 
     #[test]
