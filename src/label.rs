@@ -308,7 +308,7 @@ impl Label {
                 sources: scene
                     .sources
                     .iter()
-                    .filter(|source| source.clear_snr >= label_snr)
+                    .filter(|source| source.clear_snr >= label_snr || source.fills_all())
                     .map(|source| object(source, scene, world))
                     .collect(),
                 spots: spots.listed,

@@ -208,6 +208,11 @@ impl Source {
         let way = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
         way(self.start, self.centroid) + way(self.centroid, self.end)
     }
+
+    /// Whether it is a disc all of whose pixels are full: such have no signal-to-noise ratio.
+    pub fn fills_all(&self) -> bool {
+        self.body.points() > 1 && self.electrons > 0.0 && self.clear_snr == 0.0
+    }
 }
 
 /// Everything that one exposure sees.

@@ -32,21 +32,23 @@ fn disc(epoch: &str, position_m: Vector3<f64>) -> MoonDisc {
     MoonDisc::seen_by(&observer, &Corrections::default())
 }
 
+/// Exposure time in which no pixel fills, s: labels count what is not full.
+const SHORT_S: f64 = 1e-3;
+
 /// A camera that has the Moon so many pixels across in the middle of so many, and moves by some; at the Earth's centre, or at a place.
 fn shoot_from(
     place: Option<Vector3<f64>>,
     epoch: &str,
     across_px: f64,
     pixels: usize,
-    motion_px: f64,
+    [motion_px, exposure_s]: [f64; 2],
 ) -> Shot {
     let disc = disc(epoch, place.unwrap_or(Vector3::zeros()));
     let mut camera = Camera::load("rigel-l", &Folder::current()).unwrap();
     (camera.detector.width, camera.detector.height) = (pixels, pixels);
     camera.optics.principal_px = [(pixels as f64 - 1.0) / 2.0; 2];
     camera.optics.focal_px = across_px / (2.0 * disc.angular_radius);
-    // Pixels do not fill: labels list what is not full.
-    camera.exposure_s = 1e-3;
+    camera.exposure_s = exposure_s;
     let rate = motion_px / (camera.optics.focal_px * camera.exposure_s);
     let mut config = Config::defaults().unwrap();
     config.camera = camera;
@@ -61,7 +63,7 @@ fn shoot_from(
 }
 
 fn shoot(epoch: &str, across_px: f64, pixels: usize, motion_px: f64) -> Shot {
-    shoot_from(None, epoch, across_px, pixels, motion_px)
+    shoot_from(None, epoch, across_px, pixels, [motion_px, SHORT_S])
 }
 
 /// Electrons that all the Moon's light gives, by the label's magnitude: Clark et al. 2021, Eqs. (1), (2).
@@ -165,7 +167,7 @@ fn the_earth_takes_of_a_large_disc_what_the_label_says() {
     }
     let place = at(up);
     for (place, epoch) in [(Some(place), FULL), (None, ECLIPSE)] {
-        let shot = shoot_from(place, epoch, 480.0, 560, 0.0);
+        let shot = shoot_from(place, epoch, 480.0, 560, [0.0, SHORT_S]);
         let (sum, centre) = moments(&shot);
         let moon = shot.label.objects.iter().find(|o| o.kind == "moon");
         let moon = moon.unwrap();
@@ -175,5 +177,17 @@ fn the_earth_takes_of_a_large_disc_what_the_label_says() {
         assert!((0.05..0.95).contains(&part), "{epoch}: {part}");
         assert!((sum / moon.electrons - 1.0).abs() < 2e-3, "{epoch}: {sum}");
         assert!(off < 0.1, "{epoch}: {off} px");
+    }
+}
+
+#[test]
+fn a_moon_that_fills_the_frame_is_in_the_label() {
+    for (exposure_s, is_full) in [(SHORT_S, false), (1.0, true)] {
+        let shot = shoot_from(None, FULL, 1000.0, 256, [0.0, exposure_s]);
+        let most = (1u32 << shot.camera.detector.bits) - 1;
+        let full = shot.frame.digits.iter().all(|dn| u32::from(*dn) == most);
+        assert_eq!(full, is_full);
+        let moon = shot.label.objects.iter().find(|o| o.kind == "moon");
+        assert_eq!(moon.unwrap().snr == 0.0, is_full);
     }
 }
