@@ -171,7 +171,7 @@ impl Emulator {
         };
         let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
         let view = View::new(&self.world, camera, vehicle, exposure, &self.fidelity, key)?;
-        let view = view.where_shine(|name| !choice.off.contains(&name));
+        let view = view.where_shine(&self.world, |name| !choice.off.contains(&name));
         let simulated = simulated(&view, &self.fidelity, choice);
         Ok(Scene::new(view, simulated, &self.fidelity))
     }

@@ -205,21 +205,18 @@ impl Footprint {
         }
     }
 
-    /// That of a source of so many `electrons` in all that lights the whole detector, `e` (e-) in each pixel, row by row.
-    pub fn whole(width: usize, mut e: Vec<f32>, electrons: f64) -> Footprint {
-        let spans = (0..e.len() / width.max(1)).map(|row| Span {
+    /// That of a source that lights the whole detector, the shares of each pixel being given, row by row.
+    pub fn whole(width: usize, shares: Vec<f32>) -> Footprint {
+        let spans = (0..shares.len() / width.max(1)).map(|row| Span {
             column: 0,
             offset: (row * width) as u32,
             length: width as u32,
         });
         let spans = spans.collect();
-        let part = 1.0 / electrons;
-        e.iter_mut()
-            .for_each(|e| *e = (f64::from(*e) * part) as f32);
         Footprint {
             first_row: 0,
             spans,
-            shares: e,
+            shares,
             evaluated: 0,
         }
     }

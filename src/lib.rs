@@ -21,6 +21,7 @@ pub mod flight;
 pub mod footprint;
 pub mod frame;
 pub mod label;
+mod lanes;
 pub mod light_curve;
 pub mod link;
 pub mod load;

@@ -39,9 +39,9 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             }
         };
         let ns = if pattern.dark_e_s().is_some() {
-            0.22
+            0.3
         } else {
-            0.07
+            0.12
         };
         let width = scene.view.camera.detector.width;
         let mut columns = vec![most * seconds; width];
@@ -54,7 +54,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
                 }
             }
         }
-        let e = shown_e(scene, &of_cells(&columns), |parts| parts.dark = false);
+        let e = shown_e(scene, || of_cells(&columns), |parts| parts.dark = false);
         Need {
             // However little a pixel expects, somewhere electrons come.
             drawn_e: mean * seconds * scene.view.camera.detector.pixels() as f64,

@@ -91,10 +91,11 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             let [a, b] = [a, b].map(|at| optics.psf_at(at, 1.0));
             sharper = sharper.max(1.1 * a.differs(&b));
         }
-        let off_e = image.moved_e(image.height_e, STEEPEST_STREAK, px);
-        let all_e = image.inside_e(image.height_e, px) * (1.0 + sharper);
+        let height_e = image.height_e();
+        let off_e = image.moved_e(height_e, STEEPEST_STREAK, px);
+        let all_e = image.inside_e(height_e, px) * (1.0 + sharper);
         Change {
-            e: (off_e + image.inside_e(image.height_e, px) * sharper).min(all_e),
+            e: (off_e + image.inside_e(height_e, px) * sharper).min(all_e),
             beside_px: px.min(2.0 * loss.px) + 1.0,
         }
     });

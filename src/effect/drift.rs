@@ -116,7 +116,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         // The length of a still track whose light is spread as far.
         let way = (8.0 * (a * d + d * d / 2.0)).sqrt();
         let off = image.moved_e(image.still_e, STEEPEST, b) + image.spread_e(image.still_e, way);
-        let streak = image.moved_e(image.height_e, STEEPEST_STREAK, d);
+        let streak = image.moved_e(image.height_e(), STEEPEST_STREAK, d);
         Change {
             e: off.min(streak),
             beside_px: d + 1.0,

@@ -19,7 +19,7 @@ pub const EARTH: Effect = Effect {
     random: false,
     judge: Judge::Pixels(|scene, _| {
         let says = |area: &_| format!("its day side is in the field, {}", up_to(area));
-        judge(scene, "earth", says, 300.0, |parts| parts.earth = false)
+        judge(scene, "earth", says, 240.0, |parts| parts.earth = false)
     }),
     mark: |simulated| simulated.earth = true,
 };

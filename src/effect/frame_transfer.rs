@@ -31,9 +31,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let need = match scene.view.camera.shutter {
         Shutter::FrameTransfer { .. } if most > 0.0 => {
             let because = format!("columns get trails of up to {} e- a pixel", digits(most));
-            let e = shown_e(scene, &of_cells(trail), |parts| {
-                parts.frame_transfer = false
-            });
+            let e = shown_e(
+                scene,
+                || of_cells(trail),
+                |parts| parts.frame_transfer = false,
+            );
             Need {
                 drawn_e: trail.iter().sum::<f64>() * scene.view.camera.detector.height as f64,
                 ..Need::of_pixels(scene, because, e, 0.17)

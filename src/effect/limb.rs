@@ -20,7 +20,7 @@ pub const LIMB: Effect = Effect {
     random: false,
     judge: Judge::Pixels(|scene, _| {
         let says = |area: &_| format!("the Earth's air is in the field, {}", up_to(area));
-        judge(scene, "limb", says, 250.0, |parts| parts.limb = false)
+        judge(scene, "limb", says, 175.0, |parts| parts.limb = false)
     }),
     mark: |simulated| simulated.limb = true,
 };

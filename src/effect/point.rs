@@ -8,7 +8,7 @@
 //! for each place that the image comes by (`scene::work`), and a sum a pixel.
 
 use super::cause::{counted, digits, is_rso, is_star, none_lit};
-use super::shown::{of_cells, shown_e};
+use super::shown::{shown_e, with_trail};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Body, Lit, Scene, Simulated, Source, still_ms};
@@ -56,15 +56,11 @@ pub(super) fn judge<'s>(
         Need::none(none_lit(scene, what, kind))
     } else {
         // Their own light, and their part of its column's trail.
-        let mut cells_e = scene.lit_e(drawn.iter().copied().map(Lit::from));
-        if scene.simulated.frame_transfer {
-            let trails = of_cells(&scene.trail_e);
-            cells_e
-                .iter_mut()
-                .zip(trails)
-                .for_each(|(e, trail)| *e += trail);
-        }
-        let e = shown_e(scene, &cells_e, leave);
+        let cells_e = || {
+            let own = scene.lit_e(drawn.iter().copied().map(Lit::from));
+            with_trail(scene, own, || scene.trail_e.clone())
+        };
+        let e = shown_e(scene, cells_e, leave);
         let brightest = drawn.iter().map(|s| s.electrons).fold(0.0, f64::max);
         Need {
             because: format!(
@@ -76,7 +72,12 @@ pub(super) fn judge<'s>(
             error: Loss { e, px: 0.0 },
             // Thinly spread light comes in whole electrons too.
             drawn_e: drawn.iter().map(|source| source.electrons).sum(),
-            price_ms: still_ms(scene, &drawn, fidelity),
+            // Those that are hidden have images too: labels say what they would be worth.
+            price_ms: still_ms(
+                scene,
+                scene.sources.iter().filter(|s| kind(&s.body)),
+                fidelity,
+            ),
         }
     };
     let pass = Pass::Tile(Box::new(move |tile| {

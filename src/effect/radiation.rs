@@ -33,7 +33,6 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         .chunk_by(|a, b| a.0 == b.0)
         .map(|same| same.iter().map(|(_, e)| f64::from(*e)).sum())
         .fold(0.0, f64::max);
-    let e = passed_on(scene, &hits, most);
     let need = if scene.view.camera.radiation.is_none() {
         Need::none("the camera file has no [radiation]")
     } else if hits.is_empty() {
@@ -46,7 +45,10 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
                 rate(scene)
             )
             .into(),
-            error: Loss { e, px: 0.0 },
+            error: Loss {
+                e: passed_on(scene, &hits, most),
+                px: 0.0,
+            },
             drawn_e: 0.0,
             price_ms: hits.len() as f64 * 3e-6,
         }

@@ -31,7 +31,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         );
     };
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
-    let worst = shown_e(scene, &scene.lit_where(off), |parts| parts.response = false);
+    let worst = shown_e(
+        scene,
+        || scene.lit_where(off),
+        |parts| parts.response = false,
+    );
     let need = if worst == 0.0 {
         Need::none(no_light(scene))
     } else {
@@ -39,7 +43,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             "pixels differ by up to {} %",
             digits(100.0 * pattern.worst_response())
         );
-        Need::of_pixels(scene, because, worst, 0.11)
+        Need::of_pixels(scene, because, worst, 0.2)
     };
     let pass = Pass::Tile(Box::new(move |tile| {
         let first = tile.first_pixel();

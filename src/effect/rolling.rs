@@ -80,9 +80,10 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         } else {
             (loss.px, 0.0)
         };
-        let all_e = image.inside_e(image.height_e, off_px);
+        let height_e = image.height_e();
+        let all_e = image.inside_e(height_e, off_px);
         Change {
-            e: image.moved_e(image.height_e, STEEPEST_STREAK, off_px)
+            e: image.moved_e(height_e, STEEPEST_STREAK, off_px)
                 + all_e * (longer + dimming * off_px).min(1.0),
             beside_px: off_px + 1.0,
         }

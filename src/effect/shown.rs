@@ -20,10 +20,16 @@ pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec
     charge
 }
 
-/// A bound (e-) of the change of what a pixel shows without what `leave` leaves out. `cells_e` is one for pixels that do not fill up, for
+/// A bound (e-) of the change of what a pixel shows without what `leave` leaves out. `cells_e` tells one for pixels that do not fill up, for
 /// each column of the scene's cells.
-pub(super) fn shown_e(scene: &Scene, cells_e: &[f64], leave: impl Fn(&mut Simulated)) -> f64 {
+pub(super) fn shown_e(
+    scene: &Scene,
+    cells_e: impl FnOnce() -> Vec<f64>,
+    leave: impl Fn(&mut Simulated),
+) -> f64 {
     let spill = &scene.spill;
+    let everywhere = spill.columns.len() == scene.view.camera.detector.width;
+    let cells_e = if everywhere { Vec::new() } else { cells_e() };
     let elsewhere = cells_e
         .iter()
         .enumerate()
@@ -44,6 +50,20 @@ pub(super) fn shown_e(scene: &Scene, cells_e: &[f64], leave: impl Fn(&mut Simula
         .collect();
     let [with, without] = [&scene.simulated, &without].map(|parts| held_e(scene, &columns, parts));
     most.max(apart(&with, &without))
+}
+
+/// A bound for each column of the scene's cells with the trail (e-, a value a column) that frame transfer adds.
+pub(super) fn with_trail(
+    scene: &Scene,
+    mut cells_e: Vec<f64>,
+    trail: impl FnOnce() -> Vec<f64>,
+) -> Vec<f64> {
+    if scene.simulated.frame_transfer {
+        let trails = of_cells(&trail());
+        let cells = cells_e.iter_mut().zip(trails);
+        cells.for_each(|(e, trail)| *e += trail);
+    }
+    cells_e
 }
 
 /// The greatest of the columns of each of the scene's cells.

@@ -18,7 +18,7 @@ pub const STARLIGHT: Effect = Effect {
     stage: Stage::Light,
     random: false,
     judge: Judge::Pixels(|scene, _| {
-        judge(scene, "starlight", up_to, 400.0, |parts| {
+        judge(scene, "starlight", up_to, 330.0, |parts| {
             parts.starlight = false
         })
     }),

@@ -14,6 +14,9 @@ use super::cause::digits;
 use super::{Effect, Judge, Stage};
 use crate::scene::{AreaLight, Scene};
 
+/// ns of a look at light that is the same everywhere.
+const LOOK_NS: f64 = 45.0;
+
 /// Sunlight.
 pub const SUNLIGHT: Effect = Effect {
     name: "sunlight",
@@ -24,7 +27,7 @@ pub const SUNLIGHT: Effect = Effect {
             scene,
             "sunlight",
             |area| sun(scene, area),
-            0.0,
+            LOOK_NS,
             |parts| parts.sunlight = false,
         )
     }),
@@ -36,7 +39,7 @@ pub const MOONGLOW: Effect = Effect {
     stage: Stage::Light,
     random: false,
     judge: Judge::Pixels(|scene, _| {
-        judge(scene, "moonglow", scattered, 0.0, |parts| {
+        judge(scene, "moonglow", scattered, LOOK_NS, |parts| {
             parts.moonglow = false
         })
     }),
@@ -48,7 +51,7 @@ pub const EARTHSHINE: Effect = Effect {
     stage: Stage::Light,
     random: false,
     judge: Judge::Pixels(|scene, _| {
-        judge(scene, "earthshine", scattered, 0.0, |parts| {
+        judge(scene, "earthshine", scattered, LOOK_NS, |parts| {
             parts.earthshine = false
         })
     }),

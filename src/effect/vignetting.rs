@@ -134,9 +134,9 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
             // Of the light that would arrive; a tenth more again.
             let taken = 1.1 * (1.0 - least);
             let clear_e = if simulated.vignetting {
-                (image.height_e / least).min(image.still_e)
+                (image.height_e() / least).min(image.still_e)
             } else {
-                image.height_e
+                image.height_e()
             };
             Change {
                 e: clear_e * taken.min(1.0),

@@ -17,7 +17,7 @@ pub const ZODIACAL_LIGHT: Effect = Effect {
     stage: Stage::Light,
     random: false,
     judge: Judge::Pixels(|scene, _| {
-        judge(scene, "zodiacal light", up_to, 450.0, |parts| {
+        judge(scene, "zodiacal light", up_to, 260.0, |parts| {
             parts.zodiacal = false
         })
     }),

@@ -2,6 +2,7 @@
 
 use super::{Lit, Source};
 use crate::camera::Detector;
+use crate::lanes;
 use std::collections::VecDeque;
 
 /// Side of the cells (px) in which the light of sources is added up.
@@ -16,42 +17,38 @@ pub(super) fn pixels_e<'a>(
 ) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
     let mut cells = vec![0.0; columns * detector.height.div_ceil(CELL)];
-    let mut greatest = vec![0.0f64; columns];
+    // Of each column, in the rows of cells at hand; and which columns that are.
+    let mut greatest = vec![0.0f64; detector.width];
+    let mut lit = (usize::MAX, 0);
     for light in lights.filter(|light| light.electrons > 0.0) {
         let mut rows = light.footprint.rows(0..detector.height).peekable();
         while let Some((row, first, shares)) = rows.next() {
-            let mut share = |column: usize, share: f64| {
-                let cell = &mut greatest[column / CELL];
-                *cell = cell.max(share);
-            };
+            let here = greatest[first..].iter_mut().zip(shares);
             match weight {
-                None => {
-                    // Up to the end of each cell.
-                    let mut from = first;
-                    let mut rest = shares;
-                    while !rest.is_empty() {
-                        let (here, next) = rest.split_at(rest.len().min(CELL - from % CELL));
-                        share(from, here.iter().copied().fold(0.0, f32::max).into());
-                        (from, rest) = (from + here.len(), next);
-                    }
-                }
+                None => here.for_each(|(most, share)| raise(most, f64::from(*share))),
                 Some(weight) => {
-                    for (column, light) in (first..).zip(shares) {
-                        let pixel = row * detector.width + column;
-                        share(column, f64::from(*light) * weight(pixel));
-                    }
+                    let pixel = row * detector.width + first;
+                    here.zip(pixel..).for_each(|((most, share), pixel)| {
+                        raise(most, f64::from(*share) * weight(pixel))
+                    });
                 }
+            }
+            if !shares.is_empty() {
+                lit = (lit.0.min(first), lit.1.max(first + shares.len()));
             }
             // The light's last row in these cells.
             if rows
                 .peek()
                 .is_none_or(|(next, ..)| next / CELL != row / CELL)
             {
-                let cells = &mut cells[row / CELL * columns..];
-                for (cell, greatest) in cells.iter_mut().zip(&mut greatest) {
-                    *cell += light.electrons * *greatest;
-                    *greatest = 0.0;
+                let from = lit.0.min(lit.1) / CELL;
+                let cells = &mut cells[row / CELL * columns + from..];
+                let lit_columns = &mut greatest[from * CELL..lit.1];
+                for (cell, columns) in cells.iter_mut().zip(lit_columns.chunks_mut(CELL)) {
+                    *cell += light.electrons * columns.iter().copied().fold(0.0, f64::max);
+                    columns.fill(0.0);
                 }
+                lit = (usize::MAX, 0);
             }
         }
     }
@@ -61,10 +58,14 @@ pub(super) fn pixels_e<'a>(
         .collect()
 }
 
+fn raise(most: &mut f64, to: f64) {
+    // Not `f64::max`, whose care for NaN takes longer than all else.
+    *most = if to > *most { to } else { *most };
+}
+
 /// The share of a source's greatest pixel.
 pub(super) fn greatest_share(source: &Source) -> f64 {
-    let shares = source.footprint.shares().iter();
-    f64::from(shares.copied().fold(0.0, f32::max))
+    lanes::greatest(source.footprint.shares()).into()
 }
 
 /// Calls `each` with the cells in which the image of a source has a pixel, or one that lies no more than `beside` pixels from it; each once.

@@ -35,16 +35,17 @@ pub struct Image<'a> {
     pub source: &'a Source,
     /// No pixel gets more of its light, wherever it is and however it moves, e-.
     pub still_e: f64,
-    /// The height of its image as it is, e- a pixel.
-    pub height_e: f64,
     /// Width of its core, px.
     pub core_px: f64,
     /// The way between its ends through its centroid, px.
     pub length_px: f64,
     /// Its spread at its centroid.
     pub psf: LocalPsf<'a>,
-    /// How far it stays outside of the detector, px.
+    /// Whether its centroid is beside the detector, and how far from it all of the image stays, px.
+    is_outside: bool,
     outside_px: f64,
+    /// The share of its light on the pixel that it stands in the middle of.
+    middle: f64,
     /// How far around it light is drawn, px.
     drawn_px: f64,
     /// The share of any pixel there, at most, of what lies further out and is laid evenly over them (`footprint`).
@@ -52,6 +53,23 @@ pub struct Image<'a> {
 }
 
 impl Image<'_> {
+    /// The height of its image as it is, e- a pixel.
+    pub fn height_e(&self) -> f64 {
+        let source = self.source;
+        // Between pixels it may be higher than in the greatest of them: what one in the middle of a pixel has more than one at a corner.
+        let over = match self.psf.relief() {
+            Some(relief) => relief.over_brightest,
+            None => self.middle / self.psf.on_pixel([0.5; 2], &mut Stamp::default()),
+        };
+        let mut height_e = source.electrons * greatest_share(source) * over;
+        if self.is_outside {
+            // Little may be seen of it: a streak of even speed has the height sqrt(2 pi) s / length; a quarter more.
+            let streak = 1.25 * 2.507 * self.core_px / self.length_px.max(f64::MIN_POSITIVE);
+            height_e = height_e.max(self.still_e * streak);
+        }
+        height_e.min(self.still_e)
+    }
+
     /// By how much a pixel's light changes (e-) where the image, `e` electrons high, moves by `px`, its slope being `steepest` heights a
     /// core (those of a Gaussian); at most by all of it.
     pub fn moved_e(&self, e: f64, steepest: f64, px: f64) -> f64 {
@@ -211,13 +229,9 @@ impl Scene {
         let (optics, detector) = (&self.view.camera.optics, &self.view.camera.detector);
         let ratio = source.body.wavelength_ratio();
         let psf = optics.psf_at(source.centroid, ratio);
-        // Of a source in the middle of a pixel, and what it has more than the greatest pixel of one at a corner.
-        let (middle, over) = match psf.relief() {
-            Some(relief) => (relief.peak, relief.over_brightest),
-            None => {
-                let middle = psf.on_pixel([0.0; 2], stamp);
-                (middle, middle / psf.on_pixel([0.5; 2], stamp))
-            }
+        let middle = match psf.relief() {
+            Some(relief) => relief.peak,
+            None => psf.on_pixel([0.0; 2], stamp),
         };
         let length_px = source.length_px();
         // No width changes by a twentieth within a pixel.
@@ -235,24 +249,18 @@ impl Scene {
         // Tilted it is up to twice as high along each axis.
         let pixels = (2.0 * drawn_px + 1.0).powi(2);
         let even = 4.0 * psf.undrawn(source.centroid, &square, fidelity) / pixels;
-        let core_px = psf.core_px();
-        let still_e = source.arriving_e * (middle * sharper + even);
-        // Between pixels it may be higher than in the greatest of them.
-        let seen_e = source.electrons * greatest_share(source) * over;
-        let (height_e, outside_px) = if detector.contains(source.centroid) {
-            (seen_e, 0.0)
+        let outside_px = if detector.contains(source.centroid) {
+            0.0
         } else {
-            // Little may be seen of it: a streak of even speed has the height sqrt(2 pi) s / length; a quarter more.
-            let streak = 1.25 * 2.507 * core_px / length_px.max(f64::MIN_POSITIVE);
-            let outside_px = outside_px(source, length_px, detector);
-            (seen_e.max(still_e * streak), outside_px)
+            outside_px(source, length_px, detector)
         };
         Image {
             source,
-            still_e,
-            height_e: height_e.min(still_e),
-            core_px,
+            still_e: source.arriving_e * (middle * sharper + even),
+            core_px: psf.core_px(),
             length_px,
+            is_outside: !detector.contains(source.centroid),
+            middle,
             psf,
             outside_px,
             drawn_px,

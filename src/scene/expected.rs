@@ -42,7 +42,7 @@ impl Scene {
     /// The charge (e-) that a pixel (row-major index) expects on which no star and no object shines: area light, dark charge, its
     /// column's trail.
     pub fn background_of(&self, pixel: usize) -> f64 {
-        let Some(light) = self.areas_e.get(pixel) else {
+        let Some(light) = self.areas_e().get(pixel) else {
             return self.unlit_of(pixel);
         };
         let response = if self.simulated.response {

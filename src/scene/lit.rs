@@ -24,18 +24,25 @@ impl<'a> From<&'a Source> for Lit<'a> {
 impl<'a> From<&'a AreaLight> for Lit<'a> {
     fn from(area: &'a AreaLight) -> Lit<'a> {
         Lit {
-            electrons: area.electrons,
-            footprint: &area.footprint,
+            electrons: 1.0,
+            footprint: &area.light,
         }
     }
 }
 
 impl Scene {
-    /// All that lights pixels in a frame that has only those effects that `parts` has.
+    /// All that lights pixels in a frame that has only those effects that `parts` has: all area sources as one, if it has them all.
     pub fn lights<'a>(&'a self, parts: &'a Simulated) -> impl Iterator<Item = Lit<'a>> {
         let sources = self.sources.iter();
         let sources = sources.filter(|source| source.body.is_in(parts));
-        let areas = self.areas.iter().filter(|area| (area.kind.is_in)(parts));
-        sources.map(Lit::from).chain(areas.map(Lit::from))
+        let is_in = |area: &AreaLight| (area.kind.is_in)(parts);
+        let all = self.areas.iter().all(is_in);
+        let together = all.then_some(Lit {
+            electrons: 1.0,
+            footprint: &self.areas_light,
+        });
+        let areas = self.areas.iter().filter(move |area| !all && is_in(area));
+        let areas = together.into_iter().chain(areas.map(Lit::from));
+        sources.map(Lit::from).chain(areas)
     }
 }

@@ -24,7 +24,7 @@ mod work;
 use signal::Noise;
 use wanderer::Element;
 
-pub use area::{Area, AreaLight, KINDS, Kind, Radiance};
+pub use area::{Area, AreaLight, Asked, KINDS, Kind, Radiance};
 pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
@@ -39,6 +39,7 @@ pub use work::{Work, still_ms};
 use crate::camera::{Event, Flux};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
+use crate::lanes;
 use crate::sky::atmosphere::Atmosphere;
 use crate::sky::population::SeenObject;
 use crate::sky::star_field::SeenStar;
@@ -226,8 +227,8 @@ pub struct Scene {
     pub sources: Vec<Source>,
     /// The light of area sources, in the order of their effects.
     pub areas: Vec<AreaLight>,
-    /// Their light together on each pixel, e-; empty where there is none.
-    areas_e: Vec<f32>,
+    /// Their light together on each pixel, as [`AreaLight::e`] has that of one.
+    areas_light: Footprint,
     /// No pixel turns more light than this into charge, for each column of cells (`brightest`), e-.
     peaks_e: Vec<f64>,
     /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge is not shifted
@@ -256,15 +257,19 @@ impl Scene {
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, &simulated, fidelity))
             .collect();
-        let areas_e = area::together(&areas);
-        let lights = sources.iter().map(Lit::from);
-        let trail_e = trail::trail_e(&view, lights.chain(areas.iter().map(Lit::from)));
+        let areas_light = Footprint::whole(view.camera.detector.width, area::together(&areas));
+        let together = Lit {
+            electrons: 1.0,
+            footprint: &areas_light,
+        };
+        let lights = sources.iter().map(Lit::from).chain([together]);
+        let trail_e = trail::trail_e(&view, lights);
         let counted = if simulated.frame_transfer {
             &trail_e[..]
         } else {
             &[]
         };
-        let noise = Noise::new(&view, &simulated, counted, &areas_e);
+        let noise = Noise::new(&view, &simulated, counted, areas_light.shares());
         sources.par_iter_mut().for_each(|source| {
             let snr = |e: f64| noise.snr(&source.footprint, e);
             source.clear_snr = snr(source.clear_e);
@@ -278,7 +283,7 @@ impl Scene {
         let mut scene = Scene {
             simulated,
             areas,
-            areas_e,
+            areas_light,
             peaks_e: Vec::new(),
             trail_e,
             events,
@@ -308,8 +313,9 @@ impl Scene {
     /// Expected background of a pixel, on which no star and no object shines, averaged over the frame, e-.
     pub fn background_e(&self) -> f64 {
         let trail = self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64;
-        let light = self.areas_e.iter().map(|e| f64::from(*e)).sum::<f64>();
-        self.dark_e() + trail + light / self.view.camera.detector.pixels() as f64
+        self.dark_e()
+            + trail
+            + lanes::sum(self.areas_e()) / self.view.camera.detector.pixels() as f64
     }
 
     /// Expected dark charge of a pixel, as far as it is simulated, e-.

@@ -197,7 +197,7 @@ pub struct View {
 }
 
 impl View {
-    /// What `camera` on `vehicle` has before it during `exposure`.
+    /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]).
     ///
     /// Fails only where the epoch lies outside the ephemerides, the body turns further than [`MAX_TURN`], or the
     /// observer's state, carried through the exposure, leaves its range or comes into the Moon.
@@ -260,12 +260,11 @@ impl View {
         candidates.extend(view.the_moon(&moon, world, &shutter, &axis, cone));
         (view.candidates, view.unknown) = (candidates, unknown);
         view.sun = SeenSun::of(world, &view);
-        view.areas = view.areas(world);
         Ok(view)
     }
 
-    /// Without the sources of effects that are switched off.
-    pub fn where_shine(mut self, runs: impl Fn(&'static str) -> bool) -> View {
+    /// With area sources, and without the sources of effects that are switched off.
+    pub fn where_shine(mut self, world: &World, runs: impl Fn(&'static str) -> bool) -> View {
         let simulated = Simulated {
             stars: runs("stars"),
             rsos: runs("rsos"),
@@ -275,7 +274,7 @@ impl View {
         };
         let shines = |candidate: &Candidate| candidate.body.is_in(&simulated);
         self.candidates.retain(shines);
-        self.areas.retain(|area| runs(area.kind.effect));
+        self.areas = self.areas(world, runs);
         self
     }
 
@@ -345,7 +344,7 @@ impl View {
     /// What smearing the edges of area light takes, about, ms: they are taken to run once across the field.
     pub fn areas_smear_ms(&self) -> f64 {
         const LIMB_PX: f64 = 8.0;
-        const STEP_NS: f64 = 1500.0;
+        const STEP_NS: f64 = 500.0;
         let edged = self.areas.iter().filter(|area| area.has_edges());
         let seconds = self.exposure.duration_s;
         let px = self.longest_track_px(seconds) + self.areas_swing_px(seconds);

@@ -104,6 +104,10 @@ impl View {
         let (way, down) = steps.fold((0.0, 0.0), |(way, down), [x, y]: [f64; 2]| {
             (way + x.hypot(y) * lit, down + y.abs() * lit)
         });
+        if way <= fidelity.skip_px {
+            // A track that short is a point.
+            return;
+        }
         let [across, rows] = detector.sides().map(|pixels| reach.min(pixels));
         let side = (across * rows).sqrt();
         let panels = (way / self.step_px(candidate, fidelity)).max(2.0);
@@ -126,31 +130,24 @@ impl View {
 }
 
 /// What the still images of `sources` take, and drawing them as they are, ms.
-pub fn still_ms(scene: &Scene, sources: &[&Source], fidelity: &Fidelity) -> f64 {
+pub fn still_ms<'a>(
+    scene: &Scene,
+    sources: impl Iterator<Item = &'a Source>,
+    fidelity: &Fidelity,
+) -> f64 {
     let (view, psf) = (&scene.view, &scene.view.camera.optics.psf);
     let moves = scene.simulated.smear || scene.simulated.aberration_drift;
     let sides = view.camera.detector.sides();
-    let still = sources.iter().map(|source| {
+    let still = sources.map(|source| {
         let drawn = source.footprint.shares().len() as f64;
-        let side = if moves {
-            let reach = 2.0 * drawn_px(view, source.centroid, source.clear_e, fidelity) + 1.0;
-            sides
-                .map(|pixels| reach.min(pixels).sqrt())
-                .iter()
-                .product()
-        } else {
-            drawn.sqrt()
-        };
         // A disc is made of points, each with a part of its pixels.
         let points = source.body.points() as f64;
-        let side = if points > 1.0 {
+        let side = if moves || points > 1.0 {
             let reach = 2.0 * drawn_px(view, source.centroid, source.clear_e, fidelity) + 1.0;
-            sides
-                .map(|pixels| reach.min(pixels).sqrt())
-                .iter()
-                .product()
+            let side = sides.map(|pixels| reach.min(pixels).sqrt());
+            side.iter().product()
         } else {
-            side
+            drawn.sqrt()
         };
         let kept_ns = if points > 1.0 { ADDED_NS } else { FOOTPRINT_NS };
         // Some of its kind stand near the field and are looked at in vain.

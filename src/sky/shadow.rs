@@ -25,6 +25,25 @@ pub struct Earth {
     pole: Vector3<f64>,
 }
 
+/// The Earth's limb before one observer: in stretched space a circle around the direction of its centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LimbCone {
+    earth: Earth,
+    /// From the observer, in stretched space, m.
+    centre: Vector3<f64>,
+    /// rad, in stretched space.
+    pub radius: f64,
+}
+
+impl LimbCone {
+    /// [`Earth::limb_angle`].
+    pub fn angle(&self, direction: &Vector3<f64>) -> f64 {
+        let line = self.earth.to_sphere(*direction);
+        let across = line.cross(&self.centre).norm();
+        libm::atan2(across, line.dot(&self.centre)) - self.radius
+    }
+}
+
 impl Earth {
     /// The Earth at `t`, its axis along the mean pole of date.
     ///
@@ -104,14 +123,19 @@ impl Earth {
     /// The angle (rad) from the Earth's limb, as an observer at `observer_m` (GCRF, m) sees it, to a direction (any length): negative before the
     /// Earth; infinite for an observer inside it. Exact in sign; up to a flattening of itself in size.
     pub fn limb_angle(&self, observer_m: Vector3<f64>, direction: &Vector3<f64>) -> f64 {
-        let observer = self.to_sphere(observer_m);
-        let distance = observer.norm();
-        if distance < EARTH_RADIUS_M {
-            return f64::INFINITY;
-        }
-        let (line, centre) = (self.to_sphere(*direction), -observer);
-        let off = libm::atan2(line.cross(&centre).norm(), line.dot(&centre));
-        off - libm::asin(EARTH_RADIUS_M / distance)
+        let cone = self.limb_cone(observer_m);
+        cone.map_or(f64::INFINITY, |cone| cone.angle(direction))
+    }
+
+    /// The Earth's limb as an observer at `observer_m` (GCRF, m) sees it; none from inside.
+    pub fn limb_cone(&self, observer_m: Vector3<f64>) -> Option<LimbCone> {
+        let centre = -self.to_sphere(observer_m);
+        let sin = EARTH_RADIUS_M / centre.norm();
+        (sin <= 1.0).then(|| LimbCone {
+            earth: *self,
+            centre,
+            radius: libm::asin(sin),
+        })
     }
 
     /// The upward normal of the ellipsoid at a point of it (GCRF, m), unit vector: the gradient of |S x|^2, `S` the stretch, is

@@ -74,10 +74,11 @@ fn starlight(world: &World, view: &View, around: &Surroundings) -> Found {
 
 impl Radiance for Background {
     fn toward(&self, direction: &Vector3<f64>) -> f64 {
-        if self.edge(direction) < 0.0 {
-            return 0.0;
-        }
         photon_radiance(self.zero_point, (self.magnitude)(direction))
+    }
+
+    fn is_hidden_inside(&self) -> bool {
+        true
     }
 
     fn edge(&self, direction: &Vector3<f64>) -> f64 {

@@ -7,6 +7,8 @@
 //! K is the spread of a point in the middle of a pixel over the pixels around it, less the pixel's own width, of the Sun's colour, at the middle of a patch of the detector. Even
 //! light stays as it is. Wings are followed as far as they matter, at most [`FURTHEST`] pixels; what is further out is laid evenly over those.
 
+use super::Asked;
+use super::lay::Sampled;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use rayon::prelude::*;
@@ -15,6 +17,9 @@ use rayon::prelude::*;
 const FURTHEST: usize = 24;
 /// Side of the patches that have one spread, px.
 const PATCH: usize = 64;
+
+/// Pixels of a row that are added up side by side.
+const LANES: usize = 8;
 
 /// How a camera spreads area light.
 pub struct Blur<'a> {
@@ -45,14 +50,18 @@ impl<'a> Blur<'a> {
         self.margin
     }
 
-    /// The detector's part of `e`, which has the margin around it; spread near pixels that are `marked`.
-    pub fn blurred(&self, e: Vec<f32>, marked: &[bool]) -> Vec<f32> {
+    /// The detector's part of `e`, which has the margin around it; spread near pixels that are `sampled`.
+    pub fn blurred(&self, mut e: Vec<f32>, sampled: &[Sampled], asked: &mut Asked) -> Vec<f32> {
         let ([width, height], margin) = (self.size(), self.margin);
         let columns = width + 2 * margin;
         if margin == 0 {
             return e;
         }
-        let near = self.near(marked, columns);
+        let near = self.near(sampled, columns);
+        let side = 2 * self.reach + 1;
+        // Lanes beyond a kernel's end look beyond the last pixel.
+        e.resize(e.len() + LANES, 0.0);
+        asked.spreads += near.iter().filter(|near| **near).count() * side * side;
         let mut out = vec![0.0f32; width * height];
         out.par_chunks_mut(width * PATCH)
             .enumerate()
@@ -76,35 +85,31 @@ impl<'a> Blur<'a> {
         out
     }
 
-    fn spread(&self, e: &[f32], pixel: usize, columns: usize, kernel: &[f32]) -> f32 {
+    fn spread(&self, e: &[f32], pixel: usize, columns: usize, kernel: &[[f32; LANES]]) -> f32 {
         let side = 2 * self.reach + 1;
         let first = pixel - self.reach * columns - self.reach;
-        let lines = kernel.chunks_exact(side).enumerate();
-        let sum: f64 = lines
-            .map(|(line, kernel)| {
-                let from = first + line * columns;
-                let light = e[from..from + side].iter().zip(kernel);
-                light
-                    .map(|(e, k)| f64::from(*e) * f64::from(*k))
-                    .sum::<f64>()
-            })
-            .sum();
-        sum as f32
+        let mut lanes = [0.0f32; LANES];
+        let lines = kernel.chunks_exact(side.div_ceil(LANES));
+        for (line, kernel) in lines.enumerate() {
+            let (light, _) = e[first + line * columns..].as_chunks::<LANES>();
+            for (light, kernel) in light.iter().zip(kernel) {
+                for (lane, (e, k)) in lanes.iter_mut().zip(light.iter().zip(kernel)) {
+                    *lane += e * k;
+                }
+            }
+        }
+        lanes.iter().sum()
     }
 
     /// The pixels that are no further than the reach from one that is marked.
-    fn near(&self, marked: &[bool], columns: usize) -> Vec<bool> {
+    fn near(&self, sampled: &[Sampled], columns: usize) -> Vec<bool> {
         let reach = self.reach;
-        let along = |marked: &[bool]| {
-            let mut near = vec![false; marked.len()];
-            for (row, out) in marked.chunks(columns).zip(near.chunks_mut(columns)) {
-                for (i, _) in row.iter().enumerate().filter(|(_, marked)| **marked) {
-                    out[i.saturating_sub(reach)..(i + reach + 1).min(columns)].fill(true);
-                }
+        let mut wide = vec![false; sampled.len()];
+        for (row, out) in sampled.chunks(columns).zip(wide.chunks_mut(columns)) {
+            for (i, _) in row.iter().enumerate().filter(|(_, how)| how.is_marked()) {
+                out[i.saturating_sub(reach)..(i + reach + 1).min(columns)].fill(true);
             }
-            near
-        };
-        let wide = along(marked);
+        }
         let rows = wide.len() / columns;
         let mut near = vec![false; wide.len()];
         for (row, line) in wide
@@ -123,8 +128,8 @@ impl<'a> Blur<'a> {
     /// The spread in the patch from a column and a row on, mirrored (light comes from where it is looked for), row by row.
     ///
     /// A point's share S of each pixel has the pixel's width in it, and so has the light that it is laid over: it is taken out of one of them to
-    /// second order, `K = S - S'' / 24` along columns and along rows, which is narrower by a pixel's variance, 1/12 px^2.
-    fn kernel(&self, left: usize, top: usize) -> Vec<f32> {
+    /// second order, `K = S - S'' / 24` along columns and along rows, which is narrower by a pixel's variance, 1/12 px^2. Each row is filled up with zeros.
+    fn kernel(&self, left: usize, top: usize) -> Vec<[f32; LANES]> {
         let middle = [left, top].map(|from| from as f64 + PATCH as f64 / 2.0);
         let psf = self.camera.optics.psf_at(middle, 1.0);
         let (reach, mut stamp) = (self.reach as i64 + 1, Stamp::default());
@@ -147,6 +152,15 @@ impl<'a> Blur<'a> {
             .flat_map(|row| inside.clone().map(move |column| row * wide + column));
         let kernel: Vec<f64> = kernel.map(narrower).collect();
         let even = (1.0 - kernel.iter().sum::<f64>()) / kernel.len() as f64;
-        kernel.iter().rev().map(|k| (k + even) as f32).collect()
+        let kernel: Vec<f32> = kernel.iter().rev().map(|k| (k + even) as f32).collect();
+        let lines = kernel.chunks_exact(wide - 2);
+        let lanes = lines.flat_map(|line| {
+            line.chunks(LANES).map(|of| {
+                let mut lanes = [0.0; LANES];
+                lanes[..of.len()].copy_from_slice(of);
+                lanes
+            })
+        });
+        lanes.collect()
     }
 }

@@ -1,6 +1,7 @@
 //! By how much area light changes where an effect that shapes images is left out.
 
 use super::AreaLight;
+use crate::lanes;
 use crate::scene::{Scene, Simulated};
 
 /// What a slope between neighbouring pixels may be less than that between them.
@@ -15,14 +16,14 @@ impl Scene {
         let both = self.areas.iter().filter(|area| (area.kind.is_in)(parts));
         for area in both.filter(|area| area.electrons > 0.0) {
             let mut least = vec![f32::INFINITY; width];
-            for row in area.footprint.shares().chunks_exact(width) {
-                for (least, share) in least.iter_mut().zip(row) {
-                    *least = least.min(*share);
+            for row in area.e().chunks_exact(width) {
+                for (least, e) in least.iter_mut().zip(row) {
+                    *least = least.min(*e);
                 }
             }
             floors.resize(width, 0.0);
-            for (floor, share) in floors.iter_mut().zip(least) {
-                *floor += area.electrons * f64::from(share);
+            for (floor, e) in floors.iter_mut().zip(least) {
+                *floor += f64::from(e);
             }
         }
         let responds = 2.0 - self.responds();
@@ -43,19 +44,19 @@ impl Scene {
 
     /// The light of all area sources on each pixel, e-; empty where there is none.
     pub fn areas_e(&self) -> &[f32] {
-        &self.areas_e
+        self.areas_light.shares()
     }
 
     /// A bound of the change of a pixel where area light moves by `px`, by the steepest step between two pixels, e-.
     pub fn areas_moved_e(&self, px: f64) -> f64 {
         let width = self.view.camera.detector.width;
-        let steepest = |rows: &[f32], step: usize| {
-            let pairs = rows.iter().zip(rows.iter().skip(step));
-            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        let steepest = |rows: &[f32], step: usize| match rows.get(step..) {
+            Some(next) => lanes::furthest_apart(rows, next),
+            None => 0.0,
         };
-        let rows = self.areas_e.chunks(width);
+        let rows = self.areas_e().chunks(width);
         let across = rows.map(|row| steepest(row, 1)).fold(0.0, f32::max);
-        let down = steepest(&self.areas_e, width);
+        let down = steepest(self.areas_e(), width);
         STEEPER * px * f64::from(across).hypot(f64::from(down)) * self.responds()
     }
 }

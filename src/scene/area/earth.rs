@@ -27,7 +27,7 @@ struct Disc {
     sun: f64,
 }
 
-fn find(_: &World, view: &View, around: &Surroundings) -> Found {
+fn find(world: &World, view: &View, around: &Surroundings) -> Found {
     let horizon = around.horizon;
     let (position_m, bodies) = (view.observer.position_m, &view.observer.bodies);
     let earth = Earth::at(view.exposure.mid);
@@ -41,7 +41,7 @@ fn find(_: &World, view: &View, around: &Surroundings) -> Found {
     Ok(Arc::new(Disc {
         disc,
         horizon,
-        air: around.limb.clone(),
+        air: around.limb(world, view),
         sun: view.camera.optics.band.sun_irradiance(),
     }))
 }

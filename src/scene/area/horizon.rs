@@ -1,14 +1,15 @@
 //! The Earth before the sky: what it hides, and where its limb is.
 
 use crate::scene::View;
-use crate::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth};
+use crate::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth, LimbCone};
 use nalgebra::Vector3;
 
 /// The Earth as the view's observer sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct Horizon {
-    earth: Earth,
-    observer_m: Vector3<f64>,
+    limb: LimbCone,
+    /// From the observer to the Earth's centre, m.
+    distance_m: f64,
     /// Angular velocity of the direction of its centre, rad/s, ICRF.
     pub turning: Vector3<f64>,
     /// The least and the greatest angle (rad) of the field, wherever it turns, from the limb; negative before the Earth.
@@ -20,20 +21,17 @@ impl Horizon {
     pub fn of(view: &View) -> Option<Horizon> {
         view.vehicle.orbit?;
         let (r, v) = (view.observer.position_m, view.observer.velocity_m_s);
-        let earth = Earth::at(view.exposure.mid);
-        if earth.contains(r) {
-            return None;
-        }
+        let limb = Earth::at(view.exposure.mid).limb_cone(r)?;
         let turning = r.cross(&v) / r.norm_squared();
         let motion = view.turn + turning.norm() * view.open_s;
         // What is blurred comes from beside the detector; a flattening's part of the limb's angle, too.
         let cone = view.camera.cone_rad(MARGIN_PX) + motion / 2.0;
         let boresight = view.pointing(0.0).matrix().transpose() * Vector3::z();
-        let off = earth.limb_angle(r, &boresight);
+        let off = limb.angle(&boresight);
         let slack = cone + SLACK;
         Some(Horizon {
-            earth,
-            observer_m: r,
+            limb,
+            distance_m: r.norm(),
             turning,
             reach: [off - slack, off + slack],
         })
@@ -57,7 +55,7 @@ impl Horizon {
     /// The angle (rad) from the limb, negative before the Earth.
     pub fn edge(&self, direction: &Vector3<f64>) -> f64 {
         if self.has_limb() {
-            self.earth.limb_angle(self.observer_m, direction)
+            self.limb.angle(direction)
         } else if self.fills() {
             f64::NEG_INFINITY
         } else {
@@ -67,18 +65,17 @@ impl Horizon {
 
     /// The angle (rad) above the limb at which what is so many m high is seen at most; pi from within.
     pub fn height_of(&self, height_m: f64) -> f64 {
-        let distance = self.observer_m.norm();
         let least = EARTH_RADIUS_M * (1.0 - EARTH_FLATTENING);
-        let top = (EARTH_RADIUS_M + height_m) / distance;
+        let top = (EARTH_RADIUS_M + height_m) / self.distance_m;
         if top >= 1.0 {
             return std::f64::consts::PI;
         }
-        libm::asin(top) - libm::asin((least / distance).min(1.0))
+        libm::asin(top) - libm::asin((least / self.distance_m).min(1.0))
     }
 
     /// The radius (rad) of the limb.
     pub fn radius(&self) -> f64 {
-        libm::asin((EARTH_RADIUS_M / self.observer_m.norm()).min(1.0))
+        self.limb.radius
     }
 
     /// The least angle (rad) of the field from the limb.

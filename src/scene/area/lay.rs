@@ -4,17 +4,22 @@
 //! an edge, or detail as small as a few pixels, each pixel is the mean over its area and its time, and the point spread function blurs
 //! them (`blur`).
 
-use super::Radiance;
 use super::blur::Blur;
+use super::patch::Patch;
 use super::plane::Plane;
+use super::{Asked, Radiance};
 use crate::fidelity::Fidelity;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Side of the grid's largest squares, px.
 const SQUARE: usize = 32;
 /// Squares of this side that straight lines do not fill are sampled.
 const SMALLEST: usize = 4;
+/// Where lines miss no more than this many times what they may, the middle of a pixel stands for all of it: of a bend b (e-/px^2) lines
+/// across [`SMALLEST`] miss 2 b, and the middle b / 24, of two bends together.
+const MIDDLE: f64 = 24.0;
 /// What moves by less (px) stands still.
 const STILL_PX: f64 = 0.02;
 /// Steps of the time of a pixel for each pixel that the light moves by, and at most.
@@ -26,15 +31,31 @@ const LEAST_STEPS: usize = 16;
 /// Edges of this radius (px) are straight enough, and more cells than this a side are none the better.
 const STRAIGHT: f64 = 8.0;
 const MOST_CELLS: f64 = 16.0;
-/// The two points of Gauss's rule, px from the middle of a pixel: 1 / (2 sqrt 3).
-const GAUSS: f64 = 0.288_675_134_594_812_9;
+
+/// How a pixel gets its light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sampled {
+    /// From lines between places around it.
+    No,
+    /// It is that of its middle, over its time.
+    Middle,
+    /// It is the mean over its area and its time.
+    All,
+}
+
+impl Sampled {
+    /// Whether it is worked out for the pixel itself.
+    pub fn is_marked(&self) -> bool {
+        *self != Sampled::No
+    }
+}
 
 /// Light on pixels: of the detector and of a margin around it.
 pub struct Laid {
     /// e- of each pixel of the detector, row by row.
     pub e: Vec<f32>,
-    /// How many times the radiance was asked for.
-    pub asked: usize,
+    /// What was asked for it.
+    pub asked: Asked,
 }
 
 /// One square of the grid, with the light at its corners and between them.
@@ -58,8 +79,8 @@ struct Band<'a, 'v> {
     /// Along a side of a pixel.
     cells: usize,
     e: &'a mut [f32],
-    sampled: &'a mut [bool],
-    asked: usize,
+    sampled: &'a mut [Sampled],
+    asked: Asked,
 }
 
 /// Lays `radiance`, of which a pixel takes `scale_e` electrons a steradian.
@@ -75,7 +96,7 @@ pub fn lay(
     let (columns, rows) = (width + 2 * margin, height + 2 * margin);
     let from = [-(margin as i64); 2];
     let mut e = vec![0.0f32; columns * rows];
-    let mut sampled = vec![false; columns * rows];
+    let mut sampled = vec![Sampled::No; columns * rows];
     let bands = e
         .par_chunks_mut(columns * SQUARE)
         .zip(sampled.par_chunks_mut(columns * SQUARE));
@@ -91,16 +112,17 @@ pub fn lay(
             cells: cells(radiance, plane),
             e,
             sampled,
-            asked: 0,
+            asked: Asked::default(),
         };
         band.lay();
         band.asked
     });
-    let asked = asked.sum();
-    Laid {
-        e: blur.blurred(e, &sampled),
-        asked,
-    }
+    let mut asked = asked.reduce(Asked::default, |mut a, b| {
+        a += b;
+        a
+    });
+    let e = blur.blurred(e, &sampled, &mut asked);
+    Laid { e, asked }
 }
 
 impl Band<'_, '_> {
@@ -124,7 +146,7 @@ impl Band<'_, '_> {
     /// The light (e-) of a pixel around a place, as it is in the middle of its time; none where the plane has no direction.
     fn at(&mut self, x: f64, y: f64) -> Option<f64> {
         let (seen, taken) = self.plane.taken([x, y])?;
-        self.asked += 1;
+        self.asked.lights += 1;
         let sky = self.plane.to_sky(self.plane.open_s(y)[0]);
         Some(self.light(&(sky * seen), taken))
     }
@@ -135,11 +157,11 @@ impl Band<'_, '_> {
         } else {
             taken
         };
-        self.radiance.toward(direction) * taken * self.scale_e
+        self.radiance.seen(direction) * taken * self.scale_e
     }
 
     /// Whether an edge may run through a square, while it moves.
-    fn has_edge(&self, square: &Square) -> bool {
+    fn has_edge(&mut self, square: &Square) -> bool {
         if !self.radiance.has_edges() {
             return false;
         }
@@ -153,10 +175,11 @@ impl Band<'_, '_> {
             let corner = self
                 .plane
                 .taken([middle[0] + x * (half + 1.0), middle[1] + y * (half + 1.0)]);
-            corner.map_or(f64::INFINITY, |(corner, _)| seen.angle(&corner))
+            corner.map_or(f64::INFINITY, |(corner, _)| (corner - seen).norm())
         });
         let radius = radius.fold(0.0, f64::max) + self.motion / 2.0;
         let sky = self.plane.to_sky(self.plane.open_s(middle[1])[0]);
+        self.asked.edges += 1;
         let nearest = self.radiance.edge(&(sky * seen)).abs();
         nearest <= radius || nearest.is_nan()
     }
@@ -195,14 +218,19 @@ impl Band<'_, '_> {
         let Fidelity {
             area_e, area_part, ..
         } = self.fidelity;
-        let even = between.iter().zip(lines).all(|(node, line)| {
+        let missed = between.iter().zip(lines).map(|(node, line)| {
             // Between nine nodes lines miss a quarter of what they miss between four, across and down together up to half.
-            node.is_some_and(|node| (node - line).abs() <= 2.0 * (area_e + area_part * node.abs()))
-        }) && nodes.iter().all(Option::is_some);
-        if even && !self.has_edge(&square) {
+            node.map_or(f64::INFINITY, |node| {
+                (node - line).abs() / (2.0 * (area_e + area_part * node.abs()))
+            })
+        });
+        let missed = missed.fold(0.0, f64::max);
+        let is_whole = nodes.iter().all(Option::is_some) && !self.has_edge(&square);
+        if is_whole && missed <= 1.0 {
             self.fill(&square, &nodes.map(value));
         } else if side <= SMALLEST {
-            self.mark(&square);
+            let bent = !is_whole || missed > MIDDLE;
+            self.mark(&square, if bent { Sampled::All } else { Sampled::Middle });
         } else {
             let quarters = [
                 (0, 0, [a, top, left, middle]),
@@ -221,36 +249,39 @@ impl Band<'_, '_> {
         }
     }
 
-    /// The pixels of a square that are in this band, each with its place in the square.
-    fn pixels(&self, square: &Square) -> impl Iterator<Item = (usize, usize, usize)> + use<> {
+    /// The rows of a square, as far as they are in this band.
+    fn rows(&self, square: &Square) -> impl Iterator<Item = Range<usize>> + use<> {
         let columns = self.columns;
         let rows = self.e.len() / columns;
-        let (dx, dy) = (
-            (square.x - self.from[0]) as usize,
-            (square.y - self.from[1]) as usize,
-        );
-        let side = square.side;
-        (0..side.min(rows.saturating_sub(dy))).flat_map(move |j| {
-            (0..side.min(columns.saturating_sub(dx)))
-                .map(move |i| ((dy + j) * columns + dx + i, i, j))
-        })
+        let x = (square.x - self.from[0]) as usize;
+        let y = (square.y - self.from[1]) as usize;
+        let past = (x + square.side).min(columns);
+        (y..(y + square.side).min(rows)).map(move |row| row * columns + x..row * columns + past)
     }
 
     /// Straight lines between nine nodes.
     fn fill(&mut self, square: &Square, nodes: &[f64; 9]) {
         let half = square.side / 2;
-        for (pixel, i, j) in self.pixels(square) {
-            let (cell, down) = (3 * (j / half) + i / half, (j % half) as f64 / half as f64);
-            let part = (i % half) as f64 / half as f64;
-            let line = |from: usize| nodes[from] + (nodes[from + 1] - nodes[from]) * part;
-            let (above, below) = (line(cell), line(cell + 3));
-            self.e[pixel] = (above + (below - above) * down) as f32;
+        let step = 1.0 / half as f64;
+        for (j, row) in self.rows(square).enumerate() {
+            let (above, down) = (3 * (j / half), (j % half) as f64 * step);
+            let line = [0, 1, 2].map(|i| {
+                let (from, to) = (nodes[above + i], nodes[above + i + 3]);
+                from + (to - from) * down
+            });
+            let halves = self.e[row].chunks_mut(half).zip([[0, 1], [1, 2]]);
+            for (pixels, [a, b]) in halves {
+                let (from, rise) = (line[a], (line[b] - line[a]) * step);
+                for (i, pixel) in pixels.iter_mut().enumerate() {
+                    *pixel = (from + rise * i as f64) as f32;
+                }
+            }
         }
     }
 
-    fn mark(&mut self, square: &Square) {
-        for (pixel, ..) in self.pixels(square) {
-            self.sampled[pixel] = true;
+    fn mark(&mut self, square: &Square, how: Sampled) {
+        for row in self.rows(square) {
+            self.sampled[row].fill(how);
         }
     }
 
@@ -260,15 +291,17 @@ impl Band<'_, '_> {
         let rows = self.e.len() / columns;
         for row in 0..rows {
             let marked = row * columns..(row + 1) * columns;
-            if !self.sampled[marked.clone()].contains(&true) {
+            if !self.sampled[marked.clone()].iter().any(Sampled::is_marked) {
                 continue;
             }
             let y = (self.from[1] + row as i64) as f64;
             let skies = self.skies(y);
             for pixel in marked {
-                if self.sampled[pixel] {
-                    let x = (self.from[0] + (pixel % columns) as i64) as f64;
-                    self.e[pixel] = self.mean(x, y, &skies) as f32;
+                let x = (self.from[0] + (pixel % columns) as i64) as f64;
+                match self.sampled[pixel] {
+                    Sampled::No => {}
+                    Sampled::Middle => self.e[pixel] = self.middle([x, y], &skies) as f32,
+                    Sampled::All => self.e[pixel] = self.mean(x, y, &skies) as f32,
                 }
             }
         }
@@ -289,6 +322,19 @@ impl Band<'_, '_> {
             .collect()
     }
 
+    /// The mean light of the middle of a pixel, e-.
+    fn middle(&mut self, at: [f64; 2], skies: &[Matrix3<f64>]) -> f64 {
+        let Some((seen, taken)) = self.plane.taken(at) else {
+            return 0.0;
+        };
+        self.asked.lights += skies.len();
+        let sum: f64 = skies
+            .iter()
+            .map(|sky| self.light(&(sky * seen), taken))
+            .sum();
+        sum / skies.len() as f64
+    }
+
     /// The mean light of a pixel, e-: of its cells, if an edge is so strongly curved that it is not straight across a pixel.
     fn mean(&mut self, x: f64, y: f64, skies: &[Matrix3<f64>]) -> f64 {
         let cells = self.cells;
@@ -296,31 +342,38 @@ impl Band<'_, '_> {
         let middle = |i: usize| (i as f64 + 0.5) * side - 0.5;
         let places = (0..cells * cells).map(|i| [x + middle(i % cells), y + middle(i / cells)]);
         let sum: f64 = places.map(|at| self.mean_of(at, side, skies)).sum();
-        self.asked += 4 * skies.len() * cells * cells;
         sum * side * side
     }
 
     /// The mean light of a square around a place, its side in px, e- a pixel. Each side of an edge has the mean of those of four places (Gauss)
     /// that are on it, for the part of the square that it takes.
-    fn mean_of(&self, [x, y]: [f64; 2], size: f64, skies: &[Matrix3<f64>]) -> f64 {
-        let plane = self.plane;
-        let gauss = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
-            .map(|off| off.map(|off: f64| off * GAUSS * size))
-            .map(|[u, v]| plane.taken([x + u, y + v]));
-        let Some((centre, taken)) = plane.taken([x, y]) else {
+    fn mean_of(&mut self, at: [f64; 2], size: f64, skies: &[Matrix3<f64>]) -> f64 {
+        let Some(patch) = Patch::new(self.plane, at, size) else {
             return 0.0;
         };
-        let mut sum = 0.0;
-        for sky in skies {
-            let at = sky * centre;
-            let offs = gauss.map(|place| place.map(|(seen, taken)| (sky * seen, taken)));
-            let edges = offs.map(|place| place.map(|(at, _)| self.radiance.edge(&at)));
-            let crossing = Crossing::of(self.radiance.edge(&at), edges);
+        let crossings = skies
+            .iter()
+            .map(|sky| (sky, patch.crossing(self.radiance, sky)));
+        let count = skies.len() as f64;
+        if self.radiance.is_hidden_inside() {
+            let (outside, looks) = crossings.fold((0.0, 0), |(outside, looks), (_, crossing)| {
+                (outside + crossing.part(1), looks + crossing.looks)
+            });
+            self.asked.edges += looks;
+            self.asked.lights += 1;
+            let sky = self.plane.to_sky(self.plane.open_s(at[1])[0]);
+            let (middle, taken) = patch.middle;
+            return self.radiance.toward(&(sky * middle)) * taken * self.scale_e * outside / count;
+        }
+        let (mut sum, mut asked) = (0.0, Asked::default());
+        for (sky, crossing) in crossings {
             let (mut sides, mut counts) = ([0.0; 2], [0.0; 2]);
-            for ((at, taken), edge) in offs.iter().flatten().zip(edges.iter().flatten()) {
-                let side = usize::from(*edge > 0.0);
-                sides[side] += self.light(at, *taken);
-                counts[side] += 1.0;
+            for (place, edge) in patch.places.iter().zip(crossing.places) {
+                if let Some((seen, taken)) = place {
+                    let side = usize::from(edge > 0.0);
+                    sides[side] += self.light(&(sky * seen), *taken);
+                    counts[side] += 1.0;
+                }
             }
             for side in 0..2 {
                 let part = crossing.part(side);
@@ -328,14 +381,16 @@ impl Band<'_, '_> {
                     sum += part * sides[side] / counts[side];
                 } else if part > 0.0 {
                     // The corner that no place is in.
-                    let [u, v] = crossing.inside(side);
-                    if let Some((seen, _)) = plane.taken([x + u * size, y + v * size]) {
-                        sum += part * self.light(&(sky * seen), taken);
-                    }
+                    let corner = self.plane.taken(patch.corner(&crossing, side));
+                    sum +=
+                        corner.map_or(0.0, |(seen, taken)| part * self.light(&(sky * seen), taken));
                 }
             }
+            asked.lights += 4;
+            asked.edges += crossing.looks;
         }
-        sum / skies.len() as f64
+        self.asked += asked;
+        sum / count
     }
 }
 
@@ -349,50 +404,4 @@ fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
 /// In how many steps the time of a pixel is taken at most, in a frame of so many pixels.
 pub fn most_steps(pixels: usize) -> usize {
     (ALL_STEPS / pixels.max(1)).clamp(LEAST_STEPS, MOST_STEPS)
-}
-
-/// A straight edge across a pixel: its signed distance (rad) from the middle, positive outside, and how that grows along
-/// columns and rows (rad/px).
-struct Crossing {
-    middle: f64,
-    slope: [f64; 2],
-}
-
-impl Crossing {
-    fn of(middle: f64, [a, b, c, d]: [Option<f64>; 4]) -> Crossing {
-        let slope = match (a, b, c, d) {
-            (Some(a), Some(b), Some(c), Some(d)) if middle.is_finite() => [
-                (b + d - a - c) / (4.0 * GAUSS),
-                (c + d - a - b) / (4.0 * GAUSS),
-            ],
-            _ => [0.0; 2],
-        };
-        Crossing { middle, slope }
-    }
-
-    /// The part of the pixel that lies inside (0) or outside (1) of the edge. With slopes a >= b >= 0 and p(x) = max(x, 0)^2,
-    ///
-    /// ```text
-    /// outside = (p(m + (a + b)/2) - p(m + (a - b)/2) - p(m - (a - b)/2) + p(m - (a + b)/2)) / 2ab
-    /// ```
-    fn part(&self, side: usize) -> f64 {
-        let [x, y] = self.slope.map(f64::abs);
-        let (a, b, m) = (x.max(y), x.min(y), self.middle);
-        let outside = if m.abs() >= (a + b) / 2.0 || m.is_nan() {
-            f64::from(u8::from(m > 0.0))
-        } else if b < 1e-6 * a {
-            (m / a + 0.5).clamp(0.0, 1.0)
-        } else {
-            let p = |x: f64| x.max(0.0) * x.max(0.0);
-            let (wide, narrow) = ((a + b) / 2.0, (a - b) / 2.0);
-            (p(m + wide) - p(m + narrow) - p(m - narrow) + p(m - wide)) / (2.0 * a * b)
-        };
-        if side == 1 { outside } else { 1.0 - outside }
-    }
-
-    /// A place (px from the middle) on that side of the edge, towards its corner.
-    fn inside(&self, side: usize) -> [f64; 2] {
-        let sign = if side == 1 { 0.45 } else { -0.45 };
-        self.slope.map(|slope| sign * slope.signum())
-    }
 }

@@ -22,15 +22,12 @@ struct Air {
     horizon: Horizon,
 }
 
-fn find(_: &World, _: &View, around: &Surroundings) -> Found {
+fn find(world: &World, view: &View, around: &Surroundings) -> Found {
     let Some(horizon) = around.horizon else {
         return Err(super::NO_ORBIT.into());
     };
-    match &around.limb {
-        Some(limb) => Ok(Arc::new(Air {
-            limb: limb.clone(),
-            horizon,
-        })),
+    match around.limb(world, view) {
+        Some(limb) => Ok(Arc::new(Air { limb, horizon })),
         None => Err(not_in_field("the Earth's limb", horizon.nearest())),
     }
 }

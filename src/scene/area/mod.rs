@@ -8,6 +8,7 @@ mod horizon;
 mod kinds;
 mod lay;
 mod limb;
+mod patch;
 mod plane;
 mod veil;
 
@@ -15,6 +16,7 @@ pub use kinds::{KINDS, Kind};
 
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
+use crate::lanes;
 use crate::scene::{Simulated, View, World};
 use crate::sky::atmosphere::Limb;
 use crate::sky::shadow::Earth;
@@ -26,7 +28,9 @@ use kinds::Found;
 use nalgebra::Vector3;
 use plane::Plane;
 use std::borrow::Cow;
+use std::cell::OnceCell;
 use std::fmt::Debug;
+use std::ops::AddAssign;
 use std::sync::Arc;
 
 /// Places along a side of the field at which a radiance is looked at before it is laid on pixels.
@@ -44,8 +48,22 @@ fn not_in_field(body: &str, nearest: f64) -> Cow<'static, str> {
 /// Light that depends on its direction alone.
 pub trait Radiance: Debug + Send + Sync {
     /// Photons in the band from a direction (unit vector, ICRF) at mid-exposure, ph/s/m^2/sr; of what optics scatter ([`Radiance::is_of_pixels`]),
-    /// e-/s on a pixel that looks there.
+    /// e-/s on a pixel that looks there. Where it [is hidden](Radiance::is_hidden_inside), as if it were not.
     fn toward(&self, direction: &Vector3<f64>) -> f64;
+
+    /// Whether nothing shines inside of its edge, and all else is so even that a pixel has the light of its middle.
+    fn is_hidden_inside(&self) -> bool {
+        false
+    }
+
+    /// The light that comes from a direction, if it is not hidden.
+    fn seen(&self, direction: &Vector3<f64>) -> f64 {
+        if self.is_hidden_inside() && self.edge(direction) < 0.0 {
+            0.0
+        } else {
+            self.toward(direction)
+        }
+    }
 
     /// The angle (rad) of a direction from the nearest edge at which the light jumps: positive outside, negative inside.
     fn edge(&self, _direction: &Vector3<f64>) -> f64 {
@@ -106,14 +124,40 @@ pub struct AreaLight {
     pub kind: &'static Kind,
     /// Why there is none.
     pub dark: Option<Cow<'static, str>>,
-    /// Its share on each pixel; empty where it is too faint for any.
-    pub footprint: Footprint,
+    /// Its light on each pixel, as if of one electron each had so many shares; empty where it is too faint for any.
+    pub(super) light: Footprint,
     /// Electrons on all of them.
     pub electrons: f64,
     /// The most in a pixel, e-.
     pub most_e: f64,
-    /// How many times its radiance was asked for.
-    pub asked: usize,
+    /// What was asked to lay it.
+    pub asked: Asked,
+}
+
+impl AreaLight {
+    /// On each pixel, row by row, e-; empty where it is too faint for any.
+    pub fn e(&self) -> &[f32] {
+        self.light.shares()
+    }
+}
+
+/// How often was asked what it takes to lay light on pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Asked {
+    /// For the radiance of a direction.
+    pub lights: usize,
+    /// For its angle from an edge.
+    pub edges: usize,
+    /// For the light that a pixel gives to another.
+    pub spreads: usize,
+}
+
+impl AddAssign for Asked {
+    fn add_assign(&mut self, other: Asked) {
+        self.lights += other.lights;
+        self.edges += other.edges;
+        self.spreads += other.spreads;
+    }
 }
 
 /// Above this (m) the air's light is left out where the field sees nothing lower: of the highest layer, at 250 km, a thousandth is up there.
@@ -124,33 +168,37 @@ const AIR_M: f64 = 400e3;
 pub struct Surroundings {
     /// The Earth; none for an observer without an orbit.
     horizon: Option<Horizon>,
-    /// Its air, where some of it may be in the field.
-    limb: Option<Arc<Limb>>,
+    limb: OnceCell<Option<Arc<Limb>>>,
 }
 
 impl Surroundings {
-    fn of(world: &World, view: &View) -> Surroundings {
-        let horizon = Horizon::of(view);
-        let sun_m = view.observer.bodies.sun_apparent_m();
-        let limb = horizon
-            .filter(|horizon| horizon.nearest() < horizon.height_of(AIR_M))
-            .and_then(|_| {
-                let earth = Earth::at(view.exposure.mid);
-                Limb::new(&world.atmosphere, view.observer.position_m, sun_m, earth)
-            });
+    fn of(view: &View) -> Surroundings {
         Surroundings {
-            horizon,
-            limb: limb.map(Arc::new),
+            horizon: Horizon::of(view),
+            limb: OnceCell::new(),
         }
+    }
+
+    /// Its air, where some of it may be in the field: worked out for the first that asks.
+    fn limb(&self, world: &World, view: &View) -> Option<Arc<Limb>> {
+        let near = |horizon: &&Horizon| horizon.nearest() < horizon.height_of(AIR_M);
+        let find = || {
+            self.horizon.as_ref().filter(near)?;
+            let sun_m = view.observer.bodies.sun_apparent_m();
+            let earth = Earth::at(view.exposure.mid);
+            Limb::new(&world.atmosphere, view.observer.position_m, sun_m, earth).map(Arc::new)
+        };
+        self.limb.get_or_init(find).clone()
     }
 }
 
 impl View {
-    /// What is before the camera.
-    pub(super) fn areas(&self, world: &World) -> Vec<Area> {
+    /// What is before the camera, of those whose effect `runs`.
+    pub(super) fn areas(&self, world: &World, runs: impl Fn(&'static str) -> bool) -> Vec<Area> {
         let ideal = Plane::new(self, &Simulated::default(), Vector3::zeros());
-        let around = Surroundings::of(world, self);
-        let kinds = KINDS.iter().map(|kind| {
+        let around = Surroundings::of(self);
+        let kinds = KINDS.iter().filter(|kind| runs(kind.effect));
+        let kinds = kinds.map(|kind| {
             let radiance = (kind.radiance)(world, self, &around);
             let peak_e = match &radiance {
                 Ok(radiance) => 2.0 * self.looked_at(radiance.as_ref(), &ideal),
@@ -177,7 +225,7 @@ impl View {
             ];
             plane.taken(at).map_or(0.0, |(seen, taken)| {
                 let taken = if radiance.is_of_pixels() { 1.0 } else { taken };
-                radiance.toward(&(sky * seen)) * taken * scale_e
+                radiance.seen(&(sky * seen)) * taken * scale_e
             })
         });
         places.fold(0.0, f64::max)
@@ -201,10 +249,10 @@ impl View {
         let none = |dark: Option<Cow<'static, str>>| AreaLight {
             kind: area.kind,
             dark,
-            footprint: Footprint::default(),
+            light: Footprint::default(),
             electrons: 0.0,
             most_e: area.peak_e,
-            asked: 0,
+            asked: Asked::default(),
         };
         let radiance = match &area.radiance {
             Ok(radiance) => radiance.as_ref(),
@@ -223,15 +271,15 @@ impl View {
             self.area_scale_e(radiance),
             fidelity,
         );
-        let electrons: f64 = laid.e.iter().map(|e| f64::from(*e)).sum();
+        let electrons = lanes::sum(&laid.e);
         if electrons == 0.0 {
             return none(Some(area.kind.unlit.into()));
         }
-        let most_e = laid.e.iter().copied().fold(0.0, f32::max);
+        let most_e = lanes::greatest(&laid.e);
         AreaLight {
             kind: area.kind,
             dark: None,
-            footprint: Footprint::whole(self.camera.detector.width, laid.e, electrons),
+            light: Footprint::whole(self.camera.detector.width, laid.e),
             electrons,
             most_e: f64::from(most_e),
             asked: laid.asked,
@@ -241,16 +289,10 @@ impl View {
 
 /// The light of all of them on each pixel, e-; empty where there is none.
 pub(super) fn together(areas: &[AreaLight]) -> Vec<f32> {
-    let mut sum = Vec::new();
-    for area in areas {
-        let shares = area.footprint.shares();
-        sum.resize(shares.len().max(sum.len()), 0.0f32);
-        let light = shares
-            .iter()
-            .map(|share| (area.electrons * f64::from(*share)) as f32);
-        sum.iter_mut()
-            .zip(light)
-            .for_each(|(sum, light)| *sum += light);
+    let mut lit = areas.iter().map(AreaLight::e).filter(|e| !e.is_empty());
+    let mut sum = lit.next().unwrap_or_default().to_vec();
+    for e in lit {
+        sum.iter_mut().zip(e).for_each(|(sum, e)| *sum += e);
     }
     sum
 }

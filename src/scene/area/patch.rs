@@ -1,0 +1,109 @@
+//! A pixel, or a part of one, and how an edge runs across it.
+
+use super::Radiance;
+use super::plane::Plane;
+use nalgebra::{Matrix3, Vector3};
+
+/// The two points of Gauss's rule, px from the middle of a pixel: 1 / (2 sqrt 3).
+const GAUSS: f64 = 0.288_675_134_594_812_9;
+/// A corner lies sqrt 3 times as far from the middle as Gauss's points do, and limbs are told up to a flattening.
+const CORNER: f64 = 2.0;
+
+/// A square of the plane no larger than a pixel.
+pub struct Patch {
+    /// Its middle, px.
+    at: [f64; 2],
+    /// Its side, px.
+    size: f64,
+    /// Where its middle looks (unit vector, camera axes), and what light a pixel there takes, see [`Plane::taken`].
+    pub middle: (Vector3<f64>, f64),
+    /// The same of the four places of Gauss's rule.
+    pub places: [Option<(Vector3<f64>, f64)>; 4],
+    /// Further (rad) from the middle than this is none of it.
+    reach: f64,
+}
+
+impl Patch {
+    /// That of `size` around a place (px); none where the plane has no direction.
+    pub fn new(plane: &Plane<'_>, [x, y]: [f64; 2], size: f64) -> Option<Patch> {
+        let middle = plane.taken([x, y])?;
+        let places = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
+            .map(|off| off.map(|off: f64| off * GAUSS * size))
+            .map(|[u, v]| plane.taken([x + u, y + v]));
+        let off = places.iter().flatten();
+        let off = off.map(|(seen, _)| (seen - middle.0).norm());
+        Some(Patch {
+            at: [x, y],
+            size,
+            middle,
+            places,
+            reach: CORNER * off.fold(0.0, f64::max),
+        })
+    }
+
+    /// How the edge of `radiance` crosses it at an attitude.
+    pub fn crossing(&self, radiance: &dyn Radiance, sky: &Matrix3<f64>) -> Crossing {
+        let middle = radiance.edge(&(sky * self.middle.0));
+        if middle.abs() > self.reach {
+            return Crossing {
+                middle,
+                places: [middle; 4],
+                slope: [0.0; 2],
+                looks: 1,
+            };
+        }
+        let edge = |place: Option<(Vector3<f64>, f64)>| {
+            place.map_or(f64::NAN, |(seen, _)| radiance.edge(&(sky * seen)))
+        };
+        let places = self.places.map(edge);
+        let [a, b, c, d] = places;
+        let slope = [b + d - a - c, c + d - a - b].map(|rise| rise / (4.0 * GAUSS));
+        let is_known = slope.iter().all(|slope| slope.is_finite());
+        Crossing {
+            middle,
+            places,
+            slope: if is_known { slope } else { [0.0; 2] },
+            looks: 5,
+        }
+    }
+
+    /// The place (px) in its corner on that side of an edge.
+    pub fn corner(&self, crossing: &Crossing, side: usize) -> [f64; 2] {
+        let off = if side == 1 { 0.45 } else { -0.45 } * self.size;
+        [0, 1].map(|k| self.at[k] + off * crossing.slope[k].signum())
+    }
+}
+
+/// A straight edge across a square: signed distances (rad) from it, positive outside.
+pub struct Crossing {
+    /// Of the middle.
+    middle: f64,
+    /// Of the four places.
+    pub places: [f64; 4],
+    /// How they grow along columns and rows, rad from side to side.
+    slope: [f64; 2],
+    /// How often the edge was asked for.
+    pub looks: usize,
+}
+
+impl Crossing {
+    /// The part of the square that lies inside (0) or outside (1) of the edge. With slopes a >= b >= 0 and p(x) = max(x, 0)^2,
+    ///
+    /// ```text
+    /// outside = (p(m + (a + b)/2) - p(m + (a - b)/2) - p(m - (a - b)/2) + p(m - (a + b)/2)) / 2ab
+    /// ```
+    pub fn part(&self, side: usize) -> f64 {
+        let [x, y] = self.slope.map(f64::abs);
+        let (a, b, m) = (x.max(y), x.min(y), self.middle);
+        let outside = if m.abs() >= (a + b) / 2.0 || m.is_nan() {
+            f64::from(u8::from(m > 0.0))
+        } else if b < 1e-6 * a {
+            (m / a + 0.5).clamp(0.0, 1.0)
+        } else {
+            let p = |x: f64| x.max(0.0) * x.max(0.0);
+            let (wide, narrow) = ((a + b) / 2.0, (a - b) / 2.0);
+            (p(m + wide) - p(m + narrow) - p(m - narrow) + p(m - wide)) / (2.0 * a * b)
+        };
+        if side == 1 { outside } else { 1.0 - outside }
+    }
+}
