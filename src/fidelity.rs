@@ -20,6 +20,8 @@ pub struct Fidelity {
     pub area_part: f64,
     /// An effect without which no pixel's expected electrons change by more than this (e-) is skipped.
     pub skip_e: f64,
+    /// Light of an area that brings no pixel more than that is skipped where all of it has no more than this signal-to-noise ratio (1).
+    pub skip_snr: f64,
     /// An effect without which no image moves by more than this (px) is skipped; so is a source's own motion.
     pub skip_px: f64,
 }
@@ -34,6 +36,7 @@ impl Fidelity {
         area_e: 0.02,
         area_part: 5e-4,
         skip_e: 0.05,
+        skip_snr: 0.05,
         skip_px: 1e-3,
     };
     /// The slow, obvious path that also serves the tests as truth.
@@ -45,6 +48,7 @@ impl Fidelity {
         area_e: 1e-3,
         area_part: 1e-6,
         skip_e: 0.0,
+        skip_snr: 0.0,
         skip_px: 0.0,
     };
 

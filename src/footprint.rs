@@ -21,6 +21,27 @@ pub struct Footprint {
     spans: Vec<Span>,
     shares: Vec<f32>,
     evaluated: u64,
+    /// Its wings.
+    pub wings: Wings,
+}
+
+/// How far light is drawn around the places of a track, at most, and what lies further out.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Wings {
+    /// Half the side of the square, px.
+    pub drawn_px: f64,
+    /// The share of all light that is laid evenly over it (1).
+    pub undrawn: f64,
+}
+
+impl Wings {
+    /// Those of both.
+    fn and(&self, other: &Wings) -> Wings {
+        Wings {
+            drawn_px: self.drawn_px.max(other.drawn_px),
+            undrawn: self.undrawn.max(other.undrawn),
+        }
+    }
 }
 
 /// What of a source decides how its light is spread.
@@ -47,6 +68,8 @@ struct Drawn<'a> {
     psf: LocalPsf<'a>,
     /// Columns and rows of pixels around it, on the unbounded plane.
     square: [Range<i64>; 2],
+    /// Half its side, px.
+    reach: f64,
 }
 
 impl Drawn<'_> {
@@ -59,7 +82,7 @@ impl Drawn<'_> {
         let psf = camera.optics.psf_at(at, light.wavelength_ratio);
         let reach = psf.drawn_px(fidelity, light.electrons);
         let square = square(at, reach);
-        Drawn { psf, square }
+        Drawn { psf, square, reach }
     }
 
     /// Where the centre of `rest` must be for it and the `light` of all the square's pixels to be centred on `at`.
@@ -161,7 +184,7 @@ impl Footprint {
 
         let mut shares = vec![0.0f32; total as usize];
         let mut stamp = Stamp::default();
-        let mut evaluated = 0;
+        let (mut evaluated, mut wings) = (0, Wings::default());
         let mut collected = Vec::new();
         for (sample, drawn, columns, rows) in boxes {
             let Sample { at, weight, .. } = sample;
@@ -169,7 +192,12 @@ impl Footprint {
             let psf = &drawn.psf;
             psf.spread(*weight, *at, columns.clone(), rows.clone(), &mut stamp);
             let wide = (columns.end - columns.start) as usize;
-            let rest = weight * psf.undrawn(*at, &drawn.square, fidelity);
+            let undrawn = psf.undrawn(*at, &drawn.square, fidelity);
+            wings = wings.and(&Wings {
+                drawn_px: drawn.reach,
+                undrawn,
+            });
+            let rest = weight * undrawn;
             let whole = drawn.square == [columns.clone(), rows.clone()];
             // Of a core narrower than pixels these have a centre of their own.
             let centre = if rest > 0.0 && whole && psf.core_px() > 0.4 {
@@ -202,6 +230,7 @@ impl Footprint {
             spans,
             shares,
             evaluated,
+            wings,
         }
     }
 
@@ -217,7 +246,7 @@ impl Footprint {
             first_row: 0,
             spans,
             shares,
-            evaluated: 0,
+            ..Footprint::default()
         }
     }
 
@@ -261,6 +290,9 @@ impl Footprint {
             spans,
             shares,
             evaluated: parts.iter().map(|(_, part)| part.evaluated).sum(),
+            wings: parts
+                .iter()
+                .fold(Wings::default(), |wings, (_, part)| wings.and(&part.wings)),
         }
     }
 

@@ -1,6 +1,6 @@
 //! The plan of one frame: every effect's verdict on the scene, in physical order.
 
-use crate::effect::{EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict};
+use crate::effect::{EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict, digits};
 use crate::fidelity::{Choice, Fidelity};
 use crate::scene::{Scene, Simulated, View};
 use std::borrow::Cow;
@@ -103,6 +103,9 @@ impl<'s> Plan<'s> {
                     pass,
                     because: if need.is_within(fidelity) {
                         format!("effects.all is set; else not: {}", need.because).into()
+                    } else if need.error.is_within(fidelity) {
+                        let all_e = digits(need.drawn_e);
+                        format!("{}, {all_e} e- in all", need.because).into()
                     } else {
                         need.because
                     },

@@ -52,6 +52,7 @@ struct Report {
 #[derive(Serialize)]
 struct Tolerances {
     skip_e: f64,
+    skip_snr: f64,
     skip_px: f64,
 }
 
@@ -99,6 +100,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         epoch_mid: utc_text(bench.vehicle.epoch),
         tolerances: Tolerances {
             skip_e: fidelity.skip_e,
+            skip_snr: fidelity.skip_snr,
             skip_px: fidelity.skip_px,
         },
         effects: lines(&bench, args.measure)?,
@@ -171,10 +173,15 @@ impl Report {
     /// The plan as columns below a head.
     fn table(&self) -> String {
         let Report { frame, scene, .. } = self;
-        let Tolerances { skip_e, skip_px } = self.tolerances;
+        let Tolerances {
+            skip_e,
+            skip_snr,
+            skip_px,
+        } = self.tolerances;
         let mut text = format!(
             "frame {frame} of {scene}, {}, middle {}\n\
-             skipped: what moves images by no more than {skip_px} px, or, where it moves none, changes no pixel by more than {skip_e} e-\n",
+             skipped: what moves images by no more than {skip_px} px, or, where it moves none, changes no pixel by more than {skip_e} e-\n\
+             nor brings more electrons in all; light all over the field also where all of it is lost in noise (snr {skip_snr})\n",
             self.camera, self.epoch_mid
         );
         let measured = self

@@ -9,7 +9,7 @@
 //! with the pixel's true solid angle for IFOV^2, and before the division by the gain.
 
 use super::cause::digits;
-use super::shown::{shown_e, with_trail};
+use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
 use super::{Loss, Need, Pass};
 use crate::scene::{AreaLight, Asked, Lit, Scene, Simulated};
 use std::iter;
@@ -40,15 +40,17 @@ pub(super) fn judge<'s>(
         return (Need::none(why.clone()), Pass::idle());
     }
     let pixels = scene.view.camera.detector.pixels() as f64;
-    let need = if area.electrons == 0.0 {
-        // Too faint to be laid on pixels.
+    let need = if is_drowned(scene, &leave) {
+        Need::none(DROWNED)
+    } else if area.electrons == 0.0 {
+        // Too thin to be laid on pixels.
         Need {
             because: says(area).into(),
             error: Loss {
                 e: area.most_e,
                 px: 0.0,
             },
-            drawn_e: area.most_e * pixels,
+            drawn_e: 0.0,
             price_ms: 0.0,
         }
     } else {
@@ -62,7 +64,7 @@ pub(super) fn judge<'s>(
                 e: shown_e(scene, cells_e, leave),
                 px: 0.0,
             },
-            drawn_e: area.electrons,
+            drawn_e: if area.is_thin { 0.0 } else { area.electrons },
             price_ms: (asked_ns(&area.asked, ns) + pixels * PIXEL_NS) * 1e-6,
         }
     };

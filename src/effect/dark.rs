@@ -10,10 +10,10 @@
 //! flicker (random telegraph signals) are left out. Price: a sum a pixel, half again with a map.
 
 use super::cause::{counted, digits};
-use super::shown::{of_cells, shown_e};
+use super::shown::{DROWNED, is_drowned, of_cells, shown_e};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::scene::{Scene, Simulated};
 
 /// Dark charge.
 pub const DARK_CURRENT: Effect = Effect {
@@ -28,8 +28,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;
     let seconds = scene.view.exposure.duration_s;
     let (mean, most) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
+    let leave = |parts: &mut Simulated| parts.dark = false;
     let need = if most == 0.0 {
         Need::none("the detector has no dark current (detector.dark_e_s)")
+    } else if is_drowned(scene, leave) {
+        Need::none(DROWNED)
     } else {
         let because = match pattern.hot() {
             [] => format!("{} e-/s a pixel", digits(mean)),
@@ -54,7 +57,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
                 }
             }
         }
-        let e = shown_e(scene, || of_cells(&columns), |parts| parts.dark = false);
+        let e = shown_e(scene, || of_cells(&columns), leave);
         Need {
             // However little a pixel expects, somewhere electrons come.
             drawn_e: mean * seconds * scene.view.camera.detector.pixels() as f64,

@@ -10,11 +10,11 @@
 //! the response of single pixels averages out over a column; charge moves on evenly. Price: a sum a pixel.
 
 use super::cause::{digits, no_light};
-use super::shown::{of_cells, shown_e};
+use super::shown::{DROWNED, is_drowned, of_cells, shown_e};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::scene::{Scene, Simulated};
 
 /// The trails of frame transfer.
 pub const FRAME_TRANSFER: Effect = Effect {
@@ -28,14 +28,12 @@ pub const FRAME_TRANSFER: Effect = Effect {
 fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let trail = &scene.trail_e;
     let most = trail.iter().copied().fold(0.0, f64::max);
+    let leave = |parts: &mut Simulated| parts.frame_transfer = false;
     let need = match scene.view.camera.shutter {
+        Shutter::FrameTransfer { .. } if is_drowned(scene, leave) => Need::none(DROWNED),
         Shutter::FrameTransfer { .. } if most > 0.0 => {
             let because = format!("columns get trails of up to {} e- a pixel", digits(most));
-            let e = shown_e(
-                scene,
-                || of_cells(trail),
-                |parts| parts.frame_transfer = false,
-            );
+            let e = shown_e(scene, || of_cells(trail), leave);
             Need {
                 drawn_e: trail.iter().sum::<f64>() * scene.view.camera.detector.height as f64,
                 ..Need::of_pixels(scene, because, e, 0.17)

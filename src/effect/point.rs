@@ -8,7 +8,7 @@
 //! for each place that the image comes by (`scene::work`), and a sum a pixel.
 
 use super::cause::{counted, digits, is_rso, is_star, none_lit};
-use super::shown::{shown_e, with_trail};
+use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Body, Lit, Scene, Simulated, Source, still_ms};
@@ -54,6 +54,8 @@ pub(super) fn judge<'s>(
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
     let need = if pixels == 0 {
         Need::none(none_lit(scene, what, kind))
+    } else if is_drowned(scene, &leave) {
+        Need::none(DROWNED)
     } else {
         // Their own light, and their part of its column's trail.
         let cells_e = || {

@@ -8,10 +8,10 @@
 //! response that does not depend on wavelength, and no pattern of rows and columns. Price: a product a pixel.
 
 use super::cause::{digits, no_light};
-use super::shown::shown_e;
+use super::shown::{DROWNED, is_drowned, shown_e};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::scene::Scene;
+use crate::scene::{Scene, Simulated};
 
 /// Photo-response non-uniformity.
 pub const PIXEL_RESPONSE: Effect = Effect {
@@ -31,12 +31,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         );
     };
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
-    let worst = shown_e(
-        scene,
-        || scene.lit_where(off),
-        |parts| parts.response = false,
-    );
-    let need = if worst == 0.0 {
+    let leave = |parts: &mut Simulated| parts.response = false;
+    let worst = shown_e(scene, || scene.lit_where(off), leave);
+    let need = if is_drowned(scene, leave) {
+        Need::none(DROWNED)
+    } else if worst == 0.0 {
         Need::none(no_light(scene))
     } else {
         let because = format!(

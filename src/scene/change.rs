@@ -14,8 +14,8 @@
 
 use super::brightest::greatest_share;
 use super::{Body, Candidate, Scene, Simulated, Source};
-use crate::camera::psf::square;
 use crate::camera::{Detector, LocalPsf, Stamp, Vignetting};
+use crate::footprint::Wings;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -241,14 +241,10 @@ impl Scene {
             let ends = [source.start, source.end].map(|at| psf.differs(&optics.psf_at(at, ratio)));
             1.0 + ends[0].max(ends[1])
         };
-        let fidelity = &self.fidelity;
-        // By what it gives were all its light let pass.
-        let passes = source.electrons / source.arriving_e;
-        let drawn_px = psf.drawn_px(fidelity, source.clear_e / passes.max(f64::MIN_POSITIVE));
-        let square = square(source.centroid, drawn_px);
+        let Wings { drawn_px, undrawn } = source.footprint.wings;
         // Tilted it is up to twice as high along each axis.
         let pixels = (2.0 * drawn_px + 1.0).powi(2);
-        let even = 4.0 * psf.undrawn(source.centroid, &square, fidelity) / pixels;
+        let even = 4.0 * undrawn / pixels;
         let outside_px = if detector.contains(source.centroid) {
             0.0
         } else {

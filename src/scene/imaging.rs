@@ -135,9 +135,11 @@ impl View {
         let centre = self.point(track, candidate, simulated, fidelity);
         let lit = self.lit_by(area, simulated, fidelity);
         let whole_e = candidate.electrons() * centre.light;
-        let part = lit.electrons / whole_e.max(f64::MIN_POSITIVE);
+        let part = 1.0 / whole_e.max(f64::MIN_POSITIVE);
+        let mut footprint = Footprint::sum(&[(part, lit.light)]);
+        footprint.wings = centre.footprint.wings;
         Point {
-            footprint: Footprint::sum(&[(part, lit.footprint)]),
+            footprint,
             ..centre
         }
     }

@@ -82,7 +82,7 @@ fn json_has_the_fields_of_the_labels_and_what_was_measured() {
     let tolerances = Fidelity::preset("realtime").unwrap();
     assert_eq!(
         report["tolerances"],
-        json!({ "skip_e": tolerances.skip_e, "skip_px": tolerances.skip_px })
+        json!({ "skip_e": tolerances.skip_e, "skip_snr": tolerances.skip_snr, "skip_px": tolerances.skip_px })
     );
     let lines = report["effects"].as_array().unwrap();
     let line = |name: &str| lines.iter().find(|line| line["effect"] == name).unwrap();

@@ -130,6 +130,8 @@ pub struct AreaLight {
     pub electrons: f64,
     /// The most in a pixel, e-.
     pub most_e: f64,
+    /// Whether all of it is lost in noise.
+    pub is_thin: bool,
     /// What was asked to lay it.
     pub asked: Asked,
 }
@@ -244,6 +246,24 @@ impl View {
             * seconds
     }
 
+    /// Whether so much light (e-) on every pixel, or less, is within the tolerance, and all of it together is lost in noise. No weighting of the
+    /// pixels has a greater signal-to-noise ratio than
+    ///
+    /// ```text
+    /// snr^2 = sum e^2 / (e + read^2 + gain^2 / 12)
+    /// ```
+    fn is_too_thin(&self, e: f64, simulated: &Simulated, fidelity: &Fidelity) -> bool {
+        let detector = &self.camera.detector;
+        let read_e = if simulated.read {
+            detector.read_noise_e
+        } else {
+            0.0
+        };
+        let noise = e + read_e * read_e + detector.quantisation_variance();
+        let snr = (detector.pixels() as f64 * e * e / noise.max(f64::MIN_POSITIVE)).sqrt();
+        e <= fidelity.skip_e && snr <= fidelity.skip_snr
+    }
+
     /// The light of an area source on the pixels of a frame with those effects.
     pub fn lit_by(&self, area: &Area, simulated: &Simulated, fidelity: &Fidelity) -> AreaLight {
         let none = |dark: Option<Cow<'static, str>>| AreaLight {
@@ -252,14 +272,14 @@ impl View {
             light: Footprint::default(),
             electrons: 0.0,
             most_e: area.peak_e,
+            is_thin: true,
             asked: Asked::default(),
         };
         let radiance = match &area.radiance {
             Ok(radiance) => radiance.as_ref(),
             Err(why) => return none(Some(why.clone())),
         };
-        let pixels = self.camera.detector.pixels() as f64;
-        if !radiance.has_edges() && area.peak_e * pixels <= fidelity.skip_e {
+        if !radiance.has_edges() && self.is_too_thin(area.peak_e, simulated, fidelity) {
             return none(None);
         }
         let plane = Plane::new(self, simulated, radiance.turning());
@@ -275,13 +295,14 @@ impl View {
         if electrons == 0.0 {
             return none(Some(area.kind.unlit.into()));
         }
-        let most_e = lanes::greatest(&laid.e);
+        let most_e = f64::from(lanes::greatest(&laid.e));
         AreaLight {
             kind: area.kind,
             dark: None,
             light: Footprint::whole(self.camera.detector.width, laid.e),
             electrons,
-            most_e: f64::from(most_e),
+            most_e,
+            is_thin: self.is_too_thin(most_e, simulated, fidelity),
             asked: laid.asked,
         }
     }
