@@ -10,7 +10,7 @@ use skyloop_protocols::personality::PERSONALITIES;
 
 /// The modules of `src/`; each imports from lines above its own only.
 const LAYERS: &[&[&str]] = &[
-    &["attitude", "fidelity", "load", "rng"],
+    &["attitude", "fidelity", "lanes", "load", "rng"],
     &["camera", "frame", "link", "track"],
     &["footprint", "sky"],
     &["scene"],

@@ -4,7 +4,7 @@
 //! shows its own change.
 
 use super::full_well::fill;
-use crate::scene::{CELL, Change, Compared, Image, Peak, Scene, Simulated, Source};
+use crate::scene::{CELL, Change, Compared, Image, Peak, Scene, Simulated, Source, flooding_e};
 use std::collections::BTreeMap;
 
 /// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
@@ -23,26 +23,12 @@ pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec
 /// Why an effect is not needed where all pixels are full of other light.
 pub(super) const DROWNED: &str = "all pixels are full of other light";
 
-/// The columns that may fill up, but for those whose pixels are full with the effects of the scene and with those `without` some: nothing of
-/// what is left out shows there.
-fn emerging(scene: &Scene, without: &Simulated) -> Vec<usize> {
-    let columns = scene.spill.columns.iter().copied();
-    if !(without.full_well && scene.simulated.full_well) {
-        return columns.collect();
-    }
-    // So far over it that shot noise brings none back.
-    let full_e = 2.0 * scene.view.camera.detector.full_well_e + 100.0;
-    let floor_e = scene.areas_floor_e(without);
-    let drowns = |column: &usize| floor_e.get(*column).is_some_and(|e| *e >= full_e);
-    columns.filter(|column| !drowns(column)).collect()
-}
-
-/// Whether all pixels are full, with or without what `leave` leaves out.
+/// Whether all pixels are full, with or without what `leave` leaves out, of one area's light: that itself is not left out for others'.
 pub(super) fn is_drowned(scene: &Scene, leave: impl Fn(&mut Simulated)) -> bool {
-    let everywhere = scene.spill.columns.len() == scene.view.camera.detector.width;
     let mut without = scene.simulated;
     leave(&mut without);
-    everywhere && emerging(scene, &without).is_empty()
+    let flood = scene.spill.flood.filter(|_| without.full_well);
+    flood.is_some_and(|kind| (kind.is_in)(&without))
 }
 
 /// A bound (e-) of the change of what a pixel shows without what `leave` leaves out. `cells_e` tells one for pixels that do not fill up, for
@@ -65,7 +51,14 @@ pub(super) fn shown_e(
     }
     let mut without = scene.simulated;
     leave(&mut without);
-    let columns = emerging(scene, &without);
+    // Where all pixels are full either way, nothing of it shows.
+    let full_e = flooding_e(&scene.view.camera.detector);
+    let floor_e = scene.areas_floor_e(&without);
+    let drowns = without.full_well && scene.simulated.full_well;
+    let columns = spill.columns.iter().copied();
+    let columns: Vec<usize> = columns
+        .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
+        .collect();
     let [with, without] = [&scene.simulated, &without].map(|parts| held_e(scene, &columns, parts));
     most.max(apart(&with, &without))
 }

@@ -30,7 +30,7 @@ pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
 pub use lit::Lit;
 pub use simulated::Simulated;
-pub use spill::{Spill, drawn_e};
+pub use spill::{Spill, drawn_e, flooding_e};
 pub use sun::SeenSun;
 pub use view::{Candidate, MAX_TURN, Unobservable, View, above_the_moon, shutter, turn_at};
 pub use wanderer::{MOON, SeenWanderer};

@@ -10,7 +10,7 @@
 //! It is monotonic, so the same bounds what is taken away, and what is added here and taken there by the greater of both.
 
 use super::brightest::CELL;
-use super::{Lit, Scene};
+use super::{AreaLight, Kind, Lit, Scene};
 use crate::camera::{Blooming, Detector};
 
 /// What fills up and spills.
@@ -23,6 +23,8 @@ pub struct Spill {
     pub columns: Vec<usize>,
     /// Whether their charge spills, rather than being lost.
     pub along: bool,
+    /// The brightest area source that alone fills every pixel, if any does.
+    pub flood: Option<&'static Kind>,
 }
 
 impl Spill {
@@ -55,6 +57,7 @@ impl Spill {
             },
             columns: filling.collect(),
             along: simulated.full_well && detector.blooming == Blooming::Column,
+            flood: flood(scene),
         }
     }
 
@@ -67,6 +70,20 @@ impl Spill {
     pub fn spills(&self) -> bool {
         self.along && !self.columns.is_empty()
     }
+}
+
+/// Light (e-) so far over the full well that shot noise brings no pixel back below it.
+pub fn flooding_e(detector: &Detector) -> f64 {
+    2.0 * detector.full_well_e + 100.0
+}
+
+fn flood(scene: &Scene) -> Option<&'static Kind> {
+    let full_e = flooding_e(&scene.view.camera.detector);
+    let floods = |area: &&AreaLight| area.most_e >= full_e && scene.least_e(area) >= full_e;
+    let areas = scene.areas.iter().filter(|_| scene.simulated.full_well);
+    let floods = areas.filter(floods);
+    let most = floods.max_by(|a, b| a.electrons.total_cmp(&b.electrons))?;
+    Some(most.kind)
 }
 
 /// The most (e-) that is drawn where so much is expected: ten sigma and ten electrons above nothing is.

@@ -81,7 +81,7 @@ fn scale_e(view: &View) -> f64 {
 }
 
 fn pixel_e(light: &AreaLight, pixel: usize) -> f64 {
-    light.electrons * f64::from(light.footprint.shares()[pixel])
+    f64::from(light.e()[pixel])
 }
 
 fn boresight(view: &View) -> Vector3<f64> {
@@ -184,13 +184,13 @@ fn a_disc_keeps_its_light_and_its_centre() {
         assert!(off < allowed, "{name}: {off} of {allowed}");
         let width = view.camera.detector.width;
         let mut centre = [0.0; 2];
-        for (row, first, shares) in light.footprint.rows(0..view.camera.detector.height) {
-            for (i, share) in shares.iter().enumerate() {
-                centre[0] += f64::from(*share) * (first + i) as f64;
-                centre[1] += f64::from(*share) * row as f64;
+        for (row, e) in light.e().chunks_exact(width).enumerate() {
+            for (column, e) in e.iter().enumerate() {
+                centre[0] += f64::from(*e) * column as f64 / light.electrons;
+                centre[1] += f64::from(*e) * row as f64 / light.electrons;
             }
         }
-        assert_eq!(light.footprint.shares().len() % width, 0);
+        assert_eq!(light.e().len() % width, 0);
         // Off the boresight, projections move the centre of an area a little.
         let off = (centre[0] - at[0]).hypot(centre[1] - at[1]);
         let allowed = if name == "all-sky" && at[0] > 300.0 {

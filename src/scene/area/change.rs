@@ -31,6 +31,15 @@ impl Scene {
         floors
     }
 
+    /// No pixel turns less of an area's light into charge, e-.
+    pub fn least_e(&self, area: &AreaLight) -> f64 {
+        if area.e().is_empty() {
+            return 0.0;
+        }
+        let least = area.e().iter().copied().fold(f32::INFINITY, f32::min);
+        f64::from(least) * (2.0 - self.responds())
+    }
+
     /// The light of all area sources on each pixel with the effects `other`, e-; empty where there is none.
     pub fn areas_e_with(&self, other: &Simulated) -> Vec<f32> {
         let view = &self.view;
