@@ -57,6 +57,9 @@ pub struct Label {
     pub sun_deg: f64,
     /// Whether the Sun is within its exclusion angle and not behind the Earth: the frame saturates.
     pub sun_excluded: bool,
+    /// The effect whose light alone fills every pixel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flooded_by: Option<&'static str>,
     /// What was simulated and what was not, and why, in physical order.
     pub effects: Vec<EffectLabel>,
     /// Particles and defects that are not listed, for there are more than [`MOST_SPOTS`].
@@ -300,6 +303,7 @@ impl Label {
             background_e_px: scene.background_e(),
             sun_deg: view.sun.angle.to_degrees(),
             sun_excluded: view.sun.excluded && scene.simulated.sunlight,
+            flooded_by: scene.spill.flood.map(|kind| kind.effect),
             effects: plan.steps.iter().map(EffectLabel::new).collect(),
             spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
             spots_left_out_snr: spots.left_out_snr,

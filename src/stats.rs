@@ -22,6 +22,8 @@ pub struct RunStats {
     pub rsos: usize,
     /// RSOs visible.
     pub rsos_visible: usize,
+    /// Frames that are full of one light.
+    pub flooded: u32,
 }
 
 impl RunStats {
@@ -29,10 +31,12 @@ impl RunStats {
     pub fn add(&mut self, shot: &Shot) {
         self.frames += 1;
         self.render.add(shot.render_time);
+        self.flooded += u32::from(shot.label.flooded_by.is_some());
         for object in &shot.label.objects {
-            let (labelled, visible) = match object.rso {
-                None => (&mut self.stars, &mut self.stars_visible),
-                Some(_) => (&mut self.rsos, &mut self.rsos_visible),
+            let (labelled, visible) = match object.kind {
+                "star" => (&mut self.stars, &mut self.stars_visible),
+                "rso" => (&mut self.rsos, &mut self.rsos_visible),
+                _ => continue,
             };
             *labelled += 1;
             *visible += usize::from(object.visible);
@@ -42,7 +46,7 @@ impl RunStats {
     /// The rows that every run's table starts with.
     pub fn rows(&self) -> Vec<(String, String)> {
         let labelled = |all, visible| format!("{all} ({visible} visible)");
-        vec![
+        let mut rows = vec![
             row("frames", self.frames.to_string()),
             row(
                 "render time p50 / p99 / max",
@@ -50,17 +54,22 @@ impl RunStats {
             ),
             row("stars labelled", labelled(self.stars, self.stars_visible)),
             row("RSOs labelled", labelled(self.rsos, self.rsos_visible)),
-        ]
+        ];
+        if self.flooded > 0 {
+            rows.push(row("frames full of light", self.flooded.to_string()));
+        }
+        rows
     }
 }
 
-/// Objects that could not be shown because their orbit had no state at a frame, and particles that are too many.
+/// Objects that could not be shown because their orbit had no state at a frame, particles that are too many, and light that hides all else.
 #[derive(Debug, Clone, Default)]
 pub struct Absent {
     /// How many, summed over the frames.
     pub count: u32,
     named: BTreeSet<String>,
     crowded: bool,
+    flooded: bool,
 }
 
 impl Absent {
@@ -74,6 +83,14 @@ impl Absent {
             tracing::warn!(
                 "frame {}: {more:.0} more particles than can be drawn would cross the detector in an exposure; labels say \
                  so (particles_left_out): shorten timing.exposure_s or radiation.readout_s",
+                shot.number
+            );
+        }
+        if let Some(light) = shot.label.flooded_by.filter(|_| !self.flooded) {
+            self.flooded = true;
+            tracing::warn!(
+                "frame {}: {light} fills every pixel, nothing else is seen; labels say so (flooded_by): turn away, shorten \
+                 timing.exposure_s, or give the camera a better baffle (optics.stray)",
                 shot.number
             );
         }

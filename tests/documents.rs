@@ -126,7 +126,14 @@ fn the_readme_lists_the_labels_fields() {
         .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
         .unwrap();
     let moon: serde_json::Value = serde_json::from_str(&moon.json).unwrap();
-    let of_frames = [&label, &flaws].map(|label| label.as_object().unwrap().keys().cloned());
+    // The Sun.
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes/near-sun.toml");
+    let mut config = Config::load(&scene).unwrap();
+    let mission = flight::mission(&config).unwrap();
+    let last = flight::vehicle(&mission, mission.frames - 1).unwrap();
+    let sun = Emulator::new(&mut config).shoot(&last, 0).unwrap();
+    let sun: serde_json::Value = serde_json::from_str(&sun.json).unwrap();
+    let of_frames = [&label, &flaws, &sun].map(|label| label.as_object().unwrap().keys().cloned());
     let mut fields: Names = of_frames.into_iter().flatten().collect();
     let of_frame = label["effects"].as_array().unwrap();
     let objects = [&label, &flaws, &moon].map(|label| label["objects"].as_array().unwrap());

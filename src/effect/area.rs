@@ -41,7 +41,7 @@ pub(super) fn judge<'s>(
     }
     let pixels = scene.view.camera.detector.pixels() as f64;
     let need = if is_drowned(scene, &leave) {
-        Need::none(DROWNED)
+        Need::none(format!("{}: {DROWNED}", says(area)))
     } else if area.electrons == 0.0 {
         // Too thin to be laid on pixels.
         Need {

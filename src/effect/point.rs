@@ -54,32 +54,30 @@ pub(super) fn judge<'s>(
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
     let need = if pixels == 0 {
         Need::none(none_lit(scene, what, kind))
-    } else if is_drowned(scene, &leave) {
-        Need::none(DROWNED)
     } else {
-        // Their own light, and their part of its column's trail.
-        let cells_e = || {
-            let own = scene.lit_e(drawn.iter().copied().map(Lit::from));
-            with_trail(scene, own, || scene.trail_e.clone())
-        };
-        let e = shown_e(scene, cells_e, leave);
         let brightest = drawn.iter().map(|s| s.electrons).fold(0.0, f64::max);
-        Need {
-            because: format!(
-                "{} in the field, up to {} e-",
-                counted(drawn.len(), what),
-                digits(brightest)
-            )
-            .into(),
-            error: Loss { e, px: 0.0 },
-            // Thinly spread light comes in whole electrons too.
-            drawn_e: drawn.iter().map(|source| source.electrons).sum(),
+        let (all, most) = (counted(drawn.len(), what), digits(brightest));
+        let because = format!("{all} in the field, up to {most} e-");
+        if is_drowned(scene, &leave) {
+            Need::none(format!("{because}: {DROWNED}"))
+        } else {
+            // Their own light, and their part of its column's trail.
+            let cells_e = || {
+                let own = scene.lit_e(drawn.iter().copied().map(Lit::from));
+                with_trail(scene, own, || scene.trail_e.clone())
+            };
             // Those that are hidden have images too: labels say what they would be worth.
-            price_ms: still_ms(
-                scene,
-                scene.sources.iter().filter(|s| kind(&s.body)),
-                fidelity,
-            ),
+            let made = scene.sources.iter().filter(|s| kind(&s.body));
+            Need {
+                because: because.into(),
+                error: Loss {
+                    e: shown_e(scene, cells_e, leave),
+                    px: 0.0,
+                },
+                // Thinly spread light comes in whole electrons too.
+                drawn_e: drawn.iter().map(|source| source.electrons).sum(),
+                price_ms: still_ms(scene, made, fidelity),
+            }
         }
     };
     let pass = Pass::Tile(Box::new(move |tile| {

@@ -17,6 +17,8 @@ use image::{Rgb, RgbImage};
 pub const STAR: Rgb888 = Rgb888::new(110, 190, 255);
 /// RSOs that show.
 pub const RSO: Rgb888 = Rgb888::new(255, 170, 50);
+/// The Moon and planets.
+pub const WANDERER: Rgb888 = Rgb888::new(150, 230, 150);
 /// RSOs that do not.
 pub const HIDDEN: Rgb888 = Rgb888::new(255, 110, 150);
 
@@ -61,7 +63,7 @@ pub fn draw(camera: &Camera, label: &Label, frame: &Frame) -> RgbImage {
     let values = scaled(&frame.digits, from, to);
     // The noise of a panel's pixel is that of the mean of the camera's pixels in it.
     let sigma = background_sigma_dn(camera, label) * (scale[0] * scale[1]).sqrt().min(1.0);
-    let levels = grey(&values, sigma);
+    let levels = grey(&values, sigma, range_dn(camera));
     let image = RgbImage::from_fn(to[0] as u32, to[1] as u32, |x, y| {
         Rgb([levels[y as usize * to[0] + x as usize]; 3])
     });
@@ -87,7 +89,15 @@ fn background_sigma_dn(camera: &Camera, label: &Label) -> f64 {
     variance.max(0.0).sqrt() / detector.gain_e_per_dn
 }
 
-/// RSOs first: their names are placed first.
+/// The digits of a pixel without charge, and of a full one, DN.
+fn range_dn(camera: &Camera) -> [f64; 2] {
+    let detector = &camera.detector;
+    let full_e = detector.full_well_e.min(detector.converter_reach_e());
+    let offset = detector.offset_dn;
+    [offset, offset + full_e / detector.gain_e_per_dn]
+}
+
+/// RSOs first: their names are placed first, then the Moon and planets.
 fn marks(label: &Label, scale: [f64; 2]) -> Vec<Mark> {
     let in_frame = |kind| {
         label
@@ -102,7 +112,13 @@ fn marks(label: &Label, scale: [f64; 2]) -> Vec<Mark> {
         text: (i < NAMED).then(|| shown(star).to_string()),
         ..mark(star, scale, STAR)
     });
-    rsos.chain(stars).collect()
+    let wanderers = ["moon", "planet"].into_iter().flat_map(in_frame);
+    let wanderers = wanderers.map(|body| Mark {
+        text: Some(shown(body).to_string()),
+        must: true,
+        ..mark(body, scale, WANDERER)
+    });
+    rsos.chain(wanderers).chain(stars).collect()
 }
 
 fn rso_mark(object: &ObjectLabel, scale: [f64; 2]) -> Mark {

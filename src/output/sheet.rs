@@ -1,10 +1,10 @@
 //! The contact sheet: up to twelve annotated frames of a run in one picture.
 
 use super::canvas::Canvas;
-use super::panel::{self, HIDDEN, RINGED, RSO, STAR};
+use super::panel::{self, HIDDEN, RINGED, RSO, STAR, WANDERER};
 use crate::camera::Camera;
 use crate::frame::Frame;
-use crate::label::{Label, ObjectLabel};
+use crate::label::Label;
 use embedded_graphics::mono_font::MonoFont;
 use embedded_graphics::mono_font::iso_8859_1::{FONT_7X13, FONT_7X13_BOLD, FONT_9X18_BOLD};
 use embedded_graphics::pixelcolor::Rgb888;
@@ -62,7 +62,7 @@ impl ContactSheet {
             self.panels.push(Panel {
                 picture: panel::draw(camera, label, frame),
                 heading: format!("frame {}   {}", label.frame, shown_time(&label.epoch_mid)),
-                content: content(&label.objects),
+                content: content(label),
             });
         }
         self.seen += 1;
@@ -111,6 +111,7 @@ impl ContactSheet {
             (STAR, false, stars.as_str()),
             (RSO, false, "RSO"),
             (HIDDEN, true, "RSO, not visible"),
+            (WANDERER, false, "Moon, planet"),
         ];
         let font: &MonoFont = &FONT_7X13;
         let mut x = left;
@@ -149,9 +150,13 @@ fn shown_time(utc: &str) -> String {
     format!("{day} {time} UTC")
 }
 
-fn content(objects: &[ObjectLabel]) -> String {
+fn content(label: &Label) -> String {
+    if let Some(light) = label.flooded_by {
+        return format!("full of light: {light}");
+    }
     let count = |kind, visible| {
-        let those = objects
+        let those = label
+            .objects
             .iter()
             .filter(|o| o.kind == kind && o.in_frame && o.visible == visible);
         those.count()
@@ -161,6 +166,13 @@ fn content(objects: &[ObjectLabel]) -> String {
     let mut text = format!("{}, {} visible", plural(stars, "star"), plural(rsos, "RSO"));
     if hidden > 0 {
         text += &format!(", {} not", plural(hidden, "RSO"));
+    }
+    if count("moon", true) > 0 {
+        text += ", the Moon";
+    }
+    match count("planet", true) {
+        0 => {}
+        planets => text += &format!(", {}", plural(planets, "planet")),
     }
     text
 }
@@ -196,6 +208,5 @@ mod tests {
             shown_time("2019-06-15T23:35:50.123456789Z"),
             "2019-06-15 23:35:50.123 UTC"
         );
-        assert_eq!(content(&[]), "0 stars, 0 RSOs visible");
     }
 }

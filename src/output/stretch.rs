@@ -53,9 +53,12 @@ fn resampled(from: usize, to: usize, value: impl Fn(usize) -> f32) -> impl Itera
 }
 
 /// Grey levels of the values: black just below the background, whose level and spread are the median
-/// and the median deviation (stars do not move them), but no less spread than `sigma`.
-pub fn grey(values: &[f32], sigma: f64) -> Vec<u8> {
+/// and the median deviation (stars do not move them), but no less spread than `sigma`. As far as the background is on its way from the first
+/// to the second of `range`, all is so much nearer to white: a frame that is full of light is white.
+pub fn grey(values: &[f32], sigma: f64, range: [f64; 2]) -> Vec<u8> {
     let level = median(values.to_vec());
+    let way = (f64::from(level) - range[0]) / (range[1] - range[0]).max(1e-9);
+    let lit = way.clamp(0.0, 1.0);
     let deviation = median(values.iter().map(|v| (v - level).abs()).collect());
     // 1.4826 makes the median deviation of a normal distribution its sigma.
     let sigma = sigma.max(1.4826 * f64::from(deviation)).max(1e-9);
@@ -65,7 +68,8 @@ pub fn grey(values: &[f32], sigma: f64) -> Vec<u8> {
         .iter()
         .map(|v| {
             let part = (curve(f64::from(v - level) / sigma) - black) / (white - black);
-            (part.clamp(0.0, 1.0) * 255.0).round() as u8
+            let part = part.clamp(0.0, 1.0);
+            ((lit + (1.0 - lit) * part) * 255.0).round() as u8
         })
         .collect()
 }
@@ -112,7 +116,9 @@ mod tests {
     fn a_flat_noise_free_frame_is_dark_and_a_bright_star_white() {
         let mut values = vec![100.0; 1000];
         values[5] = 4000.0;
-        let grey = grey(&values, 2.0);
-        assert!(grey[0] > 5 && grey[0] < 60 && grey[5] == 255);
+        let dark = grey(&values, 2.0, [100.0, 4095.0]);
+        assert!(dark[0] > 5 && dark[0] < 60 && dark[5] == 255);
+        // The same where 100 is the most that a pixel tells.
+        assert!(grey(&values, 2.0, [0.0, 100.0]) == [255; 1000]);
     }
 }

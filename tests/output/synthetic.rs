@@ -62,6 +62,7 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
         background_e_px: 20.0,
         sun_deg: 90.0,
         sun_excluded: false,
+        flooded_by: None,
         spots_left_out: None,
         spots_left_out_snr: None,
         particles_left_out: None,
