@@ -3,3 +3,4 @@
 mod frames;
 mod laid;
 mod moon;
+mod skipped;

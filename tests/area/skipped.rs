@@ -1,0 +1,92 @@
+//! What of area light is skipped: what a flood of other light hides, and what is lost in noise.
+
+use super::frames::expected;
+use skyloop::camera::Stray;
+use skyloop::config::Config;
+use skyloop::engine::{Emulator, Shot};
+use std::path::Path;
+
+fn emulator(scene: &str) -> (Config, Emulator) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
+    let mut config = Config::load(&folder.join(scene)).unwrap();
+    let emulator = Emulator::new(&mut config);
+    (config, emulator)
+}
+
+fn shoot((config, emulator): &mut (Config, Emulator), frame: u32) -> Shot {
+    let mission = skyloop::flight::mission(config).unwrap();
+    let vehicle = skyloop::flight::vehicle(&mission, frame).unwrap();
+    emulator.keep_expected = true;
+    emulator.shoot(&vehicle, 0).unwrap()
+}
+
+fn runs(shot: &Shot, name: &str) -> (bool, String) {
+    let effects = &shot.label.effects;
+    let effect = effects.iter().find(|e| e.effect == name).unwrap();
+    (effect.run, effect.why.to_string())
+}
+
+#[test]
+fn what_a_full_frame_hides_is_skipped_and_leaves_the_same_digits() {
+    let mut near_sun = emulator("near-sun.toml");
+    let shot = shoot(&mut near_sun, 7);
+    assert_eq!(shot.label.flooded_by, Some("sunlight"));
+    assert!(runs(&shot, "sunlight").0);
+    for name in ["stars", "zodiacal light", "starlight", "pixel response"] {
+        let (run, why) = runs(&shot, name);
+        assert!(
+            !run && why.contains("all pixels are full of other light"),
+            "{name}: {why}"
+        );
+    }
+    near_sun.1.choice.all = true;
+    let all = shoot(&mut near_sun, 7);
+    assert!(runs(&all, "stars").0 && all.frame.digits == shot.frame.digits);
+
+    // What alone fills the frame is never skipped for another that does too.
+    let mut twice = emulator("near-sun.toml");
+    twice.1.choice.off = vec!["sunlight"];
+    let without = shoot(&mut twice, 7);
+    assert_eq!(without.label.flooded_by, None);
+    assert!(runs(&without, "stars").0 && runs(&without, "zodiacal light").0);
+}
+
+/// A veil of sunlight that no pixel would miss, told from noise by all pixels together and not.
+#[test]
+fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
+    let veil = |pst: f64| {
+        let (mut config, _) = emulator("deep-sky.toml");
+        let detector = &mut config.camera.detector;
+        (detector.width, detector.height) = (64, 64);
+        (detector.read_noise_e, detector.gain_e_per_dn) = (10.0, 1.0);
+        config.camera.optics.principal_px = [31.5; 2];
+        config.camera.optics.stray = Stray::new(&[[0.1, pst], [3.1, pst]], 0.0);
+        let changed = Emulator::new(&mut config);
+        let mut emulator = (config, changed);
+        emulator.1.choice.off = vec![
+            "stars",
+            "zodiacal light",
+            "starlight",
+            "moonglow",
+            "earthshine",
+        ];
+        emulator.1.choice.off.push("dark current");
+        let shot = shoot(&mut emulator, 0);
+        let e = f64::from(expected(&shot)[0]);
+        (runs(&shot, "sunlight"), e)
+    };
+    let ((run, _), e) = veil(1e-6);
+    assert!(run && e > 0.1, "{e}");
+    // The least e- of a pixel for a signal-to-noise ratio over all: e sqrt(pixels / (e + read^2 + gain^2 / 12)).
+    let of_snr = |snr: f64| snr * (100.0 + 1.0 / 12.0f64).sqrt() / 64.0;
+    let at = |wanted: f64| veil(1e-6 * wanted / e);
+    let ((run, why), told) = at(of_snr(0.2));
+    assert!(run && why.contains("e- in all"), "{why}");
+    assert!(
+        (told / of_snr(0.2) - 1.0).abs() < 1e-3 && told < 0.05,
+        "{told}"
+    );
+    let ((run, why), lost) = at(of_snr(0.02));
+    assert!(!run && why.contains("within the tolerance"), "{why}");
+    assert_eq!(lost, 0.0);
+}
