@@ -1,7 +1,7 @@
 //! The Moon's disc where it is too large for points: light by direction, laid on the pixels as that of areas.
 
 use super::wanderer::sunlit;
-use super::{Area, Kind, Radiance};
+use super::{Area, Edge, Kind, Radiance};
 use crate::sky::Observer;
 use crate::sky::moon::MoonDisc;
 use crate::sky::shadow::Earth;
@@ -55,7 +55,17 @@ impl Radiance for LargeDisc {
         self.irradiance * share * sunlit(direction, &self.disc, &self.earth, &self.observer)
     }
 
-    fn edge(&self, direction: &Vector3<f64>) -> f64 {
+    fn edge(&self) -> Option<&dyn Edge> {
+        Some(self)
+    }
+
+    fn turning(&self) -> Vector3<f64> {
+        self.turning
+    }
+}
+
+impl Edge for LargeDisc {
+    fn angle(&self, direction: &Vector3<f64>) -> f64 {
         let toward = &self.disc.direction;
         let off = libm::atan2(toward.cross(direction).norm(), toward.dot(direction));
         let limb = off - self.disc.angular_radius;
@@ -65,15 +75,7 @@ impl Radiance for LargeDisc {
         limb.max(-self.earth.limb_angle(self.observer.position_m, direction))
     }
 
-    fn has_edges(&self) -> bool {
-        true
-    }
-
-    fn edge_radius(&self) -> f64 {
+    fn radius(&self) -> f64 {
         self.disc.angular_radius
-    }
-
-    fn turning(&self) -> Vector3<f64> {
-        self.turning
     }
 }

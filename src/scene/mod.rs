@@ -24,7 +24,7 @@ mod work;
 use signal::Noise;
 use wanderer::Element;
 
-pub use area::{Area, AreaLight, Asked, KINDS, Kind, Radiance};
+pub use area::{Area, AreaLight, Asked, Edge, KINDS, Kind, Radiance};
 pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};

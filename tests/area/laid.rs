@@ -7,7 +7,7 @@ use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::load::Folder;
-use skyloop::scene::{Area, AreaLight, Kind, Radiance, Simulated, View};
+use skyloop::scene::{Area, AreaLight, Edge, Kind, Radiance, Simulated, View};
 use std::sync::Arc;
 
 static KIND: Kind = Kind {
@@ -38,12 +38,18 @@ impl Radiance for Disc {
         }
     }
 
-    fn edge(&self, direction: &Vector3<f64>) -> f64 {
+    fn edge(&self) -> Option<&dyn Edge> {
+        (self.radius < 3.0).then_some(self)
+    }
+}
+
+impl Edge for Disc {
+    fn angle(&self, direction: &Vector3<f64>) -> f64 {
         direction.angle(&self.axis) - self.radius
     }
 
-    fn has_edges(&self) -> bool {
-        self.radius < 3.0
+    fn radius(&self) -> f64 {
+        f64::INFINITY
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::horizon::Horizon;
 use super::kinds::{Found, Kind};
-use super::{Radiance, Surroundings};
+use super::{Edge, Radiance, Surroundings};
 use crate::scene::{View, World};
 use crate::sky::photometry::photon_radiance;
 use crate::sky::zodiacal;
@@ -81,18 +81,8 @@ impl Radiance for Background {
         true
     }
 
-    fn edge(&self, direction: &Vector3<f64>) -> f64 {
-        self.horizon
-            .map_or(f64::INFINITY, |horizon| horizon.edge(direction))
-    }
-
-    fn has_edges(&self) -> bool {
-        self.horizon.is_some_and(|horizon| horizon.has_limb())
-    }
-
-    fn edge_radius(&self) -> f64 {
-        self.horizon
-            .map_or(f64::INFINITY, |horizon| horizon.radius())
+    fn edge(&self) -> Option<&dyn Edge> {
+        self.horizon.as_ref()?.as_edge()
     }
 
     /// Its edge's: in what it hides little changes.

@@ -2,7 +2,7 @@
 
 use super::horizon::Horizon;
 use super::kinds::Found;
-use super::{Kind, Radiance, Surroundings};
+use super::{Edge, Kind, Radiance, Surroundings};
 use crate::scene::{View, World};
 use crate::sky::atmosphere::Limb;
 use crate::sky::earth_light::EarthDisc;
@@ -56,16 +56,8 @@ impl Radiance for Disc {
         self.sun * reflectance * share
     }
 
-    fn edge(&self, direction: &Vector3<f64>) -> f64 {
-        self.horizon.edge(direction)
-    }
-
-    fn has_edges(&self) -> bool {
-        self.horizon.has_limb()
-    }
-
-    fn edge_radius(&self) -> f64 {
-        self.horizon.radius()
+    fn edge(&self) -> Option<&dyn Edge> {
+        self.horizon.as_edge()
     }
 
     fn turning(&self) -> Vector3<f64> {

@@ -1,5 +1,6 @@
 //! The Earth before the sky: what it hides, and where its limb is.
 
+use super::Edge;
 use crate::scene::View;
 use crate::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth, LimbCone};
 use nalgebra::Vector3;
@@ -52,15 +53,9 @@ impl Horizon {
         self.reach[0] < 0.0 && self.reach[1] > 0.0
     }
 
-    /// The angle (rad) from the limb, negative before the Earth.
-    pub fn edge(&self, direction: &Vector3<f64>) -> f64 {
-        if self.has_limb() {
-            self.limb.angle(direction)
-        } else if self.fills() {
-            f64::NEG_INFINITY
-        } else {
-            f64::INFINITY
-        }
+    /// The limb, where it may be in the field.
+    pub fn as_edge(&self) -> Option<&dyn Edge> {
+        self.has_limb().then_some(self)
     }
 
     /// The angle (rad) above the limb at which what is so many m high is seen at most; pi from within.
@@ -73,14 +68,19 @@ impl Horizon {
         libm::asin(top) - libm::asin((least / self.distance_m).min(1.0))
     }
 
-    /// The radius (rad) of the limb.
-    pub fn radius(&self) -> f64 {
-        self.limb.radius
-    }
-
     /// The least angle (rad) of the field from the limb.
     pub fn nearest(&self) -> f64 {
         self.reach[0]
+    }
+}
+
+impl Edge for Horizon {
+    fn angle(&self, direction: &Vector3<f64>) -> f64 {
+        self.limb.angle(direction)
+    }
+
+    fn radius(&self) -> f64 {
+        self.limb.radius
     }
 }
 

@@ -162,9 +162,9 @@ impl Band<'_, '_> {
 
     /// Whether an edge may run through a square, while it moves.
     fn has_edge(&mut self, square: &Square) -> bool {
-        if !self.radiance.has_edges() {
+        let Some(edge) = self.radiance.edge() else {
             return false;
-        }
+        };
         let half = square.side as f64 / 2.0;
         let middle = [square.x as f64 + half, square.y as f64 + half];
         let Some((seen, _)) = self.plane.taken(middle) else {
@@ -180,7 +180,7 @@ impl Band<'_, '_> {
         let radius = radius.fold(0.0, f64::max) + self.motion / 2.0;
         let sky = self.plane.to_sky(self.plane.open_s(middle[1])[0]);
         self.asked.edges += 1;
-        let nearest = self.radiance.edge(&(sky * seen)).abs();
+        let nearest = edge.angle(&(sky * seen)).abs();
         nearest <= radius || nearest.is_nan()
     }
 
@@ -353,7 +353,7 @@ impl Band<'_, '_> {
         };
         let crossings = skies
             .iter()
-            .map(|sky| (sky, patch.crossing(self.radiance, sky)));
+            .map(|sky| (sky, patch.crossing(self.radiance.edge(), sky)));
         let count = skies.len() as f64;
         if self.radiance.is_hidden_inside() {
             let (outside, looks) = crossings.fold((0.0, 0), |(outside, looks), (_, crossing)| {
@@ -397,8 +397,10 @@ impl Band<'_, '_> {
 /// Into how many cells a pixel is cut on a side, so that edges are nearly straight across each: they bow out of it by `1 / 8 r` of it
 /// where their radius is r of it.
 fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
-    let radius_px = radiance.edge_radius() * plane.scale_px();
-    (STRAIGHT / radius_px).ceil().clamp(1.0, MOST_CELLS) as usize
+    radiance.edge().map_or(1, |edge| {
+        let radius_px = edge.radius() * plane.scale_px();
+        (STRAIGHT / radius_px).ceil().clamp(1.0, MOST_CELLS) as usize
+    })
 }
 
 /// In how many steps the time of a pixel is taken at most, in a frame of so many pixels.

@@ -2,7 +2,7 @@
 
 use super::horizon::Horizon;
 use super::kinds::{Found, Kind};
-use super::{Radiance, Surroundings, not_in_field};
+use super::{Edge, Radiance, Surroundings, not_in_field};
 use crate::scene::{View, World};
 use crate::sky::atmosphere::Limb;
 use nalgebra::Vector3;
@@ -37,16 +37,8 @@ impl Radiance for Air {
         self.limb.radiance(direction)
     }
 
-    fn edge(&self, direction: &Vector3<f64>) -> f64 {
-        self.horizon.edge(direction)
-    }
-
-    fn has_edges(&self) -> bool {
-        self.horizon.has_limb()
-    }
-
-    fn edge_radius(&self) -> f64 {
-        self.horizon.radius()
+    fn edge(&self) -> Option<&dyn Edge> {
+        self.horizon.as_edge()
     }
 
     fn turning(&self) -> Vector3<f64> {

@@ -58,26 +58,17 @@ pub trait Radiance: Debug + Send + Sync {
 
     /// The light that comes from a direction, if it is not hidden.
     fn seen(&self, direction: &Vector3<f64>) -> f64 {
-        if self.is_hidden_inside() && self.edge(direction) < 0.0 {
+        let edge = self.edge().filter(|_| self.is_hidden_inside());
+        if edge.is_some_and(|edge| edge.angle(direction) < 0.0) {
             0.0
         } else {
             self.toward(direction)
         }
     }
 
-    /// The angle (rad) of a direction from the nearest edge at which the light jumps: positive outside, negative inside.
-    fn edge(&self, _direction: &Vector3<f64>) -> f64 {
-        f64::INFINITY
-    }
-
-    /// Whether there may be an edge in the field.
-    fn has_edges(&self) -> bool {
-        false
-    }
-
-    /// The radius (rad) of its edges, where they are circles.
-    fn edge_radius(&self) -> f64 {
-        f64::INFINITY
+    /// The edge in the field at which it jumps, if there may be one.
+    fn edge(&self) -> Option<&dyn Edge> {
+        None
     }
 
     /// Angular velocity (rad/s) of its pattern against ICRF.
@@ -89,6 +80,15 @@ pub trait Radiance: Debug + Send + Sync {
     fn is_of_pixels(&self) -> bool {
         false
     }
+}
+
+/// Where light jumps.
+pub trait Edge {
+    /// The angle (rad) of a direction from it: positive outside, negative inside.
+    fn angle(&self, direction: &Vector3<f64>) -> f64;
+
+    /// Its radius (rad), of the circle that it nearly is.
+    fn radius(&self) -> f64;
 }
 
 /// An area source before the camera, before its light is laid on pixels.
@@ -105,13 +105,13 @@ pub struct Area {
 impl Area {
     /// Whether there may be an edge of it in the field.
     pub fn has_edges(&self) -> bool {
-        matches!(&self.radiance, Ok(radiance) if radiance.has_edges())
+        matches!(&self.radiance, Ok(radiance) if radiance.edge().is_some())
     }
 
     /// How fast (rad/s) its edges move by themselves.
     pub fn swing(&self) -> f64 {
         match &self.radiance {
-            Ok(radiance) if radiance.has_edges() => radiance.turning().norm(),
+            Ok(radiance) if radiance.edge().is_some() => radiance.turning().norm(),
             _ => 0.0,
         }
     }
@@ -279,11 +279,16 @@ impl View {
             Ok(radiance) => radiance.as_ref(),
             Err(why) => return none(Some(why.clone())),
         };
-        if !radiance.has_edges() && self.is_too_thin(area.peak_e, simulated, fidelity) {
+        if radiance.edge().is_none() && self.is_too_thin(area.peak_e, simulated, fidelity) {
             return none(None);
         }
         let plane = Plane::new(self, simulated, radiance.turning());
-        let blur = Blur::new(&self.camera, area.peak_e, radiance.has_edges(), fidelity);
+        let blur = Blur::new(
+            &self.camera,
+            area.peak_e,
+            radiance.edge().is_some(),
+            fidelity,
+        );
         let laid = lay::lay(
             radiance,
             &plane,

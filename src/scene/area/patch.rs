@@ -1,6 +1,6 @@
 //! A pixel, or a part of one, and how an edge runs across it.
 
-use super::Radiance;
+use super::Edge;
 use super::plane::Plane;
 use nalgebra::{Matrix3, Vector3};
 
@@ -41,9 +41,11 @@ impl Patch {
         })
     }
 
-    /// How the edge of `radiance` crosses it at an attitude.
-    pub fn crossing(&self, radiance: &dyn Radiance, sky: &Matrix3<f64>) -> Crossing {
-        let middle = radiance.edge(&(sky * self.middle.0));
+    /// How an edge crosses it at an attitude.
+    pub fn crossing(&self, edge: Option<&dyn Edge>, sky: &Matrix3<f64>) -> Crossing {
+        let angle =
+            |seen: &Vector3<f64>| edge.map_or(f64::INFINITY, |edge| edge.angle(&(sky * seen)));
+        let middle = angle(&self.middle.0);
         if middle.abs() > self.reach {
             return Crossing {
                 middle,
@@ -52,10 +54,9 @@ impl Patch {
                 looks: 1,
             };
         }
-        let edge = |place: Option<(Vector3<f64>, f64)>| {
-            place.map_or(f64::NAN, |(seen, _)| radiance.edge(&(sky * seen)))
-        };
-        let places = self.places.map(edge);
+        let off =
+            |place: Option<(Vector3<f64>, f64)>| place.map_or(f64::NAN, |(seen, _)| angle(&seen));
+        let places = self.places.map(off);
         let [a, b, c, d] = places;
         let slope = [b + d - a - c, c + d - a - b].map(|rise| rise / (4.0 * GAUSS));
         let is_known = slope.iter().all(|slope| slope.is_finite());
