@@ -256,10 +256,10 @@ impl Default for RawRun {
 }
 
 impl Config {
-    /// Reads a file; names in it are relative to its folder.
+    /// Reads a file, of a folder its `scene.toml`; names in it are relative to its folder.
     pub fn load(path: &Path) -> Result<Config, ConfigError> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        Config::read(&Folder::of(path), &name)
+        let (folder, file, text) = Folder::open(path)?;
+        Config::parse(&file, &text, &folder)
     }
 
     /// The built-in scene: FAI on CASSIOPE, 15 June 2019.

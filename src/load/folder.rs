@@ -3,6 +3,9 @@
 use super::{ConfigError, embedded};
 use std::path::{Path, PathBuf};
 
+/// What stands for a folder where a scene is wanted.
+const SCENE: &str = "scene.toml";
+
 /// The folder that relative file names in a configuration refer to.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Folder {
@@ -16,6 +19,27 @@ impl Folder {
     /// The folder that holds `file`.
     pub fn of(file: &Path) -> Folder {
         Folder::Disk(file.parent().map(Path::to_path_buf).unwrap_or_default())
+    }
+
+    /// The scene or run file at a path of the command line, of a folder its [`SCENE`]: the folder that holds it, the name to use
+    /// for it in messages, and its text.
+    pub fn open(path: &Path) -> Result<(Folder, String, String), ConfigError> {
+        let (path, remedy) = match path.is_dir() {
+            true => (
+                path.join(SCENE),
+                "a folder stands for the scene.toml in it: name the file, or a folder that has one",
+            ),
+            false => (path.to_path_buf(), "check the path"),
+        };
+        let shown = path.display().to_string();
+        match skyloop_orbit::read_text(&path) {
+            Ok(text) => Ok((Folder::of(&path), shown, text)),
+            Err(source) => Err(ConfigError::Read {
+                file: shown,
+                source,
+                remedy: remedy.to_string(),
+            }),
+        }
     }
 
     /// The folder that holds the file called `name` of this one.
