@@ -124,11 +124,11 @@ pub struct VehicleState {
 const MAX_RATE: f64 = 628.4;
 /// Geocentric positions nearer than this (m) lie below the ground: the Earth's polar radius is 6,356,752 m. What is given in files is
 /// held to the ellipsoid itself (`flight`).
-const MIN_POSITION: f64 = 6_356_000.0;
+pub const MIN_POSITION: f64 = 6_356_000.0;
 /// Geocentric positions beyond this (m) are refused: the observer is taken to orbit the Earth.
-const MAX_POSITION: f64 = 4e9;
+pub const MAX_POSITION: f64 = 4e9;
 /// Geocentric speeds beyond this (m/s) are refused.
-const MAX_SPEED: f64 = 1e5;
+pub const MAX_SPEED: f64 = 1e5;
 
 /// Whether an observer may be there, moving so.
 pub fn check_orbit(state: &StateVector) -> Result<(), AttitudeError> {

@@ -4,7 +4,10 @@ use super::{mission, progress, warn_of_refused};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
-use skyloop::attitude::{Attitude, VehicleState};
+use nalgebra::Vector3;
+use skyloop::attitude::{
+    Attitude, MAX_POSITION, MAX_SPEED, MIN_POSITION, VehicleState, check_orbit,
+};
 use skyloop::camera::Camera;
 use skyloop::config::{Config, Observer, Sequence, TimedAttitude};
 use skyloop::engine::Emulator;
@@ -156,11 +159,10 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
         .rates
         .map_or([0.0; 3], |Numbers(rates)| rates.map(f64::to_radians));
     VehicleState::new(0, epoch, q, rates, None).context("--rates (deg/s)")?;
-    let state = args.state.map(|Numbers([x, y, z, vx, vy, vz])| {
-        let si = |axes: [f64; 3]| axes.map(|value| value * 1e3);
-        (si([x, y, z]), si([vx, vy, vz]))
-    });
-    VehicleState::new(0, epoch, q, rates, state).context("--state (km, km/s)")?;
+    let state = args
+        .state
+        .map(|Numbers(state)| state_km(state))
+        .transpose()?;
     let here = Folder::current();
     let mut config = Config::defaults()?;
     config.camera = Camera::load(&args.camera, &here)?;
@@ -170,11 +172,7 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
             selector,
             &mut config.rejected,
         )?))),
-        (None, Some((position, velocity))) => Some(Observer::State(StateVector {
-            position_m: position.into(),
-            velocity_m_s: velocity.into(),
-        })),
-        (None, None) => None,
+        (None, state) => state.map(Observer::State),
     };
     for file in &args.rso {
         orbits::add(&here, file, &mut config.objects, &mut config.rejected)?;
@@ -187,4 +185,24 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
         rates,
     });
     Ok(config)
+}
+
+/// The state of `--state`; refused in the units that it is given in.
+fn state_km([x, y, z, vx, vy, vz]: [f64; 6]) -> anyhow::Result<StateVector> {
+    let state = StateVector {
+        position_m: Vector3::new(x, y, z) * 1e3,
+        velocity_m_s: Vector3::new(vx, vy, vz) * 1e3,
+    };
+    if check_orbit(&state).is_err() {
+        bail!(
+            "--state {x},{y},{z},{vx},{vy},{vz}: {:.1} km from the Earth's centre at {:.3} km/s: must be {} to {} km from there, at most \
+             {} km/s; the option is in km and km/s (GCRF)",
+            state.position_m.norm() * 1e-3,
+            state.velocity_m_s.norm() * 1e-3,
+            MIN_POSITION * 1e-3,
+            MAX_POSITION * 1e-3,
+            MAX_SPEED * 1e-3,
+        );
+    }
+    Ok(state)
 }

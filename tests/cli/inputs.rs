@@ -101,8 +101,13 @@ fn attitudes() {
         &["turns 900.0 deg", "57.3 deg", "lower the rates"],
     );
     render(
-        &["--state", "7e6,0,0,0,7.5,0"],
-        &["--state (km, km/s)", "at most 4e9 m"],
+        &["--state", "7000000,0,0,0,7500,0"],
+        &[
+            "--state 7000000,0,0,0,7500,0: 7000000.0 km from the Earth's centre at 7500.000 km/s",
+            "6356 to 4000000 km",
+            "at most 100 km/s",
+            "the option is in km and km/s",
+        ],
     );
     // At rest at mid-exposure it has come through the ground within the 1700 s before.
     render(
@@ -137,8 +142,8 @@ fn rates_and_states() {
         &["--state", "6 numbers", "not 5"],
     );
     render(
-        &["--state", "100,0,0,0,7.5,0"],
-        &["position", "at least 6356000 m"],
+        &["--state", "6000,0,0,0,7.5,0"],
+        &["--state 6000,", "6000.0 km from", "must be 6356 to"],
     );
     render(
         &["--state", STATE, "--orbit", "x.tle"],
