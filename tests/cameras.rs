@@ -127,7 +127,7 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
         ),
         (
             "[objects]\ndiffuse = 0.9\nspecular = 0.2",
-            ["objects.diffuse + objects.specular", "above 1"],
+            ["objects: diffuse + specular", "above 1"],
         ),
         (
             "[effects]\noff = [\"Smeer\"]",

@@ -58,7 +58,7 @@ impl Default for RawObjects {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawPopulation {
-    objects: Vec<RawEntry>,
+    objects: Option<Vec<RawEntry>>,
     #[serde(default)]
     shapes: BTreeMap<String, RawShape>,
 }
@@ -106,6 +106,11 @@ impl RawObjects {
 impl RawPopulation {
     /// Objects that an entry selects are left out of files that others bring whole.
     fn add(self, check: &Check, folder: &Folder, all: &mut Objects) -> Result<(), ConfigError> {
+        let Some(listed) = self.objects else {
+            let reason = "is missing: a population is a list of [[objects]], each with its files and what they look like; README.md tells \
+                          the form under Populations";
+            return Err(check.explain("objects", reason));
+        };
         let mut shapes = BTreeMap::new();
         for (name, raw) in self.shapes {
             let shape = raw.validate(&format!("shapes.{name}"), check)?;
@@ -114,7 +119,7 @@ impl RawPopulation {
         let mut selected = HashSet::new();
         let mut shelf = Shelf::new(folder);
         let mut entries = Vec::new();
-        for (i, entry) in self.objects.into_iter().enumerate() {
+        for (i, entry) in listed.into_iter().enumerate() {
             let key = format!("objects[{i}]");
             let look = entry.look(&key, &shapes, check)?;
             let one = match (&entry.object, &entry.files) {

@@ -117,7 +117,9 @@ fn no_more_than_all(
         return Ok(());
     }
     let more = format!(
-        "{key}.diffuse + {key}.specular is above 1 ({diffuse} + {specular}): the {what} would return more light than it takes"
+        "diffuse + specular is above 1 ({diffuse} + {specular}): the {what} would return more light than it takes; diffuse is {} where it is \
+         not given: give both",
+        Sphere::default().diffuse
     );
     Err(check.explain(key, more))
 }

@@ -185,7 +185,13 @@ fn parts_that_there_cannot_be() {
         &surface("diffuse = 0.7, specular = 0.4"),
         &["diffuse", "specular is above 1 (0.7 + 0.4)"],
     );
-    part(&surface("specular = 0.1"), &["above 1 (1 + 0.1)"]);
+    part(
+        &surface("specular = 0.1"),
+        &[
+            "parts[0]: diffuse + specular is above 1 (1 + 0.1)",
+            "diffuse is 1 where it is not given: give both",
+        ],
+    );
     part(
         &surface("reflectance = 1.2"),
         &[".reflectance = 1.2", "0 to 1"],
@@ -274,7 +280,7 @@ fn entries_that_there_cannot_be() {
     );
     entry(
         "object = \"one.tle\"\nsphere = { diffuse = 0.6, specular = 0.6 }",
-        &[".sphere.diffuse", "above 1"],
+        &[".sphere: diffuse", "above 1"],
     );
     entry("object = \"one.tle\"\nsphere = {}\ncolour = 1", &["colour"]);
     let attitude = |text: &str, words: &[&str]| {
@@ -312,7 +318,7 @@ fn entries_that_there_cannot_be() {
         twice,
         &["objects[1].object", "NORAD 6251", "keep one of the two"],
     );
-    refuses("", &["the key `objects` is missing"]);
+    refuses("", &["objects: is missing", "README.md", "Populations"]);
     refuses("objects = []\nobjcts = 1", &["objcts"]);
     refuses("objects = [", &["not TOML"]);
     refuses(
