@@ -74,6 +74,7 @@ optics.stray | pst = [[10.0, 1e-3], [20.0, 1.5]] | optics.stray.pst[1][1] = 1.5
 optics.stray | pst = [[10.0, nan]] | optics.stray.pst[0][1] = NaN
 optics.stray | pst = [[10.0, 1e-3], [190.0, 1e-5]] | optics.stray.pst[1][0] = 190: must be 0 to 180 deg
 optics.stray | pst = [[20.0, 1e-3], [10.0, 1e-5]] | optics.stray.pst[1] = [10.0, 1e-5] | greater angle
+optics.stray | pst = [[20.0, 1e-3], [30.0, 1e-3], [40.0, 2e-3]] | optics.stray.pst[2] = [40.0, 0.002] | before it, [30.0, 0.001]: a point-source transmittance falls
 optics.stray | pst = [[20.0, 1e-3, 1.0]] | optics.stray.pst[0]: must have 2 values, not 3
 optics.stray | psf = [[20.0, 1e-3]] | optics.stray.psf: unknown key `psf`
 optics.stray | sun_exclusion_deg = 3.0 | optics.stray.sun_exclusion_deg = 3: must be 3.94 to 180 deg | never in the image | 3.66 deg

@@ -38,6 +38,7 @@ impl RawStray {
                 return Err(check.refuse(key, "[]", "at least one [angle, transmittance]"));
             }
             super::rising_angles(key, &points, 1e-12..=1.0, check)?;
+            falling(key, &points, check)?;
             table = points;
         }
         let least_deg = (field_deg + SUN_RADIUS_DEG).min(180.0);
@@ -54,5 +55,20 @@ impl RawStray {
             .map(|[deg, pst]| [deg.to_radians(), pst])
             .collect();
         Ok(Stray::new(&rad, exclusion_deg.to_radians()))
+    }
+}
+
+/// Refuses a transmittance that rises with the angle.
+fn falling(key: &str, points: &[[f64; 2]], check: &Check) -> Result<(), ConfigError> {
+    match points.windows(2).position(|pair| pair[1][1] > pair[0][1]) {
+        Some(i) => {
+            let (key, given) = (format!("{key}[{}]", i + 1), format!("{:?}", points[i + 1]));
+            let allowed = format!(
+                "no greater than at the point before it, {:?}: a point-source transmittance falls with the angle from the boresight",
+                points[i]
+            );
+            Err(check.refuse(&key, given, allowed))
+        }
+        None => Ok(()),
     }
 }
