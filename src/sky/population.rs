@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::{Object, OrbitError, frames};
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Objects and what they reflect.
@@ -57,7 +58,7 @@ pub struct SeenObject {
 pub type Shutter = [Observer; 3];
 
 /// Nearer than this (m) an object is the observer's own vehicle.
-const OWN_VEHICLE_M: f64 = 1.0;
+pub const OWN_VEHICLE_M: f64 = 1.0;
 /// What light time and aberration may turn a direction by (rad): 16 km/s over c, each, rounded up.
 const WANDER: f64 = 2e-4;
 
@@ -79,9 +80,11 @@ impl Population {
             let state = object.state_with(mid.epoch, &rotation)?;
             let line = state.position_m - mid.position_m;
             let range = line.norm();
-            let sweep =
-                (state.velocity_m_s - mid.velocity_m_s).norm() * duration_s / range.max(1e-3);
-            let reach = (angle + WANDER + sweep).min(std::f64::consts::PI);
+            // From mid-exposure to either end the line turns by no more than asin(w / range) on a way w; by up to half a turn where
+            // w is longer. Pi w / range is above both, with room for a way that bends.
+            let way = (state.velocity_m_s - mid.velocity_m_s).norm() * duration_s / 2.0;
+            let sweep = PI * way / range.max(1e-3);
+            let reach = (angle + WANDER + sweep).min(PI);
             Ok(range >= OWN_VEHICLE_M && line.dot(axis) >= range * reach.cos())
         };
         let seen: Vec<Result<SeenObject, OrbitError>> = self

@@ -1,6 +1,7 @@
 //! Resident space objects: shapes by the laws of light, attitudes and glints, population files, published magnitudes, the Earth's shadow,
 //! and light curves.
 
+mod close;
 mod facets;
 mod glints;
 mod lightcurve;

@@ -1,0 +1,55 @@
+//! What passes so near that it turns all around the observer within an exposure.
+
+use crate::glints::oem::oem;
+use hifitime::Unit;
+use nalgebra::Vector3;
+use skyloop::orbit::time::parse_utc;
+use skyloop::sky::apparent::{Corrections, Observer};
+use skyloop::sky::bodies::Bodies;
+use skyloop::sky::population::Population;
+
+/// 14 km/s for 0.1 s, past an observer at rest: what is far behind in the middle of the exposure is before the camera at its end.
+#[test]
+fn an_object_nearer_than_its_own_way_is_seen() {
+    let mid = parse_utc("2026-03-01T12:00:00").unwrap();
+    let place = Vector3::new(7000.0, 0.0, 0.0);
+    let way = Vector3::new(14.0, 0.0, 0.0);
+    let observer = |s: f64| Observer {
+        epoch: mid + Unit::Second * s,
+        position_m: place * 1e3,
+        velocity_m_s: Vector3::zeros(),
+        bodies: Bodies::at(mid).unwrap(),
+    };
+    let shutter = [observer(-0.05), observer(0.0), observer(0.05)];
+    let corrections = Corrections {
+        light_time: false,
+        aberration: false,
+        ..Corrections::default()
+    };
+    let angle = 10_f64.to_radians();
+    // m behind the observer in the middle of the exposure, and beside; the way to its end is 700 m.
+    for (behind, seen) in [
+        (10.0, true),
+        (300.0, true),
+        (460.0, true),
+        (600.0, true),
+        (690.0, false),
+        (20_000.0, false),
+    ] {
+        let start = place + Vector3::new(-behind, 5.0, 0.0) * 1e-3;
+        let population = Population {
+            objects: oem("PASSER", mid, |s| (start + way * s, way)),
+            ..Population::default()
+        };
+        let (objects, errors) = population.in_cone(&Vector3::x(), angle, &shutter, &corrections);
+        assert!(errors.is_empty(), "{errors:?}");
+        // At its end.
+        let in_field = |line: Vector3<f64>| line.angle(&Vector3::x()) < angle;
+        if seen {
+            assert_eq!(objects.len(), 1, "{behind} m behind");
+            assert!(in_field(objects[0].lines_m[2]), "{behind} m behind");
+        } else {
+            assert!(!objects.iter().any(|one| in_field(one.lines_m[2])));
+        }
+    }
+}
