@@ -3,6 +3,7 @@
 use crate::attitude::{Attitude, VehicleState};
 use crate::label::why_hidden;
 use crate::scene::{Exposure, Hidden, Unobservable, shutter};
+use crate::sky::population::OWN_VEHICLE_M;
 use crate::sky::shadow::Earth;
 use crate::sky::{Corrections, Population};
 use hifitime::{Epoch, Unit};
@@ -16,7 +17,7 @@ use thiserror::Error;
 pub struct Point {
     /// Middle of the exposure.
     pub epoch: Epoch,
-    /// Magnitude by Eq. (9) in full sunlight, the mean over the exposure; infinite where nothing is reflected.
+    /// Magnitude by Eq. (9) in full sunlight, the mean over the exposure; infinite where nothing is reflected, or the object is the observer itself.
     pub mag: f64,
     /// Distance from the observer, m.
     pub range_m: f64,
@@ -66,13 +67,14 @@ pub enum NoLightCurve {
 impl Point {
     /// Magnitude of the light that arrives; none where none does. Objects have the Sun's colour: it is the same in any band.
     pub fn band_mag(&self) -> Option<f64> {
-        let seen = self.hidden.is_none() && self.illumination > 0.0 && self.mag.is_finite();
+        let seen = self.reason().is_empty() && self.illumination > 0.0;
         seen.then(|| self.mag - 2.5 * self.illumination.log10())
     }
 
     /// Why no light arrives, empty where some does.
     pub fn reason(&self) -> &'static str {
         match self.hidden {
+            _ if self.range_m < OWN_VEHICLE_M => "at the observer itself",
             Some(hidden) => why_hidden(hidden),
             None if self.mag.is_finite() => "",
             None => "reflects nothing this way",
@@ -114,7 +116,10 @@ pub fn point(
     let seen = population.see(index, &earth, &shutter, corrections)?;
     Ok(Point {
         epoch,
-        mag: seen.mag,
+        mag: match seen.apparent.range_m < OWN_VEHICLE_M {
+            true => f64::INFINITY,
+            false => seen.mag,
+        },
         range_m: seen.apparent.range_m,
         phase: seen.phase,
         illumination: seen.illumination,

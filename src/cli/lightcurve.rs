@@ -5,11 +5,13 @@ use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
 use skyloop::config::{Config, Observer};
-use skyloop::light_curve::{Span, point};
+use skyloop::effect::counted;
+use skyloop::light_curve::{NoLightCurve, Point, Span, point};
 use skyloop::orbit::time::{parse_utc, utc_text};
-use skyloop::orbit::{Loaded, Object};
+use skyloop::orbit::{Loaded, Object, OrbitError};
 use skyloop::output::write_light_curve;
 use skyloop_firmware_sim::console::say;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Arguments of `skyloop lightcurve`.
@@ -67,7 +69,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             corrections,
             epoch,
             span.exposure_s,
-        )?;
+        );
+        let seen =
+            seen.map_err(|error| anyhow!("{name}: {error}{}", remedy(&error, &span, &points)))?;
         points.push(seen);
         bar.inc(1);
     }
@@ -79,13 +83,19 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         (0, f64::INFINITY, f64::NEG_INFINITY),
         |(n, low, high), mag| (n + 1, low.min(mag), high.max(mag)),
     );
-    let what = match count {
-        0 => "no light of it arrives".to_string(),
-        _ => format!("light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}"),
+    let causes = causes(&points);
+    let what = match (count, causes.as_str()) {
+        (0, _) => format!("no light of it arrives: {causes}"),
+        (_, "") => {
+            format!("light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}")
+        }
+        _ => format!(
+            "light arrives at {count} of them, magnitude {brightest:.2} to {faintest:.2}; at others none: {causes}"
+        ),
     };
     say(format_args!(
-        "{title}: {} instants from {} to {}, {what}\nwrote {}\n",
-        points.len(),
+        "{title}: {} from {} to {}, {what}\nwrote {}\n",
+        counted(points.len(), "instant"),
         utc_text(span.from),
         points
             .last()
@@ -93,6 +103,34 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         args.out.display()
     ))?;
     Ok(())
+}
+
+/// Why no light arrives, and at how many instants: `3 behind the Earth, 1 in the Earth's shadow`.
+fn causes(points: &[Point]) -> String {
+    let mut counts = BTreeMap::new();
+    for point in points.iter().filter(|point| !point.reason().is_empty()) {
+        *counts.entry(point.reason()).or_insert(0) += 1;
+    }
+    let counts = counts.iter().map(|(why, count)| format!("{count} {why}"));
+    counts.collect::<Vec<_>>().join(", ")
+}
+
+/// What helps where an ephemeris ends after these points: its instants begin and end half an exposure within it.
+fn remedy(error: &NoLightCurve, span: &Span, points: &[Point]) -> String {
+    if !matches!(
+        error,
+        NoLightCurve::Orbit(OrbitError::OutsideInterval { .. })
+    ) {
+        return String::new();
+    }
+    let open = format!(
+        " (an instant reaches half of --exposure {} before and after itself)",
+        span.exposure_s
+    );
+    match points.last() {
+        Some(last) => format!("{open}; --to {} works", utc_text(last.epoch)),
+        None => format!("{open}; give another --from"),
+    }
 }
 
 /// The instants: those of the scene's sequence, where the arguments do not say otherwise.

@@ -180,6 +180,59 @@ fn what_is_hidden_has_a_reason_and_no_magnitude_that_arrives() {
         .collect();
     assert!(!hidden.is_empty() && hidden.len() < rows.len());
     assert!(hidden.iter().all(|row| row[3].is_empty()));
+    let cause = format!("at others none: {} behind the Earth", hidden.len());
+    assert!(said.contains(&cause), "{said}");
+}
+
+/// An object on the observer's own orbit, under another name.
+#[test]
+fn the_observer_itself_reflects_nothing_to_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let mid = skyloop::orbit::time::parse_utc("2026-03-01T12:00:00").unwrap();
+    let path = |t: f64| {
+        let along = nalgebra::Vector3::new(0.0, 7.5, 0.0);
+        (nalgebra::Vector3::new(7000.0, 0.0, 0.0) + along * t, along)
+    };
+    let text = crate::glints::oem::oem_text("EYE", mid, path);
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("eye.oem", &text);
+    write("twin.oem", &text.replace("EYE", "TWIN"));
+    write(
+        "scene.toml",
+        "[observer]\norbit = \"eye.oem\"\n[objects]\nfiles = [\"twin.oem\"]\n",
+    );
+    let here = folder.path().to_str().unwrap();
+    let curve = |to: &str| {
+        let times = ["--from", "2026-03-01T12:00:00", "--to", to, "--step", "1"];
+        let others = ["--scene", here, "--object", "TWIN", "--exposure", "0.1"];
+        skyloop(&[&times[..], &others, &["--out", here]].concat())
+    };
+    let (said, log, code) = curve("2026-03-01T12:00:00");
+    assert_eq!(code, 0, "{log}");
+    assert!(said.contains(": 1 instant from"), "{said}");
+    assert!(
+        said.contains("no light of it arrives: 1 at the observer itself"),
+        "{said}"
+    );
+    let rows = table(folder.path());
+    assert_eq!(
+        [&rows[0][2], &rows[0][3], &rows[0][7]],
+        ["", "", "at the observer itself"]
+    );
+
+    // The ephemeris ends at 12:00:10, in the middle of the last exposure.
+    let (_, log, code) = curve("2026-03-01T12:00:10");
+    assert_eq!(code, 1, "{log}");
+    let works = "--to 2026-03-01T12:00:09.000Z works";
+    for word in [
+        here,
+        "outside its ephemeris",
+        "half of --exposure 0.1",
+        works,
+    ] {
+        assert!(log.contains(word), "{log} has no {word}");
+    }
+    assert_eq!(curve("2026-03-01T12:00:09").2, 0);
 }
 
 #[test]
@@ -239,7 +292,12 @@ fn wrong_input_says_what_to_do() {
     );
     refuses(
         &["--object", "RCM-1", "--to", "2019-06-16T00:00:00Z"],
-        &["outside its ephemeris", "23:36:30"],
+        &[
+            "the built-in scene: ",
+            "outside its ephemeris",
+            "23:36:30",
+            "half of --exposure 0.1",
+        ],
     );
     refuses(&["--object", "CASSIOPE"], &["no object called", "RCM-1"]);
     refuses(
