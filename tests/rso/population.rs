@@ -351,3 +351,28 @@ fn the_scenes_with_populations_load() {
         assert!(config.rejected.is_empty());
     }
 }
+
+/// What docs/scenes.md says of geo-belt-stare, by the labels of its first and last frame.
+#[test]
+fn satellites_stand_still_and_the_one_given_up_drifts() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes/geo-belt-stare");
+    let mut config = Config::load(&path).unwrap();
+    let mission = skyloop::flight::mission(&config).unwrap();
+    let mut emulator = skyloop::engine::Emulator::new(&mut config);
+    let mut places = |number: u32| {
+        let vehicle = skyloop::flight::vehicle(&mission, number).unwrap();
+        let sources = emulator.shoot(&vehicle, 0).unwrap().label.objects.sources;
+        let rsos = sources.into_iter().filter(|source| source.kind == "rso");
+        let named = rsos.map(|rso| (rso.names[0].clone(), [rso.x_px, rso.y_px]));
+        named.collect::<std::collections::BTreeMap<_, _>>()
+    };
+    let (first, last) = (places(0), places(mission.frames - 1));
+    assert_eq!((first.len(), last.len()), (8, 8));
+    for (name, [x, y]) in first {
+        let way = (last[&name][0] - x).hypot(last[&name][1] - y);
+        match name.as_str() {
+            "GEO 8" => assert!((7.0..8.0).contains(&way), "{name}: {way} px"),
+            _ => assert!(way < 0.3, "{name}: {way} px"),
+        }
+    }
+}
