@@ -107,6 +107,6 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         }
     });
     let swing_px = scene.view.areas_swing_px(scene.view.exposure.duration_s);
-    let e = e + areas_changed_e(scene, &other, (2.0 * loss.px + swing_px).powi(2) / 8.0);
+    let e = e + areas_changed_e(scene, &other, (2.0 * loss.px + swing_px).powi(2) / 3.0);
     Loss { e, ..*loss }
 }

@@ -341,10 +341,13 @@ impl View {
         swings.fold(0.0, f64::max) * seconds * self.scale_and_corner_px.0
     }
 
-    /// What smearing the edges of area light takes, about, ms: they are taken to run once across the field.
+    /// What smearing area light takes, about, ms: edges are taken to run once across the field.
     pub fn areas_smear_ms(&self) -> f64 {
         const LIMB_PX: f64 = 8.0;
         const STEP_NS: f64 = 500.0;
+        // Places a pixel at which even light is looked at, and ns of a look.
+        const PLACES: f64 = 0.01;
+        const LOOK_NS: f64 = 330.0;
         let edged = self.areas.iter().filter(|area| area.has_edges());
         let seconds = self.exposure.duration_s;
         let px = self.longest_track_px(seconds) + self.areas_swing_px(seconds);
@@ -352,7 +355,9 @@ impl View {
         let steps = (STEPS_PX * px + 1.0).min(most_steps(pixels) as f64);
         let [columns, rows] = self.camera.detector.sides();
         let smeared = ((LIMB_PX + px) * (columns + rows)).min(pixels as f64);
-        edged.count() as f64 * smeared * steps * STEP_NS * 1e-6
+        let looks: usize = self.areas.iter().map(|area| area.looks_on(px)).sum();
+        let looking = pixels as f64 * PLACES * looks as f64 * LOOK_NS;
+        (edged.count() as f64 * smeared * steps * STEP_NS + looking) * 1e-6
     }
 
     /// About the most area light of a pixel, e-.

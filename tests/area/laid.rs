@@ -18,7 +18,7 @@ static KIND: Kind = Kind {
 };
 
 /// ph/s/m^2/sr, so that pixels get some thousand electrons.
-const LEVEL: f64 = 1e13;
+pub const LEVEL: f64 = 1e13;
 
 /// A disc of even light around a direction, with all of the sky as its extreme; grows by `slope` a radian from its middle.
 #[derive(Debug)]
@@ -53,7 +53,7 @@ impl Edge for Disc {
     }
 }
 
-fn view(camera: Camera, rates: [f64; 3]) -> View {
+pub fn view(camera: Camera, rates: [f64; 3]) -> View {
     let emulator = Emulator::new(&mut Config::defaults().unwrap());
     let epoch = "2026-06-01T00:00:00 UTC".parse().unwrap();
     let q = [0.1, -0.2, 0.3, (1.0f64 - 0.14).sqrt()];
@@ -62,11 +62,11 @@ fn view(camera: Camera, rates: [f64; 3]) -> View {
     scene.unwrap().view
 }
 
-fn camera(name: &str) -> Camera {
+pub fn camera(name: &str) -> Camera {
     Camera::load(name, &Folder::current()).unwrap()
 }
 
-fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &Simulated) -> AreaLight {
+pub fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &Simulated) -> AreaLight {
     let area = Area {
         kind: &KIND,
         radiance: Ok(Arc::new(radiance)),
@@ -76,7 +76,7 @@ fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &Simulated) ->
 }
 
 /// Electrons of one pixel at a steradian of the level.
-fn scale_e(view: &View) -> f64 {
+pub fn scale_e(view: &View) -> f64 {
     let (camera, seconds) = (&view.camera, view.exposure.duration_s);
     let optics = &camera.optics;
     LEVEL

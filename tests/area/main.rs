@@ -3,4 +3,5 @@
 mod frames;
 mod laid;
 mod moon;
+mod moved;
 mod skipped;

@@ -18,6 +18,8 @@ const FURTHEST: usize = 24;
 /// Side of the patches that have one spread, px.
 const PATCH: usize = 64;
 
+/// Width (px) below which less of the pixel's width is taken out of a spread.
+const NARROW_PX: f64 = 0.5;
 /// Pixels of a row that are added up side by side.
 const LANES: usize = 8;
 
@@ -98,7 +100,8 @@ impl<'a> Blur<'a> {
                 }
             }
         }
-        lanes.iter().sum()
+        // Where a spread is narrow, taking the pixel's width out of it takes more than there is.
+        lanes.iter().sum::<f32>().max(0.0)
     }
 
     /// The pixels that are no further than the reach from one that is marked.
@@ -141,10 +144,12 @@ impl<'a> Blur<'a> {
             &mut stamp,
         );
         let wide = (2 * reach + 1) as usize;
+        // Far narrower than a pixel it is none that second order tells.
+        let narrow = (psf.core_px() / NARROW_PX).powi(2).min(1.0);
         let narrower = |i: usize| {
             let share = |i: usize| stamp.light[i];
             let bend = share(i - 1) + share(i + 1) + share(i - wide) + share(i + wide);
-            share(i) - (bend - 4.0 * share(i)) / 24.0
+            share(i) - narrow * (bend - 4.0 * share(i)) / 24.0
         };
         let inside = 1..wide - 1;
         let kernel = inside

@@ -27,7 +27,13 @@ pub const STEPS_PX: f64 = 4.0;
 const MOST_STEPS: usize = 256;
 /// A frame has no more of them than this for all its pixels, but for the least that there are of each.
 const ALL_STEPS: usize = 6_000_000;
-const LEAST_STEPS: usize = 16;
+const LEAST_STEPS: usize = 64;
+/// Longest part (px) of the way of what moves that three places are looked at on, and how much its middle may be off the line between its
+/// ends, in units of what lines may miss: what Simpson's rule then errs by is far less.
+const PANEL_PX: f64 = 4.0;
+const BEND: f64 = 12.0;
+/// How often a part is halved at most.
+const HALVINGS: u32 = 5;
 /// Edges of this radius (px) are straight enough, and more cells than this a side are none the better.
 const STRAIGHT: f64 = 8.0;
 const MOST_CELLS: f64 = 16.0;
@@ -143,12 +149,27 @@ impl Band<'_, '_> {
         self.sample();
     }
 
-    /// The light (e-) of a pixel around a place, as it is in the middle of its time; none where the plane has no direction.
+    /// The light (e-) of a pixel around a place: the mean over its time, or where the pattern moves by little, that in its
+    /// middle; none where the plane has no direction.
     fn at(&mut self, x: f64, y: f64) -> Option<f64> {
         let (seen, taken) = self.plane.taken([x, y])?;
+        let [middle_s, duration_s] = self.plane.open_s(y);
+        let moved_px = self.motion * self.plane.scale_px();
+        let light = |part: f64| {
+            let sky = self.plane.to_sky(middle_s + (part - 0.5) * duration_s);
+            self.light(&(sky * seen), taken)
+        };
+        let Fidelity {
+            area_e, area_part, ..
+        } = *self.fidelity;
+        let bent = |value: f64| BEND * (area_e + area_part * value.abs());
+        let (mean, looks) = match panels(self.radiance, moved_px) {
+            0 => (light(0.5), 1),
+            panels => mean(light, panels, bent),
+        };
         self.asked.lights += 1;
-        let sky = self.plane.to_sky(self.plane.open_s(y)[0]);
-        Some(self.light(&(sky * seen), taken))
+        self.asked.smeared += looks - 1;
+        Some(mean)
     }
 
     fn light(&self, direction: &Vector3<f64>, taken: f64) -> f64 {
@@ -300,7 +321,7 @@ impl Band<'_, '_> {
                 let x = (self.from[0] + (pixel % columns) as i64) as f64;
                 match self.sampled[pixel] {
                     Sampled::No => {}
-                    Sampled::Middle => self.e[pixel] = self.middle([x, y], &skies) as f32,
+                    Sampled::Middle => self.e[pixel] = self.at(x, y).unwrap_or(0.0) as f32,
                     Sampled::All => self.e[pixel] = self.mean(x, y, &skies) as f32,
                 }
             }
@@ -320,19 +341,6 @@ impl Band<'_, '_> {
         (0..count)
             .map(|i| self.plane.to_sky(middle_s + part(i) * duration_s))
             .collect()
-    }
-
-    /// The mean light of the middle of a pixel, e-.
-    fn middle(&mut self, at: [f64; 2], skies: &[Matrix3<f64>]) -> f64 {
-        let Some((seen, taken)) = self.plane.taken(at) else {
-            return 0.0;
-        };
-        self.asked.lights += skies.len();
-        let sum: f64 = skies
-            .iter()
-            .map(|sky| self.light(&(sky * seen), taken))
-            .sum();
-        sum / skies.len() as f64
     }
 
     /// The mean light of a pixel, e-: of its cells, if an edge is so strongly curved that it is not straight across a pixel.
@@ -359,13 +367,13 @@ impl Band<'_, '_> {
             let (outside, looks) = crossings.fold((0.0, 0), |(outside, looks), (_, crossing)| {
                 (outside + crossing.part(1), looks + crossing.looks)
             });
-            self.asked.edges += looks;
+            self.asked.edges += looks / skies.len().max(1);
             self.asked.lights += 1;
             let sky = self.plane.to_sky(self.plane.open_s(at[1])[0]);
             let (middle, taken) = patch.middle;
             return self.radiance.toward(&(sky * middle)) * taken * self.scale_e * outside / count;
         }
-        let (mut sum, mut asked) = (0.0, Asked::default());
+        let (mut sum, mut looks, mut edges) = (0.0, 0, 0);
         for (sky, crossing) in crossings {
             let (mut sides, mut counts) = ([0.0; 2], [0.0; 2]);
             for (place, edge) in patch.places.iter().zip(crossing.places) {
@@ -386,12 +394,61 @@ impl Band<'_, '_> {
                         corner.map_or(0.0, |(seen, taken)| part * self.light(&(sky * seen), taken));
                 }
             }
-            asked.lights += 4;
-            asked.edges += crossing.looks;
+            looks += 4;
+            edges += crossing.looks;
         }
-        self.asked += asked;
+        let still = looks / skies.len().max(1);
+        self.asked.lights += still;
+        self.asked.smeared += looks - still;
+        self.asked.edges += edges / skies.len().max(1);
         sum / count
     }
+}
+
+/// Into how many parts a way of so many px is divided at first: none where all of it is as good as straight, as it is where the way is no longer
+/// than squares which tell that light is.
+pub fn panels(radiance: &dyn Radiance, moved_px: f64) -> usize {
+    let (still_px, panel_px) = if radiance.is_of_pixels() {
+        return 0;
+    } else if radiance.is_hidden_inside() {
+        (SQUARE as f64, SQUARE as f64)
+    } else {
+        (1.0, PANEL_PX)
+    };
+    if moved_px <= still_px {
+        0
+    } else {
+        (moved_px / panel_px).ceil() as usize
+    }
+}
+
+/// The mean of `value` from 0 to 1 by Simpson's rule on `panels` even panels, each halved until its middle is no further off the line between its
+/// ends than `bent` tells of its value; and how often it was asked for.
+fn mean(value: impl Fn(f64) -> f64, panels: usize, bent: impl Fn(f64) -> f64) -> (f64, usize) {
+    let side = 1.0 / panels as f64;
+    let (mut sum, mut looks) = (0.0, 1);
+    let mut open: Vec<([f64; 3], f64, f64, u32)> = Vec::new();
+    let mut before = value(0.0);
+    for panel in 0..panels {
+        let from = panel as f64 * side;
+        let after = value(from + side);
+        open.push(([before, value(from + side / 2.0), after], from, side, 0));
+        before = after;
+        looks += 2;
+        while let Some(([a, b, c], from, side, halved)) = open.pop() {
+            let off = (a + c) / 2.0 - b;
+            if halved == HALVINGS || off.abs() <= bent(b) {
+                sum += side * (a + 4.0 * b + c) / 6.0;
+                continue;
+            }
+            let [left, right] = [0.25, 0.75].map(|part| value(from + part * side));
+            looks += 2;
+            let half = side / 2.0;
+            open.push(([b, right, c], from + half, half, halved + 1));
+            open.push(([a, left, b], from, half, halved + 1));
+        }
+    }
+    (sum, looks)
 }
 
 /// Into how many cells a pixel is cut on a side, so that edges are nearly straight across each: they bow out of it by `1 / 8 r` of it

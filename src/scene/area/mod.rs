@@ -20,7 +20,7 @@ use crate::lanes;
 use crate::scene::{Simulated, View, World};
 use crate::sky::atmosphere::Limb;
 use crate::sky::shadow::Earth;
-pub(super) use lay::{STEPS_PX, most_steps};
+pub(super) use lay::{STEPS_PX, most_steps, panels};
 
 use blur::Blur;
 use horizon::Horizon;
@@ -108,6 +108,12 @@ impl Area {
         matches!(&self.radiance, Ok(radiance) if radiance.edge().is_some())
     }
 
+    /// How many places are looked at on a way of so many px, beside its middle.
+    pub fn looks_on(&self, way_px: f64) -> usize {
+        let panels = self.radiance.as_ref().map(|of| panels(of.as_ref(), way_px));
+        2 * panels.unwrap_or(0)
+    }
+
     /// How fast (rad/s) its edges move by themselves.
     pub fn swing(&self) -> f64 {
         match &self.radiance {
@@ -146,8 +152,10 @@ impl AreaLight {
 /// How often was asked what it takes to lay light on pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Asked {
-    /// For the radiance of a direction.
+    /// For the radiance of a direction, once a place.
     pub lights: usize,
+    /// The same again, for the way of what moves.
+    pub smeared: usize,
     /// For its angle from an edge.
     pub edges: usize,
     /// For the light that a pixel gives to another.
@@ -157,6 +165,7 @@ pub struct Asked {
 impl AddAssign for Asked {
     fn add_assign(&mut self, other: Asked) {
         self.lights += other.lights;
+        self.smeared += other.smeared;
         self.edges += other.edges;
         self.spreads += other.spreads;
     }
