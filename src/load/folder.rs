@@ -21,7 +21,7 @@ impl Folder {
         Folder::Disk(file.parent().map(Path::to_path_buf).unwrap_or_default())
     }
 
-    /// The scene or run file at a path of the command line, of a folder its [`SCENE`]: the folder that holds it, the name to use
+    /// The scene or run file at a path of the command line, of a folder its `scene.toml`: the folder that holds it, the name to use
     /// for it in messages, and its text.
     pub fn open(path: &Path) -> Result<(Folder, String, String), ConfigError> {
         let (path, remedy) = match path.is_dir() {
