@@ -27,10 +27,12 @@ mod pick;
 mod text;
 pub mod time;
 mod tle;
+mod two_line;
 
 pub use load::{LoadError, Loaded, Rejected, load, parse};
 pub use pick::file_and_name;
 pub use text::read_text;
+pub use two_line::{Checksum, ElementsError};
 
 use elements::{Elements, PropagationError};
 use ephemeris::Ephemeris;
@@ -137,7 +139,7 @@ impl Object {
             Orbit::Elements(set, others) if !others.is_empty() => Cow::Owned(Object {
                 id: self.id.clone(),
                 names: self.names.clone(),
-                orbit: Orbit::Elements(nearest(set, others, t).clone(), Vec::new()),
+                orbit: Orbit::Elements(*nearest(set, others, t), Vec::new()),
             }),
             _ => Cow::Borrowed(self),
         }

@@ -1,7 +1,8 @@
 //! Files of two-line element sets, with or without name lines.
 
-use crate::elements::{Checksum, Elements};
+use crate::elements::Elements;
 use crate::load::{Loaded, Rejected};
+use crate::two_line::Checksum;
 use crate::{Object, Orbit, bounded_name};
 use std::collections::HashMap;
 

@@ -1,7 +1,8 @@
 //! SGP4/SDP4 against the vectors published with AIAA 2006-6753.
 
 use nalgebra::Vector3;
-use skyloop_orbit::elements::{Checksum, Elements};
+use skyloop_orbit::Checksum;
+use skyloop_orbit::elements::Elements;
 
 /// 5 mm: what the last digits of the published vectors and another order of operations leave.
 const TOLERANCE_M: f64 = 5e-3;

@@ -1,0 +1,238 @@
+//! The two lines of an element set: fixed columns.
+
+use crate::elements::{Elements, ModelError};
+use crate::time;
+use hifitime::Epoch;
+use std::f64::consts::PI;
+
+/// Whether the checksum in column 69 must be present and right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Checksum {
+    /// Both lines must carry the right checksum.
+    Required,
+    /// Column 69 is not looked at.
+    Ignored,
+}
+
+/// Why two lines are not an element set.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ElementsError {
+    /// A line is too short, too long or not ASCII.
+    #[error(
+        "line {line} of the set is not 69 ASCII characters but {found}; restore the fixed columns"
+    )]
+    Layout {
+        /// Which line of the set, 1 or 2.
+        line: u8,
+        /// Characters found.
+        found: usize,
+    },
+    /// The checksum does not agree with the line.
+    #[error(
+        "bad checksum in line {line} of the set: the line sums to {computed}, column 69 says \
+         '{found}'; fetch the set again"
+    )]
+    Checksum {
+        /// Which line of the set, 1 or 2.
+        line: u8,
+        /// Sum of the digits, a minus counting one, modulo 10.
+        computed: u8,
+        /// What column 69 holds.
+        found: char,
+    },
+    /// A field cannot be read or is out of its range.
+    #[error("bad {name} '{found}' in line {line} of the set")]
+    Field {
+        /// Which line of the set, 1 or 2.
+        line: u8,
+        /// Name of the field.
+        name: &'static str,
+        /// Its text.
+        found: String,
+    },
+    /// The two lines belong to different objects.
+    #[error("line 1 is of object {first}, line 2 of object {second}")]
+    TwoObjects {
+        /// Number in line 1.
+        first: u32,
+        /// Number in line 2.
+        second: u32,
+    },
+    /// SGP4 cannot start from these elements.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+impl ElementsError {
+    /// Which line of the set is at fault, 1 or 2.
+    pub fn line(&self) -> u8 {
+        match self {
+            Self::Layout { line, .. } | Self::Checksum { line, .. } | Self::Field { line, .. } => {
+                *line
+            }
+            Self::TwoObjects { .. } | Self::Model(_) => 2,
+        }
+    }
+}
+
+impl Elements {
+    /// Reads the two lines of a set.
+    pub fn parse(line1: &str, line2: &str, checksum: Checksum) -> Result<Self, ElementsError> {
+        let first = Line::new(1, line1, checksum)?;
+        let second = Line::new(2, line2, checksum)?;
+
+        let norad = first.catalogue_number()?;
+        let again = second.catalogue_number()?;
+        if norad != again {
+            return Err(ElementsError::TwoObjects {
+                first: norad,
+                second: again,
+            });
+        }
+        let radians = |degrees: f64| degrees * (PI / 180.0);
+        let inclination = second.number("inclination", 9..17)?;
+        if !(0.0..=180.0).contains(&inclination) {
+            return Err(second.bad("inclination", 9..17));
+        }
+        let elements = Self {
+            norad,
+            epoch: first.epoch()?,
+            inclination: radians(inclination),
+            node: radians(second.number("right ascension of the node", 18..26)?),
+            eccentricity: second.implied_decimal("eccentricity", 27..34)?,
+            perigee: radians(second.number("argument of perigee", 35..43)?),
+            mean_anomaly: radians(second.number("mean anomaly", 44..52)?),
+            // rev/day to rad/min
+            mean_motion: second.number("mean motion", 53..64)? * (PI / 720.0),
+            drag: first.implied_exponent("drag term B*", 54..62)?,
+        };
+        elements.constants()?;
+        Ok(elements)
+    }
+}
+
+/// One line of a set: fixed columns, numbered from 1 as the format's description does.
+struct Line<'a> {
+    number: u8,
+    text: &'a str,
+}
+
+type Columns = std::ops::Range<usize>;
+
+impl<'a> Line<'a> {
+    fn new(number: u8, text: &'a str, checksum: Checksum) -> Result<Self, ElementsError> {
+        let text = text.trim_end();
+        let layout = ElementsError::Layout {
+            line: number,
+            found: text.chars().count(),
+        };
+        if !text.is_ascii() {
+            return Err(layout);
+        }
+        let line = Self { number, text };
+        if checksum == Checksum::Ignored {
+            return Ok(line);
+        }
+        // what follows column 69 after a blank is a remark
+        if text.len() < 69 || !line.text(70..71).trim().is_empty() {
+            return Err(layout);
+        }
+        let computed = (line.text(1..69).bytes())
+            .map(|byte| match byte {
+                b'0'..=b'9' => u32::from(byte - b'0'),
+                b'-' => 1,
+                _ => 0,
+            })
+            .sum::<u32>()
+            % 10;
+        let found = line.text(69..70).chars().next().unwrap_or(' ');
+        if found.to_digit(10) != Some(computed) {
+            return Err(ElementsError::Checksum {
+                line: number,
+                computed: computed as u8,
+                found,
+            });
+        }
+        Ok(line)
+    }
+
+    /// Columns `from..to`, counted from 1; what the line does not have is empty.
+    fn text(&self, columns: Columns) -> &'a str {
+        let end = (columns.end - 1).min(self.text.len());
+        self.text.get(columns.start - 1..end).unwrap_or("")
+    }
+
+    fn bad(&self, name: &'static str, columns: Columns) -> ElementsError {
+        ElementsError::Field {
+            line: self.number,
+            name,
+            found: self.text(columns).to_owned(),
+        }
+    }
+
+    /// Five digits, or Alpha-5: a letter (no I, no O) for the leading two, `A` = 10 to `Z` = 33.
+    fn catalogue_number(&self) -> Result<u32, ElementsError> {
+        let bad = || self.bad("catalogue number", 3..8);
+        let text = self.text(3..8).trim();
+        let (letter, rest) = match text.bytes().next().ok_or_else(bad)? {
+            byte @ b'A'..=b'H' => (u32::from(byte - b'A') + 10, &text[1..]),
+            byte @ b'J'..=b'N' => (u32::from(byte - b'J') + 18, &text[1..]),
+            byte @ b'P'..=b'Z' => (u32::from(byte - b'P') + 23, &text[1..]),
+            _ => (0, text),
+        };
+        let right_length = letter == 0 || rest.len() == 4;
+        if !right_length || !rest.bytes().all(|b| b.is_ascii_digit()) {
+            return Err(bad());
+        }
+        let rest: u32 = rest.parse().map_err(|_| bad())?;
+        Ok(letter * 10_000 + rest)
+    }
+
+    fn epoch(&self) -> Result<Epoch, ElementsError> {
+        let bad = || self.bad("epoch", 19..33);
+        let year = self.text(19..21).trim().parse().map_err(|_| bad())?;
+        let (day, fraction) = self.text(21..33).trim().split_once('.').ok_or_else(bad)?;
+        let day = day.parse().map_err(|_| bad())?;
+        time::from_tle(year, day, fraction).ok_or_else(bad)
+    }
+
+    /// A plain decimal number.
+    fn number(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
+        let text = self.text(columns.clone()).trim();
+        // no letters: neither `inf` nor `nan` nor exponents belong here
+        let plain = |b: u8| b.is_ascii_digit() || matches!(b, b'.' | b'-' | b'+');
+        if !text.bytes().all(plain) {
+            return Err(self.bad(name, columns));
+        }
+        text.parse().map_err(|_| self.bad(name, columns))
+    }
+
+    /// Digits behind an understood decimal point: `0001413` is 0.0001413.
+    fn implied_decimal(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
+        let text = self.text(columns.clone()).trim();
+        let digits = text.bytes().all(|b| b.is_ascii_digit()) && !text.is_empty();
+        let value = format!("0.{text}").parse();
+        match value {
+            Ok(value) if digits => Ok(value),
+            _ => Err(self.bad(name, columns)),
+        }
+    }
+
+    /// Digits behind an understood decimal point, and a power of ten: `-31515-4` is -0.31515e-4.
+    fn implied_exponent(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
+        let text = self.text(columns.clone()).trim();
+        let (sign, text) = match text.as_bytes().first() {
+            Some(b'-') => ("-", &text[1..]),
+            Some(b'+') => ("", &text[1..]),
+            _ => ("", text),
+        };
+        let split = text.rfind(['-', '+']).unwrap_or(text.len());
+        let (digits, exponent) = text.split_at(split);
+        let exponent = if exponent.is_empty() { "0" } else { exponent };
+        let plain = digits.bytes().all(|b| b.is_ascii_digit()) && !digits.is_empty();
+        match format!("{sign}0.{digits}e{exponent}").parse::<f64>() {
+            Ok(value) if plain && value.is_finite() => Ok(value),
+            _ => Err(self.bad(name, columns)),
+        }
+    }
+}
