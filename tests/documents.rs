@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::Command;
 use std::time::Duration;
 
 use skyloop::camera::{Camera, Flux, Radiation};
@@ -49,6 +48,8 @@ fn names<'a>(names: impl IntoIterator<Item = &'a str>) -> Names {
     names.into_iter().map(str::to_string).collect()
 }
 
+#[path = "documents/command_line.rs"]
+mod command_line;
 #[path = "../examples/effect_pictures/draw.rs"]
 mod draw;
 #[path = "../examples/effect_pictures/pictures.rs"]
@@ -143,65 +144,6 @@ fn the_readme_lists_the_labels_fields() {
     // The frame holds stars and satellites, seen ones and (too faint) unseen ones.
     assert!(fields.contains("range_km") && fields.contains("reason"));
     assert_eq!(first_column(section(README, "## Labels")), fields);
-}
-
-/// The long options in a help text.
-fn options(help: &str) -> Names {
-    let words = help
-        .lines()
-        .filter(|line| line.trim_start().starts_with('-'))
-        .flat_map(|line| {
-            let usage = line.trim_start().split("  ").next().unwrap_or_default();
-            usage.split([' ', ',', '.']).collect::<Vec<_>>()
-        });
-    names(words.filter(|word| word.starts_with("--")))
-}
-
-fn help(command: Option<&str>) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_skyloop"))
-        .args(command)
-        .arg("--help")
-        .output()
-        .unwrap();
-    assert!(output.status.success());
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// The long options in a section of the README.
-fn documented(heading: &str) -> Names {
-    let cells = first_column(section(README, heading));
-    let option = |cell: &String| cell.split(' ').next().unwrap_or_default().to_string();
-    cells
-        .iter()
-        .map(option)
-        .filter(|name| name.starts_with("--"))
-        .collect()
-}
-
-#[test]
-fn the_readme_lists_the_command_line() {
-    let global = documented("### `skyloop`");
-    assert_eq!(global, options(&help(None)));
-    let (_, listed) = help(None)
-        .split_once("Commands:\n")
-        .map(|(a, b)| (a.len(), b.to_string()))
-        .unwrap();
-    let commands = listed.lines().take_while(|line| !line.is_empty());
-    let commands: Vec<&str> = commands
-        .filter_map(|line| line.split_whitespace().next())
-        .collect();
-    assert!(commands.len() >= 4, "{commands:?}");
-    for command in commands.into_iter().filter(|command| *command != "help") {
-        let options: Names = options(&help(Some(command)))
-            .difference(&global)
-            .cloned()
-            .collect();
-        assert_eq!(
-            documented(&format!("### `skyloop {command}`")),
-            options,
-            "{command}"
-        );
-    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The command line. A command is a file here and a line in [`Command`].
 
+mod catalog;
 mod instruments;
 mod lightcurve;
 mod loopback;
@@ -45,6 +46,8 @@ enum Command {
     Plan(plan::Args),
     /// Write the magnitude of an object against time, as a table and a plot
     Lightcurve(lightcurve::Args),
+    /// Check files of orbits
+    Catalog(catalog::Args),
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
     #[cfg(target_os = "linux")]
     Pty(pty::Args),
@@ -61,6 +64,7 @@ impl Cli {
             Command::Render(args) => render::run(*args),
             Command::Plan(args) => plan::run(args),
             Command::Lightcurve(args) => lightcurve::run(args),
+            Command::Catalog(args) => catalog::run(args),
             #[cfg(target_os = "linux")]
             Command::Pty(args) => pty::run(args),
             Command::Replay(args) => replay::run(args, self.verbose),
