@@ -43,6 +43,12 @@ pub struct Elements {
 #[error("SGP4 cannot start from these elements: {0}")]
 pub struct ModelError(String);
 
+impl ModelError {
+    pub(crate) fn new(reason: String) -> Self {
+        Self(reason)
+    }
+}
+
 /// Why SGP4 has no state at an epoch. [`PropagationError::code`] is that of the reference implementation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PropagationError {

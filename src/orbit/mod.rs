@@ -19,6 +19,7 @@
 pub mod elements;
 pub mod ephemeris;
 pub mod frames;
+pub mod sgp4_batch;
 pub mod two_body;
 
 mod load;

@@ -1,0 +1,128 @@
+//! The constants of one object, as the `sgp4` crate works them out.
+//!
+//! Its `Constants` keep their fields to themselves but serialise: they are written out as octets and read into the structures of
+//! this file, which have the same fields in the same order. The octets carry no names: a crate with another order would be caught by every test of the batch
+//! against that crate.
+
+use crate::elements::ModelError;
+use serde::Deserialize;
+
+/// The model's constants of one object; angles in rad, times in minutes, lengths in Earth radii.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Figures {
+    /// The Earth's field: a_e (km), k_e, J2, J3, J4.
+    pub earth: [f64; 5],
+    pub node_dot: f64,
+    pub perigee_dot: f64,
+    pub mean_anomaly_dot: f64,
+    pub c1: f64,
+    pub c4: f64,
+    pub k0: f64,
+    pub k1: f64,
+    pub method: Method,
+    pub orbit: Mean,
+}
+
+/// The mean elements, with Brouwer's mean motion.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Mean {
+    pub inclination: f64,
+    pub node: f64,
+    pub eccentricity: f64,
+    pub perigee: f64,
+    pub mean_anomaly: f64,
+    pub mean_motion: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub enum Method {
+    NearEarth {
+        a0: f64,
+        _k2_k3_k4: [f64; 3],
+        k5: f64,
+        _k6: f64,
+        high: High,
+    },
+    DeepSpace {
+        eccentricity_dot: f64,
+        inclination_dot: f64,
+        sun: Perturber,
+        moon: Perturber,
+        resonant: Resonant,
+    },
+}
+
+/// Drag terms of an orbit with its perigee at 220 km or above.
+#[derive(Clone, Debug, Deserialize)]
+#[allow(clippy::large_enum_variant)] // the crate's own
+pub enum High {
+    No {},
+    Yes {
+        c5: f64,
+        d2: f64,
+        d3: f64,
+        d4: f64,
+        eta: f64,
+        k7: f64,
+        k8: f64,
+        k9: f64,
+        k10: f64,
+        elliptic: Elliptic,
+    },
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub enum Elliptic {
+    No {},
+    Yes { k11: f64, k12: f64, k13: f64 },
+}
+
+/// Amplitudes of Sun or Moon, and its mean anomaly at the epoch.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Perturber {
+    pub k: [f64; 12],
+    pub mean_anomaly: f64,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub enum Resonant {
+    No {
+        a0: f64,
+    },
+    Yes {
+        lambda: f64,
+        lambda_dot: f64,
+        sidereal_time: f64,
+        resonance: Resonance,
+    },
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub enum Resonance {
+    /// dr1, dr2, dr3.
+    OneDay([f64; 3]),
+    /// D2201, D2211, D3210, D3222, D4410, D4422, D5220, D5232, D5421, D5433 and k14, the perigee's rate.
+    HalfDay([f64; 11]),
+}
+
+/// More than the longest form, 69 numbers and the variants.
+const LONGEST: usize = 640;
+
+impl Figures {
+    /// The figures in the crate's constants.
+    ///
+    /// Errors: the crate writes them in another form.
+    pub fn of(constants: &sgp4::Constants) -> Result<Figures, ModelError> {
+        let mut octets = [0; LONGEST];
+        let unread = |error: postcard::Error| ModelError::new(error.to_string());
+        let written = postcard::to_slice(constants, &mut octets).map_err(unread)?;
+        let figures: Figures = postcard::from_bytes(written).map_err(unread)?;
+        let sgp4::Geopotential { ae, ke, j2, j3, j4 } = sgp4::WGS72;
+        if figures.earth != [ae, ke, j2, j3, j4] {
+            return Err(ModelError::new(
+                "the constants are not those of WGS72".to_string(),
+            ));
+        }
+        Ok(figures)
+    }
+}

@@ -1,0 +1,294 @@
+//! SGP4 and SDP4 of a whole catalogue at once.
+//!
+//! ```text
+//! Elements -> sgp4 crate: constants -> rows of blocks of 8 -> lanes of 1, 2, 4 or 8 -> position, velocity, code
+//! ```
+//!
+//! Orbits of one kind stand together: near the Earth, deep in space, and there in resonance with a day or with half a day. All other
+//! cases are lanes and masks. The constants are those of the `sgp4` crate, whose propagation is the scalar twin ([`Elements::state_teme`]) that tests hold this to:
+//!
+//! | module | what |
+//! |---|---|
+//! | `level` | which vector instructions the processor has |
+//! | `lanes`, `trig` | arithmetic on several objects side by side |
+//! | `figures` | the constants of one object |
+//! | `secular`, `near`, `deep`, `resonance` | perturbed mean elements |
+//! | `short_period` | from these to positions and velocities |
+//!
+//! What an object's state is depends on nothing but its elements and the time: not on threads, on the processor, on the objects beside it, or on what was asked before.
+
+mod deep;
+mod figures;
+mod lanes;
+mod level;
+mod near;
+mod resonance;
+mod secular;
+mod short_period;
+mod trig;
+
+pub use lanes::{BLOCK, Row};
+pub use level::Level;
+
+use crate::StateVector;
+use crate::elements::{Elements, ModelError};
+use deep::Deep;
+use figures::Figures;
+use hifitime::Epoch;
+use lanes::Part;
+use nalgebra::Vector3;
+use near::Near;
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+use resonance::{Free, HalfDay, OneDay};
+use secular::{Instant, When};
+use short_period::{Perturbed, Way};
+
+/// Beside the reference's codes: too far from the epoch of the elements ([`MAX_ELAPSED_DAYS`](crate::elements::MAX_ELAPSED_DAYS)).
+pub const TOO_FAR: u8 = 7;
+/// Beside the reference's codes: numbers that are not finite.
+pub const UNKNOWN: u8 = 8;
+
+/// Blocks that a thread takes at a time.
+const CHUNK: usize = 32;
+
+/// A catalogue, ready to propagate.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    level: Level,
+    near: Vec<Near>,
+    deep: Vec<Deep<Free>>,
+    one_day: Vec<Deep<OneDay>>,
+    half_day: Vec<Deep<HalfDay>>,
+    /// Where each object of the input stands.
+    places: Vec<u32>,
+    /// Which object of the input stands there; `NOBODY` fills blocks up.
+    objects: Vec<u32>,
+}
+
+/// Stands in the places that fill a block up.
+pub const NOBODY: u32 = u32::MAX;
+
+/// The kinds of orbits, in the order of their blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Site {
+    Near,
+    Deep,
+    OneDay,
+    HalfDay,
+}
+
+/// The states of a block, TEME; zero where the code is not.
+#[derive(Clone, Debug, Default)]
+pub struct BlockStates {
+    /// x, y, z, km.
+    pub position_km: [Row; 3],
+    /// x, y, z, km/s.
+    pub velocity_km_s: [Row; 3],
+    /// As [`States::get`] tells it.
+    pub code: Row,
+}
+
+/// The states of a catalogue, for use again and again.
+#[derive(Clone, Debug, Default)]
+pub struct States {
+    blocks: Vec<BlockStates>,
+    places: Vec<u32>,
+}
+
+/// A kind of orbits: how a block is filled, and how its mean elements are at an instant.
+trait Model: Default + Send + Sync {
+    const SITE: Site;
+
+    fn set(&mut self, i: usize, elements: &Elements, figures: &Figures);
+    fn perturbed<S: Simd>(&mut self, part: Part<S>, when: When) -> Perturbed<S>;
+}
+
+impl Batch {
+    /// The element sets, in their order.
+    ///
+    /// Errors: the first set that the model cannot start from.
+    pub fn new(sets: &[Elements]) -> Result<Batch, ModelError> {
+        let figures: Vec<Figures> = sets
+            .par_iter()
+            .map(|elements| Figures::of(&elements.constants()?))
+            .collect::<Result<_, _>>()?;
+        let mut batch = Batch {
+            level: Level::best(),
+            near: Vec::new(),
+            deep: Vec::new(),
+            one_day: Vec::new(),
+            half_day: Vec::new(),
+            places: vec![NOBODY; sets.len()],
+            objects: Vec::new(),
+        };
+        let all: Vec<(&Elements, &Figures)> = sets.iter().zip(&figures).collect();
+        batch.near = batch.fill(&all);
+        batch.deep = batch.fill(&all);
+        batch.one_day = batch.fill(&all);
+        batch.half_day = batch.fill(&all);
+        Ok(batch)
+    }
+
+    /// The blocks of one kind.
+    fn fill<M: Model>(&mut self, all: &[(&Elements, &Figures)]) -> Vec<M> {
+        let ours: Vec<usize> = (0..all.len())
+            .filter(|&i| Site::of(all[i].1) == M::SITE)
+            .collect();
+        ours.chunks(BLOCK)
+            .map(|members| {
+                let mut block = M::default();
+                for i in 0..BLOCK {
+                    // The last one fills the block up.
+                    let member = members.get(i).or(members.last());
+                    if let Some((elements, figures)) = member.and_then(|&at| all.get(at)) {
+                        block.set(i, elements, figures);
+                    }
+                    let object = members.get(i).copied();
+                    if let Some(place) = object.and_then(|at| self.places.get_mut(at)) {
+                        *place = self.objects.len() as u32;
+                    }
+                    self.objects.push(object.map_or(NOBODY, |at| at as u32));
+                }
+                block
+            })
+            .collect()
+    }
+
+    /// How many objects there are.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// How many blocks there are.
+    pub fn blocks(&self) -> usize {
+        self.objects.len() / BLOCK
+    }
+
+    /// Which objects of the input stand in a block's places, [`NOBODY`] where it is filled up.
+    pub fn objects_of(&self, block: usize) -> &[u32] {
+        let from = block * BLOCK;
+        self.objects.get(from..from + BLOCK).unwrap_or(&[])
+    }
+
+    /// Which instructions are used.
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    /// Uses these instructions; the portable ones where the processor lacks them.
+    pub fn set_level(&mut self, level: Level) {
+        self.level = level;
+    }
+
+    /// Octets of memory that the catalogue takes.
+    pub fn octets(&self) -> usize {
+        fn of<M>(blocks: &Vec<M>) -> usize {
+            blocks.capacity() * size_of::<M>()
+        }
+        of(&self.near)
+            + of(&self.deep)
+            + of(&self.one_day)
+            + of(&self.half_day)
+            + of(&self.places)
+            + of(&self.objects)
+    }
+
+    /// Every object at one instant.
+    pub fn propagate(&mut self, t: Epoch, states: &mut States) {
+        self.states(When::At(Instant::of(t)), states);
+    }
+
+    /// Every object a number of minutes after the epoch of its own elements.
+    pub fn propagate_after(&mut self, minutes: f64, states: &mut States) {
+        self.states(When::After(minutes), states);
+    }
+
+    fn states(&mut self, when: When, states: &mut States) {
+        states.places.clone_from(&self.places);
+        states
+            .blocks
+            .resize_with(self.objects.len() / BLOCK, BlockStates::default);
+        let level = self.level;
+        let (near, rest) = states.blocks.split_at_mut(self.near.len());
+        let (deep, rest) = rest.split_at_mut(self.deep.len());
+        let (one_day, half_day) = rest.split_at_mut(self.one_day.len());
+        propagate(level, when, &mut self.near, near);
+        propagate(level, when, &mut self.deep, deep);
+        propagate(level, when, &mut self.one_day, one_day);
+        propagate(level, when, &mut self.half_day, half_day);
+    }
+}
+
+/// Blocks of one kind, in parallel.
+fn propagate<M: Model>(level: Level, when: When, blocks: &mut [M], states: &mut [BlockStates]) {
+    let chunks = blocks
+        .par_chunks_mut(CHUNK)
+        .zip(states.par_chunks_mut(CHUNK));
+    chunks.for_each(|(blocks, states)| {
+        level.run(Work {
+            when,
+            blocks,
+            states,
+        })
+    });
+}
+
+/// Some blocks, one after another, with the instructions of a level.
+struct Work<'a, M> {
+    when: When,
+    blocks: &'a mut [M],
+    states: &'a mut [BlockStates],
+}
+
+impl<M: Model> WithSimd for Work<'_, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let mut ways: [Way; CHUNK] = Default::default();
+        for (block, way) in self.blocks.iter_mut().zip(&mut ways) {
+            for part in Part::all(simd) {
+                block.perturbed(part, self.when).long_period(part, way);
+            }
+        }
+        for way in ways.iter_mut().take(self.blocks.len()) {
+            for part in Part::all(simd) {
+                way.solve(part);
+            }
+        }
+        for (way, states) in ways.iter().zip(self.states) {
+            for part in Part::all(simd) {
+                way.state(part, states);
+            }
+        }
+    }
+}
+
+impl States {
+    /// The state of an object of the input, TEME, m and m/s; or the code of its failure: that of the reference (1 mean eccentricity,
+    /// 2 mean motion, 3 perturbed eccentricity, 4 semi-latus rectum, 6 decayed), [`TOO_FAR`] or [`UNKNOWN`], which is that of an index without an object, too.
+    pub fn get(&self, object: usize) -> Result<StateVector, u8> {
+        let place = self
+            .places
+            .get(object)
+            .map_or(usize::MAX, |at| *at as usize);
+        let (block, i) = (place / BLOCK, place % BLOCK);
+        let Some(states) = self.blocks.get(block) else {
+            return Err(UNKNOWN);
+        };
+        let vector = |rows: &[Row; 3]| Vector3::from_fn(|axis, _| rows[axis][i] * 1e3);
+        match states.code[i] as u8 {
+            0 => Ok(StateVector {
+                position_m: vector(&states.position_km),
+                velocity_m_s: vector(&states.velocity_km_s),
+            }),
+            code => Err(code),
+        }
+    }
+}

@@ -1,0 +1,363 @@
+//! Resonance of deep-space orbits with the Earth's turning: integrated from the epoch in steps of 720 min (Vallado et al., AIAA
+//! 2006-6753; Hujsak 1979).
+//!
+//! Where the integrator stands depends on the number of steps alone. It stays there for the next time asked, and begins anew where that
+//! lies before it.
+
+use super::Site;
+use super::figures;
+use super::lanes::{Lanes, Part, Row, Truth};
+use super::secular::Secular;
+use pulp::Simd;
+
+/// Length of a step, min.
+const STEP: f64 = 720.0;
+/// The Earth's turning, rad/min.
+const SIDEREAL_SPEED: f64 = 4.375_269_088_011_3e-3;
+const KE: f64 = sgp4::WGS72.ke;
+
+/// Phases of the resonance terms, rad.
+const LAMBDA31: f64 = 0.131_309_08;
+const LAMBDA22: f64 = 2.884_319_8;
+const LAMBDA33: f64 = 0.374_480_87;
+const G22: f64 = 5.768_639_6;
+const G32: f64 = 0.952_408_98;
+const G44: f64 = 1.801_499_8;
+const G52: f64 = 1.050_833_0;
+const G54: f64 = 4.410_889_8;
+
+/// Semi-major axis (Earth radii) and mean anomaly (rad) before Sun, Moon and drag; and where there are any.
+pub struct Unperturbed<S: Simd> {
+    pub a: Lanes<S>,
+    pub mean_anomaly: Lanes<S>,
+    pub well: Truth<S>,
+}
+
+/// How the mean anomaly runs on.
+pub trait Resonance: Default + Send + Sync {
+    const SITE: Site;
+
+    fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant);
+
+    /// `t` min after the epoch; the node p22 and the perigee p23 are those of that time.
+    fn unperturbed<S: Simd>(
+        &mut self,
+        part: Part<S>,
+        secular: &Secular,
+        t: Lanes<S>,
+        p22_p23: [Lanes<S>; 2],
+    ) -> Unperturbed<S>;
+}
+
+/// No resonance.
+#[derive(Clone, Debug, Default)]
+pub struct Free {
+    a0: Row,
+}
+
+impl Resonance for Free {
+    const SITE: Site = Site::Deep;
+
+    fn set(&mut self, i: usize, _: f64, figures: &figures::Resonant) {
+        if let figures::Resonant::No { a0 } = figures {
+            self.a0[i] = *a0;
+        }
+    }
+
+    #[inline(always)]
+    fn unperturbed<S: Simd>(
+        &mut self,
+        part: Part<S>,
+        secular: &Secular,
+        t: Lanes<S>,
+        _: [Lanes<S>; 2],
+    ) -> Unperturbed<S> {
+        Unperturbed {
+            a: part.load(&self.a0),
+            mean_anomaly: secular.mean_anomaly_at(part, t),
+            well: t.at_most(t),
+        }
+    }
+}
+
+/// The integrator of a block: where it began, and where it stands.
+#[derive(Clone, Debug, Default)]
+struct Integrator {
+    mean_motion_0: Row,
+    lambda_0: Row,
+    lambda_dot: Row,
+    sidereal_time: Row,
+    a0: Row,
+    t: Row,
+    mean_motion: Row,
+    lambda: Row,
+}
+
+/// Resonance with a whole day.
+#[derive(Clone, Debug, Default)]
+pub struct OneDay {
+    integrator: Integrator,
+    dr: [Row; 3],
+}
+
+/// Resonance with half a day.
+#[derive(Clone, Debug, Default)]
+pub struct HalfDay {
+    integrator: Integrator,
+    d: [Row; 10],
+    /// k14: the perigee's rate by the Earth alone, rad/min.
+    perigee_dot: Row,
+}
+
+impl Integrator {
+    /// Sets an object, and gives its resonance.
+    fn set<'a>(
+        &mut self,
+        i: usize,
+        mean_motion: f64,
+        figures: &'a figures::Resonant,
+    ) -> Option<&'a figures::Resonance> {
+        let figures::Resonant::Yes {
+            lambda,
+            lambda_dot,
+            sidereal_time,
+            resonance,
+        } = figures
+        else {
+            return None;
+        };
+        (self.mean_motion_0[i], self.mean_motion[i]) = (mean_motion, mean_motion);
+        (self.lambda_0[i], self.lambda[i]) = (*lambda, *lambda);
+        self.lambda_dot[i] = *lambda_dot;
+        self.sidereal_time[i] = *sidereal_time;
+        self.a0[i] = (KE / mean_motion).cbrt().powi(2);
+        self.t[i] = 0.0;
+        Some(resonance)
+    }
+
+    /// Goes to within a step of `t`. Gives a, and lambda at `t` as the mean anomaly.
+    #[inline(always)]
+    fn run<S: Simd>(&mut self, part: Part<S>, t: Lanes<S>, terms: impl Terms<S>) -> Unperturbed<S> {
+        let zero = part.splat(0.0);
+        let lambda_dot = part.load(&self.lambda_dot);
+        let (mut at, mut n) = (part.load(&self.t), part.load(&self.mean_motion));
+        let mut lambda = part.load(&self.lambda);
+        // Anew, where t lies before, or on the other side of the epoch.
+        let onward = zero.at_most(at * t).and(at.abs().at_most(t.abs()));
+        at = onward.select(at, zero);
+        n = onward.select(n, part.load(&self.mean_motion_0));
+        lambda = onward.select(lambda, part.load(&self.lambda_0));
+
+        let step = zero
+            .less_than(t)
+            .select(part.splat(STEP), part.splat(-STEP));
+        let half = part.splat(STEP * STEP / 2.0);
+        loop {
+            let rate = n + lambda_dot;
+            let Pull { n_dot, slope } = terms.pull(lambda, at);
+            let n_ddot = slope * rate;
+            // The nearest step before t, or t itself.
+            let left = t - at;
+            let on = step.abs().at_most(left.abs());
+            if !on.any() {
+                part.store(&mut self.t, at);
+                part.store(&mut self.mean_motion, n);
+                part.store(&mut self.lambda, lambda);
+                let half = left * left * 0.5;
+                // p28 = (ke / (n + n' dt + n'' dt^2 / 2))^(2/3); lambda + lambda' dt + n' dt^2 / 2
+                let motion = n_ddot.mul_add(half, n_dot.mul_add(left, n));
+                let a = major_axis(motion, part.load(&self.a0));
+                return Unperturbed {
+                    a,
+                    mean_anomaly: n_dot.mul_add(half, rate.mul_add(left, lambda)),
+                    well: zero.less_than(motion),
+                };
+            }
+            // n += n' dt + n'' dt^2 / 2; lambda += lambda' dt + n' dt^2 / 2
+            let next = n_ddot.mul_add(half, n_dot.mul_add(step, n));
+            let further = n_dot.mul_add(half, rate.mul_add(step, lambda));
+            n = on.select(next, n);
+            lambda = on.select(further, lambda);
+            at = on.select(at + step, at);
+        }
+    }
+
+    /// The Earth's turning at `t`, rad, within a turn.
+    #[inline(always)]
+    fn sidereal_time_at<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Lanes<S> {
+        let angle = t * SIDEREAL_SPEED + part.load(&self.sidereal_time);
+        angle.within_a_turn()
+    }
+}
+
+/// a = (ke / n)^(2/3), Earth radii, by Newton's method on a^3 n^2 = ke^2 from a guess; anything where n is not above 0.
+#[inline(always)]
+fn major_axis<S: Simd>(n: Lanes<S>, guess: Lanes<S>) -> Lanes<S> {
+    const STEPS: usize = 60;
+    const DIGITS: f64 = 4e-16;
+    let mut a = guess;
+    let ratio = n.splat(KE) / n;
+    let square = ratio.squared();
+    let mut moving = n.splat(0.0).less_than(n);
+    for _ in 0..STEPS {
+        if !moving.any() {
+            break;
+        }
+        // a <- a - (a - (ke / n a)^2) / 3
+        let change = (a - square / a.squared()) * (1.0 / 3.0);
+        a = moving.select(a - change, a);
+        moving = moving.and((a * DIGITS).less_than(change.abs()));
+    }
+    a
+}
+
+impl Resonance for OneDay {
+    const SITE: Site = Site::OneDay;
+
+    fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant) {
+        if let Some(figures::Resonance::OneDay(dr)) = self.integrator.set(i, mean_motion, figures) {
+            for (row, dr) in self.dr.iter_mut().zip(dr) {
+                row[i] = *dr;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn unperturbed<S: Simd>(
+        &mut self,
+        part: Part<S>,
+        _: &Secular,
+        t: Lanes<S>,
+        [p22, p23]: [Lanes<S>; 2],
+    ) -> Unperturbed<S> {
+        let terms = OneDayTerms {
+            dr: part.load_three(&self.dr),
+        };
+        let theta = self.integrator.sidereal_time_at(part, t);
+        let mut there = self.integrator.run(part, t, terms);
+        // p29 = lambda - p22 - p23 + theta
+        there.mean_anomaly = there.mean_anomaly - p22 - p23 + theta;
+        there
+    }
+}
+
+impl Resonance for HalfDay {
+    const SITE: Site = Site::HalfDay;
+
+    fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant) {
+        if let Some(figures::Resonance::HalfDay(figures)) =
+            self.integrator.set(i, mean_motion, figures)
+        {
+            let [d @ .., k14] = figures;
+            for (row, d) in self.d.iter_mut().zip(d) {
+                row[i] = *d;
+            }
+            self.perigee_dot[i] = *k14;
+        }
+    }
+
+    #[inline(always)]
+    fn unperturbed<S: Simd>(
+        &mut self,
+        part: Part<S>,
+        secular: &Secular,
+        t: Lanes<S>,
+        [p22, _]: [Lanes<S>; 2],
+    ) -> Unperturbed<S> {
+        let mut d = [part.splat(0.0); 10];
+        for (d, row) in d.iter_mut().zip(&self.d) {
+            *d = part.load(row);
+        }
+        let terms = HalfDayTerms {
+            d,
+            perigee_0: part.load(&secular.perigee),
+            perigee_dot: part.load(&self.perigee_dot),
+        };
+        let theta = self.integrator.sidereal_time_at(part, t);
+        let mut there = self.integrator.run(part, t, terms);
+        // p29 = lambda - 2 p22 + 2 theta
+        there.mean_anomaly = there.mean_anomaly - (p22 + p22) + (theta + theta);
+        there
+    }
+}
+
+/// n', and d n' / d lambda.
+struct Pull<S: Simd> {
+    n_dot: Lanes<S>,
+    slope: Lanes<S>,
+}
+
+impl<S: Simd> Pull<S> {
+    /// With a term more: d sin(angle), whose angle turns `m` times as fast as lambda.
+    #[inline(always)]
+    fn and(self, d: Lanes<S>, angle: Lanes<S>, m: f64) -> Self {
+        let (sin, cos) = angle.sin_cos();
+        Self {
+            n_dot: d.mul_add(sin, self.n_dot),
+            slope: (d * m).mul_add(cos, self.slope),
+        }
+    }
+}
+
+/// What pulls at the mean motion.
+trait Terms<S: Simd> {
+    /// At lambda (rad), `at` min after the epoch.
+    fn pull(&self, lambda: Lanes<S>, at: Lanes<S>) -> Pull<S>;
+}
+
+struct OneDayTerms<S: Simd> {
+    dr: [Lanes<S>; 3],
+}
+
+impl<S: Simd> Terms<S> for OneDayTerms<S> {
+    /// n' = dr1 sin(l - l31) + dr2 sin 2(l - l22) + dr3 sin 3(l - l33).
+    #[inline(always)]
+    fn pull(&self, lambda: Lanes<S>, _: Lanes<S>) -> Pull<S> {
+        let [dr1, dr2, dr3] = self.dr;
+        let zero = lambda.splat(0.0);
+        let none = Pull {
+            n_dot: zero,
+            slope: zero,
+        };
+        none.and(dr1, lambda - lambda.splat(LAMBDA31), 1.0)
+            .and(dr2, (lambda - lambda.splat(LAMBDA22)) * 2.0, 2.0)
+            .and(dr3, (lambda - lambda.splat(LAMBDA33)) * 3.0, 3.0)
+    }
+}
+
+struct HalfDayTerms<S: Simd> {
+    d: [Lanes<S>; 10],
+    perigee_0: Lanes<S>,
+    perigee_dot: Lanes<S>,
+}
+
+impl<S: Simd> Terms<S> for HalfDayTerms<S> {
+    /// n' = sum D sin((l - 2p) w + m/2 lambda - G).
+    #[inline(always)]
+    fn pull(&self, lambda: Lanes<S>, at: Lanes<S>) -> Pull<S> {
+        let w = self.perigee_dot.mul_add(at, self.perigee_0);
+        let zero = lambda.splat(0.0);
+        let mut all = Pull {
+            n_dot: zero,
+            slope: zero,
+        };
+        // factors of w and lambda, and phases
+        const TERMS: [(f64, f64, f64); 10] = [
+            (2.0, 1.0, G22),
+            (0.0, 1.0, G22),
+            (1.0, 1.0, G32),
+            (-1.0, 1.0, G32),
+            (2.0, 2.0, G44),
+            (0.0, 2.0, G44),
+            (1.0, 1.0, G52),
+            (-1.0, 1.0, G52),
+            (1.0, 2.0, G54),
+            (-1.0, 2.0, G54),
+        ];
+        for (d, (of_w, of_lambda, phase)) in self.d.iter().zip(TERMS) {
+            let angle = w * of_w + lambda * of_lambda - lambda.splat(phase);
+            all = all.and(*d, angle, of_lambda);
+        }
+        all
+    }
+}

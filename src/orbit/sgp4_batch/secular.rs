@@ -1,0 +1,111 @@
+//! What near and deep orbits have in common before their perturbations: time, and angles that run on evenly.
+
+use super::figures::Figures;
+use super::lanes::{Lanes, Part, Row};
+use crate::elements::Elements;
+use crate::frames::DAY_NS;
+use pulp::Simd;
+
+/// Minutes of a day.
+const DAY_MIN: f64 = 1440.0;
+
+/// An instant as the batch counts: days since 1900-01-01T00:00 TAI, and minutes of the day. Neither loses digits in the difference of two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instant {
+    day: f64,
+    minute: f64,
+}
+
+impl Instant {
+    pub fn of(t: hifitime::Epoch) -> Instant {
+        let ns = t.to_tai_duration().total_nanoseconds();
+        Instant {
+            day: ns.div_euclid(DAY_NS) as f64,
+            minute: ns.rem_euclid(DAY_NS) as f64 / 60e9,
+        }
+    }
+}
+
+/// What is asked of a block.
+#[derive(Clone, Copy, Debug)]
+pub enum When {
+    /// One instant.
+    At(Instant),
+    /// So many minutes after each object's own epoch.
+    After(f64),
+}
+
+/// Epochs, even rates and drag of a block; rad, rad/min.
+#[derive(Clone, Debug, Default)]
+pub struct Secular {
+    day: Row,
+    minute: Row,
+    pub mean_anomaly: Row,
+    pub mean_anomaly_dot: Row,
+    pub perigee: Row,
+    pub perigee_dot: Row,
+    node: Row,
+    node_dot: Row,
+    /// k0, rad/min^2.
+    node_drag: Row,
+    pub eccentricity: Row,
+    pub c1: Row,
+    pub c4: Row,
+    /// n0" k1, rad/min^2.
+    pub mean_motion_k1: Row,
+}
+
+impl Secular {
+    pub fn set(&mut self, i: usize, elements: &Elements, figures: &Figures) {
+        let epoch = Instant::of(elements.epoch);
+        let mean = &figures.orbit;
+        (self.day[i], self.minute[i]) = (epoch.day, epoch.minute);
+        self.mean_anomaly[i] = mean.mean_anomaly;
+        self.mean_anomaly_dot[i] = figures.mean_anomaly_dot;
+        self.perigee[i] = mean.perigee;
+        self.perigee_dot[i] = figures.perigee_dot;
+        self.node[i] = mean.node;
+        self.node_dot[i] = figures.node_dot;
+        self.node_drag[i] = figures.k0;
+        self.eccentricity[i] = mean.eccentricity;
+        self.c1[i] = figures.c1;
+        self.c4[i] = figures.c4;
+        self.mean_motion_k1[i] = mean.mean_motion * figures.k1;
+    }
+
+    /// Minutes from each epoch.
+    #[inline(always)]
+    pub fn minutes<S: Simd>(&self, part: Part<S>, when: When) -> Lanes<S> {
+        match when {
+            When::At(Instant { day, minute }) => {
+                let days = part.splat(day) - part.load(&self.day);
+                days.mul_add(
+                    part.splat(DAY_MIN),
+                    part.splat(minute) - part.load(&self.minute),
+                )
+            }
+            When::After(minutes) => part.splat(minutes),
+        }
+    }
+
+    /// p22 = node + node_dot t + k0 t^2.
+    #[inline(always)]
+    pub fn node_at<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Lanes<S> {
+        let even = part.load(&self.node_dot).mul_add(t, part.load(&self.node));
+        part.load(&self.node_drag).mul_add(t * t, even)
+    }
+
+    /// p23 = perigee + perigee_dot t.
+    #[inline(always)]
+    pub fn perigee_at<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Lanes<S> {
+        let rate = part.load(&self.perigee_dot);
+        rate.mul_add(t, part.load(&self.perigee))
+    }
+
+    /// p24 = M + M_dot t.
+    #[inline(always)]
+    pub fn mean_anomaly_at<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Lanes<S> {
+        let rate = part.load(&self.mean_anomaly_dot);
+        rate.mul_add(t, part.load(&self.mean_anomaly))
+    }
+}
