@@ -1,6 +1,9 @@
 //! From a file to the objects in it.
 
-use crate::{Object, oem, read_text, tle};
+use crate::format::Format;
+use crate::record::{Found, Record};
+use crate::{Object, Orbit, oem, omm, read_text, tle};
+use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +13,19 @@ pub struct Loaded {
     /// The objects, in the order of the file.
     pub objects: Vec<Object>,
     /// The records that could not be read, in the order of the file.
+    pub rejected: Vec<Rejected>,
+}
+
+/// What a text holds, as it gives it.
+#[derive(Clone, Debug)]
+pub struct Contents {
+    /// The text's format.
+    pub format: Format,
+    /// Its element sets, in the order of the text.
+    pub records: Vec<Record>,
+    /// Its objects with an ephemeris, in the order of the text.
+    pub ephemerides: Vec<Object>,
+    /// The records that could not be read, in the order of the text.
     pub rejected: Vec<Rejected>,
 }
 
@@ -42,14 +58,22 @@ pub enum LoadError {
         #[source]
         error: std::io::Error,
     },
-    /// The text is neither element sets nor an OEM.
+    /// The text is in no format that is read.
     #[error(
-        "{source_name}: no orbit found; expected two-line element sets (TLE, 3LE) or a CCSDS OEM \
-         in KVN, whose first line is CCSDS_OEM_VERS = ..."
+        "{source_name}: no orbit found; expected two-line element sets (TLE, 3LE), OMM in KVN, XML, JSON or CSV, or a \
+         CCSDS OEM in KVN, whose first line is CCSDS_OEM_VERS = ..."
     )]
     NoOrbit {
         /// The source's name.
         source_name: String,
+    },
+    /// The text has the form of element sets and holds none.
+    #[error("{source_name}: {format}, and no record in it")]
+    NoRecord {
+        /// The source's name.
+        source_name: String,
+        /// Its format.
+        format: Format,
     },
     /// An OEM with a header and no segment.
     #[error(
@@ -61,35 +85,120 @@ pub enum LoadError {
     },
 }
 
-/// Reads the orbits of a TLE, 3LE or CCSDS OEM (KVN) file; the format is found from the text.
+/// Reads the objects of an orbit file in any [`Format`], which is found from the text.
 ///
 /// Errors: the file cannot be read, or holds no orbit data. Records that
 /// cannot be read are listed in [`Loaded::rejected`]; the rest loads.
 pub fn load(path: &Path) -> Result<Loaded, LoadError> {
-    let text = read_text(path).map_err(|error| LoadError::Read {
-        path: path.to_owned(),
-        error,
-    })?;
-    parse(&text, &path.display().to_string())
+    load_contents(path).map(Loaded::from)
 }
 
 /// [`load`] for text at hand; `source` names it in messages.
 pub fn parse(text: &str, source: &str) -> Result<Loaded, LoadError> {
+    parse_contents(text, source).map(Loaded::from)
+}
+
+/// Reads the records of an orbit file; errors as of [`load`].
+pub fn load_contents(path: &Path) -> Result<Contents, LoadError> {
+    let text = read_text(path).map_err(|error| LoadError::Read {
+        path: path.to_owned(),
+        error,
+    })?;
+    parse_contents(&text, &path.display().to_string())
+}
+
+/// [`load_contents`] for text at hand; `source` names it in messages.
+pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    if oem::looks_like(text) {
-        match oem::parse(text, source) {
-            loaded if loaded.objects.is_empty() && loaded.rejected.is_empty() => {
-                Err(LoadError::NoSegment {
-                    source_name: source.to_owned(),
-                })
-            }
-            loaded => Ok(loaded),
+    let source_name = || source.to_owned();
+    let format = Format::of(text).ok_or_else(|| LoadError::NoOrbit {
+        source_name: source_name(),
+    })?;
+    let mut found = Found::new(source);
+    let mut ephemerides = Vec::new();
+    match format {
+        Format::Tle | Format::ThreeLine => tle::read(text, &mut found),
+        Format::OmmKvn => omm::kvn::read(text, &mut found),
+        Format::OmmXml => omm::xml::read(text, &mut found),
+        Format::OmmJson => omm::json::read(text, &mut found),
+        Format::OmmCsv => omm::csv::read(text, &mut found),
+        Format::OemKvn => {
+            let loaded = oem::parse(text, source);
+            (ephemerides, found.rejected) = (loaded.objects, loaded.rejected);
         }
-    } else if tle::looks_like(text) {
-        Ok(tle::parse(text, source))
-    } else {
-        Err(LoadError::NoOrbit {
-            source_name: source.to_owned(),
-        })
+    }
+    let Found {
+        records, rejected, ..
+    } = found;
+    if !records.is_empty() || !ephemerides.is_empty() || !rejected.is_empty() {
+        return Ok(Contents {
+            format,
+            records,
+            ephemerides,
+            rejected,
+        });
+    }
+    Err(match format {
+        Format::OemKvn => LoadError::NoSegment {
+            source_name: source_name(),
+        },
+        _ => LoadError::NoRecord {
+            source_name: source_name(),
+            format,
+        },
+    })
+}
+
+impl From<Contents> for Loaded {
+    /// Sets of one catalogue number become one object, with every set that differs.
+    fn from(contents: Contents) -> Self {
+        let mut objects = contents.ephemerides;
+        let mut places = HashMap::new();
+        for record in contents.records {
+            let place = *places.entry(record.elements.norad).or_insert(objects.len());
+            match objects.get_mut(place) {
+                Some(known) => known.join(record.into()),
+                None => objects.push(record.into()),
+            }
+        }
+        objects.shrink_to_fit();
+        Loaded {
+            objects,
+            rejected: contents.rejected,
+        }
+    }
+}
+
+impl From<Record> for Object {
+    fn from(record: Record) -> Self {
+        // Catalogues are long: no octet more than it takes.
+        let name = Some(record.name).filter(|name| !name.is_empty());
+        Object {
+            id: format!("NORAD {}", record.elements.norad),
+            names: name.map_or(Vec::new(), |name| vec![name.as_str().to_owned()]),
+            orbit: Orbit::Elements(record.elements, Vec::new()),
+        }
+    }
+}
+
+impl Object {
+    /// Adds the element sets and names of `other`, the same object from another record or file, where they differ.
+    /// An ephemeris is left as it is.
+    pub fn join(&mut self, other: Object) {
+        let (Orbit::Elements(own, others), Orbit::Elements(set, further)) =
+            (&mut self.orbit, other.orbit)
+        else {
+            return;
+        };
+        for set in [set].into_iter().chain(further) {
+            if *own != set && !others.contains(&set) {
+                others.push(set);
+            }
+        }
+        for name in other.names {
+            if !self.names.contains(&name) {
+                self.names.push(name);
+            }
+        }
     }
 }

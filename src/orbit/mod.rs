@@ -9,7 +9,7 @@
 //!
 //! | module | source | model | frame it comes in |
 //! |---|---|---|---|
-//! | [`elements`] | TLE, 3LE | SGP4/SDP4 | TEME, turned by [`frames`] |
+//! | [`elements`] | TLE, 3LE, OMM | SGP4/SDP4 | TEME, turned by [`frames`] |
 //! | [`ephemeris`] | CCSDS OEM (KVN) | Lagrange interpolation | turned at loading |
 //! | [`two_body`] | one state | two bodies and J2 | GCRF |
 //!
@@ -22,18 +22,27 @@ pub mod frames;
 pub mod sgp4_batch;
 pub mod two_body;
 
+mod format;
+mod lines;
 mod load;
 mod oem;
+mod omm;
 mod pick;
+mod record;
 mod text;
 pub mod time;
 mod tle;
 mod two_line;
+mod units;
+mod write;
 
-pub use load::{LoadError, Loaded, Rejected, load, parse};
+pub use format::Format;
+pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
 pub use pick::file_and_name;
+pub use record::Record;
 pub use text::read_text;
 pub use two_line::{Checksum, ElementsError};
+pub use write::{Written, write};
 
 use elements::{Elements, PropagationError};
 use ephemeris::Ephemeris;

@@ -2,7 +2,7 @@
 
 use crate::ephemeris::{Ephemeris, Node, Segment};
 use crate::load::{Loaded, Rejected};
-use crate::{Object, Orbit, StateVector, bounded_name, frames, time};
+use crate::{Object, Orbit, StateVector, bounded_name, frames, lines, time};
 use hifitime::{Epoch, TimeScale};
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,12 +14,9 @@ const MAX_DEGREE: usize = 25;
 const FARTHEST_M: f64 = 4e9;
 const FASTEST_M_S: f64 = 1e5;
 
-/// Whether a text begins as an OEM does.
-pub(crate) fn looks_like(text: &str) -> bool {
-    text.lines()
-        .map(str::trim)
-        .find(|line| !line.is_empty())
-        .is_some_and(|line| line.starts_with("CCSDS_OEM_VERS"))
+/// Whether a text whose first line is this one is an OEM.
+pub(crate) fn begins(line: &str) -> bool {
+    line.starts_with("CCSDS_OEM_VERS")
 }
 
 /// Reads every segment; segments of one OBJECT_ID become one object.
@@ -33,9 +30,9 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
         section: Section::Outside,
     };
     let mut last = 0;
-    for (index, line) in text.lines().enumerate() {
-        last = index + 1;
-        let line = line.trim();
+    for (number, line) in lines::numbered(text) {
+        last = number;
+        let line = line.trim_start();
         if !line.is_empty() && line.split_whitespace().next() != Some("COMMENT") {
             reader.line(last, line);
         }

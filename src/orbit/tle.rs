@@ -1,94 +1,184 @@
 //! Files of two-line element sets, with or without name lines.
 
-use crate::elements::Elements;
-use crate::load::{Loaded, Rejected};
+use crate::bounded_name;
+use crate::format::Format;
+use crate::lines;
+use crate::record::{Found, Record, shorten};
 use crate::two_line::Checksum;
-use crate::{Object, Orbit, bounded_name};
-use std::collections::HashMap;
 
-/// Name lines have at most 24 characters behind a `0 `; element lines have 69.
+/// Name lines have at most 24 characters behind a `0 `; element lines have 69, or 68 without a checksum.
 const LONGEST_NAME: usize = 26;
+/// Columns of a line without its checksum.
+const UNSEALED: usize = 68;
 
-/// Reads every set in `text`; `source` names the file in rejections. Sets of one catalogue number are one object.
-///
-/// A record is an optional name line (with or without a leading `0 `), then
-/// lines 1 and 2. Blank lines and lines that begin with `#` are passed over.
-pub(crate) fn parse(text: &str, source: &str) -> Loaded {
-    let mut loaded = Loaded::default();
-    let mut name: Option<(usize, &str)> = None;
-    let mut first: Option<(usize, &str)> = None;
-    let mut places = HashMap::new();
-
-    let reject = |loaded: &mut Loaded, line: usize, reason: String| {
-        loaded.rejected.push(Rejected {
-            source: source.to_owned(),
-            line,
-            reason,
-        });
-    };
-    let alone = || "line 1 of a set without its line 2".to_owned();
-    let unused = |name: &str| format!("'{}' names no element set", shorten(name));
-
-    for (index, line) in text.lines().enumerate() {
-        let (number, line) = (index + 1, line.trim_end());
-        if line.trim_start().is_empty() || line.starts_with('#') {
-            continue;
-        }
-        match element_line(line) {
-            Some(1) => {
-                if let Some((at, _)) = first.replace((number, line)) {
-                    reject(&mut loaded, at, alone());
-                    name = None;
-                }
-            }
-            Some(_) => {
-                let named = name.take().map(|(_, name)| name);
-                match first.take() {
-                    Some((at, line1)) => match Elements::parse(line1, line, Checksum::Required) {
-                        Ok(elements) => {
-                            let place =
-                                places.entry(elements.norad).or_insert(loaded.objects.len());
-                            match loaded.objects.get_mut(*place) {
-                                Some(known) => add_set(known, elements, named),
-                                None => loaded.objects.push(object(elements, named)),
-                            }
-                        }
-                        Err(error) => {
-                            let line = if error.line() == 1 { at } else { number };
-                            let who = named.map(|n| format!(" ({n})")).unwrap_or_default();
-                            reject(&mut loaded, line, format!("{error}{who}"));
-                        }
-                    },
-                    None => {
-                        let reason = "line 2 of a set without its line 1".to_owned();
-                        reject(&mut loaded, number, reason);
-                    }
-                }
-            }
-            None => {
-                if let Some((at, _)) = first.take() {
-                    reject(&mut loaded, at, alone());
-                    name = None;
-                }
-                let text = line.strip_prefix("0 ").unwrap_or(line).trim();
-                if let Some((at, old)) = name.replace((number, text)) {
-                    reject(&mut loaded, at, unused(old));
-                }
-            }
-        }
-    }
-    if let Some((at, _)) = first {
-        reject(&mut loaded, at, alone());
-    } else if let Some((at, old)) = name {
-        reject(&mut loaded, at, unused(old));
-    }
-    loaded
+/// Where the name lines of a file stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Names {
+    /// Before their sets, as in every 3LE.
+    Before,
+    /// Behind their sets.
+    Behind,
 }
 
-/// Whether a text holds anything that looks like an element line.
-pub(crate) fn looks_like(text: &str) -> bool {
-    text.lines()
-        .any(|line| element_line(line.trim_end()).is_some())
+/// Reads every set in `text`.
+///
+/// A record is lines 1 and 2, with an optional name line (with or without a leading `0 `) before or, in files
+/// that begin with line 1 and end with a name, behind them. Blank lines and lines that begin with `#` are passed over.
+pub(crate) fn read(text: &str, found: &mut Found) {
+    let mut reader = Reader {
+        names: order(text),
+        name: None,
+        first: None,
+        unnamed: Unnamed::Nothing,
+        found,
+    };
+    for (number, line) in significant(text) {
+        match element_line(line) {
+            Some(1) => reader.first_line(number, line),
+            Some(_) => reader.second_line(number, line),
+            None => reader.name_line(number, line),
+        }
+    }
+    reader.close();
+}
+
+struct Reader<'a, 'b, 'c> {
+    names: Names,
+    /// A name whose set has not come yet.
+    name: Option<(usize, &'a str)>,
+    /// A line 1 whose line 2 has not come yet.
+    first: Option<(usize, &'a str)>,
+    /// What a name behind it would name.
+    unnamed: Unnamed,
+    found: &'b mut Found<'c>,
+}
+
+/// The set that a name line behind it belongs to.
+#[derive(PartialEq)]
+enum Unnamed {
+    Nothing,
+    /// The last record.
+    Record,
+    /// One that was rejected.
+    Rejected,
+}
+
+impl<'a> Reader<'a, '_, '_> {
+    fn first_line(&mut self, number: usize, line: &'a str) {
+        self.abandon();
+        self.first = Some((number, line));
+        self.unnamed = Unnamed::Nothing;
+    }
+
+    fn second_line(&mut self, number: usize, line: &'a str) {
+        let name = self.name.take().map(|(_, name)| name);
+        let Some((at, line1)) = self.first.take() else {
+            let reason = "line 2 of a set without its line 1".to_owned();
+            self.found.reject(number, reason);
+            self.unnamed = Unnamed::Rejected;
+            return;
+        };
+        let unsealed = line1.len() == UNSEALED && line.len() == UNSEALED;
+        let checksum = match unsealed {
+            true => Checksum::Ignored,
+            false => Checksum::Required,
+        };
+        match Record::from_lines(line1, line, checksum) {
+            Ok(record) => {
+                self.found.take(Ok(Record {
+                    line: at,
+                    name: name.map(bounded_name).unwrap_or_default(),
+                    ..record
+                }));
+                self.unnamed = Unnamed::Record;
+            }
+            Err(error) => {
+                let line = if error.line() == 1 { at } else { number };
+                let who = name.map(|n| format!(" ({})", shorten(n)));
+                let reason = format!("{error}{}", who.unwrap_or_default());
+                self.found.reject(line, reason);
+                self.unnamed = Unnamed::Rejected;
+            }
+        }
+    }
+
+    fn name_line(&mut self, number: usize, line: &'a str) {
+        self.abandon();
+        // An object without a name has `0` alone.
+        let line = if line == "0" { "0 " } else { line };
+        let text = line.strip_prefix("0 ").unwrap_or(line).trim();
+        match (
+            self.names,
+            std::mem::replace(&mut self.unnamed, Unnamed::Nothing),
+        ) {
+            (Names::Before, _) => {
+                if let Some(old) = self.name.replace((number, text)) {
+                    self.unused(old);
+                }
+            }
+            (Names::Behind, Unnamed::Record) => {
+                if let Some(record) = self.found.records.last_mut() {
+                    record.name = bounded_name(text);
+                }
+            }
+            (Names::Behind, Unnamed::Rejected) => {}
+            (Names::Behind, Unnamed::Nothing) => self.unused((number, text)),
+        }
+    }
+
+    /// Gives up a line 1 that is left alone, and its name.
+    fn abandon(&mut self) {
+        if let Some((at, _)) = self.first.take() {
+            let reason = "line 1 of a set without its line 2".to_owned();
+            self.found.reject(at, reason);
+            self.name = None;
+            self.unnamed = Unnamed::Rejected;
+        }
+    }
+
+    fn unused(&mut self, (at, name): (usize, &str)) {
+        let reason = format!("'{}' names no element set", shorten(name));
+        self.found.reject(at, reason);
+    }
+
+    fn close(mut self) {
+        self.abandon();
+        if let Some(name) = self.name.take() {
+            self.unused(name);
+        }
+    }
+}
+
+/// The format of a text that holds anything like an element line.
+pub(crate) fn looks_like(text: &str) -> Option<Format> {
+    let mut lines = significant(text).map(|(_, line)| element_line(line));
+    if lines.clone().all(|line| line.is_none()) {
+        return None;
+    }
+    Some(match lines.all(|line| line.is_some()) {
+        true => Format::Tle,
+        false => Format::ThreeLine,
+    })
+}
+
+/// Names stand behind their sets in a file that begins with a set, has a name right after it, one that is not
+/// marked as a 3LE's line 0, and ends with a name. A 3LE begins with a name; one that lost it ends with a set.
+fn order(text: &str) -> Names {
+    let mut lines = significant(text).map(|(_, line)| line);
+    let start = [lines.next(), lines.next()].map(|line| line.and_then(element_line));
+    let name = |line: Option<&str>| line.is_some_and(|line| element_line(line).is_none());
+    let third = lines.next();
+    let marked = third.is_some_and(|line| line.starts_with("0 ") || line == "0");
+    let behind =
+        start == [Some(1), Some(2)] && name(third) && !marked && name(lines.last().or(third));
+    if behind { Names::Behind } else { Names::Before }
+}
+
+/// The lines that are neither blank nor comments, with their numbers.
+fn significant(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
+    lines::numbered(text)
+        .map(|(number, line)| (number, line.trim_start()))
+        .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
 /// 1 or 2 when the line is that line of a set.
@@ -101,31 +191,4 @@ fn element_line(line: &str) -> Option<u8> {
         "2 " => Some(2),
         _ => None,
     }
-}
-
-fn object(elements: Elements, name: Option<&str>) -> Object {
-    Object {
-        id: format!("NORAD {}", elements.norad),
-        names: name
-            .filter(|name| !name.is_empty())
-            .map(bounded_name)
-            .into_iter()
-            .collect(),
-        orbit: Orbit::Elements(elements, Vec::new()),
-    }
-}
-
-/// Another set of an object that is known.
-fn add_set(object: &mut Object, elements: Elements, name: Option<&str>) {
-    if let Orbit::Elements(_, others) = &mut object.orbit {
-        others.push(elements);
-    }
-    let name = name.filter(|name| !name.is_empty()).map(bounded_name);
-    if let Some(name) = name.filter(|name| !object.names.contains(name)) {
-        object.names.push(name);
-    }
-}
-
-fn shorten(text: &str) -> String {
-    text.chars().take(40).collect()
 }

@@ -1,9 +1,14 @@
 //! The two lines of an element set: fixed columns.
 
 use crate::elements::{Elements, ModelError};
+use crate::record::{Record, long_designator};
 use crate::time;
+use crate::units::{DEGREE, REV_PER_DAY};
 use hifitime::Epoch;
-use std::f64::consts::PI;
+
+/// Why a set of ephemeris type 4 is refused.
+pub(crate) const SGP4_XP: &str =
+    "ephemeris type 4: elements of SGP4-XP, which SGP4 must not read; fetch those of SGP4";
 
 /// Whether the checksum in column 69 must be present and right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +63,9 @@ pub enum ElementsError {
         /// Number in line 2.
         second: u32,
     },
+    /// The elements are those of another theory.
+    #[error("{SGP4_XP}")]
+    Theory,
     /// SGP4 cannot start from these elements.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -70,17 +78,21 @@ impl ElementsError {
             Self::Layout { line, .. } | Self::Checksum { line, .. } | Self::Field { line, .. } => {
                 *line
             }
+            Self::Theory => 1,
             Self::TwoObjects { .. } | Self::Model(_) => 2,
         }
     }
 }
 
 impl Elements {
-    /// Reads the two lines of a set.
+    /// Reads the two lines of a set, and of them the elements alone.
     pub fn parse(line1: &str, line2: &str, checksum: Checksum) -> Result<Self, ElementsError> {
         let first = Line::new(1, line1, checksum)?;
         let second = Line::new(2, line2, checksum)?;
+        Elements::of(&first, &second)
+    }
 
+    fn of(first: &Line, second: &Line) -> Result<Self, ElementsError> {
         let norad = first.catalogue_number()?;
         let again = second.catalogue_number()?;
         if norad != again {
@@ -89,7 +101,6 @@ impl Elements {
                 second: again,
             });
         }
-        let radians = |degrees: f64| degrees * (PI / 180.0);
         let inclination = second.number("inclination", 9..17)?;
         if !(0.0..=180.0).contains(&inclination) {
             return Err(second.bad("inclination", 9..17));
@@ -97,13 +108,12 @@ impl Elements {
         let elements = Self {
             norad,
             epoch: first.epoch()?,
-            inclination: radians(inclination),
-            node: radians(second.number("right ascension of the node", 18..26)?),
+            inclination: inclination * DEGREE,
+            node: second.number("right ascension of the node", 18..26)? * DEGREE,
             eccentricity: second.implied_decimal("eccentricity", 27..34)?,
-            perigee: radians(second.number("argument of perigee", 35..43)?),
-            mean_anomaly: radians(second.number("mean anomaly", 44..52)?),
-            // rev/day to rad/min
-            mean_motion: second.number("mean motion", 53..64)? * (PI / 720.0),
+            perigee: second.number("argument of perigee", 35..43)? * DEGREE,
+            mean_anomaly: second.number("mean anomaly", 44..52)? * DEGREE,
+            mean_motion: second.number("mean motion", 53..64)? * REV_PER_DAY,
             drag: first.implied_exponent("drag term B*", 54..62)?,
         };
         elements.constants()?;
@@ -111,10 +121,60 @@ impl Elements {
     }
 }
 
+impl Record {
+    /// Reads the two lines of a set; its name and line are the caller's. What SGP4 has no use for may be blank.
+    pub(crate) fn from_lines(
+        line1: &str,
+        line2: &str,
+        checksum: Checksum,
+    ) -> Result<Self, ElementsError> {
+        let first = Line::new(1, line1, checksum)?;
+        let second = Line::new(2, line2, checksum)?;
+        let ephemeris_type = first.counter("ephemeris type", 63..64)?;
+        if ephemeris_type == 4 {
+            return Err(ElementsError::Theory);
+        }
+        let blank = |columns: Columns| first.text(columns).trim().is_empty();
+        Ok(Self {
+            line: 0,
+            name: String::new(),
+            designator: long_designator(first.text(10..18)),
+            classification: first.text(8..9).chars().find(|c| *c != ' ').unwrap_or('U'),
+            ephemeris_type: ephemeris_type as u8,
+            element_set: first.counter("element set number", 65..69)?,
+            revolution: second.counter("revolution number", 64..69)?,
+            mean_motion_dot: match blank(34..44) {
+                true => 0.0,
+                false => first.number("first derivative of the mean motion", 34..44)?,
+            },
+            mean_motion_ddot: match blank(45..53) {
+                true => 0.0,
+                false => first.implied_exponent("second derivative of the mean motion", 45..53)?,
+            },
+            elements: Elements::of(&first, &second)?,
+        })
+    }
+}
+
 /// One line of a set: fixed columns, numbered from 1 as the format's description does.
 struct Line<'a> {
     number: u8,
     text: &'a str,
+}
+
+/// The digits' sum, a minus counting one, modulo 10.
+fn checksum_of(columns: &str) -> u8 {
+    let values = columns.bytes().map(|byte| match byte {
+        b'0'..=b'9' => u32::from(byte - b'0'),
+        b'-' => 1,
+        _ => 0,
+    });
+    (values.sum::<u32>() % 10) as u8
+}
+
+/// A line of 68 columns with its checksum behind it.
+pub(crate) fn seal(line: &str) -> String {
+    format!("{line}{}", checksum_of(line))
 }
 
 type Columns = std::ops::Range<usize>;
@@ -137,19 +197,12 @@ impl<'a> Line<'a> {
         if text.len() < 69 || !line.text(70..71).trim().is_empty() {
             return Err(layout);
         }
-        let computed = (line.text(1..69).bytes())
-            .map(|byte| match byte {
-                b'0'..=b'9' => u32::from(byte - b'0'),
-                b'-' => 1,
-                _ => 0,
-            })
-            .sum::<u32>()
-            % 10;
+        let computed = checksum_of(line.text(1..69));
         let found = line.text(69..70).chars().next().unwrap_or(' ');
-        if found.to_digit(10) != Some(computed) {
+        if found.to_digit(10) != Some(computed.into()) {
             return Err(ElementsError::Checksum {
                 line: number,
-                computed: computed as u8,
+                computed,
                 found,
             });
         }
@@ -194,6 +247,17 @@ impl<'a> Line<'a> {
         let (day, fraction) = self.text(21..33).trim().split_once('.').ok_or_else(bad)?;
         let day = day.parse().map_err(|_| bad())?;
         time::from_tle(year, day, fraction).ok_or_else(bad)
+    }
+
+    /// A whole number; blank is 0.
+    fn counter(&self, name: &'static str, columns: Columns) -> Result<u32, ElementsError> {
+        let text = self.text(columns.clone()).trim();
+        let digits = text.bytes().all(|b| b.is_ascii_digit());
+        match text.parse() {
+            _ if text.is_empty() => Ok(0),
+            Ok(value) if digits => Ok(value),
+            _ => Err(self.bad(name, columns)),
+        }
     }
 
     /// A plain decimal number.

@@ -1,0 +1,74 @@
+//! The formats of orbit files, found from their text.
+
+use crate::{lines, oem, omm, tle};
+use std::fmt;
+
+/// A format of orbit files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Format {
+    /// Two-line element sets.
+    Tle,
+    /// Two-line element sets with name lines.
+    ThreeLine,
+    /// CCSDS Orbit Mean-Elements Messages in keyword = value notation.
+    OmmKvn,
+    /// The same in XML, alone or in an NDM.
+    OmmXml,
+    /// Objects with the keywords of the OMM.
+    OmmJson,
+    /// A table with the keywords of the OMM as its header.
+    OmmCsv,
+    /// A CCSDS Orbit Ephemeris Message in keyword = value notation.
+    OemKvn,
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Format; 7] = [
+        Format::Tle,
+        Format::ThreeLine,
+        Format::OmmKvn,
+        Format::OmmXml,
+        Format::OmmJson,
+        Format::OmmCsv,
+        Format::OemKvn,
+    ];
+
+    /// What commands and reports call it: `omm-kvn`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Tle => "tle",
+            Format::ThreeLine => "3le",
+            Format::OmmKvn => "omm-kvn",
+            Format::OmmXml => "omm-xml",
+            Format::OmmJson => "omm-json",
+            Format::OmmCsv => "omm-csv",
+            Format::OemKvn => "oem-kvn",
+        }
+    }
+
+    /// The format of a text, by its first line that says something; nothing where it is none of these.
+    pub(crate) fn of(text: &str) -> Option<Format> {
+        let mut lines = lines::numbered(text).map(|(_, line)| line.trim_start());
+        let first = lines.find(|line| !is_remark(line))?;
+        match first.as_bytes().first()? {
+            b'<' => omm::xml::looks_like(text).then_some(Format::OmmXml),
+            b'[' | b'{' => Some(Format::OmmJson),
+            _ if oem::begins(first) => Some(Format::OemKvn),
+            _ if omm::kvn::begins(first) => Some(Format::OmmKvn),
+            _ if omm::csv::begins(first) => Some(Format::OmmCsv),
+            _ => tle::looks_like(text),
+        }
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// Blank lines and comments, which may stand before anything.
+fn is_remark(line: &str) -> bool {
+    line.is_empty() || line.starts_with('#') || line.split_whitespace().next() == Some("COMMENT")
+}

@@ -1,0 +1,72 @@
+//! Lines of a text, whatever ends them, and the line that an offset lies in.
+
+/// The lines of a text with their numbers, counted from 1. They end with LF, CR LF or CR; blanks at their ends are left out.
+pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
+    let mut rest = text;
+    let mut number = 0;
+    std::iter::from_fn(move || {
+        if rest.is_empty() {
+            return None;
+        }
+        number += 1;
+        let end = rest.find(['\n', '\r']).unwrap_or(rest.len());
+        let (line, after) = rest.split_at(end);
+        rest = after
+            .strip_prefix("\r\n")
+            .or_else(|| after.strip_prefix(['\n', '\r']))
+            .unwrap_or(after);
+        Some((number, line.trim_end()))
+    })
+}
+
+/// Finds the lines of offsets that are asked for in rising order, each part of the text looked at once.
+pub(crate) struct LineFinder<'a> {
+    text: &'a [u8],
+    at: usize,
+    line: usize,
+}
+
+impl<'a> LineFinder<'a> {
+    pub fn new(text: &'a str) -> Self {
+        LineFinder {
+            text: text.as_bytes(),
+            at: 0,
+            line: 1,
+        }
+    }
+
+    /// The line of the octet at `offset`, counted from 1; an offset before one asked for earlier has that one's line.
+    pub fn line(&mut self, offset: usize) -> usize {
+        let passed = self.text.get(self.at..offset).unwrap_or_default();
+        for (i, byte) in (self.at..).zip(passed) {
+            let ends = match byte {
+                b'\n' => true,
+                b'\r' => self.text.get(i + 1) != Some(&b'\n'),
+                _ => false,
+            };
+            self.line += usize::from(ends);
+        }
+        self.at = self.at.max(offset);
+        self.line
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_of_line_end_counts_once() {
+        let text = "a\nb \r\n\rc\n\nd";
+        let lines: Vec<_> = numbered(text).collect();
+        assert_eq!(
+            lines,
+            [(1, "a"), (2, "b"), (3, ""), (4, "c"), (5, ""), (6, "d")]
+        );
+        let mut finder = LineFinder::new(text);
+        for (number, letter) in [(1, 'a'), (2, 'b'), (4, 'c'), (6, 'd')] {
+            assert_eq!(finder.line(text.find(letter).unwrap()), number, "{letter}");
+        }
+        assert_eq!(finder.line(usize::MAX), 6);
+    }
+}

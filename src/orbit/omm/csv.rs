@@ -1,0 +1,115 @@
+//! A table with the keywords of the OMM as its header, a line a record.
+
+use super::{Fields, Key, Metadata, index_of};
+use crate::lines;
+use crate::record::Found;
+use csv_core::{ReadRecordResult, Reader};
+use std::borrow::Cow;
+
+/// Whether a text whose first line is this one is such a table.
+pub(crate) fn begins(line: &str) -> bool {
+    let mut names = line.split(',').map(|name| name.trim().trim_matches('"'));
+    line.contains(',') && names.any(|name| index_of(name).is_some())
+}
+
+/// Reads every line below the header. A line is a record, so that a quotation mark that is lost spoils its own alone.
+pub(crate) fn read(text: &str, found: &mut Found) {
+    let mut splitter = Splitter::new();
+    let mut columns: Option<Vec<Option<usize>>> = None;
+    for (number, line) in lines::numbered(text) {
+        // A name below the header may begin as a comment does.
+        let comment = columns.is_none() && line.starts_with('#');
+        if line.trim_start().is_empty() || comment {
+            continue;
+        }
+        splitter.split(line);
+        let Some(columns) = &columns else {
+            let header: Vec<_> = splitter
+                .values()
+                .map(|name| index_of(name.trim()))
+                .collect();
+            for key in [Key::Number, Key::Epoch, Key::MeanMotion] {
+                if !header.contains(&Some(key as usize)) {
+                    let keyword = super::KEYWORDS[key as usize];
+                    found.reject(number, format!("the header has no column {keyword}"));
+                    return;
+                }
+            }
+            columns = Some(header);
+            continue;
+        };
+        if splitter.count() != columns.len() {
+            let reason = format!(
+                "{} values in a line, the header has {} columns",
+                splitter.count(),
+                columns.len()
+            );
+            found.reject(number, reason);
+            continue;
+        }
+        let mut fields = Fields::default();
+        for (column, value) in columns.iter().zip(splitter.values()) {
+            if let Some(index) = column {
+                fields.set(*index, Cow::Borrowed(value), number);
+            }
+        }
+        found.take(fields.record(number, Metadata::Understood));
+    }
+}
+
+/// Splits lines into values; its memory is kept from one to the next.
+struct Splitter {
+    reader: Reader,
+    text: Vec<u8>,
+    ends: Vec<usize>,
+    count: usize,
+}
+
+impl Splitter {
+    fn new() -> Self {
+        Splitter {
+            // Its default is not ready to read.
+            reader: Reader::new(),
+            text: Vec::new(),
+            ends: Vec::new(),
+            count: 0,
+        }
+    }
+
+    fn split(&mut self, line: &str) {
+        self.reader.reset();
+        // No value is longer than its line, none takes less than a comma.
+        self.text.resize(line.len() + 1, 0);
+        let commas = line.bytes().filter(|b| *b == b',').count();
+        self.ends.resize(commas + 2, 0);
+        let mut input = line.as_bytes();
+        let (mut written, mut ends) = (0, 0);
+        loop {
+            let output = self.text.get_mut(written..).unwrap_or_default();
+            let places = self.ends.get_mut(ends..).unwrap_or_default();
+            let (result, read, wrote, ended) = self.reader.read_record(input, output, places);
+            input = input.get(read..).unwrap_or_default();
+            written += wrote;
+            ends += ended;
+            // An empty input tells the reader that the line is at its end.
+            if result != ReadRecordResult::InputEmpty {
+                break;
+            }
+        }
+        self.count = ends;
+    }
+
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    fn values(&self) -> impl Iterator<Item = &str> {
+        let ends = self.ends.iter().take(self.count);
+        ends.scan(0, |start, end| {
+            let value = self.text.get(*start..*end).unwrap_or_default();
+            *start = *end;
+            // Pieces of a text that are cut at commas and quotation marks are text.
+            Some(std::str::from_utf8(value).unwrap_or_default())
+        })
+    }
+}

@@ -1,0 +1,112 @@
+//! Objects with the keywords of the OMM: one, an array of them, or one after the other. Values are numbers or text.
+
+use super::{Fields, Metadata, index_of};
+use crate::lines::LineFinder;
+use crate::record::{At, Found, Record};
+use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
+use serde_json::value::RawValue;
+use std::borrow::Cow;
+use std::fmt;
+
+/// Octets that an object may have; one that is not closed is given up there.
+const LONGEST: usize = 1 << 16;
+
+/// Reads every object. These are flat: one ends at the first closing brace, and where another opens before, it is not closed.
+pub(crate) fn read(text: &str, found: &mut Found) {
+    let mut finder = LineFinder::new(text);
+    let mut at = 0;
+    while let Some(start) = text.get(at..).and_then(|rest| rest.find('{')) {
+        let start = at + start;
+        let line = finder.line(start);
+        match closed(text.as_bytes(), start) {
+            Some(end) => {
+                at = end;
+                let object = text.get(start..end).unwrap_or_default();
+                found.take(record(object, start, &mut finder).map(|r| Record { line, ..r }));
+            }
+            None => {
+                at = start + 1;
+                let reason = "a JSON object that is not closed, or has others inside; restore its quotation marks and braces";
+                found.reject(line, reason.to_owned());
+            }
+        }
+    }
+}
+
+/// The end of the object that opens at `start`; nothing if it has none of its own.
+fn closed(text: &[u8], start: usize) -> Option<usize> {
+    let mut quoted = false;
+    let mut escaped = false;
+    for (i, byte) in text.iter().enumerate().skip(start + 1).take(LONGEST) {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' => escaped = quoted,
+            b'"' => quoted = !quoted,
+            b'{' if !quoted => return None,
+            b'}' if !quoted => return Some(i + 1),
+            b'\n' | b'\r' if quoted => return None,
+            _ => {}
+        }
+    }
+    None
+}
+
+/// The record of an object that starts at an offset of the text.
+fn record(object: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
+    let values: Values = serde_json::from_str(object).map_err(|error| {
+        let line = finder.line(start) + error.line().saturating_sub(1);
+        let text = error.to_string();
+        let reason = text.split(" at line ").next().unwrap_or_default();
+        (line, format!("not JSON: {reason}"))
+    })?;
+    let mut fields = Fields::default();
+    for (index, raw) in values.0 {
+        let offset = raw.get().as_ptr().addr() - object.as_ptr().addr();
+        match raw.get() {
+            "null" => {}
+            text if text.starts_with('"') => {
+                let value = serde_json::from_str::<Text>(text).map(|text| text.0);
+                fields.set(index, value.unwrap_or_default(), start + offset);
+            }
+            number => fields.set(index, Cow::Borrowed(number), start + offset),
+        }
+    }
+    let record = fields.record(start, Metadata::Understood);
+    record.map_err(|(offset, reason)| (finder.line(offset), reason))
+}
+
+/// The values of the keywords that are read, by index.
+struct Values<'a>(Vec<(usize, &'a RawValue)>);
+
+/// A text, borrowed where it has no escapes.
+#[derive(serde::Deserialize)]
+struct Text<'a>(#[serde(borrow)] Cow<'a, str>);
+
+impl<'de> Deserialize<'de> for Values<'de> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(Keywords)
+    }
+}
+
+struct Keywords;
+
+impl<'de> Visitor<'de> for Keywords {
+    type Value = Values<'de>;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("an object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+        let mut values = Vec::with_capacity(super::KEYWORDS.len());
+        while let Some(Text(key)) = map.next_key()? {
+            match index_of(&key) {
+                Some(index) => values.push((index, map.next_value()?)),
+                None => {
+                    map.next_value::<IgnoredAny>()?;
+                }
+            }
+        }
+        Ok(Values(values))
+    }
+}

@@ -1,0 +1,257 @@
+//! CCSDS Orbit Mean-Elements Messages (502.0-B, section 4) in four notations: one set of keywords, a reader each.
+//!
+//! CelesTrak and Space-Track give the same keywords in KVN, XML, JSON and CSV; the one JSON has numbers, the other text.
+//! Their JSON and CSV may leave out centre, frame, time system and theory: these are then the Earth, TEME, UTC and SGP4.
+
+pub(crate) mod csv;
+pub(crate) mod json;
+pub(crate) mod kvn;
+pub(crate) mod xml;
+
+use crate::elements::Elements;
+use crate::record::{At, Record, shorten};
+use crate::units::{DEGREE, REV_PER_DAY};
+use crate::{bounded_name, time};
+use hifitime::{Epoch, TimeScale};
+use std::borrow::Cow;
+use std::ops::RangeInclusive;
+
+/// Largest catalogue number: nine digits.
+const LARGEST_NUMBER: u32 = 999_999_999;
+
+/// The keywords that are read; all others are passed over.
+#[derive(Clone, Copy)]
+pub(crate) enum Key {
+    Name,
+    Designator,
+    Centre,
+    Frame,
+    TimeSystem,
+    Theory,
+    Epoch,
+    MeanMotion,
+    SemiMajorAxis,
+    Eccentricity,
+    Inclination,
+    Node,
+    Perigee,
+    MeanAnomaly,
+    EphemerisType,
+    Classification,
+    Number,
+    ElementSet,
+    Revolution,
+    Drag,
+    MeanMotionDot,
+    MeanMotionDdot,
+}
+
+/// How they are written, in the order of [`Key`].
+pub(crate) const KEYWORDS: [&str; 22] = [
+    "OBJECT_NAME",
+    "OBJECT_ID",
+    "CENTER_NAME",
+    "REF_FRAME",
+    "TIME_SYSTEM",
+    "MEAN_ELEMENT_THEORY",
+    "EPOCH",
+    "MEAN_MOTION",
+    "SEMI_MAJOR_AXIS",
+    "ECCENTRICITY",
+    "INCLINATION",
+    "RA_OF_ASC_NODE",
+    "ARG_OF_PERICENTER",
+    "MEAN_ANOMALY",
+    "EPHEMERIS_TYPE",
+    "CLASSIFICATION_TYPE",
+    "NORAD_CAT_ID",
+    "ELEMENT_SET_NO",
+    "REV_AT_EPOCH",
+    "BSTAR",
+    "MEAN_MOTION_DOT",
+    "MEAN_MOTION_DDOT",
+];
+
+/// The place of a keyword in [`KEYWORDS`].
+pub(crate) fn index_of(keyword: &str) -> Option<usize> {
+    KEYWORDS.iter().position(|known| *known == keyword)
+}
+
+/// The values of one message, with the place of each in the text: a line or an offset, as the notation has it.
+#[derive(Default)]
+pub(crate) struct Fields<'a> {
+    values: [Option<(Cow<'a, str>, usize)>; KEYWORDS.len()],
+}
+
+/// What a message must say of itself.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Metadata {
+    /// Everything, as the standard demands.
+    Required,
+    /// Nothing: what is not said is as published.
+    Understood,
+}
+
+impl<'a> Fields<'a> {
+    /// Gives the keyword with this index a value; an empty one is none.
+    pub fn set(&mut self, index: usize, value: Cow<'a, str>, place: usize) {
+        if let Some(field) = self.values.get_mut(index)
+            && !value.trim().is_empty()
+        {
+            *field = Some((value, place));
+        }
+    }
+
+    /// Whether the keyword with this index has a value.
+    pub fn has(&self, index: usize) -> bool {
+        self.values.get(index).is_some_and(Option::is_some)
+    }
+
+    /// The record of a message that begins at `start`. What is wrong is told with the place of the value, or `start`.
+    pub fn record(&self, start: usize, metadata: Metadata) -> At<Record> {
+        self.read(start, metadata).map_err(|(place, reason)| {
+            let who = [Key::Name, Key::Number].map(|key| self.find(key).map(|(text, _)| text));
+            let who = who.into_iter().flatten().next().map(shorten);
+            let who = who.map_or(String::new(), |who| format!(" ({who})"));
+            (place, format!("{reason}{who}"))
+        })
+    }
+
+    fn read(&self, start: usize, metadata: Metadata) -> At<Record> {
+        for (key, wanted) in [
+            (Key::Centre, &["EARTH"][..]),
+            (Key::Frame, &["TEME"]),
+            (Key::TimeSystem, &["UTC"]),
+            // The standard's own examples have the second.
+            (Key::Theory, &["SGP4", "SGP/SGP4"]),
+        ] {
+            self.is_one_of(key, wanted, start, metadata)?;
+        }
+        let ephemeris_type = self.counter(Key::EphemerisType, 255)?.unwrap_or(0);
+        if let (4, Some((_, place))) = (ephemeris_type, self.find(Key::EphemerisType)) {
+            return Err((place, crate::two_line::SGP4_XP.to_owned()));
+        }
+        let degrees = -360.0..=360.0;
+        let angle = |key| self.number(key, degrees.clone(), start);
+        let (eccentricity, inclination) = (
+            self.number(Key::Eccentricity, 0.0..=1.0, start)?,
+            self.number(Key::Inclination, 0.0..=180.0, start)?,
+        );
+        let elements = Elements {
+            norad: self
+                .counter(Key::Number, LARGEST_NUMBER)?
+                .ok_or_else(|| missing(Key::Number, start))?,
+            epoch: self.epoch(start)?,
+            inclination: inclination * DEGREE,
+            node: angle(Key::Node)? * DEGREE,
+            eccentricity,
+            perigee: angle(Key::Perigee)? * DEGREE,
+            mean_anomaly: angle(Key::MeanAnomaly)? * DEGREE,
+            mean_motion: self.mean_motion(start)? * REV_PER_DAY,
+            drag: self.number(Key::Drag, -1e3..=1e3, start)?,
+        };
+        elements
+            .constants()
+            .map_err(|error| (start, error.to_string()))?;
+        let optional = |key| match self.find(key) {
+            Some(_) => self.number(key, -1e9..=1e9, start),
+            None => Ok(0.0),
+        };
+        let text = |key| self.find(key).map_or("", |(text, _)| text);
+        Ok(Record {
+            line: start,
+            name: bounded_name(text(Key::Name)),
+            designator: bounded_name(text(Key::Designator)),
+            classification: text(Key::Classification).chars().next().unwrap_or('U'),
+            ephemeris_type: ephemeris_type as u8,
+            element_set: self.counter(Key::ElementSet, u32::MAX)?.unwrap_or(0),
+            revolution: self.counter(Key::Revolution, u32::MAX)?.unwrap_or(0),
+            mean_motion_dot: optional(Key::MeanMotionDot)?,
+            mean_motion_ddot: optional(Key::MeanMotionDdot)?,
+            elements,
+        })
+    }
+
+    fn find(&self, key: Key) -> Option<(&str, usize)> {
+        let field = self.values.get(key as usize)?.as_ref();
+        field.map(|(text, place)| (text.trim(), *place))
+    }
+
+    fn is_one_of(&self, key: Key, wanted: &[&str], start: usize, metadata: Metadata) -> At<()> {
+        match self.find(key) {
+            Some((text, _)) if wanted.iter().any(|word| word.eq_ignore_ascii_case(text)) => Ok(()),
+            Some((text, place)) => {
+                let keyword = KEYWORDS[key as usize];
+                let reason = format!("{keyword} '{}'; only {} is read", shorten(text), wanted[0]);
+                Err((place, reason))
+            }
+            None if metadata == Metadata::Understood => Ok(()),
+            None => Err(missing(key, start)),
+        }
+    }
+
+    fn mean_motion(&self, start: usize) -> At<f64> {
+        match (self.find(Key::MeanMotion), self.find(Key::SemiMajorAxis)) {
+            (None, Some((_, place))) => {
+                let reason = "SEMI_MAJOR_AXIS in place of MEAN_MOTION; SGP4 starts from the mean motion: give that";
+                Err((place, reason.to_owned()))
+            }
+            _ => self.number(Key::MeanMotion, 0.0..=100.0, start),
+        }
+    }
+
+    fn epoch(&self, start: usize) -> At<Epoch> {
+        let (text, place) = self
+            .find(Key::Epoch)
+            .ok_or_else(|| missing(Key::Epoch, start))?;
+        time::parse_ccsds(text, TimeScale::UTC).ok_or_else(|| {
+            let reason = format!(
+                "EPOCH '{}' is no UTC time such as 2026-07-11T12:00:00.000000",
+                shorten(text)
+            );
+            (place, reason)
+        })
+    }
+
+    fn number(&self, key: Key, range: RangeInclusive<f64>, start: usize) -> At<f64> {
+        let (text, place) = self.find(key).ok_or_else(|| missing(key, start))?;
+        let value = decimal(text).filter(|value| range.contains(value));
+        value.ok_or_else(|| {
+            let (keyword, text) = (KEYWORDS[key as usize], shorten(text));
+            let (low, high) = (range.start(), range.end());
+            let reason = format!("{keyword} '{text}' is not a number from {low} to {high}");
+            (place, reason)
+        })
+    }
+
+    /// A whole number from 0 to `most`, which `25544.0` is too.
+    fn counter(&self, key: Key, most: u32) -> At<Option<u32>> {
+        let Some((text, place)) = self.find(key) else {
+            return Ok(None);
+        };
+        let whole = text.strip_suffix(".0").unwrap_or(text);
+        let digits = whole.bytes().all(|b| b.is_ascii_digit());
+        let value = whole.parse().ok().filter(|value| digits && *value <= most);
+        value.map(Some).ok_or_else(|| {
+            let (keyword, text) = (KEYWORDS[key as usize], shorten(text));
+            let reason = format!("{keyword} '{text}' is not a whole number from 0 to {most}");
+            (place, reason)
+        })
+    }
+}
+
+fn missing(key: Key, start: usize) -> (usize, String) {
+    (
+        start,
+        format!("the message has no {}", KEYWORDS[key as usize]),
+    )
+}
+
+/// A finite number without `inf` and `nan`: `.28098E-4`, `-0.5`, `12`.
+fn decimal(text: &str) -> Option<f64> {
+    let plain = |b: u8| b.is_ascii_digit() || matches!(b, b'.' | b'-' | b'+' | b'e' | b'E');
+    if !text.bytes().all(plain) {
+        return None;
+    }
+    text.parse().ok().filter(|value: &f64| value.is_finite())
+}

@@ -1,0 +1,228 @@
+//! Element sets written and read again: the same elements, or what a format cannot hold is told.
+
+use hifitime::{Epoch, Unit};
+use proptest::prelude::*;
+use skyloop_orbit::elements::Elements;
+use skyloop_orbit::{Format, Record, Written, parse_contents, write};
+use std::f64::consts::{PI, TAU};
+
+const OMM: [Format; 4] = [
+    Format::OmmKvn,
+    Format::OmmXml,
+    Format::OmmJson,
+    Format::OmmCsv,
+];
+
+/// Made-up sets with awkward names and numbers, column 69 left to be filled.
+const SETS: &str = "\
+0 MADE UP, 1 [+]
+1 90001U 19001A   19166.50000000  .00000100  00000-0  10000-4 0  9993
+2 90001  97.5000 120.0000 0010000  90.0000 270.0000 15.20000000  1002
+0 <A> & \"B\"
+1 A0007U 57001ABC 57365.99999999 -.00000217  12345-9 -31515-4 0    15
+2 A0007   0.0500 359.9999 0002000  10.0000  20.0000  1.00270000   107
+0
+1 Z9999C          56001.00000000  .00000000  00000-0  00000-0 0    00
+2 Z9999 180.0000   0.0000 7000001   0.0001 359.9999  2.00561234    04
+";
+
+/// With the checksums that belong behind the lines.
+fn sets() -> String {
+    let sealed = |line: &str| {
+        let line = &line[..68];
+        let values = line
+            .chars()
+            .map(|c| c.to_digit(10).unwrap_or((c == '-').into()));
+        format!("{line}{}\n", values.sum::<u32>() % 10)
+    };
+    SETS.lines()
+        .map(|line| {
+            if line.len() > 60 {
+                sealed(line)
+            } else {
+                format!("{line}\n")
+            }
+        })
+        .collect()
+}
+
+fn read(text: &str) -> Vec<Record> {
+    let contents = parse_contents(text, "test").unwrap();
+    assert_eq!(contents.rejected, [], "{text}");
+    // Where it stands is no part of a record.
+    let records = contents.records.into_iter();
+    records.map(|record| Record { line: 0, ..record }).collect()
+}
+
+fn written(records: &[Record], format: Format) -> Written {
+    let created = Epoch::from_gregorian_utc_at_midnight(2026, 7, 12);
+    write(records, format, created).unwrap()
+}
+
+#[test]
+fn a_3le_comes_back_octet_for_octet_from_every_notation() {
+    let original = sets();
+    let records = read(&original);
+    assert_eq!(records[1].name, "<A> & \"B\"");
+    for format in OMM {
+        let text = written(&records, format).text;
+        let contents = parse_contents(&text, "test").unwrap();
+        assert_eq!(contents.format, format);
+        let back = read(&text);
+        assert_eq!(back, records, "{text}");
+        let lines = written(&back, Format::ThreeLine);
+        assert_eq!(lines.text, original);
+        assert_eq!(
+            (lines.rounded, lines.left_out.len(), lines.changed.len()),
+            (0, 0, 0)
+        );
+    }
+    let without = written(&records, Format::Tle).text;
+    assert_eq!(
+        parse_contents(&without, "test").unwrap().format,
+        Format::Tle
+    );
+    let elements = |records: &[Record]| records.iter().map(|r| r.elements).collect::<Vec<_>>();
+    assert_eq!(elements(&read(&without)), elements(&records));
+}
+
+#[test]
+fn what_two_lines_cannot_hold_is_told() {
+    let records = read(&sets());
+    let with = |change: fn(&mut Record)| {
+        let mut record = records[0].clone();
+        change(&mut record);
+        written(&[record], Format::ThreeLine)
+    };
+    for (change, reason) in [
+        (
+            (|r| r.elements.norad = 340_000) as fn(&mut Record),
+            "NORAD 340000: a TLE has numbers up to 339999",
+        ),
+        (
+            |r| r.elements.epoch += 20_000.0 * Unit::Day,
+            "epochs from 1957 to 2056",
+        ),
+        (
+            |r| r.elements.eccentricity = 0.999_999_99,
+            "the eccentricity rounds to 1",
+        ),
+        (
+            |r| r.elements.mean_motion = 0.5,
+            "mean motions below 100 rev/day",
+        ),
+        (|r| r.elements.drag = 1e10, "the drag term B* is beyond"),
+        (|r| r.mean_motion_dot = -1.0, "first derivatives below 1"),
+        (
+            |r| r.mean_motion_ddot = 1e300,
+            "the second derivative is beyond",
+        ),
+    ] {
+        let Written { text, left_out, .. } = with(change);
+        assert_eq!(text, "", "{reason}");
+        assert!(
+            left_out.len() == 1 && left_out[0].contains(reason),
+            "{left_out:?}"
+        );
+    }
+    for (change, what) in [
+        (
+            (|r| r.name = "A NAME OF TWENTY-FIVE LTRS".into()) as fn(&mut Record),
+            "is cut to 24",
+        ),
+        (|r| r.designator = "TO BE ASSIGNED".into(), "is left blank"),
+        (
+            |r| r.element_set = 10_000,
+            "the set number 10000 has only its last digits",
+        ),
+        (
+            |r| r.revolution = 123_456,
+            "the revolution number 123456 has only",
+        ),
+    ] {
+        let Written { text, changed, .. } = with(change);
+        assert!(
+            changed.len() == 1 && changed[0].contains(what),
+            "{changed:?}"
+        );
+        assert_eq!(read(&text)[0].elements, records[0].elements);
+    }
+    let finer = with(|r| r.elements.mean_motion *= 1.0 + 1e-12);
+    assert_eq!((finer.rounded, finer.left_out.len()), (1, 0));
+    assert_eq!(read(&finer.text)[0].elements, records[0].elements);
+    assert!(write(&records, Format::OemKvn, records[0].elements.epoch).is_none());
+}
+
+/// The greatest difference that the columns of the two lines make, rad, rad/min, 1, s.
+fn within_columns(a: &Elements, b: &Elements) -> bool {
+    let turned = |x: f64, y: f64| {
+        let apart = (x - y).rem_euclid(TAU);
+        apart.min(TAU - apart) < 0.501e-4_f64.to_radians()
+    };
+    (a.epoch - b.epoch).to_seconds().abs() < 0.4321e-3
+        && turned(a.inclination, b.inclination)
+        && turned(a.node, b.node)
+        && turned(a.perigee, b.perigee)
+        && turned(a.mean_anomaly, b.mean_anomaly)
+        && (a.eccentricity - b.eccentricity).abs() < 0.501e-7
+        && (a.mean_motion - b.mean_motion).abs() < 0.501e-8 * TAU / 1440.0
+        && (a.drag - b.drag).abs() <= (a.drag.abs() * 0.501e-4).max(0.501e-14)
+}
+
+proptest! {
+    #[test]
+    fn any_elements_come_back(
+        (norad, days, inclination, node, eccentricity) in
+            (0u32..340_000, -15_000.0..19_000.0, 0.0..PI, -TAU..TAU, 0.0..0.9),
+        (perigee, mean_anomaly, mean_motion, drag, power) in
+            (-TAU..TAU, -TAU..TAU, 0.004..0.007, -1.0..1.0, -14..2),
+        name in "[ -~]{0,24}",
+    ) {
+        let epoch: Epoch = Epoch::from_gregorian_utc_at_midnight(2000, 1, 1) + days * Unit::Day;
+        let elements = Elements {
+            norad,
+            epoch: epoch.to_time_scale(hifitime::TimeScale::TAI),
+            inclination,
+            node,
+            eccentricity,
+            perigee,
+            mean_anomaly,
+            mean_motion: mean_motion * (1.0 - eccentricity),
+            drag: drag * 10_f64.powi(power),
+        };
+        prop_assume!(elements.constants().is_ok());
+        let record = Record {
+            name: name.trim().to_owned(),
+            elements,
+            ..read(&sets())[0].clone()
+        };
+        let records = [record.clone()];
+        for format in OMM {
+            let text = written(&records, format).text;
+            let back = read(&text).remove(0);
+            prop_assert_eq!(&back.name, &record.name);
+            let same = back.elements;
+            prop_assert_eq!((same.norad, same.epoch, same.eccentricity, same.drag),
+                (norad, elements.epoch, eccentricity, elements.drag));
+            for (a, b) in [
+                (same.inclination, inclination),
+                (same.node, node),
+                (same.perigee, perigee),
+                (same.mean_anomaly, mean_anomaly),
+                (same.mean_motion, elements.mean_motion),
+            ] {
+                prop_assert!((a - b).abs() <= b.abs() * f64::EPSILON);
+            }
+        }
+        let lines = written(&records, Format::ThreeLine);
+        prop_assert_eq!(&lines.left_out, &Vec::<String>::new());
+        for line in lines.text.lines().skip(1) {
+            prop_assert_eq!(line.len(), 69, "{}", line);
+        }
+        let back = read(&lines.text).remove(0);
+        prop_assert!(within_columns(&back.elements, &elements), "{:?} {:?}", back.elements, elements);
+        // What has the digits of the columns keeps them.
+        let again = written(&[back], Format::ThreeLine);
+        prop_assert_eq!((again.text, again.rounded), (lines.text, 0));
+    }
+}

@@ -1,0 +1,460 @@
+//! OMM as the publishers of catalogues serve it: KVN, XML, JSON and CSV, whole and damaged.
+
+use proptest::prelude::*;
+use skyloop_orbit::elements::Elements;
+use skyloop_orbit::{Contents, Format, LoadError, Orbit, parse, parse_contents};
+
+// Made-up objects, in the layouts and with the keywords of the publishers.
+
+/// As CelesTrak serves JSON: numbers, no metadata.
+const CELESTRAK_JSON: &str = r#"[{"OBJECT_NAME":"MADE UP 1","OBJECT_ID":"2026-101A","EPOCH":"2026-07-12T03:04:05.678912","MEAN_MOTION":15.20000001,"ECCENTRICITY":0.0010001,"INCLINATION":97.5001,"RA_OF_ASC_NODE":120.0002,"ARG_OF_PERICENTER":90.0003,"MEAN_ANOMALY":270.0004,"EPHEMERIS_TYPE":0,"CLASSIFICATION_TYPE":"U","NORAD_CAT_ID":100001,"ELEMENT_SET_NO":999,"REV_AT_EPOCH":123,"BSTAR":0.00010001,"MEAN_MOTION_DOT":1.234e-5,"MEAN_MOTION_DDOT":0},{"OBJECT_NAME":"MADE UP \"2\"","OBJECT_ID":"2026-101B","EPOCH":"1999-12-31T23:59:59.999999","MEAN_MOTION":1.0027,"ECCENTRICITY":0.0002,"INCLINATION":0.05,"RA_OF_ASC_NODE":80,"ARG_OF_PERICENTER":10,"MEAN_ANOMALY":20,"EPHEMERIS_TYPE":0,"CLASSIFICATION_TYPE":"U","NORAD_CAT_ID":123456789,"ELEMENT_SET_NO":1,"REV_AT_EPOCH":1,"BSTAR":0,"MEAN_MOTION_DOT":-2.7e-6,"MEAN_MOTION_DDOT":0}]"#;
+
+/// The first of them as Space-Track serves JSON: all values text, more keywords, the two lines among them.
+const SPACE_TRACK_JSON: &str = r#"[{"CCSDS_OMM_VERS":"3.0","COMMENT":"GENERATED VIA SPACE-TRACK.ORG API","CREATION_DATE":"2026-07-12T06:00:00","ORIGINATOR":"18 SPCS","OBJECT_NAME":"MADE UP 1","OBJECT_ID":"2026-101A","CENTER_NAME":"EARTH","REF_FRAME":"TEME","TIME_SYSTEM":"UTC","MEAN_ELEMENT_THEORY":"SGP4","EPOCH":"2026-07-12T03:04:05.678912","MEAN_MOTION":"15.20000001","ECCENTRICITY":"0.00100010","INCLINATION":"97.5001","RA_OF_ASC_NODE":"120.0002","ARG_OF_PERICENTER":"90.0003","MEAN_ANOMALY":"270.0004","EPHEMERIS_TYPE":"0","CLASSIFICATION_TYPE":"U","NORAD_CAT_ID":"100001","ELEMENT_SET_NO":"999","REV_AT_EPOCH":"123","BSTAR":"0.00010001000000","MEAN_MOTION_DOT":"0.00001234","MEAN_MOTION_DDOT":"0.0000000000000","SEMIMAJOR_AXIS":"6881.000","PERIOD":"94.737","APOAPSIS":"509.747","PERIAPSIS":"495.984","OBJECT_TYPE":"PAYLOAD","RCS_SIZE":null,"COUNTRY_CODE":"ISS","LAUNCH_DATE":"2026-07-01","SITE":"TTMTR","DECAY_DATE":null,"FILE":"4800000","GP_ID":"290000000","TLE_LINE0":"0 MADE UP 1","TLE_LINE1":"1 A0001U","TLE_LINE2":"2 A0001"}]"#;
+
+/// As CelesTrak serves CSV.
+const CELESTRAK_CSV: &str = "\
+OBJECT_NAME,OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,EPHEMERIS_TYPE,CLASSIFICATION_TYPE,NORAD_CAT_ID,ELEMENT_SET_NO,REV_AT_EPOCH,BSTAR,MEAN_MOTION_DOT,MEAN_MOTION_DDOT\r
+MADE UP 1,2026-101A,2026-07-12T03:04:05.678912,15.20000001,.0010001,97.5001,120.0002,90.0003,270.0004,0,U,100001,999,123,.10001E-3,.1234E-4,0\r
+\"MADE UP \"\"2\"\"\",2026-101B,1999-12-31T23:59:59.999999,1.0027,.0002,.0500,80.0000,10.0000,20.0000,0,U,123456789,1,1,0,-.27E-5,0\r
+";
+
+/// The first of them as Space-Track serves CSV: every value in quotation marks.
+const SPACE_TRACK_CSV: &str = "\
+\"CCSDS_OMM_VERS\",\"COMMENT\",\"CREATION_DATE\",\"ORIGINATOR\",\"OBJECT_NAME\",\"OBJECT_ID\",\"CENTER_NAME\",\"REF_FRAME\",\"TIME_SYSTEM\",\"MEAN_ELEMENT_THEORY\",\"EPOCH\",\"MEAN_MOTION\",\"ECCENTRICITY\",\"INCLINATION\",\"RA_OF_ASC_NODE\",\"ARG_OF_PERICENTER\",\"MEAN_ANOMALY\",\"EPHEMERIS_TYPE\",\"CLASSIFICATION_TYPE\",\"NORAD_CAT_ID\",\"ELEMENT_SET_NO\",\"REV_AT_EPOCH\",\"BSTAR\",\"MEAN_MOTION_DOT\",\"MEAN_MOTION_DDOT\",\"SEMIMAJOR_AXIS\",\"DECAY_DATE\"
+\"3.0\",\"GENERATED VIA SPACE-TRACK.ORG API, AS TEXT\",\"2026-07-12T06:00:00\",\"18 SPCS\",\"MADE UP 1\",\"2026-101A\",\"EARTH\",\"TEME\",\"UTC\",\"SGP4\",\"2026-07-12T03:04:05.678912\",\"15.20000001\",\"0.00100010\",\"97.5001\",\"120.0002\",\"90.0003\",\"270.0004\",\"0\",\"U\",\"100001\",\"999\",\"123\",\"0.00010001000000\",\"0.00001234\",\"0.0000000000000\",\"6881.000\",\"\"
+";
+
+const KVN: &str = "\
+CCSDS_OMM_VERS      = 2.0
+COMMENT GENERATED VIA SPACE-TRACK.ORG API
+CREATION_DATE       = 2026-07-12T06:00:00
+ORIGINATOR          = 18 SPCS
+
+OBJECT_NAME         = MADE UP 1
+OBJECT_ID           = 2026-101A
+CENTER_NAME         = EARTH
+REF_FRAME           = TEME
+TIME_SYSTEM         = UTC
+MEAN_ELEMENT_THEORY = SGP4
+EPOCH               = 2026-07-12T03:04:05.678912
+MEAN_MOTION         = 15.20000001 [rev/day]
+ECCENTRICITY        = 0.00100010
+INCLINATION         = 97.5001 [deg]
+RA_OF_ASC_NODE      = 120.0002 [deg]
+ARG_OF_PERICENTER   = 90.0003 [deg]
+MEAN_ANOMALY        = 270.0004 [deg]
+EPHEMERIS_TYPE      = 0
+CLASSIFICATION_TYPE = U
+NORAD_CAT_ID        = 100001
+ELEMENT_SET_NO      = 999
+REV_AT_EPOCH        = 123
+BSTAR               = 0.00010001 [1/ER]
+MEAN_MOTION_DOT     = 0.00001234 [rev/day**2]
+MEAN_MOTION_DDOT    = 0.0 [rev/day**3]
+USER_DEFINED_TLE_LINE0 = 0 MADE UP 1
+
+";
+
+const XML: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<ndm xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation="https://sanaregistry.org/r/ndmxml/ndmxml-1.0-master.xsd">
+<!-- <omm>not this one</omm> -->
+<omm id="CCSDS_OMM_VERS" version="2.0">
+  <header><COMMENT>GENERATED</COMMENT><CREATION_DATE/><ORIGINATOR/></header>
+  <body><segment>
+    <metadata><OBJECT_NAME>MADE UP 1</OBJECT_NAME><OBJECT_ID>2026-101A</OBJECT_ID><CENTER_NAME>EARTH</CENTER_NAME><REF_FRAME>TEME</REF_FRAME><TIME_SYSTEM>UTC</TIME_SYSTEM><MEAN_ELEMENT_THEORY>SGP4</MEAN_ELEMENT_THEORY></metadata>
+    <data>
+      <meanElements><EPOCH>2026-07-12T03:04:05.678912</EPOCH>
+        <MEAN_MOTION units="rev/day">15.20000001</MEAN_MOTION>
+        <ECCENTRICITY>.0010001</ECCENTRICITY><INCLINATION>97.5001</INCLINATION><RA_OF_ASC_NODE>120.0002</RA_OF_ASC_NODE><ARG_OF_PERICENTER>90.0003</ARG_OF_PERICENTER><MEAN_ANOMALY>270.0004</MEAN_ANOMALY></meanElements>
+      <tleParameters><EPHEMERIS_TYPE>0</EPHEMERIS_TYPE><CLASSIFICATION_TYPE>U</CLASSIFICATION_TYPE><NORAD_CAT_ID>100001</NORAD_CAT_ID><ELEMENT_SET_NO>999</ELEMENT_SET_NO><REV_AT_EPOCH>123</REV_AT_EPOCH><BSTAR>.10001E-3</BSTAR><MEAN_MOTION_DOT>.1234E-4</MEAN_MOTION_DOT><MEAN_MOTION_DDOT>0</MEAN_MOTION_DDOT></tleParameters>
+      <userDefinedParameters><USER_DEFINED parameter="MEAN_MOTION">9</USER_DEFINED></userDefinedParameters>
+    </data>
+  </segment></body>
+</omm>
+</ndm>
+"#;
+
+/// The first object as a TLE: Alpha-5, and the digits that it has room for.
+const TLE: &str = "\
+1 A0001U 26101A   26193.12784351  .00001234  00000-0  10001-3 0  9990
+2 A0001  97.5001 120.0002 0010001  90.0003 270.0004 15.20000001  1236
+";
+
+const ALL: [(&str, Format); 6] = [
+    (CELESTRAK_JSON, Format::OmmJson),
+    (SPACE_TRACK_JSON, Format::OmmJson),
+    (CELESTRAK_CSV, Format::OmmCsv),
+    (SPACE_TRACK_CSV, Format::OmmCsv),
+    (KVN, Format::OmmKvn),
+    (XML, Format::OmmXml),
+];
+
+fn read(text: &str) -> Contents {
+    let contents = parse_contents(text, "test.omm").unwrap();
+    assert_eq!(contents.rejected, [], "{text}");
+    contents
+}
+
+fn rejections(text: &str) -> Vec<String> {
+    let contents = parse_contents(text, "test.omm").unwrap();
+    contents.rejected.iter().map(ToString::to_string).collect()
+}
+
+fn tle() -> Elements {
+    let mut lines = TLE.lines().map(|line| line.to_owned());
+    let sealed = |line: String| {
+        let sum: u32 = line[..68]
+            .chars()
+            .map(|c| c.to_digit(10).unwrap_or((c == '-').into()))
+            .sum();
+        format!("{}{}", &line[..68], sum % 10)
+    };
+    let mut next = || sealed(lines.next().unwrap());
+    Elements::parse(&next(), &next(), skyloop_orbit::Checksum::Required).unwrap()
+}
+
+#[test]
+fn every_notation_gives_the_same_record() {
+    let reference = tle();
+    for (text, format) in ALL {
+        let contents = read(text);
+        assert_eq!(contents.format, format);
+        let record = &contents.records[0];
+        assert_eq!(
+            (record.name.as_str(), record.designator.as_str()),
+            ("MADE UP 1", "2026-101A")
+        );
+        assert_eq!(
+            (record.element_set, record.revolution, record.classification),
+            (999, 123, 'U')
+        );
+        assert_eq!(
+            (record.mean_motion_dot, record.mean_motion_ddot),
+            (1.234e-5, 0.0)
+        );
+        // All digits but the epoch's are those of the TLE.
+        let epoch = record.elements.epoch;
+        assert_eq!(record.elements, Elements { epoch, ..reference }, "{format}");
+        // X-Val: the TLE's epoch is rounded to 0.864 ms.
+        assert!((epoch - reference.epoch).to_seconds().abs() < 0.44e-3);
+    }
+}
+
+#[test]
+fn numbers_of_nine_digits_and_epochs_before_2000() {
+    for text in [CELESTRAK_JSON, CELESTRAK_CSV] {
+        let loaded = parse(text, "test.omm").unwrap();
+        let object = &loaded.objects[1];
+        assert_eq!(object.label(), "NORAD 123456789 (MADE UP \"2\")");
+        let Orbit::Elements(set, _) = &object.orbit else {
+            panic!("an element set")
+        };
+        let written = hifitime::Epoch::from_gregorian_utc(1999, 12, 31, 23, 59, 59, 999_999_000);
+        assert_eq!(set.epoch.to_tai_duration(), written.to_tai_duration());
+        assert_eq!(
+            loaded.find(Some("123456789")).unwrap().id,
+            "NORAD 123456789"
+        );
+    }
+}
+
+#[test]
+fn epochs_with_and_without_z_fractions_and_as_days_of_the_year() {
+    let first = read(KVN).records[0].elements.epoch;
+    for epoch in [
+        "2026-07-12T03:04:05.678912Z",
+        "2026-193T03:04:05.678912",
+        "2026-193T03:04:05.6789120Z",
+    ] {
+        let text = KVN.replace("2026-07-12T03:04:05.678912", epoch);
+        assert_eq!(read(&text).records[0].elements.epoch, first, "{epoch}");
+    }
+    let whole = KVN.replace("05.678912", "05");
+    assert!((first - read(&whole).records[0].elements.epoch).to_seconds() > 0.678);
+    for wrong in [
+        "2026-07-12 03:04:05",
+        "2026-13-12T03:04:05",
+        "26193.5",
+        "2026-07-12T24:04:05",
+        "now",
+    ] {
+        let text = KVN.replace("2026-07-12T03:04:05.678912", wrong);
+        let found = rejections(&text);
+        let start = format!("test.omm:12: EPOCH '{wrong}' is no UTC time");
+        assert!(
+            found.len() == 1 && found[0].starts_with(&start),
+            "{found:?}"
+        );
+    }
+}
+
+#[test]
+fn line_ends_marks_and_remarks_change_nothing() {
+    for (text, format) in ALL {
+        let clean = read(text).records;
+        for ends in ["\n", "\r\n", "\r"] {
+            let text = text.replace("\r\n", "\n").replace('\n', ends);
+            let text = format!("\u{feff}{ends}# a remark{ends}{text}");
+            let contents = read(&text);
+            assert_eq!(contents.format, format);
+            for (a, b) in contents.records.iter().zip(&clean) {
+                assert_eq!(a.elements, b.elements);
+                assert_eq!(a.line, b.line + 2, "{format}");
+            }
+        }
+    }
+}
+
+/// What is wrong with one value is told with its line, in every notation.
+#[test]
+fn a_value_that_cannot_be_used_is_named() {
+    for (old, new, reason) in [
+        (
+            "SGP4",
+            "DSST",
+            "MEAN_ELEMENT_THEORY 'DSST'; only SGP4 is read (MADE UP 1)",
+        ),
+        (
+            "SGP4",
+            "SGP4-XP",
+            "MEAN_ELEMENT_THEORY 'SGP4-XP'; only SGP4 is read",
+        ),
+        ("TEME", "EME2000", "REF_FRAME 'EME2000'; only TEME is read"),
+        ("UTC", "TAI", "TIME_SYSTEM 'TAI'; only UTC is read"),
+        ("EARTH", "MOON", "CENTER_NAME 'MOON'; only EARTH is read"),
+        ("15.20000001", "0", "SGP4 cannot start"),
+        (
+            "15.20000001",
+            "-15.2",
+            "MEAN_MOTION '-15.2' is not a number from 0 to 100",
+        ),
+        ("15.20000001", "nan", "MEAN_MOTION 'nan' is not a number"),
+        ("15.20000001", "", "the message has no MEAN_MOTION"),
+        (
+            "97.5001",
+            "180.1",
+            "INCLINATION '180.1' is not a number from 0 to 180",
+        ),
+        ("120.0002", "12O", "RA_OF_ASC_NODE '12O' is not a number"),
+        ("270.0004", "1e999", "MEAN_ANOMALY '1e999' is not a number"),
+        (
+            "100001",
+            "1000000000",
+            "NORAD_CAT_ID '1000000000' is not a whole number from 0 to 999999999",
+        ),
+        ("100001", "-5", "NORAD_CAT_ID '-5' is not"),
+        ("100001", "", "the message has no NORAD_CAT_ID"),
+    ] {
+        for (text, format) in ALL {
+            // Numbers of JSON cannot be these, and what is not said cannot be wrong.
+            let bare = text == CELESTRAK_JSON || text == CELESTRAK_CSV;
+            if !text.contains(old) || (bare && !new.parse().is_ok_and(f64::is_finite)) {
+                continue;
+            }
+            let spoilt = text.replacen(old, new, 1);
+            let found = rejections(&spoilt);
+            assert!(
+                found.len() == 1 && found[0].contains(reason),
+                "{format}: {reason}: {found:?}"
+            );
+            let at = text.find(old).unwrap();
+            let line = text[..at].matches('\n').count() + 1;
+            let told: usize = found[0].split(':').nth(1).unwrap().parse().unwrap();
+            assert!(
+                told == line || new.is_empty() || new == "0",
+                "{found:?}, line {line}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_the_standard_demands_must_be_there_in_kvn_and_xml() {
+    for keyword in [
+        "CENTER_NAME",
+        "REF_FRAME",
+        "TIME_SYSTEM",
+        "MEAN_ELEMENT_THEORY",
+        "BSTAR",
+        "ECCENTRICITY",
+    ] {
+        let kvn: String = KVN
+            .lines()
+            .filter(|l| !l.starts_with(keyword))
+            .map(|l| format!("{l}\n"))
+            .collect();
+        let xml = XML.replace(&format!("{keyword}>"), "OTHER>");
+        for (text, line) in [(kvn, 1), (xml, 4)] {
+            let wanted = format!("test.omm:{line}: the message has no {keyword} (MADE UP 1)");
+            assert_eq!(rejections(&text), [wanted]);
+        }
+    }
+    let axis = KVN.replace(
+        "MEAN_MOTION         = 15.20000001 [rev/day]",
+        "SEMI_MAJOR_AXIS = 6881.0 [km]",
+    );
+    let found = rejections(&axis);
+    assert!(
+        found[0].starts_with("test.omm:13: SEMI_MAJOR_AXIS in place of MEAN_MOTION"),
+        "{found:?}"
+    );
+    let xp = KVN.replace("EPHEMERIS_TYPE      = 0", "EPHEMERIS_TYPE      = 4");
+    assert!(rejections(&xp)[0].contains("test.omm:19: ephemeris type 4: elements of SGP4-XP"));
+}
+
+#[test]
+fn one_bad_record_does_not_take_others_with_it() {
+    let again = |text: &str| {
+        text.replace("100001", "100002")
+            .replace("MADE UP 1", "MADE UP 3")
+    };
+    // Each: a damage of the first record, and a second one after it.
+    let xml_two = |first: &str| {
+        let (head, rest) = first.split_once("</ndm>").unwrap();
+        let (_, second) = XML.split_once("-->\n").unwrap();
+        format!(
+            "{head}{}{rest}",
+            again(second.split_once("</ndm>").unwrap().0)
+        )
+    };
+    let json = |first: &str| {
+        let second = again(SPACE_TRACK_JSON);
+        format!(
+            "{},\n{}",
+            first.trim_end_matches(']'),
+            second.trim_start_matches('[')
+        )
+    };
+    for text in [
+        format!("{}{}", KVN.replace("EPOCH  ", "EPOCH? "), again(KVN)),
+        format!(
+            "{}{}",
+            KVN.replace("ECCENTRICITY        =", "ECCENTRICITY"),
+            again(KVN)
+        ),
+        // Cut off in the middle.
+        format!("{}{}", &KVN[..KVN.find("INCLINATION").unwrap()], again(KVN)),
+        xml_two(&XML.replace("</BSTAR>", "")),
+        xml_two(&XML.replace("</omm>\n</ndm>", "</ndm>")),
+        xml_two(&XML.replace("97.5001", "&deg;")),
+        xml_two(&XML.replace("<INCLINATION>", "<INCLINATION")),
+        json(&SPACE_TRACK_JSON.replace("\"EPOCH\":", "\"EPOCH\"")),
+        json(&SPACE_TRACK_JSON.replace("MADE UP 1\"", "MADE UP 1")),
+        json(&SPACE_TRACK_JSON.replace("}]", "]")),
+        json(&SPACE_TRACK_JSON.replace("\"EPOCH\":\"2026-07-12T03:04:05.678912\",", "")),
+        {
+            let second = again(SPACE_TRACK_CSV.lines().nth(1).unwrap());
+            format!(
+                "{}{second}",
+                SPACE_TRACK_CSV.replace("\"MADE UP 1\"", "\"MADE UP 1")
+            )
+        },
+    ] {
+        let contents = parse_contents(&text, "test.omm").unwrap();
+        let numbers: Vec<_> = contents.records.iter().map(|r| r.elements.norad).collect();
+        assert_eq!(numbers, [100_002], "{text}\n{:?}", contents.rejected);
+        assert_eq!(
+            contents.rejected.len(),
+            1,
+            "{text}\n{:?}",
+            contents.rejected
+        );
+    }
+}
+
+#[test]
+fn objects_stand_alone_in_arrays_or_in_lines() {
+    let bare = SPACE_TRACK_JSON.trim_matches(['[', ']']);
+    assert_eq!(read(bare).records.len(), 1);
+    let lines = format!("{bare}\n{}\n", bare.replace("100001", "7"));
+    let records = read(&lines).records;
+    assert_eq!(
+        (records.len(), records[1].line, records[1].elements.norad),
+        (2, 2, 7)
+    );
+    let pretty = SPACE_TRACK_JSON
+        .replace(",\"", ",\n\"")
+        .replace("97.5001", "x");
+    let line = pretty
+        .lines()
+        .position(|line| line.contains("INCLINATION"))
+        .unwrap()
+        + 1;
+    let found = rejections(&pretty);
+    assert!(
+        found[0].starts_with(&format!("test.omm:{line}: INCLINATION 'x'")),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn what_holds_no_record_is_said_to_hold_none() {
+    for text in ["[]", "{", "[1, 2]", "NORAD_CAT_ID,EPOCH,MEAN_MOTION\n"] {
+        let error = parse_contents(text, "empty").err();
+        let none = matches!(error, Some(LoadError::NoRecord { .. }));
+        assert!(none || text == "{", "{text}: {error:?}");
+    }
+    let columns = rejections("OBJECT_NAME,EPOCH\nA,B\n");
+    assert_eq!(
+        columns,
+        ["test.omm:1: the header has no column NORAD_CAT_ID"]
+    );
+    for text in [
+        "<html><body>No GP data found</body></html>",
+        "No GP data found",
+        "<ndm></ndm>",
+        "<",
+    ] {
+        let error = parse_contents(text, "empty").unwrap_err();
+        assert!(matches!(error, LoadError::NoOrbit { .. }), "{text}");
+    }
+    let error = rejections("{\"a\":{\"b\":1}}");
+    assert!(
+        error[0].contains("not closed, or has others inside"),
+        "{error:?}"
+    );
+}
+
+/// A text with octets changed, cut and doubled here and there.
+fn damaged(text: &'static str) -> impl Strategy<Value = String> {
+    let change = (any::<prop::sample::Index>(), "[ -~é\n\r]{0,3}", 0usize..40);
+    prop::collection::vec(change, 1..6).prop_map(move |changes| {
+        let mut letters: Vec<char> = text.chars().collect();
+        for (place, new, length) in changes {
+            let start = place.index(letters.len());
+            let end = (start + length).min(letters.len().max(start));
+            letters.splice(start..end, new.chars());
+            if letters.is_empty() {
+                letters.push('x');
+            }
+        }
+        letters.into_iter().collect()
+    })
+}
+
+proptest! {
+    #[test]
+    fn no_damage_stops_a_reader_or_gives_numbers_that_are_not_finite(
+        text in (0..ALL.len()).prop_flat_map(|i| damaged(ALL[i].0)),
+    ) {
+        if let Ok(contents) = parse_contents(&text, "any") {
+            let lines = text.matches(['\n', '\r']).count() + 1;
+            for rejected in &contents.rejected {
+                prop_assert!((1..=lines).contains(&rejected.line), "{rejected}");
+            }
+            for record in &contents.records {
+                prop_assert!(record.elements.constants().is_ok());
+                prop_assert!((1..=lines).contains(&record.line));
+            }
+        }
+    }
+
+    #[test]
+    fn any_text_behind_any_beginning_is_read_without_panic(
+        head in prop::sample::select(vec!["<omm>", "[{", "{\"EPOCH\":", "CCSDS_OMM_VERS = 2.0\n", "EPOCH,MEAN_MOTION,NORAD_CAT_ID\n"]),
+        text in "(?s).{0,300}",
+    ) {
+        let _ = parse_contents(&format!("{head}{text}"), "any");
+    }
+}

@@ -1,0 +1,60 @@
+//! Units of element sets as files have them, and numbers as text that is read back as the same number.
+
+use std::f64::consts::PI;
+
+/// Radians in a degree.
+pub(crate) const DEGREE: f64 = PI / 180.0;
+/// Radians a minute in a revolution a day.
+pub(crate) const REV_PER_DAY: f64 = PI / 720.0;
+
+/// `value` in units of `unit`, in the fewest of 15 to 17 digits that give the same value when they are read. Some values
+/// have none; they come back one unit in the last place off.
+pub(crate) fn decimal(value: f64, unit: f64) -> String {
+    let quotient = value / unit;
+    let rounded = [14, 15, 16].map(|digits| format!("{quotient:.digits$e}").parse());
+    let near = [quotient.next_down(), quotient.next_up()];
+    let tried = rounded.into_iter().flatten().chain(near);
+    let exact = tried.into_iter().find(|x: &f64| x * unit == value);
+    plain(exact.unwrap_or(quotient))
+}
+
+/// The shortest text of a number, small ones with a power of ten.
+pub(crate) fn plain(value: f64) -> String {
+    match value != 0.0 && value.abs() < 1e-4 {
+        true => format!("{value:e}"),
+        false => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_decimal_comes_back_as_it_was_written() {
+        for text in [
+            "51.6416",
+            "0.0001",
+            "359.9999",
+            "15.49815328",
+            "247.4627",
+            "0",
+        ] {
+            let value: f64 = text.parse().unwrap();
+            for unit in [DEGREE, REV_PER_DAY] {
+                assert_eq!(decimal(value * unit, unit), text);
+            }
+        }
+        assert_eq!(plain(2.8098e-5), "2.8098e-5");
+        assert_eq!(plain(-0.0), "-0");
+    }
+
+    proptest! {
+        #[test]
+        fn any_value_comes_back_to_its_last_place(value in -7.0..7.0) {
+            let read: f64 = decimal(value, DEGREE).parse().unwrap();
+            prop_assert!((read * DEGREE - value).abs() <= value.abs() * f64::EPSILON);
+        }
+    }
+}

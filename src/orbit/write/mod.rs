@@ -1,0 +1,41 @@
+//! Element sets as text, in every format that holds them.
+
+mod omm;
+mod two_line;
+
+use crate::format::Format;
+use crate::record::Record;
+use hifitime::Epoch;
+
+/// A text of element sets, and what of them it does not hold.
+#[derive(Clone, Debug, Default)]
+pub struct Written {
+    /// The text.
+    pub text: String,
+    /// Records that the format cannot hold, each with the reason.
+    pub left_out: Vec<String>,
+    /// Records of which something beside the elements is changed, each with what.
+    pub changed: Vec<String>,
+    /// How many sets have fewer digits than they came with.
+    pub rounded: usize,
+}
+
+/// Writes records in a format; messages of notations that say when they were made give `created`.
+///
+/// What is read back has the same elements to the last bit, but for the digits that the two lines do not have
+/// ([`Written::rounded`]). Nothing is written as an ephemeris: mean elements are none.
+pub fn write(records: &[Record], format: Format, created: Epoch) -> Option<Written> {
+    let text = match format {
+        Format::Tle => return Some(two_line::write(records, false)),
+        Format::ThreeLine => return Some(two_line::write(records, true)),
+        Format::OmmKvn => omm::kvn(records, created),
+        Format::OmmXml => omm::xml(records, created),
+        Format::OmmJson => omm::json(records),
+        Format::OmmCsv => omm::csv(records),
+        Format::OemKvn => return None,
+    };
+    Some(Written {
+        text,
+        ..Written::default()
+    })
+}
