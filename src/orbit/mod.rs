@@ -20,6 +20,7 @@ pub mod elements;
 pub mod ephemeris;
 pub mod frames;
 pub mod sgp4_batch;
+pub mod tracks;
 pub mod two_body;
 
 mod format;

@@ -18,6 +18,7 @@ const LYDDANE: f64 = 0.2;
 
 /// A block of deep-space orbits.
 #[derive(Clone, Debug, Default)]
+#[repr(align(64))]
 pub struct Deep<R> {
     secular: Secular,
     inclination: Row,
@@ -106,7 +107,14 @@ impl<R: Resonance> Model for Deep<R> {
     }
 
     #[inline(always)]
-    fn perturbed<S: Simd>(&mut self, part: Part<S>, when: When) -> Perturbed<S> {
+    fn advance<S: Simd>(&mut self, part: Part<S>, when: When) {
+        let t = self.secular.minutes(part, when);
+        let t = Failed::far(t).where_well(t);
+        self.resonance.advance(part, &self.secular, t);
+    }
+
+    #[inline(always)]
+    fn perturbed<S: Simd>(&self, part: Part<S>, when: When) -> Perturbed<S> {
         let Secular { c1, c4, .. } = &self.secular;
         let t = self.secular.minutes(part, when);
         let (zero, one) = (part.splat(0.0), part.splat(1.0));

@@ -49,7 +49,7 @@ impl Level {
     }
 
     /// Runs `work` with these instructions; with the portable ones where the processor lacks them.
-    pub(super) fn run<W: WithSimd>(self, work: W) -> W::Output {
+    pub(crate) fn run<W: WithSimd>(self, work: W) -> W::Output {
         match self {
             #[cfg(target_arch = "aarch64")]
             Level::Neon => {

@@ -80,12 +80,13 @@ enum Site {
 
 /// The states of a block, TEME; zero where the code is not.
 #[derive(Clone, Debug, Default)]
+#[repr(align(64))]
 pub struct BlockStates {
     /// x, y, z, km.
     pub position_km: [Row; 3],
     /// x, y, z, km/s.
     pub velocity_km_s: [Row; 3],
-    /// As [`States::get`] tells it.
+    /// 0, or the code of a failure, see [`States::get`].
     pub code: Row,
 }
 
@@ -101,7 +102,10 @@ trait Model: Default + Send + Sync {
     const SITE: Site;
 
     fn set(&mut self, i: usize, elements: &Elements, figures: &Figures);
-    fn perturbed<S: Simd>(&mut self, part: Part<S>, when: When) -> Perturbed<S>;
+    /// Brings what runs on in steps near to an instant, for good.
+    fn advance<S: Simd>(&mut self, _: Part<S>, _: When) {}
+    /// The mean elements at an instant, with all but their short-period perturbations.
+    fn perturbed<S: Simd>(&self, part: Part<S>, when: When) -> Perturbed<S>;
 }
 
 impl Batch {
@@ -210,54 +214,88 @@ impl Batch {
     }
 
     fn states(&mut self, when: When, states: &mut States) {
+        self.advance(when);
         states.places.clone_from(&self.places);
-        states
-            .blocks
-            .resize_with(self.objects.len() / BLOCK, BlockStates::default);
-        let level = self.level;
-        let (near, rest) = states.blocks.split_at_mut(self.near.len());
-        let (deep, rest) = rest.split_at_mut(self.deep.len());
-        let (one_day, half_day) = rest.split_at_mut(self.one_day.len());
-        propagate(level, when, &mut self.near, near);
-        propagate(level, when, &mut self.deep, deep);
-        propagate(level, when, &mut self.one_day, one_day);
-        propagate(level, when, &mut self.half_day, half_day);
+        let blocks = self.blocks();
+        states.blocks.resize_with(blocks, BlockStates::default);
+        let chunks = states.blocks.par_chunks_mut(CHUNK).enumerate();
+        chunks.for_each(|(chunk, states)| self.blocks_at(chunk * CHUNK, when, states));
+    }
+
+    /// The state of one object at an instant, as [`States::get`] gives it.
+    pub fn state(&self, object: usize, t: Epoch) -> Result<StateVector, u8> {
+        let place = self.places.get(object).copied().unwrap_or(NOBODY) as usize;
+        let mut states = [BlockStates::NONE];
+        self.blocks_at(place / BLOCK, When::At(Instant::of(t)), &mut states);
+        states[0].get(place % BLOCK)
+    }
+
+    /// Brings near to an instant what is integrated step by step. States do not depend on it, the time that they take does.
+    pub(crate) fn advance_to(&mut self, t: Epoch) {
+        self.advance(When::At(Instant::of(t)));
+    }
+
+    fn advance(&mut self, when: When) {
+        fn all<M: Model>(level: Level, when: When, blocks: &mut [M]) {
+            let chunks = blocks.par_chunks_mut(CHUNK);
+            chunks.for_each(|blocks| level.run(Advance { when, blocks }));
+        }
+        all(self.level, when, &mut self.one_day);
+        all(self.level, when, &mut self.half_day);
+    }
+
+    /// The blocks from `first` on at an instant, as many as `states` has.
+    pub(crate) fn blocks_at_epoch(&self, first: usize, t: Epoch, states: &mut [BlockStates]) {
+        self.blocks_at(first, When::At(Instant::of(t)), states);
+    }
+
+    fn blocks_at(&self, first: usize, when: When, states: &mut [BlockStates]) {
+        let (first, states) = self.some(&self.near, first, when, states);
+        let (first, states) = self.some(&self.deep, first, when, states);
+        let (first, states) = self.some(&self.one_day, first, when, states);
+        self.some(&self.half_day, first, when, states);
+    }
+
+    /// Those of one kind among the blocks from `first` on, counted from the first of that kind. Gives what is left for the kinds behind.
+    fn some<'a, M: Model>(
+        &self,
+        blocks: &[M],
+        first: usize,
+        when: When,
+        states: &'a mut [BlockStates],
+    ) -> (usize, &'a mut [BlockStates]) {
+        let ours = blocks.get(first..).unwrap_or(&[]);
+        let (mine, rest) = states.split_at_mut(ours.len().min(states.len()));
+        for (blocks, states) in ours.chunks(CHUNK).zip(mine.chunks_mut(CHUNK)) {
+            self.level.run(Propagate {
+                when,
+                blocks,
+                states,
+            });
+        }
+        (first.saturating_sub(blocks.len()), rest)
     }
 }
 
-/// Blocks of one kind, in parallel.
-fn propagate<M: Model>(level: Level, when: When, blocks: &mut [M], states: &mut [BlockStates]) {
-    let chunks = blocks
-        .par_chunks_mut(CHUNK)
-        .zip(states.par_chunks_mut(CHUNK));
-    chunks.for_each(|(blocks, states)| {
-        level.run(Work {
-            when,
-            blocks,
-            states,
-        })
-    });
-}
-
 /// Some blocks, one after another, with the instructions of a level.
-struct Work<'a, M> {
+struct Propagate<'a, M> {
     when: When,
-    blocks: &'a mut [M],
+    blocks: &'a [M],
     states: &'a mut [BlockStates],
 }
 
-impl<M: Model> WithSimd for Work<'_, M> {
+impl<M: Model> WithSimd for Propagate<'_, M> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let mut ways: [Way; CHUNK] = Default::default();
-        for (block, way) in self.blocks.iter_mut().zip(&mut ways) {
+        for ((block, way), _) in self.blocks.iter().zip(&mut ways).zip(&*self.states) {
             for part in Part::all(simd) {
                 block.perturbed(part, self.when).long_period(part, way);
             }
         }
-        for way in ways.iter_mut().take(self.blocks.len()) {
+        for way in ways.iter_mut().take(self.states.len()) {
             for part in Part::all(simd) {
                 way.solve(part);
             }
@@ -270,25 +308,51 @@ impl<M: Model> WithSimd for Work<'_, M> {
     }
 }
 
+/// The integrators of some blocks.
+struct Advance<'a, M> {
+    when: When,
+    blocks: &'a mut [M],
+}
+
+impl<M: Model> WithSimd for Advance<'_, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for block in self.blocks {
+            for part in Part::all(simd) {
+                block.advance(part, self.when);
+            }
+        }
+    }
+}
+
+impl BlockStates {
+    /// Before anything is known.
+    pub(crate) const NONE: BlockStates = BlockStates {
+        position_km: [[0.0; BLOCK]; 3],
+        velocity_km_s: [[0.0; BLOCK]; 3],
+        code: [UNKNOWN as f64; BLOCK],
+    };
+
+    fn get(&self, i: usize) -> Result<StateVector, u8> {
+        let vector = |rows: &[Row; 3]| Vector3::from_fn(|axis, _| rows[axis][i] * 1e3);
+        match self.code[i] as u8 {
+            0 => Ok(StateVector {
+                position_m: vector(&self.position_km),
+                velocity_m_s: vector(&self.velocity_km_s),
+            }),
+            code => Err(code),
+        }
+    }
+}
+
 impl States {
     /// The state of an object of the input, TEME, m and m/s; or the code of its failure: that of the reference (1 mean eccentricity,
     /// 2 mean motion, 3 perturbed eccentricity, 4 semi-latus rectum, 6 decayed), [`TOO_FAR`] or [`UNKNOWN`], which is that of an index without an object, too.
     pub fn get(&self, object: usize) -> Result<StateVector, u8> {
-        let place = self
-            .places
-            .get(object)
-            .map_or(usize::MAX, |at| *at as usize);
-        let (block, i) = (place / BLOCK, place % BLOCK);
-        let Some(states) = self.blocks.get(block) else {
-            return Err(UNKNOWN);
-        };
-        let vector = |rows: &[Row; 3]| Vector3::from_fn(|axis, _| rows[axis][i] * 1e3);
-        match states.code[i] as u8 {
-            0 => Ok(StateVector {
-                position_m: vector(&states.position_km),
-                velocity_m_s: vector(&states.velocity_km_s),
-            }),
-            code => Err(code),
-        }
+        let place = self.places.get(object).copied().unwrap_or(NOBODY) as usize;
+        let states = self.blocks.get(place / BLOCK);
+        states.map_or(Err(UNKNOWN), |states| states.get(place % BLOCK))
     }
 }

@@ -12,6 +12,7 @@ use pulp::Simd;
 
 /// A block of near-Earth orbits.
 #[derive(Clone, Debug, Default)]
+#[repr(align(64))]
 pub struct Near {
     secular: Secular,
     sin_i: Row,
@@ -73,7 +74,7 @@ impl Model for Near {
     }
 
     #[inline(always)]
-    fn perturbed<S: Simd>(&mut self, part: Part<S>, when: When) -> Perturbed<S> {
+    fn perturbed<S: Simd>(&self, part: Part<S>, when: When) -> Perturbed<S> {
         let Secular { c1, c4, .. } = &self.secular;
         let t = self.secular.minutes(part, when);
         let t2 = t * t;

@@ -1,8 +1,8 @@
 //! Resonance of deep-space orbits with the Earth's turning: integrated from the epoch in steps of 720 min (Vallado et al., AIAA
 //! 2006-6753; Hujsak 1979).
 //!
-//! Where the integrator stands depends on the number of steps alone. It stays there for the next time asked, and begins anew where that
-//! lies before it.
+//! Where the integrator stands depends on the number of steps alone: it may go on from where it stood, and begins anew where the time asked lies
+//! before that.
 
 use super::Site;
 use super::figures;
@@ -39,9 +39,12 @@ pub trait Resonance: Default + Send + Sync {
 
     fn set(&mut self, i: usize, mean_motion: f64, figures: &figures::Resonant);
 
+    /// Stands near `t` min after the epoch from now on.
+    fn advance<S: Simd>(&mut self, _: Part<S>, _: &Secular, _: Lanes<S>) {}
+
     /// `t` min after the epoch; the node p22 and the perigee p23 are those of that time.
     fn unperturbed<S: Simd>(
-        &mut self,
+        &self,
         part: Part<S>,
         secular: &Secular,
         t: Lanes<S>,
@@ -66,7 +69,7 @@ impl Resonance for Free {
 
     #[inline(always)]
     fn unperturbed<S: Simd>(
-        &mut self,
+        &self,
         part: Part<S>,
         secular: &Secular,
         t: Lanes<S>,
@@ -109,6 +112,13 @@ pub struct HalfDay {
     perigee_dot: Row,
 }
 
+/// Where an integrator stands: min after the epoch, rad/min, rad.
+struct Standing<S: Simd> {
+    at: Lanes<S>,
+    n: Lanes<S>,
+    lambda: Lanes<S>,
+}
+
 impl Integrator {
     /// Sets an object, and gives its resonance.
     fn set<'a>(
@@ -135,50 +145,75 @@ impl Integrator {
         Some(resonance)
     }
 
-    /// Goes to within a step of `t`. Gives a, and lambda at `t` as the mean anomaly.
+    /// Where it stands.
     #[inline(always)]
-    fn run<S: Simd>(&mut self, part: Part<S>, t: Lanes<S>, terms: impl Terms<S>) -> Unperturbed<S> {
+    fn standing<S: Simd>(&self, part: Part<S>) -> Standing<S> {
+        Standing {
+            at: part.load(&self.t),
+            n: part.load(&self.mean_motion),
+            lambda: part.load(&self.lambda),
+        }
+    }
+
+    /// Stands near `t` from now on.
+    #[inline(always)]
+    fn advance<S: Simd>(&mut self, part: Part<S>, t: Lanes<S>, terms: impl Terms<S>) {
+        let Standing { at, n, lambda } = self.near(part, t, &terms);
+        part.store(&mut self.t, at);
+        part.store(&mut self.mean_motion, n);
+        part.store(&mut self.lambda, lambda);
+    }
+
+    /// Where it stands within a step before `t`.
+    #[inline(always)]
+    fn near<S: Simd>(&self, part: Part<S>, t: Lanes<S>, terms: &impl Terms<S>) -> Standing<S> {
         let zero = part.splat(0.0);
-        let lambda_dot = part.load(&self.lambda_dot);
-        let (mut at, mut n) = (part.load(&self.t), part.load(&self.mean_motion));
-        let mut lambda = part.load(&self.lambda);
+        let Standing {
+            mut at,
+            mut n,
+            mut lambda,
+        } = self.standing(part);
         // Anew, where t lies before, or on the other side of the epoch.
         let onward = zero.at_most(at * t).and(at.abs().at_most(t.abs()));
         at = onward.select(at, zero);
         n = onward.select(n, part.load(&self.mean_motion_0));
         lambda = onward.select(lambda, part.load(&self.lambda_0));
 
+        let lambda_dot = part.load(&self.lambda_dot);
         let step = zero
             .less_than(t)
             .select(part.splat(STEP), part.splat(-STEP));
         let half = part.splat(STEP * STEP / 2.0);
         loop {
-            let rate = n + lambda_dot;
-            let Pull { n_dot, slope } = terms.pull(lambda, at);
-            let n_ddot = slope * rate;
-            // The nearest step before t, or t itself.
-            let left = t - at;
-            let on = step.abs().at_most(left.abs());
+            let on = step.abs().at_most((t - at).abs());
             if !on.any() {
-                part.store(&mut self.t, at);
-                part.store(&mut self.mean_motion, n);
-                part.store(&mut self.lambda, lambda);
-                let half = left * left * 0.5;
-                // p28 = (ke / (n + n' dt + n'' dt^2 / 2))^(2/3); lambda + lambda' dt + n' dt^2 / 2
-                let motion = n_ddot.mul_add(half, n_dot.mul_add(left, n));
-                let a = major_axis(motion, part.load(&self.a0));
-                return Unperturbed {
-                    a,
-                    mean_anomaly: n_dot.mul_add(half, rate.mul_add(left, lambda)),
-                    well: zero.less_than(motion),
-                };
+                return Standing { at, n, lambda };
             }
             // n += n' dt + n'' dt^2 / 2; lambda += lambda' dt + n' dt^2 / 2
-            let next = n_ddot.mul_add(half, n_dot.mul_add(step, n));
+            let rate = n + lambda_dot;
+            let Pull { n_dot, slope } = terms.pull(lambda, at);
+            let next = (slope * rate).mul_add(half, n_dot.mul_add(step, n));
             let further = n_dot.mul_add(half, rate.mul_add(step, lambda));
             n = on.select(next, n);
             lambda = on.select(further, lambda);
             at = on.select(at + step, at);
+        }
+    }
+
+    /// At `t`: a, and lambda as the mean anomaly.
+    #[inline(always)]
+    fn run<S: Simd>(&self, part: Part<S>, t: Lanes<S>, terms: impl Terms<S>) -> Unperturbed<S> {
+        let Standing { at, n, lambda } = self.near(part, t, &terms);
+        let rate = n + part.load(&self.lambda_dot);
+        let Pull { n_dot, slope } = terms.pull(lambda, at);
+        let left = t - at;
+        let half = left * left * 0.5;
+        // p28 = (ke / (n + n' dt + n'' dt^2 / 2))^(2/3); lambda + lambda' dt + n' dt^2 / 2
+        let motion = (slope * rate).mul_add(half, n_dot.mul_add(left, n));
+        Unperturbed {
+            a: major_axis(motion, part.load(&self.a0)),
+            mean_anomaly: n_dot.mul_add(half, rate.mul_add(left, lambda)),
+            well: part.splat(0.0).less_than(motion),
         }
     }
 
@@ -211,6 +246,15 @@ fn major_axis<S: Simd>(n: Lanes<S>, guess: Lanes<S>) -> Lanes<S> {
     a
 }
 
+impl OneDay {
+    #[inline(always)]
+    fn terms<S: Simd>(&self, part: Part<S>) -> OneDayTerms<S> {
+        OneDayTerms {
+            dr: part.load_three(&self.dr),
+        }
+    }
+}
+
 impl Resonance for OneDay {
     const SITE: Site = Site::OneDay;
 
@@ -223,21 +267,39 @@ impl Resonance for OneDay {
     }
 
     #[inline(always)]
+    fn advance<S: Simd>(&mut self, part: Part<S>, _: &Secular, t: Lanes<S>) {
+        let terms = self.terms(part);
+        self.integrator.advance(part, t, terms);
+    }
+
+    #[inline(always)]
     fn unperturbed<S: Simd>(
-        &mut self,
+        &self,
         part: Part<S>,
         _: &Secular,
         t: Lanes<S>,
         [p22, p23]: [Lanes<S>; 2],
     ) -> Unperturbed<S> {
-        let terms = OneDayTerms {
-            dr: part.load_three(&self.dr),
-        };
         let theta = self.integrator.sidereal_time_at(part, t);
-        let mut there = self.integrator.run(part, t, terms);
+        let mut there = self.integrator.run(part, t, self.terms(part));
         // p29 = lambda - p22 - p23 + theta
         there.mean_anomaly = there.mean_anomaly - p22 - p23 + theta;
         there
+    }
+}
+
+impl HalfDay {
+    #[inline(always)]
+    fn terms<S: Simd>(&self, part: Part<S>, secular: &Secular) -> HalfDayTerms<S> {
+        let mut d = [part.splat(0.0); 10];
+        for (d, row) in d.iter_mut().zip(&self.d) {
+            *d = part.load(row);
+        }
+        HalfDayTerms {
+            d,
+            perigee_0: part.load(&secular.perigee),
+            perigee_dot: part.load(&self.perigee_dot),
+        }
     }
 }
 
@@ -257,24 +319,21 @@ impl Resonance for HalfDay {
     }
 
     #[inline(always)]
+    fn advance<S: Simd>(&mut self, part: Part<S>, secular: &Secular, t: Lanes<S>) {
+        let terms = self.terms(part, secular);
+        self.integrator.advance(part, t, terms);
+    }
+
+    #[inline(always)]
     fn unperturbed<S: Simd>(
-        &mut self,
+        &self,
         part: Part<S>,
         secular: &Secular,
         t: Lanes<S>,
         [p22, _]: [Lanes<S>; 2],
     ) -> Unperturbed<S> {
-        let mut d = [part.splat(0.0); 10];
-        for (d, row) in d.iter_mut().zip(&self.d) {
-            *d = part.load(row);
-        }
-        let terms = HalfDayTerms {
-            d,
-            perigee_0: part.load(&secular.perigee),
-            perigee_dot: part.load(&self.perigee_dot),
-        };
         let theta = self.integrator.sidereal_time_at(part, t);
-        let mut there = self.integrator.run(part, t, terms);
+        let mut there = self.integrator.run(part, t, self.terms(part, secular));
         // p29 = lambda - 2 p22 + 2 theta
         there.mean_anomaly = there.mean_anomaly - (p22 + p22) + (theta + theta);
         there

@@ -78,6 +78,7 @@ pub fn k5<S: Simd>(sin_i: Lanes<S>, cos_i: Lanes<S>) -> Lanes<S> {
 /// A block on its way from mean elements to states. A processor works on several blocks at a time if each step takes them one after
 /// another: alone, each block would wait for its own results.
 #[derive(Clone, Debug, Default)]
+#[repr(align(64))]
 pub struct Way {
     failed: Row,
     a: Row,

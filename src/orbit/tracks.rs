@@ -1,0 +1,318 @@
+//! The whole catalogue from frame to frame: where everything is, within centimetres, in a tenth of the time that it takes to ask anew.
+//!
+//! ```text
+//! t -> blocks whose segment holds t: its cubic
+//!   -> others: SGP4; a share of them gets a segment, so that no frame pays for all
+//! ```
+//!
+//! A segment is [`SEGMENT_S`] of a block's positions: the cubic through four instants, its ends among them. SGP4's velocity is not the
+//! derivative of its position under drag: positions alone are laid through. A fifth instant, the middle, where cubic and orbit are
+//! furthest apart, is the proof: an object that is off by more than [`TOLERANCE_KM`] there, or fails at any of the five, is asked
+//! anew every time. With the rounding of coefficients the positions are within [`BOUND_KM`]. They decide who may be in the field; who is, is asked of SGP4 itself.
+
+use crate::StateVector;
+use crate::elements::{Elements, ModelError};
+use crate::sgp4_batch::{BLOCK, Batch, BlockStates, Level, Row};
+use hifitime::{Duration, Epoch};
+use pulp::{Simd, WithSimd};
+use rayon::prelude::*;
+
+/// How long a cubic holds, s.
+pub const SEGMENT_S: i64 = 20;
+/// The cubic may be off by this in the middle, km: 1.3 m times (rate/0.07 deg/s)^4 of a circular orbit, see below.
+pub const TOLERANCE_KM: f64 = 1e-5;
+/// What is off at most, km: twice the tolerance, and the rounding of coefficients to 24 bits (6e-8 of the way in half a segment, 110 km at
+/// 11 km/s).
+pub const BOUND_KM: f64 = 3e-5;
+
+/// Blocks of a task.
+const CHUNK: usize = 32;
+/// Every so many frames a block without a segment gets one.
+const TURNS: usize = 16;
+/// A segment takes five propagations: where frames are further apart than this part of it, it is not worth it.
+const WORTH: i64 = 8;
+
+/// A catalogue on its way.
+#[derive(Debug)]
+pub struct Tracks {
+    batch: Batch,
+    /// Whether every position is asked of SGP4.
+    pub exact: bool,
+    segments: Vec<Segment>,
+    last: Option<i64>,
+    frame: usize,
+}
+
+/// Where the objects of a block are at an instant, TEME.
+#[derive(Clone, Debug)]
+pub struct Places<'a> {
+    /// x, y, z, km, within [`BOUND_KM`]; 0 of those that have none.
+    pub position_km: [Row; 3],
+    /// 0, or SGP4's code of a failure, see [`States::get`](crate::sgp4_batch::States::get).
+    pub code: [u8; BLOCK],
+    /// Which objects of the catalogue they are, [`NOBODY`](crate::sgp4_batch::NOBODY) where the block is filled up.
+    pub objects: &'a [u32],
+}
+
+/// What is looked for among the places of a catalogue.
+pub trait Look: Sync {
+    /// What is found.
+    type Found: Send;
+
+    /// Puts down what is found of a block. Inlined, it is done with the vector instructions that the catalogue is worked out with.
+    fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>);
+}
+
+/// A stretch of a block's ways.
+#[derive(Clone, Debug, Default)]
+#[repr(align(64))]
+struct Segment {
+    /// Its middle, ns since 1900 TAI; none before there is one.
+    middle_ns: Option<i64>,
+    /// In the middle, km.
+    middle_km: [Row; 3],
+    /// Times half segments since then, their squares and their cubes, km.
+    rates_km: [[Rates; 3]; 3],
+    /// Codes of those that fail all through; their positions are 0.
+    code: [u8; BLOCK],
+    /// For whom it does not hold: SGP4 is asked.
+    asks: [bool; BLOCK],
+}
+
+/// A coefficient of each object of a block, km.
+type Rates = [f32; BLOCK];
+
+/// Half a segment, ns.
+const HALF_NS: i64 = SEGMENT_S * 500_000_000;
+
+/// What is asked of all blocks alike.
+#[derive(Clone, Copy)]
+struct Frame {
+    t: Epoch,
+    ns: i64,
+    /// When was asked before, if that is so near that segments are worth it.
+    last: Option<i64>,
+    /// Whose turn it is.
+    turn: usize,
+}
+
+impl Tracks {
+    /// Of the element sets, in their order.
+    ///
+    /// Errors: the first set that the model cannot start from.
+    pub fn new(sets: &[Elements]) -> Result<Tracks, ModelError> {
+        let batch = Batch::new(sets)?;
+        Ok(Tracks {
+            segments: Vec::new(),
+            exact: false,
+            last: None,
+            frame: 0,
+            batch,
+        })
+    }
+
+    /// How many objects there are.
+    pub fn len(&self) -> usize {
+        self.batch.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.batch.is_empty()
+    }
+
+    /// Which instructions are used.
+    pub fn level(&self) -> Level {
+        self.batch.level()
+    }
+
+    /// Uses these instructions; the portable ones where the processor lacks them.
+    pub fn set_level(&mut self, level: Level) {
+        self.batch.set_level(level);
+    }
+
+    /// Octets of memory that the catalogue takes.
+    pub fn octets(&self) -> usize {
+        self.batch.octets() + self.segments.capacity() * size_of::<Segment>()
+    }
+
+    /// The state of one object by SGP4, TEME, m and m/s, or the code of its failure.
+    pub fn state(&self, object: usize, t: Epoch) -> Result<StateVector, u8> {
+        self.batch.state(object, t)
+    }
+
+    /// What `look` finds at `t`, in the order of blocks.
+    pub fn at<L: Look>(&mut self, t: Epoch, look: &L) -> Vec<L::Found> {
+        let ns = t.to_tai_duration().total_nanoseconds() as i64;
+        let near = |last: &i64| (ns - last).abs() <= 2 * HALF_NS / WORTH;
+        let frame = Frame {
+            t,
+            ns,
+            last: self.last.filter(near),
+            turn: self.frame % TURNS,
+        };
+        (self.last, self.frame) = (Some(ns), self.frame.wrapping_add(1));
+        self.batch.advance_to(t);
+        // An exact catalogue has blocks whose segments never hold.
+        let blocks = self.batch.blocks();
+        self.segments.resize_with(blocks, Segment::default);
+        let (batch, exact) = (&self.batch, self.exact);
+        let chunks = self.segments.par_chunks_mut(CHUNK).enumerate();
+        let found = chunks.map(|(chunk, segments)| {
+            let first = chunk * CHUNK;
+            for (block, segment) in (first..).zip(&mut *segments) {
+                if exact {
+                    segment.middle_ns = None;
+                } else if !segment.holds(ns) && frame.is_due(block, segment) {
+                    segment.lay(batch, block, ns);
+                }
+            }
+            let mut found = Vec::new();
+            batch.level().run(Chunk {
+                batch,
+                first,
+                segments,
+                frame,
+                look,
+                found: &mut found,
+            });
+            found
+        });
+        let found: Vec<Vec<L::Found>> = found.collect();
+        found.into_iter().flatten().collect()
+    }
+}
+
+/// Some blocks, looked at one after another.
+struct Chunk<'a, L: Look> {
+    batch: &'a Batch,
+    first: usize,
+    segments: &'a [Segment],
+    frame: Frame,
+    look: &'a L,
+    found: &'a mut Vec<L::Found>,
+}
+
+impl<L: Look> WithSimd for Chunk<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Frame { t, ns, .. } = self.frame;
+        let held = self.segments.iter().filter(|s| s.holds(ns)).count();
+        // Many blocks at a time take less time than one by one.
+        let mut all = Vec::new();
+        if 2 * held < self.segments.len() {
+            all.resize_with(self.segments.len(), BlockStates::default);
+            self.batch.blocks_at_epoch(self.first, t, &mut all);
+        }
+        for (i, segment) in self.segments.iter().enumerate() {
+            let mut places = Places {
+                position_km: [[0.0; BLOCK]; 3],
+                code: segment.code,
+                objects: self.batch.objects_of(self.first + i),
+            };
+            let holds = segment.holds(ns);
+            if holds {
+                segment.place(ns, &mut places.position_km);
+            }
+            if !holds || segment.asks.contains(&true) {
+                let mut one = [const { BlockStates::NONE }];
+                let states = match all.get(i) {
+                    Some(states) => states,
+                    None => {
+                        self.batch.blocks_at_epoch(self.first + i, t, &mut one);
+                        &one[0]
+                    }
+                };
+                for k in (0..BLOCK).filter(|&k| !holds || segment.asks[k]) {
+                    for (row, new) in places.position_km.iter_mut().zip(&states.position_km) {
+                        row[k] = new[k];
+                    }
+                    places.code[k] = states.code[k] as u8;
+                }
+            }
+            self.look.look(&places, self.found);
+        }
+    }
+}
+
+impl Frame {
+    /// Whether a block is to get a segment now: where it had one until now, or it is its turn.
+    fn is_due(&self, block: usize, segment: &Segment) -> bool {
+        self.last
+            .is_some_and(|last| segment.holds(last) || block % TURNS == self.turn)
+    }
+}
+
+impl Segment {
+    fn holds(&self, ns: i64) -> bool {
+        self.middle_ns
+            .is_some_and(|middle| (ns - middle).abs() <= HALF_NS)
+    }
+
+    /// The segment of `block` that holds `ns`. Blocks begin theirs one after another.
+    fn lay(&mut self, batch: &Batch, block: usize, ns: i64) {
+        // The golden section spreads any number of blocks evenly.
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        let phase = ((block as f64 * GOLDEN).fract() * (2 * HALF_NS) as f64) as i64;
+        let start = (ns - phase).div_euclid(2 * HALF_NS) * (2 * HALF_NS) + phase;
+        let middle = start + HALF_NS;
+        self.middle_ns = Some(middle);
+
+        let mut states: [[BlockStates; 1]; 5] = Default::default();
+        let instants = [-HALF_NS, -HALF_NS / 2, 0, HALF_NS / 2, HALF_NS];
+        for (states, offset) in states.iter_mut().zip(instants) {
+            let t = Duration::from_total_nanoseconds(i128::from(middle + offset));
+            batch.blocks_at_epoch(block, Epoch::from_tai_duration(t), states);
+        }
+        let [[a], [b], [m], [c], [d]] = &states;
+        let mut fits = [true; BLOCK];
+        for axis in 0..3 {
+            for (i, fits) in fits.iter_mut().enumerate() {
+                let x = |states: &BlockStates| states.position_km[axis][i];
+                // x = p0 + p1 s + p2 s^2 + p3 s^3 through s = -1, -1/2, 1/2, 1
+                let (outer, inner) = ((x(a) + x(d)) / 2.0, (x(b) + x(c)) / 2.0);
+                let p2 = (outer - inner) / 0.75;
+                let (outer_odd, inner_odd) = ((x(d) - x(a)) / 2.0, x(c) - x(b));
+                let p3 = (outer_odd - inner_odd) / 0.75;
+                let p0 = outer - p2;
+                self.middle_km[axis][i] = p0;
+                for (rate, p) in self.rates_km.iter_mut().zip([outer_odd - p3, p2, p3]) {
+                    rate[axis][i] = p as f32;
+                }
+                *fits &= (p0 - x(m)).abs() <= TOLERANCE_KM;
+            }
+        }
+        for i in 0..BLOCK {
+            let code = |states: &BlockStates| states.code[i] as u8;
+            let same = [a, b, c, d].iter().all(|s| code(s) == code(m));
+            self.code[i] = if same { code(m) } else { 0 };
+            self.asks[i] = !same || !fits[i];
+        }
+    }
+
+    /// Where everybody is, as far as it holds.
+    #[inline(always)]
+    fn place(&self, ns: i64, position_km: &mut [Row; 3]) {
+        let middle = self.middle_ns.unwrap_or(ns);
+        let s = ((ns - middle) as f64 / HALF_NS as f64) as f32;
+        let [p1, p2, p3] = &self.rates_km;
+        for (axis, row) in position_km.iter_mut().enumerate() {
+            let way = way(s, &p1[axis], &p2[axis], &p3[axis]);
+            for ((place, middle), way) in row.iter_mut().zip(&self.middle_km[axis]).zip(way) {
+                *place = middle + f64::from(way);
+            }
+        }
+    }
+}
+
+/// s (p1 + s (p2 + s p3)), km.
+#[inline(always)]
+fn way(s: f32, p1: &Rates, p2: &Rates, p3: &Rates) -> Rates {
+    let mut way = [0.0; BLOCK];
+    for (way, ((p1, p2), p3)) in way.iter_mut().zip(p1.iter().zip(p2).zip(p3)) {
+        *way = s * (p1 + s * (p2 + s * p3));
+    }
+    way
+}
