@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 pub const MAX_ELAPSED_DAYS: f64 = 100.0 * 365.25;
 
 /// Radius of the Earth in the model, m (WGS72).
-const EARTH_RADIUS_M: f64 = 6_378_135.0;
+pub(crate) const EARTH_RADIUS_M: f64 = 6_378_135.0;
 
 /// A set of mean elements, as TLE and OMM give them: rad, rad/min. 80 bytes, as catalogues are long.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,6 +13,8 @@
 //! | [`ephemeris`] | CCSDS OEM (KVN) | Lagrange interpolation | turned at loading |
 //! | [`two_body`] | one state | two bodies and J2 | GCRF |
 //!
+//! [`synth`] makes populations for scale tests, with the mix of the real one.
+//!
 //! Nothing here panics on what a file says: a record that cannot be read is
 //! [`Rejected`] with its line and reason, and the rest of the file loads.
 
@@ -20,6 +22,7 @@ pub mod elements;
 pub mod ephemeris;
 pub mod frames;
 pub mod sgp4_batch;
+pub mod synth;
 pub mod tracks;
 pub mod two_body;
 
