@@ -55,10 +55,11 @@ impl Pull {
 
     #[inline(always)]
     fn effects<S: Simd>(&self, part: Part<S>, [e, n]: [f64; 2], t: Lanes<S>) -> Effects<S> {
-        // M = M0 + n t; f = M + 2 e sin M
-        let m = part.splat(n).mul_add(t, part.load(&self.mean_anomaly));
+        // M = M0 + n t; f = M + 2 e sin M. M0 is up to 1e4 rad, and its last digits count in level orbits, where p5 / sin I is
+        // large: it is rounded as in the scalar model.
+        let m = part.load(&self.mean_anomaly) + t * n;
         let (sin_m, _) = m.sin_cos();
-        let f = part.splat(2.0 * e).mul_add(sin_m, m);
+        let f = m + sin_m * (2.0 * e);
         let (sin, cos) = f.sin_cos();
         // F2 = sin^2 f / 2 - 1/4; F3 = -sin f cos f / 2
         let f2 = (sin * 0.5).mul_add(sin, part.splat(-0.25));
@@ -136,9 +137,7 @@ impl<R: Resonance> Model for Deep<R> {
         let moon = self.moon.effects(part, MOON, t);
         let (di, p4, p5) = (sun.i + moon.i, sun.p4 + moon.p4, sun.p5 + moon.p5);
         // I = I0 + I' t + dI
-        let even = part
-            .load(&self.inclination_dot)
-            .mul_add(t, part.load(&self.inclination));
+        let even = part.load(&self.inclination) + part.load(&self.inclination_dot) * t;
         let inclination = even + di;
         let (sin_i, cos_i) = inclination.sin_cos();
         // I >= 0.2: node = p22 + p5 / sin I; w = p23 + p4 - cos I p5 / sin I

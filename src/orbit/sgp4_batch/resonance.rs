@@ -189,11 +189,12 @@ impl Integrator {
             if !on.any() {
                 return Standing { at, n, lambda };
             }
-            // n += n' dt + n'' dt^2 / 2; lambda += lambda' dt + n' dt^2 / 2
+            // n += n' dt + n'' dt^2 / 2; lambda += lambda' dt + n' dt^2 / 2, rounded as in the scalar model: a century has 73,000
+            // steps, whose rounding would outweigh all else.
             let rate = n + lambda_dot;
             let Pull { n_dot, slope } = terms.pull(lambda, at);
-            let next = (slope * rate).mul_add(half, n_dot.mul_add(step, n));
-            let further = n_dot.mul_add(half, rate.mul_add(step, lambda));
+            let next = n + (n_dot * step + slope * rate * half);
+            let further = lambda + (rate * step + n_dot * half);
             n = on.select(next, n);
             lambda = on.select(further, lambda);
             at = on.select(at + step, at);
@@ -212,7 +213,7 @@ impl Integrator {
         let motion = (slope * rate).mul_add(half, n_dot.mul_add(left, n));
         Unperturbed {
             a: major_axis(motion, part.load(&self.a0)),
-            mean_anomaly: n_dot.mul_add(half, rate.mul_add(left, lambda)),
+            mean_anomaly: lambda + rate * left + n_dot * half,
             well: part.splat(0.0).less_than(motion),
         }
     }
