@@ -6,8 +6,9 @@ pyerfa). Nothing is downloaded:
     python make_references.py
 
 sgp4_verification.txt   the verification cases of Vallado et al., AIAA 2006-6753, from the
-                        files SGP4-VER.TLE and tcppver.out inside the package sgp4: some
-                        vectors of every case, TEME, km and km/s
+                        files SGP4-VER.TLE and tcppver.out inside the package sgp4: all
+                        vectors of every case, TEME, km and km/s, and that package's error
+                        codes at the steps that SGP4-VER.TLE asks for
 teme_to_gcrf.txt        TEME vectors turned to GCRF by skyfield (its own precession and
                         nutation, IAU 2006/2000A) and by astropy (through ITRS), m
 elements_to_gcrf.txt    element sets of the same cases carried to GCRF by skyfield, m
@@ -15,6 +16,7 @@ elements_to_gcrf.txt    element sets of the same cases carried to GCRF by skyfie
 
 import math
 import os
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +25,12 @@ from astropy import units as u
 from astropy.coordinates import GCRS, TEME, CartesianRepresentation
 from astropy.time import Time
 from astropy.utils import iers
+from sgp4.api import WGS72, Satrec
 from skyfield.api import EarthSatellite, load
 from skyfield.sgp4lib import TEME as SKYFIELD_TEME
 
 HERE = Path(__file__).parent
 PACKAGE = Path(os.path.dirname(sgp4.__file__))
-VECTORS_PER_CASE = 10
 AU_KM = 149597870.700
 
 iers.conf.auto_download = False
@@ -41,7 +43,16 @@ def element_sets():
         line for line in (PACKAGE / "SGP4-VER.TLE").read_text().splitlines()
         if not line.startswith("#")
     ]
-    return [(a[:69].rstrip(), b[:69].rstrip()) for a, b in zip(lines[::2], lines[1::2])]
+    return list(zip(lines[::2], lines[1::2]))
+
+
+def codes(model, line2):
+    """Minutes of the first step, minutes between steps, and runs of error codes, steps x code, for the span that
+    columns 70 and on of a line 2 ask for."""
+    start, stop, step = (float(word) for word in line2[69:].split())
+    found = [model.sgp4_tsince(start + i * step)[0] for i in range(int((stop - start) / step + 1e-9) + 1)]
+    runs = [f"{len(list(run))}x{code}" for code, run in groupby(found)]
+    return f"{start!r} {step!r} {' '.join(runs)}"
 
 
 def verification():
@@ -55,13 +66,16 @@ def verification():
     assert len(cases) == len(sets)
     with open(HERE / "sgp4_verification.txt", "w") as out:
         out.write("# AIAA 2006-6753 verification: two element lines, then rows of\n")
-        out.write("# minutes x y z (km) vx vy vz (km/s), TEME. See make_references.py.\n")
+        out.write("# minutes x y z (km) vx vy vz (km/s), TEME, then, after a c, the error codes of PyPI sgp4:\n")
+        out.write("# first step and distance of steps, minutes, and runs of steps x code. See make_references.py.\n")
         for (line1, line2), rows in zip(sets, cases):
-            # the first row repeats the epoch in every case; keep the ends
-            keep = sorted({round(i) for i in np.linspace(0, len(rows) - 1, VECTORS_PER_CASE)})
-            out.write(f"{line1}\n{line2}\n")
-            for index in keep:
-                out.write("  " + " ".join(rows[index]) + "\n")
+            model = Satrec.twoline2rv(line1[:69], line2[:69], WGS72)
+            out.write(f"{line1[:69].rstrip()}\n{line2[:69].rstrip()}\n")
+            for row in rows:
+                # the file repeats the vector of the case before where the model has none at the epoch
+                if model.sgp4_tsince(float(row[0]))[0] == 0:
+                    out.write("  " + " ".join(row) + "\n")
+            out.write(f"  c {codes(model, line2)}\n")
 
 
 def positions():
@@ -110,6 +124,7 @@ def elements():
             offset = wanted.pop(line1[2:7], None)
             if offset is None:
                 continue
+            line1, line2 = line1[:69].rstrip(), line2[:69].rstrip()
             satellite = EarthSatellite(line1, line2, None, timescale)
             year, month, day, hour, minute, second = satellite.epoch.utc
             # a whole millisecond of UTC, so that the text is exact

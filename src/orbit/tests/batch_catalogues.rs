@@ -1,0 +1,139 @@
+//! The batch against the scalar twin on whole catalogues, up to a year from each epoch.
+//!
+//! Public catalogues are read where they are: in the folder that `SKYLOOP_CATALOGUES` names, else in
+//! `../shared/data/tle` beside the repository. Everywhere else the made-up sets stand for them.
+
+mod support;
+
+use skyloop_orbit::elements::Elements;
+use skyloop_orbit::sgp4_batch::{Batch, States, TOO_FAR};
+use skyloop_orbit::time::parse_utc;
+use skyloop_orbit::{Orbit, load};
+use std::path::PathBuf;
+use support::{Tally, answers, batch, samples, scalar};
+
+/// Days from each epoch; both signs of zero.
+const DAYS: [f64; 10] = [-365.0, -30.0, -7.0, -1.0, -0.0, 0.0, 1.0, 7.0, 30.0, 365.0];
+
+/// The catalogues that are there, by name, and the element sets in them.
+fn catalogues() -> Vec<(String, Vec<Elements>)> {
+    let folder = match std::env::var_os("SKYLOOP_CATALOGUES") {
+        Some(folder) => PathBuf::from(folder),
+        None => PathBuf::from(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../../shared/data/tle"
+        )),
+    };
+    let Ok(entries) = std::fs::read_dir(&folder) else {
+        println!("no catalogues in {}: passed over", folder.display());
+        return Vec::new();
+    };
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| {
+        path.extension()
+            .is_some_and(|end| end == "tle" || end == "3le")
+    });
+    paths.sort();
+    let read = |path: PathBuf| {
+        let loaded = load(&path).unwrap();
+        let sets = loaded
+            .objects
+            .into_iter()
+            .flat_map(|object| match object.orbit {
+                Orbit::Elements(set, others) => std::iter::once(set).chain(others).collect(),
+                Orbit::Ephemeris(_) => Vec::new(),
+            });
+        (
+            path.file_name().unwrap().display().to_string(),
+            sets.collect(),
+        )
+    };
+    paths.into_iter().map(read).collect()
+}
+
+#[test]
+fn every_object_of_the_catalogues_is_where_the_scalar_twin_has_it() {
+    for (name, sets) in catalogues() {
+        let mut tally = Tally::default();
+        for days in DAYS {
+            let answers = batch(&sets, days * 1440.0);
+            for (set, answer) in sets.iter().zip(&answers) {
+                let what = format_args!("{} at {days} d", set.norad);
+                tally.hold(what, set, days * 1440.0, answer);
+            }
+        }
+        tally.print(format_args!("{name}, {} sets", sets.len()));
+        // what the last digit moves is near decay or far from its epoch
+        assert!(tally.states > sets.len() * DAYS.len() * 8 / 10);
+        assert!(tally.sensitive.len() <= tally.states / 500);
+    }
+}
+
+#[test]
+fn made_up_sets_are_where_the_scalar_twin_has_them() {
+    let synthetic = samples::synthetic();
+    let sets: Vec<Elements> = synthetic.iter().map(|one| one.set).collect();
+    let mut tally = Tally::default();
+    for days in DAYS {
+        for (one, answer) in synthetic.iter().zip(batch(&sets, days * 1440.0)) {
+            tally.hold(
+                format_args!("{}, {}", one.set.norad, one.kind),
+                &one.set,
+                days * 1440.0,
+                &answer,
+            );
+        }
+    }
+    tally.print(format_args!("{} made-up sets", sets.len()));
+    assert!(tally.states > 4000);
+    assert!(tally.sensitive.len() <= 40);
+}
+
+#[test]
+fn failures_of_made_up_sets_are_those_of_the_reference() {
+    let synthetic = samples::synthetic();
+    let sets: Vec<Elements> = synthetic.iter().map(|one| one.set).collect();
+    let mut failures = 0;
+    for (i, days) in samples::DAYS.iter().enumerate() {
+        for (one, answer) in synthetic.iter().zip(batch(&sets, days * 1440.0)) {
+            let (found, code) = (answer.err().unwrap_or(0), one.codes[i]);
+            let twin = scalar(&one.set, days * 1440.0).err().unwrap_or(0);
+            assert_eq!(
+                (found, twin),
+                (code, code),
+                "{}, {} at {days} d: batch, twin, reference",
+                one.set.norad,
+                one.kind
+            );
+            failures += usize::from(code != 0);
+        }
+    }
+    println!("{failures} failures");
+    assert!(failures > 500);
+}
+
+#[test]
+fn an_instant_is_so_many_minutes_after_each_epoch() {
+    let synthetic = samples::synthetic();
+    let sets: Vec<Elements> = synthetic.iter().map(|one| one.set).collect();
+    let mut batch = Batch::new(&sets).unwrap();
+    let (mut states, mut tally) = (States::default(), Tally::default());
+    // beside a leap second, before and after all epochs, and too far from most of them
+    for utc in [
+        "2016-12-31T23:59:59.999Z",
+        "2017-01-01T00:00:00.000Z",
+        "1970-01-01T00:00:00.000Z",
+        "2026-07-11T12:34:56.789Z",
+        "2110-01-01T00:00:00.000Z",
+    ] {
+        let t = parse_utc(utc).unwrap();
+        batch.propagate(t, &mut states);
+        for (one, answer) in synthetic.iter().zip(answers(&batch, &states)) {
+            let what = format_args!("{}, {}, at {utc}", one.set.norad, one.kind);
+            tally.hold(what, &one.set, one.set.minutes_to(t), &answer);
+        }
+    }
+    tally.print("instants");
+    assert!(tally.states > 1500);
+    assert!(tally.codes[&TOO_FAR] > 200);
+}

@@ -1,0 +1,165 @@
+//! The batch's results are the same to the last bit on any number of threads, with any instructions, beside any other
+//! objects, and after any other question.
+
+mod support;
+
+use skyloop_orbit::elements::Elements;
+use skyloop_orbit::sgp4_batch::{Batch, Level, States};
+use support::{Answer, answers, samples};
+
+/// Minutes after the epochs: near and far, to both sides.
+const MINUTES: [f64; 8] = [
+    0.0, 700.0, -730.0, 10_000.0, -43_200.0, 525_600.0, -525_600.0, 5.2e6,
+];
+
+/// All sets that the tests have: every kind of orbit, failures among them.
+fn sets() -> Vec<Elements> {
+    let cases = samples::verification().into_iter().map(|case| case.set);
+    let synthetic = samples::synthetic().into_iter().map(|one| one.set);
+    cases.chain(synthetic).collect()
+}
+
+/// To the last bit: not even zeros of both signs are the same.
+fn bits(answer: &Answer) -> Result<[u64; 6], u8> {
+    answer.map(|(p, v)| [p[0], p[1], p[2], v[0], v[1], v[2]].map(f64::to_bits))
+}
+
+fn after(batch: &mut Batch, minutes: f64) -> Vec<Result<[u64; 6], u8>> {
+    let mut states = States::default();
+    batch.propagate_after(minutes, &mut states);
+    answers(batch, &states).iter().map(bits).collect()
+}
+
+/// What all others are held to: portable instructions, a batch that was asked nothing else.
+fn reference(minutes: f64) -> Vec<Result<[u64; 6], u8>> {
+    let mut batch = Batch::new(&sets()).unwrap();
+    batch.set_level(Level::Portable);
+    after(&mut batch, minutes)
+}
+
+#[test]
+fn every_level_on_any_number_of_threads_gives_the_same_bits() {
+    let levels = Level::available();
+    println!("levels of this processor: {levels:?}");
+    assert!(levels.contains(&Level::Portable));
+    let batch = Batch::new(&sets()).unwrap();
+    for minutes in MINUTES {
+        let expected = reference(minutes);
+        assert!(expected.iter().filter(|answer| answer.is_ok()).count() > 100);
+        for level in &levels {
+            for threads in [1, 2, 4] {
+                let mut batch = batch.clone();
+                batch.set_level(*level);
+                assert_eq!(batch.level(), *level);
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+                let found = pool.build().unwrap().install(|| after(&mut batch, minutes));
+                assert!(
+                    found == expected,
+                    "{level} on {threads} threads at {minutes} min"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn an_object_is_the_same_in_any_company() {
+    let sets = sets();
+    for minutes in [700.0, -43_200.0] {
+        let expected = reference(minutes);
+        for level in Level::available() {
+            // alone
+            for (set, expected) in sets.iter().zip(&expected) {
+                let mut batch = Batch::new(&[*set]).unwrap();
+                batch.set_level(level);
+                assert_eq!(
+                    after(&mut batch, minutes),
+                    [*expected],
+                    "{set:?} at {minutes} min"
+                );
+            }
+            // in other orders; all steps have no divisor in common with the number of sets
+            for step in [1, 7, 101, 397].map(|step| coprime(step, sets.len())) {
+                let order: Vec<usize> = (0..sets.len())
+                    .map(|i| (i * step + 5) % sets.len())
+                    .collect();
+                let shuffled: Vec<Elements> = order.iter().map(|i| sets[*i]).collect();
+                let mut batch = Batch::new(&shuffled).unwrap();
+                batch.set_level(level);
+                let found = after(&mut batch, minutes);
+                for (place, i) in order.iter().enumerate() {
+                    assert_eq!(
+                        found[place], expected[*i],
+                        "{:?} at {minutes} min",
+                        sets[*i]
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Sets that fail, in one way each, beside those that do not.
+#[test]
+fn failures_leave_their_neighbours_alone() {
+    let sets = sets();
+    for minutes in [700.0, -43_200.0, 525_600.0] {
+        let expected = reference(minutes);
+        let well: Vec<usize> = (0..sets.len()).filter(|i| expected[*i].is_ok()).collect();
+        let failing = (0..sets.len()).filter(|i| expected[*i].is_err());
+        let one_of_each = failing.fold(Vec::<usize>::new(), |mut kinds, i| {
+            if kinds.iter().all(|k| expected[*k] != expected[i]) {
+                kinds.push(i);
+            }
+            kinds
+        });
+        for bad in one_of_each {
+            // every other place of every block
+            let order: Vec<usize> = well.iter().flat_map(|i| [*i, bad]).collect();
+            let mixed: Vec<Elements> = order.iter().map(|i| sets[*i]).collect();
+            let found = after(&mut Batch::new(&mixed).unwrap(), minutes);
+            for (place, i) in order.iter().enumerate() {
+                assert_eq!(
+                    found[place], expected[*i],
+                    "{:?} at {minutes} min",
+                    sets[*i]
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_was_asked_before_does_not_matter() {
+    let days = [
+        0.0, 3.0, 2.5, -4.0, 30.0, 30.0, 0.1, -365.0, 365.0, -0.1, 1000.0, 1.0, -1000.0, 0.0,
+    ];
+    // as a run asks: small steps forward over the integrator's own, and back
+    let steps = (0..100).chain((0..100).rev());
+    let minutes = days.into_iter().map(|day| day * 1440.0);
+    let minutes = minutes.chain(steps.map(|step| f64::from(step) * 73.0 - 3000.0));
+
+    let fresh = Batch::new(&sets()).unwrap();
+    let mut asked: Vec<Batch> = Vec::new();
+    for level in Level::available() {
+        asked.push(fresh.clone());
+        asked.last_mut().unwrap().set_level(level);
+    }
+    for minutes in minutes {
+        let expected = after(&mut fresh.clone(), minutes);
+        for batch in &mut asked {
+            let found = after(batch, minutes);
+            assert!(found == expected, "{} at {minutes} min", batch.level());
+        }
+    }
+}
+
+fn coprime(step: usize, of: usize) -> usize {
+    let divisor = |mut a: usize, mut b: usize| {
+        while b != 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    (step..).find(|step| divisor(*step, of) == 1).unwrap()
+}

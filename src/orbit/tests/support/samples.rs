@@ -1,0 +1,123 @@
+//! The element sets that come with the tests.
+
+use hifitime::Epoch;
+use skyloop_orbit::Checksum;
+use skyloop_orbit::elements::Elements;
+use skyloop_orbit::time::parse_utc;
+use std::f64::consts::PI;
+
+/// A verification case of AIAA 2006-6753.
+pub struct Case {
+    pub name: String,
+    pub set: Elements,
+    /// Minutes, x, y, z (km), vx, vy, vz (km/s), TEME.
+    pub vectors: Vec<[f64; 7]>,
+    /// Minutes and the error code of PyPI sgp4.
+    pub codes: Vec<(f64, u8)>,
+}
+
+/// All verification cases; checksums and what stands in fields that SGP4 does not use are not looked at.
+pub fn verification() -> Vec<Case> {
+    // X-Val: SGP4-VER.TLE and tcppver.out, as data/make_references.py takes them from PyPI sgp4
+    let text = include_str!("../data/sgp4_verification.txt");
+    let mut cases: Vec<Case> = Vec::new();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    while let Some(line) = lines.next() {
+        if line.starts_with('1') {
+            let line2 = lines.next().unwrap();
+            cases.push(Case {
+                name: line2[2..7].trim().to_owned(),
+                set: Elements::parse(line, line2, Checksum::Ignored).unwrap(),
+                vectors: Vec::new(),
+                codes: Vec::new(),
+            });
+            continue;
+        }
+        let case = cases.last_mut().unwrap();
+        match line.trim().strip_prefix("c ") {
+            None => case.vectors.push(numbers(line).try_into().unwrap()),
+            Some(codes) => case.codes = self::codes(codes),
+        }
+    }
+    cases
+}
+
+/// `0.0 5.0 11x0 2x6`: first step, distance of steps, runs.
+fn codes(text: &str) -> Vec<(f64, u8)> {
+    let mut words = text.split_whitespace();
+    let start: f64 = words.next().unwrap().parse().unwrap();
+    let step: f64 = words.next().unwrap().parse().unwrap();
+    let codes = words.flat_map(|run| {
+        let (steps, code) = run.split_once('x').unwrap();
+        std::iter::repeat_n(code.parse::<u8>().unwrap(), steps.parse().unwrap())
+    });
+    let at = |(i, code)| (start + i as f64 * step, code);
+    codes.enumerate().map(at).collect()
+}
+
+/// A made-up element set of a kind, and PyPI sgp4's error codes at [`DAYS`].
+pub struct Synthetic {
+    pub kind: &'static str,
+    pub set: Elements,
+    pub codes: Vec<u8>,
+}
+
+/// Days from the epoch at which the error codes of made-up sets are known.
+pub const DAYS: [f64; 11] = [
+    -36525.0, -365.0, -30.0, -7.0, -1.0, 0.0, 1.0, 7.0, 30.0, 365.0, 36525.0,
+];
+
+/// Made-up sets of every kind of orbit that SGP4 tells apart.
+pub fn synthetic() -> Vec<Synthetic> {
+    // X-Val: data/make_batch_references.py: drawn by it, error codes by PyPI sgp4 2.27
+    let text = include_str!("../data/synthetic_elements.txt");
+    let (head, rows) = text.split_at(text.match_indices('\n').nth(2).unwrap().0 + 1);
+    let days: Vec<f64> = numbers(&head.lines().last().unwrap().split('.').next().unwrap()[1..]);
+    assert_eq!(days, DAYS);
+
+    let mut kind = "";
+    let mut sets = Vec::new();
+    for line in rows.lines() {
+        if let Some(name) = line.strip_prefix("# ") {
+            kind = name;
+            continue;
+        }
+        let (epoch, rest) = line.split_once(' ').unwrap();
+        let (elements, codes) = rest.rsplit_once(' ').unwrap();
+        let [
+            inclination,
+            node,
+            eccentricity,
+            perigee,
+            mean_anomaly,
+            revolutions,
+            drag,
+        ] = numbers(elements).try_into().unwrap();
+        sets.push(Synthetic {
+            kind,
+            set: Elements {
+                norad: sets.len() as u32,
+                epoch: parse_utc(epoch).unwrap(),
+                inclination: f64::to_radians(inclination),
+                node: f64::to_radians(node),
+                eccentricity,
+                perigee: f64::to_radians(perigee),
+                mean_anomaly: f64::to_radians(mean_anomaly),
+                mean_motion: revolutions * (PI / 720.0),
+                drag,
+            },
+            codes: codes.bytes().map(|code| code - b'0').collect(),
+        });
+    }
+    sets
+}
+
+/// An epoch for sets that are made up in a test.
+pub fn epoch() -> Epoch {
+    parse_utc("2026-07-11T00:00:00Z").unwrap()
+}
+
+fn numbers(line: &str) -> Vec<f64> {
+    let words = line.split_whitespace();
+    words.map(|word| word.parse().unwrap()).collect()
+}
