@@ -42,6 +42,8 @@ pub struct Config {
     pub objects: Vec<Object>,
     /// Records of the object files that were refused, one line each.
     pub rejected: Vec<String>,
+    /// What was passed over of the object files, one line each.
+    pub notices: Vec<String>,
     /// What an object reflects where nothing is known of it.
     pub sphere: Sphere,
     /// What is known of others.
@@ -294,13 +296,13 @@ impl Config {
         let Objects {
             objects,
             looks,
-            mut rejected,
+            mut findings,
             sphere,
         } = raw.objects.validate(&check, folder)?;
         let observer = match &raw.observer.orbit {
             None => None,
             Some(selector) => {
-                let object = orbits::one(folder, selector, &mut rejected);
+                let object = orbits::one(folder, selector, &mut findings);
                 let object = object.map_err(|error| check.explain("observer.orbit", error))?;
                 Some(Observer::Object(Box::new(object)))
             }
@@ -320,7 +322,8 @@ impl Config {
             label_snr: check.range("label_snr", raw.label_snr, 0.0..=1e9)?,
             sky: raw.sky.validate(&check)?,
             objects,
-            rejected,
+            rejected: findings.rejected,
+            notices: findings.notices,
             sphere,
             looks,
             observer,

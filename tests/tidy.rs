@@ -79,14 +79,23 @@ const FENCES: &[(&str, &[&str])] = &[
         "sofars::",
         &["sky/bodies", "sky/moon/series", "sky/planets"],
     ),
-    ("serde_json::", &["cli/plan", "label", "link/fault/book"]),
+    (
+        "serde_json::",
+        &["cli/catalog", "cli/plan", "label", "link/fault/book"],
+    ),
     ("toml::", &["load"]),
     ("strsim::", &["load"]),
     ("image::", &["output"]),
     ("embedded_graphics::", &["output"]),
     (
         "std::fs::",
-        &["link/capture", "link/fault/book", "link/name", "output"],
+        &[
+            "cli/catalog/convert",
+            "link/capture",
+            "link/fault/book",
+            "link/name",
+            "output",
+        ],
     ),
     ("std::net::", &["link/udp"]),
     // The binary alone reports; the library says what is wrong in types.

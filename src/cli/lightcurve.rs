@@ -1,6 +1,6 @@
 //! `skyloop lightcurve`: the magnitude of an object against time, as an observer in orbit sees it.
 
-use super::{progress, scene, scene_name, warn_of_refused};
+use super::{Records, progress, scene, scene_name};
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
@@ -38,6 +38,8 @@ pub struct Args {
     /// Folder for lightcurve.csv and lightcurve.png; made if it does not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    records: Records,
 }
 
 /// Instants at most.
@@ -46,7 +48,7 @@ const MOST_POINTS: f64 = 1e6;
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
-    warn_of_refused(&config);
+    args.records.settle(&config)?;
     let name = scene_name(args.scene.as_deref());
     let span = span(&args, &config, &name)?;
     let Some(Observer::Object(observer)) = config.observer.take() else {

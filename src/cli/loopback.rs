@@ -1,6 +1,6 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
-use super::{instruments, levels, mission, progress, scene, warn_of_refused, with_level};
+use super::{Records, instruments, levels, mission, progress, scene, with_level};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::Clock;
@@ -42,6 +42,8 @@ pub struct Args {
     out: PathBuf,
     #[command(flatten)]
     instruments: instruments::Choice,
+    #[command(flatten)]
+    records: Records,
 }
 
 /// Frames that may wait to be written; then the emulator waits.
@@ -50,7 +52,7 @@ const WRITE_QUEUE: usize = 8;
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
-    warn_of_refused(&config);
+    args.records.settle(&config)?;
     if let (Some(sequence), Some(frames)) = (&mut config.sequence, args.frames) {
         sequence.frames = frames;
     }

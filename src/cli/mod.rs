@@ -11,12 +11,14 @@ mod render;
 mod replay;
 mod run;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::builder::PossibleValuesParser;
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use skyloop::config::Config;
+use skyloop::effect::counted;
 use skyloop::flight;
+use skyloop::load::orbits::several_sets;
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_protocols::Output;
 use std::io::IsTerminal;
@@ -46,7 +48,7 @@ enum Command {
     Plan(plan::Args),
     /// Write the magnitude of an object against time, as a table and a plot
     Lightcurve(lightcurve::Args),
-    /// Check files of orbits
+    /// Check, count and convert files of orbits
     Catalog(catalog::Args),
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
     #[cfg(target_os = "linux")]
@@ -103,10 +105,51 @@ fn scene_name(file: Option<&Path>) -> String {
     })
 }
 
-/// Logs what was refused of a scene's orbit files.
-fn warn_of_refused(config: &Config) {
-    for line in &config.rejected {
-        tracing::warn!("refused: {line}");
+/// What is done about records of orbit files that cannot be used.
+#[derive(clap::Args, Default)]
+struct Records {
+    /// Refuse the scene if a record of its orbit files cannot be used, which is else left out
+    #[arg(long)]
+    strict: bool,
+}
+
+/// Records that are named at most.
+const NAMED: usize = 10;
+
+impl Records {
+    /// Logs what was refused of a scene's orbit files; an error if nothing may be.
+    fn settle(&self, config: &Config) -> anyhow::Result<()> {
+        self.settle_lines(&config.rejected)?;
+        for line in &config.notices {
+            tracing::warn!("{line}");
+        }
+        if let Some(line) = several_sets(&config.objects) {
+            tracing::warn!("{line}");
+        }
+        Ok(())
+    }
+
+    /// The same for the lines of records, where there is no scene.
+    fn settle_lines(&self, rejected: &[String]) -> anyhow::Result<()> {
+        let named = rejected.iter().take(NAMED);
+        let others = rejected.len().saturating_sub(NAMED);
+        let more = format!("{others} more; skyloop catalog check FILE names them all");
+        if self.strict && !rejected.is_empty() {
+            let mut lines: Vec<&str> = named.map(String::as_str).collect();
+            lines.extend((others > 0).then_some(more.as_str()));
+            let count = counted(rejected.len(), "record");
+            bail!(
+                "--strict: {count} of orbit files cannot be used:\n  {}",
+                lines.join("\n  ")
+            );
+        }
+        for line in named {
+            tracing::warn!("refused: {line}");
+        }
+        if others > 0 {
+            tracing::warn!("refused: {more}");
+        }
+        Ok(())
     }
 }
 

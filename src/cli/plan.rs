@@ -1,6 +1,6 @@
 //! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and what it saves.
 
-use super::{mission, progress, scene, scene_name};
+use super::{Records, mission, progress, scene, scene_name};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
@@ -34,6 +34,8 @@ pub struct Args {
     /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    records: Records,
 }
 
 /// A frame's plan.
@@ -78,6 +80,7 @@ struct Line {
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
+    args.records.settle(&config)?;
     if let Some(camera) = &args.camera {
         config.camera = Camera::load(camera, &Folder::current())?;
     }

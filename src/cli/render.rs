@@ -1,6 +1,6 @@
 //! `skyloop render`: frames and labels into a folder, without a flight computer.
 
-use super::{mission, progress, warn_of_refused};
+use super::{Records, mission, progress};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
@@ -75,6 +75,8 @@ pub struct Args {
     /// Folder for frames and labels; made if it does not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    records: Records,
 }
 
 /// Exactly N finite numbers, separated by commas.
@@ -112,7 +114,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = configure(&args)?;
-    warn_of_refused(&config);
+    args.records.settle(&config)?;
     let mission = mission(&config, args.scene.as_deref())?;
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = !args.no_noise;
@@ -166,17 +168,20 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     let here = Folder::current();
     let mut config = Config::defaults()?;
     config.camera = Camera::load(&args.camera, &here)?;
+    let mut findings = orbits::Findings::default();
     config.observer = match (&args.orbit, state) {
         (Some(selector), _) => Some(Observer::Object(Box::new(orbits::one(
             &here,
             selector,
-            &mut config.rejected,
+            &mut findings,
         )?))),
         (None, state) => state.map(Observer::State),
     };
     for file in &args.rso {
-        orbits::add(&here, file, &mut config.objects, &mut config.rejected)?;
+        orbits::add(&here, file, &mut config.objects, &mut findings)?;
     }
+    config.rejected = findings.rejected;
+    config.notices = findings.notices;
     config.sequence = Some(Sequence {
         epoch,
         frames: 1,

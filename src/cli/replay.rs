@@ -1,6 +1,6 @@
 //! `skyloop replay`: the inputs of a recording once more, and what comes of them compared.
 
-use super::{levels, scene, warn_of_refused, with_level};
+use super::{Records, levels, scene, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::Clock;
@@ -48,7 +48,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
 pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     let recording = load(&args.file, &NATIVE)?;
     let mut config = scene(args.config.as_deref().or(args.scene.as_deref()))?;
-    warn_of_refused(&config);
+    Records::default().settle(&config)?;
     if let (Some(file), Clock::Wall) = (&args.config, config.run.clock) {
         bail!(
             "{}: run.clock = \"wall\": only stepped runs can be replayed: by the wall clock frames depend on the moment",

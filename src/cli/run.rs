@@ -1,6 +1,6 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
-use super::{instruments, levels, warn_of_refused, with_level};
+use super::{Records, instruments, levels, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -32,12 +32,14 @@ pub struct Args {
     frames: Option<u32>,
     #[command(flatten)]
     instruments: instruments::Choice,
+    #[command(flatten)]
+    records: Records,
 }
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = Config::load(&args.config)?;
-    warn_of_refused(&config);
+    args.records.settle(&config)?;
     let idle = Duration::from_secs_f64(config.run.idle_s);
     let urls = match args.link.is_empty() {
         true => &config.run.links,

@@ -1,7 +1,7 @@
 //! `[objects]` of a scene and the population file that it may name: who is in orbit, and what is known of whose looks.
 
 use super::shapes::{RawAttitude, RawShape, RawSphere};
-use crate::load::orbits::{Shelf, add_without};
+use crate::load::orbits::{Findings, Shelf, add_without};
 use crate::load::{Check, ConfigError, Folder, advice, parse};
 use crate::sky::look::Body;
 use crate::sky::photometry::Sphere;
@@ -19,8 +19,8 @@ pub struct Objects {
     pub objects: Vec<Object>,
     /// What is known of some of them.
     pub looks: Looks,
-    /// Records of their files that were refused, one line each.
-    pub rejected: Vec<String>,
+    /// What there is to say of their files.
+    pub findings: Findings,
     /// What stands for all others.
     pub sphere: Sphere,
 }
@@ -126,7 +126,7 @@ impl RawPopulation {
                 (Some(selector), None) => {
                     let key = format!("{key}.object");
                     let one = shelf
-                        .one(selector, &mut all.rejected)
+                        .one(selector, &mut all.findings)
                         .map_err(|error| check.explain(&key, error))?;
                     if !selected.insert(one.id.clone()) {
                         let reason = format!(
@@ -217,6 +217,6 @@ impl Objects {
         name: &str,
         without: &HashSet<String>,
     ) -> Result<(), ConfigError> {
-        add_without(folder, name, without, &mut self.objects, &mut self.rejected)
+        add_without(folder, name, without, &mut self.objects, &mut self.findings)
     }
 }

@@ -64,6 +64,27 @@ impl Folder {
         }
     }
 
+    /// The names of the files that `name` stands for: itself, or all in the folder of this name, in order.
+    pub fn files(&self, name: &str) -> Result<Vec<String>, ConfigError> {
+        let Folder::Disk(folder) = self else {
+            return Ok(vec![name.to_string()]);
+        };
+        let path = folder.join(name);
+        if name.is_empty() || !path.is_dir() {
+            return Ok(vec![name.to_string()]);
+        }
+        let files = skyloop_orbit::files(&path).map_err(|source| ConfigError::Read {
+            file: path.display().to_string(),
+            source,
+            remedy: "check the folder".to_string(),
+        })?;
+        let below = |file: PathBuf| {
+            let entry = file.file_name().unwrap_or_default().to_string_lossy();
+            format!("{}/{entry}", name.trim_end_matches('/'))
+        };
+        Ok(files.into_iter().map(below).collect())
+    }
+
     /// The file called `name`, and the name to use for it in messages.
     pub fn read(&self, name: &str) -> Result<(String, String), ConfigError> {
         let failed = |file: String, source: std::io::Error| ConfigError::Read {

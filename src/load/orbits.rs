@@ -1,20 +1,33 @@
-//! Orbit files (TLE, 3LE, OEM) by name.
+//! Orbit files of every format, and folders of them, by name.
 
 use super::{ConfigError, Folder};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 
-use skyloop_orbit::{Loaded, Object, Rejected, file_and_name};
+use skyloop_orbit::{Loaded, Object, Orbit, Rejected, file_and_name};
 
-/// Adds every object of a file to `objects`. What is wrong with its other records goes to `rejected`, and so
-/// does an object that an earlier file gave: shown twice, it would send its light twice.
+/// Objects that a line names at most.
+const NAMED: usize = 3;
+
+/// What there is to say of orbit files beside the objects in them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Findings {
+    /// Records that were refused, one line each.
+    pub rejected: Vec<String>,
+    /// What was passed over, one line each.
+    pub notices: Vec<String>,
+}
+
+/// Adds every object of a file, or of all files in a folder, to `objects`. Element sets of an object that is there
+/// already become further sets of it. An ephemeris beside other orbits of an object is refused: shown twice, it would send
+/// its light twice.
 pub fn add(
     folder: &Folder,
     name: &str,
     objects: &mut Vec<Object>,
-    rejected: &mut Vec<String>,
+    findings: &mut Findings,
 ) -> Result<(), ConfigError> {
-    add_without(folder, name, &HashSet::new(), objects, rejected)
+    add_without(folder, name, &HashSet::new(), objects, findings)
 }
 
 /// [`add`], but for the objects of the ids `without`, which have come from elsewhere.
@@ -23,7 +36,7 @@ pub fn add_without(
     name: &str,
     without: &HashSet<String>,
     objects: &mut Vec<Object>,
-    rejected: &mut Vec<String>,
+    findings: &mut Findings,
 ) -> Result<(), ConfigError> {
     if let (file, Some(_)) = file_and_name(name, |file| folder.has(file))
         && folder.has(file)
@@ -32,34 +45,52 @@ pub fn add_without(
             "{name}: objects are taken from whole files: write {file}"
         )));
     }
-    let loaded = load(folder, name)?;
-    book(&loaded.rejected, rejected);
+    let mut loaded = load(folder, name, &mut findings.notices)?;
+    book(&loaded.rejected, &mut findings.rejected);
     if loaded.objects.is_empty() {
         let why = loaded.pick(None).err().unwrap_or_default();
         return Err(ConfigError::Orbit(format!("{name}: {why}")));
     }
-    let known: HashSet<String> = objects.iter().map(|object| object.id.clone()).collect();
-    let wanted = loaded.objects.into_iter();
-    for object in wanted.filter(|object| !without.contains(&object.id)) {
-        if known.contains(&object.id) {
-            let label = object.label();
-            rejected.push(format!(
-                "{name}: {label} is in an earlier file: keep one of the two"
-            ));
-        } else {
-            objects.push(object);
-        }
+    loaded
+        .objects
+        .retain(|object| !without.contains(&object.id));
+    for refused in gather(objects, loaded.objects) {
+        findings.rejected.push(format!("{name}: {refused}"));
     }
     Ok(())
+}
+
+/// Says of how many objects there are several element sets, if there are any.
+pub fn several_sets(objects: &[Object]) -> Option<String> {
+    let several = |object: &&Object| match &object.orbit {
+        Orbit::Elements(_, others) => !others.is_empty(),
+        Orbit::Ephemeris(_) => false,
+    };
+    let several: Vec<&Object> = objects.iter().filter(several).collect();
+    let named: Vec<String> = (several.iter().take(NAMED))
+        .map(|object| object.label())
+        .collect();
+    let more = if several.len() > NAMED { ", ..." } else { "" };
+    let (named, count) = (named.join(", "), several.len());
+    let what = if count == 1 {
+        "object has"
+    } else {
+        "objects have"
+    };
+    (count > 0).then(|| {
+        format!(
+            "{count} {what} several element sets ({named}{more}): the one whose epoch is nearest to an exposure counts"
+        )
+    })
 }
 
 /// The object that `FILE` or `FILE:NAME` selects, see [`file_and_name`] and [`Loaded::pick`].
 pub fn one(
     folder: &Folder,
     selector: &str,
-    rejected: &mut Vec<String>,
+    findings: &mut Findings,
 ) -> Result<Object, ConfigError> {
-    Shelf::new(folder).one(selector, rejected)
+    Shelf::new(folder).one(selector, findings)
 }
 
 /// Files that are read once, however many objects are taken out of them.
@@ -76,20 +107,16 @@ impl Shelf<'_> {
     }
 
     /// [`one`], from a file that may have been read before.
-    pub fn one(
-        &mut self,
-        selector: &str,
-        rejected: &mut Vec<String>,
-    ) -> Result<Object, ConfigError> {
+    pub fn one(&mut self, selector: &str, findings: &mut Findings) -> Result<Object, ConfigError> {
         let (file, name) = file_and_name(selector, |file| self.folder.has(file));
         let loaded = match self.files.entry(file.to_string()) {
             Entry::Occupied(read) => read.into_mut(),
-            Entry::Vacant(place) => place.insert(load(self.folder, file)?),
+            Entry::Vacant(place) => place.insert(load(self.folder, file, &mut findings.notices)?),
         };
         let object = loaded
             .find(name)
             .map_err(|why| ConfigError::Orbit(format!("{file}: {why}")))?;
-        book(&loaded.rejected, rejected);
+        book(&loaded.rejected, &mut findings.rejected);
         Ok(object.clone())
     }
 }
@@ -101,7 +128,53 @@ fn book(refused: &[Rejected], rejected: &mut Vec<String>) {
     rejected.extend(lines.filter(|line| !known.contains(line)));
 }
 
-fn load(folder: &Folder, name: &str) -> Result<Loaded, ConfigError> {
+/// Adds `new` objects to `objects`, element sets of those that are there to them. Says which cannot be joined.
+fn gather(objects: &mut Vec<Object>, new: Vec<Object>) -> Vec<String> {
+    let ids = objects.iter().map(|object| object.id.clone());
+    let mut places: HashMap<String, usize> = ids.zip(0..).collect();
+    let mut refused = Vec::new();
+    for object in new {
+        let place = places.entry(object.id.clone()).or_insert(objects.len());
+        match objects.get_mut(*place) {
+            None => objects.push(object),
+            Some(known) => match (&known.orbit, &object.orbit) {
+                (Orbit::Elements(..), Orbit::Elements(..)) => known.join(object),
+                _ => refused.push(format!(
+                    "{} is in an earlier file: keep one of the two",
+                    object.label()
+                )),
+            },
+        }
+    }
+    refused
+}
+
+/// A file, or all files of a folder, of which those without orbits are passed over.
+fn load(folder: &Folder, name: &str, notices: &mut Vec<String>) -> Result<Loaded, ConfigError> {
+    let files = folder.files(name)?;
+    if files == [name] {
+        return load_file(folder, name);
+    }
+    let mut all = Loaded::default();
+    for file in files {
+        match load_file(folder, &file) {
+            Ok(loaded) => {
+                all.rejected.extend(loaded.rejected);
+                for reason in gather(&mut all.objects, loaded.objects) {
+                    all.rejected.push(Rejected {
+                        source: file.clone(),
+                        line: 1,
+                        reason,
+                    });
+                }
+            }
+            Err(error) => notices.push(format!("passed over: {error}")),
+        }
+    }
+    Ok(all)
+}
+
+fn load_file(folder: &Folder, name: &str) -> Result<Loaded, ConfigError> {
     let (file, text) = folder.read(name)?;
     skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit(e.to_string()))
 }

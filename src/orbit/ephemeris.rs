@@ -55,6 +55,14 @@ impl Ephemeris {
         }
     }
 
+    /// The first and the last instant that it covers; there may be gaps between them.
+    pub fn interval(&self) -> Option<(Epoch, Epoch)> {
+        let starts = self.segments.iter().map(|segment| segment.start_ns);
+        let stops = self.segments.iter().map(|segment| segment.stop_ns);
+        let (first, last) = starts.min().zip(stops.max())?;
+        Some((time::from_tai_ns(first), time::from_tai_ns(last)))
+    }
+
     fn nearest(&self, ns: i128) -> NotCovered {
         let nearest = self.segments.iter().min_by_key(|s| s.distance_ns(ns));
         let (start, stop) = nearest.map_or((ns, ns), |s| (s.start_ns, s.stop_ns));

@@ -33,6 +33,7 @@ mod oem;
 mod omm;
 mod pick;
 mod record;
+mod regime;
 mod text;
 pub mod time;
 mod tle;
@@ -44,7 +45,8 @@ pub use format::Format;
 pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
 pub use pick::file_and_name;
 pub use record::Record;
-pub use text::read_text;
+pub use regime::Regime;
+pub use text::{files, read_text};
 pub use two_line::{Checksum, ElementsError};
 pub use write::{Written, write};
 

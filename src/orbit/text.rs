@@ -1,7 +1,7 @@
 //! Text files from outside, bounded: a file may be anything, a device without an end too.
 
 use std::io::{Error, Read, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Octets that a file may have: an OEM of a day at a state a second has 10 million.
 const LARGEST: u64 = 256 << 20;
@@ -23,6 +23,19 @@ pub fn read_text(path: &Path) -> Result<String> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
+/// The files that a path stands for: itself, or everything in a folder, in order of name.
+///
+/// Errors: the folder cannot be listed.
+pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let entries = std::fs::read_dir(path)?.map(|entry| Ok(entry?.path()));
+    let mut files = entries.collect::<Result<Vec<PathBuf>>>()?;
+    files.sort();
+    Ok(files)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -42,5 +55,15 @@ mod tests {
         assert!(error.contains("not a text file"), "{error}");
         let this = Path::new(env!("CARGO_MANIFEST_DIR")).join("text.rs");
         assert_eq!(read_text(&this).unwrap(), include_str!("text.rs"));
+    }
+
+    #[test]
+    fn a_folder_stands_for_its_files_in_order() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("omm");
+        let names = files(&folder).unwrap();
+        let names: Vec<_> = names.iter().filter_map(|path| path.file_name()).collect();
+        assert_eq!(names, ["csv.rs", "json.rs", "kvn.rs", "mod.rs", "xml.rs"]);
+        let missing = Path::new("no/such/file");
+        assert_eq!(files(missing).unwrap(), [missing]);
     }
 }

@@ -1,44 +1,269 @@
 //! `skyloop catalog check`: what files of orbits hold, and what of it cannot be used.
 
+use super::source::{Source, sources};
 use anyhow::bail;
 use clap::Args as ClapArgs;
+use hifitime::Epoch;
+use serde::Serialize;
 use skyloop::effect::counted;
-use skyloop::orbit;
+use skyloop::orbit::time::utc_text;
+use skyloop::orbit::{Contents, Object, Orbit, Record, Rejected};
 use skyloop_firmware_sim::console::say;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 /// Arguments of `skyloop catalog check`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// Files of orbits; the format is found from the text
+    /// Files of orbits, or folders of them; the format is found from the text
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
+    /// Exit with 1 if a file or a record cannot be used
+    #[arg(long)]
+    strict: bool,
+    /// Print JSON instead of lines
+    #[arg(long)]
+    json: bool,
+}
+
+/// Objects that a line names at most; JSON has all.
+const NAMED: usize = 5;
+
+/// What was found in all files.
+#[derive(Serialize, Default)]
+struct Report {
+    /// Different objects in all files.
+    objects: usize,
+    records: usize,
+    rejected: usize,
+    /// Files without orbits.
+    unusable: usize,
+    files: Vec<FileReport>,
+}
+
+/// What was found in a file.
+#[derive(Serialize, Default)]
+struct FileReport {
+    file: String,
+    /// None where it is no file of orbits.
+    format: Option<&'static str>,
+    /// Why it is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
+    /// Element sets, and objects with an ephemeris.
+    records: usize,
+    objects: usize,
+    /// Epochs of the first and last element set, or what ephemerides cover.
+    first_epoch: Option<String>,
+    last_epoch: Option<String>,
+    /// Numbers beyond five digits.
+    beyond_99999: usize,
+    /// Objects with several sets, and how many.
+    several_sets: BTreeMap<String, usize>,
+    /// Sets that have no state at their own epoch.
+    stateless: Vec<Stateless>,
+    rejected: Vec<Refusal>,
+}
+
+/// A set that SGP4 gives no state for at its own epoch.
+#[derive(Serialize)]
+struct Stateless {
+    line: usize,
+    norad: u32,
+    /// That of the reference implementation.
+    code: u8,
+    reason: String,
+}
+
+/// A record that cannot be used.
+#[derive(Serialize)]
+struct Refusal {
+    line: usize,
+    reason: String,
+}
+
+impl From<Rejected> for Refusal {
+    fn from(Rejected { line, reason, .. }: Rejected) -> Self {
+        Refusal { line, reason }
+    }
 }
 
 /// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let mut objects = 0;
-    for file in &args.files {
-        let loaded = match orbit::load(file) {
-            Ok(loaded) => loaded,
-            Err(error) => {
-                say(format_args!("{error}\n"))?;
-                continue;
-            }
-        };
-        objects += loaded.objects.len();
-        say(format_args!(
-            "{}: {}, {} rejected\n",
-            file.display(),
-            counted(loaded.objects.len(), "object"),
-            loaded.rejected.len()
-        ))?;
-        for rejected in &loaded.rejected {
-            say(format_args!("  {rejected}\n"))?;
+    let mut report = Report::default();
+    let mut ids = BTreeSet::new();
+    for source in sources(&args.files)? {
+        let file = of_source(source, &mut ids);
+        report.records += file.records;
+        report.rejected += file.rejected.len();
+        report.unusable += usize::from(file.error.is_some());
+        if !args.json {
+            say(format_args!("{}", file.lines()))?;
         }
+        report.files.push(file);
     }
-    if objects == 0 {
-        bail!("no object in any of the files");
+    report.objects = ids.len();
+    if args.json {
+        say(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
+    } else if report.files.len() > 1 {
+        say(format_args!("{}\n", report.total()))?;
+    }
+    if report.objects == 0 {
+        bail!("no object in {}", counted(report.files.len(), "file"));
+    }
+    if args.strict && report.rejected + report.unusable > 0 {
+        bail!("--strict: {}", report.losses());
     }
     Ok(())
+}
+
+impl Report {
+    fn total(&self) -> String {
+        let files = counted(self.files.len(), "file");
+        let (objects, records) = (
+            counted(self.objects, "object"),
+            counted(self.records, "record"),
+        );
+        format!("{files}: {records} of {objects}; {}", self.losses())
+    }
+
+    fn losses(&self) -> String {
+        let records = counted(self.rejected, "record");
+        let files = counted(self.unusable, "file");
+        format!("{records} and {files} cannot be used")
+    }
+}
+
+/// Looks at a file; the ids of its objects are added to `ids`.
+fn of_source(source: Source, ids: &mut BTreeSet<String>) -> FileReport {
+    let file = source.file.display().to_string();
+    match source.contents {
+        Ok(contents) => FileReport {
+            file,
+            ..of_contents(contents, ids)
+        },
+        Err(error) => FileReport {
+            file,
+            error: Some(error.to_string()),
+            ..FileReport::default()
+        },
+    }
+}
+
+fn of_contents(contents: Contents, ids: &mut BTreeSet<String>) -> FileReport {
+    let (records, ephemerides) = (&contents.records, &contents.ephemerides);
+    let mut sets: BTreeMap<u32, usize> = BTreeMap::new();
+    for record in records {
+        *sets.entry(record.elements.norad).or_default() += 1;
+    }
+    let id = |norad: &u32| format!("NORAD {norad}");
+    ids.extend(sets.keys().map(id));
+    ids.extend(ephemerides.iter().map(|object| object.id.clone()));
+    let (first, last) = epochs(records, ephemerides).unzip();
+    let several = sets.iter().filter(|(_, count)| **count > 1);
+    FileReport {
+        format: Some(contents.format.name()),
+        records: records.len() + ephemerides.len(),
+        objects: sets.len() + ephemerides.len(),
+        first_epoch: first.map(utc_text),
+        last_epoch: last.map(utc_text),
+        beyond_99999: sets.range(100_000..).count(),
+        several_sets: several.map(|(norad, count)| (id(norad), *count)).collect(),
+        stateless: records.iter().filter_map(stateless).collect(),
+        rejected: contents.rejected.into_iter().map(Refusal::from).collect(),
+        ..FileReport::default()
+    }
+}
+
+/// The set, if SGP4 has no state for it at its own epoch.
+fn stateless(record: &Record) -> Option<Stateless> {
+    let error = record.elements.state_teme_after(0.0).err()?;
+    Some(Stateless {
+        line: record.line,
+        norad: record.elements.norad,
+        code: error.code(),
+        reason: error.to_string(),
+    })
+}
+
+/// The first and the last epoch of sets, or what ephemerides cover.
+fn epochs(records: &[Record], ephemerides: &[Object]) -> Option<(Epoch, Epoch)> {
+    let sets = records
+        .iter()
+        .map(|record| (record.elements.epoch, record.elements.epoch));
+    let tables = ephemerides.iter().filter_map(|object| match &object.orbit {
+        Orbit::Ephemeris(ephemeris) => ephemeris.interval(),
+        Orbit::Elements(..) => None,
+    });
+    sets.chain(tables)
+        .reduce(|(first, last), (start, stop)| (first.min(start), last.max(stop)))
+}
+
+impl FileReport {
+    /// The report as lines.
+    fn lines(&self) -> String {
+        let file = &self.file;
+        let Some(format) = self.format else {
+            return format!("{}\n", self.error.as_deref().unwrap_or_default());
+        };
+        let (records, objects) = (
+            counted(self.records, "record"),
+            counted(self.objects, "object"),
+        );
+        let mut text = format!(
+            "{file}: {format}, {records} of {objects}, {} rejected\n",
+            self.rejected.len()
+        );
+        if let (Some(first), Some(last)) = (&self.first_epoch, &self.last_epoch) {
+            let what = if format == "oem-kvn" {
+                "covers"
+            } else {
+                "epochs"
+            };
+            text += &format!("  {what} {first} to {last}\n");
+        }
+        if self.beyond_99999 > 0 {
+            text += &format!("  numbers beyond 99999: {}\n", self.beyond_99999);
+        }
+        if !self.several_sets.is_empty() {
+            let sets = self.several_sets.iter();
+            let named = sets.map(|(id, count)| format!("{id}: {count}"));
+            let count = counted(self.several_sets.len(), "object");
+            text += &format!("  several element sets: {count} ({})\n", some(named));
+        }
+        if !self.stateless.is_empty() {
+            let mut codes: BTreeMap<u8, usize> = BTreeMap::new();
+            for set in &self.stateless {
+                *codes.entry(set.code).or_default() += 1;
+            }
+            let codes = codes
+                .iter()
+                .map(|(code, count)| format!("code {code}: {count}"));
+            let codes: Vec<String> = codes.collect();
+            text += &format!(
+                "  no state by SGP4 at their own epoch: {}\n",
+                codes.join(", ")
+            );
+            for set in self.stateless.iter().take(NAMED) {
+                text += &format!(
+                    "    {file}:{}: NORAD {}: {}\n",
+                    set.line, set.norad, set.reason
+                );
+            }
+        }
+        for Refusal { line, reason } in &self.rejected {
+            text += &format!("  {file}:{line}: {reason}\n");
+        }
+        text
+    }
+}
+
+/// The first of them, and whether there are more.
+fn some(names: impl Iterator<Item = String>) -> String {
+    let mut names: Vec<String> = names.take(NAMED + 1).collect();
+    if names.len() > NAMED {
+        names.truncate(NAMED);
+        names.push("...".to_string());
+    }
+    names.join(", ")
 }

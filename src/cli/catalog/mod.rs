@@ -1,6 +1,9 @@
 //! `skyloop catalog`: what is done with files of orbits. A subcommand is a file here and a line in [`Command`].
 
 mod check;
+mod convert;
+mod info;
+mod source;
 
 use clap::{Args as ClapArgs, Subcommand};
 
@@ -16,11 +19,17 @@ pub struct Args {
 enum Command {
     /// Say what files of orbits hold, and what of it cannot be used, with line and reason
     Check(check::Args),
+    /// Count the objects of files by kind of orbit, or tell one
+    Info(info::Args),
+    /// Write element sets in another format
+    Convert(convert::Args),
 }
 
 /// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
     match args.command {
         Command::Check(args) => check::run(args),
+        Command::Info(args) => info::run(args),
+        Command::Convert(args) => convert::run(args),
     }
 }

@@ -1,0 +1,85 @@
+//! `skyloop catalog convert`: element sets in another format.
+
+use super::super::Records;
+use super::source::{readable, sources};
+use anyhow::{Context, anyhow, bail};
+use clap::Args as ClapArgs;
+use clap::builder::PossibleValuesParser;
+use hifitime::Epoch;
+use skyloop::effect::counted;
+use skyloop::orbit::{Format, write};
+use skyloop_firmware_sim::console::say;
+use std::path::PathBuf;
+
+/// Arguments of `skyloop catalog convert`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Files of element sets, or folders of them
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
+    /// The format to write
+    #[arg(long, value_name = "FORMAT", value_parser = formats())]
+    to: String,
+    /// The file to write; an older one is replaced [default: standard output]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    records: Records,
+}
+
+/// The formats that hold element sets.
+fn formats() -> PossibleValuesParser {
+    let formats = Format::ALL
+        .into_iter()
+        .filter(|format| *format != Format::OemKvn);
+    PossibleValuesParser::new(formats.map(Format::name))
+}
+
+/// Runs the subcommand.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let format = Format::ALL
+        .into_iter()
+        .find(|format| format.name() == args.to);
+    let mut lost = Vec::new();
+    let mut records = Vec::new();
+    for source in sources(&args.files)? {
+        let file = source.file.display().to_string();
+        if let Some(contents) = readable(source, &mut lost) {
+            for object in &contents.ephemerides {
+                lost.push(format!(
+                    "{file}: {} has an ephemeris, which no mean elements can be read from",
+                    object.label()
+                ));
+            }
+            records.extend(contents.records);
+        }
+    }
+    let written = format.and_then(|format| write(&records, format, now()));
+    let written = written.ok_or_else(|| anyhow!("--to {}: no such format", args.to))?;
+    let kept = records.len() - written.left_out.len();
+    lost.extend(written.left_out);
+    lost.extend(written.changed);
+    args.records.settle_lines(&lost)?;
+    if kept == 0 {
+        bail!("no element set to write as {}: see above", args.to);
+    }
+    if written.rounded > 0 {
+        let sets = counted(written.rounded, "element set");
+        tracing::warn!("{sets} rounded to the digits that {} has", args.to);
+    }
+    match &args.out {
+        None => say(&written.text)?,
+        Some(out) => {
+            std::fs::write(out, &written.text).with_context(|| out.display().to_string())?;
+            let sets = counted(kept, "element set");
+            say(format_args!("wrote {sets} to {}\n", out.display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// The time of the computer's clock, which goes into messages that say when they were made.
+fn now() -> Epoch {
+    let now = Epoch::now().unwrap_or_else(|_| Epoch::from_unix_seconds(0.0));
+    Epoch::from_unix_seconds(now.to_unix_seconds().floor())
+}
