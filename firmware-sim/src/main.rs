@@ -35,7 +35,7 @@ struct Args {
     /// udp://127.0.0.1:PORT, serial:///dev/NAME?baud=115200, can:// or slcan://; several with roles=truth+pixels+labels each
     #[arg(long, value_name = "URL", required = true)]
     link: Vec<String>,
-    /// TLE, 3LE or CCSDS OEM file; NAME picks an object by name or identifier
+    /// TLE, 3LE, CCSDS OMM or OEM file; NAME picks an object by name or identifier
     #[arg(long, value_name = "FILE[:NAME]")]
     orbit: Option<String>,
     /// Middle of the first exposure, UTC; may be left out with --wall, and then is now
@@ -215,7 +215,7 @@ fn profile(args: &Args, start: Epoch) -> Result<Profile> {
 fn orbit(text: &str) -> Result<OrbitSource> {
     let (file, name) = file_and_name(text, |file| Path::new(file).exists());
     let loaded = skyloop_orbit::load(Path::new(file)).map_err(|error| match error {
-        LoadError::Read { .. } => anyhow!("{error}; --orbit takes a TLE, 3LE or OEM file"),
+        LoadError::Read { .. } => anyhow!("{error}; --orbit takes a TLE, 3LE, OMM or OEM file"),
         other => other.into(),
     })?;
     let (object, rejected) = loaded.pick(name).map_err(|why| anyhow!("{file}: {why}"))?;

@@ -211,7 +211,7 @@ fn errors_say_what_to_do() {
         (&["--nadir"], "--orbit"),
         (
             &["--nadir", "--orbit", "no-such-file.oem"],
-            "no-such-file.oem: No such file or directory (os error 2); --orbit takes a TLE, 3LE or OEM file",
+            "no-such-file.oem: No such file or directory (os error 2); --orbit takes a TLE, 3LE, OMM or OEM file",
         ),
         (
             &["--attitudes", "no-such-file.txt"],

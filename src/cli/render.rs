@@ -51,10 +51,10 @@ pub struct Args {
         conflicts_with = "orbit"
     )]
     state: Option<Numbers<6>>,
-    /// Observer's orbit from a TLE, 3LE or OEM file
+    /// Observer's orbit from a TLE, 3LE, OMM or OEM file
     #[arg(long, value_name = "FILE[:NAME]")]
     orbit: Option<String>,
-    /// Objects from a TLE, 3LE or OEM file; may be given more than once
+    /// Objects from a TLE, 3LE, OMM or OEM file, or a folder of them; may be given more than once
     #[arg(long, value_name = "FILE")]
     rso: Vec<String>,
     /// Number of frames [default: 1, or the scene's]
