@@ -8,52 +8,14 @@ mod support;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::sgp4_batch::{Batch, States, TOO_FAR};
 use skyloop_orbit::time::parse_utc;
-use skyloop_orbit::{Orbit, load};
-use std::path::PathBuf;
 use support::{Tally, answers, batch, samples, scalar};
 
 /// Days from each epoch; both signs of zero.
 const DAYS: [f64; 10] = [-365.0, -30.0, -7.0, -1.0, -0.0, 0.0, 1.0, 7.0, 30.0, 365.0];
 
-/// The catalogues that are there, by name, and the element sets in them.
-fn catalogues() -> Vec<(String, Vec<Elements>)> {
-    let folder = match std::env::var_os("SKYLOOP_CATALOGUES") {
-        Some(folder) => PathBuf::from(folder),
-        None => PathBuf::from(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../../../shared/data/tle"
-        )),
-    };
-    let Ok(entries) = std::fs::read_dir(&folder) else {
-        println!("no catalogues in {}: passed over", folder.display());
-        return Vec::new();
-    };
-    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
-    paths.retain(|path| {
-        path.extension()
-            .is_some_and(|end| end == "tle" || end == "3le")
-    });
-    paths.sort();
-    let read = |path: PathBuf| {
-        let loaded = load(&path).unwrap();
-        let sets = loaded
-            .objects
-            .into_iter()
-            .flat_map(|object| match object.orbit {
-                Orbit::Elements(set, others) => std::iter::once(set).chain(others).collect(),
-                Orbit::Ephemeris(_) => Vec::new(),
-            });
-        (
-            path.file_name().unwrap().display().to_string(),
-            sets.collect(),
-        )
-    };
-    paths.into_iter().map(read).collect()
-}
-
 #[test]
 fn every_object_of_the_catalogues_is_where_the_scalar_twin_has_it() {
-    for (name, sets) in catalogues() {
+    for (name, sets) in samples::catalogues() {
         let mut tally = Tally::default();
         for days in DAYS {
             let answers = batch(&sets, days * 1440.0);

@@ -4,7 +4,9 @@ use hifitime::Epoch;
 use skyloop_orbit::Checksum;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::time::parse_utc;
+use skyloop_orbit::{Orbit, load};
 use std::f64::consts::PI;
+use std::path::PathBuf;
 
 /// A verification case of AIAA 2006-6753.
 pub struct Case {
@@ -110,6 +112,43 @@ pub fn synthetic() -> Vec<Synthetic> {
         });
     }
     sets
+}
+
+/// The public catalogues that are there, by name, and the element sets in them: in the folder that `SKYLOOP_CATALOGUES` names, else
+/// in `../shared/data/tle` beside the repository.
+pub fn catalogues() -> Vec<(String, Vec<Elements>)> {
+    let folder = match std::env::var_os("SKYLOOP_CATALOGUES") {
+        Some(folder) => PathBuf::from(folder),
+        None => PathBuf::from(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../../shared/data/tle"
+        )),
+    };
+    let Ok(entries) = std::fs::read_dir(&folder) else {
+        println!("no catalogues in {}: passed over", folder.display());
+        return Vec::new();
+    };
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| {
+        path.extension()
+            .is_some_and(|end| end == "tle" || end == "3le")
+    });
+    paths.sort();
+    let read = |path: PathBuf| {
+        let loaded = load(&path).unwrap();
+        let sets = loaded
+            .objects
+            .into_iter()
+            .flat_map(|object| match object.orbit {
+                Orbit::Elements(set, others) => std::iter::once(set).chain(others).collect(),
+                Orbit::Ephemeris(_) => Vec::new(),
+            });
+        (
+            path.file_name().unwrap().display().to_string(),
+            sets.collect(),
+        )
+    };
+    paths.into_iter().map(read).collect()
 }
 
 /// An epoch for sets that are made up in a test.
