@@ -41,6 +41,10 @@ def classes(rng):
             return u(0.0, 180.0), e, of_perigee(u(low_km, high_km), e), u(*drag)
         return draw
 
+    def core():
+        e = u(0.9, 0.995)
+        return u(0.0, 180.0), e, of_perigee(-EARTH_RADIUS_KM * (1.0 - u(0.005, 0.06)), e), u(-1e-3, 1e-3)
+
     def deep(inclination, eccentricity, motion, drag=(-1e-4, 3e-4)):
         return lambda: (u(*inclination), u(*eccentricity), u(*motion), u(*drag))
 
@@ -64,6 +68,8 @@ def classes(rng):
     yield "a day, any", deep((0, 180), (0, 0.6), (0.91, 1.19))
     yield "far and long", deep((0, 180), (0.3, 0.97), (0.05, 0.9))
     yield "perigee low, apogee far", deep((0, 180), (0.8, 0.9), (0.9, 2.0), (0.0, 0.1))
+    # the reference's radius is negative in some: decayed
+    yield "beside the Earth's centre", core
 
 
 def synthetic():

@@ -15,7 +15,7 @@ use std::fmt::Display;
 pub type Answer = Result<([f64; 3], [f64; 3]), u8>;
 
 /// The reference's code of a radius below the Earth's, or below 0.
-const DECAYED: u8 = 6;
+pub const DECAYED: u8 = 6;
 
 /// How far from the scalar twin every answer may be, km and km/s.
 pub const TOLERANCE: (f64, f64) = (1e-6, 1e-9);
