@@ -50,7 +50,7 @@ impl Format {
     /// The format of a text, by its first line that says something; nothing where it is none of these.
     pub(crate) fn of(text: &str) -> Option<Format> {
         let mut lines = lines::numbered(text).map(|(_, line)| line.trim_start());
-        let first = lines.find(|line| !is_remark(line))?;
+        let first = lines.find(|line| !lines::is_remark(line))?;
         match first.as_bytes().first()? {
             b'<' => omm::xml::looks_like(text).then_some(Format::OmmXml),
             b'[' | b'{' => Some(Format::OmmJson),
@@ -66,9 +66,4 @@ impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
     }
-}
-
-/// Blank lines and comments, which may stand before anything.
-fn is_remark(line: &str) -> bool {
-    line.is_empty() || line.starts_with('#') || line.split_whitespace().next() == Some("COMMENT")
 }

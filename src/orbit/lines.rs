@@ -19,6 +19,20 @@ pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clon
     })
 }
 
+/// Blank lines and comments, which may stand before anything.
+pub(crate) fn is_remark(line: &str) -> bool {
+    line.is_empty() || line.starts_with('#') || line.split_whitespace().next() == Some("COMMENT")
+}
+
+/// The offset of the first line that says something.
+pub(crate) fn start(text: &str) -> usize {
+    let mut lines = numbered(text).map(|(_, line)| line.trim_start());
+    let first = lines.find(|line| !is_remark(line));
+    first.map_or(text.len(), |line| {
+        line.as_ptr().addr() - text.as_ptr().addr()
+    })
+}
+
 /// Finds the lines of offsets that are asked for in rising order, each part of the text looked at once.
 pub(crate) struct LineFinder<'a> {
     text: &'a [u8],
@@ -68,5 +82,14 @@ mod tests {
             assert_eq!(finder.line(text.find(letter).unwrap()), number, "{letter}");
         }
         assert_eq!(finder.line(usize::MAX), 6);
+    }
+
+    #[test]
+    fn what_says_something_starts_behind_remarks() {
+        assert_eq!(
+            start("\n# a\r\nCOMMENT b\n  c"),
+            "\n# a\r\nCOMMENT b\n  ".len()
+        );
+        assert_eq!((start(""), start("\n#\n")), (0, 3));
     }
 }

@@ -2,6 +2,8 @@
 
 use skyloop::config::Config;
 use skyloop::load::Folder;
+use skyloop::load::orbits::several_sets;
+use skyloop::orbit::time::parse_utc;
 use skyloop::sky::population::Look;
 use std::path::Path;
 
@@ -89,6 +91,55 @@ fn a_scenes_own_files_bring_the_rest() {
     let config = load(SCENE, twice).unwrap();
     assert_eq!(config.objects.len(), 2);
     assert!(config.rejected.is_empty(), "{:?}", config.rejected);
+}
+
+#[test]
+fn of_sets_in_several_files_the_nearest_to_the_time_counts() {
+    let later = VANGUARD
+        .replace("00179", "00189")
+        .replace("  4753", "  4754");
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("all")).unwrap();
+    for (file, text) in [
+        ("one.tle", VANGUARD),
+        ("all/a.tle", &later),
+        ("all/b.tle", DELTA),
+    ] {
+        std::fs::write(folder.path().join(file), text).unwrap();
+    }
+    let folder = Folder::Disk(folder.path().to_path_buf());
+    let load = |files: &str| {
+        let scene = format!("[objects]\nfiles = {files}\n");
+        Config::parse("scene.toml", &scene, &folder).unwrap()
+    };
+    let (both, first, last) = (
+        load("[\"one.tle\", \"all\"]"),
+        load("[\"one.tle\"]"),
+        load("[\"all/\"]"),
+    );
+    assert_eq!(both.objects.len(), 2);
+    assert!(both.rejected.is_empty() && both.notices.is_empty());
+    let several = several_sets(&both.objects).unwrap();
+    assert!(
+        several.starts_with("1 object has several element sets (NORAD 5 (VANGUARD 1)):"),
+        "{several}"
+    );
+    assert_eq!(several_sets(&last.objects), None);
+    // Days 179.8 and 189.8 of the year are 27 June and 7 July; 2 July, 18:50 lies between.
+    for (day, nearest) in [
+        ("06-20", &first),
+        ("07-02", &first),
+        ("07-03", &last),
+        ("07-20", &last),
+    ] {
+        let t = parse_utc(&format!("2000-{day}T12:00:00")).unwrap();
+        let state = |config: &Config| config.objects[0].state(t).unwrap();
+        assert_eq!(state(&both), state(nearest), "{day}");
+    }
+    assert_ne!(
+        first.objects[0].state(parse_utc("2000-07-02T12:00:00").unwrap()),
+        last.objects[0].state(parse_utc("2000-07-02T12:00:00").unwrap())
+    );
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Objects with the keywords of the OMM: one, an array of them, or one after the other. Values are numbers or text.
 
 use super::{Fields, Metadata, index_of};
-use crate::lines::LineFinder;
-use crate::record::{At, Found, Record};
+use crate::lines::{self, LineFinder};
+use crate::record::{At, Found, Record, shorten};
 use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 use serde_json::value::RawValue;
 use std::borrow::Cow;
@@ -14,22 +14,53 @@ const LONGEST: usize = 1 << 16;
 /// Reads every object. These are flat: one ends at the first closing brace, and where another opens before, it is not closed.
 pub(crate) fn read(text: &str, found: &mut Found) {
     let mut finder = LineFinder::new(text);
-    let mut at = 0;
+    let first = lines::start(text);
+    let mut at = first;
+    // What stands behind an object that is not closed is the rest of it.
+    let mut torn = false;
     while let Some(start) = text.get(at..).and_then(|rest| rest.find('{')) {
         let start = at + start;
-        let line = finder.line(start);
-        match closed(text.as_bytes(), start) {
-            Some(end) => {
-                at = end;
-                let object = text.get(start..end).unwrap_or_default();
-                found.take(record(object, start, &mut finder).map(|r| Record { line, ..r }));
-            }
-            None => {
-                at = start + 1;
-                let reason = "a JSON object that is not closed, or has others inside; restore its quotation marks and braces";
-                found.reject(line, reason.to_owned());
-            }
+        if !torn {
+            between(
+                text.get(at..start).unwrap_or_default(),
+                at,
+                &mut finder,
+                found,
+            );
         }
+        let line = finder.line(start);
+        let end = closed(text.as_bytes(), start);
+        torn = end.is_none();
+        at = end.unwrap_or(start + 1);
+        if torn {
+            let reason = "a JSON object that is not closed, or has others inside; restore its quotation marks and braces";
+            found.reject(line, reason.to_owned());
+        } else {
+            let object = text.get(start..at).unwrap_or_default();
+            found.take(record(object, start, &mut finder).map(|r| Record { line, ..r }));
+        }
+    }
+    let rest = text.get(at..).unwrap_or_default();
+    if !torn {
+        between(rest, at, &mut finder, found);
+        let array = text.get(first..).is_some_and(|text| text.starts_with('['));
+        if array && !rest.contains(']') {
+            let line = finder.line(text.trim_end().len());
+            found.reject(
+                line,
+                "the array is not closed: the file is cut off".to_owned(),
+            );
+        }
+    }
+}
+
+/// Rejects what stands between objects and does not belong there, such as an object without its opening brace.
+fn between(gap: &str, at: usize, finder: &mut LineFinder, found: &mut Found) {
+    let foreign = |c: char| !c.is_whitespace() && !matches!(c, ',' | '[' | ']');
+    if let Some(offset) = gap.find(foreign) {
+        let text = shorten(gap.get(offset..).unwrap_or_default());
+        let reason = format!("'{text}' is outside of every JSON object");
+        found.reject(finder.line(at + offset), reason);
     }
 }
 

@@ -16,14 +16,14 @@ pub(crate) fn looks_like(text: &str) -> bool {
 /// Reads every message by itself, so that one which is damaged does not take the others with it.
 pub(crate) fn read(text: &str, found: &mut Found) {
     let mut finder = LineFinder::new(text);
-    let mut tags = tags(text, 0).filter(|tag| tag.name == "omm").peekable();
-    while let Some(tag) = tags.next() {
+    let mut messages = tags(text, 0).filter(|tag| tag.name == "omm").peekable();
+    while let Some(tag) = messages.next() {
         let line = finder.line(tag.start);
         if tag.closing {
             found.reject(line, "</omm> without its <omm>".to_owned());
             continue;
         }
-        match tags.next_if(|next| next.closing) {
+        match messages.next_if(|next| next.closing) {
             Some(end) => {
                 let message = text.get(tag.start..end.end).unwrap_or_default();
                 let record = record(message, tag.start, &mut finder);
@@ -31,6 +31,15 @@ pub(crate) fn read(text: &str, found: &mut Found) {
             }
             None => found.reject(line, "<omm> without its </omm>".to_owned()),
         }
+    }
+    let whole = tags(text, 0).filter(|tag| tag.name == "ndm");
+    let open = whole.fold(0, |open, tag| open + if tag.closing { -1 } else { 1 });
+    if open > 0 {
+        let line = finder.line(text.trim_end().len());
+        found.reject(
+            line,
+            "<ndm> without its </ndm>: the file is cut off".to_owned(),
+        );
     }
 }
 

@@ -98,6 +98,110 @@ fn names_line_ends_blank_lines_and_alpha_5() {
 }
 
 #[test]
+fn names_may_stand_behind_their_sets() {
+    let named = |loaded: &Loaded| {
+        let objects = loaded.objects.iter();
+        let names = objects.map(|object| object.names.first().cloned().unwrap_or_default());
+        names.collect::<Vec<_>>()
+    };
+    for (text, wanted, rejected) in [
+        (format!("{}LOW\n{}GEO\n", low(), geo()), ["LOW", "GEO"], 0),
+        (
+            format!("\n{}\nLOW\n\n{}GEO\n\n", low(), geo()),
+            ["LOW", "GEO"],
+            0,
+        ),
+        // A 3LE, and one that lost its first line, has none, or is cut off behind a name.
+        (format!("LOW\n{}GEO\n{}", low(), geo()), ["LOW", "GEO"], 0),
+        (format!("{}GEO\n{}", low(), geo()), ["", "GEO"], 0),
+        (format!("{}{}", low(), geo()), ["", ""], 0),
+        (
+            format!("LOW\n{}GEO\n{}NEXT\n", low(), geo()),
+            ["LOW", "GEO"],
+            1,
+        ),
+        (format!("{}0 GEO\n{}0 NEXT\n", low(), geo()), ["", "GEO"], 1),
+        (format!("0\n{}0 GEO\n{}", low(), geo()), ["", "GEO"], 0),
+        // Behind: a set without a name, and one name too many.
+        (
+            format!("{}LOW\n{}{}GEO\n", low(), low(), geo()),
+            ["LOW", "GEO"],
+            0,
+        ),
+        (
+            format!("{}LOW\nMORE\n{}GEO\n", low(), geo()),
+            ["LOW", "GEO"],
+            1,
+        ),
+    ] {
+        let loaded = read(&text);
+        assert_eq!(named(&loaded), wanted, "{text}");
+        assert_eq!(
+            loaded.rejected.len(),
+            rejected,
+            "{text}{:?}",
+            loaded.rejected
+        );
+    }
+    // The name behind a set that is refused goes with it.
+    let spoilt = low().replace("120.0000", "120.0001");
+    let loaded = read(&format!("{spoilt}LOW\n{}GEO\n", geo()));
+    assert_eq!(
+        (named(&loaded), loaded.rejected.len()),
+        (vec!["GEO".to_string()], 1)
+    );
+}
+
+#[test]
+fn lines_without_checksum_are_read_if_both_lack_it() {
+    let bare = |line: &str| format!("{line:<68}\n");
+    let loaded = read(&format!("{}{}", bare(LOW_1), bare(LOW_2)));
+    assert_eq!(ids(&loaded), [("NORAD 90001", vec![])]);
+    assert_eq!(
+        epoch_of(&loaded.objects[0]),
+        epoch_of(&read(&low()).objects[0])
+    );
+    for text in [
+        format!("{}{}", bare(LOW_1), sealed(LOW_2)),
+        format!("{}\n{}", sealed(LOW_1), bare(LOW_2)),
+        format!("{}\n{}", &LOW_1[..67], &LOW_2[..67]),
+    ] {
+        let loaded = read(&text);
+        assert!(loaded.objects.is_empty(), "{text}");
+        assert!(
+            rejections(&loaded)[0].contains("69 ASCII characters"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn indented_lines_old_line_ends_and_other_theories() {
+    let text = format!("LOW\n{}", low()).replace('\n', "\r");
+    let indented: String = text.split('\r').map(|line| format!("  {line}\r")).collect();
+    let loaded = read(&indented);
+    assert_eq!(ids(&loaded), [("NORAD 90001", vec!["LOW"])]);
+    assert_eq!(loaded.rejected, []);
+    // Column 63 of line 1 is the ephemeris type.
+    let xp = sealed(&format!("{}4{}", &LOW_1[..62], &LOW_1[63..]));
+    let loaded = read(&format!("{xp}\n{}", sealed(LOW_2)));
+    let found = rejections(&loaded);
+    assert!(
+        found[0].starts_with("test.tle:1: ephemeris type 4: elements of SGP4-XP"),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn an_object_of_a_long_catalogue_is_small() {
+    let object = &read(&format!("A NAME OF 24 CHARACTERS.\n{}", low())).objects[0];
+    let names = &object.names;
+    let heap = object.id.capacity() + names.capacity() * size_of::<String>() + names[0].capacity();
+    let octets = size_of::<Object>() + heap;
+    assert!(octets <= 250, "{octets}");
+}
+
+#[test]
 fn alpha_5_leaves_out_i_and_o() {
     for (written, number) in [
         ("A0000", Some(100_000)),

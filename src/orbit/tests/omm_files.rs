@@ -314,7 +314,7 @@ fn one_bad_record_does_not_take_others_with_it() {
         let (head, rest) = first.split_once("</ndm>").unwrap();
         let (_, second) = XML.split_once("-->\n").unwrap();
         format!(
-            "{head}{}{rest}",
+            "{head}{}</ndm>{rest}",
             again(second.split_once("</ndm>").unwrap().0)
         )
     };
@@ -364,6 +364,39 @@ fn one_bad_record_does_not_take_others_with_it() {
 }
 
 #[test]
+fn what_is_cut_off_between_records_or_lost_its_start_is_told() {
+    let headless = SPACE_TRACK_JSON.replace("[{", "[");
+    let two = format!(
+        "{},\n{}",
+        &CELESTRAK_JSON[..CELESTRAK_JSON.len() - 1],
+        &headless[1..]
+    );
+    for (text, reason) in [
+        (
+            CELESTRAK_JSON.trim_end_matches(']').to_owned(),
+            "test.omm:1: the array is not closed",
+        ),
+        (two, "test.omm:2: '\"CCSDS_OMM_VERS\":\"3.0\""),
+        (
+            format!("{CELESTRAK_JSON}\n<br>"),
+            "test.omm:2: '<br>' is outside of every",
+        ),
+        (
+            XML.replace("</ndm>", ""),
+            "<ndm> without its </ndm>: the file is cut off",
+        ),
+    ] {
+        let contents = parse_contents(&text, "test.omm").unwrap();
+        assert!(!contents.records.is_empty());
+        let found = rejections(&text);
+        assert!(
+            found.len() == 1 && found[0].contains(reason),
+            "{reason}: {found:?}"
+        );
+    }
+}
+
+#[test]
 fn objects_stand_alone_in_arrays_or_in_lines() {
     let bare = SPACE_TRACK_JSON.trim_matches(['[', ']']);
     assert_eq!(read(bare).records.len(), 1);
@@ -390,10 +423,13 @@ fn objects_stand_alone_in_arrays_or_in_lines() {
 
 #[test]
 fn what_holds_no_record_is_said_to_hold_none() {
-    for text in ["[]", "{", "[1, 2]", "NORAD_CAT_ID,EPOCH,MEAN_MOTION\n"] {
+    for text in ["[]", "NORAD_CAT_ID,EPOCH,MEAN_MOTION\n"] {
         let error = parse_contents(text, "empty").err();
         let none = matches!(error, Some(LoadError::NoRecord { .. }));
-        assert!(none || text == "{", "{text}: {error:?}");
+        assert!(none, "{text}: {error:?}");
+    }
+    for text in ["{", "[1, 2]", "[", "[{}]"] {
+        assert_eq!(rejections(text).len(), 1, "{text}");
     }
     let columns = rejections("OBJECT_NAME,EPOCH\nA,B\n");
     assert_eq!(
