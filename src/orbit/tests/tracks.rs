@@ -51,11 +51,13 @@ fn bits(places: &[Place]) -> Vec<Result<[u64; 3], u8>> {
     places.iter().map(bits).collect()
 }
 
-/// A population of today, and every kind of orbit that SGP4 tells apart.
+/// A population of today, and every kind of orbit that SGP4 tells apart, but for those that pass the Earth's centre within
+/// seconds: failures that come and go between two of a segment's instants are not seen.
 fn sets(objects: usize) -> Vec<Elements> {
     let today = population(objects, 6, samples::epoch()).into_iter();
     // their epochs are all over half a century
-    let any = samples::synthetic().into_iter().map(|one| Elements {
+    let any = (samples::synthetic().into_iter()).filter(|one| one.kind != samples::CORE);
+    let any = any.map(|one| Elements {
         epoch: samples::epoch() - Unit::Day * 1,
         ..one.set
     });
@@ -111,7 +113,7 @@ fn frames(start: Epoch, step: f64, count: usize) -> impl Iterator<Item = Epoch> 
 
 #[test]
 fn everybody_is_within_the_bound() {
-    let sets = sets(2000);
+    let sets = sets(1000);
     // prime strides meet all phases of segments
     for (step, count, stride) in [(0.1, 900, 13), (0.5, 600, 17), (2.0, 1800, 29)] {
         let worst = hold(&sets, frames(samples::epoch(), step, count), stride);
@@ -126,9 +128,9 @@ fn the_catalogues_are_within_the_bound() {
         println!("{name}, {} sets", sets.len());
         let epochs = sets.iter().map(|set| set.epoch);
         let newest = epochs.max().unwrap();
-        let worst = hold(&sets, frames(newest, 0.1, 600), 149);
+        let worst = hold(&sets, frames(newest, 0.1, 300), 97);
         assert!(2 * worst.interpolated > worst.compared);
-        hold(&sets, frames(newest, 2.0, 1800), 457);
+        hold(&sets, frames(newest, 2.0, 400), 131);
     }
 }
 

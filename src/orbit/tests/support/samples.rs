@@ -69,6 +69,9 @@ pub const DAYS: [f64; 11] = [
     -36525.0, -365.0, -30.0, -7.0, -1.0, 0.0, 1.0, 7.0, 30.0, 365.0, 36525.0,
 ];
 
+/// The kind whose orbits reach into the Earth's core.
+pub const CORE: &str = "beside the Earth's centre";
+
 /// Made-up sets of every kind of orbit that SGP4 tells apart.
 pub fn synthetic() -> Vec<Synthetic> {
     // X-Val: data/make_batch_references.py: drawn by it, error codes by PyPI sgp4 2.27
