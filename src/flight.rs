@@ -10,6 +10,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::{AttitudeList, ListError};
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, ProfileError, orbit_of};
+use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::two_body::propagate_j2;
 use std::time::Duration;
@@ -82,10 +83,7 @@ const TIMEOUT: Duration = Duration::from_secs(30);
 /// and a state for every frame, and those of the first and last can be shown.
 pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     let sequence = config.sequence.as_ref().ok_or(FlightError::NoSequence)?;
-    let orbit = config.observer.clone().map(|observer| match observer {
-        Observer::Object(object) => orbit_of(*object),
-        Observer::State(state) => drift(state, sequence.epoch),
-    });
+    let orbit = (config.observer.as_ref()).map(|observer| orbit(observer, sequence.epoch));
     if orbit.is_none() && !config.objects.is_empty() {
         return Err(FlightError::NoObserver);
     }
@@ -184,8 +182,49 @@ pub fn vehicle(mission: &Mission, number: u32) -> Result<VehicleState, FlightErr
     .map_err(|source| FlightError::Attitude { epoch, source })
 }
 
+/// The vehicle at any instant, without frames.
+#[derive(Clone)]
+pub struct Flight {
+    /// Where it points.
+    pub profile: Profile,
+    /// Where it is.
+    pub orbit: OrbitSource,
+}
+
+impl Flight {
+    /// +Z to the Earth's centre, +X towards the velocity.
+    pub fn nadir(orbit: OrbitSource) -> Flight {
+        let profile = Profile::Nadir;
+        Flight { profile, orbit }
+    }
+
+    /// Position and velocity.
+    pub fn state(&self, epoch: Epoch) -> Result<StateVector, FlightError> {
+        (self.orbit)(epoch).map_err(|source| ProfileError::Orbit { epoch, source }.into())
+    }
+
+    /// The vehicle that is known to be at `state` then.
+    pub fn vehicle(&self, epoch: Epoch, state: StateVector) -> Result<VehicleState, FlightError> {
+        let here: OrbitSource = std::sync::Arc::new(move |_| Ok(state));
+        let pointing = self.profile.at(epoch, Some(&here))?;
+        let q = pointing.attitude.as_vector();
+        let orbit = (state.position_m.into(), state.velocity_m_s.into());
+        let rates = pointing.rates_rad_s.into();
+        VehicleState::new(0, epoch, [q.x, q.y, q.z, q.w], rates, Some(orbit))
+            .map_err(|source| FlightError::Attitude { epoch, source })
+    }
+}
+
+/// The orbit of an observer whose state, if it is one, holds `at` an epoch.
+pub fn orbit(observer: &Observer, at: Epoch) -> OrbitSource {
+    match observer {
+        Observer::Object(object) => orbit_of((**object).clone()),
+        Observer::State(state) => drift(*state, at),
+    }
+}
+
 /// One attitude turns with the sequence's rates; several are slerped.
-fn profile(sequence: &Sequence) -> Result<Profile, FlightError> {
+pub fn profile(sequence: &Sequence) -> Result<Profile, FlightError> {
     let unit = |timed: &TimedAttitude| {
         let [x, y, z, w] = timed.attitude.xyzw();
         UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
@@ -206,6 +245,6 @@ fn profile(sequence: &Sequence) -> Result<Profile, FlightError> {
 }
 
 /// A state carried on by two-body motion and J2.
-fn drift(state: skyloop_orbit::StateVector, at: Epoch) -> OrbitSource {
+fn drift(state: StateVector, at: Epoch) -> OrbitSource {
     std::sync::Arc::new(move |epoch| Ok(propagate_j2(&state, (epoch - at).to_seconds())))
 }

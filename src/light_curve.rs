@@ -9,7 +9,7 @@ use crate::sky::{Corrections, Population};
 use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use skyloop_orbit::time::utc_text;
-use skyloop_orbit::{Object, OrbitError};
+use skyloop_orbit::{Object, OrbitError, StateVector};
 use thiserror::Error;
 
 /// An object at one instant.
@@ -105,6 +105,19 @@ pub fn point(
         let observer = observer.label();
         return Err(NoLightCurve::BelowGround { observer, epoch });
     }
+    point_from(population, index, state, corrections, epoch, exposure_s)
+}
+
+/// [`point`] for an observer who is at `state` then.
+pub fn point_from(
+    population: &Population,
+    index: usize,
+    state: StateVector,
+    corrections: &Corrections,
+    epoch: Epoch,
+    exposure_s: f64,
+) -> Result<Point, NoLightCurve> {
+    let earth = Earth::at(epoch);
     let vehicle = VehicleState {
         sequence: 0,
         epoch,
@@ -123,10 +136,15 @@ pub fn point(
         range_m: seen.apparent.range_m,
         phase: seen.phase,
         illumination: seen.illumination,
-        hidden: if seen.occulted {
-            Some(Hidden::ByEarth)
-        } else {
-            (seen.illumination <= 0.0).then_some(Hidden::InShadow)
-        },
+        hidden: why_dark(seen.occulted, seen.illumination),
     })
+}
+
+/// Why no light arrives from where the Earth stands before it, or so much of the Sun's disc lights it.
+pub fn why_dark(occulted: bool, illumination: f64) -> Option<Hidden> {
+    if occulted {
+        Some(Hidden::ByEarth)
+    } else {
+        (illumination <= 0.0).then_some(Hidden::InShadow)
+    }
 }

@@ -18,6 +18,7 @@ const LAYERS: &[&[&str]] = &[
     &["config", "plan"],
     &["flight", "label", "render"],
     &["engine", "light_curve"],
+    &["passes"],
     &["output"],
     &["measure", "stats"],
     &["serve"],
@@ -73,7 +74,14 @@ const FENCES: &[(&str, &[&str])] = &[
     ("rustix::", &["link/low_latency", "link/pseudo", "measure"]),
     (
         "rayon::",
-        &["cli/plan", "measure", "render", "scene", "sky/population"],
+        &[
+            "cli/plan",
+            "measure",
+            "passes",
+            "render",
+            "scene",
+            "sky/population",
+        ],
     ),
     (
         "sofars::",
@@ -81,7 +89,7 @@ const FENCES: &[(&str, &[&str])] = &[
     ),
     (
         "serde_json::",
-        &["cli/catalog", "cli/plan", "label", "link/fault/book"],
+        &["cli/catalog", "cli/plan", "label", "link/fault/book", "output/passes"],
     ),
     ("toml::", &["load"]),
     ("strsim::", &["load"]),

@@ -184,7 +184,7 @@ fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
 }
 
 /// The object that goes by this name.
-fn find(objects: &[Object], name: &str, scene: &str) -> anyhow::Result<usize> {
+pub(super) fn find(objects: &[Object], name: &str, scene: &str) -> anyhow::Result<usize> {
     if objects.is_empty() {
         bail!("{scene}: has no objects: name their files in [objects] files or population");
     }

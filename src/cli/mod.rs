@@ -4,6 +4,7 @@ mod catalog;
 mod instruments;
 mod lightcurve;
 mod loopback;
+mod passes;
 mod plan;
 #[cfg(target_os = "linux")]
 mod pty;
@@ -46,6 +47,8 @@ enum Command {
     Render(Box<render::Args>),
     /// Say what a frame simulates and what not, why, and what that costs
     Plan(plan::Args),
+    /// Say which objects cross the camera's field, when, and how bright
+    Passes(Box<passes::Args>),
     /// Write the magnitude of an object against time, as a table and a plot
     Lightcurve(lightcurve::Args),
     /// Check, count and convert files of orbits
@@ -65,6 +68,7 @@ impl Cli {
             Command::Run(args) => run::run(args),
             Command::Render(args) => render::run(*args),
             Command::Plan(args) => plan::run(args),
+            Command::Passes(args) => passes::run(*args),
             Command::Lightcurve(args) => lightcurve::run(args),
             Command::Catalog(args) => catalog::run(args),
             #[cfg(target_os = "linux")]

@@ -81,7 +81,7 @@ pub struct Args {
 
 /// Exactly N finite numbers, separated by commas.
 #[derive(Debug, Clone, Copy)]
-pub struct Numbers<const N: usize>([f64; N]);
+pub struct Numbers<const N: usize>(pub(super) [f64; N]);
 
 impl<const N: usize> std::str::FromStr for Numbers<N> {
     type Err = String;
@@ -193,7 +193,7 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
 }
 
 /// The state of `--state`; refused in the units that it is given in.
-fn state_km([x, y, z, vx, vy, vz]: [f64; 6]) -> anyhow::Result<StateVector> {
+pub(super) fn state_km([x, y, z, vx, vy, vz]: [f64; 6]) -> anyhow::Result<StateVector> {
     let state = StateVector {
         position_m: Vector3::new(x, y, z) * 1e3,
         velocity_m_s: Vector3::new(vx, vy, vz) * 1e3,

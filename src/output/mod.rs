@@ -16,6 +16,7 @@ mod folder;
 mod light_curve;
 mod names;
 mod panel;
+pub mod passes;
 mod plot;
 mod png;
 mod sheet;

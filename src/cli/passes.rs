@@ -1,0 +1,245 @@
+//! `skyloop passes`: which objects cross the camera's field, when, and how bright.
+
+use super::lightcurve::find;
+use super::render::{Numbers, state_km};
+use super::{progress, scene, scene_name, warn_of_refused};
+use anyhow::{Context, anyhow, bail};
+use clap::Args as ClapArgs;
+use hifitime::{Epoch, Unit};
+use skyloop::attitude::{Attitude, VehicleState};
+use skyloop::config::{Config, Observer, Sequence, TimedAttitude};
+use skyloop::effect::counted;
+use skyloop::flight::{self, Flight, FlightError};
+use skyloop::load::{Folder, orbits};
+use skyloop::orbit::time::{parse_utc, utc_text};
+use skyloop::output::passes::{Row, csv, json, table};
+use skyloop::passes::{NoPasses, Passes, Search, passes};
+use skyloop_firmware_sim::console::say;
+use std::path::PathBuf;
+
+/// Arguments of `skyloop passes`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Scene file with [objects], an [observer] and attitudes [default: the built-in FAI on CASSIOPE, 15 June 2019]
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// First instant [default: the scene's first exposure]
+    #[arg(long, value_name = "UTC", value_parser = parse_utc)]
+    from: Option<Epoch>,
+    /// Last instant [default: the scene's last exposure]
+    #[arg(long, value_name = "UTC", value_parser = parse_utc)]
+    to: Option<Epoch>,
+    /// Unit quaternion x,y,z,w from ICRF to body at --from, instead of the scene's attitudes
+    #[arg(
+        long,
+        value_name = "x,y,z,w",
+        allow_hyphen_values = true,
+        conflicts_with = "nadir"
+    )]
+    attitude: Option<Numbers<4>>,
+    /// Body rates in deg/s from --from on, body axes, with --attitude
+    #[arg(
+        long,
+        value_name = "wx,wy,wz",
+        allow_hyphen_values = true,
+        requires = "attitude"
+    )]
+    rates: Option<Numbers<3>>,
+    /// +Z to the Earth's centre, +X towards the velocity, instead of the scene's attitudes
+    #[arg(long)]
+    nadir: bool,
+    /// Observer's state in km and km/s, GCRF, at --from, instead of the scene's observer; carried on by two-body motion and J2
+    #[arg(
+        long,
+        value_name = "x,y,z,vx,vy,vz",
+        allow_hyphen_values = true,
+        conflicts_with = "orbit"
+    )]
+    state: Option<Numbers<6>>,
+    /// Observer's orbit from a file, instead of the scene's observer
+    #[arg(long, value_name = "FILE[:NAME]")]
+    orbit: Option<String>,
+    /// This object alone: a name, an id or a number of its file
+    #[arg(long, value_name = "NAME")]
+    object: Option<String>,
+    /// Leave out passes whose light, where it arrives at all, stays fainter
+    #[arg(long, value_name = "MAG", allow_hyphen_values = true)]
+    mag_limit: Option<f64>,
+    /// No stay in the field that lasts longer than so many seconds is missed
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.05,
+        allow_hyphen_values = true
+    )]
+    shortest: f64,
+    /// Print JSON instead of a table
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
+    /// Print CSV instead of a table
+    #[arg(long)]
+    csv: bool,
+}
+
+/// Days at most.
+const MOST_DAYS: f64 = 31.0;
+
+/// Runs the command.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let mut config = scene(args.scene.as_deref())?;
+    let name = scene_name(args.scene.as_deref());
+    let search = search(&args, &config, &name)?;
+    let flight = vehicle(&args, &mut config, &search, &name)?;
+    warn_of_refused(&config);
+    let mut population = config.take_population();
+    if let Some(wanted) = &args.object {
+        let index = find(&population.objects, wanted, &name)?;
+        population.objects = vec![population.objects.swap_remove(index)];
+    }
+    if population.objects.is_empty() {
+        bail!("{name}: has no objects: name their files in [objects] files or population");
+    }
+    const PARTS: u32 = 1000;
+    let bar = progress(PARTS, "per mille");
+    let corrections = &config.sky.corrections;
+    let found = passes(
+        &search,
+        &flight,
+        &config.camera,
+        &mut population,
+        corrections,
+        |part| bar.set_position((part * f64::from(PARTS)) as u64),
+    );
+    bar.finish_and_clear();
+    let Passes { passes, unknown } =
+        found.map_err(|error| anyhow!("{name}: {error}{}", remedy(&error)))?;
+    let all = passes.len();
+    let bright = passes.iter().filter(|pass| {
+        let peak = pass.brightest.as_ref().and_then(|at| at.point.band_mag());
+        (args.mag_limit).is_none_or(|limit| peak.is_some_and(|mag| mag <= limit))
+    });
+    let rows: Vec<Row> = bright
+        .map(|pass| Row::new(pass, &population.objects[pass.index]))
+        .collect();
+    for reason in unknown.values().take(5) {
+        tracing::warn!("{reason}");
+    }
+    if unknown.len() > 5 {
+        tracing::warn!("{} more without a state", unknown.len() - 5);
+    }
+    let (from, to) = (utc_text(search.from), utc_text(search.to));
+    if args.json {
+        let unknown: Vec<String> = unknown.into_keys().collect();
+        say(json(&name, &from, &to, &unknown, &rows))?;
+    } else if args.csv {
+        say(csv(&rows))?;
+    } else {
+        let fainter = match all - rows.len() {
+            0 => String::new(),
+            left => format!(", {left} more stay fainter than --mag-limit"),
+        };
+        say(format_args!(
+            "{}{} of {} from {from} to {to}{fainter}\n",
+            if rows.is_empty() {
+                String::new()
+            } else {
+                table(&rows)
+            },
+            match rows.len() {
+                1 => "1 pass".to_string(),
+                count => format!("{count} passes"),
+            },
+            counted(population.objects.len(), "object"),
+        ))?;
+    }
+    Ok(())
+}
+
+/// What helps where the scene's attitudes or orbit end.
+fn remedy(error: &NoPasses) -> &'static str {
+    match error {
+        NoPasses::Flight(FlightError::Profile(_)) => {
+            "; or choose --from and --to within what is known, or give --attitude, --nadir, --orbit or --state"
+        }
+        _ => "",
+    }
+}
+
+/// From when to when.
+fn search(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Search> {
+    let sequence = config.sequence.as_ref();
+    let last = |s: &Sequence| s.epoch + Unit::Second * (s.period_s * f64::from(s.frames - 1));
+    let none = |key: &str| anyhow!("{scene}: no [sequence] to take it from: give {key}");
+    let from = args.from.or(sequence.map(|s| s.epoch));
+    let from = from.ok_or_else(|| none("--from UTC"))?;
+    let to = args.to.or(sequence.map(last));
+    let to = to.ok_or_else(|| none("--to UTC"))?;
+    let days = (to - from).to_unit(Unit::Day);
+    let ends = format!("--from {}, --to {}", utc_text(from), utc_text(to));
+    if days <= 0.0 {
+        bail!("{ends}: the end must lie after the start");
+    }
+    if days > MOST_DAYS {
+        bail!("{ends}: these are {days:.1} days, at most {MOST_DAYS} are searched");
+    }
+    if !(1e-3..=10.0).contains(&args.shortest) {
+        bail!(
+            "--shortest {}: a number of seconds from 0.001 to 10 is wanted",
+            args.shortest
+        );
+    }
+    if args.mag_limit.is_some_and(|limit| !limit.is_finite()) {
+        bail!("--mag-limit: a finite number is wanted");
+    }
+    Ok(Search {
+        from,
+        to,
+        shortest_s: args.shortest,
+    })
+}
+
+/// Where the vehicle is and points: as the options say, else as the scene does.
+fn vehicle(
+    args: &Args,
+    config: &mut Config,
+    search: &Search,
+    scene: &str,
+) -> anyhow::Result<Flight> {
+    let observer = match (&args.orbit, args.state) {
+        (Some(selector), _) => {
+            let here = Folder::current();
+            let object = orbits::one(&here, selector, &mut config.rejected).context("--orbit")?;
+            Some(Observer::Object(Box::new(object)))
+        }
+        (None, Some(Numbers(state))) => Some(Observer::State(state_km(state)?)),
+        (None, None) => config.observer.take(),
+    };
+    let Some(observer) = observer else {
+        bail!(
+            "{scene}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\", or give --orbit or --state"
+        );
+    };
+    if let Some(Numbers(q)) = args.attitude {
+        let rates = args.rates.map_or([0.0; 3], |Numbers(rates)| rates);
+        let rates = rates.map(f64::to_radians);
+        let attitude = Attitude::from_xyzw(q).context("--attitude")?;
+        VehicleState::new(0, search.from, q, rates, None).context("--rates (deg/s)")?;
+        let epoch = search.from;
+        config.sequence = Some(Sequence {
+            epoch,
+            frames: 1,
+            period_s: 1.0,
+            attitudes: vec![TimedAttitude { epoch, attitude }],
+            rates,
+        });
+    }
+    let orbit = flight::orbit(&observer, search.from);
+    if args.nadir {
+        return Ok(Flight::nadir(orbit));
+    }
+    let Some(sequence) = &config.sequence else {
+        bail!("{scene}: no attitude: add a [sequence], or give --attitude x,y,z,w or --nadir");
+    };
+    let profile = flight::profile(sequence).with_context(|| scene.to_string())?;
+    Ok(Flight { profile, orbit })
+}

@@ -1,0 +1,244 @@
+//! Passes through a camera's field as a table, CSV and JSON.
+
+use crate::label::why_hidden;
+use crate::passes::{Glimpse, Lit, Pass};
+use hifitime::{Epoch, Unit};
+use serde::Serialize;
+use skyloop_orbit::Object;
+use skyloop_orbit::time::utc_text;
+use std::fmt::Write;
+
+/// A pass, in the units of files.
+#[derive(Debug, Serialize)]
+pub struct Row {
+    id: String,
+    name: String,
+    enters: Moment,
+    leaves: Moment,
+    nearest: Moment,
+    brightest: Option<Moment>,
+    min_range_utc: String,
+    min_range_km: f64,
+    rate_px_s: f64,
+    duration_s: f64,
+    lit_s: f64,
+    in_field_at_start: bool,
+    in_field_at_end: bool,
+    spans: Vec<Span>,
+}
+
+/// An instant of a pass.
+#[derive(Debug, Serialize)]
+struct Moment {
+    utc: String,
+    place_px: [f64; 2],
+    off_axis_deg: f64,
+    range_km: f64,
+    phase_deg: f64,
+    /// In full sunlight.
+    mag: Option<f64>,
+    /// Of the light that arrives.
+    band_mag: Option<f64>,
+    reason: &'static str,
+}
+
+/// A part of a pass.
+#[derive(Debug, Serialize)]
+struct Span {
+    from: String,
+    to: String,
+    seconds: f64,
+    /// Why no light arrives; empty where some does.
+    reason: &'static str,
+}
+
+/// UTC to the millisecond that instants are known to.
+fn to_ms(epoch: Epoch) -> String {
+    utc_text(epoch.round(Unit::Millisecond * 1))
+}
+
+/// The head of the CSV: a column for each value of a row but its spans.
+const HEAD: &str = "id,name,enters_utc,enters_x_px,enters_y_px,enters_band_mag,leaves_utc,leaves_x_px,leaves_y_px,leaves_band_mag,\
+                    nearest_utc,nearest_deg,nearest_x_px,nearest_y_px,brightest_utc,brightest_band_mag,min_range_utc,min_range_km,\
+                    rate_px_s,duration_s,lit_s,in_field_at_start,in_field_at_end,reason";
+
+impl Row {
+    /// What is told of a pass of `object`.
+    pub fn new(pass: &Pass, object: &Object) -> Row {
+        let seconds = |lit: &Lit| (lit.to - lit.from).to_seconds();
+        let lit = pass.lit.iter().filter(|lit| lit.hidden.is_none());
+        Row {
+            id: object.id.to_string(),
+            name: object
+                .names
+                .first()
+                .map_or(String::new(), |name| name.to_string()),
+            enters: Moment::new(&pass.entry),
+            leaves: Moment::new(&pass.exit),
+            nearest: Moment::new(&pass.nearest),
+            brightest: pass.brightest.as_ref().map(Moment::new),
+            min_range_utc: to_ms(pass.closest.0),
+            min_range_km: pass.closest.1 * 1e-3,
+            rate_px_s: pass.rate_px_s,
+            duration_s: (pass.exit.point.epoch - pass.entry.point.epoch).to_seconds(),
+            lit_s: lit.map(seconds).sum(),
+            in_field_at_start: pass.begun_before,
+            in_field_at_end: pass.goes_on,
+            spans: pass
+                .lit
+                .iter()
+                .map(|lit| Span {
+                    from: to_ms(lit.from),
+                    to: to_ms(lit.to),
+                    seconds: seconds(lit),
+                    reason: lit.hidden.map_or("", why_hidden),
+                })
+                .collect(),
+        }
+    }
+
+    /// Why it is dark, as long as it is: `in the Earth's shadow, behind the Earth`.
+    fn reasons(&self) -> String {
+        let mut reasons: Vec<&str> = self.spans.iter().map(|span| span.reason).collect();
+        reasons.retain(|reason| !reason.is_empty());
+        if self.brightest.is_none() && reasons.is_empty() {
+            reasons.push(self.nearest.reason);
+        }
+        reasons.dedup();
+        reasons.join(" and ")
+    }
+}
+
+impl Moment {
+    fn new(at: &Glimpse) -> Moment {
+        Moment {
+            utc: to_ms(at.point.epoch),
+            place_px: at.place_px,
+            off_axis_deg: at.off_axis.to_degrees(),
+            range_km: at.point.range_m * 1e-3,
+            phase_deg: at.point.phase.to_degrees(),
+            mag: at.point.mag.is_finite().then_some(at.point.mag),
+            band_mag: at.point.band_mag(),
+            reason: at.point.reason(),
+        }
+    }
+
+    fn band_mag(&self) -> String {
+        self.band_mag
+            .map_or(String::new(), |mag| format!("{mag:.4}"))
+    }
+}
+
+/// A table for people; times of day are those of the dates in the first column.
+pub fn table(rows: &[Row]) -> String {
+    let mut text = format!(
+        "{:<24} {:<24} {:>8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>9} {:>8} {:>13} {:>13}  {}\n",
+        "object",
+        "enters, UTC",
+        "s",
+        "lit, s",
+        "nearest",
+        "peak",
+        "enters",
+        "leaves",
+        "least",
+        "px/s",
+        "enters",
+        "leaves",
+        "dark"
+    );
+    let _ = writeln!(
+        text,
+        "{:<24} {:<24} {:>8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>9} {:>8} {:>13} {:>13}",
+        "", "", "", "", "deg", "mag", "mag", "mag", "km", "", "px", "px"
+    );
+    for row in rows {
+        let mag = |at: Option<&Moment>| {
+            let mag = at.and_then(|at| at.band_mag);
+            mag.map_or("-".to_string(), |mag| format!("{mag:.2}"))
+        };
+        let place = |at: &Moment| format!("{:.1},{:.1}", at.place_px[0], at.place_px[1]);
+        let name = match row.name.as_str() {
+            "" => row.id.as_str(),
+            name => name,
+        };
+        let _ = writeln!(
+            text,
+            "{:<24} {:<24} {:>8} {:>7.1} {:>7.3} {:>6} {:>6} {:>6} {:>9.1} {:>8.2} {:>13} {:>13}  {}",
+            name.chars().take(24).collect::<String>(),
+            row.enters.utc,
+            // What is cut by the search's ends lasts longer.
+            match row.in_field_at_start || row.in_field_at_end {
+                true => format!(">{:.1}", row.duration_s),
+                false => format!("{:.1}", row.duration_s),
+            },
+            row.lit_s,
+            row.nearest.off_axis_deg,
+            mag(row.brightest.as_ref()),
+            mag(Some(&row.enters)),
+            mag(Some(&row.leaves)),
+            row.min_range_km,
+            row.rate_px_s,
+            place(&row.enters),
+            place(&row.leaves),
+            row.reasons(),
+        );
+    }
+    text
+}
+
+/// CSV with a head; a magnitude is empty where no light arrives.
+pub fn csv(rows: &[Row]) -> String {
+    let mut text = format!("{HEAD}\n");
+    for row in rows {
+        let place = |at: &Moment| format!("{:.4},{:.4}", at.place_px[0], at.place_px[1]);
+        let (enters, leaves, nearest) = (&row.enters, &row.leaves, &row.nearest);
+        let brightest = row.brightest.as_ref();
+        let _ = writeln!(
+            text,
+            "{},{},{},{},{},{},{},{},{},{:.6},{},{},{},{},{:.6},{:.4},{:.6},{:.6},{},{},{}",
+            quoted(&row.id),
+            quoted(&row.name),
+            enters.utc,
+            place(enters),
+            enters.band_mag(),
+            leaves.utc,
+            place(leaves),
+            leaves.band_mag(),
+            nearest.utc,
+            nearest.off_axis_deg,
+            place(nearest),
+            brightest.map_or("", |at| at.utc.as_str()),
+            brightest.map_or(String::new(), Moment::band_mag),
+            row.min_range_utc,
+            row.min_range_km,
+            row.rate_px_s,
+            row.duration_s,
+            row.lit_s,
+            row.in_field_at_start,
+            row.in_field_at_end,
+            quoted(&row.reasons()),
+        );
+    }
+    text
+}
+
+/// A field of CSV (RFC 4180).
+fn quoted(text: &str) -> String {
+    match text.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_string(),
+    }
+}
+
+/// JSON: an object with the scene, the search and an array of passes.
+pub fn json(scene: &str, from: &str, to: &str, unknown: &[String], rows: &[Row]) -> String {
+    let all = serde_json::json!({
+        "scene": scene,
+        "from": from,
+        "to": to,
+        "without_state": unknown,
+        "passes": rows,
+    });
+    format!("{all:#}\n")
+}

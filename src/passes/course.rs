@@ -1,0 +1,153 @@
+//! The observer's way in steps: position and attitude at every instant, without asking orbit and sidereal time each time.
+
+use super::NoPasses;
+use crate::attitude::VehicleState;
+use crate::flight::Flight;
+use crate::scene::{Exposure, shutter};
+use crate::sky::apparent::Observer;
+use crate::sky::population::Shutter;
+use crate::sky::shadow::Earth;
+use hifitime::{Epoch, Unit};
+use nalgebra::{Matrix3, Vector3};
+use skyloop_orbit::{StateVector, frames};
+
+/// Knots of a step. Positions are the polynomial through them: with 2.5 s between, 1e-7 m off in a low orbit.
+const KNOTS: usize = 5;
+
+/// The observer during all of a search.
+pub(super) struct Course<'a> {
+    flight: &'a Flight,
+    from: Epoch,
+    step_s: f64,
+    pub(super) steps: Vec<Step>,
+}
+
+/// The observer during a step.
+pub(super) struct Step {
+    /// Seconds since the search began.
+    pub(super) start_s: f64,
+    pub(super) end_s: f64,
+    /// Its start, mid and end.
+    pub(super) shutter: Shutter,
+    /// In its middle.
+    pub(super) vehicle: VehicleState,
+    /// The fastest turn of the body, rad/s.
+    pub(super) rate: f64,
+    /// TEME to GCRF in its middle: in seconds it does not change.
+    pub(super) rotation: Matrix3<f64>,
+    /// The Earth in its middle.
+    pub(super) earth: Earth,
+    knots: [StateVector; KNOTS],
+}
+
+impl<'a> Course<'a> {
+    /// From `from` on for `length_s`, in steps of at most `step_s`; rates are looked at every `look_s`.
+    pub(super) fn new(
+        flight: &'a Flight,
+        from: Epoch,
+        length_s: f64,
+        step_s: f64,
+        look_s: f64,
+    ) -> Result<Self, NoPasses> {
+        let count = (length_s / step_s).ceil().max(1.0);
+        let step_s = length_s / count;
+        let mut course = Self {
+            flight,
+            from,
+            step_s,
+            steps: Vec::new(),
+        };
+        for number in 0..count as usize {
+            let step = course.step(number as f64 * step_s, look_s)?;
+            course.steps.push(step);
+        }
+        Ok(course)
+    }
+
+    /// The instant so many seconds after the beginning.
+    pub(super) fn epoch(&self, t_s: f64) -> Epoch {
+        self.from + Unit::Second * t_s
+    }
+
+    /// The step of an instant; the last one ends with the search.
+    pub(super) fn at(&self, t_s: f64) -> &Step {
+        let number = (t_s / self.step_s) as usize;
+        &self.steps[number.min(self.steps.len() - 1)]
+    }
+
+    /// The vehicle at an instant.
+    pub(super) fn vehicle(&self, t_s: f64) -> Result<VehicleState, NoPasses> {
+        let state = self.at(t_s).state(t_s);
+        Ok(self.flight.vehicle(self.epoch(t_s), state)?)
+    }
+
+    fn step(&self, start_s: f64, look_s: f64) -> Result<Step, NoPasses> {
+        let length_s = self.step_s;
+        let mid = self.epoch(start_s + length_s / 2.0);
+        let between = |k: usize| k as f64 / (KNOTS - 1) as f64;
+        let mut knots = [self.flight.state(mid)?; KNOTS];
+        for (k, knot) in knots.iter_mut().enumerate() {
+            *knot = (self.flight).state(self.epoch(start_s + length_s * between(k)))?;
+        }
+        let earth = Earth::at(mid);
+        let mut step = Step {
+            start_s,
+            end_s: start_s + length_s,
+            vehicle: self.flight.vehicle(mid, knots[KNOTS / 2])?,
+            shutter: shutter(
+                &self.flight.vehicle(mid, knots[KNOTS / 2])?,
+                &Exposure::around(mid, length_s),
+            )?,
+            rate: 0.0,
+            rotation: frames::teme_to_gcrf(mid),
+            earth,
+            knots,
+        };
+        if earth.contains(step.vehicle_m()) {
+            return Err(NoPasses::BelowGround { epoch: mid });
+        }
+        let looks = (length_s / look_s).ceil() as usize;
+        for look in 0..=looks {
+            let t_s = start_s + length_s * look as f64 / looks as f64;
+            let vehicle = self.flight.vehicle(self.epoch(t_s), step.state(t_s))?;
+            step.rate = step.rate.max(vehicle.rates.norm());
+        }
+        Ok(step)
+    }
+}
+
+impl Step {
+    fn vehicle_m(&self) -> Vector3<f64> {
+        self.knots[KNOTS / 2].position_m
+    }
+
+    /// The observer's state by Lagrange's polynomial through the knots.
+    pub(super) fn state(&self, t_s: f64) -> StateVector {
+        let x = (t_s - self.start_s) / (self.end_s - self.start_s) * (KNOTS - 1) as f64;
+        let mut state = StateVector {
+            position_m: Vector3::zeros(),
+            velocity_m_s: Vector3::zeros(),
+        };
+        for (i, knot) in self.knots.iter().enumerate() {
+            let others = (0..KNOTS).filter(|j| *j != i);
+            let weight: f64 = others
+                .map(|j| (x - j as f64) / (i as f64 - j as f64))
+                .product();
+            state.position_m += knot.position_m * weight;
+            state.velocity_m_s += knot.velocity_m_s * weight;
+        }
+        state
+    }
+
+    /// The observer.
+    pub(super) fn observer(&self, epoch: Epoch, t_s: f64) -> Observer {
+        let state = self.state(t_s);
+        let middle_s = (self.start_s + self.end_s) / 2.0;
+        Observer {
+            epoch,
+            position_m: state.position_m,
+            velocity_m_s: state.velocity_m_s,
+            bodies: self.shutter[1].bodies.after(t_s - middle_s),
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! What is told of one stay in the field.
+
+use super::search::{Seeker, Sight};
+use super::{NoPasses, Search};
+use crate::light_curve::{Point, point_from};
+use crate::scene::Hidden;
+use crate::sky::Population;
+use hifitime::Epoch;
+
+/// A stay is looked at every so many seconds, for what is least and what is dark,
+const LOOK_S: f64 = 1.0;
+/// and at so many instants at most.
+const MOST_LOOKS: f64 = 1000.0;
+/// Its brightness is that of so many instants at most.
+const MOST_LIGHTS: f64 = 100.0;
+/// The base of an image's rate, s.
+const RATE_S: f64 = 0.01;
+
+/// An object's stay in the field.
+#[derive(Debug, Clone)]
+pub struct Pass {
+    /// Index into the population.
+    pub index: usize,
+    /// Where it comes in.
+    pub entry: Glimpse,
+    /// Where it leaves.
+    pub exit: Glimpse,
+    /// Nearest to the boresight.
+    pub nearest: Glimpse,
+    /// At its brightest; none where no light arrives.
+    pub brightest: Option<Glimpse>,
+    /// Least range, m, and when.
+    pub closest: (Epoch, f64),
+    /// How fast its image moves when nearest to the boresight, px/s.
+    pub rate_px_s: f64,
+    /// Whether its light arrives, from one change to the next.
+    pub lit: Vec<Lit>,
+    /// Whether it is in the field when the search begins.
+    pub begun_before: bool,
+    /// Whether it still is when the search ends.
+    pub goes_on: bool,
+}
+
+/// An object at an instant of its stay.
+#[derive(Debug, Clone)]
+pub struct Glimpse {
+    /// Its light.
+    pub point: Point,
+    /// Its image on the detector, px.
+    pub place_px: [f64; 2],
+    /// Its angle from the boresight, rad.
+    pub off_axis: f64,
+}
+
+/// A part of a stay.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lit {
+    /// Its beginning.
+    pub from: Epoch,
+    /// Its end.
+    pub to: Epoch,
+    /// Why no light arrives; none where some does.
+    pub hidden: Option<Hidden>,
+}
+
+impl Seeker<'_> {
+    /// The stay from one instant to another, s; none where there is no state within it.
+    pub(super) fn pass(
+        &self,
+        population: &Population,
+        index: usize,
+        [start, end]: [f64; 2],
+        search: &Search,
+    ) -> Result<Option<Pass>, NoPasses> {
+        let looks = ((end - start) / LOOK_S).ceil().clamp(4.0, MOST_LOOKS);
+        let times = |count: f64| {
+            (0..=count as usize).map(move |i| start + (end - start) * i as f64 / count)
+        };
+        let mut seen: Vec<(f64, Sight)> = Vec::new();
+        for t_s in times(looks) {
+            seen.extend(self.sight(t_s)?.map(|sight| (t_s, sight)));
+        }
+        let reach = (end - start) / looks;
+        let least = |of: &dyn Fn(&Sight) -> f64| -> Result<f64, NoPasses> {
+            let best = seen.iter().min_by(|a, b| of(&a.1).total_cmp(&of(&b.1)));
+            let near = best.map_or(start, |(t_s, _)| *t_s);
+            self.least([(near - reach).max(start), (near + reach).min(end)], of)
+        };
+        let glimpse = |t_s: f64| self.glimpse(population, index, t_s);
+        let nearest_s = least(&|sight| sight.off_axis)?;
+        let closest_s = least(&|sight| sight.range_m)?;
+        // The edge itself is within the bisection's millisecond.
+        let (Some(entry), Some(exit), Some(nearest), Some(closest)) = (
+            glimpse(start)?,
+            glimpse(end)?,
+            glimpse(nearest_s)?,
+            self.sight(closest_s)?,
+        ) else {
+            return Ok(None);
+        };
+        let mut brightest: Option<Glimpse> = None;
+        let magnitude = |one: &Glimpse| one.point.band_mag().unwrap_or(f64::INFINITY);
+        for t_s in times(looks.min(MOST_LIGHTS)).chain([nearest_s, closest_s]) {
+            if let Some(one) = glimpse(t_s)?
+                && magnitude(&one) < brightest.as_ref().map_or(f64::INFINITY, magnitude)
+            {
+                brightest = Some(one);
+            }
+        }
+        Ok(Some(Pass {
+            index,
+            entry,
+            exit,
+            nearest,
+            brightest,
+            closest: (self.course.epoch(closest_s), closest.range_m),
+            rate_px_s: self.rate_px_s(nearest_s, search)?,
+            lit: self.lit(&seen, [start, end])?,
+            begun_before: start <= 0.0,
+            goes_on: end >= search.length_s(),
+        }))
+    }
+
+    fn glimpse(
+        &self,
+        population: &Population,
+        index: usize,
+        t_s: f64,
+    ) -> Result<Option<Glimpse>, NoPasses> {
+        let Some(sight) = self.sight(t_s)? else {
+            return Ok(None);
+        };
+        let point = point_from(
+            population,
+            index,
+            self.course.at(t_s).state(t_s),
+            self.corrections,
+            self.course.epoch(t_s),
+            self.camera.exposure_s,
+        )?;
+        Ok(sight.image_px.map(|place_px| Glimpse {
+            point,
+            place_px,
+            off_axis: sight.off_axis,
+        }))
+    }
+
+    /// The speed of the image, px/s.
+    fn rate_px_s(&self, t_s: f64, search: &Search) -> Result<f64, NoPasses> {
+        let ends = [t_s - RATE_S / 2.0, t_s + RATE_S / 2.0];
+        let [before, after] = ends.map(|t_s| t_s.clamp(0.0, search.length_s()));
+        let [before_px, after_px] = [self.sight(before)?, self.sight(after)?]
+            .map(|one| one.and_then(|sight| sight.image_px));
+        let (Some(a), Some(b)) = (before_px, after_px) else {
+            return Ok(0.0);
+        };
+        Ok((b[0] - a[0]).hypot(b[1] - a[1]) / (after - before))
+    }
+
+    /// The parts of a stay that are lit, and dark in one way.
+    fn lit(&self, seen: &[(f64, Sight)], [start, end]: [f64; 2]) -> Result<Vec<Lit>, NoPasses> {
+        let mut parts = Vec::new();
+        let mut from = start;
+        let mut part = |to: f64, hidden| {
+            parts.push(Lit {
+                from: self.course.epoch(from),
+                to: self.course.epoch(to),
+                hidden,
+            });
+            from = to;
+        };
+        for pair in seen.windows(2) {
+            let [(a_s, a), (b_s, b)] = pair else {
+                continue;
+            };
+            if a.hidden != b.hidden {
+                part(self.change([*a_s, *b_s], a.hidden)?, a.hidden);
+            }
+        }
+        if let Some((_, last)) = seen.last() {
+            part(end, last.hidden);
+        }
+        Ok(parts)
+    }
+}

@@ -1,0 +1,155 @@
+//! Which objects cross a camera's field, when, and how bright: no frame is made.
+//!
+//! Time goes in steps. For each, [`Population::in_cone`] gives the objects that may stand in the cone of the field at some time of it.
+//! Of each of these the step is bisected: where even the fastest way of its image does not reach the edge of the
+//! detector, it is in the field or not all through; else down to [`Search::shortest_s`]. So no stay in the field
+//! that lasts longer than that is missed, and none that is shorter is sure to be found.
+
+mod course;
+mod crossing;
+mod field;
+mod search;
+
+pub use crossing::{Glimpse, Lit, Pass};
+
+use crate::camera::Camera;
+use crate::flight::{Flight, FlightError};
+use crate::light_curve::NoLightCurve;
+use crate::scene::Unobservable;
+use crate::sky::{Corrections, Population};
+use course::Course;
+use field::Field;
+use hifitime::Epoch;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use search::Seeker;
+use skyloop_orbit::time::utc_text;
+use std::collections::BTreeMap;
+use thiserror::Error;
+
+/// Seconds of a step: in them a low orbit goes 80 km.
+const STEP_S: f64 = 10.0;
+
+/// When to look, and how closely.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Search {
+    /// The first instant.
+    pub from: Epoch,
+    /// The last one, after it.
+    pub to: Epoch,
+    /// No stay in the field that is longer is missed, s, above 0.
+    pub shortest_s: f64,
+}
+
+impl Search {
+    fn length_s(&self) -> f64 {
+        (self.to - self.from).to_seconds()
+    }
+}
+
+/// What was found.
+#[derive(Debug, Default)]
+pub struct Passes {
+    /// In order of entry.
+    pub passes: Vec<Pass>,
+    /// Objects whose orbit has no answer at some time of the search, each with one reason.
+    pub unknown: BTreeMap<String, String>,
+}
+
+/// Why nothing can be found.
+#[derive(Debug, Error)]
+pub enum NoPasses {
+    /// No attitude or no state of the vehicle.
+    #[error(transparent)]
+    Flight(#[from] FlightError),
+    /// Nothing can be seen from there, or then.
+    #[error(transparent)]
+    Unobservable(#[from] Unobservable),
+    /// The brightness of an object is not known.
+    #[error(transparent)]
+    Light(#[from] NoLightCurve),
+    /// The observer is inside the Earth.
+    #[error(
+        "the observer is below the ground (WGS84) at {}: must be above it; check orbit, units and epochs",
+        utc_text(*epoch)
+    )]
+    BelowGround {
+        /// When.
+        epoch: Epoch,
+    },
+}
+
+/// The passes of a population through the field of `camera` on a vehicle. `tick` is told of the parts of the work that
+/// are done, from 0 to 1.
+pub fn passes(
+    search: &Search,
+    flight: &Flight,
+    camera: &Camera,
+    population: &mut Population,
+    corrections: &Corrections,
+    tick: impl Fn(f64) + Sync,
+) -> Result<Passes, NoPasses> {
+    let course = Course::new(
+        flight,
+        search.from,
+        search.length_s(),
+        STEP_S,
+        search.shortest_s,
+    )?;
+    // Shapes and attitudes do not decide where an object stands.
+    let looks = std::mem::take(&mut population.looks);
+    let (candidates, unknown) = candidates(&course, camera, population, corrections, &tick);
+    population.looks = looks;
+
+    let population = &*population;
+    let field = Field::new(camera);
+    let found: Result<Vec<Vec<Pass>>, NoPasses> = candidates
+        .par_iter()
+        .map(|(index, steps)| {
+            let seeker = Seeker {
+                course: &course,
+                field: &field,
+                camera,
+                corrections,
+                object: &population.objects[*index],
+            };
+            let crossings = seeker.crossings(steps, search)?;
+            let passes = crossings.into_iter();
+            let passes = passes.map(|times| seeker.pass(population, *index, times, search));
+            passes.filter_map(Result::transpose).collect()
+        })
+        .collect();
+    let mut passes: Vec<Pass> = found?.into_iter().flatten().collect();
+    passes.sort_by_key(|pass| (pass.entry.point.epoch, pass.index));
+    tick(1.0);
+    Ok(Passes { passes, unknown })
+}
+
+/// The steps in which each object may be in the field, and the objects without a state.
+#[allow(clippy::type_complexity)]
+fn candidates(
+    course: &Course,
+    camera: &Camera,
+    population: &Population,
+    corrections: &Corrections,
+    tick: &impl Fn(f64),
+) -> (BTreeMap<usize, Vec<usize>>, BTreeMap<String, String>) {
+    let (mut candidates, mut unknown) = (BTreeMap::new(), BTreeMap::new());
+    let cone = camera.cone_rad(0.0);
+    for (number, step) in course.steps.iter().enumerate() {
+        let pointing = step.vehicle.attitude.then(&camera.mounting);
+        let axis = pointing.matrix().transpose() * Vector3::z();
+        let reach = cone + step.rate * (step.end_s - step.start_s) / 2.0;
+        let (seen, errors) = population.in_cone(&axis, reach, &step.shutter, corrections);
+        for object in seen {
+            let steps: &mut Vec<usize> = candidates.entry(object.index).or_default();
+            steps.push(number);
+        }
+        for error in errors {
+            let reason = unknown.entry(error.object().to_string());
+            reason.or_insert_with(|| error.to_string());
+        }
+        tick(0.5 * number as f64 / course.steps.len() as f64);
+    }
+    (candidates, unknown)
+}

@@ -1,0 +1,231 @@
+//! When an object is in the field: instants are bisected where, by how fast its image can move at most, it may reach the edge.
+
+use super::course::{Course, Step};
+use super::field::Field;
+use super::{NoPasses, Search};
+use crate::camera::Camera;
+use crate::light_curve::why_dark;
+use crate::scene::Hidden;
+use crate::sky::Corrections;
+use crate::sky::apparent::object_direction;
+use crate::sky::population::OWN_VEHICLE_M;
+use nalgebra::Vector3;
+use skyloop_orbit::Object;
+use std::f64::consts::PI;
+
+/// Entries and exits are bisected down to this, s.
+const FINE_S: f64 = 1e-3;
+/// What light time and aberration may turn a direction by, rad: 16 km/s over c, each, rounded up.
+const WANDER: f64 = 2e-4;
+/// The golden section, by which a least value is narrowed down.
+const SECTION: f64 = 0.618_033_988_749_894_9;
+
+/// An object before a camera.
+pub(super) struct Seeker<'a> {
+    pub(super) course: &'a Course<'a>,
+    pub(super) field: &'a Field<'a>,
+    pub(super) camera: &'a Camera,
+    pub(super) corrections: &'a Corrections,
+    pub(super) object: &'a Object,
+}
+
+/// An object as it is seen at an instant.
+pub(super) struct Sight {
+    /// Its image, px, on the detector or beside it; none where the optics make none.
+    pub(super) image_px: Option<[f64; 2]>,
+    /// Whether that is on the detector.
+    pub(super) inside: bool,
+    /// From the boresight, rad.
+    pub(super) off_axis: f64,
+    /// m.
+    pub(super) range_m: f64,
+    /// Why it is dark.
+    pub(super) hidden: Option<Hidden>,
+}
+
+/// A time (s) and whether the object is in the field, all through.
+struct Piece {
+    start_s: f64,
+    end_s: f64,
+    inside: bool,
+}
+
+impl Seeker<'_> {
+    /// Its times in the field, s since the beginning; `steps`: those in which it may be in it.
+    pub(super) fn crossings(
+        &self,
+        steps: &[usize],
+        search: &Search,
+    ) -> Result<Vec<[f64; 2]>, NoPasses> {
+        let mut crossings = Vec::new();
+        let begins = steps.first() == Some(&0) && self.is_inside(0.0)?;
+        let mut entered = begins.then_some(0.0);
+        let mut known = (0.0, begins);
+        let mut turn = |piece: Piece| -> Result<(), NoPasses> {
+            if piece.inside != known.1 {
+                let at = self.edge_between(known, piece.start_s)?;
+                match entered.take() {
+                    None => entered = Some(at),
+                    Some(start) => crossings.push([start, at]),
+                }
+            }
+            known = (piece.end_s, piece.inside);
+            Ok(())
+        };
+        for (i, number) in steps.iter().enumerate() {
+            let step = &self.course.steps[*number];
+            self.pieces(step, search.shortest_s, &mut turn)?;
+            // What follows is a step without it, or the end of all.
+            let last = *number + 1 == self.course.steps.len();
+            if last || steps.get(i + 1) != Some(&(number + 1)) {
+                turn(Piece {
+                    start_s: step.end_s,
+                    end_s: step.end_s,
+                    inside: last && self.is_inside(step.end_s)?,
+                })?;
+            }
+        }
+        crossings.extend(entered.map(|start| [start, search.length_s()]));
+        Ok(crossings)
+    }
+
+    /// Bisects a step into pieces, in order of time.
+    fn pieces(
+        &self,
+        step: &Step,
+        shortest_s: f64,
+        take: &mut impl FnMut(Piece) -> Result<(), NoPasses>,
+    ) -> Result<(), NoPasses> {
+        let mut left = vec![[step.start_s, step.end_s]];
+        while let Some([start_s, end_s]) = left.pop() {
+            let mid_s = (start_s + end_s) / 2.0;
+            match self.throughout(step, mid_s, (end_s - start_s) / 2.0)? {
+                Some(inside) => take(Piece {
+                    start_s,
+                    end_s,
+                    inside,
+                })?,
+                None if end_s - start_s <= shortest_s => take(Piece {
+                    start_s: mid_s,
+                    end_s: mid_s,
+                    inside: self.is_inside(mid_s)?,
+                })?,
+                None => left.extend([[mid_s, end_s], [start_s, mid_s]]),
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether it is in the field, or not, for `half_s` before and after an instant; none where it may change.
+    fn throughout(&self, step: &Step, t_s: f64, half_s: f64) -> Result<Option<bool>, NoPasses> {
+        let epoch = self.course.epoch(t_s);
+        let Ok(state) = self.object.state_with(epoch, &step.rotation) else {
+            return Ok(Some(false));
+        };
+        let vehicle = self.course.vehicle(t_s)?;
+        let observer = step.state(t_s);
+        let line = state.position_m - observer.position_m;
+        let range = line.norm();
+        // On a way w the line turns by asin(w / range) at most: pi w / range is above it, with room for a way that bends.
+        let way = (state.velocity_m_s - observer.velocity_m_s).norm() * half_s;
+        let sweep = PI * way / range.max(1e-3) + step.rate * half_s + 2.0 * WANDER;
+        if range < OWN_VEHICLE_M || sweep > PI {
+            return Ok(None);
+        }
+        let seen = vehicle
+            .attitude
+            .then(&self.camera.mounting)
+            .rotate(&(line / range));
+        let sure = self.field.to_edge(&seen) > sweep;
+        Ok(sure.then(|| self.field.place(&seen).is_some()))
+    }
+
+    /// The instant between a known one and another, of the other kind, at which it crosses the edge: the last one inside.
+    fn edge_between(&self, (known_s, inside): (f64, bool), other_s: f64) -> Result<f64, NoPasses> {
+        let (mut low, mut high) = (known_s, other_s);
+        while high - low > FINE_S {
+            let mid = (low + high) / 2.0;
+            match self.is_inside(mid)? == inside {
+                true => low = mid,
+                false => high = mid,
+            }
+        }
+        Ok(if inside { low } else { high })
+    }
+
+    fn is_inside(&self, t_s: f64) -> Result<bool, NoPasses> {
+        Ok(self.sight(t_s)?.is_some_and(|sight| sight.inside))
+    }
+
+    /// How it is seen; none where it has no state, or is the observer itself.
+    pub(super) fn sight(&self, t_s: f64) -> Result<Option<Sight>, NoPasses> {
+        let step = self.course.at(t_s);
+        let observer = step.observer(self.course.epoch(t_s), t_s);
+        let state = |epoch| self.object.state_with(epoch, &step.rotation);
+        let Ok(seen) = object_direction(state, &observer, self.corrections) else {
+            return Ok(None);
+        };
+        if seen.range_m < OWN_VEHICLE_M {
+            return Ok(None);
+        }
+        let pointing = self
+            .course
+            .vehicle(t_s)?
+            .attitude
+            .then(&self.camera.mounting);
+        let direction = pointing.rotate(&seen.direction);
+        let sun_m = observer.bodies.sun_apparent_m();
+        let occulted = step.earth.occults(observer.position_m, seen.seen_at_m);
+        Ok(Some(Sight {
+            image_px: self.camera.optics.project(&direction),
+            inside: self.field.place(&direction).is_some(),
+            off_axis: direction.angle(&Vector3::z()),
+            range_m: seen.range_m,
+            hidden: why_dark(occulted, step.earth.illumination(seen.seen_at_m, sun_m)),
+        }))
+    }
+
+    /// The instant between `low` and `high` at which a quantity is least, if it has one least value there.
+    pub(super) fn least(
+        &self,
+        ends: [f64; 2],
+        of: impl Fn(&Sight) -> f64,
+    ) -> Result<f64, NoPasses> {
+        let value = |t_s| -> Result<f64, NoPasses> {
+            Ok(self.sight(t_s)?.map_or(f64::INFINITY, |sight| of(&sight)))
+        };
+        let [mut low, mut high] = ends;
+        while high - low > FINE_S {
+            let reach = SECTION * (high - low);
+            let (first, second) = (high - reach, low + reach);
+            match value(first)? < value(second)? {
+                true => high = second,
+                false => low = first,
+            }
+        }
+        // At an end it may be less than anywhere near it.
+        let mut best = (low + high) / 2.0;
+        for end in ends {
+            if value(end)? < value(best)? {
+                best = end;
+            }
+        }
+        Ok(best)
+    }
+
+    /// The instant between two, dark in a different way, at which that changes.
+    pub(super) fn change(
+        &self,
+        [mut low, mut high]: [f64; 2],
+        before: Option<Hidden>,
+    ) -> Result<f64, NoPasses> {
+        while high - low > FINE_S {
+            let mid = (low + high) / 2.0;
+            match self.sight(mid)?.is_some_and(|sight| sight.hidden == before) {
+                true => low = mid,
+                false => high = mid,
+            }
+        }
+        Ok((low + high) / 2.0)
+    }
+}

@@ -1,0 +1,317 @@
+//! Passes through a camera's field: against another program's brute force, and by hand.
+
+use hifitime::{Epoch, Unit};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use skyloop::camera::Camera;
+use skyloop::flight::Flight;
+use skyloop::load::Folder;
+use skyloop::orbit::time::{parse_utc, utc_text};
+use skyloop::orbit::{Object, StateVector, parse};
+use skyloop::passes::{Pass, Passes, Search, passes};
+use skyloop::scene::Hidden;
+use skyloop::sky::bodies::Bodies;
+use skyloop::sky::shadow::Earth;
+use skyloop::sky::{Corrections, Population};
+use skyloop_firmware_sim::profile::{Profile, orbit_of};
+use std::sync::Arc;
+
+fn utc(text: &str) -> Epoch {
+    parse_utc(text).unwrap()
+}
+
+fn camera() -> Camera {
+    Camera::load("fai-nir", &Folder::current()).unwrap()
+}
+
+fn population(objects: Vec<Object>) -> Population {
+    Population {
+        objects,
+        ..Population::default()
+    }
+}
+
+fn found(
+    search: &Search,
+    flight: &Flight,
+    objects: Vec<Object>,
+    corrections: &Corrections,
+) -> Passes {
+    let mut population = population(objects);
+    let tick = |part: f64| assert!((0.0..=1.0).contains(&part));
+    passes(
+        search,
+        flight,
+        &camera(),
+        &mut population,
+        corrections,
+        tick,
+    )
+    .unwrap()
+}
+
+#[test]
+fn passes_are_those_of_another_programs_brute_force() {
+    let loaded = parse(include_str!("reference/passes.tle"), "passes.tle").unwrap();
+    assert!(loaded.rejected.is_empty());
+    let mut objects = loaded.objects;
+    let observer = objects.remove(0);
+    let from = utc("2026-11-22T00:00:00Z");
+    // X-Val: Q and RATES of reference/passes.py.
+    let q = nalgebra::Quaternion::new(0.76, 0.1, 0.6, -0.2);
+    let flight = Flight {
+        profile: Profile::Slew {
+            start: from,
+            attitude: UnitQuaternion::new_normalize(q),
+            rates_rad_s: Vector3::new(0.02, -0.05, 0.03).map(f64::to_radians),
+        },
+        orbit: orbit_of(observer),
+    };
+    let search = Search {
+        from,
+        to: from + Unit::Second * 900.0,
+        shortest_s: 0.05,
+    };
+    let ids: Vec<String> = objects.iter().map(|object| object.id.to_string()).collect();
+    let found = found(&search, &flight, objects, &Corrections::default());
+    assert!(found.unknown.is_empty());
+    // X-Val: reference/passes.csv, one line a pass.
+    let table = include_str!("reference/passes.csv").lines().skip(1);
+    let expected: Vec<Vec<&str>> = table.map(|line| line.split(',').collect()).collect();
+    let number = |row: &[&str], k: usize| -> f64 { row[k].parse().unwrap() };
+    assert_eq!(found.passes.len(), expected.len());
+    let mut worst = [0.0f64; 6];
+    for row in expected {
+        let id = format!("NORAD {}", row[0]);
+        let pass = found.passes.iter().find(|pass| ids[pass.index] == id);
+        let pass = pass.unwrap_or_else(|| panic!("{id} is not found"));
+        let after = |epoch: Epoch| (epoch - from).to_seconds();
+        let px = |at: [f64; 2], k| (at[0] - number(&row, k)).hypot(at[1] - number(&row, k + 1));
+        let errors = [
+            (after(pass.entry.point.epoch) - number(&row, 1)).abs(),
+            (after(pass.exit.point.epoch) - number(&row, 2)).abs(),
+            px(pass.entry.place_px, 3).max(px(pass.exit.place_px, 5)),
+            (pass.nearest.off_axis.to_degrees() - number(&row, 8)).abs(),
+            (pass.closest.1 * 1e-3 - number(&row, 9)).abs(),
+            (pass.nearest.point.mag - number(&row, 10)).abs(),
+        ];
+        for (worst, error) in worst.iter_mut().zip(errors) {
+            *worst = worst.max(error);
+        }
+        // The least angle is flat: its instant is known less well than its value.
+        assert!(
+            (after(pass.nearest.point.epoch) - number(&row, 7)).abs() < 0.1,
+            "{id}"
+        );
+        assert!(!pass.begun_before && !pass.goes_on, "{id}");
+    }
+    println!("s, s, px, deg, km, mag: {worst:?}");
+    // Entry and exit are bisected to 1 ms, in which no image here moves 0.05 px.
+    for (worst, allowed) in worst.iter().zip([1e-3, 1e-3, 0.05, 1e-5, 1e-3, 1e-4]) {
+        assert!(worst <= &allowed, "{worst} of {allowed}");
+    }
+}
+
+/// An object on a straight line at constant speed: its states at both ends of ten minutes around `mid`, m and m/s.
+fn straight(mid: Epoch, position: Vector3<f64>, velocity: Vector3<f64>) -> Object {
+    let line = |dt: f64| {
+        let at = (position + velocity * dt) * 1e-3;
+        let v = velocity * 1e-3;
+        let utc = utc_text(mid + Unit::Second * dt);
+        format!("{utc} {} {} {} {} {} {}\n", at.x, at.y, at.z, v.x, v.y, v.z)
+    };
+    let ends = [-300.0, 300.0].map(|dt| utc_text(mid + Unit::Second * dt));
+    let text = format!(
+        "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-01-01T00:00:00\nORIGINATOR = TEST\nMETA_START\nOBJECT_NAME = LINE\n\
+         OBJECT_ID = LINE\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = {}\nSTOP_TIME = {}\n\
+         INTERPOLATION = LINEAR\nINTERPOLATION_DEGREE = 1\nMETA_STOP\n{}{}",
+        ends[0],
+        ends[1],
+        line(-300.0),
+        line(300.0)
+    );
+    let loaded = parse(&text, "line.oem").unwrap();
+    assert!(loaded.rejected.is_empty(), "{:?}", loaded.rejected);
+    loaded.objects.into_iter().next().unwrap()
+}
+
+/// A vehicle at rest whose camera looks along `z` with its columns along `x`.
+fn at_rest(position_m: Vector3<f64>, z: Vector3<f64>, x: Vector3<f64>) -> Flight {
+    let z = z.normalize();
+    let x = (x - z * x.dot(&z)).normalize();
+    let rows = [x, z.cross(&x), z].map(|axis| axis.transpose());
+    let rotation = Rotation3::from_matrix_unchecked(Matrix3::from_rows(&rows));
+    Flight {
+        profile: Profile::Hold(UnitQuaternion::from_rotation_matrix(&rotation)),
+        orbit: Arc::new(move |_| {
+            Ok(StateVector {
+                position_m,
+                velocity_m_s: Vector3::zeros(),
+            })
+        }),
+    }
+}
+
+fn the_one(found: Passes) -> Pass {
+    assert_eq!(found.passes.len(), 1);
+    found.passes.into_iter().next().unwrap()
+}
+
+fn close(value: f64, expected: f64, within: f64) {
+    assert!(
+        (value - expected).abs() <= within,
+        "{value}, not {expected}"
+    );
+}
+
+#[test]
+fn a_straight_way_through_the_boresight_is_as_by_hand() {
+    let mid = utc("2026-03-20T14:46:00Z");
+    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
+    let across = Earth::at(mid).pole().cross(&sun).normalize();
+    // Before the Earth, Sun behind the camera; 1000 km away, 7 km/s along the columns.
+    let object = straight(mid, sun * 7e6, across * 7e3);
+    let flight = at_rest(sun * 8e6, -sun, across);
+    let search = Search {
+        from: mid - Unit::Second * 60.0,
+        to: mid + Unit::Second * 60.0,
+        shortest_s: 0.05,
+    };
+    let pass = the_one(found(&search, &flight, vec![object], &Corrections::NONE));
+    let after = |epoch: Epoch| (epoch - mid).to_seconds();
+    // X-Val: by hand: f = 13.8 mm / 26 um = 530.769 px; the image is at 127.5 + 530.769 * 7 t / 1000, so that it is at
+    // -0.5 and 255.5 for t = -+128 * 1000 / (530.769 * 7) = -+34.4513 s, and moves 3.71538 px/s.
+    close(after(pass.entry.point.epoch), -34.4513, 1.1e-3);
+    close(after(pass.exit.point.epoch), 34.4513, 1.1e-3);
+    close(pass.entry.place_px[0], -0.5, 5e-3);
+    close(pass.exit.place_px[0], 255.5, 5e-3);
+    close(pass.exit.place_px[1], 127.5, 1e-3);
+    close(pass.rate_px_s, 3.71538, 1e-4);
+    close(after(pass.nearest.point.epoch), 0.0, 2e-3);
+    close(pass.nearest.off_axis, 0.0, 1e-5);
+    close(pass.closest.1, 1e6, 1.0);
+    // X-Val: by hand: phase 0, 1000 km, 10 m: 1.9631 at 1 au; the Sun is at 0.9962 au: 5 log10(0.9962) = -0.0083.
+    let brightest = pass.brightest.unwrap();
+    close(brightest.point.mag, 1.9548, 2e-3);
+    close(after(brightest.point.epoch), 0.0, 1.0);
+    // X-Val: by hand: the object, 13.56 deg off: 1000 / cos = 1028.7 km, 5 log10 = 0.0614; phase 13.56 deg:
+    // F = 2 / (3 pi^2) ((pi - 0.2367) cos 0.2367 + sin 0.2367) = 0.20654, of 0.21221 -2.5 log10 = 0.0294.
+    close(pass.entry.point.mag, 1.9548 + 0.0614 + 0.0294, 2e-3);
+    assert_eq!(pass.lit.len(), 1);
+    assert_eq!(pass.lit[0].hidden, None);
+    assert!(!pass.begun_before && !pass.goes_on);
+
+    // A search that begins and ends within the stay says so.
+    let part = Search {
+        from: mid - Unit::Second * 10.0,
+        to: mid + Unit::Second * 12.5,
+        shortest_s: 0.05,
+    };
+    let object = straight(mid, sun * 7e6, across * 7e3);
+    let pass = the_one(found(&part, &flight, vec![object], &Corrections::NONE));
+    assert!(pass.begun_before && pass.goes_on);
+    close(after(pass.entry.point.epoch), -10.0, 1e-9);
+    close(after(pass.exit.point.epoch), 12.5, 1e-9);
+}
+
+#[test]
+fn what_the_earth_hides_crosses_in_the_dark() {
+    let mid = utc("2026-03-20T14:46:00Z");
+    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
+    let pole = Earth::at(mid).pole();
+    let side = pole.cross(&sun).normalize();
+    // Through the Earth's centre, across the line to the Sun: lit, and behind the Earth all the time.
+    let object = straight(mid, side * -9e6, sun * 7e3);
+    let flight = at_rest(side * 8e6, -side, sun);
+    let search = Search {
+        from: mid - Unit::Second * 250.0,
+        to: mid + Unit::Second * 250.0,
+        shortest_s: 0.05,
+    };
+    let pass = the_one(found(&search, &flight, vec![object], &Corrections::NONE));
+    assert!(pass.brightest.is_none());
+    let hidden: Vec<_> = pass.lit.iter().map(|lit| lit.hidden).collect();
+    assert_eq!(hidden, [Some(Hidden::ByEarth)]);
+}
+
+#[test]
+fn the_shadow_takes_the_light_where_its_cone_begins() {
+    // The Sun stands in the plane of the equator, whose radius the shadow then has.
+    let mid = utc("2026-03-20T14:46:00Z");
+    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
+    let side = Earth::at(mid).pole().cross(&sun).normalize();
+    // 8000 km behind the Earth's centre, 7 km/s inwards, 6341.2 km from the axis at mid.
+    let object = straight(mid, sun * -8e6 + side * 6.3412e6, side * -7e3);
+    let eye = sun * -2.5e7 + side * 6.3412e6;
+    let flight = at_rest(eye, sun, side);
+    let search = Search {
+        from: mid - Unit::Second * 60.0,
+        to: mid + Unit::Second * 60.0,
+        shortest_s: 0.05,
+    };
+    let pass = the_one(found(&search, &flight, vec![object], &Corrections::NONE));
+    let hidden: Vec<_> = pass.lit.iter().map(|lit| lit.hidden).collect();
+    assert_eq!(hidden, [None, Some(Hidden::InShadow)]);
+    // X-Val: by hand: sin alpha = (695700 - 6378.1) / 149.02e6 = 0.0046257; the umbra's radius at 8000 km is
+    // (6378.137 - 8000 sin alpha) / cos alpha = 6341.20 km: reached at mid. 100 m are 0.014 s.
+    close((pass.lit[0].to - mid).to_seconds(), 0.0, 0.03);
+    let brightest = pass.brightest.unwrap();
+    assert!(brightest.point.epoch < mid && pass.exit.point.band_mag().is_none());
+}
+
+#[test]
+fn an_object_without_a_state_is_told_and_the_others_are_found() {
+    let mid = utc("2026-03-20T14:46:00Z");
+    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
+    let side = Earth::at(mid).pole().cross(&sun).normalize();
+    let mut old = straight(mid - Unit::Day * 1.0, sun * 7e6, side * 7e3);
+    old.id = "OLD".into();
+    let object = straight(mid, sun * 7e6, side * 7e3);
+    let flight = at_rest(sun * 8e6, -sun, side);
+    let search = Search {
+        from: mid - Unit::Second * 60.0,
+        to: mid + Unit::Second * 60.0,
+        shortest_s: 0.05,
+    };
+    let found = found(&search, &flight, vec![old, object], &Corrections::NONE);
+    let unknown: Vec<&String> = found.unknown.keys().collect();
+    assert_eq!(unknown, ["OLD (LINE)"]);
+    assert!(
+        found
+            .unknown
+            .values()
+            .all(|why| why.contains("outside its ephemeris"))
+    );
+    assert_eq!(the_one(found).index, 1);
+}
+
+/// Corners are cut in little time: none that lasts longer than is said is missed, whatever the steps.
+#[test]
+fn short_stays_are_found_down_to_the_time_that_is_asked_for() {
+    let mid = utc("2026-03-20T14:46:00Z");
+    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
+    let pole = Earth::at(mid).pole();
+    let x = pole.cross(&sun).normalize();
+    let flight = at_rest(sun * 8e6, -sun, x);
+    let y = (-sun).cross(&x);
+    // X-Val: by hand: a corner of the detector is 128 px from its centre in both axes: 128 / 530.769 * 1000 km = 241.159 km each.
+    let corner = 128.0 / 530.769_23 * 1e6;
+    for (seconds, at_s) in [(0.06, 3.21), (0.3, 4.999), (2.0, -17.3)] {
+        // Along the diagonal across the corner; a chord of that length at 7 km/s is as far from the corner as half of it.
+        let speed = 7e3;
+        let depth = speed * seconds / 2.0;
+        let out = (x + y) / 2f64.sqrt();
+        let along = (x - y) / 2f64.sqrt();
+        let place = sun * 7e6 + (x + y) * corner - out * depth;
+        let object = straight(mid + Unit::Second * at_s, place, along * speed);
+        let search = Search {
+            from: mid - Unit::Second * 60.0,
+            to: mid + Unit::Second * 60.0,
+            shortest_s: 0.05,
+        };
+        let pass = the_one(found(&search, &flight, vec![object], &Corrections::NONE));
+        let length = (pass.exit.point.epoch - pass.entry.point.epoch).to_seconds();
+        close(length, seconds, 2.1e-3);
+        let middle = pass.entry.point.epoch - mid;
+        close(middle.to_seconds() + seconds / 2.0, at_s, 2e-3);
+    }
+}
