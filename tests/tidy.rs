@@ -89,7 +89,13 @@ const FENCES: &[(&str, &[&str])] = &[
     ),
     (
         "serde_json::",
-        &["cli/catalog", "cli/plan", "label", "link/fault/book", "output/passes"],
+        &[
+            "cli/catalog",
+            "cli/plan",
+            "label",
+            "link/fault/book",
+            "output/passes",
+        ],
     ),
     ("toml::", &["load"]),
     ("strsim::", &["load"]),

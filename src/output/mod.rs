@@ -22,10 +22,12 @@ mod png;
 mod sheet;
 mod sip;
 mod stretch;
+mod text;
 mod wcs;
 
 pub use folder::OutputError;
 pub use light_curve::write_light_curve;
+pub use text::write_text;
 
 use crate::camera::Camera;
 use crate::frame::Frame;

@@ -5,12 +5,14 @@ mod folders;
 mod ground;
 mod inputs;
 mod offline;
+mod passes;
 mod plan;
 mod pty;
 mod replay;
 mod run;
 #[path = "../support/mod.rs"]
 mod support;
+mod synth;
 
 use assert_cmd::Command;
 use std::path::Path;

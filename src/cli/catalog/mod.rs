@@ -4,6 +4,7 @@ mod check;
 mod convert;
 mod info;
 mod source;
+mod synth;
 
 use clap::{Args as ClapArgs, Subcommand};
 
@@ -23,6 +24,8 @@ enum Command {
     Info(info::Args),
     /// Write element sets in another format
     Convert(convert::Args),
+    /// Make a population up, with the mix of the real one, for scale tests
+    Synth(synth::Args),
 }
 
 /// Runs the subcommand.
@@ -31,5 +34,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Command::Check(args) => check::run(args),
         Command::Info(args) => info::run(args),
         Command::Convert(args) => convert::run(args),
+        Command::Synth(args) => synth::run(args),
     }
 }

@@ -8,6 +8,7 @@ mod draw;
 
 pub use classes::{CLASSES, Class};
 
+use crate::Record;
 use crate::elements::{EARTH_RADIUS_M, Elements};
 use classes::{Drag, Inclination, Orbit, Size};
 use draw::{Draw, GOLDEN};
@@ -39,6 +40,22 @@ pub struct Synthetic {
 }
 
 impl Synthetic {
+    /// Its element set, as files have it.
+    pub fn record(&self) -> Record {
+        Record {
+            line: 0,
+            name: self.name(),
+            designator: String::new(),
+            classification: 'U',
+            ephemeris_type: 0,
+            element_set: 1,
+            revolution: 0,
+            mean_motion_dot: 0.0,
+            mean_motion_ddot: 0.0,
+            elements: self.elements,
+        }
+    }
+
     /// Its name: class and number.
     pub fn name(&self) -> String {
         format!("{} {}", self.class.name, self.elements.norad)

@@ -3,6 +3,7 @@
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::synth::{CLASSES, FIRST_NUMBER, Synthetic, population};
 use skyloop_orbit::time::parse_utc;
+use skyloop_orbit::{Format, Orbit, parse, write};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -122,6 +123,48 @@ fn abandoned_geostationary_orbits_have_the_plane_that_sun_and_moon_give_them() {
         most = most.max(inclination.to_degrees());
     }
     assert!((14.7..14.801).contains(&most), "{most}");
+}
+
+/// Files bring them back: the two lines to their last digits, the CSV of the OMM but for the last bits.
+#[test]
+fn files_give_the_same_elements_back() {
+    let all = made(2_000, 5);
+    let records: Vec<_> = all.iter().map(Synthetic::record).collect();
+    for format in [Format::ThreeLine, Format::OmmCsv] {
+        let written = write(&records, format, all[0].elements.epoch).unwrap();
+        assert!(written.left_out.is_empty() && written.changed.is_empty());
+        let loaded = parse(&written.text, "made up").unwrap();
+        assert!(loaded.rejected.is_empty(), "{:?}", loaded.rejected.first());
+        assert_eq!(loaded.objects.len(), all.len());
+        for (one, object) in all.iter().zip(&loaded.objects) {
+            let Orbit::Elements(read, _) = &object.orbit else {
+                panic!("{}", object.id);
+            };
+            let made = &one.elements;
+            assert_eq!(
+                (read.norad, object.names[0].to_string()),
+                (made.norad, one.name())
+            );
+            // X-Val: half of the last digits of a TLE: 1e-4 deg, 1e-7, 1e-8 rev/day, five digits, 1e-8 day. The CSV has all;
+            // degrees and back cost the last bit.
+            let part = if format == Format::OmmCsv { 1e-8 } else { 1.0 };
+            let angle = |a: f64, b: f64| {
+                let apart = (a - b).rem_euclid(TAU);
+                assert!(
+                    apart.min(TAU - apart) < part * 0.501e-4f64.to_radians(),
+                    "{a} {b}"
+                );
+            };
+            angle(read.inclination, made.inclination);
+            angle(read.node, made.node);
+            angle(read.perigee, made.perigee);
+            angle(read.mean_anomaly, made.mean_anomaly);
+            assert!((read.eccentricity - made.eccentricity).abs() < part * 0.501e-7);
+            assert!((read.mean_motion - made.mean_motion).abs() < part * 0.501e-8 * TAU / 1440.0);
+            assert!((read.drag - made.drag).abs() <= part * 0.501e-4 * made.drag.abs());
+            assert!((read.epoch - made.epoch).to_seconds().abs() < part * 0.433e-3);
+        }
+    }
 }
 
 /// The same for ever: a population is named by its seed in reports.

@@ -1,0 +1,143 @@
+//! `skyloop catalog synth`: a made-up population with the mix of the real one, for scale tests.
+
+use anyhow::bail;
+use clap::Args as ClapArgs;
+use hifitime::Epoch;
+use skyloop::effect::counted;
+use skyloop::orbit::synth::{CLASSES, MOST_OBJECTS, Synthetic, population};
+use skyloop::orbit::time::{parse_utc, utc_text};
+use skyloop::orbit::{Format, Record, write};
+use skyloop::output::write_text;
+use skyloop_firmware_sim::console::say;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `skyloop catalog synth`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// How many objects, 1 to 10,000,000
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000), allow_hyphen_values = true)]
+    objects: u32,
+    /// Which population: the same number gives the same objects
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        allow_hyphen_values = true
+    )]
+    seed: u64,
+    /// The objects' element sets are of the day before it
+    #[arg(long, value_name = "UTC", value_parser = parse_utc, default_value = "2026-06-01T00:00:00Z")]
+    epoch: Epoch,
+    /// A folder for a population file and its element files by size, or one file of element sets: .tle, .3le, .kvn, .xml, .json or .csv
+    /// [default: nothing is written, the classes are counted]
+    #[arg(long, value_name = "FOLDER|FILE")]
+    out: Option<PathBuf>,
+}
+
+/// The greatest catalogue number that TLE can hold: `Z9999`.
+const LARGEST_ALPHA5: u32 = 339_999;
+/// Where size classes end, m.
+const SIZES_M: [f64; 8] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
+/// The ends of names of files, and what such a file holds.
+const ENDS: [(&str, Format); 6] = [
+    ("tle", Format::Tle),
+    ("3le", Format::ThreeLine),
+    ("kvn", Format::OmmKvn),
+    ("xml", Format::OmmXml),
+    ("json", Format::OmmJson),
+    ("csv", Format::OmmCsv),
+];
+
+/// Runs the subcommand.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    debug_assert!(args.objects as usize <= MOST_OBJECTS);
+    let all = population(args.objects as usize, args.seed, args.epoch);
+    let mut text = counts(&all);
+    if let Some(out) = &args.out {
+        text += &match out.extension() {
+            None => folder(out, &all, args.epoch)?,
+            Some(end) => {
+                let known = ENDS.iter().find(|(known, _)| end == *known);
+                let Some((_, format)) = known else {
+                    let ends = ENDS.map(|(end, _)| format!(".{end}")).join(", ");
+                    bail!(
+                        "--out {}: a file is named by its format ({ends}), a folder has no dot in its name",
+                        out.display()
+                    );
+                };
+                let records: Vec<Record> = all.iter().map(Synthetic::record).collect();
+                elements(out, &records, *format, args.epoch)?;
+                format!("wrote {}\n", out.display())
+            }
+        };
+    }
+    say(text)?;
+    Ok(())
+}
+
+/// How many there are of each class.
+fn counts(all: &[Synthetic]) -> String {
+    let mut text = String::new();
+    for class in CLASSES {
+        let count = all.iter().filter(|one| one.class == class).count();
+        let _ = writeln!(text, "{:<18} {count:>9}", class.name);
+    }
+    text + &format!("{}\n", counted(all.len(), "object"))
+}
+
+/// Writes a population file and one file of elements for each size class.
+fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<String> {
+    let numbers = all.iter().map(|one| one.elements.norad);
+    let (format, end) = match numbers.max() {
+        Some(largest) if largest > LARGEST_ALPHA5 => (Format::OmmCsv, "csv"),
+        _ => (Format::ThreeLine, "3le"),
+    };
+    let mut toml = format!(
+        "# A made-up population: {}, element sets of the day before {}.\n# A file a size class; its sphere shines as its objects do on average.\n",
+        counted(all.len(), "object"),
+        utc_text(epoch)
+    );
+    let mut from_m = 0.0;
+    for to_m in SIZES_M {
+        let within = |one: &&Synthetic| (from_m..to_m).contains(&one.diameter_m);
+        let of: Vec<&Synthetic> = all.iter().filter(within).collect();
+        from_m = to_m;
+        if of.is_empty() {
+            continue;
+        }
+        let name = format!("below-{to_m}-m.{end}");
+        let records: Vec<Record> = of.iter().map(|one| one.record()).collect();
+        elements(&folder.join(&name), &records, format, epoch)?;
+        // Light goes with the square of the diameter.
+        let squares: f64 = of.iter().map(|one| one.diameter_m * one.diameter_m).sum();
+        let diameter_m = (squares / of.len() as f64).sqrt();
+        let _ = write!(
+            toml,
+            "\n[[objects]]\nfiles = [{name:?}]\nsphere = {{ diameter_m = {diameter_m:.4} }}\n"
+        );
+    }
+    let file = folder.join("population.toml");
+    write_text(&file, &toml)?;
+    Ok(format!(
+        "wrote {}\nin a scene: [objects] population = {:?}, exposures near {}\n",
+        folder.display(),
+        file.display().to_string(),
+        utc_text(epoch)
+    ))
+}
+
+/// Writes one file of elements; none of them may be lost.
+fn elements(file: &Path, records: &[Record], format: Format, epoch: Epoch) -> anyhow::Result<()> {
+    let written = write(records, format, epoch).unwrap_or_default();
+    if let Some(first) = written.left_out.first() {
+        bail!(
+            "{}: {} of {} cannot be written as {format}: {first}; write .csv",
+            file.display(),
+            written.left_out.len(),
+            counted(records.len(), "object")
+        );
+    }
+    write_text(file, &written.text)?;
+    Ok(())
+}

@@ -1,0 +1,114 @@
+//! `skyloop passes`: the table, CSV and JSON of the built-in scene, and what it says of wrong inputs.
+
+use crate::{STATE, repository, skyloop};
+use serde_json::Value;
+use std::path::Path;
+
+/// Its code and both outputs.
+fn passes(at: &Path, flags: &[&str]) -> (i32, String, String) {
+    let output = skyloop(at).arg("passes").args(flags).output().unwrap();
+    let text = |octets| String::from_utf8(octets).unwrap();
+    (
+        output.status.code().unwrap(),
+        text(output.stdout),
+        text(output.stderr),
+    )
+}
+
+#[test]
+fn the_three_satellites_of_the_built_in_scene_are_in_the_field_all_the_time() {
+    let here = tempfile::tempdir().unwrap();
+    let (code, table, log) = passes(here.path(), &[]);
+    assert_eq!((code, log.as_str()), (0, ""));
+    let last = "3 passes of 3 objects from 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:14.500Z\n";
+    assert!(table.ends_with(last), "{table}");
+
+    let (_, text, _) = passes(here.path(), &["--json"]);
+    let json: Value = serde_json::from_str(&text).unwrap();
+    let rows = json["passes"].as_array().unwrap();
+    assert_eq!(rows.len(), 3);
+    // The first exposure's label has the object where the pass begins.
+    let render = [
+        "render",
+        "--scene",
+        &repository("configs/scenes/rcm-2019-06-15/scene.toml"),
+    ];
+    let render = skyloop(here.path())
+        .args(render)
+        .args(["--frames", "1", "--out", "frames"])
+        .output()
+        .unwrap();
+    assert!(render.status.success());
+    let labels = std::fs::read_to_string(here.path().join("frames/labels.jsonl")).unwrap();
+    let label: Value = serde_json::from_str(labels.lines().next().unwrap()).unwrap();
+    let seen = label["objects"].as_array().unwrap();
+    for row in rows {
+        assert_eq!(row["in_field_at_start"], true);
+        let object = seen.iter().find(|one| one["id"] == row["id"]).unwrap();
+        for axis in [0, 1] {
+            let place = row["enters"]["place_px"][axis].as_f64().unwrap();
+            let x = object[["x_px", "y_px"][axis]].as_f64().unwrap();
+            assert!((place - x).abs() < 0.01, "{place} {x}");
+        }
+        let mag = row["enters"]["band_mag"].as_f64().unwrap();
+        assert!((mag - object["band_mag"].as_f64().unwrap()).abs() < 1e-3);
+    }
+
+    let (_, csv, _) = passes(here.path(), &["--csv", "--object", "RCM-2"]);
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!(lines.len(), 2, "{csv}");
+    assert_eq!(lines[0].split(',').count(), lines[1].split(',').count());
+    assert!(lines[1].contains(",RCM-2,"));
+}
+
+#[test]
+fn a_limit_of_magnitude_leaves_out_and_says_how_many() {
+    let here = tempfile::tempdir().unwrap();
+    let (code, said, _) = passes(here.path(), &["--mag-limit", "0"]);
+    let expected = "0 passes of 3 objects from 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:14.500Z, 3 more stay fainter than --mag-limit\n";
+    assert_eq!((code, said.as_str()), (0, expected));
+}
+
+#[test]
+fn wrong_inputs_are_named_with_what_helps() {
+    let here = tempfile::tempdir().unwrap();
+    let bare = here.path().join("bare.toml");
+    std::fs::write(&bare, "seed = 1\n").unwrap();
+    let refused = |flags: &[&str], words: &[&str]| {
+        let (code, _, log) = passes(here.path(), flags);
+        assert!(code != 0, "{flags:?}");
+        assert!(words.iter().all(|word| log.contains(word)), "{log}");
+        assert_eq!(
+            log.lines().filter(|line| line.starts_with("error")).count(),
+            1,
+            "{log}"
+        );
+    };
+    let late = ["--to", "2019-06-16T00:00:00Z"];
+    refused(&late, &["no attitude", "23:36:15", "--from and --to"]);
+    let early = ["--from", "2019-06-15T23:35:40Z"];
+    refused(
+        &early,
+        &["no attitude", "23:35:50", "--attitude", "--nadir"],
+    );
+    let turned = ["--to", "2019-06-15T23:35:50Z"];
+    refused(&turned, &["the end must lie after the start"]);
+    refused(&["--to", "2029-06-15T23:35:50Z"], &["days", "31"]);
+    refused(&["--shortest", "0"], &["--shortest 0", "0.001 to 10"]);
+    refused(&["--object", "HUBBLE"], &["--object HUBBLE", "RCM-1"]);
+    refused(&["--rates", "0,0,0"], &["--attitude"]);
+    refused(&["--scene", "bare.toml"], &["bare.toml", "--from UTC"]);
+    let times = [
+        "--from",
+        "2026-01-01T00:00:00Z",
+        "--to",
+        "2026-01-01T00:01:00Z",
+    ];
+    let with = |more: &[&'static str]| [&["--scene", "bare.toml"], &times[..], more].concat();
+    refused(&with(&[]), &["no observer", "--orbit", "--state"]);
+    refused(&with(&["--state", STATE]), &["no attitude", "--nadir"]);
+    refused(
+        &with(&["--state", STATE, "--nadir"]),
+        &["no objects", "population"],
+    );
+}

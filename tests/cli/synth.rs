@@ -1,0 +1,89 @@
+//! `skyloop catalog synth`: what it writes, that scenes can use it, and what it says of wrong inputs.
+
+use crate::{contents, names, skyloop};
+use std::path::Path;
+
+/// Whether it went well, and what it wrote to both outputs.
+fn synth(at: &Path, flags: &[&str]) -> (bool, String, String) {
+    let command = skyloop(at).args(["catalog", "synth"]).args(flags).output();
+    let output = command.unwrap();
+    let text = |octets| String::from_utf8(octets).unwrap();
+    (
+        output.status.success(),
+        text(output.stdout),
+        text(output.stderr),
+    )
+}
+
+#[test]
+fn a_folder_is_a_population_that_a_scene_can_use() {
+    let here = tempfile::tempdir().unwrap();
+    let flags = ["--objects", "500", "--seed", "4", "--out", "made"];
+    let (fine, said, log) = synth(here.path(), &flags);
+    assert!(fine && log.is_empty(), "{log}");
+    // X-Val: the table of README.md: 22 of a thousand stay at their place in the geostationary belt.
+    assert!(said.contains("GEO-ACTIVE                11\n"), "{said}");
+    assert!(said.contains("500 objects\nwrote made\n"), "{said}");
+    let written = names(&here.path().join("made"));
+    assert!(written.contains(&"population.toml".to_string()));
+    assert!(
+        written.contains(&"below-0.1-m.3le".to_string()),
+        "{written:?}"
+    );
+
+    let scene = "camera = \"fai-nir\"\n[observer]\norbit = \"made/below-5-m.3le:130001\"\n[objects]\npopulation = \"made/population.toml\"\n\
+                 [sequence]\nepoch = \"2026-06-01T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]\n";
+    std::fs::write(here.path().join("scene.toml"), scene).unwrap();
+    let render = ["render", "--scene", "scene.toml", "--out", "frames"];
+    let output = skyloop(here.path()).args(render).output().unwrap();
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && log.is_empty(), "{log}");
+
+    // The same again, to the last octet.
+    let again = ["--objects", "500", "--seed", "4", "--out", "again"];
+    assert!(synth(here.path(), &again).0);
+    assert_eq!(
+        contents(&here.path().join("made")),
+        contents(&here.path().join("again"))
+    );
+}
+
+#[test]
+fn a_file_has_the_format_of_its_name() {
+    let here = tempfile::tempdir().unwrap();
+    for name in ["a.tle", "a.3le", "a.kvn", "a.xml", "a.json", "a.csv"] {
+        let flags = ["--objects", "30", "--out", name];
+        let (fine, said, log) = synth(here.path(), &flags);
+        assert!(fine && said.ends_with(&format!("wrote {name}\n")), "{log}");
+        let loaded = skyloop::orbit::load(&here.path().join(name)).unwrap();
+        assert_eq!(
+            (loaded.objects.len(), loaded.rejected.len()),
+            (30, 0),
+            "{name}"
+        );
+    }
+    assert_eq!(names(here.path()).len(), 6);
+}
+
+#[test]
+fn what_does_not_fit_is_refused_and_nothing_is_lost() {
+    let here = tempfile::tempdir().unwrap();
+    let refused = |flags: &[&str], words: &[&str]| {
+        let (fine, _, log) = synth(here.path(), flags);
+        assert!(
+            !fine && words.iter().all(|word| log.contains(word)),
+            "{log}"
+        );
+    };
+    // X-Val: Alpha-5 ends with 339,999; the first number is 130,001.
+    let many = ["--objects", "210000", "--out", "a.tle"];
+    refused(&many, &["1 of 210000 objects", "340000", "write .csv"]);
+    refused(
+        &["--objects", "3", "--out", "a.foo"],
+        &["a.foo", ".tle", ".csv"],
+    );
+    refused(&["--objects", "0"], &["--objects", "1..=10000000"]);
+    refused(&["--objects", "3", "--epoch", "2026"], &["--epoch", "UTC"]);
+    refused(&["--seed", "3"], &["--objects"]);
+    assert!(names(here.path()).is_empty());
+}
