@@ -2,7 +2,7 @@
 
 use super::lightcurve::find;
 use super::render::{Numbers, state_km};
-use super::{progress, scene, scene_name, warn_of_refused};
+use super::{Records, progress, scene, scene_name};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
@@ -73,6 +73,8 @@ pub struct Args {
         allow_hyphen_values = true
     )]
     shortest: f64,
+    #[command(flatten)]
+    records: Records,
     /// Print JSON instead of a table
     #[arg(long, conflicts_with = "csv")]
     json: bool,
@@ -90,7 +92,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let name = scene_name(args.scene.as_deref());
     let search = search(&args, &config, &name)?;
     let flight = vehicle(&args, &mut config, &search, &name)?;
-    warn_of_refused(&config);
+    args.records.settle(&config)?;
     let mut population = config.take_population();
     if let Some(wanted) = &args.object {
         let index = find(&population.objects, wanted, &name)?;
@@ -208,7 +210,10 @@ fn vehicle(
     let observer = match (&args.orbit, args.state) {
         (Some(selector), _) => {
             let here = Folder::current();
-            let object = orbits::one(&here, selector, &mut config.rejected).context("--orbit")?;
+            let mut findings = orbits::Findings::default();
+            let object = orbits::one(&here, selector, &mut findings).context("--orbit")?;
+            config.rejected.extend(findings.rejected);
+            config.notices.extend(findings.notices);
             Some(Observer::Object(Box::new(object)))
         }
         (None, Some(Numbers(state))) => Some(Observer::State(state_km(state)?)),
