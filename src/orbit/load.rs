@@ -155,10 +155,11 @@ impl From<Contents> for Loaded {
         let mut objects = contents.ephemerides;
         let mut places = HashMap::new();
         for record in contents.records {
-            let place = *places.entry(record.elements.norad).or_insert(objects.len());
+            let object = Object::from(record);
+            let place = *places.entry(object.id.clone()).or_insert(objects.len());
             match objects.get_mut(place) {
-                Some(known) => known.join(record.into()),
-                None => objects.push(record.into()),
+                Some(known) => known.join(object),
+                None => objects.push(object),
             }
         }
         objects.shrink_to_fit();
@@ -171,10 +172,11 @@ impl From<Contents> for Loaded {
 
 impl From<Record> for Object {
     fn from(record: Record) -> Self {
+        let id = record.object_id();
         // Catalogues are long: no octet more than it takes.
         let name = Some(record.name).filter(|name| !name.is_empty());
         Object {
-            id: format!("NORAD {}", record.elements.norad),
+            id,
             names: name.map_or(Vec::new(), |name| vec![name.as_str().to_owned()]),
             orbit: Orbit::Elements(record.elements, Vec::new()),
         }

@@ -28,6 +28,16 @@ pub struct Record {
     pub elements: Elements,
 }
 
+impl Record {
+    /// What the object is called by: `NORAD 44322`. Number 0 stands for any object that has none yet, so that its name joins it.
+    pub fn object_id(&self) -> String {
+        match (self.elements.norad, self.name.as_str()) {
+            (0, name) if !name.is_empty() => format!("NORAD 0 {name}"),
+            (number, _) => format!("NORAD {number}"),
+        }
+    }
+}
+
 /// A reason with its line.
 pub(crate) type At<T> = Result<T, (usize, String)>;
 

@@ -152,14 +152,14 @@ fn of_source(source: Source, ids: &mut BTreeSet<String>) -> FileReport {
 
 fn of_contents(contents: Contents, ids: &mut BTreeSet<String>) -> FileReport {
     let (records, ephemerides) = (&contents.records, &contents.ephemerides);
-    let mut sets: BTreeMap<u32, usize> = BTreeMap::new();
+    let mut sets: BTreeMap<String, usize> = BTreeMap::new();
     for record in records {
-        *sets.entry(record.elements.norad).or_default() += 1;
+        *sets.entry(record.object_id()).or_default() += 1;
     }
-    let id = |norad: &u32| format!("NORAD {norad}");
-    ids.extend(sets.keys().map(id));
+    ids.extend(sets.keys().cloned());
     ids.extend(ephemerides.iter().map(|object| object.id.clone()));
     let (first, last) = epochs(records, ephemerides).unzip();
+    let numbers: BTreeSet<u32> = records.iter().map(|record| record.elements.norad).collect();
     let several = sets.iter().filter(|(_, count)| **count > 1);
     FileReport {
         format: Some(contents.format.name()),
@@ -167,8 +167,8 @@ fn of_contents(contents: Contents, ids: &mut BTreeSet<String>) -> FileReport {
         objects: sets.len() + ephemerides.len(),
         first_epoch: first.map(utc_text),
         last_epoch: last.map(utc_text),
-        beyond_99999: sets.range(100_000..).count(),
-        several_sets: several.map(|(norad, count)| (id(norad), *count)).collect(),
+        beyond_99999: numbers.range(100_000..).count(),
+        several_sets: several.map(|(id, count)| (id.clone(), *count)).collect(),
         stateless: records.iter().filter_map(stateless).collect(),
         rejected: contents.rejected.into_iter().map(Refusal::from).collect(),
         ..FileReport::default()

@@ -153,6 +153,18 @@ fn names_may_stand_behind_their_sets() {
 }
 
 #[test]
+fn objects_without_a_number_are_told_apart_by_name() {
+    let unnumbered = |line: &str| sealed(&line.replace("90001", "00000"));
+    let set = format!("{}\n{}\n", unnumbered(LOW_1), unnumbered(LOW_2));
+    let loaded = read(&format!("ONE\n{set}TWO\n{set}ONE\n{set}"));
+    assert_eq!(
+        ids(&loaded),
+        [("NORAD 0 ONE", vec!["ONE"]), ("NORAD 0 TWO", vec!["TWO"])]
+    );
+    assert_eq!(loaded.find(Some("two")).unwrap().id, "NORAD 0 TWO");
+}
+
+#[test]
 fn lines_without_checksum_are_read_if_both_lack_it() {
     let bare = |line: &str| format!("{line:<68}\n");
     let loaded = read(&format!("{}{}", bare(LOW_1), bare(LOW_2)));
