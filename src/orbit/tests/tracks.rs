@@ -224,7 +224,7 @@ fn jumps_of_the_model_are_asked_of_it() {
         let set = Elements {
             norad: i,
             epoch,
-            inclination: 0.2 + f64::from(i - 20) * 5e-5,
+            inclination: 0.2 + (f64::from(i) - 20.0) * 5e-5,
             node: f64::from(i) * 0.31,
             eccentricity: 0.01,
             perigee: 1.0,
