@@ -70,7 +70,8 @@ pub enum PropagationError {
     /// The semi-latus rectum is below 0.
     #[error("the semi-latus rectum is below 0")]
     SemiLatusRectum,
-    /// The position is inside the Earth.
+    /// The position is inside the Earth. Where J2 makes the radius negative the reference says so too; the `sgp4` crate gives the point
+    /// beyond the centre, and [`sgp4_batch`](crate::sgp4_batch) alone says that it has decayed (1 of 392,157 answers on public catalogues).
     #[error("the object has decayed: SGP4 puts it {depth_km:.1} km inside the Earth")]
     Decayed {
         /// Depth below the equatorial radius, km.
