@@ -282,11 +282,8 @@ impl Config {
 
     /// The objects and what they look like; takes them out of the configuration.
     pub fn take_population(&mut self) -> Population {
-        Population {
-            objects: std::mem::take(&mut self.objects),
-            sphere: self.sphere,
-            looks: std::mem::take(&mut self.looks),
-        }
+        let objects = std::mem::take(&mut self.objects);
+        Population::new(objects, self.sphere, std::mem::take(&mut self.looks))
     }
 
     /// From text; `file` is its name in messages.

@@ -9,12 +9,11 @@ use crate::label::Label;
 use crate::plan::{Plan, simulated};
 use crate::render::render;
 use crate::rng::NoiseKey;
-use crate::scene::{Exposure, Scene, Unobservable, View, World};
+use crate::scene::{Exposure, Scene, Unknown, Unobservable, View, World};
 use crate::sky::StarField;
 use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::Catalog;
 use crate::sky::starlight::StarLight;
-use skyloop_orbit::OrbitError;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -53,7 +52,7 @@ pub struct Shot {
     /// What its noise is keyed by.
     pub key: NoiseKey,
     /// Objects that could not be shown because their orbit has no answer at this time.
-    pub unknown: Vec<OrbitError>,
+    pub unknown: Unknown,
     /// From the vehicle's state to pixels and label.
     pub render_time: Duration,
 }
@@ -101,7 +100,7 @@ impl Emulator {
 
     /// Whether there are objects to see, and so a position to see them from is needed.
     pub fn has_objects(&self) -> bool {
-        !self.world.population.objects.is_empty()
+        !self.world.population.objects().is_empty()
     }
 
     /// Records of the configured orbit files that were refused.
@@ -170,10 +169,25 @@ impl Emulator {
             repeat,
         };
         let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
-        let view = View::new(&self.world, camera, vehicle, exposure, &self.fidelity, key)?;
+        let faintest_e = self.faintest_e(camera, choice);
+        let (world, fidelity) = (&self.world, &self.fidelity);
+        let view = View::new(world, camera, vehicle, exposure, fidelity, key, faintest_e)?;
         let view = view.where_shine(&self.world, |name| !choice.off.contains(&name));
         let simulated = simulated(&view, &self.fidelity, choice);
         Ok(Scene::new(view, simulated, &self.fidelity))
+    }
+
+    /// Electrons of an object that is lost in what noise every pixel has, whatever it shows: read noise and the steps of the converter.
+    /// What labels are to list is never lost.
+    fn faintest_e(&self, camera: &Camera, choice: &Choice) -> f64 {
+        let read = choice.noise && !choice.off.contains(&"read");
+        let read_e = if read {
+            camera.detector.read_noise_e
+        } else {
+            0.0
+        };
+        let floor_e = read_e.hypot(camera.detector.quantisation_variance().sqrt());
+        self.fidelity.skip_snr.min(self.label_snr) * floor_e
     }
 
     /// The error tolerances.

@@ -24,6 +24,20 @@ pub struct Fidelity {
     pub skip_snr: f64,
     /// An effect without which no image moves by more than this (px) is skipped; so is a source's own motion.
     pub skip_px: f64,
+    /// How the orbits of objects are worked out.
+    pub orbits: Orbits,
+}
+
+/// How the orbits of objects are worked out. The frames are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Orbits {
+    /// From frame to frame who may be in the field is told from positions between knots, within centimetres; who is, by SGP4.
+    #[default]
+    Tracked,
+    /// Everybody by SGP4, in lanes.
+    Exact,
+    /// Everybody by the scalar SGP4, one after another.
+    Scalar,
 }
 
 impl Fidelity {
@@ -38,6 +52,7 @@ impl Fidelity {
         skip_e: 0.05,
         skip_snr: 0.05,
         skip_px: 1e-3,
+        orbits: Orbits::Tracked,
     };
     /// The slow, obvious path that also serves the tests as truth.
     pub const REFERENCE: Fidelity = Fidelity {
@@ -50,6 +65,7 @@ impl Fidelity {
         skip_e: 0.0,
         skip_snr: 0.0,
         skip_px: 0.0,
+        orbits: Orbits::Scalar,
     };
 
     /// Length of a panel in units of the PSF's sigma, for a streak whose pixels get `height_e` (e-) at most:

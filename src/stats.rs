@@ -3,7 +3,6 @@
 use crate::effect::counted;
 use crate::engine::Shot;
 use skyloop_firmware_sim::times::Times;
-use std::collections::BTreeSet;
 
 /// What was rendered.
 #[derive(Debug, Clone, Default)]
@@ -67,7 +66,7 @@ impl RunStats {
 pub struct Absent {
     /// How many, summed over the frames.
     pub count: u32,
-    named: BTreeSet<String>,
+    named: usize,
     crowded: bool,
     flooded: bool,
 }
@@ -94,13 +93,11 @@ impl Absent {
                 shot.number
             );
         }
-        self.count = self.count.wrapping_add(shot.unknown.len() as u32);
+        self.count = self.count.wrapping_add(shot.unknown.count as u32);
         let mut more = 0;
-        for error in &shot.unknown {
-            if !self.named.insert(error.object().to_string()) {
-                continue;
-            }
-            if self.named.len() <= Self::NAMED {
+        for error in &shot.unknown.news {
+            self.named += 1;
+            if self.named <= Self::NAMED {
                 tracing::warn!("frame {}: not shown: {error}", shot.number);
             } else {
                 more += 1;

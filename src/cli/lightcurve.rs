@@ -55,8 +55,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         bail!("{name}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\"");
     };
     let population = config.take_population();
-    let index = find(&population.objects, &args.object, &name)?;
-    let object = &population.objects[index];
+    let index = find(population.objects(), &args.object, &name)?;
+    let object = &population.objects()[index];
     if object.id == observer.id {
         bail!("--object {}: that is the observer itself", object.label());
     }

@@ -1,6 +1,7 @@
 //! Why a scene calls for an effect, or for none, in words and figures: what several effects say alike.
 
 use crate::scene::{Body, Hidden, MOON, Scene, Source};
+use crate::sky::field::Unseen;
 
 /// A figure of a text: three digits.
 pub fn digits(value: f64) -> String {
@@ -91,11 +92,19 @@ pub(super) fn none_lit(scene: &Scene, what: &str, is: impl Fn(&Body) -> bool) ->
     format!("{all} in the field: {reason}")
 }
 
-/// What is to be said of objects whose orbits have no answer.
+/// What is to be said of objects that have no image, though they may be before the camera.
 fn unknown(scene: &Scene) -> String {
-    match scene.view.unknown.len() {
-        0 => String::new(),
-        n => format!(" ({n} without a position at this time)"),
+    let unseen = |why: Unseen| scene.view.unseen.iter().filter(|one| one.1 == why).count();
+    let parts = [
+        (unseen(Unseen::BehindEarth), "behind the Earth"),
+        (unseen(Unseen::TooFaint), "too faint"),
+        (scene.view.unknown.count, "without a position at this time"),
+    ];
+    let parts = parts.iter().filter(|(n, _)| *n > 0);
+    let parts: Vec<String> = parts.map(|(n, what)| format!("{n} {what}")).collect();
+    match parts.is_empty() {
+        true => String::new(),
+        false => format!(" ({})", parts.join(", ")),
     }
 }
 

@@ -149,6 +149,28 @@ impl Object {
         Ok(state)
     }
 
+    /// Its element sets, in their order; none of an ephemeris.
+    pub fn sets(&self) -> impl Iterator<Item = &Elements> {
+        let (first, others) = match &self.orbit {
+            Orbit::Elements(set, others) => (Some(set), others.as_slice()),
+            Orbit::Ephemeris(_) => (None, &[][..]),
+        };
+        first.into_iter().chain(others)
+    }
+
+    /// Which of its element sets counts at `t`, in their order; 0 where there is no choice.
+    pub fn number_at(&self, t: Epoch) -> usize {
+        match &self.orbit {
+            Orbit::Elements(set, others) if !others.is_empty() => {
+                let nearest = nearest(set, others, t);
+                self.sets()
+                    .position(|one| std::ptr::eq(one, nearest))
+                    .unwrap_or(0)
+            }
+            _ => 0,
+        }
+    }
+
     /// The object with the one element set that counts at `t`: within an exposure it must not change.
     pub fn settled(&self, t: Epoch) -> Cow<'_, Object> {
         match &self.orbit {

@@ -33,7 +33,7 @@ const TURNS: usize = 16;
 const WORTH: i64 = 8;
 
 /// A catalogue on its way.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Tracks {
     batch: Batch,
     /// Whether every position is asked of SGP4.
@@ -284,11 +284,11 @@ impl Segment {
                 *fits &= (p0 - x(m)).abs() <= TOLERANCE_KM;
             }
         }
-        for i in 0..BLOCK {
+        for (i, fits) in fits.into_iter().enumerate() {
             let code = |states: &BlockStates| states.code[i] as u8;
             let same = [a, b, c, d].iter().all(|s| code(s) == code(m));
             self.code[i] = if same { code(m) } else { 0 };
-            self.asks[i] = !same || !fits[i];
+            self.asks[i] = !same || !fits;
         }
     }
 

@@ -3,12 +3,13 @@
 use super::area::{STEPS_PX, most_steps};
 use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
 use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
-use crate::camera::{Camera, Stamp};
+use crate::camera::{Camera, SUN_MAGNITUDE, Stamp};
 use crate::fidelity::Fidelity;
 use crate::footprint::Light;
 use crate::rng::NoiseKey;
 use crate::sky::apparent::Observer;
 use crate::sky::bodies::{Bodies, EpochOutOfRange, LIGHT_M_S};
+use crate::sky::field::{Field, Unseen};
 use crate::sky::moon::{MoonDisc, RADIUS_M};
 use crate::sky::photometry::photon_irradiance;
 use crate::sky::population::SeenObject;
@@ -192,12 +193,24 @@ pub struct View {
     pub areas: Vec<Area>,
     /// How many objects the scene has, before the camera or not.
     pub objects: usize,
+    /// Objects before the camera that need no image, by their indices, and why.
+    pub unseen: Vec<(usize, Unseen)>,
     /// Objects whose orbit has no answer at this time.
-    pub unknown: Vec<OrbitError>,
+    pub unknown: Unknown,
+}
+
+/// Objects whose orbit has no answer.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Unknown {
+    /// How many.
+    pub count: usize,
+    /// Why, of those of whom that has not been said before.
+    pub news: Vec<OrbitError>,
 }
 
 impl View {
-    /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]).
+    /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]). Objects whose light
+    /// gives no more than `faintest_e` electrons, however they are lit, have no image.
     ///
     /// Fails only where the epoch lies outside the ephemerides, the body turns further than [`MAX_TURN`], or the
     /// observer's state, carried through the exposure, leaves its range or comes into the Moon.
@@ -208,6 +221,7 @@ impl View {
         exposure: Exposure,
         fidelity: &Fidelity,
         key: NoiseKey,
+        faintest_e: f64,
     ) -> Result<View, Unobservable> {
         let open_s = exposure.duration_s + camera.readout_s();
         let turn = turn_at(vehicle.rates, open_s)?;
@@ -234,8 +248,9 @@ impl View {
             moon: (Vector3::zeros(), 1.0),
             sun: SeenSun::default(),
             areas: Vec::new(),
-            objects: world.population.objects.len(),
-            unknown: Vec::new(),
+            objects: world.population.objects().len(),
+            unseen: Vec::new(),
+            unknown: Unknown::default(),
         };
         let axis = view.pointing(0.0).matrix().transpose() * Vector3::z();
         let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);
@@ -251,14 +266,23 @@ impl View {
             .into_iter()
             .map(|star| view.star(star, &earth, &shutter[1]));
         let mut candidates: Vec<Candidate> = stars.collect();
-        let (objects, unknown) =
-            world
-                .population
-                .in_cone(&axis, cone, &shutter, &world.corrections);
-        candidates.extend(objects.into_iter().map(|object| view.rso(object)));
+        let field = Field {
+            axis,
+            angle: cone,
+            shutter: &shutter,
+            reach_m: view.reach_m(faintest_e),
+        };
+        let seen = world
+            .population
+            .in_field(&field, &world.corrections, fidelity.orbits);
+        candidates.extend(seen.objects.into_iter().map(|object| view.rso(object)));
         candidates.extend(view.planets(world, &shutter, &axis, cone));
         candidates.extend(view.the_moon(&moon, world, &shutter, &axis, cone));
-        (view.candidates, view.unknown) = (candidates, unknown);
+        (view.candidates, view.unseen) = (candidates, seen.unseen);
+        view.unknown = Unknown {
+            count: seen.unknown,
+            news: seen.news,
+        };
         view.sun = SeenSun::of(world, &view);
         Ok(view)
     }
@@ -386,6 +410,14 @@ impl View {
             hidden,
             body: Body::Rso(Box::new(object)),
         }
+    }
+
+    /// The distance (m) from which 1 m^2/sr of reflective area gives `faintest_e` electrons at most: Eqs. (2), (9), (11), with
+    /// E_sun those of the Sun's own light,
+    /// `N = E_sun A (au / d_sun d)^2`. Nothing is nearer to the Sun than 0.98 au.
+    fn reach_m(&self, faintest_e: f64) -> f64 {
+        const NEAREST: f64 = 0.98;
+        (self.electrons(SUN_MAGNITUDE) / faintest_e).sqrt() / NEAREST
     }
 
     /// Clark et al. 2021, Eqs. (2), (11), before the division by the gain:

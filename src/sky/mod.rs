@@ -9,6 +9,8 @@ pub mod body_attitude;
 pub mod catalog;
 pub mod earth_light;
 pub mod ecliptic;
+pub mod field;
+mod fleet;
 pub mod look;
 pub mod moon;
 pub mod photometry;

@@ -1,25 +1,26 @@
 //! The resident space objects of a scene, and how an observer sees them at one exposure.
 
 use super::apparent::{ApparentObject, Corrections, Observer, object_direction, parabola};
+use super::field::{Field, Unseen};
+use super::fleet::Fleet;
 use super::look::{Body, Passage};
 use super::photometry::{Sphere, magnitude, phase_angle};
 use super::shadow::Earth;
+use crate::fidelity::Orbits;
+use hifitime::Epoch;
 use nalgebra::Vector3;
-use rayon::prelude::*;
-use skyloop_orbit::{Object, OrbitError, frames};
+use skyloop_orbit::{Object, OrbitError, StateVector};
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Objects and what they reflect.
 #[derive(Debug, Default)]
 pub struct Population {
-    /// Orbits and names.
-    pub objects: Vec<Object>,
-    /// What an object reflects of which nothing is known.
-    pub sphere: Sphere,
-    /// What is known of others.
-    pub looks: Looks,
+    objects: Vec<Object>,
+    sphere: Sphere,
+    looks: Looks,
+    /// Made when first asked for.
+    fleet: OnceLock<Mutex<Fleet>>,
 }
 
 /// What is known of objects, by their ids.
@@ -59,55 +60,54 @@ pub type Shutter = [Observer; 3];
 
 /// Nearer than this (m) an object is the observer's own vehicle.
 pub const OWN_VEHICLE_M: f64 = 1.0;
-/// What light time and aberration may turn a direction by (rad): 16 km/s over c, each, rounded up.
-const WANDER: f64 = 2e-4;
+
+/// Who is before a camera during an exposure.
+#[derive(Debug, Default)]
+pub struct Seen {
+    /// Who may be seen, in the population's order.
+    pub objects: Vec<SeenObject>,
+    /// Who is not, by their indices, and why; in the same order.
+    pub unseen: Vec<(usize, Unseen)>,
+    /// How many have no position at this time, in the whole population.
+    pub unknown: usize,
+    /// Why, of those of whom that has not been said before.
+    pub news: Vec<OrbitError>,
+}
 
 impl Population {
-    /// The objects that may stand within `angle` (rad) of `axis` (unit vector, ICRF) at some time of the
-    /// exposure, in the population's order, and the errors of those whose orbit has no answer.
-    pub fn in_cone(
-        &self,
-        axis: &Vector3<f64>,
-        angle: f64,
-        shutter: &Shutter,
-        corrections: &Corrections,
-    ) -> (Vec<SeenObject>, Vec<OrbitError>) {
-        let mid = &shutter[1];
-        let duration_s = (shutter[2].epoch - shutter[0].epoch).to_seconds();
-        let rotation = frames::teme_to_gcrf(mid.epoch);
-        let earth = Earth::at(mid.epoch);
-        let near_axis = |object: &Object| -> Result<bool, OrbitError> {
-            let state = object.state_with(mid.epoch, &rotation)?;
-            let line = state.position_m - mid.position_m;
-            let range = line.norm();
-            // From mid-exposure to either end the line turns by no more than asin(w / range) on a way w; by up to half a turn where
-            // w is longer. Pi w / range is above both, with room for a way that bends.
-            let way = (state.velocity_m_s - mid.velocity_m_s).norm() * duration_s / 2.0;
-            let sweep = PI * way / range.max(1e-3);
-            let reach = (angle + WANDER + sweep).min(PI);
-            Ok(range >= OWN_VEHICLE_M && line.dot(axis) >= range * reach.cos())
-        };
-        let seen: Vec<Result<SeenObject, OrbitError>> = self
-            .objects
-            .par_iter()
-            .enumerate()
-            .filter_map(|(index, object)| match near_axis(object) {
-                Ok(true) => Some(self.see(index, &earth, shutter, corrections)),
-                Ok(false) => None,
-                Err(error) => Some(Err(error)),
-            })
-            .collect();
-        let (mut objects, mut errors) = (Vec::new(), Vec::new());
-        for one in seen {
-            match one {
-                Ok(object) => objects.push(object),
-                Err(error) => errors.push(error),
-            }
+    /// Objects; `looks` of some, by their ids; and what stands for all others.
+    pub fn new(objects: Vec<Object>, sphere: Sphere, looks: Looks) -> Population {
+        Population {
+            objects,
+            sphere,
+            looks,
+            fleet: OnceLock::new(),
         }
-        (objects, errors)
     }
 
-    /// The object of that index as it is seen during an exposure, wherever it stands; `earth` is that of mid-exposure.
+    /// The objects.
+    pub fn objects(&self) -> &[Object] {
+        &self.objects
+    }
+
+    /// Who may be in the field, and what is seen of them.
+    pub fn in_field(&self, field: &Field<'_>, corrections: &Corrections, orbits: Orbits) -> Seen {
+        let fleet = self.fleet.get_or_init(|| Mutex::new(Fleet::new(self)));
+        // A thread that panicked has left nothing half done: all that is kept is made anew from the time asked.
+        let mut fleet = fleet.lock().unwrap_or_else(PoisonError::into_inner);
+        fleet.look(self, field, corrections, orbits)
+    }
+
+    /// The greatest reflective area (m^2/sr) that an object may show; infinite where that depends on how it is turned.
+    pub(super) fn brightest(&self, object: &Object) -> f64 {
+        match self.looks.get(&object.id) {
+            None => self.sphere.reflective_area(0.0),
+            Some(Look::Sphere(sphere)) => sphere.reflective_area(0.0),
+            Some(Look::Body(_)) => f64::INFINITY,
+        }
+    }
+
+    /// The object of that index as it is seen during an exposure, wherever it stands, by the scalar SGP4; `earth` is that of mid-exposure.
     ///
     /// Errors: its orbit has no answer.
     pub fn see(
@@ -118,9 +118,22 @@ impl Population {
         corrections: &Corrections,
     ) -> Result<SeenObject, OrbitError> {
         let object = self.objects[index].settled(shutter[1].epoch);
-        let at = |observer: &Observer| object_direction(|t| object.state(t), observer, corrections);
+        self.see_by(index, earth, shutter, corrections, |t, _| object.state(t))
+    }
+
+    /// [`Population::see`], by the states that `state` gives for a time near the exposure's start (0), mid (1) or end (2).
+    pub(super) fn see_by(
+        &self,
+        index: usize,
+        earth: &Earth,
+        shutter: &Shutter,
+        corrections: &Corrections,
+        state: impl Fn(Epoch, usize) -> Result<StateVector, OrbitError>,
+    ) -> Result<SeenObject, OrbitError> {
+        let object = &self.objects[index];
+        let at = |i: usize| object_direction(|t| state(t, i), &shutter[i], corrections);
         let line = |seen: &ApparentObject| seen.direction * seen.range_m;
-        let (apparent, start, end) = (at(&shutter[1])?, at(&shutter[0])?, at(&shutter[2])?);
+        let (apparent, start, end) = (at(1)?, at(0)?, at(2)?);
         let observer_m = shutter[1].position_m;
         let sun_m = shutter[1].bodies.sun_apparent_m();
         let to_sun = sun_m - apparent.seen_at_m;

@@ -4,9 +4,10 @@ use pulp::{Scalar, WithSimd};
 use std::fmt;
 
 /// A set of vector instructions. All give the same bits: every product that is added is fused on all of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Level {
     /// One object at a time, by Rust's `mul_add`: right on every processor, slow where that is a function call.
+    #[default]
     Portable,
     /// Two at a time (AArch64).
     Neon,

@@ -53,7 +53,7 @@ pub const UNKNOWN: u8 = 8;
 const CHUNK: usize = 32;
 
 /// A catalogue, ready to propagate.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Batch {
     level: Level,
     near: Vec<Near>,

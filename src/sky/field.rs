@@ -1,0 +1,183 @@
+//! Who of a whole catalogue is in the field: a test of directions and distances alone, before anything is known of light.
+//!
+//! ```text
+//! every object:  before the camera? -> behind the Earth? -> near enough to be seen at all?
+//! who is left:   apparent directions, shadow, brightness (population::see)
+//! ```
+//!
+//! All bounds lie on the safe side: whoever might be seen at any time of the exposure is left. It is done where the orbits are given, in TEME
+//! and km: turning the observer is cheaper than turning the catalogue.
+
+use super::apparent::Observer;
+use super::population::OWN_VEHICLE_M;
+use nalgebra::{Matrix3, Vector3};
+use skyloop_orbit::StateVector;
+use skyloop_orbit::sgp4_batch::{BLOCK, NOBODY};
+use skyloop_orbit::tracks::{BOUND_KM, Look, Places};
+use std::f64::consts::PI;
+
+/// What light time and aberration may turn a direction by (rad): 16 km/s over c, each, rounded up.
+const WANDER: f64 = 2e-4;
+/// Faster than whatever the Earth holds, km/s.
+const FASTEST_KM_S: f64 = 11.3;
+/// A sphere that is inside the Earth everywhere, km: the polar radius, less what light time moves an object by (0.3 s at 90,000 km).
+const EARTH_KM: f64 = 6356.7 - 5.0;
+/// What rounding may add to a distance, km.
+const ROUNDING_KM: f64 = 1e-3;
+
+/// What is looked for: a cone around the boresight, during an exposure.
+#[derive(Debug, Clone, Copy)]
+pub struct Field<'a> {
+    /// The boresight, unit vector, ICRF.
+    pub axis: Vector3<f64>,
+    /// Half the cone's angle, rad.
+    pub angle: f64,
+    /// The observer at the exposure's start, mid and end.
+    pub shutter: &'a [Observer; 3],
+    /// Distance (m) from which a body of 1 m^2/sr of reflective area, in full sunlight, is lost in noise; infinite where nothing is.
+    pub reach_m: f64,
+}
+
+/// Why an object before the camera needs no closer look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Unseen {
+    /// The Earth is before it all the time.
+    BehindEarth,
+    /// Even at its brightest it is lost in noise.
+    TooFaint,
+}
+
+impl Field<'_> {
+    fn duration_s(&self) -> f64 {
+        (self.shutter[2].epoch - self.shutter[0].epoch).to_seconds()
+    }
+
+    /// Whether an object with that state at mid-exposure (GCRF) may stand in the field at some time of the exposure.
+    pub fn may_hold(&self, state: &StateVector) -> bool {
+        let mid = &self.shutter[1];
+        let line = state.position_m - mid.position_m;
+        let range = line.norm();
+        // From mid-exposure to either end the line turns by no more than asin(w / range) on a way w; by up to half a turn where
+        // w is longer. Pi w / range is above both, with room for a way that bends.
+        let way = (state.velocity_m_s - mid.velocity_m_s).norm() * self.duration_s() / 2.0;
+        let sweep = PI * way / range.max(1e-3);
+        let reach = (self.angle + WANDER + sweep).min(PI);
+        range >= OWN_VEHICLE_M && line.dot(&self.axis) >= range * reach.cos()
+    }
+
+    /// The test of a catalogue in TEME; `rotation` leads from there to GCRF, `bright` has of each object the root of its greatest
+    /// reflective area, m/sr^(1/2).
+    pub fn test<'a>(&self, rotation: &Matrix3<f64>, bright: &'a [f32]) -> Test<'a> {
+        let mid = &self.shutter[1];
+        let to_teme = rotation.transpose();
+        let observer = to_teme * mid.position_m * 1e-3;
+        let half_s = self.duration_s() / 2.0;
+        let way_km = (FASTEST_KM_S + mid.velocity_m_s.norm() * 1e-3) * half_s;
+        let way_km = way_km + BOUND_KM + ROUNDING_KM;
+        let (sin, cos) = (self.angle + WANDER).min(PI).sin_cos();
+        // An observer inside the Earth looks through it.
+        let outside = observer.norm() > EARTH_KM + 100.0 + way_km;
+        Test {
+            observer_km: observer.into(),
+            axis: (to_teme * self.axis).into(),
+            sin,
+            cos,
+            way_km,
+            earth_km: if outside { EARTH_KM - way_km } else { 0.0 },
+            reach_km: self.reach_m * 1e-3,
+            bright,
+        }
+    }
+}
+
+/// The test of a block of a catalogue, TEME.
+pub struct Test<'a> {
+    observer_km: [f64; 3],
+    axis: [f64; 3],
+    sin: f64,
+    cos: f64,
+    /// What object and observer may move by, each or together, km.
+    way_km: f64,
+    /// What lies nearer to the Earth's centre is inside it; 0 where it hides nothing.
+    earth_km: f64,
+    reach_km: f64,
+    bright: &'a [f32],
+}
+
+/// What the test finds of an object of the catalogue, by its number there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Found {
+    /// It may be seen.
+    Candidate(u32),
+    /// It is before the camera, and not seen.
+    Unseen(u32, Unseen),
+    /// It has no position: the code of SGP4's failure.
+    Failed(u32, u8),
+}
+
+impl Look for Test<'_> {
+    type Found = Found;
+
+    #[inline(always)]
+    fn look(&self, places: &Places<'_>, found: &mut Vec<Found>) {
+        let before = self.before(&places.position_km);
+        let failed = places.code != [0; BLOCK];
+        if !failed && before == [false; BLOCK] {
+            return;
+        }
+        for (i, &object) in places.objects.iter().enumerate() {
+            if object == NOBODY {
+                continue;
+            }
+            if places.code[i] != 0 {
+                found.push(Found::Failed(object, places.code[i]));
+            } else if before[i] {
+                let place = places.position_km.map(|row| row[i]);
+                found.push(match self.unseen(&place, object) {
+                    Some(why) => Found::Unseen(object, why),
+                    None => Found::Candidate(object),
+                });
+            }
+        }
+    }
+}
+
+impl Test<'_> {
+    /// Who may stand before the camera: whose place is no further from the cone than he may move. The distance from the surface of a cone
+    /// of half angle A, of a point `z` along its axis and `p` from it, is p cos A - z sin A, negative inside.
+    #[inline(always)]
+    fn before(&self, [x, y, z]: &[[f64; BLOCK]; 3]) -> [bool; BLOCK] {
+        let mut before = [false; BLOCK];
+        for (before, ((x, y), z)) in before.iter_mut().zip(x.iter().zip(y).zip(z)) {
+            let line = [
+                x - self.observer_km[0],
+                y - self.observer_km[1],
+                z - self.observer_km[2],
+            ];
+            let range2 = line[0] * line[0] + line[1] * line[1] + line[2] * line[2];
+            let along = line[0] * self.axis[0] + line[1] * self.axis[1] + line[2] * self.axis[2];
+            let across2 = range2 - along * along;
+            let across = if across2 > 0.0 { across2.sqrt() } else { 0.0 };
+            *before = across * self.cos - along * self.sin <= self.way_km;
+        }
+        before
+    }
+
+    /// Why an object before the camera at that place is not seen.
+    fn unseen(&self, place_km: &[f64; 3], object: u32) -> Option<Unseen> {
+        let observer = Vector3::from(self.observer_km);
+        let line = Vector3::from(*place_km) - observer;
+        let range2 = line.norm_squared();
+        if range2 == 0.0 {
+            return None;
+        }
+        // The point of the line of sight that is nearest to the Earth's centre.
+        let part = (-observer.dot(&line) / range2).clamp(0.0, 1.0);
+        if (observer + line * part).norm() < self.earth_km {
+            return Some(Unseen::BehindEarth);
+        }
+        let bright = self.bright.get(object as usize).copied();
+        let reach_km = self.reach_km * bright.map_or(f64::INFINITY, f64::from);
+        (range2.sqrt() - self.way_km > reach_km).then_some(Unseen::TooFaint)
+    }
+}

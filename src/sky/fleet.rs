@@ -1,0 +1,191 @@
+//! A population under way: its orbits carried from frame to frame, and who of it comes before a camera.
+
+use super::apparent::Corrections;
+use super::field::{Field, Found};
+use super::population::{Population, Seen, SeenObject};
+use super::shadow::Earth;
+use crate::fidelity::Orbits;
+use hifitime::Epoch;
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+use skyloop_orbit::elements::Elements;
+use skyloop_orbit::tracks::Tracks;
+use skyloop_orbit::{Object, Orbit, OrbitError, StateVector, frames};
+use std::collections::HashSet;
+
+/// Exposures up to this (s) are short enough for one rotation from TEME to GCRF: what it turns by in half of that is 4e-11 rad.
+const SHORT_S: f64 = 10.0;
+
+/// The orbits of a population.
+#[derive(Debug)]
+pub struct Fleet {
+    tracks: Tracks,
+    /// Whose element set each of the tracks has: an object's index, and the number of the set among that object's.
+    sets: Vec<(u32, u32)>,
+    /// The root of each one's greatest reflective area, m/sr^(1/2).
+    bright: Vec<f32>,
+    /// Those that have no element set, or none that SGP4 can start from.
+    others: Vec<u32>,
+    /// Of whom it has been said that they have no position.
+    told: HashSet<u32>,
+}
+
+impl Fleet {
+    /// The orbits of `population`.
+    pub fn new(population: &Population) -> Fleet {
+        let objects = population.objects();
+        let sets = |(index, object): (usize, &Object)| -> Vec<(u32, u32, Elements)> {
+            let sets = object.sets().enumerate();
+            sets.map(|(number, set)| (index as u32, number as u32, *set))
+                .collect()
+        };
+        let all: Vec<(u32, u32, Elements)> = objects.iter().enumerate().flat_map(sets).collect();
+        let starts: Vec<bool> = all
+            .par_iter()
+            .map(|(.., set)| set.constants().is_ok())
+            .collect();
+        let (mut of, mut elements, mut others) = (Vec::new(), Vec::new(), Vec::new());
+        for ((index, number, set), starts) in all.into_iter().zip(starts) {
+            if starts {
+                of.push((index, number));
+                elements.push(set);
+            } else {
+                others.push(index);
+            }
+        }
+        let tracks = Tracks::new(&elements).unwrap_or_default();
+        if tracks.is_empty() {
+            others.extend(of.drain(..).map(|(index, _)| index));
+        }
+        let moved = |object: &Object| matches!(object.orbit, Orbit::Ephemeris(_));
+        others.extend((0..objects.len() as u32).filter(|&i| moved(&objects[i as usize])));
+        others.sort_unstable();
+        others.dedup();
+        let root =
+            |&(index, _): &(u32, u32)| population.brightest(&objects[index as usize]).sqrt() as f32;
+        Fleet {
+            bright: of.iter().map(root).collect(),
+            tracks,
+            sets: of,
+            others,
+            told: HashSet::new(),
+        }
+    }
+
+    /// Who of `population`, whose orbits these are, comes before the camera.
+    pub fn look(
+        &mut self,
+        population: &Population,
+        field: &Field<'_>,
+        corrections: &Corrections,
+        orbits: Orbits,
+    ) -> Seen {
+        let at = Instants::of(field);
+        let mid = field.shutter[1].epoch;
+        self.tracks.exact = orbits == Orbits::Exact;
+        let found = match orbits {
+            Orbits::Scalar => (0..self.sets.len() as u32).map(Found::Candidate).collect(),
+            Orbits::Tracked | Orbits::Exact => {
+                let test = field.test(&at.rotations[1], &self.bright);
+                self.tracks.at(mid, &test)
+            }
+        };
+        let (mut near, mut unseen, mut failed) = (Vec::new(), Vec::new(), Vec::new());
+        for one in found {
+            let (Found::Candidate(set) | Found::Unseen(set, _) | Found::Failed(set, _)) = one;
+            let (index, number) = self.sets[set as usize];
+            // Of several element sets the nearest in time counts.
+            if population.objects()[index as usize].number_at(mid) != number as usize {
+                continue;
+            }
+            match one {
+                Found::Candidate(_) => near.push((index, Some(set))),
+                Found::Unseen(_, why) => unseen.push((index as usize, why)),
+                Found::Failed(..) => failed.push(index),
+            }
+        }
+        near.extend(self.others.iter().map(|&index| (index, None)));
+        near.par_sort_unstable();
+        unseen.par_sort_unstable();
+
+        let earth = Earth::at(mid);
+        let tracks = (orbits != Orbits::Scalar).then_some(&self.tracks);
+        let looked: Vec<Result<SeenObject, (u32, OrbitError)>> = near
+            .into_par_iter()
+            .filter_map(|(index, set)| {
+                let object = population.objects()[index as usize].settled(mid);
+                let state = |t: Epoch, i: usize| at.state(&object, set.zip(tracks), t, i);
+                match state(mid, 1) {
+                    Ok(state) if !field.may_hold(&state) => return None,
+                    Ok(_) => {}
+                    Err(error) => return Some(Err((index, error))),
+                }
+                let seen =
+                    population.see_by(index as usize, &earth, field.shutter, corrections, state);
+                Some(seen.map_err(|error| (index, error)))
+            })
+            .collect();
+        let mut seen = Seen {
+            unseen,
+            unknown: failed.len(),
+            ..Seen::default()
+        };
+        for one in looked {
+            match one {
+                Ok(object) => seen.objects.push(object),
+                Err((index, error)) => {
+                    seen.unknown += 1;
+                    if self.told.insert(index) {
+                        seen.news.push(error);
+                    }
+                }
+            }
+        }
+        for index in failed {
+            if self.told.insert(index) {
+                let object = &population.objects()[index as usize];
+                seen.news
+                    .extend(object.state_with(mid, &at.rotations[1]).err());
+            }
+        }
+        seen
+    }
+}
+
+/// The rotations from TEME to GCRF at an exposure's start, mid and end.
+struct Instants {
+    rotations: [Matrix3<f64>; 3],
+}
+
+impl Instants {
+    fn of(field: &Field<'_>) -> Instants {
+        let [start, mid, end] = field.shutter.each_ref().map(|observer| observer.epoch);
+        let rotation = frames::teme_to_gcrf(mid);
+        let rotations = if (end - start).to_seconds() <= SHORT_S {
+            [rotation; 3]
+        } else {
+            [
+                frames::teme_to_gcrf(start),
+                rotation,
+                frames::teme_to_gcrf(end),
+            ]
+        };
+        Instants { rotations }
+    }
+
+    /// The state of `object` at a time near instant `i`, GCRF: that of its track, where it has one.
+    fn state(
+        &self,
+        object: &Object,
+        track: Option<(u32, &Tracks)>,
+        t: Epoch,
+        i: usize,
+    ) -> Result<StateVector, OrbitError> {
+        let rotation = &self.rotations[i];
+        match track.map(|(set, tracks)| tracks.state(set as usize, t)) {
+            Some(Ok(state)) => Ok(state.rotated(rotation)),
+            // The scalar model says why; where it knows better, it counts.
+            Some(Err(_)) | None => object.state_with(t, rotation),
+        }
+    }
+}
