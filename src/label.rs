@@ -2,8 +2,10 @@
 
 mod rounded;
 mod spot;
+mod unseen;
 
 pub use spot::{MOST_SPOTS, SpotLabel};
+pub use unseen::MOST_UNSEEN;
 
 use rounded::{e4, e6, e9, some_bound, some_e4, some_short};
 
@@ -11,7 +13,6 @@ use crate::camera::Camera;
 use crate::effect::Verdict;
 use crate::plan::{Plan, Step};
 use crate::scene::{Body, Hidden, Scene, Source, World};
-use crate::sky::field::Unseen;
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
 use serde::ser::SerializeSeq;
@@ -20,9 +21,6 @@ use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
 use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
-
-/// Objects without an image that a label lists.
-pub const MOST_UNSEEN: usize = 10_000;
 
 /// Objects of a lower signal-to-noise ratio count as not visible.
 pub const VISIBLE_SNR: f64 = 3.0;
@@ -319,12 +317,8 @@ impl Label {
             spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
             spots_left_out_snr: spots.left_out_snr,
             particles_left_out: (beyond > 0.0).then_some(beyond),
-            unseen: unseen(scene, world),
-            unseen_left_out: view
-                .unseen
-                .len()
-                .checked_sub(MOST_UNSEEN)
-                .filter(|left| *left > 0),
+            unseen: unseen::listed(view, world),
+            unseen_left_out: unseen::left_out(view),
             objects: Objects {
                 sources: scene
                     .sources
@@ -340,24 +334,6 @@ impl Label {
     /// One line of `labels.jsonl`, without the line's end; the same bytes travel on the wire.
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"))
-    }
-}
-
-/// The ids of objects before the camera that have no image, by why.
-fn unseen(scene: &Scene, world: &World) -> BTreeMap<&'static str, Vec<String>> {
-    let mut unseen: BTreeMap<_, Vec<String>> = BTreeMap::new();
-    for (index, why) in scene.view.unseen.iter().take(MOST_UNSEEN) {
-        let id = world.population.objects()[*index].id.clone();
-        unseen.entry(why_unseen(*why)).or_default().push(id);
-    }
-    unseen
-}
-
-/// Why an object has no image, as a label says it.
-fn why_unseen(why: Unseen) -> &'static str {
-    match why {
-        Unseen::BehindEarth => "behind the Earth",
-        Unseen::TooFaint => "too faint",
     }
 }
 

@@ -80,7 +80,7 @@ const FENCES: &[(&str, &[&str])] = &[
             "passes",
             "render",
             "scene",
-            "sky/population",
+            "sky/fleet",
         ],
     ),
     (

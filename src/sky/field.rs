@@ -133,7 +133,8 @@ impl Look for Test<'_> {
                 found.push(Found::Failed(object, places.code[i]));
             } else if before[i] {
                 let place = places.position_km.map(|row| row[i]);
-                found.push(match self.unseen(&place, object) {
+                let bright = self.bright.get(object as usize).copied();
+                found.push(match self.unseen(&place, bright.unwrap_or(f32::INFINITY)) {
                     Some(why) => Found::Unseen(object, why),
                     None => Found::Candidate(object),
                 });
@@ -149,22 +150,30 @@ impl Test<'_> {
     fn before(&self, [x, y, z]: &[[f64; BLOCK]; 3]) -> [bool; BLOCK] {
         let mut before = [false; BLOCK];
         for (before, ((x, y), z)) in before.iter_mut().zip(x.iter().zip(y).zip(z)) {
-            let line = [
-                x - self.observer_km[0],
-                y - self.observer_km[1],
-                z - self.observer_km[2],
-            ];
-            let range2 = line[0] * line[0] + line[1] * line[1] + line[2] * line[2];
-            let along = line[0] * self.axis[0] + line[1] * self.axis[1] + line[2] * self.axis[2];
-            let across2 = range2 - along * along;
-            let across = if across2 > 0.0 { across2.sqrt() } else { 0.0 };
-            *before = across * self.cos - along * self.sin <= self.way_km;
+            *before = self.is_before([*x, *y, *z]);
         }
         before
     }
 
+    /// Whether that place (km) is no further from the cone than object and observer may move.
+    #[inline(always)]
+    fn is_before(&self, [x, y, z]: [f64; 3]) -> bool {
+        let [dx, dy, dz] = self.observer_km;
+        let (x, y, z) = (x - dx, y - dy, z - dz);
+        let along = x * self.axis[0] + y * self.axis[1] + z * self.axis[2];
+        let across2 = x * x + y * y + z * z - along * along;
+        let across = if across2 > 0.0 { across2.sqrt() } else { 0.0 };
+        across * self.cos - along * self.sin <= self.way_km
+    }
+
+    /// What is found of one object at that place (km), with that root of its greatest reflective area: whether it is before the camera, and why it needs no closer look.
+    pub fn judge(&self, place_km: [f64; 3], bright: f32) -> Option<Result<(), Unseen>> {
+        let before = self.is_before(place_km);
+        before.then(|| self.unseen(&place_km, bright).map_or(Ok(()), Err))
+    }
+
     /// Why an object before the camera at that place is not seen.
-    fn unseen(&self, place_km: &[f64; 3], object: u32) -> Option<Unseen> {
+    fn unseen(&self, place_km: &[f64; 3], bright: f32) -> Option<Unseen> {
         let observer = Vector3::from(self.observer_km);
         let line = Vector3::from(*place_km) - observer;
         let range2 = line.norm_squared();
@@ -176,8 +185,7 @@ impl Test<'_> {
         if (observer + line * part).norm() < self.earth_km {
             return Some(Unseen::BehindEarth);
         }
-        let bright = self.bright.get(object as usize).copied();
-        let reach_km = self.reach_km * bright.map_or(f64::INFINITY, f64::from);
+        let reach_km = self.reach_km * f64::from(bright);
         (range2.sqrt() - self.way_km > reach_km).then_some(Unseen::TooFaint)
     }
 }

@@ -1,7 +1,7 @@
 //! A population under way: its orbits carried from frame to frame, and who of it comes before a camera.
 
 use super::apparent::Corrections;
-use super::field::{Field, Found};
+use super::field::{Field, Found, Unseen};
 use super::population::{Population, Seen, SeenObject};
 use super::shadow::Earth;
 use crate::fidelity::Orbits;
@@ -83,12 +83,10 @@ impl Fleet {
         let at = Instants::of(field);
         let mid = field.shutter[1].epoch;
         self.tracks.exact = orbits == Orbits::Exact;
+        let test = field.test(&at.rotations[1], &self.bright);
         let found = match orbits {
             Orbits::Scalar => (0..self.sets.len() as u32).map(Found::Candidate).collect(),
-            Orbits::Tracked | Orbits::Exact => {
-                let test = field.test(&at.rotations[1], &self.bright);
-                self.tracks.at(mid, &test)
-            }
+            Orbits::Tracked | Orbits::Exact => self.tracks.at(mid, &test),
         };
         let (mut near, mut unseen, mut failed) = (Vec::new(), Vec::new(), Vec::new());
         for one in found {
@@ -106,33 +104,45 @@ impl Fleet {
         }
         near.extend(self.others.iter().map(|&index| (index, None)));
         near.par_sort_unstable();
-        unseen.par_sort_unstable();
 
         let earth = Earth::at(mid);
         let tracks = (orbits != Orbits::Scalar).then_some(&self.tracks);
-        let looked: Vec<Result<SeenObject, (u32, OrbitError)>> = near
-            .into_par_iter()
-            .filter_map(|(index, set)| {
-                let object = population.objects()[index as usize].settled(mid);
-                let state = |t: Epoch, i: usize| at.state(&object, set.zip(tracks), t, i);
-                match state(mid, 1) {
-                    Ok(state) if !field.may_hold(&state) => return None,
-                    Ok(_) => {}
-                    Err(error) => return Some(Err((index, error))),
+        let look = |(index, set): (u32, Option<u32>)| -> Result<Option<Close>, OrbitError> {
+            let object = population.objects()[index as usize].settled(mid);
+            let track = set.zip(tracks);
+            let state = |t: Epoch, i: usize| at.state(&object, track, t, i);
+            let here = state(mid, 1)?;
+            if track.is_none() {
+                // Nobody has been tested yet.
+                let place_km = at.rotations[1].transpose() * here.position_m * 1e-3;
+                match test.judge(place_km.into(), brightest(population, &object)) {
+                    None => return Ok(None),
+                    Some(Err(why)) => return Ok(Some(Close::Unseen(index as usize, why))),
+                    Some(Ok(())) => {}
                 }
-                let seen =
-                    population.see_by(index as usize, &earth, field.shutter, corrections, state);
-                Some(seen.map_err(|error| (index, error)))
+            }
+            if !field.may_hold(&here) {
+                return Ok(None);
+            }
+            let shutter = field.shutter;
+            let seen = population.see_by(index as usize, &earth, shutter, corrections, state)?;
+            Ok(Some(Close::Seen(Box::new(seen))))
+        };
+        let looked: Vec<_> = near
+            .into_par_iter()
+            .filter_map(|one| match look(one) {
+                Ok(close) => close.map(Ok),
+                Err(error) => Some(Err((one.0, error))),
             })
             .collect();
         let mut seen = Seen {
-            unseen,
             unknown: failed.len(),
             ..Seen::default()
         };
         for one in looked {
             match one {
-                Ok(object) => seen.objects.push(object),
+                Ok(Close::Seen(object)) => seen.objects.push(*object),
+                Ok(Close::Unseen(index, why)) => unseen.push((index, why)),
                 Err((index, error)) => {
                     seen.unknown += 1;
                     if self.told.insert(index) {
@@ -150,6 +160,17 @@ impl Fleet {
         }
         seen
     }
+}
+
+/// What a closer look at an object before the camera has found.
+enum Close {
+    Seen(Box<SeenObject>),
+    Unseen(usize, Unseen),
+}
+
+/// The root of an object's greatest reflective area, m/sr^(1/2), rounded up.
+fn brightest(population: &Population, object: &Object) -> f32 {
+    (population.brightest(object).sqrt() as f32).next_up()
 }
 
 /// The rotations from TEME to GCRF at an exposure's start, mid and end.

@@ -67,6 +67,8 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
         spots_left_out_snr: None,
         particles_left_out: None,
         effects: Vec::new(),
+        unseen: Default::default(),
+        unseen_left_out: None,
         objects: Vec::new().into(),
     }
 }

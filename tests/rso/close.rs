@@ -3,10 +3,13 @@
 use crate::glints::oem::oem;
 use hifitime::Unit;
 use nalgebra::Vector3;
+use skyloop::fidelity::Orbits;
 use skyloop::orbit::time::parse_utc;
 use skyloop::sky::apparent::{Corrections, Observer};
 use skyloop::sky::bodies::Bodies;
-use skyloop::sky::population::Population;
+use skyloop::sky::field::Field;
+use skyloop::sky::photometry::Sphere;
+use skyloop::sky::population::{Looks, Population};
 
 /// 14 km/s for 0.1 s, past an observer at rest: what is far behind in the middle of the exposure is before the camera at its end.
 #[test]
@@ -37,12 +40,17 @@ fn an_object_nearer_than_its_own_way_is_seen() {
         (20_000.0, false),
     ] {
         let start = place + Vector3::new(-behind, 5.0, 0.0) * 1e-3;
-        let population = Population {
-            objects: oem("PASSER", mid, |s| (start + way * s, way)),
-            ..Population::default()
+        let objects = oem("PASSER", mid, |s| (start + way * s, way));
+        let population = Population::new(objects, Sphere::default(), Looks::new());
+        let field = Field {
+            axis: Vector3::x(),
+            angle,
+            shutter: &shutter,
+            reach_m: f64::INFINITY,
         };
-        let (objects, errors) = population.in_cone(&Vector3::x(), angle, &shutter, &corrections);
-        assert!(errors.is_empty(), "{errors:?}");
+        let there = population.in_field(&field, &corrections, Orbits::Tracked);
+        assert!(there.news.is_empty(), "{:?}", there.news);
+        let objects = there.objects;
         // At its end.
         let in_field = |line: Vector3<f64>| line.angle(&Vector3::x()) < angle;
         if seen {

@@ -6,15 +6,15 @@ use nalgebra::{Unit, Vector3};
 use skyloop::attitude::Attitude;
 use skyloop::orbit::StateVector;
 use skyloop::orbit::time::parse_utc;
+use skyloop::sky::Corrections;
 use skyloop::sky::apparent::{ApparentObject, Observer};
 use skyloop::sky::bodies::{AU_M, Bodies, SUN_RADIUS_M};
 use skyloop::sky::body_attitude::BodyAttitude;
 use skyloop::sky::look::{Body, Passage};
-use skyloop::sky::photometry::{diffuse_phase, magnitude};
+use skyloop::sky::photometry::{Sphere, diffuse_phase, magnitude};
 use skyloop::sky::population::{Look, Population};
 use skyloop::sky::shadow::Earth;
 use skyloop::sky::shape::{Lobe, Plate, Shape};
-use skyloop::sky::{Corrections, photometry};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -145,13 +145,8 @@ fn seen(look: Option<Look>, range_km: f64) -> (Population, skyloop::sky::populat
     let position = Vector3::new(-5200.0, 4000.0, 3000.0);
     let velocity = Vector3::new(-4.0, -6.0, 1.0);
     let objects = oem::oem("OBJECT", mid(), oem::falling(position, velocity));
-    let mut population = Population {
-        objects,
-        ..Population::default()
-    };
-    population
-        .looks
-        .extend(look.map(|look| ("OBJECT".to_string(), look)));
+    let looks = look.map(|look| ("OBJECT".to_string(), look));
+    let population = Population::new(objects, Sphere::default(), looks.into_iter().collect());
     let bodies = Bodies::at(mid()).unwrap();
     let observer = |s: f64| Observer {
         epoch: mid() + Time::Second * s,
@@ -167,7 +162,7 @@ fn seen(look: Option<Look>, range_km: f64) -> (Population, skyloop::sky::populat
 #[test]
 fn magnitudes_follow_eq_9_with_range_and_phase() {
     for range_km in [50.0, 500.0] {
-        let (population, sphere) = seen(None, range_km);
+        let sphere = seen(None, range_km).1;
         let sun_m = Bodies::at(mid()).unwrap().sun_apparent_m();
         let to_sun_m = (sun_m - sphere.apparent.seen_at_m).norm();
         // X-Val: Eqs. (7) and (9) by hand for the paper's sphere: 0.2 * pi * 25 m^2 of diffuse light; m_sun = -26.73.
@@ -178,7 +173,6 @@ fn magnitudes_follow_eq_9_with_range_and_phase() {
             "{} {wanted}",
             sphere.mag
         );
-        assert_eq!(population.sphere, photometry::Sphere::default());
         // The same sphere as a shape.
         let mut shape = Shape::default();
         let matt = skyloop::sky::shape::Surface {
