@@ -83,6 +83,11 @@ impl Emulator {
         }
     }
 
+    /// What does not change from frame to frame.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
     /// The camera, as it is set now.
     pub fn camera(&self) -> Arc<Camera> {
         self.camera.clone()

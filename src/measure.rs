@@ -1,5 +1,7 @@
 //! What effects really cost: each one's price and the error of leaving it out, measured on one frame.
 
+pub mod orbits;
+
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::effect::{EFFECTS, Effect, Judge, Loss, Pass, Stage, Verdict};

@@ -103,7 +103,12 @@ fn the_readme_lists_the_labels_fields() {
     let shot = emulator
         .shoot(&flight::vehicle(&mission, 0).unwrap(), 0)
         .unwrap();
-    let label: serde_json::Value = serde_json::from_str(&shot.json).unwrap();
+    let mut label = shot.label.clone();
+    label
+        .unseen
+        .insert("too faint", vec!["NORAD 5".to_string()]);
+    label.unseen_left_out = Some(1);
+    let label: serde_json::Value = serde_json::from_str(&label.to_json()).unwrap();
     // A detector with defects, and more particles than are drawn.
     let mut flawed = Config::defaults().unwrap();
     flawed.camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();

@@ -104,6 +104,7 @@ const FENCES: &[(&str, &[&str])] = &[
     (
         "std::fs::",
         &[
+            "measure/orbits",
             "cli/catalog/convert",
             "link/capture",
             "link/fault/book",

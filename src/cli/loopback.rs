@@ -1,6 +1,6 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
-use super::{Records, instruments, levels, mission, progress, scene, with_level};
+use super::{Orbits, Records, instruments, levels, mission, progress, scene, with_level};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::Clock;
@@ -44,6 +44,8 @@ pub struct Args {
     instruments: instruments::Choice,
     #[command(flatten)]
     records: Records,
+    #[command(flatten)]
+    orbits: Orbits,
 }
 
 /// Frames that may wait to be written; then the emulator waits.
@@ -53,6 +55,7 @@ const WRITE_QUEUE: usize = 8;
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
     args.records.settle(&config)?;
+    args.orbits.settle(&mut config);
     if let (Some(sequence), Some(frames)) = (&mut config.sequence, args.frames) {
         sequence.frames = frames;
     }

@@ -1,5 +1,6 @@
 //! The command line. A command is a file here and a line in [`Command`].
 
+mod bench;
 mod catalog;
 mod instruments;
 mod lightcurve;
@@ -51,6 +52,9 @@ enum Command {
     Passes(Box<passes::Args>),
     /// Write the magnitude of an object against time, as a table and a plot
     Lightcurve(lightcurve::Args),
+    /// What this machine makes of the works that take the time
+    #[command(subcommand)]
+    Bench(bench::Args),
     /// Check, count and convert files of orbits
     Catalog(catalog::Args),
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
@@ -70,6 +74,7 @@ impl Cli {
             Command::Plan(args) => plan::run(args),
             Command::Passes(args) => passes::run(*args),
             Command::Lightcurve(args) => lightcurve::run(args),
+            Command::Bench(args) => bench::run(args),
             Command::Catalog(args) => catalog::run(args),
             #[cfg(target_os = "linux")]
             Command::Pty(args) => pty::run(args),
@@ -107,6 +112,23 @@ fn scene_name(file: Option<&Path>) -> String {
     file.map_or("the built-in scene".to_string(), |file| {
         file.display().to_string()
     })
+}
+
+/// How orbits are worked out.
+#[derive(clap::Args)]
+struct Orbits {
+    /// Ask SGP4 for every object in every frame, instead of for those alone that may be in the field; frames and labels are the same
+    #[arg(long)]
+    exact: bool,
+}
+
+impl Orbits {
+    /// Tells a scene's tolerances.
+    fn settle(&self, config: &mut Config) {
+        if self.exact {
+            config.fidelity.orbits = skyloop::fidelity::Orbits::Exact;
+        }
+    }
 }
 
 /// What is done about records of orbit files that cannot be used.

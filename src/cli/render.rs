@@ -1,6 +1,6 @@
 //! `skyloop render`: frames and labels into a folder, without a flight computer.
 
-use super::{Records, mission, progress};
+use super::{Orbits, Records, mission, progress};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
@@ -77,6 +77,8 @@ pub struct Args {
     out: PathBuf,
     #[command(flatten)]
     records: Records,
+    #[command(flatten)]
+    orbits: Orbits,
 }
 
 /// Exactly N finite numbers, separated by commas.
@@ -115,6 +117,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = configure(&args)?;
     args.records.settle(&config)?;
+    args.orbits.settle(&mut config);
     let mission = mission(&config, args.scene.as_deref())?;
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = !args.no_noise;

@@ -1,6 +1,6 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
-use super::{Records, instruments, levels, with_level};
+use super::{Orbits, Records, instruments, levels, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -34,12 +34,15 @@ pub struct Args {
     instruments: instruments::Choice,
     #[command(flatten)]
     records: Records,
+    #[command(flatten)]
+    orbits: Orbits,
 }
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = Config::load(&args.config)?;
     args.records.settle(&config)?;
+    args.orbits.settle(&mut config);
     let idle = Duration::from_secs_f64(config.run.idle_s);
     let urls = match args.link.is_empty() {
         true => &config.run.links,

@@ -46,6 +46,7 @@ pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse
 pub use pick::file_and_name;
 pub use record::Record;
 pub use regime::Regime;
+pub use sgp4;
 pub use text::{files, read_text};
 pub use two_line::{Checksum, ElementsError};
 pub use write::{Written, write};

@@ -72,6 +72,13 @@ impl Fleet {
         }
     }
 
+    /// Octets of memory that they take.
+    pub fn octets(&self) -> usize {
+        self.tracks.octets()
+            + self.sets.capacity() * size_of::<(u32, u32)>()
+            + self.bright.capacity() * size_of::<f32>()
+    }
+
     /// Who of `population`, whose orbits these are, comes before the camera.
     pub fn look(
         &mut self,

@@ -9,6 +9,7 @@ use super::shadow::Earth;
 use crate::fidelity::Orbits;
 use hifitime::Epoch;
 use nalgebra::Vector3;
+use skyloop_orbit::elements::Elements;
 use skyloop_orbit::{Object, OrbitError, StateVector};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -88,6 +89,25 @@ impl Population {
     /// The objects.
     pub fn objects(&self) -> &[Object] {
         &self.objects
+    }
+
+    /// Octets of memory that the objects take, names and looks included, with 16 for each piece of it.
+    pub fn octets(&self) -> usize {
+        const PIECE: usize = 16;
+        let text = |text: &String| PIECE + text.capacity();
+        let of = |object: &Object| {
+            let names = object.names.iter().map(text).sum::<usize>();
+            let held = PIECE + object.names.capacity() * size_of::<String>();
+            let sets = object.sets().count().saturating_sub(1) * size_of::<Elements>();
+            size_of::<Object>() + text(&object.id) + held + names + sets
+        };
+        let looks = self
+            .looks
+            .keys()
+            .map(|id| text(id) + size_of::<(String, Look)>());
+        let fleet = self.fleet.get().and_then(|fleet| fleet.lock().ok());
+        let fleet = fleet.map_or(0, |fleet| fleet.octets());
+        self.objects.iter().map(of).sum::<usize>() + looks.sum::<usize>() + fleet
     }
 
     /// Who may be in the field, and what is seen of them.

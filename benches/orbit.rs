@@ -1,0 +1,18 @@
+//! What a catalogue's orbits take, and whether it is as promised: the figures of `skyloop bench orbit`.
+//!
+//! `cargo bench --bench orbit`, on a quiet machine. Ends with 1 where a promise is not kept.
+
+use skyloop::measure::orbits::Report;
+
+fn main() {
+    let report = Report::measure(|part| eprintln!("{part} ...")).unwrap();
+    print!("{report}");
+    let broken = report.broken();
+    for promise in &broken {
+        println!("NOT kept: {promise}");
+    }
+    if broken.is_empty() {
+        println!("all promises kept");
+    }
+    std::process::exit(i32::from(!broken.is_empty()));
+}

@@ -1,0 +1,506 @@
+//! What the orbits of a catalogue take: the batch against the scalar SGP4, threads, tracks, and a camera's whole step.
+//!
+//! All figures of a report are of one run, as ratios: those of one work are taken in turns, so that what else the machine does falls on all alike.
+
+use crate::config::Config;
+use crate::engine::Emulator;
+use crate::fidelity::{Choice, Orbits};
+use crate::flight::{self, FlightError};
+use crate::label::Label;
+use crate::load::ConfigError;
+use crate::plan::Plan;
+use crate::scene::{KINDS, Unobservable, View};
+use crate::sky::photometry::Sphere;
+use crate::sky::population::Look;
+use hifitime::{Epoch, Unit};
+use serde::Serialize;
+use skyloop_orbit::elements::Elements;
+use skyloop_orbit::sgp4_batch::{BLOCK, Batch, Level, States};
+use skyloop_orbit::synth::{Synthetic, population};
+use skyloop_orbit::tracks::{Look as Search, Places, Tracks};
+use skyloop_orbit::{Object, Orbit, sgp4};
+use std::fmt;
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Objects of the works that are measured one by one.
+const OBJECTS: usize = 20_000;
+/// Objects of the whole step.
+const CATALOGUE: usize = 200_000;
+/// Of them, one in so many is in deep space in the mixed work.
+const DEEP: usize = 10;
+/// Rounds of which medians are told.
+const ROUNDS: usize = 31;
+/// Frames of the whole step, a tenth of a second apart, after those in which segments are laid.
+const FRAMES: usize = 300;
+const WARM: usize = 40;
+/// What the whole step may take, ms, in 99 of 100 frames, and what memory an object may, B.
+const MOST_MS: f64 = 10.0;
+const MOST_OCTETS: f64 = 700.0;
+/// Longest period of a near-Earth orbit, min.
+const NEAR_MIN: f64 = 225.0;
+
+/// What was measured.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// The processor, as the system calls it.
+    pub cpu: String,
+    /// How many it has for us.
+    pub threads: usize,
+    /// Load of the machine over the last minute, before.
+    pub load: Option<f64>,
+    /// The instructions used.
+    pub level: String,
+    /// Line by line.
+    pub rows: Vec<Row>,
+    /// The whole step.
+    pub step: Step,
+    /// By number of objects.
+    pub scale: Vec<Scale>,
+}
+
+/// One work against another.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// The work.
+    pub work: String,
+    /// What it is held against.
+    pub against: &'static str,
+    /// Median, ns an object.
+    pub ns: f64,
+    /// Median of the other, ns an object.
+    pub against_ns: f64,
+    /// Median of the rounds' ratios, and their quartiles.
+    pub ratio: f64,
+    /// The first and third quartile of the ratios.
+    pub spread: [f64; 2],
+    /// At least this is promised.
+    pub least: Option<f64>,
+}
+
+/// A camera's whole step: who of a catalogue is before it, who can be seen, and the label's text.
+#[derive(Debug, Clone, Serialize)]
+pub struct Step {
+    /// Objects.
+    pub objects: usize,
+    /// Frames.
+    pub frames: usize,
+    /// ms, median and 99th percentile.
+    pub p50_ms: f64,
+    /// The 99th percentile.
+    pub p99_ms: f64,
+    /// The first frame, where everything is asked of SGP4.
+    pub first_ms: f64,
+    /// The same with nothing but SGP4.
+    pub exact_p50_ms: f64,
+    /// Candidates, unseen and labelled objects of a frame, on average.
+    pub found: [f64; 3],
+    /// Octets of memory an object, with its name.
+    pub octets: f64,
+}
+
+/// What an object takes, by how many there are.
+#[derive(Debug, Clone, Serialize)]
+pub struct Scale {
+    /// Objects.
+    pub objects: usize,
+    /// By SGP4, all threads, ns an object.
+    pub exact_ns: f64,
+    /// By tracks, likewise.
+    pub tracked_ns: f64,
+}
+
+impl Report {
+    /// Measures; `told` hears of each part that is done.
+    ///
+    /// Errors: the built-in scene cannot be read.
+    pub fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
+        let load = std::fs::read_to_string("/proc/loadavg").ok();
+        let load = load.and_then(|text| text.split(' ').next()?.parse().ok());
+        let mut rows = Vec::new();
+        let epoch = Epoch::from_gregorian_utc_at_midnight(2026, 1, 1);
+        let made = population(OBJECTS * 2, 1, epoch);
+        let near: Vec<Elements> = orbits(&made, true).take(OBJECTS).collect();
+        let mut mixed: Vec<Elements> = orbits(&made, true).take(OBJECTS - OBJECTS / DEEP).collect();
+        mixed.extend(orbits(&made, false).take(OBJECTS / DEEP));
+        told("batch against the scalar SGP4");
+        for level in Level::available() {
+            let least = match level {
+                Level::Avx512 => [Some(12.0), Some(8.0)],
+                Level::Avx2 => [Some(6.0), None],
+                Level::Portable | Level::Neon => [None; 2],
+            };
+            rows.push(with_threads(1, || {
+                batch(&near, "near Earth", level, epoch, least[0])
+            }));
+            rows.push(with_threads(1, || {
+                batch(&mixed, "10 % deep space", level, epoch, least[1])
+            }));
+        }
+        told("threads and tracks");
+        rows.push(threads(&near, epoch));
+        rows.push(with_threads(1, || tracks(&near, epoch)));
+        let sizes = [1_000, 10_000, 100_000, 1_000_000];
+        let scale = sizes.map(|objects| {
+            told(&format!("{objects} objects"));
+            scaled(objects, epoch)
+        });
+        told("whole steps");
+        Ok(Report {
+            cpu: cpu(),
+            threads: rayon::current_num_threads(),
+            load,
+            level: Level::best().to_string(),
+            rows,
+            step: step()?,
+            scale: scale.into(),
+        })
+    }
+}
+
+impl Report {
+    /// Parts that [`Report::measure`] tells of.
+    pub const PARTS: u32 = 7;
+
+    /// The promises that are not kept, one a line.
+    pub fn broken(&self) -> Vec<String> {
+        let Step { p99_ms, octets, .. } = self.step;
+        let short = |row: &&Row| row.least.is_some_and(|least| row.ratio < least);
+        let rows = self.rows.iter().filter(short).map(|row| {
+            let least = row.least.unwrap_or_default();
+            format!("{}: {:.1} x is below {least} x", row.work, row.ratio)
+        });
+        let step = (p99_ms > MOST_MS)
+            .then(|| format!("the whole step: p99 {p99_ms:.1} ms is above {MOST_MS} ms"));
+        let memory = (octets > MOST_OCTETS)
+            .then(|| format!("memory: {octets:.0} B an object are more than {MOST_OCTETS} B"));
+        rows.chain(step).chain(memory).collect()
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let load = self
+            .load
+            .map_or("unknown".to_string(), |load| format!("{load:.2}"));
+        writeln!(
+            f,
+            "{}, {} threads, load {load}, {}",
+            self.cpu, self.threads, self.level
+        )?;
+        writeln!(
+            f,
+            "\n{:<38}{:>9}  {:<26}{:>9}{:>9}  {:<14}{:>6}",
+            "work", "ns", "against", "ns", "ratio", "quartiles", "least"
+        )?;
+        for row in &self.rows {
+            let least = row.least.map_or(String::new(), |least| format!("{least}"));
+            let spread = format!("{:.1} to {:.1}", row.spread[0], row.spread[1]);
+            writeln!(
+                f,
+                "{:<38}{:>9.2}  {:<26}{:>9.1}{:>7.1} x  {spread:<14}{least:>6}",
+                row.work, row.ns, row.against, row.against_ns, row.ratio
+            )?;
+        }
+        writeln!(
+            f,
+            "\n{:>9}  {:>18}  {:>18}",
+            "objects", "SGP4, ns an object", "tracks, ns an object"
+        )?;
+        for Scale {
+            objects,
+            exact_ns,
+            tracked_ns,
+        } in &self.scale
+        {
+            writeln!(f, "{objects:>9}  {exact_ns:>18.1}  {tracked_ns:>18.2}")?;
+        }
+        let Step {
+            objects,
+            frames,
+            p50_ms,
+            p99_ms,
+            first_ms,
+            exact_p50_ms,
+            found: [candidates, unseen, labelled],
+            octets,
+        } = &self.step;
+        writeln!(
+            f,
+            "\nwhole step of {objects} objects, {frames} frames at 10 Hz: p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms (at most {MOST_MS}); first frame \
+             {first_ms:.1} ms; by SGP4 alone p50 {exact_p50_ms:.2} ms\n\
+             a frame has {candidates:.0} candidates, {unseen:.0} unseen, {labelled:.0} labelled objects; memory {octets:.0} B an object (at most {MOST_OCTETS})"
+        )
+    }
+}
+
+/// The processor's name.
+fn cpu() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let line = text.lines().find(|line| line.starts_with("model name"));
+    let name = line.and_then(|line| line.split_once(':'));
+    name.map_or(std::env::consts::ARCH, |(_, name)| name.trim())
+        .to_string()
+}
+
+/// The near-Earth orbits of a population, or the others.
+fn orbits(made: &[Synthetic], near: bool) -> impl Iterator<Item = Elements> {
+    let is_near = |elements: &Elements| {
+        let period_min = std::f64::consts::TAU / elements.mean_motion;
+        // The model goes by Brouwer's mean motion, some 1e-3 off.
+        period_min < NEAR_MIN * 0.99
+    };
+    let all = made.iter().map(|one| one.elements);
+    all.filter(move |elements| is_near(elements) == near)
+}
+
+/// On so many threads.
+fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool.install(work),
+        Err(_) => work(),
+    }
+}
+
+/// ns that it takes.
+fn ns(work: impl FnOnce()) -> f64 {
+    let started = Instant::now();
+    work();
+    started.elapsed().as_nanos() as f64
+}
+
+/// A row of two works that are done in turns on `objects` objects.
+fn row(
+    work: String,
+    against: &'static str,
+    least: Option<f64>,
+    objects: usize,
+    mut ours: impl FnMut(usize),
+    mut theirs: impl FnMut(usize),
+) -> Row {
+    let mut rounds: Vec<[f64; 2]> = (0..ROUNDS)
+        .map(|round| [ns(|| ours(round)), ns(|| theirs(round))].map(|ns| ns / objects as f64))
+        .collect();
+    // Caches and clocks warm up.
+    rounds.drain(..ROUNDS / 5);
+    let of = |figure: fn(&[f64; 2]) -> f64| quantiles(rounds.iter().map(figure).collect());
+    let ratio = of(|[ours, theirs]| theirs / ours);
+    Row {
+        work,
+        against,
+        ns: of(|round| round[0])(0.5),
+        against_ns: of(|round| round[1])(0.5),
+        ratio: ratio(0.5),
+        spread: [ratio(0.25), ratio(0.75)],
+        least,
+    }
+}
+
+fn quantiles(mut values: Vec<f64>) -> impl Fn(f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    move |part| {
+        let last = values.len().saturating_sub(1) as f64;
+        values
+            .get((last * part).round() as usize)
+            .copied()
+            .unwrap_or(f64::NAN)
+    }
+}
+
+/// The batch on one thread, one epoch a call, against the `sgp4` crate.
+fn batch(sets: &[Elements], what: &str, level: Level, epoch: Epoch, least: Option<f64>) -> Row {
+    let scalar: Vec<(sgp4::Constants, f64)> = sets
+        .iter()
+        .filter_map(|set| Some((set.constants().ok()?, set.minutes_to(epoch))))
+        .collect();
+    let mut batch = Batch::new(sets).unwrap_or_default();
+    batch.set_level(level);
+    let mut states = States::default();
+    let later = |round: usize| 0.1 * round as f64;
+    row(
+        format!("{what}, {level}"),
+        "sgp4 crate",
+        least,
+        sets.len(),
+        |round| batch.propagate(epoch + Unit::Minute * later(round), &mut states),
+        |round| {
+            for (constants, minutes) in &scalar {
+                let at = sgp4::MinutesSinceEpoch(minutes + later(round));
+                black_box(constants.propagate(at).ok());
+            }
+        },
+    )
+}
+
+/// Two threads against one.
+fn threads(sets: &[Elements], epoch: Epoch) -> Row {
+    let sets: Vec<Elements> = sets.iter().cycle().take(CATALOGUE).copied().collect();
+    let mut batch = Batch::new(&sets).unwrap_or_default();
+    let mut other = batch.clone();
+    let (mut states, mut others) = (States::default(), States::default());
+    let pools = [2, 1].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build());
+    let [Ok(two), Ok(one)] = &pools else {
+        return row("2 threads".to_string(), "1 thread", None, 1, |_| {}, |_| {});
+    };
+    let at = |round: usize| epoch + Unit::Second * (round as f64);
+    row(
+        "2 threads, 200,000 objects".to_string(),
+        "1 thread",
+        Some(1.7),
+        sets.len(),
+        |round| two.install(|| batch.propagate(at(round), &mut states)),
+        |round| one.install(|| other.propagate(at(round), &mut others)),
+    )
+}
+
+/// Looks at every place and keeps none.
+struct Nobody;
+
+impl Search for Nobody {
+    type Found = ();
+
+    #[inline(always)]
+    fn look(&self, places: &Places<'_>, found: &mut Vec<()>) {
+        let [x, y, z] = &places.position_km;
+        let mut beyond = [false; BLOCK];
+        for (i, beyond) in beyond.iter_mut().enumerate() {
+            *beyond = x[i].abs() + y[i].abs() + z[i].abs() > 1e12;
+        }
+        if beyond != [false; BLOCK] {
+            found.push(());
+        }
+    }
+}
+
+/// Tracks, laying their segments, frame after frame of 0.1 s, against SGP4 of everything.
+fn tracks(sets: &[Elements], epoch: Epoch) -> Row {
+    let mut tracks = Tracks::new(sets).unwrap_or_default();
+    let mut exact = Tracks::new(sets).unwrap_or_default();
+    exact.exact = true;
+    let at = |frame: usize| epoch + Unit::Second * (0.1 * frame as f64);
+    for frame in 0..WARM {
+        tracks.at(at(frame), &Nobody);
+    }
+    // As many frames a round as a segment is long, so that each lays all of them once.
+    let frames = 10 * skyloop_orbit::tracks::SEGMENT_S as usize;
+    let exact_frames = 20;
+    let mut row = row(
+        "tracks, frames of 0.1 s back to back".to_string(),
+        "own SGP4 of every object",
+        Some(8.0),
+        sets.len() * frames,
+        |round| {
+            for frame in 0..frames {
+                black_box(tracks.at(at(WARM + round * frames + frame), &Nobody));
+            }
+        },
+        |round| {
+            for frame in 0..exact_frames {
+                black_box(exact.at(at(round * exact_frames + frame), &Nobody));
+            }
+        },
+    );
+    let more = frames as f64 / exact_frames as f64;
+    row.against_ns *= more;
+    row.ratio *= more;
+    row.spread = row.spread.map(|ratio| ratio * more);
+    row
+}
+
+/// What an object takes in a catalogue of so many.
+fn scaled(objects: usize, epoch: Epoch) -> Scale {
+    let sets: Vec<Elements> = population(objects, 1, epoch)
+        .iter()
+        .map(|one| one.elements)
+        .collect();
+    let mut tracks = Tracks::new(&sets).unwrap_or_default();
+    let at = |frame: usize| epoch + Unit::Second * (0.1 * frame as f64);
+    let rounds = (2_000_000 / objects).clamp(9, 500);
+    let mut median = |exact: bool| {
+        tracks.exact = exact;
+        let warm = if exact { 2 } else { WARM };
+        let mut times: Vec<f64> = (0..warm + rounds)
+            .map(|frame| ns(|| drop(tracks.at(at(frame), &Nobody))))
+            .collect();
+        quantiles(times.split_off(warm))(0.5) / objects as f64
+    };
+    Scale {
+        objects,
+        exact_ns: median(true),
+        tracked_ns: median(false),
+    }
+}
+
+/// The built-in scene's camera, at 10 Hz, before a synthetic catalogue.
+fn step() -> Result<Step, ConfigError> {
+    let (tracked, first_ms, found, octets) = frames(Orbits::Tracked)?;
+    let (exact, ..) = frames(Orbits::Exact)?;
+    Ok(Step {
+        objects: CATALOGUE,
+        frames: FRAMES,
+        p50_ms: tracked(0.5),
+        p99_ms: tracked(0.99),
+        first_ms,
+        exact_p50_ms: exact(0.5),
+        found,
+        octets,
+    })
+}
+
+/// Times (ms) of its frames, of the first, what is found of objects, and octets of an object.
+#[allow(clippy::type_complexity)]
+fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), ConfigError> {
+    let mut config = Config::builtin()?;
+    let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
+    let mission = flight::mission(&config).map_err(no_start)?;
+    let vehicle = flight::vehicle(&mission, 0).map_err(no_start)?;
+    config.fidelity.orbits = orbits;
+    config.objects.clear();
+    config.looks.clear();
+    for one in population(CATALOGUE, 1, vehicle.epoch) {
+        let id = format!("NORAD {}", one.elements.norad);
+        let sphere = Sphere {
+            diameter_m: one.diameter_m,
+            ..Sphere::default()
+        };
+        config.looks.insert(id.clone(), Look::Sphere(sphere));
+        config.objects.push(Object {
+            id,
+            names: vec![one.name()],
+            orbit: Orbit::Elements(one.elements, Vec::new()),
+        });
+    }
+    // Objects alone: what else is in the sky takes its own time.
+    let mut choice = Choice::default();
+    choice.off.extend(["stars", "planets", "moon"]);
+    choice.off.extend(KINDS.iter().map(|kind| kind.effect));
+
+    let emulator = Emulator::new(&mut config);
+    let camera = emulator.camera();
+    let mut found = [0.0; 3];
+    let mut times = Vec::new();
+    for frame in 0..WARM + FRAMES {
+        let vehicle = vehicle.at(vehicle.epoch + Unit::Second * (0.1 * frame as f64));
+        let mut step = || -> Result<(), Unobservable> {
+            let scene = emulator.scene(&camera, &vehicle, 0, &choice)?;
+            let plan = Plan::new(&scene, emulator.fidelity(), &choice);
+            let label = Label::new(0, &scene, &plan, emulator.world(), 1.0);
+            black_box(label.to_json());
+            let View {
+                candidates, unseen, ..
+            } = &scene.view;
+            let seen = [candidates.len(), unseen.len(), label.objects.len()];
+            for (sum, n) in found.iter_mut().zip(seen) {
+                *sum += n as f64 / (WARM + FRAMES) as f64;
+            }
+            Ok(())
+        };
+        let started = Instant::now();
+        step().map_err(|error| ConfigError::Orbit(error.to_string()))?;
+        times.push(started.elapsed().as_secs_f64() * 1e3);
+    }
+    let octets = emulator.world().population.octets() as f64 / CATALOGUE as f64;
+    let first_ms = times.first().copied().unwrap_or(f64::NAN);
+    let later = times.split_off(WARM);
+    Ok((quantiles(later), first_ms, found, octets))
+}
