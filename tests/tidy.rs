@@ -90,6 +90,7 @@ const FENCES: &[(&str, &[&str])] = &[
     (
         "serde_json::",
         &[
+            "cli/bench",
             "cli/catalog",
             "cli/plan",
             "label",

@@ -93,12 +93,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let search = search(&args, &config, &name)?;
     let flight = vehicle(&args, &mut config, &search, &name)?;
     args.records.settle(&config)?;
-    let mut population = config.take_population();
     if let Some(wanted) = &args.object {
-        let index = find(&population.objects, wanted, &name)?;
-        population.objects = vec![population.objects.swap_remove(index)];
+        let index = find(&config.objects, wanted, &name)?;
+        config.objects = vec![config.objects.swap_remove(index)];
     }
-    if population.objects.is_empty() {
+    let population = config.take_population();
+    if population.objects().is_empty() {
         bail!("{name}: has no objects: name their files in [objects] files or population");
     }
     const PARTS: u32 = 1000;
@@ -108,7 +108,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         &search,
         &flight,
         &config.camera,
-        &mut population,
+        &population,
         corrections,
         |part| bar.set_position((part * f64::from(PARTS)) as u64),
     );
@@ -121,7 +121,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         (args.mag_limit).is_none_or(|limit| peak.is_some_and(|mag| mag <= limit))
     });
     let rows: Vec<Row> = bright
-        .map(|pass| Row::new(pass, &population.objects[pass.index]))
+        .map(|pass| Row::new(pass, &population.objects()[pass.index]))
         .collect();
     for reason in unknown.values().take(5) {
         tracing::warn!("{reason}");
@@ -151,7 +151,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                 1 => "1 pass".to_string(),
                 count => format!("{count} passes"),
             },
-            counted(population.objects.len(), "object"),
+            counted(population.objects().len(), "object"),
         ))?;
     }
     Ok(())

@@ -2,24 +2,17 @@
 //!
 //! All figures of a report are of one run, as ratios: those of one work are taken in turns, so that what else the machine does falls on all alike.
 
-use crate::config::Config;
-use crate::engine::Emulator;
-use crate::fidelity::{Choice, Orbits};
-use crate::flight::{self, FlightError};
-use crate::label::Label;
+mod step;
+mod table;
+
 use crate::load::ConfigError;
-use crate::plan::Plan;
-use crate::scene::{KINDS, Unobservable, View};
-use crate::sky::photometry::Sphere;
-use crate::sky::population::Look;
 use hifitime::{Epoch, Unit};
 use serde::Serialize;
 use skyloop_orbit::elements::Elements;
+use skyloop_orbit::sgp4;
 use skyloop_orbit::sgp4_batch::{BLOCK, Batch, Level, States};
 use skyloop_orbit::synth::{Synthetic, population};
-use skyloop_orbit::tracks::{Look as Search, Places, Tracks};
-use skyloop_orbit::{Object, Orbit, sgp4};
-use std::fmt;
+use skyloop_orbit::tracks::{Look, Places, Tracks};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -152,7 +145,7 @@ impl Report {
             load,
             level: Level::best().to_string(),
             rows,
-            step: step()?,
+            step: step::measure()?,
             scale: scale.into(),
         })
     }
@@ -175,62 +168,6 @@ impl Report {
         let memory = (octets > MOST_OCTETS)
             .then(|| format!("memory: {octets:.0} B an object are more than {MOST_OCTETS} B"));
         rows.chain(step).chain(memory).collect()
-    }
-}
-
-impl fmt::Display for Report {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let load = self
-            .load
-            .map_or("unknown".to_string(), |load| format!("{load:.2}"));
-        writeln!(
-            f,
-            "{}, {} threads, load {load}, {}",
-            self.cpu, self.threads, self.level
-        )?;
-        writeln!(
-            f,
-            "\n{:<38}{:>9}  {:<26}{:>9}{:>9}  {:<14}{:>6}",
-            "work", "ns", "against", "ns", "ratio", "quartiles", "least"
-        )?;
-        for row in &self.rows {
-            let least = row.least.map_or(String::new(), |least| format!("{least}"));
-            let spread = format!("{:.1} to {:.1}", row.spread[0], row.spread[1]);
-            writeln!(
-                f,
-                "{:<38}{:>9.2}  {:<26}{:>9.1}{:>7.1} x  {spread:<14}{least:>6}",
-                row.work, row.ns, row.against, row.against_ns, row.ratio
-            )?;
-        }
-        writeln!(
-            f,
-            "\n{:>9}  {:>18}  {:>18}",
-            "objects", "SGP4, ns an object", "tracks, ns an object"
-        )?;
-        for Scale {
-            objects,
-            exact_ns,
-            tracked_ns,
-        } in &self.scale
-        {
-            writeln!(f, "{objects:>9}  {exact_ns:>18.1}  {tracked_ns:>18.2}")?;
-        }
-        let Step {
-            objects,
-            frames,
-            p50_ms,
-            p99_ms,
-            first_ms,
-            exact_p50_ms,
-            found: [candidates, unseen, labelled],
-            octets,
-        } = &self.step;
-        writeln!(
-            f,
-            "\nwhole step of {objects} objects, {frames} frames at 10 Hz: p50 {p50_ms:.2} ms, p99 {p99_ms:.2} ms (at most {MOST_MS}); first frame \
-             {first_ms:.1} ms; by SGP4 alone p50 {exact_p50_ms:.2} ms\n\
-             a frame has {candidates:.0} candidates, {unseen:.0} unseen, {labelled:.0} labelled objects; memory {octets:.0} B an object (at most {MOST_OCTETS})"
-        )
     }
 }
 
@@ -356,7 +293,7 @@ fn threads(sets: &[Elements], epoch: Epoch) -> Row {
 /// Looks at every place and keeps none.
 struct Nobody;
 
-impl Search for Nobody {
+impl Look for Nobody {
     type Found = ();
 
     #[inline(always)]
@@ -429,78 +366,4 @@ fn scaled(objects: usize, epoch: Epoch) -> Scale {
         exact_ns: median(true),
         tracked_ns: median(false),
     }
-}
-
-/// The built-in scene's camera, at 10 Hz, before a synthetic catalogue.
-fn step() -> Result<Step, ConfigError> {
-    let (tracked, first_ms, found, octets) = frames(Orbits::Tracked)?;
-    let (exact, ..) = frames(Orbits::Exact)?;
-    Ok(Step {
-        objects: CATALOGUE,
-        frames: FRAMES,
-        p50_ms: tracked(0.5),
-        p99_ms: tracked(0.99),
-        first_ms,
-        exact_p50_ms: exact(0.5),
-        found,
-        octets,
-    })
-}
-
-/// Times (ms) of its frames, of the first, what is found of objects, and octets of an object.
-#[allow(clippy::type_complexity)]
-fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), ConfigError> {
-    let mut config = Config::builtin()?;
-    let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
-    let mission = flight::mission(&config).map_err(no_start)?;
-    let vehicle = flight::vehicle(&mission, 0).map_err(no_start)?;
-    config.fidelity.orbits = orbits;
-    config.objects.clear();
-    config.looks.clear();
-    for one in population(CATALOGUE, 1, vehicle.epoch) {
-        let id = format!("NORAD {}", one.elements.norad);
-        let sphere = Sphere {
-            diameter_m: one.diameter_m,
-            ..Sphere::default()
-        };
-        config.looks.insert(id.clone(), Look::Sphere(sphere));
-        config.objects.push(Object {
-            id,
-            names: vec![one.name()],
-            orbit: Orbit::Elements(one.elements, Vec::new()),
-        });
-    }
-    // Objects alone: what else is in the sky takes its own time.
-    let mut choice = Choice::default();
-    choice.off.extend(["stars", "planets", "moon"]);
-    choice.off.extend(KINDS.iter().map(|kind| kind.effect));
-
-    let emulator = Emulator::new(&mut config);
-    let camera = emulator.camera();
-    let mut found = [0.0; 3];
-    let mut times = Vec::new();
-    for frame in 0..WARM + FRAMES {
-        let vehicle = vehicle.at(vehicle.epoch + Unit::Second * (0.1 * frame as f64));
-        let mut step = || -> Result<(), Unobservable> {
-            let scene = emulator.scene(&camera, &vehicle, 0, &choice)?;
-            let plan = Plan::new(&scene, emulator.fidelity(), &choice);
-            let label = Label::new(0, &scene, &plan, emulator.world(), 1.0);
-            black_box(label.to_json());
-            let View {
-                candidates, unseen, ..
-            } = &scene.view;
-            let seen = [candidates.len(), unseen.len(), label.objects.len()];
-            for (sum, n) in found.iter_mut().zip(seen) {
-                *sum += n as f64 / (WARM + FRAMES) as f64;
-            }
-            Ok(())
-        };
-        let started = Instant::now();
-        step().map_err(|error| ConfigError::Orbit(error.to_string()))?;
-        times.push(started.elapsed().as_secs_f64() * 1e3);
-    }
-    let octets = emulator.world().population.octets() as f64 / CATALOGUE as f64;
-    let first_ms = times.first().copied().unwrap_or(f64::NAN);
-    let later = times.split_off(WARM);
-    Ok((quantiles(later), first_ms, found, octets))
 }

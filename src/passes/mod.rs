@@ -1,6 +1,6 @@
 //! Which objects cross a camera's field, when, and how bright: no frame is made.
 //!
-//! Time goes in steps. For each, [`Population::in_cone`] gives the objects that may stand in the cone of the field at some time of it.
+//! Time goes in steps. For each, [`Population::before`] gives the objects that may stand in the cone of the field at some time of it.
 //! Of each of these the step is bisected: where even the fastest way of its image does not reach the edge of the
 //! detector, it is in the field or not all through; else down to [`Search::shortest_s`]. So no stay in the field
 //! that lasts longer than that is missed, and none that is shorter is sure to be found.
@@ -16,6 +16,7 @@ use crate::camera::Camera;
 use crate::flight::{Flight, FlightError};
 use crate::light_curve::NoLightCurve;
 use crate::scene::Unobservable;
+use crate::sky::field::Field as Cone;
 use crate::sky::{Corrections, Population};
 use course::Course;
 use field::Field;
@@ -85,7 +86,7 @@ pub fn passes(
     search: &Search,
     flight: &Flight,
     camera: &Camera,
-    population: &mut Population,
+    population: &Population,
     corrections: &Corrections,
     tick: impl Fn(f64) + Sync,
 ) -> Result<Passes, NoPasses> {
@@ -96,12 +97,7 @@ pub fn passes(
         STEP_S,
         search.shortest_s,
     )?;
-    // Shapes and attitudes do not decide where an object stands.
-    let looks = std::mem::take(&mut population.looks);
-    let (candidates, unknown) = candidates(&course, camera, population, corrections, &tick);
-    population.looks = looks;
-
-    let population = &*population;
+    let (candidates, unknown) = candidates(&course, camera, population, &tick);
     let field = Field::new(camera);
     let found: Result<Vec<Vec<Pass>>, NoPasses> = candidates
         .par_iter()
@@ -111,7 +107,7 @@ pub fn passes(
                 field: &field,
                 camera,
                 corrections,
-                object: &population.objects[*index],
+                object: &population.objects()[*index],
             };
             let crossings = seeker.crossings(steps, search)?;
             let passes = crossings.into_iter();
@@ -131,7 +127,6 @@ fn candidates(
     course: &Course,
     camera: &Camera,
     population: &Population,
-    corrections: &Corrections,
     tick: &impl Fn(f64),
 ) -> (BTreeMap<usize, Vec<usize>>, BTreeMap<String, String>) {
     let (mut candidates, mut unknown) = (BTreeMap::new(), BTreeMap::new());
@@ -140,9 +135,14 @@ fn candidates(
         let pointing = step.vehicle.attitude.then(&camera.mounting);
         let axis = pointing.matrix().transpose() * Vector3::z();
         let reach = cone + step.rate * (step.end_s - step.start_s) / 2.0;
-        let (seen, errors) = population.in_cone(&axis, reach, &step.shutter, corrections);
-        for object in seen {
-            let steps: &mut Vec<usize> = candidates.entry(object.index).or_default();
+        let (near, errors) = population.before(&Cone {
+            axis,
+            angle: reach,
+            shutter: &step.shutter,
+            reach_m: f64::INFINITY,
+        });
+        for index in near {
+            let steps: &mut Vec<usize> = candidates.entry(index).or_default();
             steps.push(number);
         }
         for error in errors {

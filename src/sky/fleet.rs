@@ -79,6 +79,71 @@ impl Fleet {
             + self.bright.capacity() * size_of::<f32>()
     }
 
+    /// Who of `population`, whose orbits these are, may be in the field, seen or not, by their indices; and why others have no position, of
+    /// those of whom that has not been said before.
+    pub fn before(
+        &mut self,
+        population: &Population,
+        field: &Field<'_>,
+    ) -> (Vec<usize>, Vec<OrbitError>) {
+        let at = Instants::of(field);
+        let tested = self.tested(population, field, &at, Orbits::Tracked);
+        let near = tested.near.iter().map(|(index, _)| *index as usize);
+        let unseen = tested.unseen.iter().map(|(index, _)| *index);
+        let others = self.others.iter().map(|&index| index as usize);
+        let all = near.chain(unseen).chain(others).collect();
+        (all, self.news(population, field, &at, &tested.failed))
+    }
+
+    /// What the field's test finds of the tracks.
+    fn tested(
+        &mut self,
+        population: &Population,
+        field: &Field<'_>,
+        at: &Instants,
+        orbits: Orbits,
+    ) -> Tested {
+        let mid = field.shutter[1].epoch;
+        let test = field.test(&at.rotations[1], &self.bright);
+        self.tracks.exact = orbits == Orbits::Exact;
+        let found = match orbits {
+            Orbits::Scalar => (0..self.sets.len() as u32).map(Found::Candidate).collect(),
+            Orbits::Tracked | Orbits::Exact => self.tracks.at(mid, &test),
+        };
+        let mut tested = Tested::default();
+        for one in found {
+            let (Found::Candidate(set) | Found::Unseen(set, _) | Found::Failed(set, _)) = one;
+            let (index, number) = self.sets[set as usize];
+            // Of several element sets the nearest in time counts.
+            if population.objects()[index as usize].number_at(mid) != number as usize {
+                continue;
+            }
+            match one {
+                Found::Candidate(_) => tested.near.push((index, Some(set))),
+                Found::Unseen(_, why) => tested.unseen.push((index as usize, why)),
+                Found::Failed(..) => tested.failed.push(index),
+            }
+        }
+        tested
+    }
+
+    /// Why these have no position at mid-exposure, of those of whom that has not been said before.
+    fn news(
+        &mut self,
+        population: &Population,
+        field: &Field<'_>,
+        at: &Instants,
+        failed: &[u32],
+    ) -> Vec<OrbitError> {
+        let new = failed.iter().filter(|index| self.told.insert(**index));
+        let mid = field.shutter[1].epoch;
+        let why = |index: &u32| {
+            let object = &population.objects()[*index as usize];
+            object.state_with(mid, &at.rotations[1]).err()
+        };
+        new.filter_map(why).collect()
+    }
+
     /// Who of `population`, whose orbits these are, comes before the camera.
     pub fn look(
         &mut self,
@@ -89,26 +154,12 @@ impl Fleet {
     ) -> Seen {
         let at = Instants::of(field);
         let mid = field.shutter[1].epoch;
-        self.tracks.exact = orbits == Orbits::Exact;
+        let Tested {
+            mut near,
+            mut unseen,
+            failed,
+        } = self.tested(population, field, &at, orbits);
         let test = field.test(&at.rotations[1], &self.bright);
-        let found = match orbits {
-            Orbits::Scalar => (0..self.sets.len() as u32).map(Found::Candidate).collect(),
-            Orbits::Tracked | Orbits::Exact => self.tracks.at(mid, &test),
-        };
-        let (mut near, mut unseen, mut failed) = (Vec::new(), Vec::new(), Vec::new());
-        for one in found {
-            let (Found::Candidate(set) | Found::Unseen(set, _) | Found::Failed(set, _)) = one;
-            let (index, number) = self.sets[set as usize];
-            // Of several element sets the nearest in time counts.
-            if population.objects()[index as usize].number_at(mid) != number as usize {
-                continue;
-            }
-            match one {
-                Found::Candidate(_) => near.push((index, Some(set))),
-                Found::Unseen(_, why) => unseen.push((index as usize, why)),
-                Found::Failed(..) => failed.push(index),
-            }
-        }
         near.extend(self.others.iter().map(|&index| (index, None)));
         near.par_sort_unstable();
 
@@ -158,15 +209,20 @@ impl Fleet {
                 }
             }
         }
-        for index in failed {
-            if self.told.insert(index) {
-                let object = &population.objects()[index as usize];
-                seen.news
-                    .extend(object.state_with(mid, &at.rotations[1]).err());
-            }
-        }
+        unseen.par_sort_unstable();
+        seen.news.extend(self.news(population, field, &at, &failed));
+        seen.unseen = unseen;
         seen
     }
+}
+
+/// What the field's test finds of the tracks, by objects' indices.
+#[derive(Default)]
+struct Tested {
+    /// With the number of the track.
+    near: Vec<(u32, Option<u32>)>,
+    unseen: Vec<(usize, Unseen)>,
+    failed: Vec<u32>,
 }
 
 /// What a closer look at an object before the camera has found.

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::{Object, OrbitError, StateVector};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Objects and what they reflect.
 #[derive(Debug, Default)]
@@ -110,12 +110,22 @@ impl Population {
         self.objects.iter().map(of).sum::<usize>() + looks.sum::<usize>() + fleet
     }
 
-    /// Who may be in the field, and what is seen of them.
-    pub fn in_field(&self, field: &Field<'_>, corrections: &Corrections, orbits: Orbits) -> Seen {
+    /// Who may be in the field at some time of the exposure, by their indices in no order; and why others have no position, of those of whom that
+    /// has not been said before.
+    pub fn before(&self, field: &Field<'_>) -> (Vec<usize>, Vec<OrbitError>) {
+        self.fleet().before(self, field)
+    }
+
+    /// The orbits, one caller at a time.
+    fn fleet(&self) -> MutexGuard<'_, Fleet> {
         let fleet = self.fleet.get_or_init(|| Mutex::new(Fleet::new(self)));
         // A thread that panicked has left nothing half done: all that is kept is made anew from the time asked.
-        let mut fleet = fleet.lock().unwrap_or_else(PoisonError::into_inner);
-        fleet.look(self, field, corrections, orbits)
+        fleet.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Who may be in the field, and what is seen of them.
+    pub fn in_field(&self, field: &Field<'_>, corrections: &Corrections, orbits: Orbits) -> Seen {
+        self.fleet().look(self, field, corrections, orbits)
     }
 
     /// The greatest reflective area (m^2/sr) that an object may show; infinite where that depends on how it is turned.

@@ -1,0 +1,92 @@
+//! The whole step: who of a catalogue is before a camera, who can be seen, and the label's text.
+
+use super::{CATALOGUE, FRAMES, Step, WARM, quantiles};
+use crate::config::Config;
+use crate::engine::Emulator;
+use crate::fidelity::{Choice, Orbits};
+use crate::flight::{self, FlightError};
+use crate::label::Label;
+use crate::load::ConfigError;
+use crate::plan::Plan;
+use crate::scene::{KINDS, Unobservable, View};
+use crate::sky::photometry::Sphere;
+use crate::sky::population::Look;
+use hifitime::Unit;
+use skyloop_orbit::synth::population;
+use skyloop_orbit::{Object, Orbit};
+use std::hint::black_box;
+use std::time::Instant;
+
+/// The built-in scene's camera, at 10 Hz, before a synthetic catalogue.
+pub fn measure() -> Result<Step, ConfigError> {
+    let (tracked, first_ms, found, octets) = frames(Orbits::Tracked)?;
+    let (exact, ..) = frames(Orbits::Exact)?;
+    Ok(Step {
+        objects: CATALOGUE,
+        frames: FRAMES,
+        p50_ms: tracked(0.5),
+        p99_ms: tracked(0.99),
+        first_ms,
+        exact_p50_ms: exact(0.5),
+        found,
+        octets,
+    })
+}
+
+/// Times (ms) of its frames, of the first, what is found of objects, and octets of an object.
+#[allow(clippy::type_complexity)]
+fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), ConfigError> {
+    let mut config = Config::builtin()?;
+    let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
+    let mission = flight::mission(&config).map_err(no_start)?;
+    let vehicle = flight::vehicle(&mission, 0).map_err(no_start)?;
+    config.fidelity.orbits = orbits;
+    config.objects.clear();
+    config.looks.clear();
+    for one in population(CATALOGUE, 1, vehicle.epoch) {
+        let id = format!("NORAD {}", one.elements.norad);
+        let sphere = Sphere {
+            diameter_m: one.diameter_m,
+            ..Sphere::default()
+        };
+        config.looks.insert(id.clone(), Look::Sphere(sphere));
+        config.objects.push(Object {
+            id,
+            names: vec![one.name()],
+            orbit: Orbit::Elements(one.elements, Vec::new()),
+        });
+    }
+    // Objects alone: what else is in the sky takes its own time.
+    let mut choice = Choice::default();
+    choice.off.extend(["stars", "planets", "moon"]);
+    choice.off.extend(KINDS.iter().map(|kind| kind.effect));
+
+    let emulator = Emulator::new(&mut config);
+    let camera = emulator.camera();
+    let mut found = [0.0; 3];
+    let mut times = Vec::new();
+    for frame in 0..WARM + FRAMES {
+        let vehicle = vehicle.at(vehicle.epoch + Unit::Second * (0.1 * frame as f64));
+        let mut step = || -> Result<(), Unobservable> {
+            let scene = emulator.scene(&camera, &vehicle, 0, &choice)?;
+            let plan = Plan::new(&scene, emulator.fidelity(), &choice);
+            let label = Label::new(0, &scene, &plan, emulator.world(), 1.0);
+            black_box(label.to_json());
+            let View {
+                candidates, unseen, ..
+            } = &scene.view;
+            let seen = [candidates.len(), unseen.len(), label.objects.len()];
+            for (sum, n) in found.iter_mut().zip(seen) {
+                *sum += n as f64 / (WARM + FRAMES) as f64;
+            }
+            Ok(())
+        };
+        let started = Instant::now();
+        step().map_err(|error| ConfigError::Orbit(error.to_string()))?;
+        times.push(started.elapsed().as_secs_f64() * 1e3);
+    }
+    let octets = emulator.world().population.octets() as f64 / CATALOGUE as f64;
+    let first_ms = times.first().copied().unwrap_or(f64::NAN);
+    let later = times.split_off(WARM);
+    Ok((quantiles(later), first_ms, found, octets))
+}
