@@ -10,6 +10,8 @@ use skyloop::orbit::{Object, StateVector, parse};
 use skyloop::passes::{Pass, Passes, Search, passes};
 use skyloop::scene::Hidden;
 use skyloop::sky::bodies::Bodies;
+use skyloop::sky::photometry::Sphere;
+use skyloop::sky::population::Looks;
 use skyloop::sky::shadow::Earth;
 use skyloop::sky::{Corrections, Population};
 use skyloop_firmware_sim::profile::{Profile, orbit_of};
@@ -24,10 +26,7 @@ fn camera() -> Camera {
 }
 
 fn population(objects: Vec<Object>) -> Population {
-    Population {
-        objects,
-        ..Population::default()
-    }
+    Population::new(objects, Sphere::default(), Looks::new())
 }
 
 fn found(
@@ -36,17 +35,9 @@ fn found(
     objects: Vec<Object>,
     corrections: &Corrections,
 ) -> Passes {
-    let mut population = population(objects);
+    let population = population(objects);
     let tick = |part: f64| assert!((0.0..=1.0).contains(&part));
-    passes(
-        search,
-        flight,
-        &camera(),
-        &mut population,
-        corrections,
-        tick,
-    )
-    .unwrap()
+    passes(search, flight, &camera(), &population, corrections, tick).unwrap()
 }
 
 #[test]

@@ -87,11 +87,19 @@ impl Fleet {
         field: &Field<'_>,
     ) -> (Vec<usize>, Vec<OrbitError>) {
         let at = Instants::of(field);
-        let tested = self.tested(population, field, &at, Orbits::Tracked);
+        let mut tested = self.tested(population, field, &at, Orbits::Tracked);
+        for &index in &self.others {
+            let object = &population.objects()[index as usize];
+            let state = object.state_with(field.shutter[1].epoch, &at.rotations[1]);
+            match state.map(|state| field.may_hold(&state)) {
+                Ok(true) => tested.near.push((index, None)),
+                Ok(false) => {}
+                Err(_) => tested.failed.push(index),
+            }
+        }
         let near = tested.near.iter().map(|(index, _)| *index as usize);
         let unseen = tested.unseen.iter().map(|(index, _)| *index);
-        let others = self.others.iter().map(|&index| index as usize);
-        let all = near.chain(unseen).chain(others).collect();
+        let all = near.chain(unseen).collect();
         (all, self.news(population, field, &at, &tested.failed))
     }
 
