@@ -9,7 +9,7 @@ use crate::label::Label;
 use crate::plan::{Plan, simulated};
 use crate::render::render;
 use crate::rng::NoiseKey;
-use crate::scene::{Exposure, Scene, Unknown, Unobservable, View, World};
+use crate::scene::{Exposure, Faint, Scene, Unknown, Unobservable, View, World};
 use crate::sky::StarField;
 use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::Catalog;
@@ -174,25 +174,26 @@ impl Emulator {
             repeat,
         };
         let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
-        let faintest_e = self.faintest_e(camera, choice);
+        let faint = self.faint(camera, choice);
         let (world, fidelity) = (&self.world, &self.fidelity);
-        let view = View::new(world, camera, vehicle, exposure, fidelity, key, faintest_e)?;
+        let view = View::new(world, camera, vehicle, exposure, fidelity, key, faint)?;
         let view = view.where_shine(&self.world, |name| !choice.off.contains(&name));
         let simulated = simulated(&view, &self.fidelity, choice);
         Ok(Scene::new(view, simulated, &self.fidelity))
     }
 
-    /// Electrons of an object that is lost in what noise every pixel has, whatever it shows: read noise and the steps of the converter.
-    /// What labels are to list is never lost.
-    fn faintest_e(&self, camera: &Camera, choice: &Choice) -> f64 {
-        let read = choice.noise && !choice.off.contains(&"read");
+    /// What is too faint for an image: what is lost in read noise and in the steps of the converter, but nothing that labels are to list.
+    fn faint(&self, camera: &Camera, choice: &Choice) -> Faint {
+        let read = choice.noise && !choice.off.contains(&"read noise");
         let read_e = if read {
             camera.detector.read_noise_e
         } else {
             0.0
         };
-        let floor_e = read_e.hypot(camera.detector.quantisation_variance().sqrt());
-        self.fidelity.skip_snr.min(self.label_snr) * floor_e
+        Faint {
+            snr: self.fidelity.skip_snr.min(self.label_snr),
+            floor_e: read_e.hypot(camera.detector.quantisation_variance().sqrt()),
+        }
     }
 
     /// The error tolerances.

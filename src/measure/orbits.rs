@@ -22,6 +22,8 @@ const OBJECTS: usize = 20_000;
 const CATALOGUE: usize = 200_000;
 /// Of them, one in so many is in deep space in the mixed work.
 const DEEP: usize = 10;
+/// Calls of the batch in a round, back to back: about as long as one of the scalar SGP4.
+const CALLS: usize = 10;
 /// Rounds of which medians are told.
 const ROUNDS: usize = 31;
 /// Frames of the whole step, a tenth of a second apart, after those in which segments are laid.
@@ -206,17 +208,22 @@ fn ns(work: impl FnOnce()) -> f64 {
     started.elapsed().as_nanos() as f64
 }
 
-/// A row of two works that are done in turns on `objects` objects.
+/// A row of two works that are done in turns, each on so many objects a round.
 fn row(
     work: String,
     against: &'static str,
     least: Option<f64>,
-    objects: usize,
+    objects: [usize; 2],
     mut ours: impl FnMut(usize),
     mut theirs: impl FnMut(usize),
 ) -> Row {
     let mut rounds: Vec<[f64; 2]> = (0..ROUNDS)
-        .map(|round| [ns(|| ours(round)), ns(|| theirs(round))].map(|ns| ns / objects as f64))
+        .map(|round| {
+            [
+                ns(|| ours(round)) / objects[0] as f64,
+                ns(|| theirs(round)) / objects[1] as f64,
+            ]
+        })
         .collect();
     // Caches and clocks warm up.
     rounds.drain(..ROUNDS / 5);
@@ -258,8 +265,13 @@ fn batch(sets: &[Elements], what: &str, level: Level, epoch: Epoch, least: Optio
         format!("{what}, {level}"),
         "sgp4 crate",
         least,
-        sets.len(),
-        |round| batch.propagate(epoch + Unit::Minute * later(round), &mut states),
+        [sets.len() * CALLS, sets.len()],
+        |round| {
+            for call in 0..CALLS {
+                let t = epoch + Unit::Minute * later(round * CALLS + call);
+                batch.propagate(t, &mut states);
+            }
+        },
         |round| {
             for (constants, minutes) in &scalar {
                 let at = sgp4::MinutesSinceEpoch(minutes + later(round));
@@ -271,22 +283,33 @@ fn batch(sets: &[Elements], what: &str, level: Level, epoch: Epoch, least: Optio
 
 /// Two threads against one.
 fn threads(sets: &[Elements], epoch: Epoch) -> Row {
-    let sets: Vec<Elements> = sets.iter().cycle().take(CATALOGUE).copied().collect();
-    let mut batch = Batch::new(&sets).unwrap_or_default();
+    let mut batch = Batch::new(sets).unwrap_or_default();
     let mut other = batch.clone();
     let (mut states, mut others) = (States::default(), States::default());
     let pools = [2, 1].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build());
     let [Ok(two), Ok(one)] = &pools else {
-        return row("2 threads".to_string(), "1 thread", None, 1, |_| {}, |_| {});
+        return row(
+            "2 threads".to_string(),
+            "1 thread",
+            None,
+            [1; 2],
+            |_| {},
+            |_| {},
+        );
     };
-    let at = |round: usize| epoch + Unit::Second * (round as f64);
+    let at = |call: usize| epoch + Unit::Second * (call as f64);
+    let calls = |round: usize| round * CALLS..(round + 1) * CALLS;
     row(
-        "2 threads, 200,000 objects".to_string(),
+        "near Earth, 2 threads".to_string(),
         "1 thread",
         Some(1.7),
-        sets.len(),
-        |round| two.install(|| batch.propagate(at(round), &mut states)),
-        |round| one.install(|| other.propagate(at(round), &mut others)),
+        [sets.len() * CALLS; 2],
+        |round| {
+            two.install(|| calls(round).for_each(|call| batch.propagate(at(call), &mut states)))
+        },
+        |round| {
+            one.install(|| calls(round).for_each(|call| other.propagate(at(call), &mut others)))
+        },
     )
 }
 
@@ -321,11 +344,11 @@ fn tracks(sets: &[Elements], epoch: Epoch) -> Row {
     // As many frames a round as a segment is long, so that each lays all of them once.
     let frames = 10 * skyloop_orbit::tracks::SEGMENT_S as usize;
     let exact_frames = 20;
-    let mut row = row(
+    row(
         "tracks, frames of 0.1 s back to back".to_string(),
         "own SGP4 of every object",
         Some(8.0),
-        sets.len() * frames,
+        [sets.len() * frames, sets.len() * exact_frames],
         |round| {
             for frame in 0..frames {
                 black_box(tracks.at(at(WARM + round * frames + frame), &Nobody));
@@ -336,12 +359,7 @@ fn tracks(sets: &[Elements], epoch: Epoch) -> Row {
                 black_box(exact.at(at(round * exact_frames + frame), &Nobody));
             }
         },
-    );
-    let more = frames as f64 / exact_frames as f64;
-    row.against_ns *= more;
-    row.ratio *= more;
-    row.spread = row.spread.map(|ratio| ratio * more);
-    row
+    )
 }
 
 /// What an object takes in a catalogue of so many.

@@ -33,7 +33,7 @@ pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e, flooding_e};
 pub use sun::SeenSun;
 pub use view::{
-    Candidate, MAX_TURN, Unknown, Unobservable, View, above_the_moon, shutter, turn_at,
+    Candidate, Faint, MAX_TURN, Unknown, Unobservable, View, above_the_moon, shutter, turn_at,
 };
 pub use wanderer::{MOON, SeenWanderer};
 pub use work::{Work, still_ms};

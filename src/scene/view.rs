@@ -199,6 +199,15 @@ pub struct View {
     pub unknown: Unknown,
 }
 
+/// What is too faint for an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Faint {
+    /// What has no more than this signal-to-noise ratio (1)
+    pub snr: f64,
+    /// in noise that every pixel has, whatever it shows, e-.
+    pub floor_e: f64,
+}
+
 /// Objects whose orbit has no answer.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Unknown {
@@ -209,8 +218,8 @@ pub struct Unknown {
 }
 
 impl View {
-    /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]). Objects whose light
-    /// gives no more than `faintest_e` electrons, however they are lit, have no image.
+    /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]). Objects that are
+    /// too `faint`, even in full light, have no image.
     ///
     /// Fails only where the epoch lies outside the ephemerides, the body turns further than [`MAX_TURN`], or the
     /// observer's state, carried through the exposure, leaves its range or comes into the Moon.
@@ -221,7 +230,7 @@ impl View {
         exposure: Exposure,
         fidelity: &Fidelity,
         key: NoiseKey,
-        faintest_e: f64,
+        faint: Faint,
     ) -> Result<View, Unobservable> {
         let open_s = exposure.duration_s + camera.readout_s();
         let turn = turn_at(vehicle.rates, open_s)?;
@@ -270,7 +279,7 @@ impl View {
             axis,
             angle: cone,
             shutter: &shutter,
-            reach_m: view.reach_m(faintest_e),
+            reach_m: view.reach_m(faint.snr, faint.floor_e),
         };
         let seen = world
             .population
@@ -338,10 +347,8 @@ impl View {
     /// (camera axes): twice that of the brightest source, for what stands beside it.
     pub fn brightest_px_e(&self, part: impl Fn(&Vector3<f64>) -> f64) -> f64 {
         let camera = &self.camera;
-        // Of a source in the middle of a pixel.
-        let mut stamp = Stamp::default();
         let psf = camera.optics.psf_at(camera.optics.principal_px, 1.0);
-        let share = psf.on_pixel([0.0; 2], &mut stamp);
+        let share = psf.on_pixel([0.0; 2], &mut Stamp::default());
         let pointing = self.pointing(0.0);
         let widest = (camera.cone_rad(psf.core_px() * 5.0) + self.turn).min(std::f64::consts::PI);
         let edge = libm::cos(widest);
@@ -412,12 +419,21 @@ impl View {
         }
     }
 
-    /// The distance (m) from which 1 m^2/sr of reflective area gives `faintest_e` electrons at most: Eqs. (2), (9), (11), with
-    /// E_sun those of the Sun's own light,
-    /// `N = E_sun A (au / d_sun d)^2`. Nothing is nearer to the Sun than 0.98 au.
-    fn reach_m(&self, faintest_e: f64) -> f64 {
+    /// The distance (m) from which 1 m^2/sr of reflective area has no more than this signal-to-noise ratio in noise of `floor_e` a pixel: from N electrons
+    /// no more than N P^(1/2) / floor, with the greatest share P of a pixel, since `sum s^2 <= P sum s`. Eqs. (2), (9), (11), with E_sun
+    /// those of the Sun's own light: `N = E_sun A (au / d_sun d)^2`. Nothing is nearer to the Sun than 0.98 au.
+    fn reach_m(&self, snr: f64, floor_e: f64) -> f64 {
         const NEAREST: f64 = 0.98;
+        let faintest_e = snr * floor_e / self.greatest_share().sqrt();
         (self.electrons(SUN_MAGNITUDE) / faintest_e).sqrt() / NEAREST
+    }
+
+    /// A bound of the share of a point's light on one pixel: twice that of an image in the middle of the field and of a pixel.
+    fn greatest_share(&self) -> f64 {
+        let optics = &self.camera.optics;
+        let psf = optics.psf_at(optics.principal_px, 1.0);
+        let share = psf.on_pixel([0.0; 2], &mut Stamp::default());
+        (2.0 * share).min(1.0)
     }
 
     /// Clark et al. 2021, Eqs. (2), (11), before the division by the gain:

@@ -232,7 +232,7 @@ pub struct ApparentObject {
 
 /// The direction in which `observer` sees an object in Earth orbit whose geocentric GCRF state at any epoch is `state_at`.
 ///
-/// The object is asked for at the observer's epoch and a light time earlier, at most four times. Its errors are passed on. Within 5
+/// The object is asked for at the observer's epoch and a light time earlier. Its errors are passed on. Within 5
 /// milliarcsec of a fully barycentric reckoning: the second order of the Earth's velocity over c.
 pub fn object_direction<E>(
     state_at: impl Fn(Epoch) -> Result<StateVector, E>,
@@ -248,12 +248,16 @@ pub fn object_direction<E>(
         0.0
     };
 
-    // Light time: tau = |r(t - tau) - r_observer(t)| / c, by iteration.
+    // Light time: tau = |r(t - tau) - r_observer(t)| / c, by iteration. The orbit is asked for once; where the next steps lead, within 1 mm of that, velocity tells.
     let mut seen_at_m = state.position_m;
     if corrections.light_time {
-        for _ in 0..LIGHT_TIME_STEPS {
-            let light_time_s = (seen_at_m - observer.position_m).norm() / LIGHT_M_S;
-            seen_at_m = state_at(observer.epoch - Unit::Second * light_time_s)?.position_m;
+        let delay_s = |from: &Vector3<f64>| (from - observer.position_m).norm() / LIGHT_M_S;
+        let first_s = delay_s(&seen_at_m);
+        let then = state_at(observer.epoch - Unit::Second * first_s)?;
+        seen_at_m = then.position_m;
+        for _ in 1..LIGHT_TIME_STEPS {
+            let earlier_s = delay_s(&seen_at_m) - first_s;
+            seen_at_m = then.position_m - then.velocity_m_s * earlier_s;
         }
     }
 

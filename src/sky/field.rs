@@ -9,6 +9,7 @@
 //! and km: turning the observer is cheaper than turning the catalogue.
 
 use super::apparent::Observer;
+use super::photometry::{Sphere, diffuse_phase};
 use super::population::OWN_VEHICLE_M;
 use nalgebra::{Matrix3, Vector3};
 use skyloop_orbit::StateVector;
@@ -38,12 +39,41 @@ pub struct Field<'a> {
     pub reach_m: f64,
 }
 
+/// What bounds an object's reflective area: what stands before the diffuse phase function, m^2, and what is the same at all phases, m^2/sr.
+#[derive(Debug, Clone, Copy)]
+pub struct Bright {
+    diffuse: f32,
+    specular: f32,
+}
+
+impl Bright {
+    /// Of an object that may be as bright as any.
+    pub const ANY: Bright = Bright {
+        diffuse: 0.0,
+        specular: f32::INFINITY,
+    };
+
+    /// Of a sphere, rounded up.
+    pub fn of(sphere: &Sphere) -> Bright {
+        let [diffuse, specular] = sphere.parts();
+        Bright {
+            diffuse: (diffuse as f32).next_up(),
+            specular: (specular as f32).next_up(),
+        }
+    }
+
+    /// m^2/sr at a phase angle (rad).
+    fn reflective_area(&self, phase: f64) -> f64 {
+        f64::from(self.diffuse) * diffuse_phase(phase) + f64::from(self.specular)
+    }
+}
+
 /// Why an object before the camera needs no closer look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Unseen {
     /// The Earth is before it all the time.
     BehindEarth,
-    /// Even at its brightest it is lost in noise.
+    /// Even in full light it is lost in noise.
     TooFaint,
 }
 
@@ -65,9 +95,9 @@ impl Field<'_> {
         range >= OWN_VEHICLE_M && line.dot(&self.axis) >= range * reach.cos()
     }
 
-    /// The test of a catalogue in TEME; `rotation` leads from there to GCRF, `bright` has of each object the root of its greatest
-    /// reflective area, m/sr^(1/2).
-    pub fn test<'a>(&self, rotation: &Matrix3<f64>, bright: &'a [f32]) -> Test<'a> {
+    /// The test of a catalogue in TEME; `rotation` leads from there to GCRF, `bright` has of each object what bounds its
+    /// light.
+    pub fn test<'a>(&self, rotation: &Matrix3<f64>, bright: &'a [Bright]) -> Test<'a> {
         let mid = &self.shutter[1];
         let to_teme = rotation.transpose();
         let observer = to_teme * mid.position_m * 1e-3;
@@ -78,6 +108,7 @@ impl Field<'_> {
         // An observer inside the Earth looks through it.
         let outside = observer.norm() > EARTH_KM + 100.0 + way_km;
         Test {
+            sun_km: to_teme * mid.bodies.sun_apparent_m() * 1e-3,
             observer_km: observer.into(),
             axis: (to_teme * self.axis).into(),
             sin,
@@ -92,6 +123,7 @@ impl Field<'_> {
 
 /// The test of a block of a catalogue, TEME.
 pub struct Test<'a> {
+    sun_km: Vector3<f64>,
     observer_km: [f64; 3],
     axis: [f64; 3],
     sin: f64,
@@ -101,7 +133,7 @@ pub struct Test<'a> {
     /// What lies nearer to the Earth's centre is inside it; 0 where it hides nothing.
     earth_km: f64,
     reach_km: f64,
-    bright: &'a [f32],
+    bright: &'a [Bright],
 }
 
 /// What the test finds of an object of the catalogue, by its number there.
@@ -134,7 +166,7 @@ impl Look for Test<'_> {
             } else if before[i] {
                 let place = places.position_km.map(|row| row[i]);
                 let bright = self.bright.get(object as usize).copied();
-                found.push(match self.unseen(&place, bright.unwrap_or(f32::INFINITY)) {
+                found.push(match self.unseen(&place, bright.unwrap_or(Bright::ANY)) {
                     Some(why) => Found::Unseen(object, why),
                     None => Found::Candidate(object),
                 });
@@ -166,14 +198,14 @@ impl Test<'_> {
         across * self.cos - along * self.sin <= self.way_km
     }
 
-    /// What is found of one object at that place (km), with that root of its greatest reflective area: whether it is before the camera, and why it needs no closer look.
-    pub fn judge(&self, place_km: [f64; 3], bright: f32) -> Option<Result<(), Unseen>> {
+    /// What is found of one object at that place (km), with that bound of its light: whether it is before the camera, and why it needs no closer look.
+    pub fn judge(&self, place_km: [f64; 3], bright: Bright) -> Option<Result<(), Unseen>> {
         let before = self.is_before(place_km);
         before.then(|| self.unseen(&place_km, bright).map_or(Ok(()), Err))
     }
 
     /// Why an object before the camera at that place is not seen.
-    fn unseen(&self, place_km: &[f64; 3], bright: f32) -> Option<Unseen> {
+    fn unseen(&self, place_km: &[f64; 3], bright: Bright) -> Option<Unseen> {
         let observer = Vector3::from(self.observer_km);
         let line = Vector3::from(*place_km) - observer;
         let range2 = line.norm_squared();
@@ -185,7 +217,13 @@ impl Test<'_> {
         if (observer + line * part).norm() < self.earth_km {
             return Some(Unseen::BehindEarth);
         }
-        let reach_km = self.reach_km * f64::from(bright);
-        (range2.sqrt() - self.way_km > reach_km).then_some(Unseen::TooFaint)
+        // At the smallest phase angle of the exposure, where it is brightest.
+        let range = range2.sqrt();
+        let to_sun = self.sun_km - Vector3::from(*place_km);
+        let phase = (-line.dot(&to_sun) / (range * to_sun.norm())).clamp(-1.0, 1.0);
+        let turn = PI * self.way_km / range + WANDER;
+        let area = bright.reflective_area((phase.acos() - turn).max(0.0));
+        let reach_km = self.reach_km * area.sqrt();
+        (range - self.way_km > reach_km).then_some(Unseen::TooFaint)
     }
 }

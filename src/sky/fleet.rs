@@ -1,7 +1,7 @@
 //! A population under way: its orbits carried from frame to frame, and who of it comes before a camera.
 
 use super::apparent::Corrections;
-use super::field::{Field, Found, Unseen};
+use super::field::{Bright, Field, Found, Unseen};
 use super::population::{Population, Seen, SeenObject};
 use super::shadow::Earth;
 use crate::fidelity::Orbits;
@@ -22,8 +22,8 @@ pub struct Fleet {
     tracks: Tracks,
     /// Whose element set each of the tracks has: an object's index, and the number of the set among that object's.
     sets: Vec<(u32, u32)>,
-    /// The root of each one's greatest reflective area, m/sr^(1/2).
-    bright: Vec<f32>,
+    /// What bounds each one's light.
+    bright: Vec<Bright>,
     /// Those that have no element set, or none that SGP4 can start from.
     others: Vec<u32>,
     /// Of whom it has been said that they have no position.
@@ -61,8 +61,7 @@ impl Fleet {
         others.extend((0..objects.len() as u32).filter(|&i| moved(&objects[i as usize])));
         others.sort_unstable();
         others.dedup();
-        let root =
-            |&(index, _): &(u32, u32)| population.brightest(&objects[index as usize]).sqrt() as f32;
+        let root = |&(index, _): &(u32, u32)| population.brightest(&objects[index as usize]);
         Fleet {
             bright: of.iter().map(root).collect(),
             tracks,
@@ -76,7 +75,7 @@ impl Fleet {
     pub fn octets(&self) -> usize {
         self.tracks.octets()
             + self.sets.capacity() * size_of::<(u32, u32)>()
-            + self.bright.capacity() * size_of::<f32>()
+            + self.bright.capacity() * size_of::<Bright>()
     }
 
     /// Who of `population`, whose orbits these are, may be in the field, seen or not, by their indices; and why others have no position, of
@@ -176,12 +175,15 @@ impl Fleet {
         let look = |(index, set): (u32, Option<u32>)| -> Result<Option<Close>, OrbitError> {
             let object = population.objects()[index as usize].settled(mid);
             let track = set.zip(tracks);
-            let state = |t: Epoch, i: usize| at.state(&object, track, t, i);
-            let here = state(mid, 1)?;
+            let here = at.state(&object, track, mid, 1)?;
+            let state = |t: Epoch, i: usize| match t == mid {
+                true => Ok(here),
+                false => at.state(&object, track, t, i),
+            };
             if track.is_none() {
                 // Nobody has been tested yet.
                 let place_km = at.rotations[1].transpose() * here.position_m * 1e-3;
-                match test.judge(place_km.into(), brightest(population, &object)) {
+                match test.judge(place_km.into(), population.brightest(&object)) {
                     None => return Ok(None),
                     Some(Err(why)) => return Ok(Some(Close::Unseen(index as usize, why))),
                     Some(Ok(())) => {}
@@ -237,11 +239,6 @@ struct Tested {
 enum Close {
     Seen(Box<SeenObject>),
     Unseen(usize, Unseen),
-}
-
-/// The root of an object's greatest reflective area, m/sr^(1/2), rounded up.
-fn brightest(population: &Population, object: &Object) -> f32 {
-    (population.brightest(object).sqrt() as f32).next_up()
 }
 
 /// The rotations from TEME to GCRF at an exposure's start, mid and end.

@@ -50,9 +50,18 @@ impl Default for Sphere {
 impl Sphere {
     /// Eq. (6): `rho A F = rho A (B_diff F_diff + B_spec F_spec)` at phase angle `phase` (rad), m^2/sr.
     pub fn reflective_area(&self, phase: f64) -> f64 {
+        let [diffuse, specular] = self.parts();
+        diffuse * diffuse_phase(phase) + specular
+    }
+
+    /// What stands before [`diffuse_phase`] in it, m^2, and what is the same at all phases, m^2/sr.
+    pub fn parts(&self) -> [f64; 2] {
         let area = PI * self.diameter_m * self.diameter_m / 4.0;
-        let f = self.diffuse * diffuse_phase(phase) + self.specular * SPECULAR_PHASE;
-        self.reflectance * area * f
+        let reflective = self.reflectance * area;
+        [
+            reflective * self.diffuse,
+            reflective * self.specular * SPECULAR_PHASE,
+        ]
     }
 
     /// [`magnitude`] at phase angle `phase` (rad).

@@ -1,7 +1,7 @@
 //! The resident space objects of a scene, and how an observer sees them at one exposure.
 
 use super::apparent::{ApparentObject, Corrections, Observer, object_direction, parabola};
-use super::field::{Field, Unseen};
+use super::field::{Bright, Field, Unseen};
 use super::fleet::Fleet;
 use super::look::{Body, Passage};
 use super::photometry::{Sphere, magnitude, phase_angle};
@@ -128,12 +128,12 @@ impl Population {
         self.fleet().look(self, field, corrections, orbits)
     }
 
-    /// The greatest reflective area (m^2/sr) that an object may show; infinite where that depends on how it is turned.
-    pub(super) fn brightest(&self, object: &Object) -> f64 {
+    /// What bounds an object's light; that of a body depends on how it is turned.
+    pub(super) fn brightest(&self, object: &Object) -> Bright {
         match self.looks.get(&object.id) {
-            None => self.sphere.reflective_area(0.0),
-            Some(Look::Sphere(sphere)) => sphere.reflective_area(0.0),
-            Some(Look::Body(_)) => f64::INFINITY,
+            None => Bright::of(&self.sphere),
+            Some(Look::Sphere(sphere)) => Bright::of(sphere),
+            Some(Look::Body(_)) => Bright::ANY,
         }
     }
 

@@ -267,29 +267,36 @@ impl Batch {
         let ours = blocks.get(first..).unwrap_or(&[]);
         let (mine, rest) = states.split_at_mut(ours.len().min(states.len()));
         for (blocks, states) in ours.chunks(CHUNK).zip(mine.chunks_mut(CHUNK)) {
-            self.level.run(Propagate {
-                when,
-                blocks,
-                states,
-            });
+            match states.len() {
+                1 => self.level.run(Propagate::<M, 1> {
+                    when,
+                    blocks,
+                    states,
+                }),
+                _ => self.level.run(Propagate::<M, CHUNK> {
+                    when,
+                    blocks,
+                    states,
+                }),
+            }
         }
         (first.saturating_sub(blocks.len()), rest)
     }
 }
 
-/// Some blocks, one after another, with the instructions of a level.
-struct Propagate<'a, M> {
+/// At most `N` blocks, step by step, with the instructions of a level.
+struct Propagate<'a, M, const N: usize> {
     when: When,
     blocks: &'a [M],
     states: &'a mut [BlockStates],
 }
 
-impl<M: Model> WithSimd for Propagate<'_, M> {
+impl<M: Model, const N: usize> WithSimd for Propagate<'_, M, N> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let mut ways: [Way; CHUNK] = Default::default();
+        let mut ways = [const { Way::EMPTY }; N];
         for ((block, way), _) in self.blocks.iter().zip(&mut ways).zip(&*self.states) {
             for part in Part::all(simd) {
                 block.perturbed(part, self.when).long_period(part, way);

@@ -1,6 +1,6 @@
 //! From perturbed mean elements to position and velocity: long-period terms, Kepler's equation, short-period terms (Vallado et al., AIAA 2006-6753).
 
-use super::lanes::{Lanes, Part, Row, Truth};
+use super::lanes::{BLOCK, Lanes, Part, Row, Truth};
 use super::{BlockStates, TOO_FAR, UNKNOWN};
 use crate::elements::MAX_ELAPSED_DAYS;
 use pulp::Simd;
@@ -77,7 +77,7 @@ pub fn k5<S: Simd>(sin_i: Lanes<S>, cos_i: Lanes<S>) -> Lanes<S> {
 
 /// A block on its way from mean elements to states. A processor works on several blocks at a time if each step takes them one after
 /// another: alone, each block would wait for its own results.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Way {
     failed: Row,
@@ -126,6 +126,20 @@ impl<S: Simd> Perturbed<S> {
 }
 
 impl Way {
+    /// Before the first step.
+    pub const EMPTY: Way = Way {
+        failed: [0.0; BLOCK],
+        a: [0.0; BLOCK],
+        node: [0.0; BLOCK],
+        sin_i: [0.0; BLOCK],
+        cos_i: [0.0; BLOCK],
+        axn: [0.0; BLOCK],
+        ayn: [0.0; BLOCK],
+        p38: [0.0; BLOCK],
+        sin: [0.0; BLOCK],
+        cos: [0.0; BLOCK],
+    };
+
     /// Kepler's equation.
     #[inline(always)]
     pub fn solve<S: Simd>(&mut self, part: Part<S>) {
