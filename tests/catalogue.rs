@@ -6,7 +6,6 @@ use skyloop::fidelity::Orbits;
 use skyloop::flight;
 use skyloop::label::Label;
 use skyloop::orbit::synth::population;
-use skyloop::orbit::{Object, Orbit};
 use skyloop::sky::photometry::Sphere;
 use skyloop::sky::population::Look;
 use std::collections::BTreeSet;
@@ -22,18 +21,14 @@ fn labels(orbits: Orbits, off: Option<&'static str>) -> Vec<Label> {
     config.fidelity.orbits = orbits;
     config.objects.clear();
     for (i, one) in population(OBJECTS, 7, start.epoch).into_iter().enumerate() {
-        let id = format!("NORAD {}", one.elements.norad);
         let diameter_m = if i % 3 == 0 { 10.0 } else { one.diameter_m };
         let sphere = Sphere {
             diameter_m,
             ..Sphere::default()
         };
-        config.looks.insert(id.clone(), Look::Sphere(sphere));
-        config.objects.push(Object {
-            id,
-            names: vec![one.name()],
-            orbit: Orbit::Elements(one.elements, Vec::new()),
-        });
+        let object = one.object();
+        config.looks.insert(object.id.clone(), Look::Sphere(sphere));
+        config.objects.push(object);
     }
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.off = vec!["stars", "zodiacal light", "limb", "earth", "starlight"];

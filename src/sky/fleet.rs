@@ -24,7 +24,7 @@ pub struct Fleet {
     sets: Vec<(u32, u32)>,
     /// What bounds each one's light.
     bright: Vec<Bright>,
-    /// Those that have no element set, or none that SGP4 can start from.
+    /// Those that have no track.
     others: Vec<u32>,
     /// Of whom it has been said that they have no position.
     told: HashSet<u32>,
@@ -39,21 +39,13 @@ impl Fleet {
             sets.map(|(number, set)| (index as u32, number as u32, *set))
                 .collect()
         };
-        let all: Vec<(u32, u32, Elements)> = objects.iter().enumerate().flat_map(sets).collect();
-        let starts: Vec<bool> = all
-            .par_iter()
-            .map(|(.., set)| set.constants().is_ok())
-            .collect();
-        let (mut of, mut elements, mut others) = (Vec::new(), Vec::new(), Vec::new());
-        for ((index, number, set), starts) in all.into_iter().zip(starts) {
-            if starts {
-                of.push((index, number));
-                elements.push(set);
-            } else {
-                others.push(index);
-            }
-        }
+        let all = objects.iter().enumerate().flat_map(sets);
+        let (mut of, elements): (Vec<(u32, u32)>, Vec<Elements>) = all
+            .map(|(index, number, set)| ((index, number), set))
+            .unzip();
+        // Whatever was read from a file starts; if some other set does not, the scalar model says of whom and why.
         let tracks = Tracks::new(&elements).unwrap_or_default();
+        let mut others = Vec::new();
         if tracks.is_empty() {
             others.extend(of.drain(..).map(|(index, _)| index));
         }
@@ -61,9 +53,9 @@ impl Fleet {
         others.extend((0..objects.len() as u32).filter(|&i| moved(&objects[i as usize])));
         others.sort_unstable();
         others.dedup();
-        let root = |&(index, _): &(u32, u32)| population.brightest(&objects[index as usize]);
+        let bright = |&(index, _): &(u32, u32)| population.brightest(&objects[index as usize]);
         Fleet {
-            bright: of.iter().map(root).collect(),
+            bright: of.iter().map(bright).collect(),
             tracks,
             sets: of,
             others,

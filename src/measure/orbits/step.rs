@@ -13,7 +13,6 @@ use crate::sky::photometry::Sphere;
 use crate::sky::population::Look;
 use hifitime::Unit;
 use skyloop_orbit::synth::population;
-use skyloop_orbit::{Object, Orbit};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -44,17 +43,13 @@ fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), C
     config.objects.clear();
     config.looks.clear();
     for one in population(CATALOGUE, 1, vehicle.epoch) {
-        let id = format!("NORAD {}", one.elements.norad);
         let sphere = Sphere {
             diameter_m: one.diameter_m,
             ..Sphere::default()
         };
-        config.looks.insert(id.clone(), Look::Sphere(sphere));
-        config.objects.push(Object {
-            id,
-            names: vec![one.name()],
-            orbit: Orbit::Elements(one.elements, Vec::new()),
-        });
+        let object = one.object();
+        config.looks.insert(object.id.clone(), Look::Sphere(sphere));
+        config.objects.push(object);
     }
     // Objects alone: what else is in the sky takes its own time.
     let mut choice = Choice::default();

@@ -8,8 +8,8 @@ mod draw;
 
 pub use classes::{CLASSES, Class};
 
-use crate::Record;
 use crate::elements::{EARTH_RADIUS_M, Elements};
+use crate::{Object, Record};
 use classes::{Drag, Inclination, Orbit, Size};
 use draw::{Draw, GOLDEN};
 use hifitime::{Epoch, Unit};
@@ -53,6 +53,15 @@ impl Synthetic {
             mean_motion_dot: 0.0,
             mean_motion_ddot: 0.0,
             elements: self.elements,
+        }
+    }
+
+    /// As a file of element sets would give it.
+    pub fn object(&self) -> Object {
+        Object {
+            id: format!("NORAD {}", self.elements.norad),
+            names: vec![self.name()],
+            orbit: crate::Orbit::Elements(self.elements, Vec::new()),
         }
     }
 
