@@ -214,6 +214,11 @@ fn profile(args: &Args, start: Epoch) -> Result<Profile> {
 /// The object that `FILE[:NAME]` names.
 fn orbit(text: &str) -> Result<OrbitSource> {
     let (file, name) = file_and_name(text, |file| Path::new(file).exists());
+    if Path::new(file).is_dir() {
+        bail!(
+            "--orbit {file} is a folder: name one file in it, as {file}/FILE or {file}/FILE:NAME"
+        );
+    }
     let loaded = skyloop_orbit::load(Path::new(file)).map_err(|error| match error {
         LoadError::Read { .. } => anyhow!("{error}; --orbit takes a TLE, 3LE, OMM or OEM file"),
         other => other.into(),

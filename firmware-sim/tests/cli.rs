@@ -210,6 +210,10 @@ fn errors_say_what_to_do() {
         (&["--slew", "0,0,0,1,5"], "5 numbers where 7 belong"),
         (&["--nadir"], "--orbit"),
         (
+            &["--nadir", "--orbit", "tests"],
+            "--orbit tests is a folder: name one file in it, as tests/FILE or tests/FILE:NAME",
+        ),
+        (
             &["--nadir", "--orbit", "no-such-file.oem"],
             "no-such-file.oem: No such file or directory (os error 2); --orbit takes a TLE, 3LE, OMM or OEM file",
         ),

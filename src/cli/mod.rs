@@ -134,7 +134,7 @@ impl Orbits {
 /// What is done about records of orbit files that cannot be used.
 #[derive(clap::Args, Default)]
 struct Records {
-    /// Refuse the scene if a record of its orbit files cannot be used, which is else left out
+    /// Stop with an error if a record or a file of orbits cannot be used, which is else left out
     #[arg(long)]
     strict: bool,
 }

@@ -64,16 +64,17 @@ impl Folder {
         }
     }
 
-    /// The names of the files that `name` stands for: itself, or all in the folder of this name, in order.
-    pub fn files(&self, name: &str) -> Result<Vec<String>, ConfigError> {
+    /// The names of the files in the folder called `name`, in order, and those of what else is in it; nothing where `name` is
+    /// no folder.
+    pub fn listing(&self, name: &str) -> Result<Option<[Vec<String>; 2]>, ConfigError> {
         let Folder::Disk(folder) = self else {
-            return Ok(vec![name.to_string()]);
+            return Ok(None);
         };
         let path = folder.join(name);
         if name.is_empty() || !path.is_dir() {
-            return Ok(vec![name.to_string()]);
+            return Ok(None);
         }
-        let files = skyloop_orbit::files(&path).map_err(|source| ConfigError::Read {
+        let listing = skyloop_orbit::files(&path).map_err(|source| ConfigError::Read {
             file: path.display().to_string(),
             source,
             remedy: "check the folder".to_string(),
@@ -82,7 +83,8 @@ impl Folder {
             let entry = file.file_name().unwrap_or_default().to_string_lossy();
             format!("{}/{entry}", name.trim_end_matches('/'))
         };
-        Ok(files.into_iter().map(below).collect())
+        let all = [listing.files, listing.others];
+        Ok(Some(all.map(|all| all.into_iter().map(below).collect())))
     }
 
     /// The file called `name`, and the name to use for it in messages.

@@ -3,6 +3,7 @@
 use super::{ConfigError, Folder};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
+use std::io::ErrorKind;
 
 use skyloop_orbit::{Loaded, Object, Orbit, Rejected, file_and_name};
 
@@ -45,7 +46,7 @@ pub fn add_without(
             "{name}: objects are taken from whole files: write {file}"
         )));
     }
-    let mut loaded = load(folder, name, &mut findings.notices)?;
+    let mut loaded = load(folder, name, findings)?;
     book(&loaded.rejected, &mut findings.rejected);
     if loaded.objects.is_empty() {
         let why = loaded.pick(None).err().unwrap_or_default();
@@ -111,7 +112,7 @@ impl Shelf<'_> {
         let (file, name) = file_and_name(selector, |file| self.folder.has(file));
         let loaded = match self.files.entry(file.to_string()) {
             Entry::Occupied(read) => read.into_mut(),
-            Entry::Vacant(place) => place.insert(load(self.folder, file, &mut findings.notices)?),
+            Entry::Vacant(place) => place.insert(load(self.folder, file, findings)?),
         };
         let object = loaded
             .find(name)
@@ -149,16 +150,34 @@ fn gather(objects: &mut Vec<Object>, new: Vec<Object>) -> Vec<String> {
     refused
 }
 
-/// A file, or all files of a folder, of which those without orbits are passed over.
-fn load(folder: &Folder, name: &str, notices: &mut Vec<String>) -> Result<Loaded, ConfigError> {
-    let files = folder.files(name)?;
-    if files == [name] {
-        return load_file(folder, name);
-    }
+/// Says what a folder holds beside files of orbits, if there is anything.
+pub fn passed_over(names: &[String]) -> Option<String> {
+    let more = if names.len() > NAMED { ", ..." } else { "" };
+    let mut named: Vec<&str> = names.iter().map(String::as_str).collect();
+    named.sort_unstable();
+    named.truncate(NAMED);
+    let (named, count) = (named.join(", "), names.len());
+    let what = match count {
+        0 => return None,
+        1 => "entry holds",
+        _ => "entries hold",
+    };
+    Some(format!(
+        "passed over: {count} {what} no orbits ({named}{more})"
+    ))
+}
+
+/// A file, or all files of a folder, of which those that are in no format of orbits are passed over.
+fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, ConfigError> {
+    let Some([files, others]) = folder.listing(name)? else {
+        let (file, text) = folder.read(name)?;
+        return skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit(e.to_string()));
+    };
     let mut all = Loaded::default();
+    let mut foreign = others;
     for file in files {
-        match load_file(folder, &file) {
-            Ok(loaded) => {
+        match given(folder, &file) {
+            Given::Orbits(loaded) => {
                 all.rejected.extend(loaded.rejected);
                 for reason in gather(&mut all.objects, loaded.objects) {
                     all.rejected.push(Rejected {
@@ -168,13 +187,34 @@ fn load(folder: &Folder, name: &str, notices: &mut Vec<String>) -> Result<Loaded
                     });
                 }
             }
-            Err(error) => notices.push(format!("passed over: {error}")),
+            Given::Foreign => foreign.push(file),
+            Given::Unusable(reason) => findings.rejected.push(reason),
         }
     }
+    findings.notices.extend(passed_over(&foreign));
     Ok(all)
 }
 
-fn load_file(folder: &Folder, name: &str) -> Result<Loaded, ConfigError> {
-    let (file, text) = folder.read(name)?;
-    skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit(e.to_string()))
+/// What a file of a folder gives.
+enum Given {
+    Orbits(Loaded),
+    /// It is no file of orbits.
+    Foreign,
+    /// It cannot be read, or has the form of one and holds nothing.
+    Unusable(String),
+}
+
+fn given(folder: &Folder, name: &str) -> Given {
+    let (file, text) = match folder.read(name) {
+        Ok(read) => read,
+        Err(ConfigError::Read { source, .. }) if source.kind() == ErrorKind::InvalidData => {
+            return Given::Foreign;
+        }
+        Err(error) => return Given::Unusable(error.to_string()),
+    };
+    match skyloop_orbit::parse(&text, &file) {
+        Ok(loaded) => Given::Orbits(loaded),
+        Err(error) if error.is_foreign() => Given::Foreign,
+        Err(error) => Given::Unusable(error.to_string()),
+    }
 }

@@ -53,7 +53,7 @@ impl Format {
         let first = lines.find(|line| !lines::is_remark(line))?;
         match first.as_bytes().first()? {
             b'<' => omm::xml::looks_like(text).then_some(Format::OmmXml),
-            b'[' | b'{' => Some(Format::OmmJson),
+            b'[' | b'{' if omm::json::begins(text) => Some(Format::OmmJson),
             _ if oem::begins(first) => Some(Format::OemKvn),
             _ if omm::kvn::begins(first) => Some(Format::OmmKvn),
             _ if omm::csv::begins(first) => Some(Format::OmmCsv),

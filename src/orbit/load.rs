@@ -40,6 +40,21 @@ pub struct Rejected {
     pub reason: String,
 }
 
+impl Rejected {
+    /// A reason in one line, whatever it quotes.
+    pub(crate) fn new(source: &str, line: usize, reason: &str) -> Self {
+        let escaped = |c: char| match c.is_control() {
+            true => c.escape_default().to_string(),
+            false => c.to_string(),
+        };
+        Rejected {
+            source: source.to_owned(),
+            line,
+            reason: reason.chars().map(escaped).collect(),
+        }
+    }
+}
+
 impl fmt::Display for Rejected {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}: {}", self.source, self.line, self.reason)
@@ -83,6 +98,17 @@ pub enum LoadError {
         /// The source's name.
         source_name: String,
     },
+}
+
+impl LoadError {
+    /// Whether this is no file of orbits at all, such as others in the same folder: no text, or one in no format that is read.
+    pub fn is_foreign(&self) -> bool {
+        match self {
+            LoadError::Read { error, .. } => error.kind() == std::io::ErrorKind::InvalidData,
+            LoadError::NoOrbit { .. } => true,
+            LoadError::NoRecord { .. } | LoadError::NoSegment { .. } => false,
+        }
+    }
 }
 
 /// Reads the objects of an orbit file in any [`Format`], which is found from the text.

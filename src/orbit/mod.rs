@@ -47,7 +47,7 @@ pub use pick::file_and_name;
 pub use record::Record;
 pub use regime::Regime;
 pub use sgp4;
-pub use text::{files, read_text};
+pub use text::{Listing, files, read_text};
 pub use two_line::{Checksum, ElementsError};
 pub use write::{Written, write};
 
@@ -193,9 +193,11 @@ impl Object {
     }
 }
 
-/// A name as it goes into every label: its first 100 printable characters.
+/// A name as it goes into every label: its first 100 printable characters, a blank for a line break.
 fn bounded_name(name: &str) -> String {
-    name.chars().filter(|c| !c.is_control()).take(100).collect()
+    let broken = |c: char| if c == '\n' { ' ' } else { c };
+    let letters = name.chars().map(broken).filter(|c| !c.is_control());
+    letters.take(100).collect()
 }
 
 /// The set whose epoch is nearest to `t`.

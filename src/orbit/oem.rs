@@ -109,6 +109,12 @@ impl Reader<'_> {
                     pairs: Vec::new(),
                 }))
             }
+            // Another message, behind the first in one file.
+            (line, section) if begins(line) => {
+                self.section = section;
+                self.close(number);
+                Ok(Section::Outside)
+            }
             ("META_STOP", Section::Meta(meta)) => meta.finish().map(Section::Data),
             ("COVARIANCE_START", Section::Data(data)) => Ok(Section::Covariance(data)),
             ("COVARIANCE_STOP", Section::Covariance(data)) => Ok(Section::Data(data)),
@@ -168,11 +174,8 @@ impl Reader<'_> {
     }
 
     fn reject(&mut self, line: usize, reason: String) {
-        self.loaded.rejected.push(Rejected {
-            source: self.source.to_owned(),
-            line,
-            reason,
-        });
+        let rejected = Rejected::new(self.source, line, &reason);
+        self.loaded.rejected.push(rejected);
     }
 }
 

@@ -46,6 +46,8 @@ pub(crate) struct Found<'a> {
     pub source: &'a str,
     pub records: Vec<Record>,
     pub rejected: Vec<Rejected>,
+    /// Records that were given by [`Found::take`].
+    taken: usize,
 }
 
 impl<'a> Found<'a> {
@@ -54,22 +56,22 @@ impl<'a> Found<'a> {
             source,
             records: Vec::new(),
             rejected: Vec::new(),
+            taken: 0,
         }
     }
 
+    /// The next record of the file. What is wrong is told with its number, since a file may have one line for all.
     pub fn take(&mut self, record: At<Record>) {
+        self.taken += 1;
         match record {
             Ok(record) => self.records.push(record),
-            Err((line, reason)) => self.reject(line, reason),
+            Err((line, reason)) => self.reject(line, format!("record {}: {reason}", self.taken)),
         }
     }
 
     pub fn reject(&mut self, line: usize, reason: String) {
-        self.rejected.push(Rejected {
-            source: self.source.to_owned(),
-            line,
-            reason,
-        });
+        let rejected = Rejected::new(self.source, line, &reason);
+        self.rejected.push(rejected);
     }
 }
 

@@ -1,15 +1,15 @@
 //! Text files from outside, bounded: a file may be anything, a device without an end too.
 
-use std::io::{Error, Read, Result};
+use std::io::{Error, ErrorKind, Read, Result};
 use std::path::{Path, PathBuf};
 
 /// Octets that a file may have: an OEM of a day at a state a second has 10 million.
 const LARGEST: u64 = 256 << 20;
 
-/// The text of a file of at most 256 MiB. Names in it may be in any encoding (what is no UTF-8 is replaced); all that
-/// is read as numbers is ASCII.
+/// The text of a file of at most 256 MiB, without its byte order mark. Where that says so it is UTF-16, as some programs of
+/// Windows write it. Names in it may be in any encoding (what is no UTF-8 is replaced); all that is read as numbers is ASCII.
 ///
-/// Errors: the file cannot be read, is longer, or holds a NUL, which no text does.
+/// Errors: the file cannot be read, is longer, or is no text ([`ErrorKind::InvalidData`]): it holds a NUL.
 pub fn read_text(path: &Path) -> Result<String> {
     let mut bytes = Vec::new();
     let file = std::fs::File::open(path)?;
@@ -17,23 +17,55 @@ pub fn read_text(path: &Path) -> Result<String> {
     if bytes.len() as u64 > LARGEST {
         return Err(Error::other(format!("longer than {} MiB", LARGEST >> 20)));
     }
-    if bytes.contains(&0) {
-        return Err(Error::other("not a text file"));
+    let text = match bytes.as_slice() {
+        [0xff, 0xfe, rest @ ..] => utf_16(rest, u16::from_le_bytes),
+        [0xfe, 0xff, rest @ ..] => utf_16(rest, u16::from_be_bytes),
+        [0xef, 0xbb, 0xbf, rest @ ..] => String::from_utf8_lossy(rest).into_owned(),
+        text => String::from_utf8_lossy(text).into_owned(),
+    };
+    if text.contains('\0') {
+        return Err(Error::new(
+            ErrorKind::InvalidData,
+            "not a text file; text is UTF-8, or UTF-16 with a byte order mark",
+        ));
     }
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+    Ok(text)
 }
 
-/// The files that a path stands for: itself, or everything in a folder, in order of name.
+/// Text in units of 16 bits; what is none is replaced.
+fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
+    let (pairs, rest) = bytes.as_chunks();
+    let letters = char::decode_utf16(pairs.iter().copied().map(unit));
+    let text = letters.map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER));
+    let torn = (!rest.is_empty()).then_some(char::REPLACEMENT_CHARACTER);
+    text.chain(torn).collect()
+}
+
+/// What a path stands for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Listing {
+    /// The path itself, or what a folder holds, in order of name.
+    pub files: Vec<PathBuf>,
+    /// What a folder holds that is no file: folders, pipes, sockets and devices, which might not end.
+    pub others: Vec<PathBuf>,
+}
+
+/// The files that a path stands for.
 ///
 /// Errors: the folder cannot be listed.
-pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
+pub fn files(path: &Path) -> Result<Listing> {
     if !path.is_dir() {
-        return Ok(vec![path.to_owned()]);
+        let files = vec![path.to_owned()];
+        let others = Vec::new();
+        return Ok(Listing { files, others });
     }
     let entries = std::fs::read_dir(path)?.map(|entry| Ok(entry?.path()));
-    let mut files = entries.collect::<Result<Vec<PathBuf>>>()?;
-    files.sort();
-    Ok(files)
+    let mut all = entries.collect::<Result<Vec<PathBuf>>>()?;
+    all.sort();
+    // A link that leads nowhere is told of when it is read.
+    let is_file = |path: &PathBuf| path.metadata().map_or(true, |it| it.is_file());
+    let (files, others) = all.into_iter().partition(is_file);
+    Ok(Listing { files, others })
 }
 
 #[cfg(test)]
@@ -60,10 +92,32 @@ mod tests {
     #[test]
     fn a_folder_stands_for_its_files_in_order() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("omm");
-        let names = files(&folder).unwrap();
+        let names = files(&folder).unwrap().files;
         let names: Vec<_> = names.iter().filter_map(|path| path.file_name()).collect();
         assert_eq!(names, ["csv.rs", "json.rs", "kvn.rs", "mod.rs", "xml.rs"]);
         let missing = Path::new("no/such/file");
-        assert_eq!(files(missing).unwrap(), [missing]);
+        assert_eq!(files(missing).unwrap().files, [missing]);
+        let inner = Path::new(env!("CARGO_MANIFEST_DIR"));
+        assert!(files(inner).unwrap().others.contains(&folder));
+    }
+
+    #[test]
+    fn a_byte_order_mark_says_how_text_is_written() {
+        let here = std::env::temp_dir().join(format!("skyloop-marks-{}", std::process::id()));
+        // X-Val: by hand, Unicode 16.0, 23.8: FEFF in the order of its units; U+1F6F0 is D83D DEF0.
+        let little = b"\xff\xfe1\x00\xe9\x00\n\x00\x3d\xd8\xf0\xde".as_slice();
+        let big = b"\xfe\xff\x001\x00\xe9\x00\n\xd8\x3d\xde\xf0";
+        let eight = "\u{feff}1é\n🛰".as_bytes();
+        for bytes in [little, big, eight] {
+            std::fs::write(&here, bytes).unwrap();
+            assert_eq!(read_text(&here).unwrap(), "1é\n🛰");
+        }
+        std::fs::write(&here, &little[..little.len() - 1]).unwrap();
+        assert_eq!(read_text(&here).unwrap(), "1é\n\u{fffd}\u{fffd}");
+        std::fs::write(&here, &little[2..]).unwrap();
+        let error = read_text(&here).unwrap_err();
+        std::fs::remove_file(&here).unwrap();
+        assert_eq!(error.kind(), ErrorKind::InvalidData);
+        assert!(error.to_string().contains("UTF-16 with"), "{error}");
     }
 }

@@ -161,16 +161,24 @@ pub(crate) fn looks_like(text: &str) -> Option<Format> {
     })
 }
 
-/// Names stand behind their sets in a file that begins with a set, has a name right after it, one that is not
-/// marked as a 3LE's line 0, and ends with a name. A 3LE begins with a name; one that lost it ends with a set.
+/// Names stand behind their sets in a file that begins with a set, has a name right after it and ends with a name. A 3LE
+/// begins with a name; one that lost it ends with a set. Names that are marked as a 3LE's line 0 must be as many as the sets.
 fn order(text: &str) -> Names {
-    let mut lines = significant(text).map(|(_, line)| line);
+    let all = significant(text).map(|(_, line)| line);
+    let mut lines = all.clone();
     let start = [lines.next(), lines.next()].map(|line| line.and_then(element_line));
     let name = |line: Option<&str>| line.is_some_and(|line| element_line(line).is_none());
     let third = lines.next();
     let marked = third.is_some_and(|line| line.starts_with("0 ") || line == "0");
-    let behind =
-        start == [Some(1), Some(2)] && name(third) && !marked && name(lines.last().or(third));
+    let count = |kind| {
+        all.clone()
+            .filter(|line| element_line(line) == kind)
+            .count()
+    };
+    let behind = start == [Some(1), Some(2)]
+        && name(third)
+        && name(lines.last().or(third))
+        && (!marked || count(None) == count(Some(1)));
     if behind { Names::Behind } else { Names::Before }
 }
 

@@ -5,6 +5,7 @@ mod folders;
 mod ground;
 mod inputs;
 mod offline;
+mod orbit_folders;
 mod passes;
 mod plan;
 mod pty;

@@ -1,11 +1,12 @@
 //! `skyloop catalog check`: what files of orbits hold, and what of it cannot be used.
 
-use super::source::{Source, sources};
+use super::source::{Source, shown, sources};
 use anyhow::bail;
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
 use serde::Serialize;
 use skyloop::effect::counted;
+use skyloop::load::orbits::passed_over;
 use skyloop::orbit::time::utc_text;
 use skyloop::orbit::{Contents, Object, Orbit, Record, Rejected};
 use skyloop_firmware_sim::console::say;
@@ -38,6 +39,8 @@ struct Report {
     rejected: usize,
     /// Files without orbits.
     unusable: usize,
+    /// What folders hold beside files of orbits.
+    passed_over: Vec<String>,
     files: Vec<FileReport>,
 }
 
@@ -92,7 +95,13 @@ impl From<Rejected> for Refusal {
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut report = Report::default();
     let mut ids = BTreeSet::new();
-    for source in sources(&args.files)? {
+    let mut missing = 0;
+    for source in sources(&args.files, &mut report.passed_over)? {
+        missing += usize::from(source.is_missing());
+        if source.is_foreign() {
+            report.passed_over.push(shown(&source.file));
+            continue;
+        }
         let file = of_source(source, &mut ids);
         report.records += file.records;
         report.rejected += file.rejected.len();
@@ -102,14 +111,24 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         }
         report.files.push(file);
     }
+    report.passed_over.sort();
     report.objects = ids.len();
     if args.json {
         say(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
-    } else if report.files.len() > 1 {
-        say(format_args!("{}\n", report.total()))?;
+    } else {
+        if let Some(line) = passed_over(&report.passed_over) {
+            say(format_args!("{line}\n"))?;
+        }
+        if report.files.len() > 1 {
+            say(format_args!("{}\n", report.total()))?;
+        }
     }
     if report.objects == 0 {
         bail!("no object in {}", counted(report.files.len(), "file"));
+    }
+    if missing > 0 {
+        let files = counted(missing, "file");
+        bail!("{files} of the command line cannot be opened: see above; check the path");
     }
     if args.strict && report.rejected + report.unusable > 0 {
         bail!("--strict: {}", report.losses());
@@ -136,7 +155,7 @@ impl Report {
 
 /// Looks at a file; the ids of its objects are added to `ids`.
 fn of_source(source: Source, ids: &mut BTreeSet<String>) -> FileReport {
-    let file = source.file.display().to_string();
+    let file = shown(&source.file);
     match source.contents {
         Ok(contents) => FileReport {
             file,

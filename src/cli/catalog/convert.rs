@@ -1,12 +1,13 @@
 //! `skyloop catalog convert`: element sets in another format.
 
 use super::super::Records;
-use super::source::{readable, sources};
+use super::source::{readable, shown, sources};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use clap::builder::PossibleValuesParser;
 use hifitime::Epoch;
 use skyloop::effect::counted;
+use skyloop::load::orbits::passed_over;
 use skyloop::orbit::{Format, write};
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
@@ -42,9 +43,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         .find(|format| format.name() == args.to);
     let mut lost = Vec::new();
     let mut records = Vec::new();
-    for source in sources(&args.files)? {
-        let file = source.file.display().to_string();
-        if let Some(contents) = readable(source, &mut lost) {
+    let mut foreign = Vec::new();
+    for source in sources(&args.files, &mut foreign)? {
+        let file = shown(&source.file);
+        if let Some(contents) = readable(source, &mut lost, &mut foreign)? {
             for object in &contents.ephemerides {
                 lost.push(format!(
                     "{file}: {} has an ephemeris, which no mean elements can be read from",
@@ -60,6 +62,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     lost.extend(written.left_out);
     lost.extend(written.changed);
     args.records.settle_lines(&lost)?;
+    if let Some(line) = passed_over(&foreign) {
+        tracing::warn!("{line}");
+    }
     if kept == 0 {
         bail!("no element set to write as {}: see above", args.to);
     }

@@ -1,11 +1,12 @@
 //! `skyloop catalog info`: the objects of files by kind of orbit, or one of them.
 
 use super::super::Records;
-use super::source::{readable, sources};
+use super::source::{readable, shown, sources};
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::effect::counted;
+use skyloop::load::orbits::passed_over;
 use skyloop::orbit::elements::Elements;
 use skyloop::orbit::time::utc_text;
 use skyloop::orbit::{Loaded, Object, Orbit, Regime};
@@ -92,9 +93,10 @@ fn gather(args: &Args) -> anyhow::Result<Loaded> {
     let mut rejected = Vec::new();
     let mut all = Loaded::default();
     let mut places: HashMap<String, usize> = HashMap::new();
-    for source in sources(&args.files)? {
-        let file = source.file.display().to_string();
-        let Some(contents) = readable(source, &mut rejected) else {
+    let mut foreign = Vec::new();
+    for source in sources(&args.files, &mut foreign)? {
+        let file = shown(&source.file);
+        let Some(contents) = readable(source, &mut rejected, &mut foreign)? else {
             continue;
         };
         for object in Loaded::from(contents).objects {
@@ -118,6 +120,9 @@ fn gather(args: &Args) -> anyhow::Result<Loaded> {
         }
     }
     args.records.settle_lines(&rejected)?;
+    if let Some(line) = passed_over(&foreign) {
+        tracing::warn!("{line}");
+    }
     if all.objects.is_empty() {
         bail!("no object in any of the files");
     }

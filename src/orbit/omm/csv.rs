@@ -1,4 +1,5 @@
-//! A table with the keywords of the OMM as its header, a line a record.
+//! A table with the keywords of the OMM as its header, a record a line, or several lines where
+//! a value in quotation marks has line breaks (RFC 4180).
 
 use super::{Fields, Key, Metadata, index_of};
 use crate::lines;
@@ -12,18 +13,22 @@ pub(crate) fn begins(line: &str) -> bool {
     line.contains(',') && names.any(|name| index_of(name).is_some())
 }
 
-/// Reads every line below the header. A line is a record, so that a quotation mark that is lost spoils its own alone.
+/// Lines that a record may have.
+const MOST_LINES: usize = 16;
+
+/// Reads every record below the header.
 pub(crate) fn read(text: &str, found: &mut Found) {
     let mut splitter = Splitter::new();
     let mut columns: Option<Vec<Option<usize>>> = None;
-    for (number, line) in lines::numbered(text) {
+    let mut lines = lines::numbered(text);
+    while let Some((number, line)) = lines.next() {
         // A name below the header may begin as a comment does.
         let comment = columns.is_none() && line.starts_with('#');
         if line.trim_start().is_empty() || comment {
             continue;
         }
-        splitter.split(line);
         let Some(columns) = &columns else {
+            splitter.split(line);
             let header: Vec<_> = splitter
                 .values()
                 .map(|name| index_of(name.trim()))
@@ -38,13 +43,8 @@ pub(crate) fn read(text: &str, found: &mut Found) {
             columns = Some(header);
             continue;
         };
-        if splitter.count() != columns.len() {
-            let reason = format!(
-                "{} values in a line, the header has {} columns",
-                splitter.count(),
-                columns.len()
-            );
-            found.reject(number, reason);
+        if let Err(reason) = record(text, line, &mut lines, columns.len(), &mut splitter) {
+            found.take(Err((number, reason)));
             continue;
         }
         let mut fields = Fields::default();
@@ -57,7 +57,47 @@ pub(crate) fn read(text: &str, found: &mut Found) {
     }
 }
 
-/// Splits lines into values; its memory is kept from one to the next.
+/// Splits the record that begins with `line`. A quotation mark that is open at its end takes further lines, but only those
+/// that make a value for every column: one that is lost spoils its own line alone.
+fn record<'a>(
+    text: &str,
+    line: &str,
+    lines: &mut (impl Iterator<Item = (usize, &'a str)> + Clone),
+    columns: usize,
+    splitter: &mut Splitter,
+) -> Result<(), String> {
+    if is_closed(line) {
+        splitter.split(line);
+        return match splitter.count() {
+            count if count == columns => Ok(()),
+            count => Err(format!(
+                "{count} values in a line, the header has {columns} columns"
+            )),
+        };
+    }
+    let place = |line: &str| line.as_ptr().addr() - text.as_ptr().addr();
+    let mut ahead = lines.clone();
+    for _ in 1..MOST_LINES {
+        let Some((_, last)) = ahead.next() else { break };
+        let record = text.get(place(line)..place(last) + last.len());
+        let Some(record) = record.filter(|record| is_closed(record)) else {
+            continue;
+        };
+        if splitter.split(record) && splitter.count() == columns {
+            *lines = ahead;
+            return Ok(());
+        }
+        break;
+    }
+    Err("a quotation mark without the other that closes it".to_owned())
+}
+
+/// Whether every quotation mark has its other.
+fn is_closed(record: &str) -> bool {
+    record.bytes().filter(|b| *b == b'"').count() % 2 == 0
+}
+
+/// Splits records into values; its memory is kept from one to the next.
 struct Splitter {
     reader: Reader,
     text: Vec<u8>,
@@ -76,7 +116,8 @@ impl Splitter {
         }
     }
 
-    fn split(&mut self, line: &str) {
+    /// Whether the values of a text, whole, are those of one record.
+    fn split(&mut self, line: &str) -> bool {
         self.reader.reset();
         // No value is longer than its line, none takes less than a comma.
         self.text.resize(line.len() + 1, 0);
@@ -97,6 +138,7 @@ impl Splitter {
             }
         }
         self.count = ends;
+        input.is_empty()
     }
 
     fn count(&self) -> usize {

@@ -11,6 +11,13 @@ use std::fmt;
 /// Octets that an object may have; one that is not closed is given up there.
 const LONGEST: usize = 1 << 16;
 
+/// Whether a text that begins with a bracket is JSON: objects stand in it, or nothing. A table of TOML has a word there.
+pub(crate) fn begins(text: &str) -> bool {
+    let text = text.get(lines::start(text)..).unwrap_or_default();
+    let inside = text.trim_start_matches(|c: char| c == '[' || c.is_whitespace());
+    inside.is_empty() || inside.starts_with(['{', ']'])
+}
+
 /// Reads every object. These are flat: one ends at the first closing brace, and where another opens before, it is not closed.
 pub(crate) fn read(text: &str, found: &mut Found) {
     let mut finder = LineFinder::new(text);
@@ -34,7 +41,7 @@ pub(crate) fn read(text: &str, found: &mut Found) {
         at = end.unwrap_or(start + 1);
         if torn {
             let reason = "a JSON object that is not closed, or has others inside; restore its quotation marks and braces";
-            found.reject(line, reason.to_owned());
+            found.take(Err((line, reason.to_owned())));
         } else {
             let object = text.get(start..at).unwrap_or_default();
             found.take(record(object, start, &mut finder).map(|r| Record { line, ..r }));

@@ -1,6 +1,6 @@
 //! OMM in keyword = value notation: messages one after the other.
 
-use super::{Fields, Key, Metadata, index_of};
+use super::{Fields, Metadata, index_of, unit_of};
 use crate::lines;
 use crate::record::{Found, shorten};
 use std::borrow::Cow;
@@ -17,7 +17,8 @@ pub(crate) fn begins(line: &str) -> bool {
     })
 }
 
-/// Reads every message. One begins with its version, or where a keyword comes again.
+/// Reads every message. One begins with its version or, where messages have none, with the keyword that the one before
+/// began with, or with any that comes again behind a message that has all it needs.
 pub(crate) fn read<'a>(text: &'a str, found: &mut Found) {
     let mut message: Option<Message<'a>> = None;
     for (number, line) in lines::numbered(text) {
@@ -30,23 +31,33 @@ pub(crate) fn read<'a>(text: &'a str, found: &mut Found) {
         }
         let pair = line.split_once('=').map(|(k, v)| (k.trim(), v.trim()));
         let index = pair.and_then(|(keyword, _)| index_of(keyword));
-        let again = |message: &Message| index.is_some_and(|index| message.fields.has(index));
-        let starts = pair.is_some_and(|(keyword, _)| keyword == VERSION);
-        if starts || message.as_ref().is_some_and(again) {
+        let version = pair.is_some_and(|(keyword, _)| keyword == VERSION);
+        let next = |message: &Message| index.is_some_and(|index| message.ends_before(index));
+        if version || message.as_ref().is_some_and(next) {
             finish(message.take(), found);
         }
-        let message = message.get_or_insert_with(|| Message::new(number));
+        let message = message.get_or_insert_with(|| Message {
+            line: number,
+            version,
+            ..Message::default()
+        });
         match (pair, index) {
             (Some((_, value)), Some(index)) => {
-                // Names may end in brackets of their own.
-                let text = index == Key::Name as usize || index == Key::Designator as usize;
-                let value = if text { value } else { bare(value) };
+                message.first.get_or_insert(index);
+                // Text may end in brackets of its own.
+                let (value, unit) = match unit_of(index) {
+                    "" => (value, None),
+                    _ => split(value),
+                };
+                if let Some(unit) = unit {
+                    message.fields.unit(index, unit, number);
+                }
                 message.fields.set(index, Cow::Borrowed(value), number);
             }
             (Some(_), None) => {}
             (None, _) => {
                 let reason = format!("'{}' is not KEYWORD = VALUE", shorten(line));
-                message.broken.get_or_insert((number, reason));
+                message.fields.refuse(number, reason);
             }
         }
     }
@@ -54,37 +65,40 @@ pub(crate) fn read<'a>(text: &'a str, found: &mut Found) {
 }
 
 /// A message being read.
+#[derive(Default)]
 struct Message<'a> {
     line: usize,
+    /// Whether it begins with its version, as the standard demands; what follows it then does too.
+    version: bool,
+    /// The keyword that it begins with, of those that are read.
+    first: Option<usize>,
     fields: Fields<'a>,
-    /// The first line that cannot be read.
-    broken: Option<(usize, String)>,
 }
 
 impl Message<'_> {
-    fn new(line: usize) -> Self {
-        Message {
-            line,
-            fields: Fields::default(),
-            broken: None,
-        }
+    /// Whether the keyword with this index belongs to the next message. One that comes again is else there twice.
+    fn ends_before(&self, index: usize) -> bool {
+        let first = self.first == Some(index);
+        let complete = self.fields.are_complete();
+        self.fields.has(index)
+            && match self.version {
+                true => first && complete,
+                false => first || complete,
+            }
     }
 }
 
 fn finish(message: Option<Message>, found: &mut Found) {
-    let record = message.map(|message| match message.broken {
-        Some(broken) => Err(broken),
-        None => message.fields.record(message.line, Metadata::Required),
-    });
-    if let Some(record) = record {
-        found.take(record);
+    if let Some(message) = message {
+        found.take(message.fields.record(message.line, Metadata::Required));
     }
 }
 
-/// A value without its unit, which stands in brackets: `15.5 [rev/day]`.
-fn bare(value: &str) -> &str {
-    match value.strip_suffix(']').and_then(|v| v.rfind('[')) {
-        Some(at) => value[..at].trim_end(),
-        _ => value,
+/// A value and its unit, which stands in brackets behind it: `15.5 [rev/day]`.
+fn split(value: &str) -> (&str, Option<&str>) {
+    let inside = value.strip_suffix(']').and_then(|v| v.split_once('['));
+    match inside {
+        Some((number, unit)) => (number.trim_end(), Some(unit)),
+        None => (value, None),
     }
 }

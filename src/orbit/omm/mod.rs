@@ -81,6 +81,8 @@ pub(crate) fn index_of(keyword: &str) -> Option<usize> {
 #[derive(Default)]
 pub(crate) struct Fields<'a> {
     values: [Option<(Cow<'a, str>, usize)>; KEYWORDS.len()],
+    /// The first thing that is wrong with the message as a text, and its place.
+    wrong: Option<(usize, String)>,
 }
 
 /// What a message must say of itself.
@@ -93,13 +95,54 @@ pub(crate) enum Metadata {
 }
 
 impl<'a> Fields<'a> {
-    /// Gives the keyword with this index a value; an empty one is none.
+    /// Gives the keyword with this index a value; an empty one is none. A keyword has one value.
     pub fn set(&mut self, index: usize, value: Cow<'a, str>, place: usize) {
-        if let Some(field) = self.values.get_mut(index)
-            && !value.trim().is_empty()
-        {
-            *field = Some((value, place));
+        if value.trim().is_empty() {
+            return;
         }
+        match (self.values.get_mut(index), KEYWORDS.get(index)) {
+            (Some(Some((first, _))), Some(keyword)) => {
+                let values = [shorten(first), shorten(&value)].map(|text| text.trim().to_owned());
+                let [first, second] = values;
+                self.refuse(place, format!("{keyword} twice: '{first}' and '{second}'"));
+            }
+            (Some(field), _) => *field = Some((value, place)),
+            (None, _) => {}
+        }
+    }
+
+    /// Refuses a unit that is not the one of the keyword with this index.
+    pub fn unit(&mut self, index: usize, unit: &str, place: usize) {
+        let wanted = unit_of(index);
+        if !unit.trim().eq_ignore_ascii_case(wanted) {
+            let (keyword, unit) = (KEYWORDS.get(index).unwrap_or(&""), shorten(unit.trim()));
+            let reason = match wanted {
+                "" => format!("{keyword} in '{unit}'; it has no unit"),
+                _ => format!("{keyword} in '{unit}'; only {wanted} is read"),
+            };
+            self.refuse(place, reason);
+        }
+    }
+
+    /// Refuses the message; the first reason counts.
+    pub fn refuse(&mut self, place: usize, reason: String) {
+        self.wrong.get_or_insert((place, reason));
+    }
+
+    /// Whether every keyword that a record cannot do without has a value.
+    pub fn are_complete(&self) -> bool {
+        let needed = [
+            Key::Number,
+            Key::Epoch,
+            Key::MeanMotion,
+            Key::Eccentricity,
+            Key::Inclination,
+            Key::Node,
+            Key::Perigee,
+            Key::MeanAnomaly,
+            Key::Drag,
+        ];
+        needed.iter().all(|key| self.has(*key as usize))
     }
 
     /// Whether the keyword with this index has a value.
@@ -110,14 +153,20 @@ impl<'a> Fields<'a> {
     /// The record of a message that begins at `start`. What is wrong is told with the place of the value, or `start`.
     pub fn record(&self, start: usize, metadata: Metadata) -> At<Record> {
         self.read(start, metadata).map_err(|(place, reason)| {
-            let who = [Key::Name, Key::Number].map(|key| self.find(key).map(|(text, _)| text));
-            let who = who.into_iter().flatten().next().map(shorten);
-            let who = who.map_or(String::new(), |who| format!(" ({who})"));
-            (place, format!("{reason}{who}"))
+            let value = |key| self.find(key).map(|(text, _)| shorten(text));
+            let number = value(Key::Number).map(|number| format!("NORAD_CAT_ID {number}"));
+            let who: Vec<String> = value(Key::Name).into_iter().chain(number).collect();
+            match who.is_empty() {
+                true => (place, reason),
+                false => (place, format!("{reason} ({})", who.join(", "))),
+            }
         })
     }
 
     fn read(&self, start: usize, metadata: Metadata) -> At<Record> {
+        if let Some(wrong) = &self.wrong {
+            return Err(wrong.clone());
+        }
         for (key, wanted) in [
             (Key::Centre, &["EARTH"][..]),
             (Key::Frame, &["TEME"]),
@@ -237,6 +286,19 @@ impl<'a> Fields<'a> {
             let reason = format!("{keyword} '{text}' is not a whole number from 0 to {most}");
             (place, reason)
         })
+    }
+}
+
+/// The unit that the values of the keyword with this index have (502.0-B, Table 4-3); empty: none.
+pub(crate) fn unit_of(index: usize) -> &'static str {
+    match KEYWORDS.get(index).copied().unwrap_or_default() {
+        "MEAN_MOTION" => "rev/day",
+        "SEMI_MAJOR_AXIS" => "km",
+        "INCLINATION" | "RA_OF_ASC_NODE" | "ARG_OF_PERICENTER" | "MEAN_ANOMALY" => "deg",
+        "BSTAR" => "1/ER",
+        "MEAN_MOTION_DOT" => "rev/day**2",
+        "MEAN_MOTION_DDOT" => "rev/day**3",
+        _ => "",
     }
 }
 

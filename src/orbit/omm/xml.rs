@@ -29,7 +29,7 @@ pub(crate) fn read(text: &str, found: &mut Found) {
                 let record = record(message, tag.start, &mut finder);
                 found.take(record.map(|record| Record { line, ..record }));
             }
-            None => found.reject(line, "<omm> without its </omm>".to_owned()),
+            None => found.take(Err((line, "<omm> without its </omm>".to_owned()))),
         }
     }
     let whole = tags(text, 0).filter(|tag| tag.name == "ndm");
@@ -105,6 +105,10 @@ fn record(message: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
                 let keyword = index_of(tag.local_name().into_inner());
                 open = keyword.map(|index| (index, reader.buffer_position() as usize));
                 value.clear();
+                let unit = tag.try_get_attribute("units").ok().flatten();
+                if let (Some((index, offset)), Some(unit)) = (open, unit) {
+                    fields.unit(index, &unit.value, start + offset);
+                }
             }
             Event::Text(text) => value += &text.xml10_content(),
             Event::CData(text) => value += &text.xml10_content(),

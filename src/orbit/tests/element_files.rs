@@ -120,7 +120,17 @@ fn names_may_stand_behind_their_sets() {
             ["LOW", "GEO"],
             1,
         ),
-        (format!("{}0 GEO\n{}0 NEXT\n", low(), geo()), ["", "GEO"], 1),
+        // Marked as line 0, and a name for each set; one set more, and they are a 3LE's that lost its first line.
+        (
+            format!("{}0 LOW\n{}0 GEO\n", low(), geo()),
+            ["LOW", "GEO"],
+            0,
+        ),
+        (
+            format!("{}0 GEO\n{}{}0 NEXT\n", low(), geo(), geo()),
+            ["", "GEO"],
+            1,
+        ),
         (format!("0\n{}0 GEO\n{}", low(), geo()), ["", "GEO"], 0),
         // Behind: a set without a name, and one name too many.
         (

@@ -1,0 +1,217 @@
+//! What files have that their publishers' samples have not: other units, values twice, line breaks in values.
+
+use skyloop_orbit::{Contents, LoadError, parse, parse_contents};
+
+/// A made-up object.
+const KVN: &str = "\
+OBJECT_NAME = MADE UP
+OBJECT_ID = 2026-101A
+CENTER_NAME = EARTH
+REF_FRAME = TEME
+TIME_SYSTEM = UTC
+MEAN_ELEMENT_THEORY = SGP4
+EPOCH = 2026-07-12T03:04:05
+MEAN_MOTION = 15.2 [rev/day]
+ECCENTRICITY = 0.001
+INCLINATION = 97.5 [deg]
+RA_OF_ASC_NODE = 120 [deg]
+ARG_OF_PERICENTER = 90 [deg]
+MEAN_ANOMALY = 270 [deg]
+NORAD_CAT_ID = 100001
+BSTAR = 0.0001 [1/ER]
+MEAN_MOTION_DOT = 1e-5 [rev/day**2]
+MEAN_MOTION_DDOT = 0 [rev/day**3]
+";
+
+fn read(text: &str) -> Contents {
+    parse_contents(text, "odd").unwrap()
+}
+
+fn rejections(text: &str) -> Vec<String> {
+    let rejected = read(text).rejected;
+    rejected.iter().map(ToString::to_string).collect()
+}
+
+/// The message as XML, its units as attributes.
+fn xml(kvn: &str) -> String {
+    let elements = kvn.lines().filter_map(|line| {
+        let (keyword, value) = line.split_once(" = ")?;
+        Some(match value.trim_end_matches(']').split_once(" [") {
+            Some((number, unit)) => format!("<{keyword} units=\"{unit}\">{number}</{keyword}>"),
+            None => format!("<{keyword}>{value}</{keyword}>"),
+        })
+    });
+    format!("<ndm><omm>{}</omm></ndm>", elements.collect::<String>())
+}
+
+#[test]
+fn a_value_in_another_unit_is_refused() {
+    let plain = &read(KVN).records[0];
+    for (unit, other, keyword) in [
+        ("rev/day]", "rad/min]", "MEAN_MOTION"),
+        ("deg]", "rad]", "INCLINATION"),
+        ("1/ER]", "1/km]", "BSTAR"),
+        ("rev/day**2]", "rev/day]", "MEAN_MOTION_DOT"),
+        ("rev/day**3]", "rev/day**2]", "MEAN_MOTION_DDOT"),
+    ] {
+        let wanted = unit.trim_end_matches(']');
+        let found = other.trim_end_matches(']');
+        let reason =
+            format!("{keyword} in '{found}'; only {wanted} is read (MADE UP, NORAD_CAT_ID 100001)");
+        let spoilt = KVN.replacen(unit, other, 1);
+        for text in [spoilt.clone(), xml(&spoilt)] {
+            let told = rejections(&text);
+            assert!(told.len() == 1 && told[0].contains(&reason), "{told:?}");
+        }
+        let upper = KVN.replace(unit, &unit.to_uppercase());
+        for text in [
+            KVN.replace(&format!(" [{unit}"), ""),
+            upper.clone(),
+            xml(&upper),
+        ] {
+            assert_eq!(read(&text).records[0].elements, plain.elements, "{text}");
+        }
+    }
+    // Pure numbers have none.
+    let text = KVN.replace("ECCENTRICITY = 0.001", "ECCENTRICITY = 0.001 [deg]");
+    assert!(
+        rejections(&text)[0].contains("ECCENTRICITY '0.001 [deg]' is not a number from 0 to 1")
+    );
+    assert!(rejections(&xml(&text))[0].contains("ECCENTRICITY in 'deg'; it has no unit"));
+}
+
+#[test]
+fn a_keyword_twice_is_told_as_such() {
+    let versioned = format!("CCSDS_OMM_VERS = 3.0\n{KVN}");
+    let twice = "INCLINATION = 97.5 [deg]\nINCLINATION = 52\n";
+    let reason = "INCLINATION twice: '97.5' and '52' (MADE UP, NORAD_CAT_ID 100001)";
+    for (text, line) in [(versioned.as_str(), 12), (KVN, 11)] {
+        let spoilt = text.replace("INCLINATION = 97.5 [deg]\n", twice);
+        let second = text.replace("100001", "100002");
+        let contents = read(&format!("{spoilt}{second}"));
+        let told = contents.rejected.iter().map(ToString::to_string);
+        assert_eq!(
+            told.collect::<Vec<_>>(),
+            [format!("odd:{line}: record 1: {reason}")]
+        );
+        assert_eq!(contents.records[0].elements.norad, 100_002);
+        assert!(rejections(&xml(&spoilt))[0].ends_with(reason));
+    }
+    // At the end of a message that says where it begins; one that does not is taken to end there.
+    assert!(
+        rejections(&format!("{versioned}BSTAR = 1\n"))[0].contains("BSTAR twice: '0.0001' and '1'")
+    );
+    let headless = KVN.replace("OBJECT_NAME = MADE UP\n", "");
+    assert_eq!(read(&format!("{KVN}{headless}{KVN}")).records.len(), 3);
+}
+
+#[test]
+fn a_csv_value_may_have_line_breaks() {
+    const HEAD: &str = "OBJECT_NAME,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,NORAD_CAT_ID,BSTAR";
+    const REST: &str = "2026-07-12T03:04:05,15.2,.001,97.5,120,90,270";
+    for end in ["\n", "\r\n"] {
+        let text = format!("{HEAD}{end}\"TWO{end}LINES\",{REST},7,0{end}ONE,{REST},8,0{end}");
+        let contents = read(&text);
+        assert_eq!(contents.rejected, []);
+        let told = contents
+            .records
+            .iter()
+            .map(|it| (it.name.as_str(), it.line));
+        assert_eq!(told.collect::<Vec<_>>(), [("TWO LINES", 2), ("ONE", 4)]);
+    }
+    // Half of a value is never taken for the whole.
+    for spoilt in [
+        format!("\"TWO\nLINES\",{REST},7\n"),
+        format!("\"TWO\n{REST},7,0\n"),
+        format!("TWO\",{REST},7,0\n"),
+    ] {
+        let contents = read(&format!("{HEAD}\n{spoilt}ONE,{REST},8,0\n"));
+        let names: Vec<&str> = contents.records.iter().map(|it| it.name.as_str()).collect();
+        assert_eq!(names, ["ONE"], "{spoilt}");
+        assert_eq!(
+            contents.rejected.len(),
+            spoilt.lines().count(),
+            "{:?}",
+            contents.rejected
+        );
+        let told = contents.rejected[0].to_string();
+        assert!(
+            told.starts_with("odd:2: record 1: a quotation mark without"),
+            "{told}"
+        );
+    }
+}
+
+#[test]
+fn a_refusal_is_one_line_with_the_number_of_its_record() {
+    let json = |number: &str, inclination: &str| {
+        format!(
+            r#"{{"OBJECT_NAME":"SAME DEB","EPOCH":"2026-07-12T03:04:05","MEAN_MOTION":15.2,"ECCENTRICITY":0,"INCLINATION":{inclination},"RA_OF_ASC_NODE":1,"ARG_OF_PERICENTER":2,"MEAN_ANOMALY":3,"NORAD_CAT_ID":{number},"BSTAR":0}}"#
+        )
+    };
+    let (fine, spoilt) = (json("7", "97.5"), json("8", "\"9\\n7\""));
+    let text = format!(
+        "[{fine},{spoilt},{fine},{}\n<a>\n<b>",
+        fine.replace("1,", "1 ")
+    );
+    let told = rejections(&text);
+    assert_eq!(
+        told[0],
+        "odd:1: record 2: INCLINATION '9\\n7' is not a number from 0 to 180 (SAME DEB, NORAD_CAT_ID 8)"
+    );
+    assert!(told[1].starts_with("odd:1: record 4: not JSON"), "{told:?}");
+    assert!(
+        told[2].starts_with("odd:2: '<a>\\n<b>' is outside"),
+        "{told:?}"
+    );
+    assert!(told.iter().all(|line| !line.contains('\n')), "{told:?}");
+}
+
+#[test]
+fn an_oem_behind_another_begins_with_its_version() {
+    let message = |id: &str, minute: u32| {
+        format!(
+            "CCSDS_OEM_VERS = 2.0\nORIGINATOR = X\nMETA_START\nOBJECT_NAME = MADE UP\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\n\
+             REF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = 2026-07-12T03:00:00\nSTOP_TIME = 2026-07-12T04:00:00\nMETA_STOP\n\
+             2026-07-12T03:{minute}:00 7000 0 0 0 7.5 0\n2026-07-12T03:{}:00 0 7000 0 -7.5 0 0\n",
+            minute + 25
+        )
+    };
+    let loaded = parse(
+        &[message("2026-101A", 10), message("2026-101B", 20)].concat(),
+        "odd",
+    )
+    .unwrap();
+    assert_eq!(loaded.rejected, []);
+    let ids: Vec<&str> = loaded
+        .objects
+        .iter()
+        .map(|object| object.id.as_str())
+        .collect();
+    assert_eq!(ids, ["2026-101A", "2026-101B"]);
+    // One that lost its states is refused alone.
+    let torn = message("2026-101A", 10);
+    let torn = torn.split("2026-07-12T03:10").next().unwrap();
+    let loaded = parse(&[torn, &message("2026-101B", 20)].concat(), "odd").unwrap();
+    assert_eq!((loaded.objects.len(), loaded.rejected.len()), (1, 1));
+}
+
+#[test]
+fn a_table_of_toml_is_no_json() {
+    for text in [
+        "[[objects]]\nfiles = [\"a\"]",
+        "# made up\n[ objects ]\n",
+        "[1, 2]",
+    ] {
+        let error = parse_contents(text, "odd").unwrap_err();
+        assert!(
+            matches!(error, LoadError::NoOrbit { .. }) && error.is_foreign(),
+            "{error}"
+        );
+    }
+    let error = parse_contents("[ ]", "odd").unwrap_err();
+    assert!(
+        matches!(error, LoadError::NoRecord { .. }) && !error.is_foreign(),
+        "{error}"
+    );
+}

@@ -1,0 +1,117 @@
+//! Folders that hold more than orbits, and files that cannot be opened.
+
+use super::catalog::{DELTA, VANGUARD, has, run, scene};
+use serde_json::Value;
+
+#[test]
+fn the_folder_of_a_population_holds_nothing_that_is_refused() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let synth = ["catalog", "synth", "--objects", "300", "--out", "pop"];
+    assert_eq!(run(at, &synth).0, Some(0));
+    let (code, out, log) = run(at, &["catalog", "check", "pop", "--strict"]);
+    assert_eq!(code, Some(0), "{out}{log}");
+    has(
+        &out,
+        &[
+            "passed over: 1 entry holds no orbits (pop/population.toml)",
+            "300 records of 300 objects; 0 records",
+        ],
+    );
+    std::fs::write(at.join("delta.3le"), DELTA).unwrap();
+    std::fs::write(at.join("scene.toml"), scene("\"pop\"")).unwrap();
+    let (code, _, log) = run(at, &["plan", "--scene", "scene.toml", "--strict"]);
+    assert_eq!(code, Some(0), "{log}");
+    has(&log, &["passed over: 1 entry holds no orbits"]);
+    assert!(!log.contains("refused"), "{log}");
+}
+
+/// A pipe would be waited for without end, a device may have none.
+#[test]
+#[cfg(unix)]
+fn what_is_no_file_in_a_folder_is_passed_over_and_a_file_of_no_use_is_not() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let orbits = at.join("orbits");
+    std::fs::create_dir(&orbits).unwrap();
+    std::fs::write(orbits.join("a.3le"), VANGUARD).unwrap();
+    let made = std::process::Command::new("mkfifo")
+        .arg(orbits.join("pipe"))
+        .status();
+    assert!(made.unwrap().success());
+    let _socket = std::os::unix::net::UnixListener::bind(orbits.join("socket")).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", orbits.join("zero")).unwrap();
+    std::os::unix::fs::symlink("a.3le", orbits.join("link")).unwrap();
+    std::fs::write(orbits.join("picture"), b"\x89PNG\0\0").unwrap();
+    let passed =
+        "passed over: 4 entries hold no orbits (orbits/picture, orbits/pipe, orbits/socket, ...)";
+    let (code, out, _) = run(at, &["catalog", "check", "orbits", "--strict"]);
+    assert_eq!(code, Some(0), "{out}");
+    has(
+        &out,
+        &[
+            passed,
+            "orbits/link: 3le, 1 record",
+            "2 files: 2 records of 1 object",
+        ],
+    );
+    let (code, _, log) = run(
+        at,
+        &["catalog", "convert", "orbits", "--to", "tle", "--strict"],
+    );
+    assert_eq!(code, Some(0));
+    has(&log, &[passed]);
+
+    // A link that leads nowhere, and a table without a line, are losses.
+    std::os::unix::fs::symlink("nowhere", orbits.join("gone")).unwrap();
+    std::fs::write(orbits.join("none.csv"), "NORAD_CAT_ID,EPOCH,MEAN_MOTION\n").unwrap();
+    let (code, _, log) = run(at, &["catalog", "check", "orbits", "--strict"]);
+    assert_eq!(code, Some(1));
+    has(&log, &["--strict: 0 records and 2 files"]);
+    std::fs::write(at.join("delta.3le"), DELTA).unwrap();
+    std::fs::write(at.join("scene.toml"), scene("\"orbits\"")).unwrap();
+    let (code, _, log) = run(at, &["plan", "--scene", "scene.toml", "--strict"]);
+    assert_eq!(code, Some(1));
+    has(
+        &log,
+        &[
+            "orbits/gone: No such file",
+            "orbits/none.csv: omm-csv, and no record",
+        ],
+    );
+}
+
+#[test]
+fn a_file_that_is_named_and_cannot_be_opened_is_an_error() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    std::fs::write(at.join("good.tle"), VANGUARD).unwrap();
+    let (code, out, log) = run(at, &["catalog", "check", "good.tle", "none"]);
+    assert_eq!(code, Some(1));
+    has(
+        &out,
+        &["good.tle: 3le, 1 record", "cannot read the orbit file none"],
+    );
+    has(&log, &["1 file of the command line cannot be opened"]);
+    for more in [&["info"][..], &["convert", "--to", "tle"]] {
+        let args = [&["catalog"], more, &["good.tle", "none"]].concat();
+        let (code, out, log) = run(at, &args);
+        assert_eq!((code, out.as_str()), (Some(1), ""), "{more:?}");
+        has(&log, &["cannot read the orbit file none"]);
+    }
+    // One that is no orbit file can be, and is refused.
+    std::fs::write(at.join("readme"), "Nothing that moves.\n").unwrap();
+    let (code, out, _) = run(at, &["catalog", "check", "--json", "good.tle", "readme"]);
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((code, report["unusable"].as_u64()), (Some(0), Some(1)));
+}
+
+#[test]
+fn help_of_catalog_speaks_of_no_scene() {
+    let here = tempfile::tempdir().unwrap();
+    for command in ["info", "convert"] {
+        let (_, out, _) = run(here.path(), &["catalog", command, "--help"]);
+        has(&out, &["--strict"]);
+        assert!(!out.contains("scene"), "{out}");
+    }
+}
