@@ -81,7 +81,7 @@ fn object(index: u64, seed: u64, epoch: Epoch) -> Synthetic {
     let class = class_at(index);
     let mut draw = Draw::new(seed, index);
     let (semi_major_km, eccentricity) = orbit(&class.orbit, &mut draw);
-    let (inclination, node) = plane(&class.inclination, semi_major_km, &mut draw);
+    let (inclination, node) = plane(&class.inclination, semi_major_km, epoch, &mut draw);
     let elements = Elements {
         norad: FIRST_NUMBER + index as u32,
         epoch: epoch - Unit::Second * (86_400.0 * draw.uniform()),
@@ -148,28 +148,49 @@ fn orbit(orbit: &Orbit, draw: &mut Draw) -> (f64, f64) {
     }
 }
 
+/// A draw from bands of a weight, normal about a mean: weight, mean, sigma.
+fn banded(bands: &[(f64, f64, f64)], draw: &mut Draw) -> f64 {
+    let all: f64 = bands.iter().map(|(weight, ..)| weight).sum();
+    let mut left = all * draw.uniform();
+    let mut band = (0.0, 0.0);
+    for (weight, mean, sigma) in bands {
+        band = (*mean, *sigma);
+        left -= weight;
+        if left < 0.0 {
+            break;
+        }
+    }
+    band.0 + band.1 * draw.normal()
+}
+
 /// Inclination and node, rad.
-fn plane(inclination: &Inclination, semi_major_km: f64, draw: &mut Draw) -> (f64, f64) {
+fn plane(
+    inclination: &Inclination,
+    semi_major_km: f64,
+    epoch: Epoch,
+    draw: &mut Draw,
+) -> (f64, f64) {
     match inclination {
         Inclination::Bands(bands) => {
-            let all: f64 = bands.iter().map(|(weight, ..)| weight).sum();
-            let mut left = all * draw.uniform();
-            let mut band = (0.0, 0.0);
-            for (weight, mean, sigma) in *bands {
-                band = (*mean, *sigma);
-                left -= weight;
-                if left < 0.0 {
-                    break;
-                }
-            }
-            let degrees = band.0 + band.1 * draw.normal();
+            let degrees = banded(bands, draw);
             (degrees.abs().to_radians(), draw.angle())
         }
         // cos i = -(a / 12352 km)^(7/2): the node turns 360 deg a year (Boain 2004, AAS 04-108).
-        Inclination::SunSynchronous(sigma) => {
+        Inclination::SunSynchronous(sigma, nodes_h) => {
             let cos = -libm::pow(semi_major_km / 12_352.0, 3.5);
             let spread = (sigma * draw.normal()).to_radians();
-            (libm::acos(cos) + spread, draw.angle())
+            let node = match nodes_h {
+                [] => draw.angle(),
+                // W = L + (t - 12 h) 15 deg / h, with the mean Sun's L = 280.460 deg + 0.9856474 deg a day from J2000
+                // (Astronomical Almanac, C5).
+                nodes_h => {
+                    let days = epoch.to_jde_utc_days() - 2_451_545.0;
+                    let sun_deg = 280.460 + 0.985_647_4 * days;
+                    let node_deg = sun_deg + 15.0 * (banded(nodes_h, draw) - 12.0);
+                    node_deg.rem_euclid(360.0).to_radians()
+                }
+            };
+            (libm::acos(cos) + spread, node)
         }
         // The Laplace plane's node is the vernal equinox: its pole lies at (0, -sin L, cos L). The orbit's pole is the Earth's,
         // turned about it by an angle: h = p cos + (L x p) sin + L (L . p) (1 - cos), with p = (0, 0, 1).

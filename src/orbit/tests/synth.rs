@@ -3,7 +3,7 @@
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::synth::{CLASSES, FIRST_NUMBER, Synthetic, population};
 use skyloop_orbit::time::parse_utc;
-use skyloop_orbit::{Format, Orbit, parse, write};
+use skyloop_orbit::{Format, Orbit, Regime, parse, write};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -21,7 +21,7 @@ fn regime(of: &Elements) -> &'static str {
         (..225.0, _) => "near, apogee above 2000 km",
         (600.0..900.0, ..0.1) => "half a day",
         (1_400.0..1_500.0, ..0.1) => "geostationary",
-        _ => "deep, eccentric",
+        _ => "other deep",
     }
 }
 
@@ -38,11 +38,11 @@ fn the_regimes_have_the_shares_of_the_table() {
     }
     // X-Val: the table's classes, added up by hand.
     let expected = [
-        ("low", 872.0),
-        ("near, apogee above 2000 km", 28.0),
-        ("geostationary", 52.0),
-        ("half a day", 15.0),
-        ("deep, eccentric", 33.0),
+        ("low", 852.0),
+        ("near, apogee above 2000 km", 25.0),
+        ("geostationary", 48.0),
+        ("half a day", 12.0),
+        ("other deep", 63.0),
     ];
     println!("{regimes:?}");
     for (name, share) in expected {
@@ -53,13 +53,17 @@ fn the_regimes_have_the_shares_of_the_table() {
         );
     }
     for class in CLASSES {
-        let of_thousand = classes[class.name] / OBJECTS as f64 * 1000.0;
-        assert!(
-            (of_thousand / class.share - 1.0).abs() < 0.01,
-            "{}: {of_thousand}",
-            class.name
-        );
+        let off = classes[class.name] - class.share * OBJECTS as f64 / 1000.0;
+        assert!(off.abs() < 5.0, "{}: {off}", class.name);
     }
+    let share = |of: Regime| {
+        let count = all.iter().filter(|one| one.elements.regime() == of).count();
+        100.0 * count as f64 / OBJECTS as f64
+    };
+    // X-Val: the public catalogues: 10.8 % eccentric in June 2019, 8.0 % in September 2023, when 25,587 objects were 2,046 with them;
+    // 2,046 of 33,000 are 6.2 %. Beyond the geostationary belt 0.15 %.
+    assert!((6.0..6.6).contains(&share(Regime::Eccentric)));
+    assert!((0.1..0.3).contains(&share(Regime::High)));
 }
 
 #[test]
@@ -100,6 +104,35 @@ fn sizes_are_those_of_their_classes() {
     assert!((median("SSO-DEBRIS") / 0.1080 - 1.0).abs() < 0.03);
     assert!((median("LEO-ROCKET") / 3.5 - 1.0).abs() < 0.03);
     assert!(all.iter().all(|one| (0.05..15.0).contains(&one.diameter_m)));
+}
+
+/// Where the Sun stands when a Sun-synchronous payload passes its node, as in the public catalogue of 2023.
+#[test]
+fn sun_synchronous_payloads_keep_their_hours() {
+    let epoch = parse_utc("2026-11-22T12:00:00Z").unwrap();
+    let all = made(100_000, 6);
+    let hours = |name: &str| {
+        let of = all.iter().filter(|one| one.class.name == name);
+        // X-Val: the mean Sun's right ascension by Meeus, Astronomical Algorithms, Eq. (25.2).
+        let centuries = (epoch.to_jde_utc_days() - 2_451_545.0) / 36_525.0;
+        let sun_deg = 280.466_46 + 36_000.769_83 * centuries;
+        let hour = |node: f64| ((node.to_degrees() - sun_deg) / 15.0 + 12.0).rem_euclid(24.0);
+        of.map(|one| hour(one.elements.node)).collect::<Vec<f64>>()
+    };
+    let part = |hours: &[f64], from: f64, to: f64| {
+        let within = hours.iter().filter(|hour| (from..to).contains(*hour));
+        within.count() as f64 / hours.len() as f64
+    };
+    // X-Val: counted in the catalogue of 2023, 1,678 payloads: 50 % at 20.5 to 23.5 h, 4 % at 2.5 to 5.5 h, 4 % at 6.5 to 9 h.
+    let payloads = hours("SSO-PAYLOAD");
+    assert!((0.45..0.55).contains(&part(&payloads, 20.5, 23.5)));
+    assert!(part(&payloads, 3.2, 5.0) < 0.01 && part(&payloads, 7.0, 9.0) < 0.01);
+    // What broke up has gone all around since.
+    let debris = hours("SSO-DEBRIS");
+    for hour in 0..24 {
+        let part = part(&debris, hour.into(), f64::from(hour) + 1.0);
+        assert!((part * 24.0 - 1.0).abs() < 0.15, "{hour} h: {part}");
+    }
 }
 
 /// The poles of orbits that nobody keeps go around that of the Laplace plane: inclinations reach twice its 7.4 deg, and the
@@ -227,5 +260,5 @@ fn the_population_is_that_of_its_seed() {
     let hash = bits.fold(0xcbf2_9ce4_8422_2325u64, |hash, x| {
         (hash ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3)
     });
-    assert_eq!(hash, 0xbcbd_fcb2_80e0_29a6);
+    assert_eq!(hash, 0x52ff_29a4_7e0c_0727);
 }
