@@ -27,7 +27,7 @@ mod wcs;
 
 pub use folder::OutputError;
 pub use light_curve::write_light_curve;
-pub use text::write_text;
+pub use text::{remove_file, write_text};
 
 use crate::camera::Camera;
 use crate::frame::Frame;

@@ -49,6 +49,28 @@ fn a_folder_is_a_population_that_a_scene_can_use() {
 }
 
 #[test]
+fn an_older_population_is_replaced_and_nothing_else() {
+    let here = tempfile::tempdir().unwrap();
+    let made = here.path().join("made");
+    let write = |objects: &str| synth(here.path(), &["--objects", objects, "--out", "made"]);
+    assert!(write("500").0);
+    assert!(names(&made).len() > 6, "{:?}", names(&made));
+    assert!(write("2").0);
+    // X-Val: the first two are of 3.7 m and 0.23 m: two size classes and the population file.
+    let few = names(&made);
+    assert_eq!(few.len(), 3, "{few:?}");
+    let before = contents(&made);
+    std::fs::write(made.join("notes.txt"), "mine").unwrap();
+    let (fine, _, log) = write("500");
+    assert!(
+        !fine && log.contains("holds made/notes.txt") && log.contains("new, empty or"),
+        "{log}"
+    );
+    std::fs::remove_file(made.join("notes.txt")).unwrap();
+    assert_eq!(contents(&made), before);
+}
+
+#[test]
 fn a_file_has_the_format_of_its_name() {
     let here = tempfile::tempdir().unwrap();
     for name in ["a.tle", "a.3le", "a.kvn", "a.xml", "a.json", "a.csv"] {

@@ -1,13 +1,13 @@
 //! `skyloop catalog synth`: a made-up population with the mix of the real one, for scale tests.
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::orbit::synth::{CLASSES, MOST_OBJECTS, Synthetic, population};
 use skyloop::orbit::time::{parse_utc, utc_text};
-use skyloop::orbit::{Format, Record, write};
-use skyloop::output::write_text;
+use skyloop::orbit::{Format, Listing, Record, files, write};
+use skyloop::output::{remove_file, write_text};
 use skyloop_firmware_sim::console::say;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -35,6 +35,8 @@ pub struct Args {
     out: Option<PathBuf>,
 }
 
+/// The population file in a folder.
+const POPULATION: &str = "population.toml";
 /// The greatest catalogue number that TLE can hold: `Z9999`.
 const LARGEST_ALPHA5: u32 = 339_999;
 /// Where size classes end, m.
@@ -86,8 +88,44 @@ fn counts(all: &[Synthetic]) -> String {
     text + &format!("{}\n", counted(all.len(), "object"))
 }
 
-/// Writes a population file and one file of elements for each size class.
+/// The element file of a size class.
+fn class_file(to_m: f64, end: &str) -> String {
+    format!("below-{to_m}-m.{end}")
+}
+
+/// The files of an older population in a folder.
+///
+/// Errors: the folder cannot be listed, or holds anything else, which a scene that names the folder would take for a part of
+/// the population.
+fn older(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let mut own = vec![POPULATION.to_string()];
+    own.extend(SIZES_M.iter().map(|to_m| class_file(*to_m, "3le")));
+    own.extend(SIZES_M.iter().map(|to_m| class_file(*to_m, "csv")));
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let Listing { files, others } = files(folder).with_context(|| folder.display().to_string())?;
+    let is_own = |file: &Path| {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        own.iter().any(|own| *own == name)
+    };
+    let foreign = files.iter().find(|file| !is_own(file));
+    if let Some(foreign) = others.first().or(foreign) {
+        bail!(
+            "--out {}: holds {}, which is of no population; name a folder that is new, empty or holds a population alone, \
+             which is replaced",
+            folder.display(),
+            foreign.display()
+        );
+    }
+    Ok(files)
+}
+
+/// Writes a population file and one file of elements for each size class, in place of an older population.
 fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<String> {
+    for file in older(folder)? {
+        remove_file(&file)?;
+    }
     let numbers = all.iter().map(|one| one.elements.norad);
     let (format, end) = match numbers.max() {
         Some(largest) if largest > LARGEST_ALPHA5 => (Format::OmmCsv, "csv"),
@@ -106,7 +144,7 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
         if of.is_empty() {
             continue;
         }
-        let name = format!("below-{to_m}-m.{end}");
+        let name = class_file(to_m, end);
         let records: Vec<Record> = of.iter().map(|one| one.record()).collect();
         elements(&folder.join(&name), &records, format, epoch)?;
         // Light goes with the square of the diameter.
@@ -117,7 +155,7 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
             "\n[[objects]]\nfiles = [{name:?}]\nsphere = {{ diameter_m = {diameter_m:.4} }}\n"
         );
     }
-    let file = folder.join("population.toml");
+    let file = folder.join(POPULATION);
     write_text(&file, &toml)?;
     Ok(format!(
         "wrote {}\nin a scene: [objects] population = {:?}, exposures near {}\n",
