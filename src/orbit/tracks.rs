@@ -12,7 +12,7 @@
 
 use crate::StateVector;
 use crate::elements::{Elements, ModelError};
-use crate::sgp4_batch::{BLOCK, Batch, BlockStates, Level, Row};
+use crate::sgp4_batch::{Asked, BLOCK, Batch, BlockStates, Level, Row};
 use hifitime::{Duration, Epoch};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
@@ -64,11 +64,11 @@ pub trait Look: Sync {
 }
 
 /// A stretch of a block's ways.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 #[repr(align(64))]
 struct Segment {
-    /// Its middle, ns since 1900 TAI; none before there is one.
-    middle_ns: Option<i64>,
+    /// Its middle, ns since 1900 TAI; [`NEVER`] before there is one.
+    middle_ns: i64,
     /// In the middle, km.
     middle_km: [Row; 3],
     /// Times half segments since then, their squares and their cubes, km.
@@ -77,10 +77,21 @@ struct Segment {
     code: [u8; BLOCK],
     /// For whom it does not hold: SGP4 is asked.
     asks: [bool; BLOCK],
+    /// Whether it waits for what it is laid through.
+    is_begun: bool,
 }
+
+// Frames take as long as memory takes to tell of all segments.
+const _: () = assert!(size_of::<Segment>() == 512);
+
+/// No segment is near to that.
+const NEVER: i64 = i64::MIN;
 
 /// A coefficient of each object of a block, km.
 type Rates = [f32; BLOCK];
+
+/// At which a segment is laid and proved.
+const INSTANTS: usize = 5;
 
 /// Half a segment, ns.
 const HALF_NS: i64 = SEGMENT_S * 500_000_000;
@@ -136,9 +147,13 @@ impl Tracks {
         self.batch.octets() + self.segments.capacity() * size_of::<Segment>()
     }
 
-    /// The state of one object by SGP4, TEME, m and m/s, or the code of its failure.
-    pub fn state(&self, object: usize, t: Epoch) -> Result<StateVector, u8> {
-        self.batch.state(object, t)
+    /// The states of some objects by SGP4, each at `N` instants, up to [`BLOCK`]: TEME, m and m/s, or the code of a failure.
+    pub fn states_at<const N: usize>(
+        &self,
+        asked: &[(usize, [Epoch; N])],
+        states: &mut [[Result<StateVector, u8>; N]],
+    ) {
+        self.batch.states_at(asked, states);
     }
 
     /// What `look` finds at `t`, in the order of blocks.
@@ -155,17 +170,27 @@ impl Tracks {
         self.batch.advance_to(t);
         // An exact catalogue has blocks whose segments never hold.
         let blocks = self.batch.blocks();
-        self.segments.resize_with(blocks, Segment::default);
+        self.segments.resize(blocks, Segment::NONE);
         let (batch, exact) = (&self.batch, self.exact);
         let chunks = self.segments.par_chunks_mut(CHUNK).enumerate();
         let found = chunks.map(|(chunk, segments)| {
             let first = chunk * CHUNK;
+            let mut asked = Vec::new();
             for (block, segment) in (first..).zip(&mut *segments) {
                 if exact {
-                    segment.middle_ns = None;
+                    segment.middle_ns = NEVER;
                 } else if !segment.holds(ns) && frame.is_due(block, segment) {
-                    segment.lay(batch, block, ns);
+                    asked.extend(segment.begin(block, ns));
                 }
+            }
+            if !asked.is_empty() {
+                let mut states = vec![BlockStates::NONE; asked.len()];
+                batch.blocks_asked(&asked, &mut states);
+                let begun = segments.iter_mut().filter(|segment| segment.is_begun);
+                let (states, _) = states.as_chunks::<INSTANTS>();
+                begun
+                    .zip(states)
+                    .for_each(|(segment, states)| segment.lay(states));
             }
             let mut found = Vec::new();
             batch.level().run(Chunk {
@@ -246,27 +271,36 @@ impl Frame {
 }
 
 impl Segment {
+    const NONE: Segment = Segment {
+        middle_ns: NEVER,
+        middle_km: [[0.0; BLOCK]; 3],
+        rates_km: [[[0.0; BLOCK]; 3]; 3],
+        code: [0; BLOCK],
+        asks: [false; BLOCK],
+        is_begun: false,
+    };
+
     fn holds(&self, ns: i64) -> bool {
-        self.middle_ns
-            .is_some_and(|middle| (ns - middle).abs() <= HALF_NS)
+        self.middle_ns != NEVER && (ns - self.middle_ns).abs() <= HALF_NS
     }
 
-    /// The segment of `block` that holds `ns`. Blocks begin theirs one after another.
-    fn lay(&mut self, batch: &Batch, block: usize, ns: i64) {
+    /// Begins the segment of `block` that holds `ns`, one block after another; at which instants it asks for the block.
+    fn begin(&mut self, block: usize, ns: i64) -> [Asked; INSTANTS] {
         // The golden section spreads any number of blocks evenly.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let phase = ((block as f64 * GOLDEN).fract() * (2 * HALF_NS) as f64) as i64;
         let start = (ns - phase).div_euclid(2 * HALF_NS) * (2 * HALF_NS) + phase;
         let middle = start + HALF_NS;
-        self.middle_ns = Some(middle);
-
-        let mut states: [[BlockStates; 1]; 5] = Default::default();
-        let instants = [-HALF_NS, -HALF_NS / 2, 0, HALF_NS / 2, HALF_NS];
-        for (states, offset) in states.iter_mut().zip(instants) {
+        (self.middle_ns, self.is_begun) = (middle, true);
+        [-HALF_NS, -HALF_NS / 2, 0, HALF_NS / 2, HALF_NS].map(|offset| {
             let t = Duration::from_total_nanoseconds(i128::from(middle + offset));
-            batch.blocks_at_epoch(block, Epoch::from_tai_duration(t), states);
-        }
-        let [[a], [b], [m], [c], [d]] = &states;
+            Asked::of(block, Epoch::from_tai_duration(t))
+        })
+    }
+
+    /// Lays it through those states.
+    fn lay(&mut self, [a, b, m, c, d]: &[BlockStates; INSTANTS]) {
+        self.is_begun = false;
         let mut fits = [true; BLOCK];
         for axis in 0..3 {
             for (i, fits) in fits.iter_mut().enumerate() {
@@ -295,8 +329,7 @@ impl Segment {
     /// Where everybody is, as far as it holds.
     #[inline(always)]
     fn place(&self, ns: i64, position_km: &mut [Row; 3]) {
-        let middle = self.middle_ns.unwrap_or(ns);
-        let s = ((ns - middle) as f64 / HALF_NS as f64) as f32;
+        let s = ((ns - self.middle_ns) as f64 / HALF_NS as f64) as f32;
         let [p1, p2, p3] = &self.rates_km;
         for (axis, row) in position_km.iter_mut().enumerate() {
             let way = way(s, &p1[axis], &p2[axis], &p3[axis]);

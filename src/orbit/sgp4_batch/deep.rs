@@ -115,9 +115,13 @@ impl<R: Resonance> Model for Deep<R> {
     }
 
     #[inline(always)]
-    fn perturbed<S: Simd>(&self, part: Part<S>, when: When) -> Perturbed<S> {
+    fn secular(&self) -> &Secular {
+        &self.secular
+    }
+
+    #[inline(always)]
+    fn perturbed<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Perturbed<S> {
         let Secular { c1, c4, .. } = &self.secular;
-        let t = self.secular.minutes(part, when);
         let (zero, one) = (part.splat(0.0), part.splat(1.0));
         let p22 = self.secular.node_at(part, t);
         let p23 = self.secular.perigee_at(part, t);

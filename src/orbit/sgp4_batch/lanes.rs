@@ -32,18 +32,48 @@ pub struct Part<S: Simd> {
     simd: S,
     /// Its number within the block.
     index: usize,
+    /// The object that stands in all places instead, if any.
+    alone: Option<usize>,
 }
 
 impl<S: Simd> Part<S> {
     /// The parts that a block is worked on in.
     #[inline(always)]
     pub fn all(simd: S) -> impl Iterator<Item = Part<S>> {
-        (0..BLOCK / S::F64_LANES).map(move |index| Part { simd, index })
+        Part::first(simd, BLOCK)
     }
 
-    /// This part of a row.
+    /// As many of them as hold the first `places`.
+    #[inline(always)]
+    pub fn first(simd: S, places: usize) -> impl Iterator<Item = Part<S>> {
+        (0..places.div_ceil(S::F64_LANES)).map(move |index| Part {
+            simd,
+            index,
+            alone: None,
+        })
+    }
+
+    /// The same places with one object in all of them.
+    #[inline(always)]
+    pub fn alone(self, object: usize) -> Part<S> {
+        Part {
+            alone: Some(object),
+            ..self
+        }
+    }
+
+    /// This part of a row; of an object that stands alone, its number.
     #[inline(always)]
     pub fn load(self, row: &Row) -> Lanes<S> {
+        match self.alone {
+            None => self.each(row),
+            Some(object) => self.splat(row[object % BLOCK]),
+        }
+    }
+
+    /// This part of a row, whoever stands there.
+    #[inline(always)]
+    pub fn each(self, row: &Row) -> Lanes<S> {
         Lanes {
             simd: self.simd,
             values: S::as_simd_f64s(row).0[self.index],

@@ -14,6 +14,7 @@
 //! | `figures` | the constants of one object |
 //! | `secular`, `near`, `deep`, `resonance` | perturbed mean elements |
 //! | `short_period` | from these to positions and velocities |
+//! | `propagate` | many blocks at a time, step by step |
 //!
 //! What an object's state is depends on nothing but its elements and the time: not on threads, on the processor, on the objects beside it, or on what was asked before.
 
@@ -22,6 +23,7 @@ mod figures;
 mod lanes;
 mod level;
 mod near;
+mod propagate;
 mod resonance;
 mod secular;
 mod short_period;
@@ -35,15 +37,19 @@ use crate::elements::{Elements, ModelError};
 use deep::Deep;
 use figures::Figures;
 use hifitime::Epoch;
-use lanes::Part;
+use lanes::{Lanes, Part};
 use nalgebra::Vector3;
 use near::Near;
-use pulp::{Simd, WithSimd};
+use propagate::Advance;
+pub(crate) use propagate::Asked;
+use pulp::Simd;
 use rayon::prelude::*;
 use resonance::{Free, HalfDay, OneDay};
-use secular::{Instant, When};
-use short_period::{Perturbed, Way};
+use secular::{Instant, Secular, When};
+use short_period::Perturbed;
 
+/// The reference's code of a position inside the Earth.
+pub const DECAYED: u8 = 6;
 /// Beside the reference's codes: too far from the epoch of the elements ([`MAX_ELAPSED_DAYS`](crate::elements::MAX_ELAPSED_DAYS)).
 pub const TOO_FAR: u8 = 7;
 /// Beside the reference's codes: numbers that are not finite.
@@ -104,8 +110,9 @@ trait Model: Default + Send + Sync {
     fn set(&mut self, i: usize, elements: &Elements, figures: &Figures);
     /// Brings what runs on in steps near to an instant, for good.
     fn advance<S: Simd>(&mut self, _: Part<S>, _: When) {}
-    /// The mean elements at an instant, with all but their short-period perturbations.
-    fn perturbed<S: Simd>(&self, part: Part<S>, when: When) -> Perturbed<S>;
+    fn secular(&self) -> &Secular;
+    /// The mean elements `t` min after the epochs, with all but their short-period perturbations.
+    fn perturbed<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Perturbed<S>;
 }
 
 impl Batch {
@@ -224,15 +231,19 @@ impl Batch {
 
     /// The state of one object at an instant, as [`States::get`] gives it.
     pub fn state(&self, object: usize, t: Epoch) -> Result<StateVector, u8> {
-        let place = self.places.get(object).copied().unwrap_or(NOBODY) as usize;
-        let mut states = [BlockStates::NONE];
-        self.blocks_at(place / BLOCK, When::At(Instant::of(t)), &mut states);
-        states[0].get(place % BLOCK)
+        let mut states = [[Err(UNKNOWN)]];
+        self.states_at(&[(object, [t])], &mut states);
+        states[0][0]
     }
 
     /// Brings near to an instant what is integrated step by step. States do not depend on it, the time that they take does.
     pub(crate) fn advance_to(&mut self, t: Epoch) {
         self.advance(When::At(Instant::of(t)));
+    }
+
+    /// The blocks from `first` on at an instant, as many as `states` has.
+    pub(crate) fn blocks_at_epoch(&self, first: usize, t: Epoch, states: &mut [BlockStates]) {
+        self.blocks_at(first, When::At(Instant::of(t)), states);
     }
 
     fn advance(&mut self, when: When) {
@@ -242,95 +253,6 @@ impl Batch {
         }
         all(self.level, when, &mut self.one_day);
         all(self.level, when, &mut self.half_day);
-    }
-
-    /// The blocks from `first` on at an instant, as many as `states` has.
-    pub(crate) fn blocks_at_epoch(&self, first: usize, t: Epoch, states: &mut [BlockStates]) {
-        self.blocks_at(first, When::At(Instant::of(t)), states);
-    }
-
-    fn blocks_at(&self, first: usize, when: When, states: &mut [BlockStates]) {
-        let (first, states) = self.some(&self.near, first, when, states);
-        let (first, states) = self.some(&self.deep, first, when, states);
-        let (first, states) = self.some(&self.one_day, first, when, states);
-        self.some(&self.half_day, first, when, states);
-    }
-
-    /// Those of one kind among the blocks from `first` on, counted from the first of that kind. Gives what is left for the kinds behind.
-    fn some<'a, M: Model>(
-        &self,
-        blocks: &[M],
-        first: usize,
-        when: When,
-        states: &'a mut [BlockStates],
-    ) -> (usize, &'a mut [BlockStates]) {
-        let ours = blocks.get(first..).unwrap_or(&[]);
-        let (mine, rest) = states.split_at_mut(ours.len().min(states.len()));
-        for (blocks, states) in ours.chunks(CHUNK).zip(mine.chunks_mut(CHUNK)) {
-            match states.len() {
-                1 => self.level.run(Propagate::<M, 1> {
-                    when,
-                    blocks,
-                    states,
-                }),
-                _ => self.level.run(Propagate::<M, CHUNK> {
-                    when,
-                    blocks,
-                    states,
-                }),
-            }
-        }
-        (first.saturating_sub(blocks.len()), rest)
-    }
-}
-
-/// At most `N` blocks, step by step, with the instructions of a level.
-struct Propagate<'a, M, const N: usize> {
-    when: When,
-    blocks: &'a [M],
-    states: &'a mut [BlockStates],
-}
-
-impl<M: Model, const N: usize> WithSimd for Propagate<'_, M, N> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let mut ways = [const { Way::EMPTY }; N];
-        for ((block, way), _) in self.blocks.iter().zip(&mut ways).zip(&*self.states) {
-            for part in Part::all(simd) {
-                block.perturbed(part, self.when).long_period(part, way);
-            }
-        }
-        for way in ways.iter_mut().take(self.states.len()) {
-            for part in Part::all(simd) {
-                way.solve(part);
-            }
-        }
-        for (way, states) in ways.iter().zip(self.states) {
-            for part in Part::all(simd) {
-                way.state(part, states);
-            }
-        }
-    }
-}
-
-/// The integrators of some blocks.
-struct Advance<'a, M> {
-    when: When,
-    blocks: &'a mut [M],
-}
-
-impl<M: Model> WithSimd for Advance<'_, M> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        for block in self.blocks {
-            for part in Part::all(simd) {
-                block.advance(part, self.when);
-            }
-        }
     }
 }
 

@@ -3,8 +3,8 @@
 //! Perigees below 220 km and near-circular orbits have fewer drag terms. Their coefficients are 0 here, so that all orbits are one case.
 
 use super::figures::{Elliptic, Figures, High, Method};
-use super::lanes::{Part, Row};
-use super::secular::{Secular, When};
+use super::lanes::{Lanes, Part, Row};
+use super::secular::Secular;
 use super::short_period::{Failed, Perturbed};
 use super::{Model, Site};
 use crate::elements::Elements;
@@ -74,9 +74,13 @@ impl Model for Near {
     }
 
     #[inline(always)]
-    fn perturbed<S: Simd>(&self, part: Part<S>, when: When) -> Perturbed<S> {
+    fn secular(&self) -> &Secular {
+        &self.secular
+    }
+
+    #[inline(always)]
+    fn perturbed<S: Simd>(&self, part: Part<S>, t: Lanes<S>) -> Perturbed<S> {
         let Secular { c1, c4, .. } = &self.secular;
-        let t = self.secular.minutes(part, when);
         let t2 = t * t;
         let one = part.splat(1.0);
         let p23 = self.secular.perigee_at(part, t);

@@ -1,7 +1,7 @@
 //! From perturbed mean elements to position and velocity: long-period terms, Kepler's equation, short-period terms (Vallado et al., AIAA 2006-6753).
 
 use super::lanes::{BLOCK, Lanes, Part, Row, Truth};
-use super::{BlockStates, TOO_FAR, UNKNOWN};
+use super::{BlockStates, DECAYED, TOO_FAR, UNKNOWN};
 use crate::elements::MAX_ELAPSED_DAYS;
 use pulp::Simd;
 
@@ -203,7 +203,7 @@ impl Way {
         let uy = sin_node.mul_add(cos_u, cos_node * across);
         let uz = sin_ik * sin_u;
         let length = r_k * EARTH_KM;
-        failed.unless(r_k.at_least(one), 6);
+        failed.unless(r_k.at_least(one), DECAYED);
 
         // n / ke = a^(-3/2); r' = a^(1/2) p40 / r; r f' = pl^(1/2) / r
         let root_a = a.sqrt();
