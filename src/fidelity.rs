@@ -12,7 +12,7 @@ pub struct Fidelity {
     /// integrated by two Gauss points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
     /// ends: 2e-5 at 0.5. Light and centroid are kept whatever the step.
     pub track_step_sigma: f64,
-    /// Panels are longer, up to one sigma, where the profile still errs by no more than this (e-).
+    /// Panels are longer, up to one sigma, and short tracks are points, where the profile still errs by no more than this (e-).
     pub track_e: f64,
     /// Area light runs in straight lines between places at which it is worked out where that errs by no more than this (e-) and
     pub area_e: f64,
@@ -74,6 +74,14 @@ impl Fidelity {
         let step = (self.track_e * 4320.0 / (1.4 * height_e)).sqrt().sqrt();
         step.max(self.track_step_sigma)
             .min(LONGEST_STEP_SIGMA.max(self.track_step_sigma))
+    }
+
+    /// Length of a track, in units of the PSF's sigma, for which one point stands: its profile, curved by `height_e / sigma^2` at most, errs
+    /// by `step^2 / 24 height_e = track_e`.
+    pub fn point_sigma(&self, height_e: f64) -> f64 {
+        (self.track_e * 24.0 / height_e)
+            .sqrt()
+            .min(LONGEST_STEP_SIGMA)
     }
 
     /// The preset called `name`.

@@ -202,6 +202,7 @@ impl View {
         let course = Course {
             pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
             step_px: self.step_px(candidate, fidelity),
+            point_px: self.point_px(candidate, fidelity),
             reach_px: camera
                 .optics
                 .psf
@@ -219,9 +220,24 @@ impl View {
 
     /// How long (px) panels of the candidate's track may be.
     pub(super) fn step_px(&self, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
+        let (core_px, height_e) = self.height(candidate);
+        core_px * fidelity.step_sigma(height_e)
+    }
+
+    /// How long (px) its track may be for one point to stand for it. Images are not curved like a Gaussian.
+    pub(super) fn point_px(&self, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
+        let (core_px, height_e) = self.height(candidate);
+        match self.camera.optics.psf.at([0.0; 2], 1.0).relief() {
+            None => core_px * fidelity.point_sigma(height_e),
+            Some(_) => 0.0,
+        }
+    }
+
+    /// The width (px) of the candidate's image, and its height (e-) in the middle.
+    fn height(&self, candidate: &Candidate) -> (f64, f64) {
         let core_px = self.camera.optics.psf.core_px();
         // No profile of that width is higher in its middle than a Gaussian.
         let middle = (1.0 / (TAU * core_px * core_px)).min(1.0);
-        core_px * fidelity.step_sigma(candidate.shine().electrons * middle)
+        (core_px, candidate.shine().electrons * middle)
     }
 }

@@ -110,14 +110,19 @@ impl View {
         }
         let [across, rows] = detector.sides().map(|pixels| reach.min(pixels));
         let side = (across * rows).sqrt();
-        let panels = (way / self.step_px(candidate, fidelity)).max(2.0);
+        let panels = (way / self.step_px(candidate, fidelity)).max(1.0);
+        let points = match way <= self.point_px(candidate, fidelity) {
+            true => 1.0,
+            false => 2.0 * panels,
+        };
         let stamp_ns = camera.optics.psf.stamp_ns(side);
         let looks = 2.0 * panels + 7.0;
         work.looks += share * looks;
-        let moving_ns = 2.0 * panels * stamp_ns + looks * LOOK_NS + way * side * FOOTPRINT_NS;
+        let moving_ns = points * stamp_ns + looks * LOOK_NS + way * side * FOOTPRINT_NS;
         work.moving_ms += share * moving_ns * 1e-6;
 
-        // The rows of an image open during some of its panels, and close during as many.
+        // The rows of an image open during some of its panels, two at least, and close during as many.
+        let panels = panels.max(2.0);
         let rows = rows + down;
         let opening_s = rows * camera.readout_s() / detector.height as f64;
         let cut = (2.0 * (1.0 + opening_s * panels / seconds)).min(panels);

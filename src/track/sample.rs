@@ -26,6 +26,22 @@ pub struct Sample {
 }
 
 impl Sample {
+    /// One point that stands for both, with their light and its centre; the rows are those of the first.
+    pub fn and(&self, other: &Sample) -> Sample {
+        let weight = self.weight + other.weight;
+        // Where neither has light, in the middle.
+        let part = if weight > 0.0 {
+            other.weight / weight
+        } else {
+            0.5
+        };
+        Sample {
+            at: [0, 1].map(|k| self.at[k] + part * (other.at[k] - self.at[k])),
+            weight,
+            ..self.clone()
+        }
+    }
+
     /// Those of `rows` that collect something of its light.
     pub fn rows(&self, rows: &Range<i64>) -> Range<i64> {
         let mut all = self.lit.among(rows);

@@ -1,0 +1,246 @@
+//! How a track is cut: into pieces that are nearly straight and even, these into panels, and those into points.
+
+use super::Rows;
+use super::{Course, Lit, Place, Sample, Turns};
+
+/// Points (0..1) of the two-point Gauss rule, whose weights are equal.
+const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+/// Points and weights of the four-point Gauss rule on 0..1.
+const FOUR: [(f64, f64); 4] = [
+    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
+    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
+];
+/// A piece is cut in two where its middle lies further than this part of its length from the middle of its chord:
+/// it bends, or its speed changes by more than a sixth.
+const BEND: f64 = 0.02;
+/// Longest piece (px): of what passes by at speed, little more is sampled finely than what crosses the window.
+const LONGEST_PX: f64 = 256.0;
+/// A piece of which nothing is seen is cut in two where what its light is uncertain by may move the centre of all by more than this, px.
+const FAR_PX: f64 = 1e-5;
+/// How often a piece is cut in two at most.
+pub const DEPTH: u32 = 24;
+
+/// An instant (0..1) of a track and where the image is then; none: behind the camera.
+pub type Knot = (f64, Option<Place>);
+
+/// The sampling of one track.
+pub struct Walk<'a, F> {
+    pub place: &'a F,
+    pub course: &'a Course,
+    /// Of all of it.
+    pub length_px: f64,
+}
+
+impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
+    fn knot(&self, part: f64) -> Knot {
+        (part, (self.place)(part))
+    }
+
+    /// Whether a row at `y` collects light then; rounding counts as in time.
+    pub fn collects(&self, part: f64, y: f64) -> bool {
+        let rows = &self.course.rows;
+        part >= rows.opens(y) - 1e-9 && part <= rows.closes(y) + 1e-9
+    }
+
+    /// The ends of the pieces to begin with; with one-after-the-other rows also the instants at which the image's own
+    /// row opens and closes.
+    pub fn knots(&self) -> Vec<Knot> {
+        let pieces = self.course.pieces.max(1);
+        let even: Vec<Knot> = (0..=pieces)
+            .map(|i| self.knot(i as f64 / pieces as f64))
+            .collect();
+        let rows = &self.course.rows;
+        if rows.are_together() {
+            return even;
+        }
+        let mut knots = Vec::with_capacity(even.len() + 2);
+        for ends in even.windows(2) {
+            knots.push(ends[0]);
+            let mut inside: Vec<Knot> = [Rows::opens, Rows::closes]
+                .into_iter()
+                .filter_map(|edge| self.crossing(ends[0], ends[1], |y| edge(rows, y)))
+                .collect();
+            inside.sort_by(|a, b| a.0.total_cmp(&b.0));
+            knots.extend(inside);
+        }
+        knots.extend(even.last());
+        knots
+    }
+
+    /// The instant between `a` and `b` that is `edge` of the row where the image then is.
+    fn crossing(&self, a: Knot, b: Knot, edge: impl Fn(f64) -> f64) -> Option<Knot> {
+        let late = |(part, place): &Knot| place.map(|place| *part >= edge(place.at[1]));
+        let (mut a, mut b) = (a, b);
+        if late(&a)? == late(&b)? {
+            return None;
+        }
+        for _ in 0..48 {
+            let mid = self.knot((a.0 + b.0) / 2.0);
+            if late(&mid)? == late(&a)? {
+                a = mid;
+            } else {
+                b = mid;
+            }
+        }
+        Some(b)
+    }
+
+    /// Whether a row that its light reaches, less than `bend` away from the rows `ys`, may open or close in that time.
+    fn is_cut(&self, [from, to]: [f64; 2], ys: [f64; 3], bend: f64) -> bool {
+        let Course { rows, reach_px, .. } = self.course;
+        let reach = reach_px + bend + 1.0;
+        let low = ys.iter().copied().fold(f64::MAX, f64::min) - reach;
+        let high = ys.iter().copied().fold(f64::MIN, f64::max) + reach;
+        let meets = |first: f64, last: f64| first <= to && last >= from;
+        !rows.are_together()
+            && (meets(rows.opens(low), rows.opens(high))
+                || meets(rows.closes(low), rows.closes(high)))
+    }
+
+    /// Samples the piece from `a` to `b`.
+    pub fn piece(&self, a: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
+        if b.0 <= a.0 {
+            return;
+        }
+        let mid = self.knot((a.0 + b.0) / 2.0);
+        let (mut panels, mut near) = (1.0, false);
+        let split;
+        match (a.1, mid.1, b.1) {
+            (None, None, None) => return,
+            (Some(from), Some(middle), Some(to)) => {
+                let ends = [from.at, middle.at, to.at];
+                let length = length(&[a.1, mid.1, b.1]);
+                let chord = [0, 1].map(|k| (from.at[k] + to.at[k]) / 2.0);
+                let bend = distance(middle.at, chord);
+                let seen = self
+                    .course
+                    .window
+                    .is_near(&ends, bend.max(BEND * length / 2.0));
+                near = seen || self.is_cut([a.0, b.0], ends.map(|at| at[1]), bend);
+                let longest = if seen {
+                    LONGEST_PX
+                } else {
+                    4.0 * self.course.reach_px
+                };
+                split = near && (bend > BEND * length || length > longest);
+                // Of a parabola the fastest end is faster than the mean by 4 bend / length.
+                panels = (length + 4.0 * bend) / self.course.step_px;
+            }
+            // The source comes from behind the camera or goes there.
+            _ => split = true,
+        }
+        if split && depth > 0 {
+            self.piece(a, mid, depth - 1, samples);
+            self.piece(mid, b, depth - 1, samples);
+            return;
+        }
+        if !near {
+            // No row near by opens or closes: they all do as the image's own.
+            let own = mid.1.is_some_and(|mid_place| {
+                self.course.rows.are_together() || self.collects(mid.0, mid_place.at[1])
+            });
+            if own {
+                self.far_piece(a, mid, b, depth, samples);
+            }
+            return;
+        }
+        let panels = panels.ceil().max(1.0) as usize;
+        for i in 0..panels {
+            let part = |i: usize| a.0 + (b.0 - a.0) * (i as f64 / panels as f64);
+            let ends = [part(i), part(i + 1)];
+            if self.course.rows.are_together() {
+                self.panel(ends, Lit::ALL, samples);
+                continue;
+            }
+            // One more step for the bend inside of a panel.
+            let reach = self.course.reach_px + 1.0 + self.course.step_px;
+            let ys = ends.map(|part| (self.place)(part).map_or(f64::NAN, |p| p.at[1]));
+            let near = [ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach];
+            self.cut_panel(ends, &self.course.rows.turns(ends, near), samples);
+        }
+    }
+
+    /// Samples a piece that nothing is seen of: two points tell its light and their centre, unless the optics' transmission bends or breaks on
+    /// the way, where Simpson's rule tells another light.
+    fn far_piece(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
+        let from = samples.len();
+        self.panel([a.0, b.0], Lit::ALL, samples);
+        let (Some(first), Some(middle), Some(last)) = (a.1, mid.1, b.1) else {
+            return;
+        };
+        let told: f64 = samples[from..].iter().map(|sample| sample.weight).sum();
+        let simpson = (first.light + 4.0 * middle.light + last.light) / 6.0;
+        let apart = told - simpson * (b.0 - a.0) / self.course.rows.exposure;
+        if apart.abs() * self.length_px > FAR_PX && depth > 0 {
+            samples.truncate(from);
+            self.piece(a, mid, depth - 1, samples);
+            self.piece(mid, b, depth - 1, samples);
+        }
+    }
+
+    /// The light of the time from `from` to `to`.
+    fn panel(&self, [from, to]: [f64; 2], lit: Lit, samples: &mut Vec<Sample>) {
+        let weight = (to - from) / (self.course.rows.exposure * GAUSS.len() as f64);
+        let places = GAUSS.map(|g| (self.place)(from + (to - from) * g));
+        samples.extend(places.into_iter().flatten().map(|place| Sample {
+            at: place.at,
+            weight: weight * place.light,
+            lit,
+            parts: Vec::new(),
+        }));
+    }
+
+    /// The light of a time of which rows collect parts. All share four points, and each row's weights are the integrals over
+    /// its part of the polynomials L_k that are 1 at one point and 0 at the others:
+    ///
+    /// ```text
+    /// int_part f dt = sum_k f(t_k) int_part L_k dt,   error <= 4e-5 h^4 max |d^4 f / dt^4| of the part, for a panel of length h
+    /// ```
+    fn cut_panel(&self, [from, to]: [f64; 2], turns: &Turns, samples: &mut Vec<Sample>) {
+        if turns.others.is_empty() {
+            if turns.throughout != Lit::NONE {
+                self.panel([from, to], turns.throughout, samples);
+            }
+            return;
+        }
+        for (k, (point, weight)) in FOUR.into_iter().enumerate() {
+            let Some(place) = (self.place)(from + (to - from) * point) else {
+                continue;
+            };
+            let part = |ends: &[f64; 2]| {
+                let [a, b] = ends.map(|end| (end - from) / (to - from));
+                let ends = GAUSS.map(|g| polynomial(k, a + (b - a) * g));
+                (b - a) * (ends[0] + ends[1]) / (2.0 * weight)
+            };
+            let others = turns.others.iter();
+            samples.push(Sample {
+                at: place.at,
+                weight: weight * (to - from) / self.course.rows.exposure * place.light,
+                lit: turns.throughout,
+                parts: others.map(|(lit, ends)| (*lit, part(ends))).collect(),
+            });
+        }
+    }
+}
+
+/// Of the polynomials of third degree the one that is 1 at the point `k` of [`FOUR`] and 0 at the others.
+fn polynomial(k: usize, u: f64) -> f64 {
+    let others = (0..FOUR.len()).filter(|j| *j != k);
+    let factors = others.map(|j| (u - FOUR[j].0) / (FOUR[k].0 - FOUR[j].0));
+    factors.product()
+}
+
+pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (b[0] - a[0]).hypot(b[1] - a[1])
+}
+
+/// Length (px) of the line through the places; nothing is added where one of two is behind the camera.
+pub fn length(places: &[Option<Place>]) -> f64 {
+    let between = places.windows(2).map(|ends| match ends {
+        [Some(a), Some(b)] => distance(a.at, b.at),
+        _ => 0.0,
+    });
+    between.sum()
+}
