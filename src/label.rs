@@ -15,6 +15,7 @@ use crate::plan::{Plan, Step};
 use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use serde::ser::SerializeSeq;
 use serde::{Serialize, Serializer};
 use skyloop_orbit::StateVector;
@@ -74,7 +75,7 @@ pub struct Label {
     /// Particles that would have crossed the detector, on average, beyond the most that are drawn.
     #[serde(serialize_with = "some_short", skip_serializing_if = "Option::is_none")]
     pub particles_left_out: Option<f64>,
-    /// Objects before the camera that have no image, by why: their ids.
+    /// Objects in the field that are not among `objects`, by why: their ids.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unseen: BTreeMap<&'static str, Vec<String>>,
     /// Those of them that are not listed, for there are more than [`MOST_UNSEEN`].
@@ -296,6 +297,7 @@ impl Label {
         let matrix = view.pointing(0.0).matrix();
         let spots = spot::spots(scene, label_snr);
         let beyond = scene.particles_left_out;
+        let (unseen, left_out) = unseen::listed(scene, world, label_snr);
         Label {
             frame,
             seed: view.key.seed,
@@ -317,13 +319,13 @@ impl Label {
             spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
             spots_left_out_snr: spots.left_out_snr,
             particles_left_out: (beyond > 0.0).then_some(beyond),
-            unseen: unseen::listed(view, world),
-            unseen_left_out: unseen::left_out(view),
+            unseen,
+            unseen_left_out: (left_out > 0).then_some(left_out),
             objects: Objects {
                 sources: scene
                     .sources
-                    .iter()
-                    .filter(|source| source.clear_snr >= label_snr || source.fills_all())
+                    .par_iter()
+                    .filter(|source| is_listed(source, label_snr))
                     .map(|source| object(source, scene, world))
                     .collect(),
                 spots: spots.listed,
@@ -335,6 +337,11 @@ impl Label {
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"))
     }
+}
+
+/// Whether labels list a source as an object.
+fn is_listed(source: &Source, label_snr: f64) -> bool {
+    source.clear_snr >= label_snr || source.fills_all()
 }
 
 fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {

@@ -23,6 +23,8 @@ pub struct RunStats {
     pub rsos_visible: usize,
     /// Frames that are full of one light.
     pub flooded: u32,
+    /// Objects that had no state at some frame.
+    pub without_state: usize,
 }
 
 impl RunStats {
@@ -31,6 +33,7 @@ impl RunStats {
         self.frames += 1;
         self.render.add(shot.render_time);
         self.flooded += u32::from(shot.label.flooded_by.is_some());
+        self.without_state += shot.unknown.news.len();
         for object in &shot.label.objects {
             let (labelled, visible) = match object.kind {
                 "star" => (&mut self.stars, &mut self.stars_visible),
@@ -56,6 +59,10 @@ impl RunStats {
         ];
         if self.flooded > 0 {
             rows.push(row("frames full of light", self.flooded.to_string()));
+        }
+        if self.without_state > 0 {
+            let count = self.without_state.to_string();
+            rows.push(row("objects without a state", count));
         }
         rows
     }
@@ -100,12 +107,13 @@ impl Absent {
             if self.named <= Self::NAMED {
                 tracing::warn!("frame {}: not shown: {error}", shot.number);
             } else {
+                tracing::info!("frame {}: not shown: {error}", shot.number);
                 more += 1;
             }
         }
         if more > 0 {
             tracing::warn!(
-                "frame {}: {} more without a state, not shown",
+                "frame {}: {} more without a state, not shown; -v names them",
                 shot.number,
                 counted(more, "object")
             );

@@ -76,11 +76,13 @@ const FENCES: &[(&str, &[&str])] = &[
         "rayon::",
         &[
             "cli/plan",
+            "label",
             "measure",
             "passes",
             "render",
             "scene",
             "sky/fleet",
+            "sky/star_field",
         ],
     ),
     (

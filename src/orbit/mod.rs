@@ -150,6 +150,23 @@ impl Object {
         Ok(state)
     }
 
+    /// Why it has no state at `t`, where the batch gives that code of a failure.
+    pub fn failure(&self, t: Epoch, code: u8) -> OrbitError {
+        let reason = match self.state_with(t, &Matrix3::identity()) {
+            Err(error) => return error,
+            // Of a negative radius the scalar model gives the point beyond the Earth's centre.
+            Ok(state) if code == sgp4_batch::DECAYED => PropagationError::Decayed {
+                depth_km: (elements::EARTH_RADIUS_M + state.position_m.norm()) * 1e-3,
+            },
+            Ok(_) => PropagationError::NotFinite,
+        };
+        OrbitError::Propagation {
+            object: self.label(),
+            epoch: t,
+            reason,
+        }
+    }
+
     /// Its element sets, in their order; none of an ephemeris.
     pub fn sets(&self) -> impl Iterator<Item = &Elements> {
         let (first, others) = match &self.orbit {

@@ -4,6 +4,7 @@ use super::apparent::{Corrections, Observer, StarPlace, catalogue_direction, sta
 use super::catalog::{Catalog, Star};
 use crate::camera::Band;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// How far (rad) a star may stand from its catalogue direction: Barnard's star moves 0.32 degrees in the 110
@@ -34,6 +35,9 @@ pub struct SeenStar {
     /// Mean wavelength of its light in the band, over the band's reference.
     pub wavelength_ratio: f64,
 }
+
+/// Stars that one thread looks at at least.
+const TASK: usize = 4096;
 
 impl StarField {
     /// Prepares `catalog` for `band`; without `colour` the band magnitude is V, and all light has the Sun's colour.
@@ -81,8 +85,9 @@ impl StarField {
     ) -> Vec<SeenStar> {
         let nearest = (angle + WANDER).min(std::f64::consts::PI).cos();
         self.directions
-            .iter()
+            .par_iter()
             .enumerate()
+            .with_min_len(TASK)
             .filter(|(_, direction)| direction.dot(axis) >= nearest)
             .map(|(index, _)| SeenStar {
                 index,
