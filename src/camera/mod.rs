@@ -3,6 +3,7 @@
 mod band;
 mod detector;
 mod file;
+mod frustum;
 mod optics;
 mod pattern;
 mod projection;
@@ -14,6 +15,7 @@ mod vignetting;
 
 pub use band::{Band, SUN_MAGNITUDE};
 pub use detector::{Blooming, Detector};
+pub use frustum::Side;
 pub use optics::Optics;
 pub use pattern::{Pattern, PatternFigures};
 pub use projection::{Model, Projection};

@@ -97,7 +97,8 @@ impl Optics {
         self.seen_at(pixel).is_some()
     }
 
-    fn offset(&self, pixel: [f64; 2]) -> [f64; 2] {
+    /// From the principal point to a pixel, px.
+    pub(super) fn offset(&self, pixel: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| pixel[axis] - self.principal_px[axis])
     }
 }

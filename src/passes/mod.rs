@@ -138,6 +138,7 @@ fn candidates(
         let (near, errors) = population.before(&Cone {
             axis,
             angle: reach,
+            sides: &[],
             shutter: &step.shutter,
             reach_m: f64::INFINITY,
         });

@@ -99,7 +99,7 @@ pub enum Body {
     /// A star of the catalogue.
     Star(SeenStar),
     /// A resident space object.
-    Rso(Box<SeenObject>),
+    Rso(Arc<SeenObject>),
     /// The Moon or a planet.
     Wanderer(Box<SeenWanderer>),
 }

@@ -3,7 +3,7 @@
 use super::area::{STEPS_PX, most_steps};
 use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
 use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
-use crate::camera::{Camera, SUN_MAGNITUDE, Stamp};
+use crate::camera::{Camera, SUN_MAGNITUDE, Side, Stamp};
 use crate::fidelity::Fidelity;
 use crate::footprint::Light;
 use crate::rng::NoiseKey;
@@ -17,6 +17,7 @@ use crate::sky::shadow::Earth;
 use crate::sky::star_field::SeenStar;
 use hifitime::Epoch;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{OrbitError, StateVector};
 use std::sync::Arc;
@@ -197,6 +198,8 @@ pub struct View {
     pub unseen: Vec<(usize, Unseen)>,
     /// Objects whose orbit has no answer at this time.
     pub unknown: Unknown,
+    /// The greatest [`Candidate::swing`], rad.
+    swing: f64,
 }
 
 /// What is too faint for an image.
@@ -260,6 +263,7 @@ impl View {
             objects: world.population.objects().len(),
             unseen: Vec::new(),
             unknown: Unknown::default(),
+            swing: 0.0,
         };
         let axis = view.pointing(0.0).matrix().transpose() * Vector3::z();
         let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);
@@ -275,16 +279,22 @@ impl View {
             .into_iter()
             .map(|star| view.star(star, &earth, &shutter[1]));
         let mut candidates: Vec<Candidate> = stars.collect();
+        let to_icrf = view.pointing(0.0).matrix().transpose();
+        let sides = camera.sides(reach_px).into_iter().map(|side| Side {
+            inward: to_icrf * side.inward,
+            beyond: side.beyond + turn / 2.0,
+        });
         let field = Field {
             axis,
             angle: cone,
+            sides: &sides.collect::<Vec<_>>(),
             shutter: &shutter,
             reach_m: view.reach_m(faint.snr, faint.floor_e),
         };
         let seen = world
             .population
             .in_field(&field, &world.corrections, fidelity.orbits);
-        candidates.extend(seen.objects.into_iter().map(|object| view.rso(object)));
+        candidates.par_extend(seen.objects.into_par_iter().map(|object| view.rso(object)));
         candidates.extend(view.planets(world, &shutter, &axis, cone));
         candidates.extend(view.the_moon(&moon, world, &shutter, &axis, cone));
         (view.candidates, view.unseen) = (candidates, seen.unseen);
@@ -293,6 +303,7 @@ impl View {
             news: seen.news,
         };
         view.sun = SeenSun::of(world, &view);
+        view.swing = view.greatest_swing();
         Ok(view)
     }
 
@@ -307,8 +318,14 @@ impl View {
         };
         let shines = |candidate: &Candidate| candidate.body.is_in(&simulated);
         self.candidates.retain(shines);
+        self.swing = self.greatest_swing();
         self.areas = self.areas(world, runs);
         self
+    }
+
+    fn greatest_swing(&self) -> f64 {
+        let swings = self.candidates.par_iter().map(Candidate::swing);
+        swings.reduce(|| 0.0, f64::max)
     }
 
     /// ICRF to camera, `dt_s` after mid-exposure.
@@ -337,8 +354,7 @@ impl View {
         } else {
             1.0
         };
-        let own = self.candidates.iter().map(Candidate::swing);
-        let own = own.fold(0.0, f64::max) * share;
+        let own = self.swing * share;
         let (scale, furthest) = self.scale_and_corner_px;
         (turn.x.hypot(turn.y) + own) * scale + turn.z.abs() * furthest
     }
@@ -405,7 +421,7 @@ impl View {
         }
     }
 
-    fn rso(&self, object: SeenObject) -> Candidate {
+    fn rso(&self, object: Arc<SeenObject>) -> Candidate {
         let hidden = if object.occulted {
             Some(Hidden::ByEarth)
         } else {
@@ -415,25 +431,19 @@ impl View {
             clear_e: self.electrons(object.mag),
             light: object.illumination,
             hidden,
-            body: Body::Rso(Box::new(object)),
+            body: Body::Rso(object),
         }
     }
 
-    /// The distance (m) from which 1 m^2/sr of reflective area has no more than this signal-to-noise ratio in noise of `floor_e` a pixel: from N electrons
-    /// no more than N P^(1/2) / floor, with the greatest share P of a pixel, since `sum s^2 <= P sum s`. Eqs. (2), (9), (11), with E_sun
-    /// those of the Sun's own light: `N = E_sun A (au / d_sun d)^2`. Nothing is nearer to the Sun than 0.98 au.
+    /// The distance (m) from which 1 m^2/sr of reflective area has no more than this signal-to-noise ratio in noise of `floor_e` a pixel: N electrons
+    /// have `N (sum s^2)^(1/2) / floor` at most. Eqs. (2), (9), (11), with E_sun those of the Sun's own light: `N = E_sun A (au / d_sun d)^2`.
+    /// Nothing is nearer to the Sun than 0.98 au.
     fn reach_m(&self, snr: f64, floor_e: f64) -> f64 {
         const NEAREST: f64 = 0.98;
-        let faintest_e = snr * floor_e / self.greatest_share().sqrt();
+        let response = 1.0 + self.camera.detector.pattern.worst_response();
+        let sharpness = self.camera.optics.psf.sharpness();
+        let faintest_e = snr * floor_e / (sharpness.sqrt() * response);
         (self.electrons(SUN_MAGNITUDE) / faintest_e).sqrt() / NEAREST
-    }
-
-    /// A bound of the share of a point's light on one pixel: twice that of an image in the middle of the field and of a pixel.
-    fn greatest_share(&self) -> f64 {
-        let optics = &self.camera.optics;
-        let psf = optics.psf_at(optics.principal_px, 1.0);
-        let share = psf.on_pixel([0.0; 2], &mut Stamp::default());
-        (2.0 * share).min(1.0)
     }
 
     /// Clark et al. 2021, Eqs. (2), (11), before the division by the gain:

@@ -136,6 +136,16 @@ impl Observer {
         self.seen(-self.position_m, self.velocity_m_s, corrections)
     }
 
+    /// When the light left an object of that state at the observer's epoch, to v/c of the light time.
+    pub fn when_light_left(&self, state: &StateVector) -> Epoch {
+        self.epoch - Unit::Second * self.light_time_s(&state.position_m)
+    }
+
+    /// What light takes from a place (GCRF, m), s.
+    fn light_time_s(&self, from_m: &Vector3<f64>) -> f64 {
+        (from_m - self.position_m).norm() / LIGHT_M_S
+    }
+
     /// `line`, aberrated by `velocity_m_s`.
     fn seen(
         &self,
@@ -240,6 +250,21 @@ pub fn object_direction<E>(
     corrections: &Corrections,
 ) -> Result<ApparentObject, E> {
     let state = state_at(observer.epoch)?;
+    let then = match corrections.light_time {
+        true => Some(state_at(observer.when_light_left(&state))?),
+        false => None,
+    };
+    Ok(apparent_object(state, then, observer, corrections))
+}
+
+/// The same of an object whose state is known at the observer's epoch, and `then` [`Observer::when_light_left`]; without that, light takes
+/// no time.
+pub fn apparent_object(
+    state: StateVector,
+    then: Option<StateVector>,
+    observer: &Observer,
+    corrections: &Corrections,
+) -> ApparentObject {
     let line = state.position_m - observer.position_m;
     let range_m = line.norm();
     let range_rate_m_s = if range_m > 0.0 {
@@ -250,13 +275,11 @@ pub fn object_direction<E>(
 
     // Light time: tau = |r(t - tau) - r_observer(t)| / c, by iteration. The orbit is asked for once; where the next steps lead, within 1 mm of that, velocity tells.
     let mut seen_at_m = state.position_m;
-    if corrections.light_time {
-        let delay_s = |from: &Vector3<f64>| (from - observer.position_m).norm() / LIGHT_M_S;
-        let first_s = delay_s(&seen_at_m);
-        let then = state_at(observer.epoch - Unit::Second * first_s)?;
+    if let Some(then) = then {
+        let first_s = observer.light_time_s(&seen_at_m);
         seen_at_m = then.position_m;
         for _ in 1..LIGHT_TIME_STEPS {
-            let earlier_s = delay_s(&seen_at_m) - first_s;
+            let earlier_s = observer.light_time_s(&seen_at_m) - first_s;
             seen_at_m = then.position_m - then.velocity_m_s * earlier_s;
         }
     }
@@ -267,11 +290,11 @@ pub fn object_direction<E>(
     if corrections.aberration && direction != Vector3::zeros() {
         direction = aberrate(direction, observer.velocity_m_s);
     }
-    Ok(ApparentObject {
+    ApparentObject {
         direction,
         range_m,
         range_rate_m_s,
         state,
         seen_at_m,
-    })
+    }
 }

@@ -1,7 +1,7 @@
 //! Who of a whole catalogue is in the field: a test of directions and distances alone, before anything is known of light.
 //!
 //! ```text
-//! every object:  before the camera? -> behind the Earth? -> near enough to be seen at all?
+//! every object:  in the cone around the field? -> in the field? -> behind the Earth? -> near enough to be seen at all?
 //! who is left:   apparent directions, shadow, brightness (population::see)
 //! ```
 //!
@@ -11,6 +11,7 @@
 use super::apparent::Observer;
 use super::photometry::{Sphere, diffuse_phase};
 use super::population::OWN_VEHICLE_M;
+use crate::camera::Side;
 use nalgebra::{Matrix3, Vector3};
 use skyloop_orbit::StateVector;
 use skyloop_orbit::sgp4_batch::{BLOCK, NOBODY};
@@ -26,13 +27,15 @@ const EARTH_KM: f64 = 6356.7 - 5.0;
 /// What rounding may add to a distance, km.
 const ROUNDING_KM: f64 = 1e-3;
 
-/// What is looked for: a cone around the boresight, during an exposure.
+/// What is looked for: a cone around the boresight, or of that what lies within some planes, during an exposure.
 #[derive(Debug, Clone, Copy)]
 pub struct Field<'a> {
     /// The boresight, unit vector, ICRF.
     pub axis: Vector3<f64>,
     /// Half the cone's angle, rad.
     pub angle: f64,
+    /// Planes (ICRF) that bound the field within it, if it has any.
+    pub sides: &'a [Side],
     /// The observer at the exposure's start, mid and end.
     pub shutter: &'a [Observer; 3],
     /// Distance (m) from which a body of 1 m^2/sr of reflective area, in full sunlight, is lost in noise; infinite where nothing is.
@@ -92,7 +95,12 @@ impl Field<'_> {
         let way = (state.velocity_m_s - mid.velocity_m_s).norm() * self.duration_s() / 2.0;
         let sweep = PI * way / range.max(1e-3);
         let reach = (self.angle + WANDER + sweep).min(PI);
-        range >= OWN_VEHICLE_M && line.dot(&self.axis) >= range * reach.cos()
+        range >= OWN_VEHICLE_M
+            && line.dot(&self.axis) >= range * reach.cos()
+            && self.sides.iter().all(|side| {
+                let beyond = (side.beyond + WANDER + sweep).min(PI / 2.0);
+                line.dot(&side.inward) >= -range * beyond.sin()
+            })
     }
 
     /// The test of a catalogue in TEME; `rotation` leads from there to GCRF, `bright` has of each object what bounds its
@@ -113,6 +121,14 @@ impl Field<'_> {
             axis: (to_teme * self.axis).into(),
             sin,
             cos,
+            sides: self
+                .sides
+                .iter()
+                .map(|side| {
+                    let beyond = (side.beyond + WANDER).min(PI / 2.0);
+                    (to_teme * side.inward, beyond.sin())
+                })
+                .collect(),
             way_km,
             earth_km: if outside { EARTH_KM - way_km } else { 0.0 },
             reach_km: self.reach_m * 1e-3,
@@ -128,6 +144,8 @@ pub struct Test<'a> {
     axis: [f64; 3],
     sin: f64,
     cos: f64,
+    /// Normals of the planes around the field, and sines of how far beyond them it reaches.
+    sides: Vec<(Vector3<f64>, f64)>,
     /// What object and observer may move by, each or together, km.
     way_km: f64,
     /// What lies nearer to the Earth's centre is inside it; 0 where it hides nothing.
@@ -166,10 +184,11 @@ impl Look for Test<'_> {
             } else if before[i] {
                 let place = places.position_km.map(|row| row[i]);
                 let bright = self.bright.get(object as usize).copied();
-                found.push(match self.unseen(&place, bright.unwrap_or(Bright::ANY)) {
-                    Some(why) => Found::Unseen(object, why),
-                    None => Found::Candidate(object),
-                });
+                match self.within(&place, bright.unwrap_or(Bright::ANY)) {
+                    None => {}
+                    Some(Err(why)) => found.push(Found::Unseen(object, why)),
+                    Some(Ok(())) => found.push(Found::Candidate(object)),
+                }
             }
         }
     }
@@ -198,28 +217,47 @@ impl Test<'_> {
         across * self.cos - along * self.sin <= self.way_km
     }
 
-    /// What is found of one object at that place (km), with that bound of its light: whether it is before the camera, and why it needs no closer look.
-    pub fn judge(&self, place_km: [f64; 3], bright: Bright) -> Option<Result<(), Unseen>> {
-        let before = self.is_before(place_km);
-        before.then(|| self.unseen(&place_km, bright).map_or(Ok(()), Err))
+    /// What is found of one object of that state (TEME), with that bound of its light: whether it is before the camera, and why it needs no closer
+    /// look. One that is faster than whatever the Earth holds needs it in any case.
+    pub fn judge(&self, state: &StateVector, bright: Bright) -> Option<Result<(), Unseen>> {
+        if state.velocity_m_s.norm() > FASTEST_KM_S * 1e3 {
+            return Some(Ok(()));
+        }
+        let place_km: [f64; 3] = (state.position_m * 1e-3).into();
+        match self.is_before(place_km) {
+            true => self.within(&place_km, bright),
+            false => None,
+        }
     }
 
-    /// Why an object before the camera at that place is not seen.
-    fn unseen(&self, place_km: &[f64; 3], bright: Bright) -> Option<Unseen> {
+    /// The same of one who is in the cone.
+    fn within(&self, place_km: &[f64; 3], bright: Bright) -> Option<Result<(), Unseen>> {
         let observer = Vector3::from(self.observer_km);
         let line = Vector3::from(*place_km) - observer;
-        let range2 = line.norm_squared();
-        if range2 == 0.0 {
+        let range = line.norm();
+        // Who is `b` beyond a plane at distance r is r sin b below it; whoever moves by w may have been further away, too.
+        let inside = |(inward, sin): &(Vector3<f64>, f64)| {
+            line.dot(inward) >= -(range + self.way_km) * sin - self.way_km
+        };
+        if !self.sides.iter().all(inside) {
             return None;
         }
+        Some(match self.unseen(&line, range, bright) {
+            Some(why) if range > 0.0 => Err(why),
+            _ => Ok(()),
+        })
+    }
+
+    /// Why an object on that line from the observer (km) is not seen.
+    fn unseen(&self, line: &Vector3<f64>, range: f64, bright: Bright) -> Option<Unseen> {
+        let observer = Vector3::from(self.observer_km);
         // The point of the line of sight that is nearest to the Earth's centre.
-        let part = (-observer.dot(&line) / range2).clamp(0.0, 1.0);
+        let part = (-observer.dot(line) / (range * range)).clamp(0.0, 1.0);
         if (observer + line * part).norm() < self.earth_km {
             return Some(Unseen::BehindEarth);
         }
         // At the smallest phase angle of the exposure, where it is brightest.
-        let range = range2.sqrt();
-        let to_sun = self.sun_km - Vector3::from(*place_km);
+        let to_sun = self.sun_km - observer - line;
         let phase = (-line.dot(&to_sun) / (range * to_sun.norm())).clamp(-1.0, 1.0);
         let turn = PI * self.way_km / range + WANDER;
         let area = bright.reflective_area((phase.acos() - turn).max(0.0));

@@ -1,20 +1,16 @@
 //! A population under way: its orbits carried from frame to frame, and who of it comes before a camera.
 
 use super::apparent::Corrections;
+use super::closer::{self, Close, Closer, Instants};
 use super::field::{Bright, Field, Found, Unseen};
-use super::population::{Population, Seen, SeenObject};
+use super::population::{Population, Seen};
 use super::shadow::Earth;
 use crate::fidelity::Orbits;
-use hifitime::Epoch;
-use nalgebra::Matrix3;
 use rayon::prelude::*;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::tracks::Tracks;
-use skyloop_orbit::{Object, Orbit, OrbitError, StateVector, frames};
+use skyloop_orbit::{Object, Orbit, OrbitError};
 use std::collections::HashSet;
-
-/// Exposures up to this (s) are short enough for one rotation from TEME to GCRF: what it turns by in half of that is 4e-11 rad.
-const SHORT_S: f64 = 10.0;
 
 /// The orbits of a population.
 #[derive(Debug)]
@@ -53,7 +49,7 @@ impl Fleet {
         others.extend((0..objects.len() as u32).filter(|&i| moved(&objects[i as usize])));
         others.sort_unstable();
         others.dedup();
-        let bright = |&(index, _): &(u32, u32)| population.brightest(&objects[index as usize]);
+        let bright = |&(index, _): &(u32, u32)| population.brightest(index as usize);
         Fleet {
             bright: of.iter().map(bright).collect(),
             tracks,
@@ -85,13 +81,13 @@ impl Fleet {
             match state.map(|state| field.may_hold(&state)) {
                 Ok(true) => tested.near.push((index, None)),
                 Ok(false) => {}
-                Err(_) => tested.failed.push(index),
+                Err(_) => tested.failed.push((index, 0)),
             }
         }
         let near = tested.near.iter().map(|(index, _)| *index as usize);
         let unseen = tested.unseen.iter().map(|(index, _)| *index);
         let all = near.chain(unseen).collect();
-        (all, self.news(population, field, &at, &tested.failed))
+        (all, self.news(population, field, &tested.failed))
     }
 
     /// What the field's test finds of the tracks.
@@ -120,7 +116,7 @@ impl Fleet {
             match one {
                 Found::Candidate(_) => tested.near.push((index, Some(set))),
                 Found::Unseen(_, why) => tested.unseen.push((index as usize, why)),
-                Found::Failed(..) => tested.failed.push(index),
+                Found::Failed(_, code) => tested.failed.push((index, code)),
             }
         }
         tested
@@ -131,16 +127,13 @@ impl Fleet {
         &mut self,
         population: &Population,
         field: &Field<'_>,
-        at: &Instants,
-        failed: &[u32],
+        failed: &[(u32, u8)],
     ) -> Vec<OrbitError> {
-        let new = failed.iter().filter(|index| self.told.insert(**index));
+        let new = failed.iter().filter(|(index, _)| self.told.insert(*index));
         let mid = field.shutter[1].epoch;
-        let why = |index: &u32| {
-            let object = &population.objects()[*index as usize];
-            object.state_with(mid, &at.rotations[1]).err()
-        };
-        new.filter_map(why).collect()
+        let why =
+            |(index, code): &(u32, u8)| population.objects()[*index as usize].failure(mid, *code);
+        new.map(why).collect()
     }
 
     /// Who of `population`, whose orbits these are, comes before the camera.
@@ -158,52 +151,27 @@ impl Fleet {
             mut unseen,
             failed,
         } = self.tested(population, field, &at, orbits);
-        let test = field.test(&at.rotations[1], &self.bright);
         near.extend(self.others.iter().map(|&index| (index, None)));
-        near.par_sort_unstable();
-
-        let earth = Earth::at(mid);
-        let tracks = (orbits != Orbits::Scalar).then_some(&self.tracks);
-        let look = |(index, set): (u32, Option<u32>)| -> Result<Option<Close>, OrbitError> {
-            let object = population.objects()[index as usize].settled(mid);
-            let track = set.zip(tracks);
-            let here = at.state(&object, track, mid, 1)?;
-            let state = |t: Epoch, i: usize| match t == mid {
-                true => Ok(here),
-                false => at.state(&object, track, t, i),
-            };
-            if track.is_none() {
-                // Nobody has been tested yet.
-                let place_km = at.rotations[1].transpose() * here.position_m * 1e-3;
-                match test.judge(place_km.into(), population.brightest(&object)) {
-                    None => return Ok(None),
-                    Some(Err(why)) => return Ok(Some(Close::Unseen(index as usize, why))),
-                    Some(Ok(())) => {}
-                }
-            }
-            if !field.may_hold(&here) {
-                return Ok(None);
-            }
-            let shutter = field.shutter;
-            let seen = population.see_by(index as usize, &earth, shutter, corrections, state)?;
-            Ok(Some(Close::Seen(Box::new(seen))))
+        let closer = Closer {
+            population,
+            field,
+            test: field.test(&at.rotations[1], &self.bright),
+            tracks: (orbits != Orbits::Scalar).then_some(&self.tracks),
+            at: &at,
+            earth: Earth::at(mid),
+            corrections,
         };
-        let looked: Vec<_> = near
-            .into_par_iter()
-            .filter_map(|one| match look(one) {
-                Ok(close) => close.map(Ok),
-                Err(error) => Some(Err((one.0, error))),
-            })
-            .collect();
+        let looked = near.par_chunks(closer::TASK);
+        let looked: Vec<Vec<Close>> = looked.map(|near| closer.look(near)).collect();
         let mut seen = Seen {
             unknown: failed.len(),
             ..Seen::default()
         };
-        for one in looked {
+        for one in looked.into_iter().flatten() {
             match one {
-                Ok(Close::Seen(object)) => seen.objects.push(*object),
-                Ok(Close::Unseen(index, why)) => unseen.push((index, why)),
-                Err((index, error)) => {
+                Close::Seen(object) => seen.objects.push(object),
+                Close::Unseen(index, why) => unseen.push((index, why)),
+                Close::Failed(index, error) => {
                     seen.unknown += 1;
                     if self.told.insert(index) {
                         seen.news.push(error);
@@ -211,8 +179,9 @@ impl Fleet {
                 }
             }
         }
+        seen.objects.par_sort_unstable_by_key(|object| object.index);
         unseen.par_sort_unstable();
-        seen.news.extend(self.news(population, field, &at, &failed));
+        seen.news.extend(self.news(population, field, &failed));
         seen.unseen = unseen;
         seen
     }
@@ -224,49 +193,6 @@ struct Tested {
     /// With the number of the track.
     near: Vec<(u32, Option<u32>)>,
     unseen: Vec<(usize, Unseen)>,
-    failed: Vec<u32>,
-}
-
-/// What a closer look at an object before the camera has found.
-enum Close {
-    Seen(Box<SeenObject>),
-    Unseen(usize, Unseen),
-}
-
-/// The rotations from TEME to GCRF at an exposure's start, mid and end.
-struct Instants {
-    rotations: [Matrix3<f64>; 3],
-}
-
-impl Instants {
-    fn of(field: &Field<'_>) -> Instants {
-        let [start, mid, end] = field.shutter.each_ref().map(|observer| observer.epoch);
-        let rotation = frames::teme_to_gcrf(mid);
-        let rotations = if (end - start).to_seconds() <= SHORT_S {
-            [rotation; 3]
-        } else {
-            [
-                frames::teme_to_gcrf(start),
-                rotation,
-                frames::teme_to_gcrf(end),
-            ]
-        };
-        Instants { rotations }
-    }
-
-    /// The state of `object` at a time near instant `i`, GCRF: that of its track, where it has one.
-    fn state(
-        &self,
-        object: &Object,
-        track: Option<(u32, &Tracks)>,
-        t: Epoch,
-        i: usize,
-    ) -> Result<StateVector, OrbitError> {
-        let rotation = &self.rotations[i];
-        match track.map(|(set, tracks)| tracks.state(set as usize, t)) {
-            Some(Ok(state)) => Ok(state.rotated(rotation)),
-            // The scalar model says why; where it knows better, it counts.
-            Some(Err(_)) | None => object.state_with(t, rotation),
-        }
-    }
+    /// With the code of the failure.
+    failed: Vec<(u32, u8)>,
 }

@@ -7,6 +7,7 @@ mod bicubic;
 pub mod bodies;
 pub mod body_attitude;
 pub mod catalog;
+mod closer;
 pub mod earth_light;
 pub mod ecliptic;
 pub mod field;

@@ -7,10 +7,9 @@ use super::look::{Body, Passage};
 use super::photometry::{Sphere, magnitude, phase_angle};
 use super::shadow::Earth;
 use crate::fidelity::Orbits;
-use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop_orbit::elements::Elements;
-use skyloop_orbit::{Object, OrbitError, StateVector};
+use skyloop_orbit::{Object, OrbitError};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -19,7 +18,10 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 pub struct Population {
     objects: Vec<Object>,
     sphere: Sphere,
-    looks: Looks,
+    /// What is known of some, each once.
+    looks: Vec<Look>,
+    /// Which of them is an object's; [`PLAIN`] of all others.
+    look_of: Vec<u32>,
     /// Made when first asked for.
     fleet: OnceLock<Mutex<Fleet>>,
 }
@@ -59,6 +61,9 @@ pub struct SeenObject {
 /// The observer at an exposure's start, mid and end.
 pub type Shutter = [Observer; 3];
 
+/// The look of an object of which nothing is known: the population's sphere.
+const PLAIN: u32 = u32::MAX;
+
 /// Nearer than this (m) an object is the observer's own vehicle.
 pub const OWN_VEHICLE_M: f64 = 1.0;
 
@@ -66,7 +71,7 @@ pub const OWN_VEHICLE_M: f64 = 1.0;
 #[derive(Debug, Default)]
 pub struct Seen {
     /// Who may be seen, in the population's order.
-    pub objects: Vec<SeenObject>,
+    pub objects: Vec<Arc<SeenObject>>,
     /// Who is not, by their indices, and why; in the same order.
     pub unseen: Vec<(usize, Unseen)>,
     /// How many have no position at this time, in the whole population.
@@ -78,7 +83,11 @@ pub struct Seen {
 impl Population {
     /// Objects; `looks` of some, by their ids; and what stands for all others.
     pub fn new(objects: Vec<Object>, sphere: Sphere, looks: Looks) -> Population {
+        let (ids, looks): (Vec<String>, Vec<Look>) = looks.into_iter().unzip();
+        // The ids of a map are sorted.
+        let of = |object: &Object| ids.binary_search(&object.id).map_or(PLAIN, |i| i as u32);
         Population {
+            look_of: objects.iter().map(of).collect(),
             objects,
             sphere,
             looks,
@@ -101,13 +110,11 @@ impl Population {
             let sets = object.sets().count().saturating_sub(1) * size_of::<Elements>();
             size_of::<Object>() + text(&object.id) + held + names + sets
         };
-        let looks = self
-            .looks
-            .keys()
-            .map(|id| text(id) + size_of::<(String, Look)>());
+        let looks = self.looks.capacity() * size_of::<Look>();
+        let look_of = self.look_of.capacity() * size_of::<u32>();
         let fleet = self.fleet.get().and_then(|fleet| fleet.lock().ok());
         let fleet = fleet.map_or(0, |fleet| fleet.octets());
-        self.objects.iter().map(of).sum::<usize>() + looks.sum::<usize>() + fleet
+        self.objects.iter().map(of).sum::<usize>() + looks + look_of + fleet
     }
 
     /// Who may be in the field at some time of the exposure, by their indices in no order; and why others have no position, of those of whom that
@@ -128,9 +135,15 @@ impl Population {
         self.fleet().look(self, field, corrections, orbits)
     }
 
-    /// What bounds an object's light; that of a body depends on how it is turned.
-    pub(super) fn brightest(&self, object: &Object) -> Bright {
-        match self.looks.get(&object.id) {
+    /// What is known of the object of that index.
+    fn look_at(&self, index: usize) -> Option<&Look> {
+        let look = self.look_of.get(index)?;
+        self.looks.get(*look as usize)
+    }
+
+    /// What bounds the light of the object of that index; that of a body depends on how it is turned.
+    pub(super) fn brightest(&self, index: usize) -> Bright {
+        match self.look_at(index) {
             None => Bright::of(&self.sphere),
             Some(Look::Sphere(sphere)) => Bright::of(sphere),
             Some(Look::Body(_)) => Bright::ANY,
@@ -148,27 +161,26 @@ impl Population {
         corrections: &Corrections,
     ) -> Result<SeenObject, OrbitError> {
         let object = self.objects[index].settled(shutter[1].epoch);
-        self.see_by(index, earth, shutter, corrections, |t, _| object.state(t))
+        let at = |i: usize| object_direction(|t| object.state(t), &shutter[i], corrections);
+        let seen = [at(0)?, at(1)?, at(2)?];
+        Ok(self.lit(index, earth, shutter, corrections, seen))
     }
 
-    /// [`Population::see`], by the states that `state` gives for a time near the exposure's start (0), mid (1) or end (2).
-    pub(super) fn see_by(
+    /// The object of that index and its light, as it appears at the exposure's start, mid and end.
+    pub(super) fn lit(
         &self,
         index: usize,
         earth: &Earth,
         shutter: &Shutter,
         corrections: &Corrections,
-        state: impl Fn(Epoch, usize) -> Result<StateVector, OrbitError>,
-    ) -> Result<SeenObject, OrbitError> {
-        let object = &self.objects[index];
-        let at = |i: usize| object_direction(|t| state(t, i), &shutter[i], corrections);
+        [start, apparent, end]: [ApparentObject; 3],
+    ) -> SeenObject {
         let line = |seen: &ApparentObject| seen.direction * seen.range_m;
-        let (apparent, start, end) = (at(1)?, at(0)?, at(2)?);
         let observer_m = shutter[1].position_m;
         let sun_m = shutter[1].bodies.sun_apparent_m();
         let to_sun = sun_m - apparent.seen_at_m;
         let phase = phase_angle(&to_sun, &(observer_m - apparent.seen_at_m));
-        let reflective_area = match self.looks.get(&object.id) {
+        let reflective_area = match self.look_at(index) {
             None => self.sphere.reflective_area(phase),
             Some(Look::Sphere(sphere)) => sphere.reflective_area(phase),
             Some(Look::Body(body)) => body.mean_reflective_area(&Passage {
@@ -178,7 +190,7 @@ impl Population {
                 light_time: corrections.light_time,
             }),
         };
-        Ok(SeenObject {
+        SeenObject {
             index,
             lines_m: [line(&start), line(&apparent), line(&end)],
             phase,
@@ -186,7 +198,7 @@ impl Population {
             occulted: earth.occults(observer_m, apparent.seen_at_m),
             mag: magnitude(reflective_area, to_sun.norm(), apparent.range_m),
             apparent,
-        })
+        }
     }
 }
 

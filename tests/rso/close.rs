@@ -45,6 +45,7 @@ fn an_object_nearer_than_its_own_way_is_seen() {
         let field = Field {
             axis: Vector3::x(),
             angle,
+            sides: &[],
             shutter: &shutter,
             reach_m: f64::INFINITY,
         };
@@ -60,4 +61,39 @@ fn an_object_nearer_than_its_own_way_is_seen() {
             assert!(!objects.iter().any(|one| in_field(one.lines_m[2])));
         }
     }
+}
+
+/// 60 km/s, faster than whatever the Earth holds, as in a message of a fly-by: far beside the field in the middle of an exposure of 16 s,
+/// in it at the end.
+#[test]
+fn an_object_faster_than_the_earth_holds_is_seen_where_it_ends() {
+    let mid = parse_utc("2026-03-01T12:00:00").unwrap();
+    let place = Vector3::new(7000.0, 0.0, 0.0);
+    let way = Vector3::new(0.0, 60.0, 0.0);
+    let observer = |s: f64| Observer {
+        epoch: mid + Unit::Second * s,
+        position_m: place * 1e3,
+        velocity_m_s: Vector3::zeros(),
+        bodies: Bodies::at(mid).unwrap(),
+    };
+    let shutter = [-8.0, 0.0, 8.0].map(observer);
+    let start = place + Vector3::new(2000.0, -700.0, 0.0);
+    let population = |start: Vector3<f64>| {
+        let objects = oem("FLY-BY", mid, |s| (start + way * s, way));
+        Population::new(objects, Sphere::default(), Looks::new())
+    };
+    let field = Field {
+        axis: Vector3::x(),
+        angle: 10_f64.to_radians(),
+        sides: &[],
+        shutter: &shutter,
+        reach_m: f64::INFINITY,
+    };
+    let seen = |start| {
+        let there = population(start).in_field(&field, &Corrections::default(), Orbits::Tracked);
+        assert!(there.news.is_empty(), "{:?}", there.news);
+        there.objects.len()
+    };
+    assert_eq!(seen(start), 1);
+    assert_eq!(seen(start - way * 40.0), 0);
 }

@@ -183,6 +183,22 @@ impl Psf {
             .drawn_px(fidelity, electrons)
     }
 
+    /// A bound of the sum of the squares of a point's shares, over the field and of all colours (1).
+    pub fn sharpness(&self) -> f64 {
+        // A sum of squares is no more than the greatest of what sums to 1.
+        if let Shape::Images(images) = &self.shape {
+            return images.relief().peak.min(1.0);
+        }
+        // Symmetric profiles are sharpest in the middle of a pixel. What lies further out has no share in squares.
+        let narrowest = self.local(self.scales()[0], images::Mix::default());
+        let mut stamp = Stamp::default();
+        let reach = (4.0 * narrowest.core_px()).ceil() as i64 + 1;
+        let around = -reach..reach + 1;
+        narrowest.spread(1.0, [0.0; 2], around.clone(), around, &mut stamp);
+        let squares: f64 = stamp.light.iter().map(|share| share * share).sum();
+        (1.01 * squares).min(1.0)
+    }
+
     /// The least [`LocalPsf::core_px`] of the field and of all colours.
     pub fn core_px(&self) -> f64 {
         self.local(self.scales()[0], images::Mix::default())
