@@ -73,6 +73,12 @@ pub enum LoadError {
         #[source]
         error: std::io::Error,
     },
+    /// There is nothing in the file.
+    #[error("{source_name}: empty; fetch the file again")]
+    Empty {
+        /// The source's name.
+        source_name: String,
+    },
     /// The text is in no format that is read.
     #[error(
         "{source_name}: no orbit found; expected two-line element sets (TLE, 3LE), OMM in KVN, XML, JSON or CSV, or a \
@@ -106,7 +112,10 @@ impl LoadError {
         match self {
             LoadError::Read { error, .. } => error.kind() == std::io::ErrorKind::InvalidData,
             LoadError::NoOrbit { .. } => true,
-            LoadError::NoRecord { .. } | LoadError::NoSegment { .. } => false,
+            // A file that has lost its records is a loss.
+            LoadError::Empty { .. } | LoadError::NoRecord { .. } | LoadError::NoSegment { .. } => {
+                false
+            }
         }
     }
 }
@@ -137,6 +146,11 @@ pub fn load_contents(path: &Path) -> Result<Contents, LoadError> {
 pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let source_name = || source.to_owned();
+    if text.trim().is_empty() {
+        return Err(LoadError::Empty {
+            source_name: source_name(),
+        });
+    }
     let format = Format::of(text).ok_or_else(|| LoadError::NoOrbit {
         source_name: source_name(),
     })?;

@@ -197,7 +197,7 @@ fn an_oem_behind_another_begins_with_its_version() {
 }
 
 #[test]
-fn a_table_of_toml_is_no_json() {
+fn a_table_of_toml_is_no_json_and_an_empty_file_is_a_loss() {
     for text in [
         "[[objects]]\nfiles = [\"a\"]",
         "# made up\n[ objects ]\n",
@@ -209,9 +209,10 @@ fn a_table_of_toml_is_no_json() {
             "{error}"
         );
     }
-    let error = parse_contents("[ ]", "odd").unwrap_err();
-    assert!(
-        matches!(error, LoadError::NoRecord { .. }) && !error.is_foreign(),
-        "{error}"
-    );
+    // What has lost its records is a file of orbits all the same.
+    for text in ["[ ]", "", "\r\n \n"] {
+        let error = parse_contents(text, "odd").unwrap_err();
+        let nothing = matches!(error, LoadError::NoRecord { .. } | LoadError::Empty { .. });
+        assert!(nothing && !error.is_foreign(), "{error}");
+    }
 }
