@@ -8,6 +8,7 @@ mod support;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::sgp4_batch::{Batch, States, TOO_FAR};
 use skyloop_orbit::time::parse_utc;
+use std::process::Command;
 use support::{Answer, DECAYED, Tally, answers, batch, samples, scalar};
 
 /// Days from each epoch; both signs of zero.
@@ -28,7 +29,54 @@ fn every_object_of_the_catalogues_is_where_the_scalar_twin_has_it() {
         // what the last digit moves is near decay or far from its epoch
         assert!(tally.states > sets.len() * DAYS.len() * 8 / 10);
         assert!(tally.sensitive.len() <= tally.states / 500);
+        // the one whose radius is negative
+        assert!(tally.brinks.len() <= 1, "{:?}", tally.brinks);
     }
+}
+
+#[test]
+fn failures_of_the_catalogues_are_those_of_the_reference() {
+    let catalogues = samples::catalogues();
+    for known in samples::catalogue_codes() {
+        let name = known.catalogue;
+        let Some((_, sets)) = catalogues.iter().find(|(one, _)| one == name) else {
+            samples::not_tested(&format!("error codes of {name}, which is not there"));
+            continue;
+        };
+        assert_eq!(sets.len(), known.sets, "{name} is another file");
+        let mut failures = 0;
+        for (days, codes) in &known.days {
+            let answers = batch(sets, days * 1440.0);
+            for ((set, expected), answer) in sets.iter().zip(codes).zip(answers) {
+                let found = answer.err().unwrap_or(0);
+                assert_eq!(found, *expected, "{name}: {} at {days} d", set.norad);
+                failures += usize::from(found != 0);
+            }
+        }
+        println!(
+            "{name}: {} answers, {failures} failures, all as the reference's",
+            known.days.len() * known.sets
+        );
+        assert!(failures > 200);
+    }
+}
+
+/// A folder without catalogues is no proof: where one is named, tests fail and say how to give them.
+#[test]
+fn a_named_folder_without_catalogues_fails() {
+    let empty = std::env::temp_dir().join(format!("skyloop-no-catalogues-{}", std::process::id()));
+    std::fs::create_dir_all(&empty).unwrap();
+    for folder in [empty.clone(), empty.join("nowhere")] {
+        let run = Command::new(std::env::current_exe().unwrap())
+            .arg("failures_of_the_catalogues_are_those_of_the_reference")
+            .env(samples::FOLDER, &folder)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&run.stdout);
+        assert!(!run.status.success(), "{said}");
+        assert!(said.contains("no public catalogue"), "{said}");
+    }
+    std::fs::remove_dir(empty).unwrap();
 }
 
 #[test]
@@ -49,6 +97,7 @@ fn made_up_sets_are_where_the_scalar_twin_has_them() {
     tally.print(format_args!("{} made-up sets", sets.len()));
     assert!(tally.states > 4000);
     assert!(tally.sensitive.len() <= 40);
+    assert!(tally.brinks.len() <= 1, "{:?}", tally.brinks);
 }
 
 #[test]
@@ -100,4 +149,5 @@ fn an_instant_is_so_many_minutes_after_each_epoch() {
     tally.print("instants");
     assert!(tally.states > 1500);
     assert!(tally.codes[&TOO_FAR] > 200);
+    assert!(tally.brinks.is_empty(), "{:?}", tally.brinks);
 }

@@ -147,6 +147,7 @@ fn the_model_changes_its_ways_where_the_scalar_twin_does() {
     tally.print("two weeks");
     assert!(tally.states > 15_000);
     assert!(tally.sensitive.len() < tally.states / 50);
+    assert!(tally.brinks.len() <= 1, "{:?}", tally.brinks);
     // each way to fail that such sets have is met
     assert!(tally.codes.keys().eq(&[1, 3, 4, 6]), "{:?}", tally.codes);
 }
@@ -157,6 +158,7 @@ fn a_century_is_as_the_last_digit_allows() {
     tally.print("a century");
     assert!(tally.states > 1000);
     assert!(tally.sensitive.len() < tally.states / 10);
+    assert!(tally.brinks.is_empty(), "{:?}", tally.brinks);
 }
 
 #[test]

@@ -38,6 +38,7 @@ fn published_vectors_are_met() {
     tally.print("against the scalar twin");
     assert_eq!(compared, 666);
     assert!(tally.sensitive.is_empty(), "{:?}", tally.sensitive);
+    assert!(tally.brinks.is_empty(), "{:?}", tally.brinks);
 }
 
 #[test]

@@ -128,9 +128,9 @@ fn the_catalogues_are_within_the_bound() {
         println!("{name}, {} sets", sets.len());
         let epochs = sets.iter().map(|set| set.epoch);
         let newest = epochs.max().unwrap();
-        let worst = hold(&sets, frames(newest, 0.1, 300), 97);
+        let worst = hold(&sets, frames(newest, 0.1, 300), 7);
         assert!(2 * worst.interpolated > worst.compared);
-        hold(&sets, frames(newest, 2.0, 400), 131);
+        hold(&sets, frames(newest, 2.0, 400), 11);
     }
 }
 

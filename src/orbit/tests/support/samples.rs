@@ -6,6 +6,7 @@ use skyloop_orbit::elements::Elements;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Orbit, load};
 use std::f64::consts::PI;
+use std::io::Write;
 use std::path::PathBuf;
 
 /// A verification case of AIAA 2006-6753.
@@ -117,26 +118,40 @@ pub fn synthetic() -> Vec<Synthetic> {
     sets
 }
 
+/// Where a folder of public catalogues is named.
+pub const FOLDER: &str = "SKYLOOP_CATALOGUES";
+
+/// Says what was not tested, and why, even where the test harness keeps a test's output to itself.
+pub fn not_tested(what: &str) {
+    let _ = writeln!(std::io::stderr(), "NOT TESTED: {what}");
+}
+
 /// The public catalogues that are there, by name, and the element sets in them: in the folder that `SKYLOOP_CATALOGUES` names, else
-/// in `../shared/data/tle` beside the repository.
+/// in `../shared/data/tle` beside the repository. Where there are none, that is said; in a folder that is named there must be some.
 pub fn catalogues() -> Vec<(String, Vec<Elements>)> {
-    let folder = match std::env::var_os("SKYLOOP_CATALOGUES") {
+    let named = std::env::var_os(FOLDER);
+    let folder = match &named {
         Some(folder) => PathBuf::from(folder),
         None => PathBuf::from(concat!(
             env!("CARGO_MANIFEST_DIR"),
             "/../../../shared/data/tle"
         )),
     };
-    let Ok(entries) = std::fs::read_dir(&folder) else {
-        println!("no catalogues in {}: passed over", folder.display());
-        return Vec::new();
-    };
+    let entries = std::fs::read_dir(&folder).into_iter().flatten();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| {
         path.extension()
             .is_some_and(|end| end == "tle" || end == "3le")
     });
     paths.sort();
+    if paths.is_empty() {
+        let folder = folder.display();
+        let remedy = format!(
+            "no public catalogue (*.tle, *.3le) in {folder}: save some there, or name a folder that has some in {FOLDER}"
+        );
+        assert!(named.is_none(), "{remedy}, or unset it");
+        not_tested(&remedy);
+    }
     let read = |path: PathBuf| {
         let loaded = load(&path).unwrap();
         let sets = loaded
@@ -152,6 +167,44 @@ pub fn catalogues() -> Vec<(String, Vec<Elements>)> {
         )
     };
     paths.into_iter().map(read).collect()
+}
+
+/// PyPI sgp4's error codes of a public catalogue.
+pub struct Codes {
+    pub catalogue: &'static str,
+    pub sets: usize,
+    /// Days from each epoch, and the code of each set.
+    pub days: Vec<(f64, Vec<u8>)>,
+}
+
+/// Of all catalogues whose codes are known.
+pub fn catalogue_codes() -> Vec<Codes> {
+    // X-Val: data/make_catalogue_codes.py: PyPI sgp4 2.27
+    let text = include_str!("../data/catalogue_codes.txt");
+    // All of these days are known, with or without a failure.
+    const DAYS: [f64; 9] = [-365.0, -30.0, -7.0, -1.0, 0.0, 1.0, 7.0, 30.0, 365.0];
+    let mut all: Vec<Codes> = Vec::new();
+    for line in text.lines().filter(|line| !line.starts_with('#')) {
+        if let Some(head) = line.strip_prefix("= ") {
+            let (catalogue, sets) = head.split_once(' ').unwrap();
+            let sets = sets.parse().unwrap();
+            all.push(Codes {
+                catalogue,
+                sets,
+                days: DAYS.map(|days| (days, vec![0; sets])).into(),
+            });
+            continue;
+        }
+        let mut words = line.split(' ');
+        let days: f64 = words.next().unwrap().parse().unwrap();
+        let code = words.next().unwrap().parse().unwrap();
+        let of = &mut all.last_mut().unwrap().days;
+        let (_, codes) = of.iter_mut().find(|(one, _)| *one == days).unwrap();
+        for place in words {
+            codes[place.parse::<usize>().unwrap()] = code;
+        }
+    }
+    all
 }
 
 /// An epoch for sets that are made up in a test.
