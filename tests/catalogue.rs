@@ -36,8 +36,8 @@ fn scene() -> (Config, Mission) {
     (config, mission)
 }
 
-/// Its labels.
-fn labels(orbits: Orbits, off: Option<&'static str>) -> Vec<Label> {
+/// Its labels and digits.
+fn frames(orbits: Orbits, off: Option<&'static str>) -> Vec<(Label, Vec<u16>)> {
     let (mut config, mission) = scene();
     config.fidelity.orbits = orbits;
     let mut emulator = Emulator::new(&mut config);
@@ -47,18 +47,32 @@ fn labels(orbits: Orbits, off: Option<&'static str>) -> Vec<Label> {
     let numbers = (0..FRAMES).chain([3, 40]);
     let vehicles = numbers.map(|number| flight::vehicle(&mission, number).unwrap());
     vehicles
-        .map(|vehicle| emulator.shoot(&vehicle, 0).unwrap().label)
+        .map(|vehicle| {
+            let shot = emulator.shoot(&vehicle, 0).unwrap();
+            (shot.label, shot.frame.digits)
+        })
         .collect()
 }
 
+fn labels(orbits: Orbits, off: Option<&'static str>) -> Vec<Label> {
+    let frames = frames(orbits, off).into_iter();
+    frames.map(|(label, _)| label).collect()
+}
+
 #[test]
-fn tracks_sgp4_in_lanes_and_the_scalar_sgp4_give_the_same_labels() {
+fn tracks_sgp4_in_lanes_and_the_scalar_sgp4_give_the_same_frames() {
     let [tracked, exact, scalar] =
-        [Orbits::Tracked, Orbits::Exact, Orbits::Scalar].map(|orbits| labels(orbits, None));
+        [Orbits::Tracked, Orbits::Exact, Orbits::Scalar].map(|orbits| frames(orbits, None));
     let (mut compared, mut worst_px) = (0, 0.0f64);
-    for ((tracked, exact), scalar) in tracked.iter().zip(&exact).zip(&scalar) {
+    for (tracked, exact) in tracked.iter().zip(&exact) {
         // To the last bit: tracks only say whom to ask.
-        assert_eq!(tracked, exact);
+        assert_eq!(tracked.0, exact.0);
+        assert!(tracked.1 == exact.1, "pixels differ");
+        // Not all alike: objects are in them.
+        let (least, most) = (exact.1.iter().min(), exact.1.iter().max());
+        assert!(most > least.map(|least| 2 * least).as_ref());
+    }
+    for ((exact, _), (scalar, _)) in exact.iter().zip(&scalar) {
         assert_eq!(exact.unseen, scalar.unseen);
         assert_eq!(exact.objects.len(), scalar.objects.len());
         for (a, b) in exact.objects.iter().zip(&scalar.objects) {
@@ -69,6 +83,7 @@ fn tracks_sgp4_in_lanes_and_the_scalar_sgp4_give_the_same_labels() {
         }
     }
     println!("{compared} objects: at most {worst_px:.1e} px");
+    // What is promised; measured: at most 9.2e-10 px.
     assert!(worst_px <= 1e-6, "{worst_px} px");
     assert!(compared > 500, "{compared}");
 }
