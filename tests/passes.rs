@@ -5,8 +5,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use skyloop::camera::Camera;
 use skyloop::flight::Flight;
 use skyloop::load::Folder;
+use skyloop::orbit::elements::Elements;
 use skyloop::orbit::time::{parse_utc, utc_text};
-use skyloop::orbit::{Object, StateVector, parse};
+use skyloop::orbit::{Object, Orbit, StateVector, parse};
 use skyloop::passes::{Pass, Passes, Search, passes};
 use skyloop::scene::Hidden;
 use skyloop::sky::bodies::Bodies;
@@ -15,6 +16,7 @@ use skyloop::sky::population::Looks;
 use skyloop::sky::shadow::Earth;
 use skyloop::sky::{Corrections, Population};
 use skyloop_firmware_sim::profile::{Profile, orbit_of};
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 fn utc(text: &str) -> Epoch {
@@ -304,5 +306,136 @@ fn short_stays_are_found_down_to_the_time_that_is_asked_for() {
         close(length, seconds, 2.1e-3);
         let middle = pass.entry.point.epoch - mid;
         close(middle.to_seconds() + seconds / 2.0, at_s, 2e-3);
+    }
+}
+
+/// As far as its states go, an object is found: from whenever the search begins.
+#[test]
+fn a_stay_ends_where_states_end() {
+    let mid = utc("2026-03-20T14:46:00Z");
+    let sun = Bodies::at(mid).unwrap().sun_apparent_m().normalize();
+    let across = Earth::at(mid).pole().cross(&sun).normalize();
+    let flight = at_rest(sun * 8e6, -sun, across);
+    // The way of `a_straight_way_through_the_boresight_is_as_by_hand`, known for ten minutes that end or begin within the stay.
+    let known_around = |after_s: f64| {
+        let middle = mid + Unit::Second * after_s;
+        straight(middle, sun * 7e6 + across * 7e3 * after_s, across * 7e3)
+    };
+    for from_s in [-60.0, -57.7, -53.3, -51.0] {
+        let search = Search {
+            from: mid + Unit::Second * from_s,
+            to: mid + Unit::Second * 60.0,
+            shortest_s: 0.05,
+        };
+        let after = |epoch: Epoch| (epoch - mid).to_seconds();
+        let ended = found(
+            &search,
+            &flight,
+            vec![known_around(-283.7)],
+            &Corrections::NONE,
+        );
+        let why: Vec<&String> = ended.unknown.values().collect();
+        assert!(why.len() == 1 && why[0].contains("outside its ephemeris"));
+        let pass = the_one(ended);
+        close(after(pass.entry.point.epoch), -34.4513, 1.1e-3);
+        close(after(pass.exit.point.epoch), 16.3, 2.1e-3);
+        // X-Val: by hand: 127.5 + 530.769 * 7 * 16.3 / 1000 px.
+        close(pass.exit.place_px[0], 188.061, 1e-2);
+        assert!(!pass.goes_on && pass.brightest.is_some());
+
+        let begun = found(
+            &search,
+            &flight,
+            vec![known_around(306.2)],
+            &Corrections::NONE,
+        );
+        assert_eq!(begun.unknown.len(), 1);
+        let pass = the_one(begun);
+        close(after(pass.entry.point.epoch), 6.2, 2.1e-3);
+        close(after(pass.exit.point.epoch), 34.4513, 1.1e-3);
+        assert!(!pass.begun_before);
+    }
+}
+
+/// Elements that nobody has: those of a line of `src/orbit/tests/data/synthetic_elements.txt`, but for what is given.
+fn elements(eccentricity: f64, mean_motion: f64, drag: f64) -> Object {
+    let degrees = f64::to_radians;
+    let set = Elements {
+        norad: 99_999,
+        epoch: utc("2020-11-18T08:34:00Z"),
+        inclination: degrees(12.604),
+        node: degrees(24.9151),
+        eccentricity,
+        perigee: degrees(272.6404),
+        mean_anomaly: degrees(282.2654),
+        mean_motion,
+        drag,
+    };
+    Object {
+        id: "NORAD 99999".into(),
+        names: Vec::new(),
+        orbit: Orbit::Elements(set, Vec::new()),
+    }
+}
+
+/// Ten seconds around `mid`, for an observer at rest so far above where `object` is then, whose camera looks there.
+fn ten_seconds(object: &Object, mid: Epoch, above_m: f64) -> Passes {
+    let place = object.state(mid).unwrap().position_m;
+    let up = place.normalize();
+    let flight = at_rest(place + up * above_m, -up * above_m, Vector3::z());
+    let search = Search {
+        from: mid - Unit::Second * 5.0,
+        to: mid + Unit::Second * 5.0,
+        shortest_s: 0.05,
+    };
+    found(
+        &search,
+        &flight,
+        vec![object.clone()],
+        &Corrections::default(),
+    )
+}
+
+#[test]
+fn an_object_that_decays_within_an_exposure_ends_its_stay_and_not_the_search() {
+    // Made up: a perigee 160 km inside the Earth.
+    let object = elements(0.08, 0.0682, 0.0);
+    let epoch = object.sets().next().unwrap().epoch;
+    let known = |s: f64| object.state(epoch + Unit::Second * s).is_ok();
+    let [mut low, mut high] = [0.0, (1..6000).map(f64::from).find(|s| !known(*s)).unwrap()];
+    while high - low > 1e-5 {
+        let mid = (low + high) / 2.0;
+        *(if known(mid) { &mut low } else { &mut high }) = mid;
+    }
+    for beside_s in [0.02, 0.7, 2.9] {
+        let mid = epoch + Unit::Second * (low - beside_s);
+        let found = ten_seconds(&object, mid, 1e6);
+        let why: Vec<&String> = found.unknown.values().collect();
+        assert!(why.len() == 1 && why[0].contains("decayed"), "{why:?}");
+        let pass = the_one(found);
+        assert!(pass.begun_before && !pass.goes_on);
+        close((pass.exit.point.epoch - mid).to_seconds(), beside_s, 2.1e-3);
+    }
+}
+
+/// X-Val: PyPI sgp4 2.27, error code 0: beyond 4e6 km after 177 days, at 0.3 km/s; after 140 days 545,605 km away, at 0.8 km/s,
+/// and 1,535 km further 0.1 s later.
+#[test]
+fn what_sgp4_hurls_away_has_no_state() {
+    let runaway = elements(0.024_079, 15.186_928_66 * PI / 720.0, -0.021_836);
+    for (days, km) in [(177.0, 4.036e6), (140.0, 5.456e5)] {
+        let mid = utc("2020-11-18T08:34:00Z") + Unit::Day * days;
+        close(
+            runaway.state(mid).unwrap().position_m.norm() * 1e-3,
+            km,
+            km * 1e-3,
+        );
+        let found = ten_seconds(&runaway, mid, -1e8);
+        assert!(found.passes.is_empty());
+        let why: Vec<&String> = found.unknown.values().collect();
+        assert!(
+            why.len() == 1 && why[0].contains("more than 4e6 km or 100 km/s"),
+            "{why:?}"
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use super::search::{Seeker, Sight};
 use super::{NoPasses, Search};
-use crate::light_curve::{Point, point_from};
+use crate::light_curve::{NoLightCurve, Point, point_from};
 use crate::scene::Hidden;
 use crate::sky::Population;
 use hifitime::Epoch;
@@ -15,6 +15,8 @@ const MOST_LOOKS: f64 = 1000.0;
 const MOST_LIGHTS: f64 = 100.0;
 /// The base of an image's rate, s.
 const RATE_S: f64 = 0.01;
+/// Where states end, light is asked for so much before that, s.
+const WITHIN_S: f64 = 1e-3;
 
 /// An object's stay in the field.
 #[derive(Debug, Clone)]
@@ -89,11 +91,18 @@ impl Seeker<'_> {
         let glimpse = |t_s: f64| self.glimpse(population, index, t_s);
         let nearest_s = least(&|sight| sight.off_axis)?;
         let closest_s = least(&|sight| sight.range_m)?;
-        // The edge itself is within the bisection's millisecond.
+        // The edge itself is within the bisection's millisecond, and may be the last instant with a state.
+        let within = |t_s: f64| -> Result<Option<Glimpse>, NoPasses> {
+            let inner_s = (t_s.max(start + WITHIN_S)).min(end - WITHIN_S);
+            Ok(match glimpse(t_s)? {
+                None if end - start > 2.0 * WITHIN_S => glimpse(inner_s)?,
+                one => one,
+            })
+        };
         let (Some(entry), Some(exit), Some(nearest), Some(closest)) = (
-            glimpse(start)?,
-            glimpse(end)?,
-            glimpse(nearest_s)?,
+            within(start)?,
+            within(end)?,
+            within(nearest_s)?,
             self.sight(closest_s)?,
         ) else {
             return Ok(None);
@@ -101,7 +110,10 @@ impl Seeker<'_> {
         let mut brightest: Option<Glimpse> = None;
         let magnitude = |one: &Glimpse| one.point.band_mag().unwrap_or(f64::INFINITY);
         for t_s in times(looks.min(MOST_LIGHTS)).chain([nearest_s, closest_s]) {
-            if let Some(one) = glimpse(t_s)?
+            // Light takes long to work out: not where none arrives.
+            let dark = |sight: Sight| sight.hidden.is_some();
+            if !self.sight(t_s)?.is_none_or(dark)
+                && let Some(one) = glimpse(t_s)?
                 && magnitude(&one) < brightest.as_ref().map_or(f64::INFINITY, magnitude)
             {
                 brightest = Some(one);
@@ -114,7 +126,7 @@ impl Seeker<'_> {
             nearest,
             brightest,
             closest: (self.course.epoch(closest_s), closest.range_m),
-            rate_px_s: self.rate_px_s(nearest_s, search)?,
+            rate_px_s: self.rate_px_s(nearest_s, [start, end])?,
             lit: self.lit(&seen, [start, end])?,
             begun_before: start <= 0.0,
             goes_on: end >= search.length_s(),
@@ -130,25 +142,42 @@ impl Seeker<'_> {
         let Some(sight) = self.sight(t_s)? else {
             return Ok(None);
         };
-        let point = point_from(
-            population,
-            index,
-            self.course.at(t_s).state(t_s),
-            self.corrections,
-            self.course.epoch(t_s),
-            self.camera.exposure_s,
-        )?;
-        Ok(sight.image_px.map(|place_px| Glimpse {
-            point,
-            place_px,
-            off_axis: sight.off_axis,
-        }))
+        let light = |exposure_s: f64| {
+            point_from(
+                population,
+                index,
+                self.course.at(t_s).state(t_s),
+                self.corrections,
+                self.course.epoch(t_s),
+                exposure_s,
+            )
+        };
+        let point = match light(self.camera.exposure_s) {
+            // States end within the exposure: the instant alone.
+            Err(NoLightCurve::Orbit(_)) => light(0.0),
+            known => known,
+        };
+        match point {
+            Ok(point) => Ok(sight.image_px.map(|place_px| Glimpse {
+                point,
+                place_px,
+                off_axis: sight.off_axis,
+            })),
+            Err(NoLightCurve::Orbit(error)) => {
+                self.lose(&error);
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
+        }
     }
 
-    /// The speed of the image, px/s.
-    fn rate_px_s(&self, t_s: f64, search: &Search) -> Result<f64, NoPasses> {
-        let ends = [t_s - RATE_S / 2.0, t_s + RATE_S / 2.0];
-        let [before, after] = ends.map(|t_s| t_s.clamp(0.0, search.length_s()));
+    /// The speed of the image, px/s, at an instant of a stay.
+    fn rate_px_s(&self, t_s: f64, [start, end]: [f64; 2]) -> Result<f64, NoPasses> {
+        let before = (t_s - RATE_S / 2.0).max(start);
+        let after = (t_s + RATE_S / 2.0).min(end);
+        if after <= before {
+            return Ok(0.0);
+        }
         let [before_px, after_px] = [self.sight(before)?, self.sight(after)?]
             .map(|one| one.and_then(|sight| sight.image_px));
         let (Some(a), Some(b)) = (before_px, after_px) else {

@@ -3,11 +3,13 @@
 //! Time goes in steps. For each, [`Population::before`] gives the objects that may stand in the cone of the field at some time of it.
 //! Of each of these the step is bisected: where even the fastest way of its image does not reach the edge of the
 //! detector, it is in the field or not all through; else down to [`Search::shortest_s`]. So no stay in the field
-//! that lasts longer than that is missed, and none that is shorter is sure to be found.
+//! that lasts longer than that is missed, and none that is shorter is sure to be found. Where an object's states begin or end within the
+//! field, so does its stay.
 
 mod course;
 mod crossing;
 mod field;
+mod known;
 mod search;
 
 pub use crossing::{Glimpse, Lit, Pass};
@@ -25,7 +27,9 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use search::Seeker;
 use skyloop_orbit::time::utc_text;
-use std::collections::BTreeMap;
+use skyloop_orbit::{Object, Orbit};
+use std::cell::OnceCell;
+use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 
 /// Seconds of a step: in them a low orbit goes 80 km.
@@ -53,7 +57,7 @@ impl Search {
 pub struct Passes {
     /// In order of entry.
     pub passes: Vec<Pass>,
-    /// Objects whose orbit has no answer at some time of the search, each with one reason.
+    /// Objects whose orbit has no answer at some time of the search, or one that is none (beyond 4e6 km or 100 km/s), each with one reason.
     pub unknown: BTreeMap<String, String>,
 }
 
@@ -97,9 +101,9 @@ pub fn passes(
         STEP_S,
         search.shortest_s,
     )?;
-    let (candidates, unknown) = candidates(&course, camera, population, &tick);
+    let (candidates, mut unknown) = candidates(&course, camera, population, &tick);
     let field = Field::new(camera);
-    let found: Result<Vec<Vec<Pass>>, NoPasses> = candidates
+    let found: Result<Vec<_>, NoPasses> = candidates
         .par_iter()
         .map(|(index, steps)| {
             let seeker = Seeker {
@@ -108,20 +112,30 @@ pub fn passes(
                 camera,
                 corrections,
                 object: &population.objects()[*index],
+                lost: OnceCell::new(),
             };
             let crossings = seeker.crossings(steps, search)?;
             let passes = crossings.into_iter();
             let passes = passes.map(|times| seeker.pass(population, *index, times, search));
-            passes.filter_map(Result::transpose).collect()
+            let passes: Result<Vec<Pass>, _> = passes.filter_map(Result::transpose).collect();
+            Ok((passes?, seeker.lost.into_inner()))
         })
         .collect();
-    let mut passes: Vec<Pass> = found?.into_iter().flatten().collect();
+    let mut passes = Vec::new();
+    for (index, (found, lost)) in candidates.keys().zip(found?) {
+        passes.extend(found);
+        if let Some(reason) = lost {
+            let label = population.objects()[*index].label();
+            unknown.entry(label).or_insert(reason);
+        }
+    }
     passes.sort_by_key(|pass| (pass.entry.point.epoch, pass.index));
     tick(1.0);
     Ok(Passes { passes, unknown })
 }
 
-/// The steps in which each object may be in the field, and the objects without a state.
+/// The steps in which each object may be in the field, and the objects without a state. Of those the test of a step's middle says nothing:
+/// they are looked at in every step that may have states beside its middle.
 #[allow(clippy::type_complexity)]
 fn candidates(
     course: &Course,
@@ -131,6 +145,10 @@ fn candidates(
 ) -> (BTreeMap<usize, Vec<usize>>, BTreeMap<String, String>) {
     let (mut candidates, mut unknown) = (BTreeMap::new(), BTreeMap::new());
     let cone = camera.cone_rad(0.0);
+    let objects = population.objects();
+    let ends = |object: &Object| matches!(object.orbit, Orbit::Ephemeris(_));
+    let mut may_lack: BTreeSet<usize> = (0..objects.len()).filter(|&i| ends(&objects[i])).collect();
+    let mut by_label: BTreeMap<String, usize> = BTreeMap::new();
     for (number, step) in course.steps.iter().enumerate() {
         let pointing = step.vehicle.attitude.then(&camera.mounting);
         let axis = pointing.matrix().transpose() * Vector3::z();
@@ -146,9 +164,28 @@ fn candidates(
             let steps: &mut Vec<usize> = candidates.entry(index).or_default();
             steps.push(number);
         }
+        if by_label.is_empty() && !errors.is_empty() {
+            by_label = (0..)
+                .zip(objects)
+                .map(|(i, one)| (one.label(), i))
+                .collect();
+        }
         for error in errors {
+            may_lack.extend(by_label.get(error.object()));
             let reason = unknown.entry(error.object().to_string());
             reason.or_insert_with(|| error.to_string());
+        }
+        let (middle, half_s) = (step.shutter[1].epoch, (step.end_s - step.start_s) / 2.0);
+        for &index in &may_lack {
+            let (object, rotation) = (&objects[index], &step.rotation);
+            if let Err(error) = known::state(object, middle, rotation)
+                && known::may_have_near(object, &error, middle, half_s, rotation)
+            {
+                let steps = candidates.entry(index).or_default();
+                if steps.last() != Some(&number) {
+                    steps.push(number);
+                }
+            }
         }
         tick(0.5 * number as f64 / course.steps.len() as f64);
     }

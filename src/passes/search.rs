@@ -2,6 +2,7 @@
 
 use super::course::{Course, Step};
 use super::field::Field;
+use super::known::{self, NoState};
 use super::{NoPasses, Search};
 use crate::camera::Camera;
 use crate::light_curve::why_dark;
@@ -9,8 +10,10 @@ use crate::scene::Hidden;
 use crate::sky::Corrections;
 use crate::sky::apparent::object_direction;
 use crate::sky::population::OWN_VEHICLE_M;
+use hifitime::Epoch;
 use nalgebra::Vector3;
-use skyloop_orbit::Object;
+use skyloop_orbit::{Object, StateVector};
+use std::cell::OnceCell;
 use std::f64::consts::PI;
 
 /// Entries and exits are bisected down to this, s.
@@ -27,6 +30,8 @@ pub(super) struct Seeker<'a> {
     pub(super) camera: &'a Camera,
     pub(super) corrections: &'a Corrections,
     pub(super) object: &'a Object,
+    /// Why it has no state at some time; the first reason met.
+    pub(super) lost: OnceCell<String>,
 }
 
 /// An object as it is seen at an instant.
@@ -116,11 +121,16 @@ impl Seeker<'_> {
         Ok(())
     }
 
-    /// Whether it is in the field, or not, for `half_s` before and after an instant; none where it may change.
+    /// Whether it is in the field, or not, for `half_s` before and after an instant; none where it may change, or its states may begin or end.
     fn throughout(&self, step: &Step, t_s: f64, half_s: f64) -> Result<Option<bool>, NoPasses> {
         let epoch = self.course.epoch(t_s);
-        let Ok(state) = self.object.state_with(epoch, &step.rotation) else {
-            return Ok(Some(false));
+        let state = match self.state(step, epoch) {
+            Ok(state) => state,
+            Err(error) => {
+                let (object, rotation) = (self.object, &step.rotation);
+                let near = known::may_have_near(object, &error, epoch, half_s, rotation);
+                return Ok((!near).then_some(false));
+            }
         };
         let vehicle = self.course.vehicle(t_s)?;
         let observer = step.state(t_s);
@@ -136,8 +146,23 @@ impl Seeker<'_> {
             .attitude
             .then(&self.camera.mounting)
             .rotate(&(line / range));
-        let sure = self.field.to_edge(&seen) > sweep;
-        Ok(sure.then(|| self.field.place(&seen).is_some()))
+        if self.field.to_edge(&seen) <= sweep {
+            return Ok(None);
+        }
+        let inside = self.field.place(&seen).is_some();
+        // What is in the field, and not at an end, has no state there.
+        let known = !inside || (self.is_inside(t_s - half_s)? && self.is_inside(t_s + half_s)?);
+        Ok(known.then_some(inside))
+    }
+
+    fn state(&self, step: &Step, epoch: Epoch) -> Result<StateVector, NoState> {
+        let state = known::state(self.object, epoch, &step.rotation);
+        state.inspect_err(|error| self.lose(error))
+    }
+
+    /// Keeps why it has no state.
+    pub(super) fn lose(&self, why: &impl ToString) {
+        self.lost.get_or_init(|| why.to_string());
     }
 
     /// The instant between a known one and another, of the other kind, at which it crosses the edge: the last one inside.
@@ -161,7 +186,7 @@ impl Seeker<'_> {
     pub(super) fn sight(&self, t_s: f64) -> Result<Option<Sight>, NoPasses> {
         let step = self.course.at(t_s);
         let observer = step.observer(self.course.epoch(t_s), t_s);
-        let state = |epoch| self.object.state_with(epoch, &step.rotation);
+        let state = |epoch| self.state(step, epoch);
         let Ok(seen) = object_direction(state, &observer, self.corrections) else {
             return Ok(None);
         };
