@@ -56,9 +56,9 @@ impl<'a> Noise<'a> {
         }
     }
 
-    /// Background of a pixel, e-.
-    fn background_e(&self, pixel: usize) -> f64 {
-        let trail = self.trail_e.get(pixel % self.detector.width);
+    /// Background of a pixel of that column, e-.
+    fn background_e(&self, pixel: usize, column: usize) -> f64 {
+        let trail = self.trail_e.get(column);
         let light = self.areas_e.get(pixel).map_or(0.0, |e| f64::from(*e));
         let light = if self.simulated.response {
             light * self.detector.pattern.response_of(pixel)
@@ -85,10 +85,10 @@ impl<'a> Noise<'a> {
     pub fn snr(&self, footprint: &Footprint, electrons: f64) -> f64 {
         let (detector, mut sum) = (self.detector, 0.0);
         for (row, column, shares) in footprint.rows(0..detector.height) {
-            for (pixel, share) in (row * detector.width + column..).zip(shares) {
+            for (column, share) in (column..).zip(shares) {
                 let light = f64::from(*share) * electrons;
                 if light > 0.0 {
-                    sum += self.of_pixel(pixel, light);
+                    sum += self.of_pixel(row * detector.width + column, column, light);
                 }
             }
         }
@@ -96,14 +96,14 @@ impl<'a> Noise<'a> {
     }
 
     /// What one pixel adds to the square of the ratio.
-    fn of_pixel(&self, pixel: usize, light: f64) -> f64 {
+    fn of_pixel(&self, pixel: usize, column: usize, light: f64) -> f64 {
         let detector = self.detector;
         let s = if self.simulated.response {
             light * detector.pattern.response_of(pixel)
         } else {
             light
         };
-        let b = self.background_e(pixel);
+        let b = self.background_e(pixel, column);
         let held = s + b;
         if held >= self.full_e || self.is_blind(pixel) {
             return 0.0;
