@@ -133,6 +133,16 @@ impl Emulator {
         vehicle: &VehicleState,
         repeat: u32,
     ) -> Result<Shot, Unobservable> {
+        // All of a frame on the threads that share it: to hand each part over to them, and back, takes longer than many a part.
+        rayon::scope(|_| self.made(camera, vehicle, repeat))
+    }
+
+    fn made(
+        &mut self,
+        camera: &Arc<Camera>,
+        vehicle: &VehicleState,
+        repeat: u32,
+    ) -> Result<Shot, Unobservable> {
         let started = Instant::now();
         let scene = self.scene(camera, vehicle, repeat, &self.choice)?;
         let plan = Plan::new(&scene, &self.fidelity, &self.choice);

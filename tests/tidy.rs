@@ -76,6 +76,7 @@ const FENCES: &[(&str, &[&str])] = &[
         "rayon::",
         &[
             "cli/plan",
+            "engine",
             "label",
             "measure",
             "passes",

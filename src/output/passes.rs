@@ -81,7 +81,8 @@ impl Row {
             min_range_km: pass.closest.1 * 1e-3,
             rate_px_s: pass.rate_px_s,
             duration_s: (pass.exit.point.epoch - pass.entry.point.epoch).to_seconds(),
-            lit_s: lit.map(seconds).sum(),
+            // A sum of nothing would be -0.
+            lit_s: lit.map(seconds).fold(0.0, |sum, s| sum + s),
             in_field_at_start: pass.begun_before,
             in_field_at_end: pass.goes_on,
             spans: pass

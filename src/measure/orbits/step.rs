@@ -62,6 +62,7 @@ fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), C
     let mut times = Vec::new();
     for frame in 0..WARM + FRAMES {
         let vehicle = vehicle.at(vehicle.epoch + Unit::Second * (0.1 * frame as f64));
+        // As the emulator makes its frames: on the threads that share them.
         let mut step = || -> Result<(), Unobservable> {
             let scene = emulator.scene(&camera, &vehicle, 0, &choice)?;
             let plan = Plan::new(&scene, emulator.fidelity(), &choice);
@@ -77,7 +78,7 @@ fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), C
             Ok(())
         };
         let started = Instant::now();
-        step().map_err(|error| ConfigError::Orbit(error.to_string()))?;
+        rayon::scope(|_| step()).map_err(|error| ConfigError::Orbit(error.to_string()))?;
         times.push(started.elapsed().as_secs_f64() * 1e3);
     }
     let octets = emulator.world().population.octets() as f64 / CATALOGUE as f64;
