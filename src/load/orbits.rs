@@ -159,11 +159,12 @@ pub fn passed_over(names: &[String]) -> Option<String> {
     let (named, count) = (named.join(", "), names.len());
     let what = match count {
         0 => return None,
-        1 => "entry holds",
-        _ => "entries hold",
+        1 => "entry is no file",
+        _ => "entries are no files",
     };
     Some(format!(
-        "passed over: {count} {what} no orbits ({named}{more})"
+        "passed over: {count} {what} of orbits ({named}{more}); name a folder in a folder by itself, and give a population.toml \
+         as [objects] population"
     ))
 }
 

@@ -73,7 +73,7 @@ fn check_tells_what_files_hold_and_what_is_no_use() {
             "orbits/b.csv: omm-csv, 2 records of 2 objects",
             "numbers beyond 99999: 2",
             "orbits/c.3le:6: bad checksum in line 2",
-            "passed over: 2 entries hold no orbits (orbits/below, orbits/readme.txt)",
+            "passed over: 2 entries are no files of orbits (orbits/below, orbits/readme.txt)",
             "3 files: 4 records of 3 objects; 1 record and 0 files cannot be used",
         ],
     );
@@ -157,7 +157,7 @@ fn info_counts_kinds_of_orbits_and_tells_one() {
         &log,
         &[
             "refused: orbits/c.3le:6: bad checksum",
-            "passed over: 2 entries hold no orbits",
+            "passed over: 2 entries are no files of orbits",
         ],
     );
 
@@ -260,7 +260,7 @@ fn a_scene_takes_folders_and_says_what_it_passed_over() {
         &log,
         &[
             "refused: orbits/c.3le:6: bad checksum",
-            "passed over: 2 entries hold no orbits (orbits/below, orbits/readme.txt)",
+            "passed over: 2 entries are no files of orbits (orbits/below, orbits/readme.txt)",
             "1 object has several element sets (NORAD 5 (VANGUARD 1))",
         ],
     );

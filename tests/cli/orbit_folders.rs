@@ -14,7 +14,7 @@ fn the_folder_of_a_population_holds_nothing_that_is_refused() {
     has(
         &out,
         &[
-            "passed over: 1 entry holds no orbits (pop/population.toml)",
+            "passed over: 1 entry is no file of orbits (pop/population.toml)",
             "300 records of 300 objects; 0 records",
         ],
     );
@@ -22,7 +22,7 @@ fn the_folder_of_a_population_holds_nothing_that_is_refused() {
     std::fs::write(at.join("scene.toml"), scene("\"pop\"")).unwrap();
     let (code, _, log) = run(at, &["plan", "--scene", "scene.toml", "--strict"]);
     assert_eq!(code, Some(0), "{log}");
-    has(&log, &["passed over: 1 entry holds no orbits"]);
+    has(&log, &["passed over: 1 entry is no file of orbits"]);
     assert!(!log.contains("refused"), "{log}");
 }
 
@@ -43,8 +43,7 @@ fn what_is_no_file_in_a_folder_is_passed_over_and_a_file_of_no_use_is_not() {
     std::os::unix::fs::symlink("/dev/zero", orbits.join("zero")).unwrap();
     std::os::unix::fs::symlink("a.3le", orbits.join("link")).unwrap();
     std::fs::write(orbits.join("picture"), b"\x89PNG\0\0").unwrap();
-    let passed =
-        "passed over: 4 entries hold no orbits (orbits/picture, orbits/pipe, orbits/socket, ...)";
+    let passed = "passed over: 4 entries are no files of orbits (orbits/picture, orbits/pipe, orbits/socket, ...)";
     let (code, out, _) = run(at, &["catalog", "check", "orbits", "--strict"]);
     assert_eq!(code, Some(0), "{out}");
     has(
