@@ -330,22 +330,12 @@ impl Segment {
     #[inline(always)]
     fn place(&self, ns: i64, position_km: &mut [Row; 3]) {
         let s = ((ns - self.middle_ns) as f64 / HALF_NS as f64) as f32;
-        let [p1, p2, p3] = &self.rates_km;
-        for (axis, row) in position_km.iter_mut().enumerate() {
-            let way = way(s, &p1[axis], &p2[axis], &p3[axis]);
-            for ((place, middle), way) in row.iter_mut().zip(&self.middle_km[axis]).zip(way) {
-                *place = middle + f64::from(way);
-            }
+        // x = p0 + s (p1 + s (p2 + s p3)), in one loop: that is worked out in lanes, three of eight places each may not be.
+        let [p1, p2, p3] = self.rates_km.each_ref().map(|rates| rates.as_flattened());
+        let places = position_km.as_flattened_mut().iter_mut();
+        let places = places.zip(self.middle_km.as_flattened());
+        for ((place, middle), ((p1, p2), p3)) in places.zip(p1.iter().zip(p2).zip(p3)) {
+            *place = middle + f64::from(s * (p1 + s * (p2 + s * p3)));
         }
     }
-}
-
-/// s (p1 + s (p2 + s p3)), km.
-#[inline(always)]
-fn way(s: f32, p1: &Rates, p2: &Rates, p3: &Rates) -> Rates {
-    let mut way = [0.0; BLOCK];
-    for (way, ((p1, p2), p3)) in way.iter_mut().zip(p1.iter().zip(p2).zip(p3)) {
-        *way = s * (p1 + s * (p2 + s * p3));
-    }
-    way
 }
