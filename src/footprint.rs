@@ -344,6 +344,7 @@ mod tests {
         let course = Course {
             pieces: 2,
             step_px: fidelity.track_step_sigma * 0.7,
+            panel_px: 0.0,
             point_px: 0.0,
             reach_px: 6.0,
             window: Window {

@@ -202,6 +202,7 @@ impl View {
         let course = Course {
             pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
             step_px: self.step_px(candidate, fidelity),
+            panel_px: self.panel_px(candidate, fidelity),
             point_px: self.point_px(candidate, fidelity),
             reach_px: camera
                 .optics
@@ -224,11 +225,21 @@ impl View {
         core_px * fidelity.step_sigma(height_e)
     }
 
-    /// How long (px) its track may be for one point to stand for it. Images are not curved like a Gaussian.
+    /// How long (px) its track may be to be one panel.
+    pub(super) fn panel_px(&self, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
+        self.if_smooth(self.step_px(candidate, fidelity))
+    }
+
+    /// How long (px) its track may be for one point to stand for it.
     pub(super) fn point_px(&self, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
         let (core_px, height_e) = self.height(candidate);
+        self.if_smooth(core_px * fidelity.point_sigma(height_e))
+    }
+
+    /// That length (px), but nothing of images: they have kinks, which no rule of few points tells.
+    fn if_smooth(&self, length_px: f64) -> f64 {
         match self.camera.optics.psf.at([0.0; 2], 1.0).relief() {
-            None => core_px * fidelity.point_sigma(height_e),
+            None => length_px,
             Some(_) => 0.0,
         }
     }

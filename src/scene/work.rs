@@ -110,7 +110,11 @@ impl View {
         }
         let [across, rows] = detector.sides().map(|pixels| reach.min(pixels));
         let side = (across * rows).sqrt();
-        let panels = (way / self.step_px(candidate, fidelity)).max(1.0);
+        let least = match way <= self.panel_px(candidate, fidelity) {
+            true => 1.0,
+            false => 2.0,
+        };
+        let panels = (way / self.step_px(candidate, fidelity)).max(least);
         let points = match way <= self.point_px(candidate, fidelity) {
             true => 1.0,
             false => 2.0 * panels,

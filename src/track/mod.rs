@@ -32,6 +32,8 @@ pub struct Course {
     pub pieces: usize,
     /// Longest panel, px.
     pub step_px: f64,
+    /// Longest track that is one panel from its start to its end, px.
+    pub panel_px: f64,
     /// Longest track for which one point stands, px.
     pub point_px: f64,
     /// How far its light reaches, px.
@@ -120,7 +122,7 @@ impl Track {
         let mut samples = Vec::new();
         match knots[..] {
             // Of a short one two pieces are one panel, if that bends little enough.
-            [first, _, last] if walk.length_px <= course.step_px => {
+            [first, _, last] if walk.length_px <= course.panel_px => {
                 walk.piece(first, last, DEPTH, &mut samples);
             }
             _ => {
@@ -164,6 +166,7 @@ mod tests {
     const COURSE: Course = Course {
         pieces: 10,
         step_px: 0.35,
+        panel_px: 0.35,
         point_px: 0.0,
         reach_px: 4.0,
         window: Window {
