@@ -8,11 +8,13 @@ mod table;
 use crate::load::ConfigError;
 use hifitime::{Epoch, Unit};
 use serde::Serialize;
+use skyloop_orbit::cone::Cone;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::sgp4;
 use skyloop_orbit::sgp4_batch::{BLOCK, Batch, Level, States};
 use skyloop_orbit::synth::{Synthetic, population};
 use skyloop_orbit::tracks::{Look, Places, Tracks};
+use std::f64::consts::PI;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -314,13 +316,24 @@ fn threads(sets: &[Elements], epoch: Epoch) -> Row {
 }
 
 /// Looks at every place and keeps none.
-struct Nobody;
+struct Nobody(Cone);
+
+impl Nobody {
+    /// All directions are in its cone: nobody is passed over.
+    fn everywhere() -> Nobody {
+        Nobody(Cone::new([0.0; 3], [0.0, 0.0, 1.0], PI, 0.0))
+    }
+}
 
 impl Look for Nobody {
     type Found = ();
 
+    fn cone(&self) -> &Cone {
+        &self.0
+    }
+
     #[inline(always)]
-    fn look(&self, places: &Places<'_>, found: &mut Vec<()>) {
+    fn look(&self, places: &Places<'_>, found: &mut Vec<()>) -> bool {
         let [x, y, z] = &places.position_km;
         let mut beyond = [false; BLOCK];
         for (i, beyond) in beyond.iter_mut().enumerate() {
@@ -329,6 +342,7 @@ impl Look for Nobody {
         if beyond != [false; BLOCK] {
             found.push(());
         }
+        true
     }
 }
 
@@ -339,7 +353,7 @@ fn tracks(sets: &[Elements], epoch: Epoch) -> Row {
     exact.exact = true;
     let at = |frame: usize| epoch + Unit::Second * (0.1 * frame as f64);
     for frame in 0..WARM {
-        tracks.at(at(frame), &Nobody);
+        tracks.at(at(frame), &Nobody::everywhere());
     }
     // As many frames a round as a segment is long, so that each lays all of them once.
     let frames = 10 * skyloop_orbit::tracks::SEGMENT_S as usize;
@@ -351,12 +365,12 @@ fn tracks(sets: &[Elements], epoch: Epoch) -> Row {
         [sets.len() * frames, sets.len() * exact_frames],
         |round| {
             for frame in 0..frames {
-                black_box(tracks.at(at(WARM + round * frames + frame), &Nobody));
+                black_box(tracks.at(at(WARM + round * frames + frame), &Nobody::everywhere()));
             }
         },
         |round| {
             for frame in 0..exact_frames {
-                black_box(exact.at(at(round * exact_frames + frame), &Nobody));
+                black_box(exact.at(at(round * exact_frames + frame), &Nobody::everywhere()));
             }
         },
     )
@@ -375,7 +389,7 @@ fn scaled(objects: usize, epoch: Epoch) -> Scale {
         tracks.exact = exact;
         let warm = if exact { 2 } else { WARM };
         let mut times: Vec<f64> = (0..warm + rounds)
-            .map(|frame| ns(|| drop(tracks.at(at(frame), &Nobody))))
+            .map(|frame| ns(|| drop(tracks.at(at(frame), &Nobody::everywhere()))))
             .collect();
         quantiles(times.split_off(warm))(0.5) / objects as f64
     };

@@ -1,7 +1,8 @@
 //! The whole catalogue from frame to frame: where everything is, within centimetres, in a tenth of the time that it takes to ask anew.
 //!
 //! ```text
-//! t -> blocks whose segment holds t: its cubic
+//! t -> blocks of which nobody can have come into the cone that is looked into: nothing
+//!   -> blocks whose segment holds t: its cubic
 //!   -> others: SGP4; a share of them gets a segment, so that no frame pays for all
 //! ```
 //!
@@ -11,6 +12,7 @@
 //! anew every time. With the rounding of coefficients the positions are within [`BOUND_KM`]. They decide who may be in the field; who is, is asked of SGP4 itself.
 
 use crate::StateVector;
+use crate::cone::{Cone, FASTEST_KM_S, Leeway, Moved};
 use crate::elements::{Elements, ModelError};
 use crate::sgp4_batch::{Asked, BLOCK, Batch, BlockStates, Level, Row};
 use hifitime::{Duration, Epoch};
@@ -38,13 +40,16 @@ pub struct Tracks {
     batch: Batch,
     /// Whether every position is asked of SGP4.
     pub exact: bool,
+    watches: Vec<Watch>,
     segments: Vec<Segment>,
+    moved: Moved,
     last: Option<i64>,
     frame: usize,
 }
 
 /// Where the objects of a block are at an instant, TEME.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 pub struct Places<'a> {
     /// x, y, z, km, within [`BOUND_KM`]; 0 of those that have none.
     pub position_km: [Row; 3],
@@ -59,16 +64,26 @@ pub trait Look: Sync {
     /// What is found.
     type Found: Send;
 
-    /// Puts down what is found of a block. Inlined, it is done with the vector instructions that the catalogue is worked out with.
-    fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>);
+    /// Nobody outside of it is looked for.
+    fn cone(&self) -> &Cone;
+
+    /// Puts down what is found of a block; whether anybody of it may be in the cone. Inlined, it is done with the vector instructions that the
+    /// catalogue is worked out with.
+    fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>) -> bool;
+}
+
+/// What is known of a block before its segment is read.
+#[derive(Clone, Debug)]
+struct Watch {
+    /// The segment's middle, ns since 1900 TAI; [`NEVER`] before there is one.
+    middle_ns: i64,
+    leeway: Leeway,
 }
 
 /// A stretch of a block's ways.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 struct Segment {
-    /// Its middle, ns since 1900 TAI; [`NEVER`] before there is one.
-    middle_ns: i64,
     /// In the middle, km.
     middle_km: [Row; 3],
     /// Times half segments since then, their squares and their cubes, km.
@@ -77,8 +92,8 @@ struct Segment {
     code: [u8; BLOCK],
     /// For whom it does not hold: SGP4 is asked.
     asks: [bool; BLOCK],
-    /// Whether it waits for what it is laid through.
-    is_begun: bool,
+    /// Whether all have places all through, and none is faster than [`FASTEST_KM_S`].
+    is_calm: bool,
 }
 
 // Frames take as long as memory takes to tell of all segments.
@@ -114,7 +129,9 @@ impl Tracks {
     pub fn new(sets: &[Elements]) -> Result<Tracks, ModelError> {
         let batch = Batch::new(sets)?;
         Ok(Tracks {
+            watches: Vec::new(),
             segments: Vec::new(),
+            moved: Moved::default(),
             exact: false,
             last: None,
             frame: 0,
@@ -144,16 +161,19 @@ impl Tracks {
 
     /// Octets of memory that the catalogue takes.
     pub fn octets(&self) -> usize {
-        self.batch.octets() + self.segments.capacity() * size_of::<Segment>()
+        self.batch.octets()
+            + self.segments.capacity() * size_of::<Segment>()
+            + self.watches.capacity() * size_of::<Watch>()
     }
 
-    /// The states of some objects by SGP4, each at `N` instants, up to [`BLOCK`]: TEME, m and m/s, or the code of a failure.
+    /// The states of some objects by SGP4, each at the same `N` instants, up to [`BLOCK`]: TEME, m and m/s, or the code of a failure.
     pub fn states_at<const N: usize>(
         &self,
-        asked: &[(usize, [Epoch; N])],
+        objects: &[usize],
+        when: &[Epoch; N],
         states: &mut [[Result<StateVector, u8>; N]],
     ) {
-        self.batch.states_at(asked, states);
+        self.batch.states_at(objects, when, states);
     }
 
     /// What `look` finds at `t`, in the order of blocks.
@@ -168,36 +188,44 @@ impl Tracks {
         };
         (self.last, self.frame) = (Some(ns), self.frame.wrapping_add(1));
         self.batch.advance_to(t);
+        self.moved.on_to(look.cone(), ns);
         // An exact catalogue has blocks whose segments never hold.
         let blocks = self.batch.blocks();
         self.segments.resize(blocks, Segment::NONE);
-        let (batch, exact) = (&self.batch, self.exact);
-        let chunks = self.segments.par_chunks_mut(CHUNK).enumerate();
-        let found = chunks.map(|(chunk, segments)| {
+        self.watches.resize(blocks, Watch::NONE);
+        let (batch, exact, moved) = (&self.batch, self.exact, &self.moved);
+        let segments = self.segments.par_chunks_mut(CHUNK);
+        let chunks = segments.zip(self.watches.par_chunks_mut(CHUNK)).enumerate();
+        let found = chunks.map(|(chunk, (segments, watches))| {
             let first = chunk * CHUNK;
-            let mut asked = Vec::new();
-            for (block, segment) in (first..).zip(&mut *segments) {
+            let (mut asked, mut begun) = (Vec::new(), Vec::new());
+            for (i, watch) in watches.iter_mut().enumerate() {
                 if exact {
-                    segment.middle_ns = NEVER;
-                } else if !segment.holds(ns) && frame.is_due(block, segment) {
-                    asked.extend(segment.begin(block, ns));
+                    watch.middle_ns = NEVER;
+                } else if !watch.holds(ns) && frame.is_due(first + i, watch) {
+                    begun.push(i);
+                    asked.extend(watch.begin(first + i, ns));
                 }
             }
             if !asked.is_empty() {
                 let mut states = vec![BlockStates::NONE; asked.len()];
                 batch.blocks_asked(&asked, &mut states);
-                let begun = segments.iter_mut().filter(|segment| segment.is_begun);
                 let (states, _) = states.as_chunks::<INSTANTS>();
-                begun
-                    .zip(states)
-                    .for_each(|(segment, states)| segment.lay(states));
+                for (i, states) in begun.into_iter().zip(states) {
+                    segments[i].lay(states);
+                    if !segments[i].is_calm {
+                        watches[i].leeway = Leeway::NONE;
+                    }
+                }
             }
             let mut found = Vec::new();
             batch.level().run(Chunk {
                 batch,
                 first,
+                watches,
                 segments,
                 frame,
+                moved,
                 look,
                 found: &mut found,
             });
@@ -212,8 +240,10 @@ impl Tracks {
 struct Chunk<'a, L: Look> {
     batch: &'a Batch,
     first: usize,
+    watches: &'a mut [Watch],
     segments: &'a [Segment],
     frame: Frame,
+    moved: &'a Moved,
     look: &'a L,
     found: &'a mut Vec<L::Found>,
 }
@@ -224,22 +254,27 @@ impl<L: Look> WithSimd for Chunk<'_, L> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Frame { t, ns, .. } = self.frame;
-        let held = self.segments.iter().filter(|s| s.holds(ns)).count();
+        let (cone, moved) = (self.look.cone(), self.moved);
+        let held = self.watches.iter().filter(|w| w.holds(ns)).count();
         // Many blocks at a time take less time than one by one.
         let mut all = Vec::new();
         if 2 * held < self.segments.len() {
             all.resize_with(self.segments.len(), BlockStates::default);
             self.batch.blocks_at_epoch(self.first, t, &mut all);
         }
-        for (i, segment) in self.segments.iter().enumerate() {
+        for (i, watch) in self.watches.iter_mut().enumerate() {
+            let holds = watch.holds(ns);
+            if holds && watch.leeway.lasts(moved, cone) {
+                continue;
+            }
+            let segment = &self.segments[i];
             let mut places = Places {
                 position_km: [[0.0; BLOCK]; 3],
                 code: segment.code,
                 objects: self.batch.objects_of(self.first + i),
             };
-            let holds = segment.holds(ns);
             if holds {
-                segment.place(ns, &mut places.position_km);
+                segment.place(ns, watch.middle_ns, &mut places.position_km);
             }
             if !holds || segment.asks.contains(&true) {
                 let mut one = [const { BlockStates::NONE }];
@@ -257,29 +292,30 @@ impl<L: Look> WithSimd for Chunk<'_, L> {
                     places.code[k] = states.code[k] as u8;
                 }
             }
-            self.look.look(&places, self.found);
+            let met = self.look.look(&places, self.found);
+            watch.leeway = match holds && segment.is_calm && !met {
+                true => Leeway::of(&places.position_km, cone, 2.0 * BOUND_KM, moved),
+                false => Leeway::NONE,
+            };
         }
     }
 }
 
 impl Frame {
     /// Whether a block is to get a segment now: where it had one until now, or it is its turn.
-    fn is_due(&self, block: usize, segment: &Segment) -> bool {
+    fn is_due(&self, block: usize, watch: &Watch) -> bool {
         self.last
-            .is_some_and(|last| segment.holds(last) || block % TURNS == self.turn)
+            .is_some_and(|last| watch.holds(last) || block % TURNS == self.turn)
     }
 }
 
-impl Segment {
-    const NONE: Segment = Segment {
+impl Watch {
+    const NONE: Watch = Watch {
         middle_ns: NEVER,
-        middle_km: [[0.0; BLOCK]; 3],
-        rates_km: [[[0.0; BLOCK]; 3]; 3],
-        code: [0; BLOCK],
-        asks: [false; BLOCK],
-        is_begun: false,
+        leeway: Leeway::NONE,
     };
 
+    /// Whether the segment holds then.
     fn holds(&self, ns: i64) -> bool {
         self.middle_ns != NEVER && (ns - self.middle_ns).abs() <= HALF_NS
     }
@@ -291,17 +327,27 @@ impl Segment {
         let phase = ((block as f64 * GOLDEN).fract() * (2 * HALF_NS) as f64) as i64;
         let start = (ns - phase).div_euclid(2 * HALF_NS) * (2 * HALF_NS) + phase;
         let middle = start + HALF_NS;
-        (self.middle_ns, self.is_begun) = (middle, true);
+        self.middle_ns = middle;
         [-HALF_NS, -HALF_NS / 2, 0, HALF_NS / 2, HALF_NS].map(|offset| {
             let t = Duration::from_total_nanoseconds(i128::from(middle + offset));
             Asked::of(block, Epoch::from_tai_duration(t))
         })
     }
+}
+
+impl Segment {
+    const NONE: Segment = Segment {
+        middle_km: [[0.0; BLOCK]; 3],
+        rates_km: [[[0.0; BLOCK]; 3]; 3],
+        code: [0; BLOCK],
+        asks: [false; BLOCK],
+        is_calm: false,
+    };
 
     /// Lays it through those states.
     fn lay(&mut self, [a, b, m, c, d]: &[BlockStates; INSTANTS]) {
-        self.is_begun = false;
         let mut fits = [true; BLOCK];
+        let mut speed2 = [0.0; BLOCK];
         for axis in 0..3 {
             for (i, fits) in fits.iter_mut().enumerate() {
                 let x = |states: &BlockStates| states.position_km[axis][i];
@@ -316,6 +362,9 @@ impl Segment {
                     rate[axis][i] = p as f32;
                 }
                 *fits &= (p0 - x(m)).abs() <= TOLERANCE_KM;
+                // |dx/ds| <= |p1| + 2 |p2| + 3 |p3|
+                let steepest = (outer_odd - p3).abs() + 2.0 * p2.abs() + 3.0 * p3.abs();
+                speed2[i] += steepest * steepest;
             }
         }
         for (i, fits) in fits.into_iter().enumerate() {
@@ -324,12 +373,17 @@ impl Segment {
             self.code[i] = if same { code(m) } else { 0 };
             self.asks[i] = !same || !fits;
         }
+        // km in half a segment
+        let fastest = FASTEST_KM_S * (SEGMENT_S as f64 / 2.0);
+        self.is_calm = self.code == [0; BLOCK]
+            && self.asks == [false; BLOCK]
+            && speed2.iter().all(|speed2| *speed2 <= fastest * fastest);
     }
 
     /// Where everybody is, as far as it holds.
     #[inline(always)]
-    fn place(&self, ns: i64, position_km: &mut [Row; 3]) {
-        let s = ((ns - self.middle_ns) as f64 / HALF_NS as f64) as f32;
+    fn place(&self, ns: i64, middle_ns: i64, position_km: &mut [Row; 3]) {
+        let s = ((ns - middle_ns) as f64 / HALF_NS as f64) as f32;
         // x = p0 + s (p1 + s (p2 + s p3)), in one loop: that is worked out in lanes, three of eight places each may not be.
         let [p1, p2, p3] = self.rates_km.each_ref().map(|rates| rates.as_flattened());
         let places = position_km.as_flattened_mut().iter_mut();

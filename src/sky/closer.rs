@@ -2,15 +2,14 @@
 //!
 //! Orbits are asked for some dozens of objects at a time, which takes a fraction of what one by one does.
 
-use super::apparent::{Corrections, apparent_object};
+use super::apparent::{ApparentObject, Corrections, apparent_object};
 use super::field::{Field, Test, Unseen};
 use super::population::{Population, SeenObject};
 use super::shadow::Earth;
-use hifitime::Epoch;
+use hifitime::{Epoch, Unit};
 use nalgebra::Matrix3;
 use skyloop_orbit::tracks::Tracks;
-use skyloop_orbit::{Object, OrbitError, StateVector, frames};
-use std::borrow::Cow;
+use skyloop_orbit::{OrbitError, StateVector, frames};
 use std::sync::Arc;
 
 /// Objects that are looked at together.
@@ -43,118 +42,98 @@ pub enum Close {
 /// An object, by its index, and the number of its track, if it has one.
 pub type Near = (u32, Option<u32>);
 
-/// One of those who are looked at.
-struct Whom<'a> {
-    index: u32,
-    object: Cow<'a, Object>,
-    track: Option<u32>,
-}
+/// An exposure's start, mid and end, and those by [`EARLIER_S`] earlier.
+const INSTANTS: usize = 6;
+/// What light takes over 3000 km, s.
+const EARLIER_S: f64 = 0.01;
 
 impl Closer<'_> {
     /// What is found of these.
     pub fn look(&self, near: &[Near]) -> Vec<Close> {
-        let shutter = self.field.shutter;
-        let mut found = Vec::new();
-        let tested: Vec<Whom<'_>> = near
-            .iter()
-            .filter_map(|one| self.tested(one, &mut found))
-            .collect();
-        let now = self.states(tested.iter(), |_| shutter.each_ref().map(|at| at.epoch));
-        let mut here: Vec<(&Whom<'_>, [StateVector; 3])> = Vec::new();
-        for (whom, states) in tested.iter().zip(now) {
-            match states {
-                Ok(states) if self.field.may_hold(&states[1]) => here.push((whom, states)),
-                Ok(_) => {}
-                Err(error) => found.push(Close::Failed(whom.index, error)),
+        let mut found = Vec::with_capacity(near.len());
+        let (mut tracked, mut tracks_of) = (Vec::new(), Vec::new());
+        for &(index, track) in near {
+            match (track, self.tracks) {
+                (Some(track), Some(_)) => {
+                    tracked.push(index);
+                    tracks_of.push(track as usize);
+                }
+                _ => found.extend(self.alone(index)),
             }
         }
-
-        let left = |i: usize| [0, 1, 2].map(|k| shutter[k].when_light_left(&here[i].1[k]));
-        let then = match self.corrections.light_time {
-            true => self.states(here.iter().map(|(whom, _)| *whom), left),
-            false => Vec::new(),
+        let Some(tracks) = self.tracks else {
+            return found;
         };
-        let mut then = then.into_iter();
-        for (whom, now) in here {
-            found.push(match then.next().transpose() {
-                Ok(then) => {
-                    let seen = [0, 1, 2].map(|k| {
-                        let then = then.map(|then| then[k]);
-                        apparent_object(now[k], then, &shutter[k], self.corrections)
-                    });
-                    let index = whom.index as usize;
-                    let (earth, corrections) = (&self.earth, self.corrections);
-                    let population = self.population;
-                    let seen = population.lit(index, earth, shutter, corrections, seen);
-                    Close::Seen(Arc::new(seen))
-                }
-                Err(error) => Close::Failed(whom.index, error),
-            });
+        let shutter = self.field.shutter;
+        let now = shutter.each_ref().map(|at| at.epoch);
+        let [start, mid, end] = now;
+        let [before, amid, ending] = now.map(|t| t - Unit::Second * EARLIER_S);
+        let when: [Epoch; INSTANTS] = [start, mid, end, before, amid, ending];
+        let mut states = vec![[Err(0); INSTANTS]; tracked.len()];
+        tracks.states_at(&tracks_of, &when, &mut states);
+        for (index, states) in tracked.into_iter().zip(&states) {
+            found.extend(self.placed(index, &when, states));
         }
         found
     }
 
-    /// One of those who are near, if he may be in the field: who has no track has not been tested yet.
-    fn tested(&self, &(index, track): &Near, found: &mut Vec<Close>) -> Option<Whom<'_>> {
-        let mid = self.field.shutter[1].epoch;
-        let object = self.population.objects()[index as usize].settled(mid);
-        let track = track.filter(|_| self.tracks.is_some());
-        if track.is_none() {
-            let state = match object.state_with(mid, &self.at.rotations[1]) {
-                Ok(state) => state,
-                Err(error) => {
-                    found.push(Close::Failed(index, error));
-                    return None;
-                }
-            };
-            let teme = state.rotated(&self.at.rotations[1].transpose());
-            let bright = self.population.brightest(index as usize);
-            if let Err(why) = self.test.judge(&teme, bright)? {
-                found.push(Close::Unseen(index as usize, why));
-                return None;
-            }
+    /// What is found of the object of that index, if he is in the field, by his states then (TEME).
+    fn placed(
+        &self,
+        index: u32,
+        when: &[Epoch; INSTANTS],
+        states: &[Result<StateVector, u8>; INSTANTS],
+    ) -> Option<Close> {
+        let (shutter, rotations) = (self.field.shutter, &self.at.rotations);
+        let failed = |(t, state): (&Epoch, &Result<StateVector, u8>)| Some((*t, state.err()?));
+        if let Some((t, code)) = when.iter().zip(states).find_map(failed) {
+            let object = self.population.objects()[index as usize].settled(shutter[1].epoch);
+            return Some(Close::Failed(index, object.failure(t, code)));
         }
-        Some(Whom {
-            index,
-            object,
-            track,
-        })
+        let gcrf = |k: usize| states[k].ok().map(|state| state.rotated(&rotations[k % 3]));
+        if !self.field.may_hold(&gcrf(1)?) {
+            return None;
+        }
+        let seen = |k: usize| -> Option<ApparentObject> {
+            let then = match self.corrections.light_time {
+                true => Some((EARLIER_S, gcrf(k + 3)?)),
+                false => None,
+            };
+            Some(apparent_object(
+                gcrf(k)?,
+                then,
+                &shutter[k],
+                self.corrections,
+            ))
+        };
+        let seen = [seen(0)?, seen(1)?, seen(2)?];
+        let index = index as usize;
+        let seen = (self.population).lit(index, &self.earth, shutter, self.corrections, seen);
+        Some(Close::Seen(Arc::new(seen)))
     }
 
-    /// The states of these (GCRF) at the times that `t` gives of each by its number, those of an exposure's start, mid and end: by their
-    /// tracks, where they have one.
-    fn states<'a>(
-        &self,
-        whom: impl Iterator<Item = &'a Whom<'a>>,
-        t: impl Fn(usize) -> [Epoch; 3],
-    ) -> Vec<Result<[StateVector; 3], OrbitError>> {
-        let whom: Vec<&Whom<'_>> = whom.collect();
-        let mut states = vec![[Err(0); 3]; whom.len()];
-        if let Some(tracks) = self.tracks {
-            let nobody = u32::MAX;
-            let of = |(i, whom): (usize, &&Whom<'_>)| (whom.track.unwrap_or(nobody) as usize, t(i));
-            let asked: Vec<(usize, [Epoch; 3])> = whom.iter().enumerate().map(of).collect();
-            tracks.states_at(&asked, &mut states);
-        }
-        let rotations = &self.at.rotations;
-        type Answer<'a> = (usize, (&'a Whom<'a>, [Result<StateVector, u8>; 3]));
-        let gcrf = |(i, (whom, states)): Answer<'_>| match states {
-            [Ok(start), Ok(mid), Ok(end)] => Ok([
-                start.rotated(&rotations[0]),
-                mid.rotated(&rotations[1]),
-                end.rotated(&rotations[2]),
-            ]),
-            states => {
-                let t = t(i);
-                let at = |k: usize| match states[k] {
-                    Ok(state) => Ok(state.rotated(&rotations[k])),
-                    Err(code) if whom.track.is_some() => Err(whom.object.failure(t[k], code)),
-                    Err(_) => whom.object.state_with(t[k], &rotations[k]),
-                };
-                Ok([at(0)?, at(1)?, at(2)?])
-            }
+    /// The same of one without a track, who has not been tested yet.
+    fn alone(&self, index: u32) -> Option<Close> {
+        let (population, shutter) = (self.population, self.field.shutter);
+        let mid = shutter[1].epoch;
+        let object = population.objects()[index as usize].settled(mid);
+        let state = match object.state_with(mid, &self.at.rotations[1]) {
+            Ok(state) => state,
+            Err(error) => return Some(Close::Failed(index, error)),
         };
-        whom.into_iter().zip(states).enumerate().map(gcrf).collect()
+        let teme = state.rotated(&self.at.rotations[1].transpose());
+        let bright = population.brightest(index as usize);
+        if let Err(why) = self.test.judge(&teme, bright)? {
+            return Some(Close::Unseen(index as usize, why));
+        }
+        if !self.field.may_hold(&state) {
+            return None;
+        }
+        let seen = population.see(index as usize, &self.earth, shutter, self.corrections);
+        Some(match seen {
+            Ok(seen) => Close::Seen(Arc::new(seen)),
+            Err(error) => Close::Failed(index, error),
+        })
     }
 }
 

@@ -14,14 +14,13 @@ use super::population::OWN_VEHICLE_M;
 use crate::camera::Side;
 use nalgebra::{Matrix3, Vector3};
 use skyloop_orbit::StateVector;
+use skyloop_orbit::cone::{Cone, FASTEST_KM_S};
 use skyloop_orbit::sgp4_batch::{BLOCK, NOBODY};
 use skyloop_orbit::tracks::{BOUND_KM, Look, Places};
 use std::f64::consts::PI;
 
 /// What light time and aberration may turn a direction by (rad): 16 km/s over c, each, rounded up.
 const WANDER: f64 = 2e-4;
-/// Faster than whatever the Earth holds, km/s.
-const FASTEST_KM_S: f64 = 11.3;
 /// A sphere that is inside the Earth everywhere, km: the polar radius, less what light time moves an object by (0.3 s at 90,000 km).
 const EARTH_KM: f64 = 6356.7 - 5.0;
 /// What rounding may add to a distance, km.
@@ -112,15 +111,13 @@ impl Field<'_> {
         let half_s = self.duration_s() / 2.0;
         let way_km = (FASTEST_KM_S + mid.velocity_m_s.norm() * 1e-3) * half_s;
         let way_km = way_km + BOUND_KM + ROUNDING_KM;
-        let (sin, cos) = (self.angle + WANDER).min(PI).sin_cos();
+        let axis = (to_teme * self.axis).into();
+        let angle = (self.angle + WANDER).min(PI);
         // An observer inside the Earth looks through it.
         let outside = observer.norm() > EARTH_KM + 100.0 + way_km;
         Test {
             sun_km: to_teme * mid.bodies.sun_apparent_m() * 1e-3,
-            observer_km: observer.into(),
-            axis: (to_teme * self.axis).into(),
-            sin,
-            cos,
+            cone: Cone::new(observer.into(), axis, angle, way_km),
             sides: self
                 .sides
                 .iter()
@@ -129,7 +126,6 @@ impl Field<'_> {
                     (to_teme * side.inward, beyond.sin())
                 })
                 .collect(),
-            way_km,
             earth_km: if outside { EARTH_KM - way_km } else { 0.0 },
             reach_km: self.reach_m * 1e-3,
             bright,
@@ -140,14 +136,10 @@ impl Field<'_> {
 /// The test of a block of a catalogue, TEME.
 pub struct Test<'a> {
     sun_km: Vector3<f64>,
-    observer_km: [f64; 3],
-    axis: [f64; 3],
-    sin: f64,
-    cos: f64,
+    /// Around the field, from the observer, and what object and observer may move by, each or together.
+    cone: Cone,
     /// Normals of the planes around the field, and sines of how far beyond them it reaches.
     sides: Vec<(Vector3<f64>, f64)>,
-    /// What object and observer may move by, each or together, km.
-    way_km: f64,
     /// What lies nearer to the Earth's centre is inside it; 0 where it hides nothing.
     earth_km: f64,
     reach_km: f64,
@@ -168,12 +160,20 @@ pub enum Found {
 impl Look for Test<'_> {
     type Found = Found;
 
+    fn cone(&self) -> &Cone {
+        &self.cone
+    }
+
     #[inline(always)]
-    fn look(&self, places: &Places<'_>, found: &mut Vec<Found>) {
-        let before = self.before(&places.position_km);
-        let failed = places.code != [0; BLOCK];
-        if !failed && before == [false; BLOCK] {
-            return;
+    fn look(&self, places: &Places<'_>, found: &mut Vec<Found>) -> bool {
+        let mut inside = [false; BLOCK];
+        let [x, y, z] = &places.position_km;
+        for (inside, ((x, y), z)) in inside.iter_mut().zip(x.iter().zip(y).zip(z)) {
+            *inside = self.cone.holds([*x, *y, *z]);
+        }
+        let met = inside != [false; BLOCK];
+        if !met && places.code == [0; BLOCK] {
+            return false;
         }
         for (i, &object) in places.objects.iter().enumerate() {
             if object == NOBODY {
@@ -181,7 +181,7 @@ impl Look for Test<'_> {
             }
             if places.code[i] != 0 {
                 found.push(Found::Failed(object, places.code[i]));
-            } else if before[i] {
+            } else if inside[i] {
                 let place = places.position_km.map(|row| row[i]);
                 let bright = self.bright.get(object as usize).copied();
                 match self.within(&place, bright.unwrap_or(Bright::ANY)) {
@@ -191,32 +191,11 @@ impl Look for Test<'_> {
                 }
             }
         }
+        met
     }
 }
 
 impl Test<'_> {
-    /// Who may stand before the camera: whose place is no further from the cone than he may move. The distance from the surface of a cone
-    /// of half angle A, of a point `z` along its axis and `p` from it, is p cos A - z sin A, negative inside.
-    #[inline(always)]
-    fn before(&self, [x, y, z]: &[[f64; BLOCK]; 3]) -> [bool; BLOCK] {
-        let mut before = [false; BLOCK];
-        for (before, ((x, y), z)) in before.iter_mut().zip(x.iter().zip(y).zip(z)) {
-            *before = self.is_before([*x, *y, *z]);
-        }
-        before
-    }
-
-    /// Whether that place (km) is no further from the cone than object and observer may move.
-    #[inline(always)]
-    fn is_before(&self, [x, y, z]: [f64; 3]) -> bool {
-        let [dx, dy, dz] = self.observer_km;
-        let (x, y, z) = (x - dx, y - dy, z - dz);
-        let along = x * self.axis[0] + y * self.axis[1] + z * self.axis[2];
-        let across2 = x * x + y * y + z * z - along * along;
-        let across = if across2 > 0.0 { across2.sqrt() } else { 0.0 };
-        across * self.cos - along * self.sin <= self.way_km
-    }
-
     /// What is found of one object of that state (TEME), with that bound of its light: whether it is before the camera, and why it needs no closer
     /// look. One that is faster than whatever the Earth holds needs it in any case.
     pub fn judge(&self, state: &StateVector, bright: Bright) -> Option<Result<(), Unseen>> {
@@ -224,7 +203,7 @@ impl Test<'_> {
             return Some(Ok(()));
         }
         let place_km: [f64; 3] = (state.position_m * 1e-3).into();
-        match self.is_before(place_km) {
+        match self.cone.holds(place_km) {
             true => self.within(&place_km, bright),
             false => None,
         }
@@ -232,12 +211,12 @@ impl Test<'_> {
 
     /// The same of one who is in the cone.
     fn within(&self, place_km: &[f64; 3], bright: Bright) -> Option<Result<(), Unseen>> {
-        let observer = Vector3::from(self.observer_km);
+        let observer = Vector3::from(self.cone.apex_km());
         let line = Vector3::from(*place_km) - observer;
         let range = line.norm();
         // Who is `b` beyond a plane at distance r is r sin b below it; whoever moves by w may have been further away, too.
         let inside = |(inward, sin): &(Vector3<f64>, f64)| {
-            line.dot(inward) >= -(range + self.way_km) * sin - self.way_km
+            line.dot(inward) >= -(range + self.cone.way_km) * sin - self.cone.way_km
         };
         if !self.sides.iter().all(inside) {
             return None;
@@ -250,7 +229,7 @@ impl Test<'_> {
 
     /// Why an object on that line from the observer (km) is not seen.
     fn unseen(&self, line: &Vector3<f64>, range: f64, bright: Bright) -> Option<Unseen> {
-        let observer = Vector3::from(self.observer_km);
+        let observer = Vector3::from(self.cone.apex_km());
         // The point of the line of sight that is nearest to the Earth's centre.
         let part = (-observer.dot(line) / (range * range)).clamp(0.0, 1.0);
         if (observer + line * part).norm() < self.earth_km {
@@ -259,9 +238,9 @@ impl Test<'_> {
         // At the smallest phase angle of the exposure, where it is brightest.
         let to_sun = self.sun_km - observer - line;
         let phase = (-line.dot(&to_sun) / (range * to_sun.norm())).clamp(-1.0, 1.0);
-        let turn = PI * self.way_km / range + WANDER;
+        let turn = PI * self.cone.way_km / range + WANDER;
         let area = bright.reflective_area((phase.acos() - turn).max(0.0));
         let reach_km = self.reach_km * area.sqrt();
-        (range - self.way_km > reach_km).then_some(Unseen::TooFaint)
+        (range - self.cone.way_km > reach_km).then_some(Unseen::TooFaint)
     }
 }

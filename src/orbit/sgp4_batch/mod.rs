@@ -232,7 +232,7 @@ impl Batch {
     /// The state of one object at an instant, as [`States::get`] gives it.
     pub fn state(&self, object: usize, t: Epoch) -> Result<StateVector, u8> {
         let mut states = [[Err(UNKNOWN)]];
-        self.states_at(&[(object, [t])], &mut states);
+        self.states_at(&[object], &[t], &mut states);
         states[0][0]
     }
 

@@ -90,22 +90,26 @@ impl Batch {
         }
     }
 
-    /// Some objects, each at `N` instants, up to [`BLOCK`]; in less time the more of them there are.
+    /// Some objects, each at the same `N` instants, up to [`BLOCK`]; in less time each the more of them there are.
     pub fn states_at<const N: usize>(
         &self,
-        asked: &[(usize, [Epoch; N])],
+        objects: &[usize],
+        when: &[Epoch; N],
         states: &mut [[Result<StateVector, u8>; N]],
     ) {
         const { assert!(N <= BLOCK, "a block has no more places") };
-        for (asked, states) in asked.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
-            let alone = asked.iter().map(|(object, instants)| Alone::<N> {
+        let instants = Instants::of(when);
+        let mut found = vec![BlockStates::NONE; objects.len().min(CHUNK)];
+        for (objects, states) in objects.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
+            let alone = objects.iter().map(|object| Alone::<N> {
                 place: self.places.get(*object).copied().unwrap_or(NOBODY) as usize,
-                instants: Instants::of(instants),
+                instants,
             });
             let alone: Vec<Alone<N>> = alone.collect();
-            let mut found = vec![BlockStates::NONE; asked.len()];
-            self.answer(&alone, &mut found);
-            for (states, found) in states.iter_mut().zip(&found) {
+            let found = &mut found[..objects.len()];
+            found.fill(BlockStates::NONE);
+            self.answer(&alone, found);
+            for (states, found) in states.iter_mut().zip(&*found) {
                 *states = std::array::from_fn(|i| found.get(i));
             }
         }

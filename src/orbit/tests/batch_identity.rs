@@ -174,15 +174,15 @@ fn alone_at_several_instants_an_object_is_the_same_as_among_all() {
         let mut batch = Batch::new(&sets).unwrap();
         batch.set_level(level);
         // In no order, some twice, and one that there is not.
-        let asked = (0..2 * sets.len()).map(|i| ((i * 37) % (sets.len() + 1), instants));
-        let asked: Vec<_> = asked.collect();
+        let asked = (0..2 * sets.len()).map(|i| (i * 37) % (sets.len() + 1));
+        let asked: Vec<usize> = asked.collect();
         let mut alone = vec![[Err(0); 5]; asked.len()];
-        batch.states_at(&asked, &mut alone);
+        batch.states_at(&asked, &instants, &mut alone);
         let mut states = States::default();
         let mut well = 0;
         for (k, t) in instants.into_iter().enumerate() {
             batch.propagate(t, &mut states);
-            for ((object, _), alone) in asked.iter().zip(&alone) {
+            for (object, alone) in asked.iter().zip(&alone) {
                 assert_eq!(alone[k], states.get(*object), "{level} {object} {k}");
                 assert_eq!(batch.state(*object, t), states.get(*object));
                 well += usize::from(alone[k].is_ok());

@@ -3,22 +3,30 @@
 mod support;
 
 use hifitime::{Duration, Epoch, Unit};
+use skyloop_orbit::cone::Cone;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::sgp4_batch::{BLOCK, Batch, Level, NOBODY, States};
 use skyloop_orbit::synth::population;
 use skyloop_orbit::tracks::{BOUND_KM, Look, Places, Tracks};
+use std::collections::BTreeSet;
+use std::f64::consts::PI;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use support::{answers, distance, samples};
 
 /// Where an object is, TEME, km; or the code of its failure.
 type Place = Result<[f64; 3], u8>;
 
-/// Finds everybody.
-struct All;
+/// Finds everybody before it.
+struct All(Cone);
 
 impl Look for All {
     type Found = (usize, Place);
 
-    fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>) {
+    fn cone(&self) -> &Cone {
+        &self.0
+    }
+
+    fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>) -> bool {
         for i in (0..BLOCK).filter(|i| places.objects[*i] != NOBODY) {
             let place = match places.code[i] {
                 0 => Ok([0, 1, 2].map(|axis| places.position_km[axis][i])),
@@ -26,12 +34,13 @@ impl Look for All {
             };
             found.push((places.objects[i] as usize, place));
         }
+        true
     }
 }
 
 /// Everybody's place, in the order of the sets.
 fn places(tracks: &mut Tracks, t: Epoch) -> Vec<Place> {
-    let mut found = tracks.at(t, &All);
+    let mut found = tracks.at(t, &All(Cone::new([0.0; 3], [0.0, 0.0, 1.0], PI, 0.0)));
     assert_eq!(found.len(), tracks.len());
     found.sort_by_key(|(object, _)| *object);
     found.into_iter().map(|(_, place)| place).collect()
@@ -270,4 +279,183 @@ fn jump(set: &Elements) -> Option<f64> {
         let way = (a.velocity_m_s + b.velocity_m_s) / 2.0 * STEP_MIN * 60.0;
         (b.position_m - a.position_m - way).norm() > 1.0
     })
+}
+
+/// Finds whoever is in a cone or has no place, and counts the blocks that it is shown.
+struct Within {
+    cone: Cone,
+    shown: AtomicUsize,
+}
+
+impl Look for Within {
+    type Found = (u32, bool);
+
+    fn cone(&self) -> &Cone {
+        &self.cone
+    }
+
+    fn look(&self, places: &Places<'_>, found: &mut Vec<Self::Found>) -> bool {
+        self.shown.fetch_add(1, Ordering::Relaxed);
+        let [x, y, z] = &places.position_km;
+        let mut met = false;
+        for i in (0..BLOCK).filter(|i| places.objects[*i] != NOBODY) {
+            let inside = self.cone.holds([x[i], y[i], z[i]]);
+            met |= inside;
+            if inside || places.code[i] != 0 {
+                found.push((places.objects[i], places.code[i] != 0));
+            }
+        }
+        met
+    }
+}
+
+/// A cone on its way.
+#[derive(Clone, Copy)]
+struct Way {
+    frames: usize,
+    step_s: f64,
+    /// Of the observer, km, and by how much it grows a frame.
+    place_km: (f64, f64),
+    /// The axis from +x, rad, and by how much it turns a frame.
+    turned: (f64, f64),
+    /// Half the cone's angle, rad, and by how much it opens a frame.
+    angle: (f64, f64),
+}
+
+/// Those who are low, and brake so much that they come down one after another, from a day after their epoch on.
+fn decaying() -> impl Iterator<Item = Elements> {
+    let set = |i: u32, drag: f64| Elements {
+        norad: i,
+        epoch: samples::epoch() - Unit::Day * 1,
+        inclination: 1.0,
+        node: f64::from(i),
+        eccentricity: 0.001,
+        perigee: 1.0,
+        mean_anomaly: f64::from(i) * 0.7,
+        // 16 a day
+        mean_motion: 0.0698,
+        drag,
+    };
+    (0..100).map(move |i| {
+        let minutes = 1440.0 + f64::from(i) / 6.0;
+        let (mut stays, mut falls) = (0.0, 0.1);
+        for _ in 0..40 {
+            let mid = (stays + falls) / 2.0;
+            match set(i, mid).state_teme_after(minutes) {
+                Ok(_) => stays = mid,
+                Err(_) => falls = mid,
+            }
+        }
+        set(i, falls)
+    })
+}
+
+/// Whom a cone finds that moves from frame to frame: those whom it finds when everybody is shown to it.
+#[test]
+fn nobody_comes_into_a_cone_unseen() {
+    let still = Way {
+        frames: 300,
+        step_s: 0.5,
+        place_km: (7000.0, 0.0),
+        turned: (0.4, 0.0),
+        angle: (0.3, 0.0),
+    };
+    let ways = [
+        still,
+        // The observer alone, while time stands still.
+        Way {
+            step_s: 0.0,
+            place_km: (7000.0, 15.0),
+            ..still
+        },
+        Way {
+            place_km: (42_000.0, -3.0),
+            angle: (0.1, 0.0),
+            ..still
+        },
+        // A slow turn, a fast one, leaps.
+        Way {
+            step_s: 0.0,
+            turned: (1.0, 1e-3),
+            ..still
+        },
+        Way {
+            frames: 100,
+            turned: (1.0, 0.03),
+            ..still
+        },
+        Way {
+            frames: 30,
+            turned: (0.0, 2.1),
+            ..still
+        },
+        // The cone opens beyond a half space, and closes again.
+        Way {
+            step_s: 0.0,
+            angle: (0.1, 0.01),
+            ..still
+        },
+        Way {
+            step_s: -0.5,
+            angle: (3.1, -0.01),
+            ..still
+        },
+        // As long as a segment holds, and longer.
+        Way {
+            frames: 50,
+            step_s: 9.0,
+            ..still
+        },
+        still,
+    ];
+    let sets: Vec<Elements> = sets(4000).into_iter().chain(decaying()).collect();
+    let (mut tracks, mut exact) = (Tracks::new(&sets).unwrap(), Tracks::new(&sets).unwrap());
+    exact.exact = true;
+    let (mut t, mut shown, mut all) = (samples::epoch(), 0, 0);
+    let (mut inside, mut failed) = (BTreeSet::new(), BTreeSet::new());
+    let (mut first, mut failed_at_first) = (true, BTreeSet::new());
+    for (way, frame) in ways
+        .iter()
+        .flat_map(|way| (0..way.frames).map(move |i| (way, i)))
+    {
+        t += Unit::Second * way.step_s;
+        let now = |(start, rate): (f64, f64)| start + rate * frame as f64;
+        let (sin, cos) = now(way.turned).sin_cos();
+        let within = |way_km: f64| Within {
+            cone: Cone::new(
+                [0.0, now(way.place_km), 500.0],
+                [cos, sin, 0.0],
+                now(way.angle),
+                way_km,
+            ),
+            shown: AtomicUsize::new(0),
+        };
+        let find = |tracks: &mut Tracks, look: &Within| -> BTreeSet<(u32, bool)> {
+            tracks.at(t, look).into_iter().collect()
+        };
+        let ours = within(1.0);
+        let found = find(&mut tracks, &ours);
+        // Whose place by tracks and by SGP4 lie on either side of the surface may be told either way.
+        let some = find(&mut exact, &within(1.0 - BOUND_KM));
+        let more = find(&mut exact, &within(1.0 + BOUND_KM));
+        assert!(some.is_subset(&found), "{t} {frame}: {:?}", &some - &found);
+        assert!(found.is_subset(&more), "{t} {frame}: {:?}", &found - &more);
+        shown += ours.shown.into_inner();
+        all += sets.len().div_ceil(BLOCK);
+        for (object, has_failed) in found {
+            match has_failed {
+                true if first => failed_at_first.insert(object),
+                true => failed.insert(object),
+                false => inside.insert(object),
+            };
+        }
+        first = false;
+    }
+    let came_down = failed.difference(&failed_at_first).count();
+    println!(
+        "{shown} of {all} blocks shown; {} objects met, {came_down} came down",
+        inside.len()
+    );
+    assert!(came_down > 20, "{came_down}");
+    assert!(2 * shown < all && inside.len() > 1000);
 }
