@@ -2,7 +2,12 @@
 //!
 //! `cargo bench --bench orbit`, on a quiet machine. Ends with 1 where a promise is not kept.
 
+use mimalloc::MiMalloc;
 use skyloop::measure::orbits::Report;
+
+/// As in the program.
+#[global_allocator]
+static MEMORY: MiMalloc = MiMalloc;
 
 fn main() {
     let report = Report::measure(|part| eprintln!("{part} ...")).unwrap();

@@ -3,6 +3,7 @@
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::config::Config;
+use crate::crew;
 use crate::fidelity::{Choice, Fidelity};
 use crate::frame::Frame;
 use crate::label::Label;
@@ -133,8 +134,7 @@ impl Emulator {
         vehicle: &VehicleState,
         repeat: u32,
     ) -> Result<Shot, Unobservable> {
-        // All of a frame on the threads that share it: to hand each part over to them, and back, takes longer than many a part.
-        rayon::scope(|_| self.made(camera, vehicle, repeat))
+        crew::together(|| self.made(camera, vehicle, repeat))
     }
 
     fn made(
@@ -202,6 +202,7 @@ impl Emulator {
         };
         Faint {
             snr: self.fidelity.skip_snr.min(self.label_snr),
+            unlit_snr: self.label_snr,
             floor_e: read_e.hypot(camera.detector.quantisation_variance().sqrt()),
         }
     }

@@ -16,8 +16,9 @@ use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use serde::ser::SerializeSeq;
+use serde::ser::Error;
 use serde::{Serialize, Serializer};
+use serde_json::value::{RawValue, to_raw_value};
 use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
 use std::collections::BTreeMap;
@@ -126,15 +127,14 @@ impl<'a> IntoIterator for &'a Objects {
 }
 
 impl Serialize for Objects {
+    /// They are most of a label: their texts are made side by side.
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let mut list = to.serialize_seq(Some(self.sources.len() + self.spots.len()))?;
-        for source in &self.sources {
-            list.serialize_element(source)?;
+        fn texts<T: Serialize + Sync>(all: &[T]) -> serde_json::Result<Vec<Box<RawValue>>> {
+            all.par_iter().map(to_raw_value).collect()
         }
-        for spot in &self.spots {
-            list.serialize_element(spot)?;
-        }
-        list.end()
+        let sources = texts(&self.sources).map_err(S::Error::custom)?;
+        let spots = texts(&self.spots).map_err(S::Error::custom)?;
+        to.collect_seq(sources.iter().chain(&spots))
     }
 }
 

@@ -14,6 +14,7 @@
 pub mod attitude;
 pub mod camera;
 pub mod config;
+mod crew;
 pub mod effect;
 pub mod engine;
 pub mod fidelity;

@@ -10,7 +10,7 @@ use skyloop_protocols::personality::PERSONALITIES;
 
 /// The modules of `src/`; each imports from lines above its own only.
 const LAYERS: &[&[&str]] = &[
-    &["attitude", "fidelity", "lanes", "load", "rng"],
+    &["attitude", "crew", "fidelity", "lanes", "load", "rng"],
     &["camera", "frame", "link", "track"],
     &["footprint", "sky"],
     &["scene"],
@@ -76,7 +76,7 @@ const FENCES: &[(&str, &[&str])] = &[
         "rayon::",
         &[
             "cli/plan",
-            "engine",
+            "crew",
             "label",
             "measure",
             "passes",
@@ -101,6 +101,7 @@ const FENCES: &[(&str, &[&str])] = &[
             "output/passes",
         ],
     ),
+    ("mimalloc::", &["main"]),
     ("toml::", &["load"]),
     ("strsim::", &["load"]),
     ("image::", &["output"]),

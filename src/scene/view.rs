@@ -205,8 +205,10 @@ pub struct View {
 /// What is too faint for an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Faint {
-    /// What has no more than this signal-to-noise ratio (1)
+    /// What has no more than this signal-to-noise ratio (1),
     pub snr: f64,
+    /// or than this where none of its light arrives, and it is in full light that the ratio is meant,
+    pub unlit_snr: f64,
     /// in noise that every pixel has, whatever it shows, e-.
     pub floor_e: f64,
 }
@@ -289,15 +291,27 @@ impl View {
             angle: cone,
             sides: &sides.collect::<Vec<_>>(),
             shutter: &shutter,
-            reach_m: view.reach_m(faint.snr, faint.floor_e),
+            reach_m: view.reach_m(&faint),
         };
+        let noise_e = view.noise_e(faint.floor_e);
         let seen = world
             .population
             .in_field(&field, &world.corrections, fidelity.orbits);
-        candidates.par_extend(seen.objects.into_par_iter().map(|object| view.rso(object)));
+        let mut unseen = seen.unseen;
+        for object in seen.objects {
+            let index = object.index;
+            let candidate = view.rso(object);
+            let is_unlit = candidate.electrons() <= 0.0;
+            let least = if is_unlit { faint.unlit_snr } else { faint.snr };
+            if candidate.clear_e <= least * noise_e {
+                unseen.push((index, Unseen::TooFaint));
+            } else {
+                candidates.push(candidate);
+            }
+        }
         candidates.extend(view.planets(world, &shutter, &axis, cone));
         candidates.extend(view.the_moon(&moon, world, &shutter, &axis, cone));
-        (view.candidates, view.unseen) = (candidates, seen.unseen);
+        (view.candidates, view.unseen) = (candidates, unseen);
         view.unknown = Unknown {
             count: seen.unknown,
             news: seen.news,
@@ -435,14 +449,18 @@ impl View {
         }
     }
 
-    /// The distance (m) from which 1 m^2/sr of reflective area has no more than this signal-to-noise ratio in noise of `floor_e` a pixel: N electrons
-    /// have `N (sum s^2)^(1/2) / floor` at most. Eqs. (2), (9), (11), with E_sun those of the Sun's own light: `N = E_sun A (au / d_sun d)^2`.
-    /// Nothing is nearer to the Sun than 0.98 au.
-    fn reach_m(&self, snr: f64, floor_e: f64) -> f64 {
-        const NEAREST: f64 = 0.98;
+    /// The light (e-) that has a signal-to-noise ratio of 1 at most, where every pixel has noise of `floor_e`: N electrons have
+    /// `N (sum s^2)^(1/2) / floor` at most, as pixels respond.
+    fn noise_e(&self, floor_e: f64) -> f64 {
         let response = 1.0 + self.camera.detector.pattern.worst_response();
-        let sharpness = self.camera.optics.psf.sharpness();
-        let faintest_e = snr * floor_e / (sharpness.sqrt() * response);
+        floor_e / (self.camera.optics.psf.sharpness().sqrt() * response)
+    }
+
+    /// The distance (m) from which 1 m^2/sr of reflective area is too faint. Eqs. (2), (9), (11), with E_sun those of the Sun's own light:
+    /// `N = E_sun A (au / d_sun d)^2`. Nothing is nearer to the Sun than 0.98 au.
+    fn reach_m(&self, faint: &Faint) -> f64 {
+        const NEAREST: f64 = 0.98;
+        let faintest_e = faint.snr * self.noise_e(faint.floor_e);
         (self.electrons(SUN_MAGNITUDE) / faintest_e).sqrt() / NEAREST
     }
 

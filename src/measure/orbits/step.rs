@@ -2,6 +2,7 @@
 
 use super::{CATALOGUE, FRAMES, Step, WARM, quantiles};
 use crate::config::Config;
+use crate::crew;
 use crate::engine::Emulator;
 use crate::fidelity::{Choice, Orbits};
 use crate::flight::{self, FlightError};
@@ -78,7 +79,7 @@ fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), C
             Ok(())
         };
         let started = Instant::now();
-        rayon::scope(|_| step()).map_err(|error| ConfigError::Orbit(error.to_string()))?;
+        crew::together(&mut step).map_err(|error| ConfigError::Orbit(error.to_string()))?;
         times.push(started.elapsed().as_secs_f64() * 1e3);
     }
     let octets = emulator.world().population.octets() as f64 / CATALOGUE as f64;
