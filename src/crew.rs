@@ -1,8 +1,9 @@
 //! The threads that share the work on a frame.
 
 use rayon::Yield;
+use std::hint;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::time::{Duration, Instant};
 
 /// Does `work` on a thread of the pool, while the others stay awake to share it; when it is done they have finished what else they began.
 ///
@@ -22,11 +23,20 @@ pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     })
 }
 
+/// Without work for so long a thread goes to sleep after all: longer than between two parts of most frames.
+const PATIENCE: Duration = Duration::from_micros(500);
+
 /// Takes its share until it is done.
 fn stay(done: &AtomicBool) {
+    let mut idle_since = Instant::now();
     while !done.load(Ordering::Acquire) {
-        if rayon::yield_now() != Some(Yield::Executed) {
-            thread::yield_now();
+        if rayon::yield_now() == Some(Yield::Executed) {
+            idle_since = Instant::now();
+        } else if idle_since.elapsed() > PATIENCE {
+            return;
+        } else {
+            // Not `yield_now`: it would lend the processor to another program for milliseconds.
+            (0..20).for_each(|_| hint::spin_loop());
         }
     }
 }

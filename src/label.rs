@@ -335,7 +335,13 @@ impl Label {
 
     /// One line of `labels.jsonl`, without the line's end; the same bytes travel on the wire.
     pub fn to_json(&self) -> String {
-        serde_json::to_string(self).unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"))
+        // An object's text has some 600 octets.
+        let mut text = Vec::with_capacity(4096 + 1024 * self.objects.len());
+        let text = match serde_json::to_writer(&mut text, self) {
+            Ok(()) => String::from_utf8(text).map_err(|error| error.to_string()),
+            Err(error) => Err(error.to_string()),
+        };
+        text.unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"))
     }
 }
 

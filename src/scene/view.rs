@@ -200,6 +200,8 @@ pub struct View {
     pub unknown: Unknown,
     /// The greatest [`Candidate::swing`], rad.
     swing: f64,
+    /// Where the camera points when tracks ask for it most, by the time from mid-exposure, s.
+    pointings: Vec<(f64, Attitude)>,
 }
 
 /// What is too faint for an image.
@@ -266,7 +268,12 @@ impl View {
             unseen: Vec::new(),
             unknown: Unknown::default(),
             swing: 0.0,
+            pointings: Vec::new(),
         };
+        const EIGHTHS: u8 = 8;
+        let parts = (0..=EIGHTHS).map(|i| f64::from(i) / f64::from(EIGHTHS));
+        let times = parts.map(|part| (part - 0.5) * open_s);
+        view.pointings = times.map(|dt_s| (dt_s, view.pointing(dt_s))).collect();
         let axis = view.pointing(0.0).matrix().transpose() * Vector3::z();
         let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);
         let cone = camera.cone_rad(reach_px) + turn / 2.0;
@@ -344,6 +351,9 @@ impl View {
 
     /// ICRF to camera, `dt_s` after mid-exposure.
     pub fn pointing(&self, dt_s: f64) -> Attitude {
+        if let Some((_, known)) = self.pointings.iter().find(|(t, _)| *t == dt_s) {
+            return *known;
+        }
         self.vehicle
             .attitude
             .turned(&self.vehicle.rates, dt_s)

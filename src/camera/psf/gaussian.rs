@@ -62,6 +62,7 @@ impl Gaussian {
     /// The share of a pixel is the product over both axes.
     pub fn shares(&self, at: f64, mut edges: impl Iterator<Item = i64>, out: &mut Vec<f64>) {
         out.clear();
+        out.reserve(edges.size_hint().0);
         let table = &TABLE[..];
         let edge = |i: i64| below(table, (i as f64 - 0.5 - at) / self.sigma_px);
         let Some(mut below) = edges.next().map(edge) else {

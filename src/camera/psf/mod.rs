@@ -346,8 +346,9 @@ impl LocalPsf<'_> {
         rows: Range<i64>,
         stamp: &mut Stamp,
     ) {
-        stamp.light.clear();
-        let out = &mut stamp.light;
+        let Stamp { light: out, .. } = stamp;
+        out.clear();
+        out.reserve(edges.len() * rows.end.abs_diff(rows.start) as usize);
         match self.shape {
             Shape::Gaussian(sigma_px) => {
                 let gaussian = self.gaussian(*sigma_px);
