@@ -79,6 +79,9 @@ pub struct Label {
     /// Objects in the field that are not among `objects`, by why: their ids.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub unseen: BTreeMap<&'static str, Vec<String>>,
+    /// How many there are, by why.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub unseen_counts: BTreeMap<&'static str, usize>,
     /// Those of them that are not listed, for there are more than [`MOST_UNSEEN`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unseen_left_out: Option<usize>,
@@ -297,7 +300,7 @@ impl Label {
         let matrix = view.pointing(0.0).matrix();
         let spots = spot::spots(scene, label_snr);
         let beyond = scene.particles_left_out;
-        let (unseen, left_out) = unseen::listed(scene, world, label_snr);
+        let unseen = unseen::listed(scene, world, label_snr);
         Label {
             frame,
             seed: view.key.seed,
@@ -319,8 +322,9 @@ impl Label {
             spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
             spots_left_out_snr: spots.left_out_snr,
             particles_left_out: (beyond > 0.0).then_some(beyond),
-            unseen,
-            unseen_left_out: (left_out > 0).then_some(left_out),
+            unseen: unseen.ids,
+            unseen_counts: unseen.counts,
+            unseen_left_out: (unseen.left_out > 0).then_some(unseen.left_out),
             objects: Objects {
                 sources: scene
                     .sources

@@ -107,6 +107,7 @@ fn the_readme_lists_the_labels_fields() {
     label
         .unseen
         .insert("too faint", vec!["NORAD 5".to_string()]);
+    label.unseen_counts.insert("too faint", 2);
     label.unseen_left_out = Some(1);
     let label: serde_json::Value = serde_json::from_str(&label.to_json()).unwrap();
     // A detector with defects, and more particles than are drawn.

@@ -7,12 +7,19 @@ use std::collections::BTreeMap;
 /// Such objects that a label lists.
 pub const MOST_UNSEEN: usize = 10_000;
 
-/// Their ids, in the population's order, by why; and how many are left out, for there are more than [`MOST_UNSEEN`].
-pub fn listed(
-    scene: &Scene,
-    world: &World,
-    label_snr: f64,
-) -> (BTreeMap<&'static str, Vec<String>>, usize) {
+/// Such objects by why they are not seen.
+#[derive(Debug, Default, PartialEq)]
+pub struct Listed {
+    /// Ids, in the population's order, at most [`MOST_UNSEEN`] in all.
+    pub ids: BTreeMap<&'static str, Vec<String>>,
+    /// How many there are, listed or not.
+    pub counts: BTreeMap<&'static str, usize>,
+    /// How many are not listed.
+    pub left_out: usize,
+}
+
+/// Who in the field of `scene` is not listed as an object.
+pub fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
     // Some are too faint to be drawn, others are drawn and too faint to be listed.
     let drawn = scene
         .sources
@@ -26,18 +33,70 @@ pub fn listed(
     let mut unseen: Vec<(usize, Unseen)> = scene.view.unseen.clone();
     unseen.extend(drawn);
     unseen.sort_unstable();
-    let left_out = unseen.len().saturating_sub(MOST_UNSEEN);
-    let mut listed: BTreeMap<_, Vec<String>> = BTreeMap::new();
-    for (index, why) in unseen.into_iter().take(MOST_UNSEEN) {
-        let id = world.population.objects()[index].id.clone();
-        listed.entry(said(why)).or_default().push(id);
+    let objects = world.population.objects();
+    bounded(&unseen, MOST_UNSEEN, |index| objects[index].id.clone())
+}
+
+/// At most `most` of those that are not seen. Where there are more, each reason has an equal part of the list, and what one does not need
+/// goes to the others.
+fn bounded(unseen: &[(usize, Unseen)], most: usize, id: impl Fn(usize) -> String) -> Listed {
+    let mut by_reason: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (index, why) in unseen {
+        by_reason.entry(said(*why)).or_default().push(*index);
     }
-    (listed, left_out)
+    let mut listed = Listed {
+        left_out: unseen.len().saturating_sub(most),
+        ..Listed::default()
+    };
+    let mut reasons: Vec<(&str, Vec<usize>)> = by_reason.into_iter().collect();
+    reasons.sort_by_key(|(_, indices)| indices.len());
+    let (mut room, mut left) = (most, reasons.len());
+    for (why, indices) in reasons {
+        let share = indices.len().min(room / left);
+        (room, left) = (room - share, left - 1);
+        listed.counts.insert(why, indices.len());
+        let ids = indices.into_iter().take(share).map(&id);
+        listed.ids.insert(why, ids.collect());
+    }
+    listed
 }
 
 fn said(why: Unseen) -> &'static str {
     match why {
         Unseen::BehindEarth => "behind the Earth",
         Unseen::TooFaint => "too faint",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_too_many_each_reason_has_its_part() {
+        // X-Val: by hand: of 10 places 5 are for each reason; what is not needed goes to the other.
+        for (behind, faint, listed) in [
+            (20, 3, [7, 3]),
+            (20, 30, [5, 5]),
+            (2, 30, [2, 8]),
+            (4, 6, [4, 6]),
+        ] {
+            let behind_earth = (0..behind).map(|i| (i, Unseen::BehindEarth));
+            let too_faint = (behind..behind + faint).map(|i| (i, Unseen::TooFaint));
+            let all: Vec<_> = behind_earth.chain(too_faint).collect();
+            let found = bounded(&all, 10, |index| index.to_string());
+            let (ids, counts) = (&found.ids, &found.counts);
+            assert_eq!(
+                [ids["behind the Earth"].len(), ids["too faint"].len()],
+                listed
+            );
+            assert_eq!(
+                [counts["behind the Earth"], counts["too faint"]],
+                [behind, faint]
+            );
+            assert_eq!(found.left_out, (behind + faint).saturating_sub(10));
+            assert_eq!(ids["too faint"][0], behind.to_string());
+        }
+        assert_eq!(bounded(&[], 10, |_| String::new()), Listed::default());
     }
 }

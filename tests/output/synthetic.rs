@@ -68,6 +68,7 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
         particles_left_out: None,
         effects: Vec::new(),
         unseen: Default::default(),
+        unseen_counts: Default::default(),
         unseen_left_out: None,
         objects: Vec::new().into(),
     }
