@@ -374,6 +374,7 @@ fn elements(eccentricity: f64, mean_motion: f64, drag: f64) -> Object {
     Object {
         id: "NORAD 99999".into(),
         names: Vec::new(),
+        designator: None,
         orbit: Orbit::Elements(set, Vec::new()),
     }
 }

@@ -7,6 +7,7 @@ use hifitime::{Epoch, Unit};
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::light_curve::{NoLightCurve, Point, Span, point};
+use skyloop::load::Register;
 use skyloop::orbit::time::{parse_utc, utc_text};
 use skyloop::orbit::{Loaded, Object, OrbitError};
 use skyloop::output::write_light_curve;
@@ -57,7 +58,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let population = config.take_population();
     let index = find(population.objects(), &args.object, &name)?;
     let object = &population.objects()[index];
-    if object.id == observer.id {
+    if Register::of(std::slice::from_ref(&*observer)).has(object) {
         bail!("--object {}: that is the observer itself", object.label());
     }
     let bar = progress(span.points, "points");

@@ -1,15 +1,15 @@
 //! `[objects]` of a scene and the population file that it may name: who is in orbit, and what is known of whose looks.
 
 use super::shapes::{RawAttitude, RawShape, RawSphere};
-use crate::load::orbits::{Findings, Shelf, add_without};
-use crate::load::{Check, ConfigError, Folder, advice, parse};
+use crate::load::orbits::{Findings, Shelf, add_without, named};
+use crate::load::{Check, ConfigError, Folder, Register, advice, parse};
 use crate::sky::look::Body;
 use crate::sky::photometry::Sphere;
 use crate::sky::population::{Look, Looks};
 use crate::sky::shape::Shape;
 use serde::Deserialize;
 use skyloop_orbit::Object;
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The objects of a scene.
@@ -94,7 +94,7 @@ impl RawObjects {
             raw.add(&Check { file: &file }, &folder.beside(name), &mut all)?;
         }
         // What the population says of an object counts: the file has the rest.
-        let known: HashSet<String> = all.looks.keys().cloned().collect();
+        let known = Register::of(&all.objects);
         for name in &self.files {
             all.add_file(folder, name, &known)
                 .map_err(|error| check.explain("objects.files", error))?;
@@ -116,7 +116,7 @@ impl RawPopulation {
             let shape = raw.validate(&format!("shapes.{name}"), check)?;
             shapes.insert(name, shape);
         }
-        let mut selected = HashSet::new();
+        let mut selected = Register::default();
         let mut shelf = Shelf::new(folder);
         let mut entries = Vec::new();
         for (i, entry) in listed.into_iter().enumerate() {
@@ -128,13 +128,14 @@ impl RawPopulation {
                     let one = shelf
                         .one(selector, &mut all.findings)
                         .map_err(|error| check.explain(&key, error))?;
-                    if !selected.insert(one.id.clone()) {
+                    if selected.has(&one) {
                         let reason = format!(
                             "{} is selected by an earlier entry: keep one of the two",
                             one.label()
                         );
                         return Err(check.explain(&key, reason));
                     }
+                    selected.insert(&one, i);
                     Some(one)
                 }
                 (None, Some(files)) if !files.is_empty() => None,
@@ -149,8 +150,23 @@ impl RawPopulation {
             let first = all.objects.len();
             all.objects.extend(one);
             for (i, name) in files.iter().enumerate() {
-                all.add_file(folder, name, &selected)
-                    .map_err(|error| check.explain(&format!("{key}.files[{i}]"), error))?;
+                let key = format!("{key}.files[{i}]");
+                let joined = all.add_file(folder, name, &selected);
+                let mut again = joined.map_err(|error| check.explain(&key, error))?;
+                again.retain(|place| *place < first);
+                if !again.is_empty() {
+                    let again: Vec<&Object> =
+                        again.iter().filter_map(|i| all.objects.get(*i)).collect();
+                    let notice = check.explain(&key, format!(
+                        "{} in an earlier entry than {name}, whose sphere or shape counts ({}): leave the file out of one of the entries",
+                        match again.len() {
+                            1 => "1 object is".to_string(),
+                            count => format!("{count} objects are"),
+                        },
+                        named(&again)
+                    ));
+                    all.findings.notices.push(notice.to_string());
+                }
             }
             for object in &all.objects[first..] {
                 all.looks.insert(object.id.clone(), look.clone());
@@ -210,13 +226,13 @@ impl RawEntry {
 }
 
 impl Objects {
-    /// Adds the objects of a file but those of the ids `without`.
+    /// Adds the objects of a file but those `without`. Gives the places of those that were there.
     fn add_file(
         &mut self,
         folder: &Folder,
         name: &str,
-        without: &HashSet<String>,
-    ) -> Result<(), ConfigError> {
+        without: &Register,
+    ) -> Result<Vec<usize>, ConfigError> {
         add_without(folder, name, without, &mut self.objects, &mut self.findings)
     }
 }

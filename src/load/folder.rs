@@ -89,16 +89,18 @@ impl Folder {
 
     /// The file called `name`, and the name to use for it in messages.
     pub fn read(&self, name: &str) -> Result<(String, String), ConfigError> {
-        let failed = |file: String, source: std::io::Error| ConfigError::Read {
-            file,
-            source,
-            remedy: match self {
+        let failed = |file: String, source: std::io::Error| {
+            let path = match self {
                 Folder::Disk(folder) if folder.as_os_str().is_empty() => "check the path",
                 _ => {
                     "check the path; relative paths start at the folder of the file that names them"
                 }
+            };
+            ConfigError::Read {
+                file,
+                remedy: skyloop_orbit::remedy(&source).unwrap_or(path).to_string(),
+                source,
             }
-            .to_string(),
         };
         match self {
             Folder::Disk(folder) => {

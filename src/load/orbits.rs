@@ -1,6 +1,6 @@
 //! Orbit files of every format, and folders of them, by name.
 
-use super::{ConfigError, Folder};
+use super::{ConfigError, Folder, Register};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::io::ErrorKind;
@@ -28,17 +28,18 @@ pub fn add(
     objects: &mut Vec<Object>,
     findings: &mut Findings,
 ) -> Result<(), ConfigError> {
-    add_without(folder, name, &HashSet::new(), objects, findings)
+    add_without(folder, name, &Register::default(), objects, findings).map(drop)
 }
 
-/// [`add`], but for the objects of the ids `without`, which have come from elsewhere.
+/// [`add`], but for the objects `without`, which have come from elsewhere. Gives the places of those that were there and have got
+/// further element sets, or the same again.
 pub fn add_without(
     folder: &Folder,
     name: &str,
-    without: &HashSet<String>,
+    without: &Register,
     objects: &mut Vec<Object>,
     findings: &mut Findings,
-) -> Result<(), ConfigError> {
+) -> Result<Vec<usize>, ConfigError> {
     if let (file, Some(_)) = file_and_name(name, |file| folder.has(file))
         && folder.has(file)
     {
@@ -52,13 +53,11 @@ pub fn add_without(
         let why = loaded.pick(None).err().unwrap_or_default();
         return Err(ConfigError::Orbit(format!("{name}: {why}")));
     }
-    loaded
-        .objects
-        .retain(|object| !without.contains(&object.id));
-    for refused in gather(objects, loaded.objects) {
-        findings.rejected.push(format!("{name}: {refused}"));
-    }
-    Ok(())
+    loaded.objects.retain(|object| !without.has(object));
+    let Gathered { joined, refused } = gather(objects, loaded.objects);
+    let refused = refused.iter().map(|why| format!("{name}: {why}"));
+    findings.rejected.extend(refused);
+    Ok(joined)
 }
 
 /// Says of how many objects there are several element sets, if there are any.
@@ -68,11 +67,7 @@ pub fn several_sets(objects: &[Object]) -> Option<String> {
         Orbit::Ephemeris(_) => false,
     };
     let several: Vec<&Object> = objects.iter().filter(several).collect();
-    let named: Vec<String> = (several.iter().take(NAMED))
-        .map(|object| object.label())
-        .collect();
-    let more = if several.len() > NAMED { ", ..." } else { "" };
-    let (named, count) = (named.join(", "), several.len());
+    let (named, count) = (named(&several), several.len());
     let what = if count == 1 {
         "object has"
     } else {
@@ -80,9 +75,16 @@ pub fn several_sets(objects: &[Object]) -> Option<String> {
     };
     (count > 0).then(|| {
         format!(
-            "{count} {what} several element sets ({named}{more}): the one whose epoch is nearest to an exposure counts"
+            "{count} {what} several element sets ({named}): the one whose epoch is nearest to an exposure counts"
         )
     })
+}
+
+/// The first of some objects by name: `NORAD 5 (VANGUARD 1), ...`.
+pub fn named(objects: &[&Object]) -> String {
+    let labels = objects.iter().take(NAMED).map(|object| object.label());
+    let more = (objects.len() > NAMED).then(|| "...".to_string());
+    labels.chain(more).collect::<Vec<_>>().join(", ")
 }
 
 /// The object that `FILE` or `FILE:NAME` selects, see [`file_and_name`] and [`Loaded::pick`].
@@ -129,25 +131,42 @@ fn book(refused: &[Rejected], rejected: &mut Vec<String>) {
     rejected.extend(lines.filter(|line| !known.contains(line)));
 }
 
-/// Adds `new` objects to `objects`, element sets of those that are there to them. Says which cannot be joined.
-fn gather(objects: &mut Vec<Object>, new: Vec<Object>) -> Vec<String> {
-    let ids = objects.iter().map(|object| object.id.clone());
-    let mut places: HashMap<String, usize> = ids.zip(0..).collect();
-    let mut refused = Vec::new();
+/// What came of objects that were there already.
+#[derive(Debug, Default)]
+pub struct Gathered {
+    /// The places of those that have got further element sets, or the same again.
+    pub joined: Vec<usize>,
+    /// Which could not be joined, and why, a line each.
+    pub refused: Vec<String>,
+}
+
+/// Adds `new` objects to `objects`, element sets of those that are there to them.
+pub fn gather(objects: &mut Vec<Object>, new: Vec<Object>) -> Gathered {
+    let mut register = Register::of(objects);
+    let mut gathered = Gathered::default();
     for object in new {
-        let place = places.entry(object.id.clone()).or_insert(objects.len());
-        match objects.get_mut(*place) {
-            None => objects.push(object),
-            Some(known) => match (&known.orbit, &object.orbit) {
-                (Orbit::Elements(..), Orbit::Elements(..)) => known.join(object),
-                _ => refused.push(format!(
-                    "{} is in an earlier file: keep one of the two",
-                    object.label()
-                )),
-            },
+        let place = register.place(&object);
+        let Some((place, known)) = place.and_then(|at| Some((at, objects.get_mut(at)?))) else {
+            register.insert(&object, objects.len());
+            objects.push(object);
+            continue;
+        };
+        match (&known.orbit, &object.orbit) {
+            (Orbit::Elements(..), Orbit::Elements(..)) => {
+                known.join(object);
+                gathered.joined.push(place);
+            }
+            _ => gathered.refused.push(format!(
+                "{} is {}in an earlier file: keep one of the two",
+                object.label(),
+                match known.id == object.id {
+                    true => String::new(),
+                    false => format!("{} ", known.label()),
+                }
+            )),
         }
     }
-    refused
+    gathered
 }
 
 /// Says what a folder holds beside files of orbits, if there is anything.
@@ -180,7 +199,7 @@ fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, 
         match given(folder, &file) {
             Given::Orbits(loaded) => {
                 all.rejected.extend(loaded.rejected);
-                for reason in gather(&mut all.objects, loaded.objects) {
+                for reason in gather(&mut all.objects, loaded.objects).refused {
                     all.rejected.push(Rejected {
                         source: file.clone(),
                         line: 1,

@@ -2,7 +2,7 @@
 
 use crate::format::Format;
 use crate::record::{Found, Record};
-use crate::{Object, Orbit, oem, omm, read_text, tle};
+use crate::{Designator, Object, Orbit, oem, omm, read_text, remedy, tle};
 use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ impl fmt::Display for Rejected {
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
-    #[error("cannot read the orbit file {}: {error}", path.display())]
+    #[error("cannot read the orbit file {}: {error}{}", path.display(), remedy(error).map_or(String::new(), |it| format!("; {it}")))]
     Read {
         /// The file.
         path: PathBuf,
@@ -218,25 +218,35 @@ impl From<Record> for Object {
         Object {
             id,
             names: name.map_or(Vec::new(), |name| vec![name.as_str().to_owned()]),
+            designator: Designator::parse(&record.designator),
             orbit: Orbit::Elements(record.elements, Vec::new()),
         }
     }
 }
 
 impl Object {
-    /// Adds the element sets and names of `other`, the same object from another record or file, where they differ.
-    /// An ephemeris is left as it is.
+    /// Adds the element sets and names of `other`, the same object from another record or file, where they differ. Of sets of one epoch the
+    /// first is asked, so that one with a state then goes before one without. An ephemeris is left as it is.
     pub fn join(&mut self, other: Object) {
         let (Orbit::Elements(own, others), Orbit::Elements(set, further)) =
             (&mut self.orbit, other.orbit)
         else {
             return;
         };
-        for set in [set].into_iter().chain(further) {
-            if *own != set && !others.contains(&set) {
-                others.push(set);
+        for mut set in [set].into_iter().chain(further) {
+            if *own == set || others.contains(&set) {
+                continue;
             }
+            let mut known = std::iter::once(&mut *own).chain(others.iter_mut());
+            if let Some(twin) = known.find(|known| known.epoch == set.epoch)
+                && twin.state_teme_after(0.0).is_err()
+                && set.state_teme_after(0.0).is_ok()
+            {
+                std::mem::swap(twin, &mut set);
+            }
+            others.push(set);
         }
+        self.designator = self.designator.or(other.designator);
         for name in other.names {
             if !self.names.contains(&name) {
                 self.names.push(name);

@@ -27,6 +27,8 @@ pub mod synth;
 pub mod tracks;
 pub mod two_body;
 
+mod age;
+mod designator;
 mod format;
 mod lines;
 mod load;
@@ -42,13 +44,15 @@ mod two_line;
 mod units;
 mod write;
 
+pub use age::{Ages, FRESH_DAYS};
+pub use designator::Designator;
 pub use format::Format;
 pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
 pub use pick::file_and_name;
 pub use record::Record;
 pub use regime::Regime;
 pub use sgp4;
-pub use text::{Listing, files, read_text};
+pub use text::{LARGEST_FILE, Listing, files, read_text, remedy};
 pub use two_line::{Checksum, ElementsError};
 pub use write::{Written, write};
 
@@ -97,6 +101,8 @@ pub struct Object {
     pub id: String,
     /// Names: the name line of a 3LE, the OBJECT_NAME of an OEM.
     pub names: Vec<String>,
+    /// The international designator of its element sets; of an OEM the OBJECT_ID, where that is one.
+    pub designator: Option<Designator>,
     /// Its motion.
     pub orbit: Orbit,
 }
@@ -196,6 +202,7 @@ impl Object {
             Orbit::Elements(set, others) if !others.is_empty() => Cow::Owned(Object {
                 id: self.id.clone(),
                 names: self.names.clone(),
+                designator: self.designator,
                 orbit: Orbit::Elements(*nearest(set, others, t), Vec::new()),
             }),
             _ => Cow::Borrowed(self),

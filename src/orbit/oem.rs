@@ -2,7 +2,7 @@
 
 use crate::ephemeris::{Ephemeris, Node, Segment};
 use crate::load::{Loaded, Rejected};
-use crate::{Object, Orbit, StateVector, bounded_name, frames, lines, time};
+use crate::{Designator, Object, Orbit, StateVector, bounded_name, frames, lines, time};
 use hifitime::{Epoch, TimeScale};
 use nalgebra::{Matrix3, Vector3};
 
@@ -164,6 +164,7 @@ impl Reader<'_> {
             }
         } else {
             self.loaded.objects.push(Object {
+                designator: Designator::parse(&id),
                 id,
                 names: vec![name],
                 orbit: Orbit::Ephemeris(Ephemeris {

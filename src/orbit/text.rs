@@ -3,33 +3,57 @@
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::{Path, PathBuf};
 
-/// Octets that a file may have: an OEM of a day at a state a second has 10 million.
-const LARGEST: u64 = 256 << 20;
+/// Octets that a file may have: 200,000 OMM in XML have 500 million.
+pub const LARGEST_FILE: u64 = 2 << 30;
+/// Octets after which what is no text is known to be none.
+const HEAD: u64 = 1 << 16;
 
-/// The text of a file of at most 256 MiB, without its byte order mark. Where that says so it is UTF-16, as some programs of
+/// The text of a file of at most 2 GiB, without its byte order mark. Where that says so it is UTF-16, as some programs of
 /// Windows write it. Names in it may be in any encoding (what is no UTF-8 is replaced); all that is read as numbers is ASCII.
 ///
-/// Errors: the file cannot be read, is longer, or is no text ([`ErrorKind::InvalidData`]): it holds a NUL.
+/// Errors: the file cannot be read, is longer ([`ErrorKind::FileTooLarge`]), or is no text ([`ErrorKind::InvalidData`]): it holds a NUL.
 pub fn read_text(path: &Path) -> Result<String> {
+    let mut file = std::fs::File::open(path)?;
+    let about = file.metadata()?;
+    let octets = if about.is_file() { about.len() } else { 0 };
     let mut bytes = Vec::new();
-    let file = std::fs::File::open(path)?;
-    file.take(LARGEST + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > LARGEST {
-        return Err(Error::other(format!("longer than {} MiB", LARGEST >> 20)));
+    file.by_ref().take(HEAD).read_to_end(&mut bytes)?;
+    let is_utf_16 = matches!(bytes.as_slice(), [0xff, 0xfe, ..] | [0xfe, 0xff, ..]);
+    if !is_utf_16 && bytes.contains(&0) {
+        return Err(no_text());
+    }
+    if octets <= LARGEST_FILE {
+        bytes.try_reserve_exact(octets as usize)?;
+        let left = LARGEST_FILE + 1 - bytes.len() as u64;
+        file.take(left).read_to_end(&mut bytes)?;
+    }
+    if octets.max(bytes.len() as u64) > LARGEST_FILE {
+        let why = format!("longer than {} GiB", LARGEST_FILE >> 30);
+        return Err(Error::new(ErrorKind::FileTooLarge, why));
     }
     let text = match bytes.as_slice() {
         [0xff, 0xfe, rest @ ..] => utf_16(rest, u16::from_le_bytes),
         [0xfe, 0xff, rest @ ..] => utf_16(rest, u16::from_be_bytes),
         [0xef, 0xbb, 0xbf, rest @ ..] => String::from_utf8_lossy(rest).into_owned(),
-        text => String::from_utf8_lossy(text).into_owned(),
+        // Long ones are not copied.
+        _ => String::from_utf8(bytes)
+            .unwrap_or_else(|odd| String::from_utf8_lossy(odd.as_bytes()).into_owned()),
     };
     if text.contains('\0') {
-        return Err(Error::new(
-            ErrorKind::InvalidData,
-            "not a text file; text is UTF-8, or UTF-16 with a byte order mark",
-        ));
+        return Err(no_text());
     }
     Ok(text)
+}
+
+fn no_text() -> Error {
+    let why = "not a text file; text is UTF-8, or UTF-16 with a byte order mark";
+    Error::new(ErrorKind::InvalidData, why)
+}
+
+/// What to do about a file that cannot be read, where something other than its path is wrong.
+pub fn remedy(error: &Error) -> Option<&'static str> {
+    (error.kind() == ErrorKind::FileTooLarge)
+        .then_some("give it in parts: a folder stands for all its files of orbits")
 }
 
 /// Text in units of 16 bits; what is none is replaced.
@@ -76,8 +100,23 @@ mod tests {
     #[cfg(unix)]
     fn a_file_without_an_end_is_refused() {
         let error = read_text(Path::new("/dev/zero")).unwrap_err();
-        assert!(error.to_string().contains("256 MiB"), "{error}");
+        assert_eq!(error.kind(), ErrorKind::InvalidData);
         assert_eq!(read_text(Path::new("/dev/null")).unwrap(), "");
+    }
+
+    #[test]
+    fn what_is_too_long_is_told_with_what_helps() {
+        let here = std::env::temp_dir().join(format!("skyloop-long-{}", std::process::id()));
+        let mut file = std::fs::File::create(&here).unwrap();
+        std::io::Write::write_all(&mut file, &[b' '; HEAD as usize]).unwrap();
+        // The rest is a hole that takes no room.
+        file.set_len(LARGEST_FILE + 1).unwrap();
+        let error = crate::load(&here).unwrap_err().to_string();
+        std::fs::remove_file(&here).unwrap();
+        assert!(
+            error.contains("longer than 2 GiB; give it in parts"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod population;
 mod published;
 mod ring;
 mod shade;
+mod twice;
 
 #[allow(dead_code, reason = "tables of vectors are for other tests")]
 #[path = "../reference/mod.rs"]

@@ -6,13 +6,11 @@ use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::effect::counted;
-use skyloop::load::orbits::passed_over;
+use skyloop::load::orbits::{gather, passed_over};
 use skyloop::orbit::elements::Elements;
 use skyloop::orbit::time::utc_text;
 use skyloop::orbit::{Loaded, Object, Orbit, Regime};
 use skyloop_firmware_sim::console::say;
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 use std::path::PathBuf;
 
 /// Arguments of `skyloop catalog info`.
@@ -60,7 +58,7 @@ struct Line {
 
 /// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let all = gather(&args)?;
+    let all = objects(&args)?;
     let lines = match &args.object {
         Some(name) => {
             let found = all.find(Some(name.as_str()));
@@ -89,35 +87,18 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 }
 
 /// The objects of all files; sets of one object are joined.
-fn gather(args: &Args) -> anyhow::Result<Loaded> {
+fn objects(args: &Args) -> anyhow::Result<Loaded> {
     let mut rejected = Vec::new();
     let mut all = Loaded::default();
-    let mut places: HashMap<String, usize> = HashMap::new();
     let mut foreign = Vec::new();
     for source in sources(&args.files, &mut foreign)? {
         let file = shown(&source.file);
         let Some(contents) = readable(source, &mut rejected, &mut foreign)? else {
             continue;
         };
-        for object in Loaded::from(contents).objects {
-            match places.entry(object.id.clone()) {
-                Entry::Vacant(place) => {
-                    place.insert(all.objects.len());
-                    all.objects.push(object);
-                }
-                Entry::Occupied(place) => {
-                    match (all.objects.get_mut(*place.get()), &object.orbit) {
-                        (Some(known), Orbit::Elements(..))
-                            if matches!(known.orbit, Orbit::Elements(..)) =>
-                        {
-                            known.join(object);
-                        }
-                        _ => rejected
-                            .push(format!("{file}: {} is in an earlier file", object.label())),
-                    }
-                }
-            }
-        }
+        let gathered = gather(&mut all.objects, Loaded::from(contents).objects);
+        let refused = gathered.refused.iter().map(|why| format!("{file}: {why}"));
+        rejected.extend(refused);
     }
     args.records.settle_lines(&rejected)?;
     if let Some(line) = passed_over(&foreign) {

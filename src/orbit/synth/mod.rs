@@ -61,6 +61,7 @@ impl Synthetic {
         Object {
             id: format!("NORAD {}", self.elements.norad),
             names: vec![self.name()],
+            designator: None,
             orbit: crate::Orbit::Elements(self.elements, Vec::new()),
         }
     }

@@ -76,6 +76,22 @@ fn sets_of_one_object_are_one_object_and_the_nearest_counts() {
 }
 
 #[test]
+fn of_two_sets_of_one_epoch_the_one_with_a_state_counts() {
+    // X-Val: by hand: 17.3 revolutions a day are 6313 km from the Earth's centre.
+    let lost = LOW_2.replace("15.20000000", "17.30000000");
+    let lost = format!("{}\n{}\n", sealed(LOW_1), sealed(&lost));
+    let (good, bad) = (read(&low()), read(&lost));
+    let t = epoch_of(&good.objects[0]);
+    assert!(bad.objects[0].state(t).is_err());
+    for both in [low() + &lost, lost.clone() + &low()] {
+        let both = read(&both);
+        assert_eq!(both.objects[0].sets().count(), 2);
+        assert_eq!(both.objects[0].state(t), good.objects[0].state(t));
+        assert_eq!(both.objects[0].number_at(t), 0);
+    }
+}
+
+#[test]
 fn names_line_ends_blank_lines_and_alpha_5() {
     let text = format!(
         "# made up\n\n{}\r\n0 LOW ONE\r\n{}\nGEO ONE  \n{}",

@@ -1,0 +1,106 @@
+//! One object in several files: by catalogue number, by designator, and in several entries of a population.
+
+use skyloop::config::Config;
+use skyloop::load::Folder;
+use skyloop::sky::population::Look;
+
+// X-Val: Vallado et al. 2006, AIAA 2006-6753, verification sets 00005 and 06251.
+const VANGUARD: &str = "VANGUARD 1\n\
+    1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+    2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
+const DELTA: &str = "DELTA 1 DEB\n\
+    1 06251U 62025E   06176.82412014  .00008885  00000-0  12808-3 0  3985\n\
+    2 06251  58.0579  54.0425 0030035 139.1568 221.1854 15.56387291  6774\n";
+
+/// An ephemeris of an object called so.
+fn oem(id: &str) -> String {
+    format!(
+        "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = VANGUARD 1\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
+         TIME_SYSTEM = UTC\nSTART_TIME = 2000-06-27T00:00:00\nSTOP_TIME = 2000-06-27T00:00:10\nMETA_STOP\n\
+         2000-06-27T00:00:00 7000 0 0 0 7.5 0\n2000-06-27T00:00:10 7000 75 0 0 7.5 0\n"
+    )
+}
+
+/// The scene, in a folder with both sets and an ephemeris of an object called so.
+fn load(scene: &str, population: &str, id: &str) -> Config {
+    let folder = tempfile::tempdir().unwrap();
+    for (file, text) in [
+        ("both.tle", &format!("{VANGUARD}{DELTA}")),
+        ("one.tle", &VANGUARD.to_string()),
+        ("active.oem", &oem(id)),
+        ("population.toml", &population.to_string()),
+    ] {
+        std::fs::write(folder.path().join(file), text).unwrap();
+    }
+    let folder = Folder::Disk(folder.path().to_path_buf());
+    Config::parse("scene.toml", scene, &folder).unwrap()
+}
+
+fn ids(config: &Config) -> Vec<&str> {
+    let ids = config.objects.iter().map(|object| object.id.as_str());
+    ids.collect()
+}
+
+#[test]
+fn an_ephemeris_beside_element_sets_of_the_same_object_is_refused() {
+    // What agencies call it, the catalogue's number, and what a set is called.
+    for id in ["1958-002B", "5", "NORAD 5"] {
+        for (files, kept) in [
+            ("\"both.tle\", \"active.oem\"", ["NORAD 5", "NORAD 6251"]),
+            ("\"active.oem\", \"both.tle\"", [id, "NORAD 6251"]),
+        ] {
+            let config = load(&format!("[objects]\nfiles = [{files}]\n"), "", id);
+            assert_eq!(ids(&config), kept);
+            let [refused] = config.rejected.as_slice() else {
+                panic!("{id}: {:?}", config.rejected);
+            };
+            assert!(
+                refused.contains("in an earlier file: keep one of the two"),
+                "{refused}"
+            );
+        }
+    }
+    let scene = "[objects]\nfiles = [\"both.tle\", \"active.oem\"]\n";
+    let named = load(scene, "", "1958-002B").rejected.remove(0);
+    let says = "1958-002B (VANGUARD 1) is NORAD 5 (VANGUARD 1) in an earlier file";
+    assert!(named.contains(says), "{named}");
+    // Another piece of the same launch is another object.
+    let config = load(scene, "", "1958-002A");
+    assert_eq!(ids(&config), ["NORAD 5", "NORAD 6251", "1958-002A"]);
+    assert!(config.rejected.is_empty());
+}
+
+#[test]
+fn an_entry_of_its_own_takes_an_object_out_of_a_catalogue_whatever_it_is_called_there() {
+    let population = "[[objects]]\nfiles = [\"both.tle\"]\nsphere = { diameter_m = 1.0 }\n\
+                      [[objects]]\nobject = \"active.oem\"\nsphere = { diameter_m = 2.0 }\n";
+    let scene = "[objects]\npopulation = \"population.toml\"\nfiles = [\"both.tle\"]\n";
+    let config = load(scene, population, "1958-002B");
+    assert_eq!(ids(&config), ["NORAD 6251", "1958-002B"]);
+    assert!(config.rejected.is_empty() && config.notices.is_empty());
+}
+
+#[test]
+fn an_object_of_two_entries_looks_as_the_first_says_and_that_is_told() {
+    let population = "[[objects]]\nfiles = [\"one.tle\"]\nsphere = { diameter_m = 1.0 }\n\
+                      [[objects]]\nfiles = [\"both.tle\"]\nsphere = { diameter_m = 2.0 }\n";
+    let scene = "[objects]\npopulation = \"population.toml\"\n";
+    let config = load(scene, population, "1958-002B");
+    assert_eq!(ids(&config), ["NORAD 5", "NORAD 6251"]);
+    let diameter = |id: &str| match &config.looks[id] {
+        Look::Sphere(sphere) => sphere.diameter_m,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!((diameter("NORAD 5"), diameter("NORAD 6251")), (1.0, 2.0));
+    let [notice] = config.notices.as_slice() else {
+        panic!("{:?}", config.notices);
+    };
+    for word in [
+        "population.toml: objects[1].files[0]: 1 object is",
+        "both.tle",
+        "NORAD 5 (VANGUARD 1)",
+        "leave the file out",
+    ] {
+        assert!(notice.contains(word), "{notice}");
+    }
+}
