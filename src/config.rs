@@ -474,6 +474,5 @@ impl RawSequence {
 
 fn utc(check: &Check, key: &str, time: &RawTime) -> Result<Epoch, ConfigError> {
     let text = time.to_string();
-    parse_utc(&text)
-        .map_err(|_| check.refuse(key, &text, "a UTC time such as 2019-06-15T23:35:50.500Z"))
+    parse_utc(&text).map_err(|why| check.explain(key, why))
 }

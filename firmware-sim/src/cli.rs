@@ -8,6 +8,7 @@ pub use range::within;
 
 use anyhow::{Result, anyhow, bail};
 use clap::{Args, ValueEnum};
+use skyloop_firmware_sim::text::whole;
 use skyloop_protocols::output::{MAX_POSITIONS, MAX_WINDOW};
 use skyloop_protocols::{LabelLevel, Output, PixelLevel, Positions};
 
@@ -18,16 +19,16 @@ pub struct OutputArgs {
     #[arg(long, value_enum)]
     output: Option<Level>,
     /// Windows around so many stars, the brightest [default: 20]
-    #[arg(long, value_name = "K", requires = "output")]
+    #[arg(long, value_name = "K", requires = "output", value_parser = whole(0..=u8::MAX))]
     windows: Option<u8>,
     /// Columns and rows of a window [default: 11]
-    #[arg(long, value_name = "N", requires = "output", value_parser = clap::value_parser!(u8).range(1..=i64::from(MAX_WINDOW)))]
+    #[arg(long, value_name = "N", requires = "output", value_parser = whole(1..=MAX_WINDOW))]
     window_size: Option<u8>,
     /// Windows around these pixels instead of the brightest stars
     #[arg(long, value_name = "x,y;x,y...", requires = "output", value_parser = parse_positions)]
     positions: Option<Positions>,
     /// Labels of so many objects, the brightest [default: 12]
-    #[arg(long, value_name = "K", requires = "output")]
+    #[arg(long, value_name = "K", requires = "output", value_parser = whole(0..=u16::MAX))]
     objects: Option<u16>,
 }
 

@@ -23,7 +23,7 @@ use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
 use skyloop_firmware_sim::received::Content;
-use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion};
+use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion, whole};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{LoadError, file_and_name, read_text};
 use skyloop_protocols::Fault;
@@ -42,7 +42,7 @@ struct Args {
     #[arg(long, value_name = "UTC", value_parser = parse_utc, required_unless_present = "wall")]
     epoch: Option<Epoch>,
     /// How many frames
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 10, value_parser = whole(1..=u32::MAX), allow_negative_numbers = true)]
     frames: u32,
     /// Time from frame to frame, s
     #[arg(

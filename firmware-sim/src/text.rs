@@ -2,6 +2,9 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 use skyloop_protocols::command::UNIT_TOLERANCE;
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
 
 /// Numbers from text, with commas or blanks between.
 ///
@@ -19,6 +22,27 @@ pub fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     numbers
         .try_into()
         .map_err(|_| format!("{count} numbers where {N} belong"))
+}
+
+/// A whole number within a range, as an option of a command line takes it.
+pub fn whole<T>(range: RangeInclusive<T>) -> impl Fn(&str) -> Result<T, String> + Clone
+where
+    T: FromStr + PartialOrd + Display + Clone,
+{
+    move |text: &str| {
+        let number = text.parse().ok().filter(|number| range.contains(number));
+        let (least, most) = (range.start(), range.end());
+        number.ok_or_else(|| format!("a whole number from {least} to {most} is wanted"))
+    }
+}
+
+/// A finite number, as an option of a command line takes it.
+///
+/// # Errors
+/// Says what is wanted.
+pub fn number(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+    number.ok_or_else(|| "a number is wanted".to_string())
 }
 
 /// A unit quaternion from `x y z w`, normalised when its norm is within [`UNIT_TOLERANCE`] of 1.

@@ -167,7 +167,7 @@ fn numbers_out_of_range_are_refused_as_usage() {
         ("--period", "0.000001 to 1000000 s"),
         ("--rate", "0.000001 to 100000 Hz"),
         ("--timeout", "0.001 to 1000000 s"),
-        ("--frames", "0 is not in 1.."),
+        ("--frames", "whole number from 1 to"),
     ] {
         for value in ["0", "-1", "1e300"] {
             let output = skyloop_fc(&[&base[..], &[option, value]].concat());
@@ -231,9 +231,9 @@ fn errors_say_what_to_do() {
         ),
         (
             &["--nadir", "--orbit", "/dev/zero"],
-            "cannot read the orbit file /dev/zero: longer than 256 MiB",
+            "cannot read the orbit file /dev/zero: not a text file",
         ),
-        (&["--attitudes", "/dev/zero"], "longer than 256 MiB"),
+        (&["--attitudes", "/dev/zero"], "not a text file"),
         (&["--attitudes", &bad_list], "attitudes.txt:2: \"now\""),
         (
             &["--attitudes", &short_list],

@@ -12,6 +12,7 @@ use skyloop::orbit::time::{parse_utc, utc_text};
 use skyloop::orbit::{Loaded, Object, OrbitError};
 use skyloop::output::write_light_curve;
 use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::text::number;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -31,10 +32,10 @@ pub struct Args {
     #[arg(long, value_name = "UTC", value_parser = parse_utc)]
     to: Option<Epoch>,
     /// Seconds from one instant to the next [default: the scene's period]
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     step: Option<f64>,
     /// Seconds around each instant over which light is averaged; 0: the instant alone [default: the camera's exposure time]
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     exposure: Option<f64>,
     /// Folder for lightcurve.csv and lightcurve.png; made if it does not exist
     #[arg(long, value_name = "DIR")]

@@ -14,6 +14,7 @@ use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::report::Report;
+use skyloop_firmware_sim::text::whole;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -35,7 +36,7 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", value_parser = levels())]
     output: Option<String>,
     /// Number of frames [default: the scene's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole(1..=1_000_000u32), allow_negative_numbers = true)]
     frames: Option<u32>,
     /// Folder for frames and labels; made if it does not exist
     #[arg(long, value_name = "DIR", default_value = "skyloop-out")]

@@ -14,6 +14,8 @@ use skyloop::load::{Folder, orbits};
 use skyloop::orbit::time::{parse_utc, utc_text};
 use skyloop::output::passes::{Row, csv, json, table};
 use skyloop::passes::{NoPasses, Passes, Search, passes};
+use skyloop_firmware_sim::text::number;
+use std::io::Write;
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
@@ -52,6 +54,7 @@ pub struct Args {
     #[arg(
         long,
         value_name = "x,y,z,vx,vy,vz",
+        value_parser = number,
         allow_hyphen_values = true,
         conflicts_with = "orbit"
     )]
@@ -63,7 +66,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     object: Option<String>,
     /// Leave out passes whose light, where it arrives at all, stays fainter
-    #[arg(long, value_name = "MAG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "MAG", value_parser = number, allow_hyphen_values = true)]
     mag_limit: Option<f64>,
     /// No stay in the field that lasts longer than so many seconds is missed
     #[arg(
@@ -189,9 +192,6 @@ fn search(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Search> {
             "--shortest {}: a number of seconds from 0.001 to 10 is wanted",
             args.shortest
         );
-    }
-    if args.mag_limit.is_some_and(|limit| !limit.is_finite()) {
-        bail!("--mag-limit: a finite number is wanted");
     }
     Ok(Search {
         from,

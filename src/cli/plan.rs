@@ -14,6 +14,7 @@ use skyloop::load::Folder;
 use skyloop::measure::Bench;
 use skyloop::orbit::time::utc_text;
 use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::text::whole;
 use std::path::PathBuf;
 
 /// Arguments of `skyloop plan`.
@@ -26,7 +27,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME|FILE")]
     camera: Option<String>,
     /// Which frame of the sequence, from 0
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0..=u32::MAX), allow_negative_numbers = true)]
     frame: u32,
     /// Render the frame, and set measured errors and times beside the declared ones (takes seconds, for slow frames minutes)
     #[arg(long)]

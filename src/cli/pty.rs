@@ -4,6 +4,7 @@ use anyhow::Context;
 use clap::Args as ClapArgs;
 use skyloop::link::Pair;
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
+use skyloop_firmware_sim::text::whole;
 use std::path::PathBuf;
 
 /// Arguments of `skyloop pty`.
@@ -16,7 +17,7 @@ pub struct Args {
     #[arg(value_name = "PATH_B")]
     b: PathBuf,
     /// Baud rate of the line, both ways: 10 bit times an octet
-    #[arg(long, value_name = "N", default_value_t = 115_200, value_parser = clap::value_parser!(u32).range(9_600..=3_000_000), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = 115_200, value_parser = whole(9_600..=3_000_000u32), allow_negative_numbers = true)]
     baud: u32,
 }
 

@@ -17,6 +17,7 @@ use skyloop::orbit::StateVector;
 use skyloop::orbit::time::parse_utc;
 use skyloop::output::Writer;
 use skyloop::stats::{Absent, RunStats, table};
+use skyloop_firmware_sim::text::whole;
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
@@ -58,13 +59,13 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     rso: Vec<String>,
     /// Number of frames [default: 1, or the scene's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", value_parser = whole(1..=1_000_000u32), allow_hyphen_values = true)]
     frames: Option<u32>,
     /// Seconds from one exposure to the next [default: 1, or the scene's]
     #[arg(long, value_name = "S", value_parser = positive, allow_hyphen_values = true)]
     period: Option<f64>,
     /// Seed of the noise [default: 1, or the scene's]
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", value_parser = whole(0..=u64::MAX), allow_hyphen_values = true)]
     seed: Option<u64>,
     /// Draw no noise, and write the expected electrons too (*_electrons.fits)
     #[arg(long)]

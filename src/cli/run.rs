@@ -10,6 +10,7 @@ use skyloop::link;
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::{row, table, times};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
+use skyloop_firmware_sim::text::whole;
 use skyloop_protocols::personality::NATIVE;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -28,7 +29,7 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", value_parser = levels())]
     output: Option<String>,
     /// End after this many frames [default: at Ctrl-C]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX), allow_negative_numbers = true)]
     frames: Option<u32>,
     #[command(flatten)]
     instruments: instruments::Choice,

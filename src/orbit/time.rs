@@ -38,10 +38,32 @@ pub(crate) fn parse_ccsds(text: &str, scale: TimeScale) -> Option<Epoch> {
 
 /// Reads a UTC time such as `2019-06-15T23:35:50.500Z`, leap seconds included.
 ///
-/// Errors: says what is wanted.
+/// Errors: says what is wanted, or how many days there are.
 pub fn parse_utc(text: &str) -> Result<Epoch, String> {
-    parse_ccsds(text.trim(), TimeScale::UTC)
-        .ok_or_else(|| format!("{text:?} is no UTC time such as 2019-06-15T23:35:50.500Z"))
+    parse_ccsds(text.trim(), TimeScale::UTC).ok_or_else(|| {
+        let why = no_such_day(text.trim()).map_or(String::new(), |why| format!(": {why}"));
+        format!("{text:?} is no UTC time such as 2019-06-15T23:35:50.500Z{why}")
+    })
+}
+
+/// Which day or month a date of the right form names that no calendar has.
+fn no_such_day(text: &str) -> Option<String> {
+    let (date, _) = text.split_once('T')?;
+    let (year, day) = date.split_once('-')?;
+    let year: i32 = digits(year, 4)?;
+    let months = month_lengths(year);
+    let (span, day, days) = match day.split_once('-') {
+        None => (format!("{year}"), digits(day, 3)?, months.iter().sum()),
+        Some((month, day)) => {
+            let (month, day) = (digits::<usize>(month, 2)?, digits(day, 2)?);
+            match months.get(month.wrapping_sub(1)) {
+                None => return Some(format!("there is no month {month:02}")),
+                Some(days) => (format!("{year}-{month:02}"), day, *days),
+            }
+        }
+    };
+    let is_there = (1..=days).contains(&day);
+    (!is_there).then(|| format!("{span} has days 1 to {days}"))
 }
 
 /// UTC text of an epoch, with as many decimals as it has, at least milliseconds; a leap second is 60.
@@ -92,16 +114,21 @@ fn scaled_fraction(fraction: &str, unit: i128) -> Option<i128> {
 }
 
 fn month_and_day(year: i32, day_of_year: u16) -> Option<(u8, u8)> {
-    let leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
-    let february = if leap { 29 } else { 28 };
     let mut left = day_of_year.checked_sub(1)?;
-    for (month, length) in (1..).zip([31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31]) {
+    for (month, length) in (1..).zip(month_lengths(year)) {
         if left < length {
             return Some((month, left as u8 + 1));
         }
         left -= length;
     }
     None
+}
+
+/// Days of the months.
+fn month_lengths(year: i32) -> [u16; 12] {
+    let leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
+    let february = if leap { 29 } else { 28 };
+    [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31]
 }
 
 /// An unsigned number written with exactly `count` digits.
@@ -130,5 +157,23 @@ mod tests {
         // X-Val: IERS Bulletin C 52: a leap second at the end of 2016.
         let long = at("2017-01-01T00:00:00Z") - at("2016-12-31T23:59:59Z");
         assert_eq!(long, Unit::Second * 2);
+    }
+
+    #[test]
+    fn a_day_that_no_month_has_is_told() {
+        for (text, why) in [
+            ("2026-02-30T00:00:00Z", "2026-02 has days 1 to 28"),
+            ("2024-02-30T00:00:00Z", "2024-02 has days 1 to 29"),
+            ("2026-06-00T00:00:00Z", "2026-06 has days 1 to 30"),
+            ("2026-13-01T00:00:00Z", "no month 13"),
+            ("2026-00-01T00:00:00Z", "no month 00"),
+            ("2026-366T00:00:00Z", "2026 has days 1 to 365"),
+            ("2026-02-28T25:00:00Z", "such as 2019"),
+            ("2026-2-30T00:00:00Z", "such as 2019"),
+            ("today", "such as 2019"),
+        ] {
+            let error = parse_utc(text).unwrap_err();
+            assert!(error.contains(text) && error.contains(why), "{error}");
+        }
     }
 }

@@ -162,7 +162,7 @@ fn cameras_numbers_and_folders() {
         ],
     );
     render(&["--camera", "fai_nri"], &["did you mean fai-nir?"]);
-    render(&["--frames", "0"], &["--frames", "0", "1..=1000000"]);
+    render(&["--frames", "0"], &["--frames", "0", "1 to 1000000"]);
     render(&["--period", "-1"], &["--period", "seconds"]);
     render(&["--label-snr", "nan"], &["--label-snr", "0 to 1e9"]);
     for out in ["file", "file/inside"] {
@@ -494,6 +494,6 @@ fn pseudo_terminals() {
     refuses(&["pty", "a", "a"], &["link a", "choose another name"]);
     refuses(
         &["pty", "a", "b", "--baud", "300"],
-        &["--baud", "300", "9600..=3000000"],
+        &["--baud", "300", "9600 to 3000000"],
     );
 }

@@ -71,6 +71,26 @@ fn an_older_population_is_replaced_and_nothing_else() {
 }
 
 #[test]
+fn a_folder_of_years_that_no_tle_has_is_one_of_csv() {
+    let here = tempfile::tempdir().unwrap();
+    let late = [
+        "--objects",
+        "3",
+        "--epoch",
+        "2090-01-01T00:00:00Z",
+        "--out",
+        "made",
+    ];
+    let (fine, _, log) = synth(here.path(), &late);
+    assert!(fine, "{log}");
+    let written = names(&here.path().join("made"));
+    assert!(
+        written.iter().any(|name| name.ends_with(".csv")),
+        "{written:?}"
+    );
+}
+
+#[test]
 fn a_file_has_the_format_of_its_name() {
     let here = tempfile::tempdir().unwrap();
     for name in ["a.tle", "a.3le", "a.kvn", "a.xml", "a.json", "a.csv"] {
@@ -104,7 +124,20 @@ fn what_does_not_fit_is_refused_and_nothing_is_lost() {
         &["--objects", "3", "--out", "a.foo"],
         &["a.foo", ".tle", ".csv"],
     );
-    refused(&["--objects", "0"], &["--objects", "1..=10000000"]);
+    refused(
+        &["--objects", "0"],
+        &["--objects", "whole number from 1 to 10000000"],
+    );
+    let signed = ["--objects", "3", "--seed", "-1"];
+    refused(&signed, &["--seed", "whole number from 0 to"]);
+    let late = ["--objects", "3", "--epoch", "9999-12-31T00:00:00Z"];
+    refused(&late, &["--epoch 9999-12-31T", "1900 to 2100"]);
+    // X-Val: by hand: a record in XML has some 1200 octets, ten million of them 11 GiB.
+    let long = ["--objects", "10000000", "--out", "a.xml"];
+    refused(
+        &long,
+        &["--out a.xml", "GiB as omm-xml", "at most 2 GiB", ".csv"],
+    );
     refused(&["--objects", "3", "--epoch", "2026"], &["--epoch", "UTC"]);
     refused(&["--seed", "3"], &["--objects"]);
     assert!(names(here.path()).is_empty());

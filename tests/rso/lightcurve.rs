@@ -261,7 +261,10 @@ fn wrong_input_says_what_to_do() {
         &with(&["99002", "--step", "0"]),
         &["error: --step 0: ", "from 1e-6 to 1e6"],
     );
-    refuses(&with(&["99002", "--step", "nan"]), &["--step NaN"]);
+    refuses(
+        &with(&["99002", "--step", "nan"]),
+        &["--step <S>", "a number is wanted"],
+    );
     refuses(
         &with(&["99002", "--exposure", "-1"]),
         &["error: --exposure -1: ", "0 to 10000"],

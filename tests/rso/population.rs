@@ -354,7 +354,7 @@ fn entries_that_there_cannot_be() {
     attitude(spin, &["`utc` is missing"]);
     attitude(
         &format!("{spin}, utc = \"noon\", rates_deg_s = [1, 0, 0]"),
-        &[".utc = noon", "a UTC time"],
+        &[".utc: \"noon\" is no UTC time such as"],
     );
     attitude(
         &format!("{spin}, utc = \"2026-01-01T00:00:00Z\", rates_deg_s = [1, 0, inf]"),

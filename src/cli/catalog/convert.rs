@@ -8,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::load::orbits::passed_over;
-use skyloop::orbit::{Format, write};
+use skyloop::orbit::{Format, LARGEST_FILE, write};
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
@@ -76,6 +76,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         None => say(&written.text)?,
         Some(out) => {
             std::fs::write(out, &written.text).with_context(|| out.display().to_string())?;
+            if written.text.len() as u64 > LARGEST_FILE {
+                tracing::warn!(
+                    "{}: longer than {} GiB, which skyloop does not read: convert the files one by one into a folder",
+                    out.display(),
+                    LARGEST_FILE >> 30
+                );
+            }
             let sets = counted(kept, "element set");
             say(format_args!("wrote {sets} to {}\n", out.display()))?;
         }

@@ -6,9 +6,11 @@ use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::orbit::synth::{CLASSES, MOST_OBJECTS, Synthetic, population};
 use skyloop::orbit::time::{parse_utc, utc_text};
-use skyloop::orbit::{Format, Listing, Record, files, write};
+use skyloop::orbit::{Format, LARGEST_FILE, Listing, Record, files, write};
 use skyloop::output::{remove_file, write_text};
+use skyloop::sky::bodies::Bodies;
 use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::text::whole;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -16,13 +18,14 @@ use std::path::{Path, PathBuf};
 #[derive(ClapArgs)]
 pub struct Args {
     /// How many objects, 1 to 10,000,000
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000), allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", value_parser = whole(1..=10_000_000u32), allow_hyphen_values = true)]
     objects: u32,
     /// Which population: the same number gives the same objects
     #[arg(
         long,
         value_name = "N",
         default_value_t = 1,
+        value_parser = whole(0..=u64::MAX),
         allow_hyphen_values = true
     )]
     seed: u64,
@@ -39,6 +42,8 @@ pub struct Args {
 const POPULATION: &str = "population.toml";
 /// The greatest catalogue number that TLE can hold: `Z9999`.
 const LARGEST_ALPHA5: u32 = 339_999;
+/// Years of which all of a TLE's epochs are, a day before among them.
+const TLE_YEARS: std::ops::RangeInclusive<i32> = 1958..=2056;
 /// Where size classes end, m.
 const SIZES_M: [f64; 8] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0];
 /// The ends of names of files, and what such a file holds.
@@ -51,30 +56,72 @@ const ENDS: [(&str, Format); 6] = [
     ("csv", Format::OmmCsv),
 ];
 
+/// Objects whose records tell how long those of others are.
+const FEW: usize = 1000;
+
 /// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
     debug_assert!(args.objects as usize <= MOST_OBJECTS);
+    Bodies::at(args.epoch).with_context(|| format!("--epoch {}", utc_text(args.epoch)))?;
+    let target = args.out.as_deref().map(Target::of).transpose()?;
+    if let Some(Target::File(file, format)) = &target {
+        fits(file, *format, &args)?;
+    }
     let all = population(args.objects as usize, args.seed, args.epoch);
     let mut text = counts(&all);
-    if let Some(out) = &args.out {
-        text += &match out.extension() {
-            None => folder(out, &all, args.epoch)?,
-            Some(end) => {
-                let known = ENDS.iter().find(|(known, _)| end == *known);
-                let Some((_, format)) = known else {
-                    let ends = ENDS.map(|(end, _)| format!(".{end}")).join(", ");
-                    bail!(
-                        "--out {}: a file is named by its format ({ends}), a folder has no dot in its name",
-                        out.display()
-                    );
-                };
-                let records: Vec<Record> = all.iter().map(Synthetic::record).collect();
-                elements(out, &records, *format, args.epoch)?;
-                format!("wrote {}\n", out.display())
-            }
-        };
+    match target {
+        None => {}
+        Some(Target::Folder(out)) => text += &folder(out, &all, args.epoch)?,
+        Some(Target::File(out, format)) => {
+            let records: Vec<Record> = all.iter().map(Synthetic::record).collect();
+            elements(out, &records, format, args.epoch)?;
+            text += &format!("wrote {}\n", out.display());
+        }
     }
     say(text)?;
+    Ok(())
+}
+
+/// What `--out` names.
+enum Target<'a> {
+    Folder(&'a Path),
+    File(&'a Path, Format),
+}
+
+impl Target<'_> {
+    fn of(out: &Path) -> anyhow::Result<Target<'_>> {
+        let Some(end) = out.extension() else {
+            return Ok(Target::Folder(out));
+        };
+        let known = ENDS.iter().find(|(known, _)| end == *known);
+        let Some((_, format)) = known else {
+            let ends = ENDS.map(|(end, _)| format!(".{end}")).join(", ");
+            bail!(
+                "--out {}: a file is named by its format ({ends}), a folder has no dot in its name",
+                out.display()
+            );
+        };
+        Ok(Target::File(out, *format))
+    }
+}
+
+/// Refuses a file that would be too long to be read again; the first objects of a population are those of any smaller one.
+fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
+    let few = population(FEW.min(args.objects as usize), args.seed, args.epoch);
+    let records: Vec<Record> = few.iter().map(Synthetic::record).collect();
+    let octets = write(&records, format, args.epoch).map_or(0, |written| written.text.len());
+    let expected = octets as f64 / few.len() as f64 * f64::from(args.objects);
+    // Names and numbers of the last are longer than those of the first.
+    if expected * 1.02 > LARGEST_FILE as f64 {
+        const GIB: f64 = (1 << 30) as f64;
+        bail!(
+            "--out {}: {} would take {:.1} GiB as {format}, and files of at most {:.0} GiB are read: write a folder, or .csv",
+            file.display(),
+            counted(args.objects as usize, "object"),
+            expected / GIB,
+            LARGEST_FILE as f64 / GIB
+        );
+    }
     Ok(())
 }
 
@@ -126,10 +173,12 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
     for file in older(folder)? {
         remove_file(&file)?;
     }
-    let numbers = all.iter().map(|one| one.elements.norad);
-    let (format, end) = match numbers.max() {
-        Some(largest) if largest > LARGEST_ALPHA5 => (Format::OmmCsv, "csv"),
-        _ => (Format::ThreeLine, "3le"),
+    let largest = all.iter().map(|one| one.elements.norad).max();
+    let (year, ..) = epoch.to_gregorian_utc();
+    let fits = largest.is_none_or(|largest| largest <= LARGEST_ALPHA5) && TLE_YEARS.contains(&year);
+    let (format, end) = match fits {
+        true => (Format::ThreeLine, "3le"),
+        false => (Format::OmmCsv, "csv"),
     };
     let mut toml = format!(
         "# A made-up population: {}, element sets of the day before {}.\n# A file a size class; its sphere shines as its objects do on average.\n",
