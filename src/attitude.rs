@@ -16,7 +16,7 @@
 //!    borders (configs, wire, labels).
 
 use hifitime::{Epoch, Unit};
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use skyloop_orbit::{StateVector, two_body};
 use thiserror::Error;
 
@@ -75,6 +75,23 @@ impl Attitude {
             return Err(AttitudeError::NotUnit { q, norm });
         }
         Ok(Attitude(UnitQuaternion::new_normalize(raw)))
+    }
+
+    /// The attitude of a camera whose boresight (+Z) has this right ascension and declination, rad, ICRF. `roll` (rad) is the position
+    /// angle of what is up in the image (-Y): from north through east.
+    pub fn towards(ra: f64, dec: f64, roll: f64) -> Attitude {
+        let z = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+        let east = Vector3::new(-ra.sin(), ra.cos(), 0.0);
+        let up = z.cross(&east) * roll.cos() + east * roll.sin();
+        let x = z.cross(&up);
+        let rows = Matrix3::from_rows(&[x.transpose(), -up.transpose(), z.transpose()]);
+        let rotation = Rotation3::from_matrix_unchecked(rows);
+        Attitude(UnitQuaternion::from_rotation_matrix(&rotation))
+    }
+
+    /// The way back.
+    pub fn inverse(&self) -> Attitude {
+        Attitude(self.0.inverse())
     }
 
     /// As `[x, y, z, w]`.
@@ -251,6 +268,25 @@ mod tests {
             .rem_euclid(360.0);
         let dec_deg = boresight.z.asin().to_degrees();
         assert!((ra_deg - 248.112).abs() < 5e-4 && (dec_deg - 9.215).abs() < 5e-4);
+    }
+
+    #[test]
+    fn a_camera_points_where_it_is_told_with_north_up() {
+        let angles = [248.112_f64, 9.215, 30.0].map(f64::to_radians);
+        let [ra, dec, roll] = angles;
+        let camera = Attitude::towards(ra, dec, roll);
+        let at =
+            |ra: f64, dec: f64| Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+        assert!((camera.rotate(&at(ra, dec)) - Vector3::z()).norm() < 1e-15);
+        // X-Val: by hand: seen from inside, with north up (-Y), east is left (-X); up turned by 30 deg to the east has north to the right of it.
+        let step = 1e-6;
+        let north = camera.rotate(&at(ra, dec + step)) / step;
+        let east = camera.rotate(&at(ra + step / dec.cos(), dec)) / step;
+        let near = |v: Vector3<f64>, x: f64, y: f64| (v.x - x).hypot(v.y - y) < 1e-5;
+        assert!(near(north, 0.5, -0.75_f64.sqrt()), "{north}");
+        assert!(near(east, -0.75_f64.sqrt(), -0.5), "{east}");
+        let there_and_back = camera.then(&camera.inverse());
+        assert!((there_and_back.matrix() - Matrix3::identity()).norm() < 1e-15);
     }
 
     #[test]

@@ -85,7 +85,8 @@ pub struct Sequence {
     pub frames: u32,
     /// From one exposure's middle to the next, s.
     pub period_s: f64,
-    /// At least one; slerp between them. Of several, the exposures must lie within their span.
+    /// Slerp between them; of several, the exposures must lie within their span. Without any, which no file can have: +Z to the Earth's
+    /// centre, +X towards the velocity.
     pub attitudes: Vec<TimedAttitude>,
     /// Body rates (rad/s) of a single attitude.
     pub rates: [f64; 3],

@@ -15,6 +15,8 @@ use crate::sky::StarField;
 use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::Catalog;
 use crate::sky::starlight::StarLight;
+use hifitime::{Epoch, Unit};
+use skyloop_orbit::{Ages, FRESH_DAYS};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -33,6 +35,8 @@ pub struct Emulator {
     pub keep_expected: bool,
     next_frame: u32,
     rejected_records: u32,
+    /// When the ages of element sets were last looked at, and whether they have been told.
+    ages: (Option<Epoch>, bool),
 }
 
 /// One exposure, rendered.
@@ -54,6 +58,10 @@ pub struct Shot {
     pub key: NoiseKey,
     /// Objects that could not be shown because their orbit has no answer at this time.
     pub unknown: Unknown,
+    /// Objects of the population, wherever they are.
+    pub population: usize,
+    /// Where most element sets are of another time and that has not been said before: their ages.
+    pub old: Option<Ages>,
     /// From the vehicle's state to pixels and label.
     pub render_time: Duration,
 }
@@ -81,6 +89,7 @@ impl Emulator {
             keep_expected: false,
             next_frame: 0,
             rejected_records: config.rejected.len() as u32,
+            ages: (None, false),
         }
     }
 
@@ -165,7 +174,22 @@ impl Emulator {
             key: scene.view.key,
             unknown: scene.view.unknown,
             render_time: started.elapsed(),
+            population: self.world.population.objects().len(),
+            old: self.old(vehicle.epoch),
         })
+    }
+
+    /// The ages of element sets, where most are of another time: told once, and asked again where the time has gone on by as much as
+    /// sets may be old.
+    fn old(&mut self, at: Epoch) -> Option<Ages> {
+        let (asked, told) = self.ages;
+        let is_near = |asked: Epoch| (asked - at).abs().to_unit(Unit::Day) < FRESH_DAYS;
+        if told || asked.is_some_and(is_near) {
+            return None;
+        }
+        let ages = Ages::of(self.world.population.objects(), at).filter(Ages::are_old);
+        self.ages = (Some(at), ages.is_some());
+        ages
     }
 
     /// What an exposure sees, its middle at `vehicle`'s epoch, with the effects that `choice` allows.

@@ -111,7 +111,8 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     let may_lack = matches!(config.observer, Some(Observer::Object(_)));
     for number in 0..mission.frames {
         let epoch = mission.epoch(number);
-        turn_at(mission.profile.at(epoch, None)?.rates_rad_s, open_s)?;
+        let pointing = mission.profile.at(epoch, mission.orbit.as_ref())?;
+        turn_at(pointing.rates_rad_s, open_s)?;
         if may_lack {
             mission.attitude(number, epoch)?;
         }
@@ -192,12 +193,6 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// +Z to the Earth's centre, +X towards the velocity.
-    pub fn nadir(orbit: OrbitSource) -> Flight {
-        let profile = Profile::Nadir;
-        Flight { profile, orbit }
-    }
-
     /// Position and velocity.
     pub fn state(&self, epoch: Epoch) -> Result<StateVector, FlightError> {
         (self.orbit)(epoch).map_err(|source| ProfileError::Orbit { epoch, source }.into())
@@ -223,18 +218,22 @@ pub fn orbit(observer: &Observer, at: Epoch) -> OrbitSource {
     }
 }
 
-/// One attitude turns with the sequence's rates; several are slerped.
+/// One attitude turns with the sequence's rates; several are slerped. None: +Z to the Earth's centre, +X towards the velocity.
 pub fn profile(sequence: &Sequence) -> Result<Profile, FlightError> {
     let unit = |timed: &TimedAttitude| {
         let [x, y, z, w] = timed.attitude.xyzw();
         UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
     };
-    if let [one] = &sequence.attitudes[..] {
-        return Ok(Profile::Slew {
-            start: one.epoch,
-            attitude: unit(one),
-            rates_rad_s: Vector3::from(sequence.rates),
-        });
+    match &sequence.attitudes[..] {
+        [] => return Ok(Profile::Nadir),
+        [one] => {
+            return Ok(Profile::Slew {
+                start: one.epoch,
+                attitude: unit(one),
+                rates_rad_s: Vector3::from(sequence.rates),
+            });
+        }
+        _ => {}
     }
     let timed = sequence.attitudes.iter();
     let list = timed.map(|timed| (timed.epoch, unit(timed))).collect();

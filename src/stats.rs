@@ -3,6 +3,7 @@
 use crate::effect::counted;
 use crate::engine::Shot;
 use skyloop_firmware_sim::times::Times;
+use std::collections::BTreeMap;
 
 /// What was rendered.
 #[derive(Debug, Clone, Default)]
@@ -13,6 +14,8 @@ pub struct RunStats {
     pub render: Times,
     /// From the attitude's arrival to its last packet on the link.
     pub answer: Times,
+    /// Objects in orbit, wherever they are.
+    pub objects: usize,
     /// Stars labelled, summed over the frames as all that follow.
     pub stars: usize,
     /// Stars visible.
@@ -21,6 +24,8 @@ pub struct RunStats {
     pub rsos: usize,
     /// RSOs visible.
     pub rsos_visible: usize,
+    /// Objects in the field that labels do not list, by why.
+    pub unseen: BTreeMap<&'static str, usize>,
     /// Frames that are full of one light.
     pub flooded: u32,
     /// Objects that had no state at some frame.
@@ -34,6 +39,10 @@ impl RunStats {
         self.render.add(shot.render_time);
         self.flooded += u32::from(shot.label.flooded_by.is_some());
         self.without_state += shot.unknown.news.len();
+        self.objects = shot.population;
+        for (why, count) in &shot.label.unseen_counts {
+            *self.unseen.entry(why).or_default() += count;
+        }
         for object in &shot.label.objects {
             let (labelled, visible) = match object.kind {
                 "star" => (&mut self.stars, &mut self.stars_visible),
@@ -57,6 +66,10 @@ impl RunStats {
             row("stars labelled", labelled(self.stars, self.stars_visible)),
             row("RSOs labelled", labelled(self.rsos, self.rsos_visible)),
         ];
+        if self.objects > 0 {
+            rows.insert(2, row("objects", self.objects.to_string()));
+            rows.push(row("RSOs unseen", self.unseen()));
+        }
         if self.flooded > 0 {
             rows.push(row("frames full of light", self.flooded.to_string()));
         }
@@ -66,9 +79,23 @@ impl RunStats {
         }
         rows
     }
+
+    /// How many: `5 (3 behind the Earth, 2 too faint)`.
+    fn unseen(&self) -> String {
+        let all: usize = self.unseen.values().sum();
+        let by_reason = self
+            .unseen
+            .iter()
+            .map(|(why, count)| format!("{count} {why}"));
+        match all {
+            0 => "0".to_string(),
+            _ => format!("{all} ({})", by_reason.collect::<Vec<_>>().join(", ")),
+        }
+    }
 }
 
-/// Objects that could not be shown because their orbit had no state at a frame, particles that are too many, and light that hides all else.
+/// Objects that could not be shown because their orbit had no state at a frame, old elements, particles that are too many, and light that
+/// hides all else.
 #[derive(Debug, Clone, Default)]
 pub struct Absent {
     /// How many, summed over the frames.
@@ -99,6 +126,9 @@ impl Absent {
                  timing.exposure_s, or give the camera a better baffle (optics.stray)",
                 shot.number
             );
+        }
+        if let Some(ages) = &shot.old {
+            tracing::warn!("frame {}: {ages}", shot.number);
         }
         self.count = self.count.wrapping_add(shot.unknown.count as u32);
         let mut more = 0;
@@ -145,4 +175,31 @@ pub fn table(rows: &[(String, String)]) -> String {
     rows.iter()
         .map(|(name, value)| format!("  {name:width$}  {value}\n"))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_have_their_rows_where_there_are_any() {
+        let names = |stats: &RunStats| -> Vec<String> {
+            stats.rows().into_iter().map(|(name, _)| name).collect()
+        };
+        let mut stats = RunStats::default();
+        assert!(
+            !names(&stats)
+                .iter()
+                .any(|name| name == "objects" || name == "RSOs unseen")
+        );
+        stats.objects = 9;
+        assert_eq!(stats.rows()[2], row("objects", "9".to_string()));
+        assert_eq!(
+            stats.rows().pop(),
+            Some(row("RSOs unseen", "0".to_string()))
+        );
+        stats.unseen = [("too faint", 2), ("behind the Earth", 3)].into();
+        let said = "5 (3 behind the Earth, 2 too faint)".to_string();
+        assert_eq!(stats.rows().pop(), Some(row("RSOs unseen", said)));
+    }
 }

@@ -140,7 +140,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if interrupted.load(Ordering::Relaxed) {
         bail!(
             "stopped after {} of {}",
-            report.frames,
+            // As the table has it: the flight computer may have stopped within the last one.
+            stats.frames,
             counted(frames as usize, "frame")
         );
     }

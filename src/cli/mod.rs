@@ -7,6 +7,7 @@ mod lightcurve;
 mod loopback;
 mod passes;
 mod plan;
+mod pointing;
 #[cfg(target_os = "linux")]
 mod pty;
 mod render;
@@ -16,11 +17,13 @@ mod run;
 use anyhow::{Context, bail};
 use clap::builder::PossibleValuesParser;
 use clap::{Parser, Subcommand};
+use hifitime::Epoch;
 use indicatif::{ProgressBar, ProgressStyle};
 use skyloop::config::Config;
 use skyloop::effect::counted;
 use skyloop::flight;
 use skyloop::load::orbits::several_sets;
+use skyloop::orbit::{Ages, Object};
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_protocols::Output;
 use std::io::IsTerminal;
@@ -176,6 +179,13 @@ impl Records {
             tracing::warn!("refused: {more}");
         }
         Ok(())
+    }
+}
+
+/// Warns where most element sets are of another time.
+fn warn_of_old(objects: &[Object], at: Epoch) {
+    if let Some(ages) = Ages::of(objects, at).filter(Ages::are_old) {
+        tracing::warn!("{ages}");
     }
 }
 

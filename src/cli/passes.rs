@@ -1,22 +1,21 @@
 //! `skyloop passes`: which objects cross the camera's field, when, and how bright.
 
 use super::lightcurve::find;
+use super::pointing::Pointing;
 use super::render::{Numbers, state_km};
-use super::{Records, progress, scene, scene_name};
+use super::{Records, progress, scene, scene_name, warn_of_old};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
-use skyloop::attitude::{Attitude, VehicleState};
-use skyloop::config::{Config, Observer, Sequence, TimedAttitude};
-use skyloop::effect::counted;
+use skyloop::config::{Config, Observer, Sequence};
 use skyloop::flight::{self, Flight, FlightError};
 use skyloop::load::{Folder, orbits};
 use skyloop::orbit::time::{parse_utc, utc_text};
-use skyloop::output::passes::{Row, csv, json, table};
+use skyloop::output::passes::{Row, Searched, csv, json, table};
 use skyloop::passes::{NoPasses, Passes, Search, passes};
+use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::text::number;
 use std::io::Write;
-use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
 /// Arguments of `skyloop passes`.
@@ -31,30 +30,12 @@ pub struct Args {
     /// Last instant [default: the scene's last exposure]
     #[arg(long, value_name = "UTC", value_parser = parse_utc)]
     to: Option<Epoch>,
-    /// Unit quaternion x,y,z,w from ICRF to body at --from, instead of the scene's attitudes
-    #[arg(
-        long,
-        value_name = "x,y,z,w",
-        allow_hyphen_values = true,
-        conflicts_with = "nadir"
-    )]
-    attitude: Option<Numbers<4>>,
-    /// Body rates in deg/s from --from on, body axes, with --attitude
-    #[arg(
-        long,
-        value_name = "wx,wy,wz",
-        allow_hyphen_values = true,
-        requires = "attitude"
-    )]
-    rates: Option<Numbers<3>>,
-    /// +Z to the Earth's centre, +X towards the velocity, instead of the scene's attitudes
-    #[arg(long)]
-    nadir: bool,
+    #[command(flatten)]
+    pointing: Pointing,
     /// Observer's state in km and km/s, GCRF, at --from, instead of the scene's observer; carried on by two-body motion and J2
     #[arg(
         long,
         value_name = "x,y,z,vx,vy,vz",
-        value_parser = number,
         allow_hyphen_values = true,
         conflicts_with = "orbit"
     )]
@@ -73,6 +54,7 @@ pub struct Args {
         long,
         value_name = "S",
         default_value_t = 0.05,
+        value_parser = number,
         allow_hyphen_values = true
     )]
     shortest: f64,
@@ -104,6 +86,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if population.objects().is_empty() {
         bail!("{name}: has no objects: name their files in [objects] files or population");
     }
+    let middle = search.from + (search.to - search.from) * 0.5;
+    warn_of_old(population.objects(), middle);
     const PARTS: u32 = 1000;
     let bar = progress(PARTS, "per mille");
     let corrections = &config.sky.corrections;
@@ -132,30 +116,25 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if unknown.len() > 5 {
         tracing::warn!("{} more without a state", unknown.len() - 5);
     }
-    let (from, to) = (utc_text(search.from), utc_text(search.to));
+    let searched = Searched {
+        scene: name,
+        from: utc_text(search.from),
+        to: utc_text(search.to),
+        objects: population.objects().len(),
+        fainter: all - rows.len(),
+        without_state: unknown.into_keys().collect(),
+    };
+    let line = searched.line(rows.len());
     if args.json {
-        let unknown: Vec<String> = unknown.into_keys().collect();
-        say(json(&name, &from, &to, &unknown, &rows))?;
+        say(json(&searched, &rows))?;
     } else if args.csv {
         say(csv(&rows))?;
+        // Rows alone on standard output.
+        let _ = writeln!(std::io::stderr(), "{line}");
+    } else if rows.is_empty() {
+        say(format_args!("{line}\n"))?;
     } else {
-        let fainter = match all - rows.len() {
-            0 => String::new(),
-            left => format!(", {left} more stay fainter than --mag-limit"),
-        };
-        say(format_args!(
-            "{}{} of {} from {from} to {to}{fainter}\n",
-            if rows.is_empty() {
-                String::new()
-            } else {
-                table(&rows)
-            },
-            match rows.len() {
-                1 => "1 pass".to_string(),
-                count => format!("{count} passes"),
-            },
-            counted(population.objects().len(), "object"),
-        ))?;
+        say(format_args!("{}{line}\n", table(&rows)))?;
     }
     Ok(())
 }
@@ -164,7 +143,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 fn remedy(error: &NoPasses) -> &'static str {
     match error {
         NoPasses::Flight(FlightError::Profile(_)) => {
-            "; or choose --from and --to within what is known, or give --attitude, --nadir, --orbit or --state"
+            "; or choose --from and --to within what is known, or give --attitude, --radec, --nadir, --orbit or --state"
         }
         _ => "",
     }
@@ -224,26 +203,14 @@ fn vehicle(
             "{scene}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\", or give --orbit or --state"
         );
     };
-    if let Some(Numbers(q)) = args.attitude {
-        let rates = args.rates.map_or([0.0; 3], |Numbers(rates)| rates);
-        let rates = rates.map(f64::to_radians);
-        let attitude = Attitude::from_xyzw(q).context("--attitude")?;
-        VehicleState::new(0, search.from, q, rates, None).context("--rates (deg/s)")?;
-        let epoch = search.from;
-        config.sequence = Some(Sequence {
-            epoch,
-            frames: 1,
-            period_s: 1.0,
-            attitudes: vec![TimedAttitude { epoch, attitude }],
-            rates,
-        });
+    if let Some(sequence) = args.pointing.sequence(search.from, &config.camera)? {
+        config.sequence = Some(sequence);
     }
     let orbit = flight::orbit(&observer, search.from);
-    if args.nadir {
-        return Ok(Flight::nadir(orbit));
-    }
     let Some(sequence) = &config.sequence else {
-        bail!("{scene}: no attitude: add a [sequence], or give --attitude x,y,z,w or --nadir");
+        bail!(
+            "{scene}: no attitude: add a [sequence], or give --attitude x,y,z,w, --radec RA,DEC,ROLL or --nadir"
+        );
     };
     let profile = flight::profile(sequence).with_context(|| scene.to_string())?;
     Ok(Flight { profile, orbit })

@@ -1,15 +1,14 @@
 //! `skyloop render`: frames and labels into a folder, without a flight computer.
 
+use super::pointing::Pointing;
 use super::{Orbits, Records, mission, progress};
-use anyhow::{Context, bail};
-use clap::Args as ClapArgs;
+use anyhow::bail;
+use clap::{ArgGroup, Args as ClapArgs};
 use hifitime::Epoch;
 use nalgebra::Vector3;
-use skyloop::attitude::{
-    Attitude, MAX_POSITION, MAX_SPEED, MIN_POSITION, VehicleState, check_orbit,
-};
+use skyloop::attitude::{MAX_POSITION, MAX_SPEED, MIN_POSITION, check_orbit};
 use skyloop::camera::Camera;
-use skyloop::config::{Config, Observer, Sequence, TimedAttitude};
+use skyloop::config::{Config, Observer};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::load::{Folder, orbits};
@@ -17,15 +16,16 @@ use skyloop::orbit::StateVector;
 use skyloop::orbit::time::parse_utc;
 use skyloop::output::Writer;
 use skyloop::stats::{Absent, RunStats, table};
-use skyloop_firmware_sim::text::whole;
 use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::text::whole;
 use std::path::PathBuf;
 
 /// Arguments of `skyloop render`.
 #[derive(ClapArgs)]
+#[command(group = ArgGroup::new("looks").args(["scene", "attitude", "radec", "nadir"]).required(true))]
 pub struct Args {
-    /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude, --rates, --state, --orbit, --rso
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["camera", "epoch", "attitude", "rates", "state", "orbit", "rso"])]
+    /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude, --radec, --nadir, --rates, --state, --orbit, --rso
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["camera", "epoch", "attitude", "radec", "nadir", "rates", "state", "orbit", "rso"])]
     scene: Option<PathBuf>,
     /// Camera: fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky, horizon, or a camera file
     #[arg(long, value_name = "NAME|FILE", default_value = "fai-nir")]
@@ -33,17 +33,8 @@ pub struct Args {
     /// Middle of the first exposure, such as 2019-06-15T23:35:50Z
     #[arg(long, value_name = "UTC", required_unless_present = "scene", value_parser = parse_utc)]
     epoch: Option<Epoch>,
-    /// Unit quaternion x,y,z,w from ICRF to body, scalar last
-    #[arg(
-        long,
-        value_name = "x,y,z,w",
-        required_unless_present = "scene",
-        allow_hyphen_values = true
-    )]
-    attitude: Option<Numbers<4>>,
-    /// Body rates in deg/s, body axes
-    #[arg(long, value_name = "wx,wy,wz", allow_hyphen_values = true)]
-    rates: Option<Numbers<3>>,
+    #[command(flatten)]
+    pointing: Pointing,
     /// Observer's state in km and km/s, GCRF, at the epoch; carried on by two-body motion and J2
     #[arg(
         long,
@@ -157,21 +148,16 @@ fn configure(args: &Args) -> anyhow::Result<Config> {
 }
 
 fn from_flags(args: &Args) -> anyhow::Result<Config> {
-    let (Some(epoch), Some(Numbers(q))) = (args.epoch, args.attitude) else {
-        bail!("give --scene FILE, or --epoch UTC and --attitude x,y,z,w");
-    };
-    let attitude = Attitude::from_xyzw(q).context("--attitude")?;
-    let rates = args
-        .rates
-        .map_or([0.0; 3], |Numbers(rates)| rates.map(f64::to_radians));
-    VehicleState::new(0, epoch, q, rates, None).context("--rates (deg/s)")?;
+    let here = Folder::current();
+    let mut config = Config::defaults()?;
+    config.camera = Camera::load(&args.camera, &here)?;
+    if let Some(epoch) = args.epoch {
+        config.sequence = args.pointing.sequence(epoch, &config.camera)?;
+    }
     let state = args
         .state
         .map(|Numbers(state)| state_km(state))
         .transpose()?;
-    let here = Folder::current();
-    let mut config = Config::defaults()?;
-    config.camera = Camera::load(&args.camera, &here)?;
     let mut findings = orbits::Findings::default();
     config.observer = match (&args.orbit, state) {
         (Some(selector), _) => Some(Observer::Object(Box::new(orbits::one(
@@ -186,13 +172,6 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     }
     config.rejected = findings.rejected;
     config.notices = findings.notices;
-    config.sequence = Some(Sequence {
-        epoch,
-        frames: 1,
-        period_s: 1.0,
-        attitudes: vec![TimedAttitude { epoch, attitude }],
-        rates,
-    });
     Ok(config)
 }
 

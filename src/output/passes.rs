@@ -1,5 +1,6 @@
 //! Passes through a camera's field as a table, CSV and JSON.
 
+use crate::effect::counted;
 use crate::label::why_hidden;
 use crate::passes::{Glimpse, Lit, Pass};
 use hifitime::{Epoch, Unit};
@@ -130,12 +131,14 @@ impl Moment {
     }
 }
 
-/// A table for people; times of day are those of the dates in the first column.
+/// A table for people; times of day follow those of entries.
 pub fn table(rows: &[Row]) -> String {
     let mut text = format!(
-        "{:<24} {:<24} {:>8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>9} {:>8} {:>13} {:>13}  {}\n",
+        "{:<24} {:<24} {:<12} {:<12} {:>8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>9} {:>8} {:>13} {:>13}  {}\n",
         "object",
         "enters, UTC",
+        "nearest",
+        "leaves",
         "s",
         "lit, s",
         "nearest",
@@ -150,8 +153,8 @@ pub fn table(rows: &[Row]) -> String {
     );
     let _ = writeln!(
         text,
-        "{:<24} {:<24} {:>8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>9} {:>8} {:>13} {:>13}",
-        "", "", "", "", "deg", "mag", "mag", "mag", "km", "", "px", "px"
+        "{:<24} {:<24} {:<12} {:<12} {:>8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>9} {:>8} {:>13} {:>13}",
+        "", "", "", "", "", "", "deg", "mag", "mag", "mag", "km", "", "px", "px"
     );
     for row in rows {
         let mag = |at: Option<&Moment>| {
@@ -165,9 +168,11 @@ pub fn table(rows: &[Row]) -> String {
         };
         let _ = writeln!(
             text,
-            "{:<24} {:<24} {:>8} {:>7.1} {:>7.3} {:>6} {:>6} {:>6} {:>9.1} {:>8.2} {:>13} {:>13}  {}",
+            "{:<24} {:<24} {:<12} {:<12} {:>8} {:>7.1} {:>7.3} {:>6} {:>6} {:>6} {:>9.1} {:>8.2} {:>13} {:>13}  {}",
             name.chars().take(24).collect::<String>(),
             row.enters.utc,
+            time_of_day(&row.nearest.utc),
+            time_of_day(&row.leaves.utc),
             // What is cut by the search's ends lasts longer.
             match row.in_field_at_start || row.in_field_at_end {
                 true => format!(">{:.1}", row.duration_s),
@@ -186,6 +191,12 @@ pub fn table(rows: &[Row]) -> String {
         );
     }
     text
+}
+
+/// The time of a date and time, `23:35:50.000`.
+fn time_of_day(utc: &str) -> &str {
+    let (_, time) = utc.split_once('T').unwrap_or_default();
+    time.trim_end_matches('Z')
 }
 
 /// CSV with a head; a magnitude is empty where no light arrives.
@@ -232,14 +243,54 @@ fn quoted(text: &str) -> String {
     }
 }
 
-/// JSON: an object with the scene, the search and an array of passes.
-pub fn json(scene: &str, from: &str, to: &str, unknown: &[String], rows: &[Row]) -> String {
-    let all = serde_json::json!({
-        "scene": scene,
-        "from": from,
-        "to": to,
-        "without_state": unknown,
-        "passes": rows,
-    });
-    format!("{all:#}\n")
+/// What was searched, and what is not among the passes.
+#[derive(Debug, Serialize)]
+pub struct Searched {
+    /// The scene's file.
+    pub scene: String,
+    /// The first instant, UTC.
+    pub from: String,
+    /// The last one.
+    pub to: String,
+    /// Objects that were looked for.
+    pub objects: usize,
+    /// Passes that stay fainter than a limit.
+    pub fainter: usize,
+    /// Objects whose orbits have no answer at some time.
+    pub without_state: Vec<String>,
+}
+
+impl Searched {
+    /// In one line, with the number of passes that are told.
+    pub fn line(&self, passes: usize) -> String {
+        let passes = match passes {
+            1 => "1 pass".to_string(),
+            count => format!("{count} passes"),
+        };
+        let fainter = match self.fainter {
+            0 => String::new(),
+            left => format!(", {left} more stay fainter than --mag-limit"),
+        };
+        let objects = counted(self.objects, "object");
+        format!(
+            "{passes} of {objects} from {} to {}{fainter}",
+            self.from, self.to
+        )
+    }
+}
+
+/// JSON: an object with what was searched and an array of passes.
+pub fn json(searched: &Searched, rows: &[Row]) -> String {
+    #[derive(Serialize)]
+    struct All<'a> {
+        #[serde(flatten)]
+        searched: &'a Searched,
+        passes: &'a [Row],
+    }
+    let all = All {
+        searched,
+        passes: rows,
+    };
+    let text = serde_json::to_string_pretty(&all);
+    text.unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}")) + "\n"
 }

@@ -5,6 +5,8 @@ mod folders;
 mod ground;
 mod inputs;
 mod offline;
+mod old;
+mod one_frame;
 mod orbit_folders;
 mod passes;
 mod plan;

@@ -22,6 +22,8 @@ fn the_three_satellites_of_the_built_in_scene_are_in_the_field_all_the_time() {
     assert_eq!((code, log.as_str()), (0, ""));
     let last = "3 passes of 3 objects from 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:14.500Z\n";
     assert!(table.ends_with(last), "{table}");
+    // X-Val: the CSV's columns `nearest_utc` and `leaves_utc`.
+    assert!(table.contains(" 23:36:04.274 23:36:14.500 "), "{table}");
 
     let (_, text, _) = passes(here.path(), &["--json"]);
     let json: Value = serde_json::from_str(&text).unwrap();
@@ -67,6 +69,11 @@ fn a_limit_of_magnitude_leaves_out_and_says_how_many() {
     let (code, said, _) = passes(here.path(), &["--mag-limit", "0"]);
     let expected = "0 passes of 3 objects from 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:14.500Z, 3 more stay fainter than --mag-limit\n";
     assert_eq!((code, said.as_str()), (0, expected));
+    let (_, text, _) = passes(here.path(), &["--mag-limit", "0", "--json"]);
+    let json: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((&json["objects"], &json["fainter"]), (&3.into(), &3.into()));
+    let (_, csv, log) = passes(here.path(), &["--mag-limit", "0", "--csv"]);
+    assert_eq!((csv.lines().count(), log.as_str()), (1, expected));
 }
 
 #[test]
