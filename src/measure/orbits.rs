@@ -5,13 +5,14 @@
 mod step;
 mod table;
 
+use crate::crew;
 use crate::load::ConfigError;
 use hifitime::{Epoch, Unit};
 use serde::Serialize;
 use skyloop_orbit::cone::Cone;
 use skyloop_orbit::elements::Elements;
 use skyloop_orbit::sgp4;
-use skyloop_orbit::sgp4_batch::{BLOCK, Batch, Level, States};
+use skyloop_orbit::sgp4_batch::{Batch, Level, States};
 use skyloop_orbit::synth::{Synthetic, population};
 use skyloop_orbit::tracks::{Look, Places, Tracks};
 use std::f64::consts::PI;
@@ -307,7 +308,8 @@ fn threads(sets: &[Elements], epoch: Epoch) -> Row {
         Some(1.7),
         [sets.len() * CALLS; 2],
         |round| {
-            two.install(|| calls(round).for_each(|call| batch.propagate(at(call), &mut states)))
+            let all = || calls(round).for_each(|call| batch.propagate(at(call), &mut states));
+            two.install(|| crew::together(all))
         },
         |round| {
             one.install(|| calls(round).for_each(|call| other.propagate(at(call), &mut others)))
@@ -334,12 +336,8 @@ impl Look for Nobody {
 
     #[inline(always)]
     fn look(&self, places: &Places<'_>, found: &mut Vec<()>) -> bool {
-        let [x, y, z] = &places.position_km;
-        let mut beyond = [false; BLOCK];
-        for (i, beyond) in beyond.iter_mut().enumerate() {
-            *beyond = x[i].abs() + y[i].abs() + z[i].abs() > 1e12;
-        }
-        if beyond != [false; BLOCK] {
+        let places = places.position_km.as_flattened().iter();
+        if places.fold(false, |any, km| any | (*km > 1e12)) {
             found.push(());
         }
         true

@@ -80,9 +80,9 @@ struct Watch {
     leeway: Leeway,
 }
 
-/// A stretch of a block's ways.
+/// A stretch of a block's ways: numbers first, so that none of their rows lies in two lines of the cache.
 #[derive(Clone, Debug)]
-#[repr(align(64))]
+#[repr(C, align(64))]
 struct Segment {
     /// In the middle, km.
     middle_km: [Row; 3],

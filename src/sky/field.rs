@@ -19,8 +19,8 @@ use skyloop_orbit::sgp4_batch::{BLOCK, NOBODY};
 use skyloop_orbit::tracks::{BOUND_KM, Look, Places};
 use std::f64::consts::PI;
 
-/// What light time and aberration may turn a direction by (rad): 16 km/s over c, each, rounded up.
-const WANDER: f64 = 2e-4;
+/// What light time and aberration may turn a direction by (rad): 100 km/s over c, each, which neither observers nor objects exceed, rounded up.
+const WANDER: f64 = 7e-4;
 /// A sphere that is inside the Earth everywhere, km: the polar radius, less what light time moves an object by (0.3 s at 90,000 km).
 const EARTH_KM: f64 = 6356.7 - 5.0;
 /// What rounding may add to a distance, km.
