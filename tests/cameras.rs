@@ -109,7 +109,7 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
         ),
         (
             "[sequence]\nepoch = \"today\"\nframes = 1\nperiod_s = 1.0\nattitudes = []",
-            ["sequence.epoch = today", "UTC time"],
+            ["sequence.epoch: \"today\"", "UTC time"],
         ),
         (
             "[sequence]\nepoch = \"2020-01-01T00:00:00Z\"\nframes = 0\nperiod_s = 1.0\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]",
