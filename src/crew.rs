@@ -5,7 +5,8 @@ use std::hint;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Does `work` on a thread of the pool, while the others stay awake to share it; when it is done they have finished what else they began.
+/// Does `work` on a thread of the pool, while another stays awake to share it, and of more some; when it is done they have finished what else
+/// they began.
 ///
 /// A frame has a dozen parts that are shared out, with others between them. A thread that goes to sleep in between takes up to a millisecond
 /// to wake: of a frame of 200,000 objects every 0.1 s all threads but one would sleep through most.

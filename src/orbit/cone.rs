@@ -47,16 +47,17 @@ impl Cone {
     }
 
     /// Whether that place (km) is no further from it than its way. With half angle A, a point `z` along the axis and `p` from it is
-    /// `p cos A - z sin A` away from where the surface is nearest: p cos A <= w + z sin A, which holds for what is made of both by u |u|, too.
+    /// `p cos A - z sin A` away from where the surface is nearest: p cos A <= w + z sin A, which holds for what is made of both by u |u|, too. Behind a
+    /// cone that opens by less than a half space it is `-z` away at least.
     #[inline(always)]
     pub fn holds(&self, place_km: [f64; 3]) -> bool {
         let (along, range2) = self.seen(place_km);
         let bound = self.way_km + along * self.sin;
-        (range2 - along * along) * self.cos2 <= bound * bound.abs()
+        ((range2 - along * along) * self.cos2 <= bound * bound.abs())
+            & (-along * self.before <= self.way_km)
     }
 
-    /// How far that place (km) is outside of it, at least, and the square of the range from its apex: what [`Cone::holds`] tells of, or
-    /// `-z`, for what is behind a cone that opens by less than a half space.
+    /// How far that place (km) is outside of it, at least, as [`Cone::holds`] has it, and the square of the range from its apex.
     fn outside_km(&self, place_km: [f64; 3]) -> (f64, f64) {
         let (along, range2) = self.seen(place_km);
         let across = (range2 - along * along).max(0.0).sqrt();

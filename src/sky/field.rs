@@ -9,6 +9,7 @@
 //! and km: turning the observer is cheaper than turning the catalogue.
 
 use super::apparent::Observer;
+use super::bodies::LIGHT_M_S;
 use super::photometry::{Sphere, diffuse_phase};
 use super::population::OWN_VEHICLE_M;
 use crate::camera::Side;
@@ -21,8 +22,10 @@ use std::f64::consts::PI;
 
 /// What light time and aberration may turn a direction by (rad): 100 km/s over c, each, which neither observers nor objects exceed, rounded up.
 const WANDER: f64 = 7e-4;
-/// A sphere that is inside the Earth everywhere, km: the polar radius, less what light time moves an object by (0.3 s at 90,000 km).
-const EARTH_KM: f64 = 6356.7 - 5.0;
+/// A sphere that is inside the Earth everywhere, km: the polar radius.
+const EARTH_KM: f64 = 6356.7;
+/// The way of light in a second, km.
+const LIGHT_KM_S: f64 = LIGHT_M_S * 1e-3;
 /// What rounding may add to a distance, km.
 const ROUNDING_KM: f64 = 1e-3;
 
@@ -232,7 +235,9 @@ impl Test<'_> {
         let observer = Vector3::from(self.cone.apex_km());
         // The point of the line of sight that is nearest to the Earth's centre.
         let part = (-observer.dot(line) / (range * range)).clamp(0.0, 1.0);
-        if (observer + line * part).norm() < self.earth_km {
+        // The object stands where it was when the light left.
+        let light_km = FASTEST_KM_S * range / LIGHT_KM_S;
+        if (observer + line * part).norm() < self.earth_km - light_km {
             return Some(Unseen::BehindEarth);
         }
         // At the smallest phase angle of the exposure, where it is brightest.

@@ -320,6 +320,8 @@ struct Way {
     turned: (f64, f64),
     /// Half the cone's angle, rad, and by how much it opens a frame.
     angle: (f64, f64),
+    /// How far from it somebody still is in it, km.
+    way_km: f64,
 }
 
 /// Those who are low, and brake so much that they come down one after another, from a day after their epoch on.
@@ -359,9 +361,17 @@ fn nobody_comes_into_a_cone_unseen() {
         place_km: (7000.0, 0.0),
         turned: (0.4, 0.0),
         angle: (0.3, 0.0),
+        way_km: 1.0,
+    };
+    let narrow = Way {
+        frames: 600,
+        angle: (0.1, 0.0),
+        way_km: 94.0,
+        ..still
     };
     let ways = [
         still,
+        narrow,
         // The observer alone, while time stands still.
         Way {
             step_s: 0.0,
@@ -433,11 +443,11 @@ fn nobody_comes_into_a_cone_unseen() {
         let find = |tracks: &mut Tracks, look: &Within| -> BTreeSet<(u32, bool)> {
             tracks.at(t, look).into_iter().collect()
         };
-        let ours = within(1.0);
+        let ours = within(way.way_km);
         let found = find(&mut tracks, &ours);
         // Whose place by tracks and by SGP4 lie on either side of the surface may be told either way.
-        let some = find(&mut exact, &within(1.0 - BOUND_KM));
-        let more = find(&mut exact, &within(1.0 + BOUND_KM));
+        let some = find(&mut exact, &within(way.way_km - BOUND_KM));
+        let more = find(&mut exact, &within(way.way_km + BOUND_KM));
         assert!(some.is_subset(&found), "{t} {frame}: {:?}", &some - &found);
         assert!(found.is_subset(&more), "{t} {frame}: {:?}", &found - &more);
         shown += ours.shown.into_inner();
