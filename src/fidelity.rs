@@ -5,6 +5,8 @@
 pub struct Fidelity {
     /// Share of a point source's light that may fall outside its stamp (1).
     pub psf_loss: f64,
+    /// So much light (e-) may in any case, up to a ten thousandth of the source's where its wings are narrow.
+    pub loss_e: f64,
     /// Of wide wings only what brings a pixel at least this (e-) is drawn where it falls; the rest of their light is laid
     /// evenly over the pixels that are drawn, and brings each less than twice as much.
     pub wing_e: f64,
@@ -44,6 +46,7 @@ impl Fidelity {
     /// For live frames: errors far below the noise of any frame.
     pub const REALTIME: Fidelity = Fidelity {
         psf_loss: 1e-6,
+        loss_e: 1e-3,
         wing_e: 0.02,
         track_step_sigma: 0.5,
         track_e: 0.01,
@@ -57,6 +60,7 @@ impl Fidelity {
     /// The slow, obvious path that also serves the tests as truth.
     pub const REFERENCE: Fidelity = Fidelity {
         psf_loss: 1e-12,
+        loss_e: 0.0,
         wing_e: 1e-3,
         track_step_sigma: 0.1,
         track_e: 0.0,
@@ -67,6 +71,12 @@ impl Fidelity {
         skip_px: 0.0,
         orbits: Orbits::Scalar,
     };
+
+    /// The share (1) of the light of a source of so many `electrons` that may fall outside its stamp, where its wings are narrow.
+    pub fn loss(&self, electrons: f64) -> f64 {
+        const MOST: f64 = 1e-4;
+        (self.loss_e / electrons).min(MOST).max(self.psf_loss)
+    }
 
     /// Length of a panel in units of the PSF's sigma, for a streak whose pixels get `height_e` (e-) at most:
     /// `step^4 / 4320 * 1.4 height_e = track_e`.

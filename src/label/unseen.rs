@@ -2,10 +2,14 @@
 
 use crate::scene::{Body, Scene, World};
 use crate::sky::field::Unseen;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Such objects that a label lists.
 pub const MOST_UNSEEN: usize = 10_000;
+
+/// Ids that one thread copies at least.
+const TASK: usize = 64;
 
 /// Such objects by why they are not seen.
 #[derive(Debug, Default, PartialEq)]
@@ -39,7 +43,7 @@ pub fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
 
 /// At most `most` of those that are not seen. Where there are more, each reason has an equal part of the list, and what one does not need
 /// goes to the others.
-fn bounded(unseen: &[(usize, Unseen)], most: usize, id: impl Fn(usize) -> String) -> Listed {
+fn bounded(unseen: &[(usize, Unseen)], most: usize, id: impl Fn(usize) -> String + Sync) -> Listed {
     let mut by_reason: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (index, why) in unseen {
         by_reason.entry(said(*why)).or_default().push(*index);
@@ -55,8 +59,11 @@ fn bounded(unseen: &[(usize, Unseen)], most: usize, id: impl Fn(usize) -> String
         let share = indices.len().min(room / left);
         (room, left) = (room - share, left - 1);
         listed.counts.insert(why, indices.len());
-        let ids = indices.into_iter().take(share).map(&id);
-        listed.ids.insert(why, ids.collect());
+        // Ids are wherever memory has them.
+        let ids = indices[..share].par_iter().with_min_len(TASK);
+        listed
+            .ids
+            .insert(why, ids.map(|index| id(*index)).collect());
     }
     listed
 }

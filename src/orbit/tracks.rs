@@ -166,14 +166,15 @@ impl Tracks {
             + self.watches.capacity() * size_of::<Watch>()
     }
 
-    /// The states of some objects by SGP4, each at the same `N` instants, up to [`BLOCK`]: TEME, m and m/s, or the code of a failure.
+    /// Calls `each` with the states of some objects by SGP4, in that order, each at the same `N` instants, up to [`BLOCK`]: TEME, m and m/s, or
+    /// the code of a failure.
     pub fn states_at<const N: usize>(
         &self,
         objects: &[usize],
         when: &[Epoch; N],
-        states: &mut [[Result<StateVector, u8>; N]],
+        each: impl FnMut([Result<StateVector, u8>; N]),
     ) {
-        self.batch.states_at(objects, when, states);
+        self.batch.states_at(objects, when, each);
     }
 
     /// What `look` finds at `t`, in the order of blocks.

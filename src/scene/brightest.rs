@@ -3,24 +3,51 @@
 use super::{Lit, Source};
 use crate::camera::Detector;
 use crate::lanes;
+use rayon::prelude::*;
 use std::collections::VecDeque;
 
 /// Side of the cells (px) in which the light of sources is added up.
 pub const CELL: usize = 8;
+
+/// Parts of a scene's lights that are added up side by side, and how many lights make one.
+const PARTS: usize = 4;
+const FEW: usize = 256;
+
+/// What a pixel's light is multiplied by, by row-major index.
+pub(super) type Weight<'a> = &'a (dyn Fn(usize) -> f64 + Sync);
 
 /// A bound (e-) of the light on any pixel times its `weight` (by row-major index; none: 1), for each column of cells: in each cell
 /// the sum of what every light gives to its greatest pixel there.
 pub(super) fn pixels_e<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
-    weight: Option<&dyn Fn(usize) -> f64>,
+    weight: Option<Weight<'_>>,
 ) -> Vec<f64> {
+    let lights: Vec<Lit<'_>> = lights.filter(|light| light.electrons > 0.0).collect();
+    // However many threads there are, the same sums.
+    let parts = lights.par_chunks(lights.len().div_ceil(PARTS).max(FEW));
+    let parts: Vec<Vec<f64>> = parts
+        .map(|lights| cells_e(detector, lights, weight))
+        .collect();
+    let columns = detector.width.div_ceil(CELL);
+    let mut greatest = vec![0.0f64; columns];
+    for row in 0..detector.height.div_ceil(CELL) {
+        for (column, greatest) in greatest.iter_mut().enumerate() {
+            let cell = row * columns + column;
+            raise(greatest, parts.iter().map(|cells| cells[cell]).sum());
+        }
+    }
+    greatest
+}
+
+/// In each cell the sum of what every light gives to its greatest pixel there, e-.
+fn cells_e(detector: &Detector, lights: &[Lit<'_>], weight: Option<Weight<'_>>) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
     let mut cells = vec![0.0; columns * detector.height.div_ceil(CELL)];
     // Of each column, in the rows of cells at hand; and which columns that are.
     let mut greatest = vec![0.0f64; detector.width];
     let mut lit = (usize::MAX, 0);
-    for light in lights.filter(|light| light.electrons > 0.0) {
+    for light in lights {
         let mut rows = light.footprint.rows(0..detector.height).peekable();
         while let Some((row, first, shares)) = rows.next() {
             let here = greatest[first..].iter_mut().zip(shares);
@@ -52,10 +79,7 @@ pub(super) fn pixels_e<'a>(
             }
         }
     }
-    let of = |column| cells.iter().skip(column).step_by(columns);
-    (0..columns)
-        .map(|column| of(column).copied().fold(0.0, f64::max))
-        .collect()
+    cells
 }
 
 fn raise(most: &mut f64, to: f64) {

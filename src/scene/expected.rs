@@ -9,12 +9,12 @@ impl Scene {
         let detector = &self.view.camera.detector;
         let response = |pixel| detector.pattern.response_of(pixel).max(1.0);
         let weight = self.simulated.response && detector.pattern.response().is_some();
-        let weight = weight.then_some(&response as &dyn Fn(usize) -> f64);
+        let weight = weight.then_some(&response as brightest::Weight<'_>);
         brightest::pixels_e(detector, lights, weight)
     }
 
     /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-, for each column of cells.
-    pub fn lit_where(&self, weight: impl Fn(usize) -> f64) -> Vec<f64> {
+    pub fn lit_where(&self, weight: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
         let detector = &self.view.camera.detector;
         brightest::pixels_e(detector, self.lights(&self.simulated), Some(&weight))
     }

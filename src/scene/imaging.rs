@@ -198,7 +198,7 @@ impl View {
         } else {
             (exposure_s, Rows::together(camera.detector.height))
         };
-        let turn = self.vehicle.rates.norm() * open_s + candidate.swing();
+        let turn = self.vehicle.rates.norm() * open_s + candidate.swing;
         let course = Course {
             pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
             step_px: self.step_px(candidate, fidelity),

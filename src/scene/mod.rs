@@ -133,6 +133,17 @@ impl Body {
         }
     }
 
+    /// The angle (rad) that it moves through by itself in that time.
+    fn swing(&self) -> f64 {
+        match self {
+            Body::Star(_) => 0.0,
+            Body::Rso(_) | Body::Wanderer(_) => {
+                let line = |part: f64| self.line(part);
+                line(0.0).angle(&line(0.5)) + line(0.5).angle(&line(1.0))
+            }
+        }
+    }
+
     /// What tells it from all others.
     pub fn identity(&self) -> (&'static str, usize) {
         match self {

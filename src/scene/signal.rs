@@ -11,6 +11,10 @@
 use super::{Simulated, View};
 use crate::camera::Detector;
 use crate::footprint::Footprint;
+use std::ops::Range;
+
+/// Pixels that are worked out side by side.
+const LANES: usize = 4;
 
 /// The noise of one frame's pixels.
 pub(super) struct Noise<'a> {
@@ -56,65 +60,99 @@ impl<'a> Noise<'a> {
         }
     }
 
-    /// Background of a pixel of that column, e-.
-    fn background_e(&self, pixel: usize, column: usize) -> f64 {
-        let trail = self.trail_e.get(column);
-        let light = self.areas_e.get(pixel).map_or(0.0, |e| f64::from(*e));
-        let light = if self.simulated.response {
-            light * self.detector.pattern.response_of(pixel)
-        } else {
-            light
-        };
-        let dark = if self.simulated.dark {
-            self.detector.pattern.dark_e_s_of(pixel) * self.exposure_s
-        } else {
-            0.0
-        };
-        light + dark + trail.copied().unwrap_or(0.0)
-    }
-
-    /// Whether nothing of its light shows in a pixel.
-    fn is_blind(&self, pixel: usize) -> bool {
-        let found = |list: &[u32]| list.binary_search(&(pixel as u32)).is_ok();
+    /// Of these pixels those that show nothing of their light.
+    fn blind(&self, pixels: Range<usize>) -> [&[u32]; 2] {
         let pattern = &self.detector.pattern;
-        (self.simulated.dead && found(pattern.dead()))
-            || (self.simulated.stuck && found(pattern.stuck()))
+        let simulated = self.simulated;
+        let lists = [
+            (simulated.dead, pattern.dead()),
+            (simulated.stuck, pattern.stuck()),
+        ];
+        lists.map(|(is_simulated, list)| {
+            let list = if is_simulated { list } else { &[] };
+            let before = |end: usize| list.partition_point(|pixel| (*pixel as usize) < end);
+            let from = before(pixels.start);
+            let past = list[from..]
+                .iter()
+                .take_while(|pixel| (**pixel as usize) < pixels.end);
+            &list[from..from + past.count()]
+        })
     }
 
     /// Signal-to-noise ratio of `electrons` spread over `footprint`.
     pub fn snr(&self, footprint: &Footprint, electrons: f64) -> f64 {
-        let (detector, mut sum) = (self.detector, 0.0);
-        for (row, column, shares) in footprint.rows(0..detector.height) {
-            for (column, share) in (column..).zip(shares) {
-                let light = f64::from(*share) * electrons;
-                if light > 0.0 {
-                    sum += self.of_pixel(row * detector.width + column, column, light);
-                }
-            }
-        }
-        libm::sqrt(sum)
-    }
-
-    /// What one pixel adds to the square of the ratio.
-    fn of_pixel(&self, pixel: usize, column: usize, light: f64) -> f64 {
-        let detector = self.detector;
-        let s = if self.simulated.response {
-            light * detector.pattern.response_of(pixel)
-        } else {
-            light
-        };
-        let b = self.background_e(pixel, column);
-        let held = s + b;
-        if held >= self.full_e || self.is_blind(pixel) {
+        if electrons <= 0.0 {
             return 0.0;
         }
-        let (signal, slope) = if self.simulated.nonlinearity {
-            let signal = detector.response_e(held) - detector.response_e(b);
-            (signal, detector.response_slope(held))
-        } else {
-            (s, 1.0)
-        };
-        let shot = if self.simulated.shot { held } else { 0.0 };
-        signal * signal / (slope * slope * shot + self.floor)
+        let (detector, mut sums) = (self.detector, [0.0; LANES]);
+        for (row, column, shares) in footprint.rows(0..detector.height) {
+            let first = row * detector.width + column;
+            let blind = self.blind(first..first + shares.len());
+            for k in 0..shares.len().div_ceil(LANES) {
+                let from = first + k * LANES;
+                let mut light = lanes_of(shares, k * LANES, 0.0).map(|share| share * electrons);
+                for pixel in blind.into_iter().flatten() {
+                    let i = (*pixel as usize).checked_sub(from);
+                    if let Some(light) = i.and_then(|i| light.get_mut(i)) {
+                        *light = 0.0;
+                    }
+                }
+                self.add(from, column + k * LANES, &light, &mut sums);
+            }
+        }
+        libm::sqrt(sums.iter().sum())
     }
+
+    /// Adds what the pixels from `pixel` on, in the columns from `column` on, add to the square of the ratio by that light, e-.
+    fn add(&self, pixel: usize, column: usize, light: &[f64; LANES], sums: &mut [f64; LANES]) {
+        let (detector, simulated) = (self.detector, self.simulated);
+        let pattern = &detector.pattern;
+        let response = match pattern.response() {
+            Some(response) if simulated.response => lanes_of(response, pixel, 1.0),
+            _ => [1.0; LANES],
+        };
+        let dark_e_s = match pattern.dark_e_s() {
+            _ if !simulated.dark => [0.0; LANES],
+            Some(dark_e_s) => lanes_of(dark_e_s, pixel, 0.0),
+            None => [pattern.dark_mean_e_s(); LANES],
+        };
+        let area = lanes_of(self.areas_e, pixel, 0.0);
+        let trail = lanes_of(self.trail_e, column, 0.0);
+        let bend = if simulated.nonlinearity {
+            detector.nonlinearity
+        } else {
+            0.0
+        };
+        let shot = f64::from(u8::from(simulated.shot));
+        let part_of_full = 1.0 / detector.full_well_e;
+        for i in 0..LANES {
+            let s = light[i] * response[i];
+            let b = area[i] * response[i] + dark_e_s[i] * self.exposure_s + trail[i];
+            let held = s + b;
+            // c(e) = e (1 - a e / full well), as Detector::response_e has it
+            let bent = |e: f64| bend * (e * part_of_full).clamp(0.0, 1.0);
+            let signal = held * (1.0 - bent(held)) - b * (1.0 - bent(b));
+            let slope = 1.0 - 2.0 * bent(held);
+            let variance = slope * slope * shot * held + self.floor;
+            // Not by a jump around the division, which keeps lanes from running side by side. Steps of the converter are above 0, and so is their
+            // variance.
+            let shows = (light[i] > 0.0) & (held < self.full_e);
+            let signal = if shows { signal } else { 0.0 };
+            sums[i] += signal * signal / variance;
+        }
+    }
+}
+
+/// The values from `from` on, and that where there are none.
+#[inline(always)]
+fn lanes_of<T: Copy + Into<f64>>(values: &[T], from: usize, none: f64) -> [f64; LANES] {
+    let values = values.get(from..).unwrap_or(&[]);
+    if let Some(all) = values.first_chunk::<LANES>() {
+        return all.map(T::into);
+    }
+    let mut lanes = [none; LANES];
+    for (lane, value) in lanes.iter_mut().zip(values) {
+        *lane = (*value).into();
+    }
+    lanes
 }

@@ -17,6 +17,7 @@ use crate::sky::shadow::Earth;
 use crate::sky::star_field::SeenStar;
 use hifitime::Epoch;
 use nalgebra::Vector3;
+use rayon::iter::Either;
 use rayon::prelude::*;
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::{OrbitError, StateVector};
@@ -26,6 +27,9 @@ use thiserror::Error;
 /// Furthest that the body may turn during one exposure, rad: a streak then crosses most fields. Time grows with
 /// the streaks' length: at the limit a frame of 256 x 256 pixels takes over a second.
 pub const MAX_TURN: f64 = 1.0;
+
+/// Sources that one thread looks at at least.
+const FEW: usize = 128;
 
 /// Why there is no scene.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -130,17 +134,19 @@ pub struct Candidate {
     pub light: f64,
     /// Why none does.
     pub hidden: Option<Hidden>,
+    /// The angle (rad) that it moves through by itself.
+    pub swing: f64,
 }
 
 impl Candidate {
-    /// The angle (rad) that it moves through by itself.
-    pub fn swing(&self) -> f64 {
-        match &self.body {
-            Body::Star(_) => 0.0,
-            Body::Rso(_) | Body::Wanderer(_) => {
-                let line = |part: f64| self.body.line(part);
-                line(0.0).angle(&line(0.5)) + line(0.5).angle(&line(1.0))
-            }
+    /// A body of so much light, and the part of it that arrives.
+    pub(super) fn new(body: Body, clear_e: f64, light: f64, hidden: Option<Hidden>) -> Candidate {
+        Candidate {
+            swing: body.swing(),
+            body,
+            clear_e,
+            light,
+            hidden,
         }
     }
 
@@ -198,7 +204,7 @@ pub struct View {
     pub unseen: Vec<(usize, Unseen)>,
     /// Objects whose orbit has no answer at this time.
     pub unknown: Unknown,
-    /// The greatest [`Candidate::swing`], rad.
+    /// The greatest swing of a candidate, rad.
     swing: f64,
     /// Where the camera points when tracks ask for it most, by the time from mid-exposure, s.
     pointings: Vec<(f64, Attitude)>,
@@ -284,9 +290,8 @@ impl View {
             .stars
             .in_cone(&axis, cone, &shutter[1], &world.corrections);
         let earth = Earth::at(exposure.mid);
-        let stars = stars
-            .into_iter()
-            .map(|star| view.star(star, &earth, &shutter[1]));
+        let stars = stars.into_par_iter().with_min_len(FEW);
+        let stars = stars.map(|star| view.star(star, &earth, &shutter[1]));
         let mut candidates: Vec<Candidate> = stars.collect();
         let to_icrf = view.pointing(0.0).matrix().transpose();
         let sides = camera.sides(reach_px).into_iter().map(|side| Side {
@@ -300,25 +305,16 @@ impl View {
             shutter: &shutter,
             reach_m: view.reach_m(&faint),
         };
-        let noise_e = view.noise_e(faint.floor_e);
         let seen = world
             .population
             .in_field(&field, &world.corrections, fidelity.orbits);
-        let mut unseen = seen.unseen;
-        for object in seen.objects {
-            let index = object.index;
-            let candidate = view.rso(object);
-            let is_unlit = candidate.electrons() <= 0.0;
-            let least = if is_unlit { faint.unlit_snr } else { faint.snr };
-            if candidate.clear_e <= least * noise_e {
-                unseen.push((index, Unseen::TooFaint));
-            } else {
-                candidates.push(candidate);
-            }
-        }
+        let (bright, too_faint) = view.rsos(seen.objects, &faint);
+        candidates.extend(bright);
         candidates.extend(view.planets(world, &shutter, &axis, cone));
         candidates.extend(view.the_moon(&moon, world, &shutter, &axis, cone));
-        (view.candidates, view.unseen) = (candidates, unseen);
+        view.candidates = candidates;
+        view.unseen = seen.unseen;
+        view.unseen.extend(too_faint);
         view.unknown = Unknown {
             count: seen.unknown,
             news: seen.news,
@@ -345,8 +341,8 @@ impl View {
     }
 
     fn greatest_swing(&self) -> f64 {
-        let swings = self.candidates.par_iter().map(Candidate::swing);
-        swings.reduce(|| 0.0, f64::max)
+        let swings = self.candidates.iter().map(|candidate| candidate.swing);
+        swings.fold(0.0, f64::max)
     }
 
     /// ICRF to camera, `dt_s` after mid-exposure.
@@ -398,7 +394,7 @@ impl View {
             // Few are brighter than all before them.
             if e > most {
                 let seen = pointing.rotate(&candidate.body.line(0.5)).normalize();
-                if seen.z >= edge - candidate.swing() {
+                if seen.z >= edge - candidate.swing {
                     most = most.max(e * part(&seen));
                 }
             }
@@ -437,12 +433,29 @@ impl View {
     }
 
     fn star(&self, star: SeenStar, earth: &Earth, observer: &Observer) -> Candidate {
-        Candidate {
-            clear_e: self.electrons(star.band_mag),
-            light: 1.0,
-            hidden: self.hidden(&star.direction, earth, observer),
-            body: Body::Star(star),
-        }
+        let clear_e = self.electrons(star.band_mag);
+        let hidden = self.hidden(&star.direction, earth, observer);
+        Candidate::new(Body::Star(star), clear_e, 1.0, hidden)
+    }
+
+    /// Of these objects those that are bright enough for an image, and the others.
+    fn rsos(
+        &self,
+        objects: Vec<Arc<SeenObject>>,
+        faint: &Faint,
+    ) -> (Vec<Candidate>, Vec<(usize, Unseen)>) {
+        let noise_e = self.noise_e(faint.floor_e);
+        let sorted_out = objects.into_par_iter().with_min_len(FEW).map(|object| {
+            let index = object.index;
+            let candidate = self.rso(object);
+            let is_unlit = candidate.electrons() <= 0.0;
+            let least = if is_unlit { faint.unlit_snr } else { faint.snr };
+            match candidate.clear_e <= least * noise_e {
+                true => Either::Right((index, Unseen::TooFaint)),
+                false => Either::Left(candidate),
+            }
+        });
+        sorted_out.partition_map(|either| either)
     }
 
     fn rso(&self, object: Arc<SeenObject>) -> Candidate {
@@ -451,19 +464,19 @@ impl View {
         } else {
             (object.illumination <= 0.0).then_some(Hidden::InShadow)
         };
-        Candidate {
-            clear_e: self.electrons(object.mag),
-            light: object.illumination,
-            hidden,
-            body: Body::Rso(object),
-        }
+        let (clear_e, light) = (self.electrons(object.mag), object.illumination);
+        Candidate::new(Body::Rso(object), clear_e, light, hidden)
     }
 
-    /// The light (e-) that has a signal-to-noise ratio of 1 at most, where every pixel has noise of `floor_e`: N electrons have
-    /// `N (sum s^2)^(1/2) / floor` at most, as pixels respond.
+    /// The light (e-) of an exposure that has a signal-to-noise ratio of 1 at most, where every pixel has noise of `floor_e`: N electrons have
+    /// `N (sum s^2)^(1/2) / floor` at most, as pixels respond. An image that runs along with the rows' readout is exposed for as long as that.
     fn noise_e(&self, floor_e: f64) -> f64 {
         let response = 1.0 + self.camera.detector.pattern.worst_response();
-        floor_e / (self.camera.optics.psf.sharpness().sqrt() * response)
+        let longest = match self.exposure.duration_s > 0.0 {
+            true => self.open_s / self.exposure.duration_s,
+            false => 1.0,
+        };
+        floor_e / (self.camera.optics.psf.sharpness().sqrt() * response * longest)
     }
 
     /// The distance (m) from which 1 m^2/sr of reflective area is too faint. Eqs. (2), (9), (11), with E_sun those of the Sun's own light:

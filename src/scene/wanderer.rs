@@ -165,12 +165,8 @@ impl View {
             (false, true) => Some(Hidden::ByEarth),
             (false, false) => Some(Hidden::InShadow),
         };
-        Some(Candidate {
-            clear_e,
-            light: visible,
-            hidden,
-            body: Body::Wanderer(Box::new(seen)),
-        })
+        let body = Body::Wanderer(Box::new(seen));
+        Some(Candidate::new(body, clear_e, visible, hidden))
     }
 
     /// The planets that may be in the cone of `angle` (rad) around `axis`: points.
@@ -203,12 +199,9 @@ impl View {
                 area: None,
                 points: 1,
             };
-            Candidate {
-                clear_e: self.electrons(body.mag),
-                light: 1.0,
-                hidden: self.hidden(&planet.direction, &earth, &shutter[1]),
-                body: Body::Wanderer(Box::new(body)),
-            }
+            let clear_e = self.electrons(body.mag);
+            let hidden = self.hidden(&planet.direction, &earth, &shutter[1]);
+            Candidate::new(Body::Wanderer(Box::new(body)), clear_e, 1.0, hidden)
         });
         candidates.collect()
     }

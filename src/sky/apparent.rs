@@ -90,6 +90,9 @@ impl Default for Corrections {
     }
 }
 
+/// Where an orbit's way in the time between two states differs by more than this from what their velocities say, m, it is no way.
+const JUMP_M: f64 = 1.0;
+
 /// The one who looks: a camera at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observer {
@@ -164,35 +167,62 @@ pub fn star_direction(
     observer: &Observer,
     corrections: &Corrections,
 ) -> Vector3<f64> {
-    let at_observer = observer.barycentric_m();
-    let mut u = catalogue_direction(place);
+    Sight::of(observer, corrections).of_star(place, &catalogue_direction(place))
+}
 
-    // Uniform space motion and parallax, in units of the star's distance at the catalogue's epoch (SOFA pmpx, without radial velocity):
-    //     u = u0 + (p mu_ra + q mu_dec) (t - t0 + u0 . r / c) - parallax r / au
-    // where p and q point east and north at u0. The term in c brings light to one wave front: 0.2 milliarcsec for Barnard's star.
-    let start = u;
-    if corrections.proper_motion {
-        let roemer_days = start.dot(&at_observer) / LIGHT_M_S / 86_400.0;
-        let years = (tt_days_since_j2000(observer.epoch) - CATALOGUE_EPOCH_DAYS + roemer_days)
-            / DAYS_PER_YEAR;
-        let (sin_ra, cos_ra) = place.ra_rad.sin_cos();
-        let (sin_dec, cos_dec) = place.dec_rad.sin_cos();
-        let east = Vector3::new(-sin_ra, cos_ra, 0.0);
-        let north = Vector3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec);
-        u += (east * place.pm_ra_cosdec_rad_yr + north * place.pm_dec_rad_yr) * years;
-    }
-    if corrections.parallax {
-        u -= at_observer * (place.parallax_rad.max(0.0) / AU_M);
-    }
-    u = u.normalize();
+/// What stars' directions have in common.
+#[derive(Debug)]
+pub struct Sight<'a> {
+    observer: &'a Observer,
+    corrections: &'a Corrections,
+    /// Since the catalogue's epoch.
+    days: f64,
+    /// Of the observer, barycentric, m and m/s.
+    position_m: Vector3<f64>,
+    velocity_m_s: Vector3<f64>,
+}
 
-    if corrections.deflection {
-        u = deflect(u, observer.position_m - observer.bodies.sun_geocentric_m);
+impl<'a> Sight<'a> {
+    /// That of `observer`.
+    pub fn of(observer: &'a Observer, corrections: &'a Corrections) -> Sight<'a> {
+        Sight {
+            observer,
+            corrections,
+            days: tt_days_since_j2000(observer.epoch) - CATALOGUE_EPOCH_DAYS,
+            position_m: observer.barycentric_m(),
+            velocity_m_s: observer.barycentric_velocity_m_s(),
+        }
     }
-    if corrections.aberration {
-        u = aberrate(u, observer.barycentric_velocity_m_s());
+
+    /// [`star_direction`] of a star whose [`catalogue_direction`] is known.
+    pub fn of_star(&self, place: &StarPlace, start: &Vector3<f64>) -> Vector3<f64> {
+        let (observer, corrections) = (self.observer, self.corrections);
+        // Uniform space motion and parallax, in units of the star's distance at the catalogue's epoch (SOFA pmpx, without radial velocity):
+        //     u = u0 + (p mu_ra + q mu_dec) (t - t0 + u0 . r / c) - parallax r / au
+        // where p and q point east and north at u0. The term in c brings light to one wave front: 0.2 milliarcsec for Barnard's star.
+        let mut u = *start;
+        if corrections.proper_motion {
+            let roemer_days = start.dot(&self.position_m) / LIGHT_M_S / 86_400.0;
+            let years = (self.days + roemer_days) / DAYS_PER_YEAR;
+            let (sin_ra, cos_ra) = place.ra_rad.sin_cos();
+            let (sin_dec, cos_dec) = place.dec_rad.sin_cos();
+            let east = Vector3::new(-sin_ra, cos_ra, 0.0);
+            let north = Vector3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec);
+            u += (east * place.pm_ra_cosdec_rad_yr + north * place.pm_dec_rad_yr) * years;
+        }
+        if corrections.parallax {
+            u -= self.position_m * (place.parallax_rad.max(0.0) / AU_M);
+        }
+        u = u.normalize();
+
+        if corrections.deflection {
+            u = deflect(u, observer.position_m - observer.bodies.sun_geocentric_m);
+        }
+        if corrections.aberration {
+            u = aberrate(u, self.velocity_m_s);
+        }
+        u
     }
-    u
 }
 
 /// The unit vector to a star's catalogue place, without any correction.
@@ -284,6 +314,13 @@ pub fn apparent_object(
     if let Some((earlier_s, then)) = then {
         let way = (then.position_m - state.position_m) / earlier_s;
         let half_bend = (state.velocity_m_s - then.velocity_m_s) / (2.0 * earlier_s);
+        // Where the model jumps between the two, what light takes longer than that must not multiply it.
+        let mean = (state.velocity_m_s + then.velocity_m_s) / 2.0;
+        let jumps = ((way + mean) * earlier_s).norm() > JUMP_M;
+        let (way, half_bend) = match jumps {
+            true => (-state.velocity_m_s, Vector3::zeros()),
+            false => (way, half_bend),
+        };
         for _ in 0..LIGHT_TIME_STEPS {
             let tau = observer.light_time_s(&seen_at_m);
             seen_at_m = state.position_m + way * tau + half_bend * (tau * (tau - earlier_s));

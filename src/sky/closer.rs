@@ -42,8 +42,6 @@ pub enum Close {
 /// An object, by its index, and the number of its track, if it has one.
 pub type Near = (u32, Option<u32>);
 
-/// An exposure's start, mid and end, and those by [`EARLIER_S`] earlier.
-const INSTANTS: usize = 6;
 /// What light takes over 3000 km, s.
 const EARLIER_S: f64 = 0.01;
 
@@ -64,25 +62,29 @@ impl Closer<'_> {
         let Some(tracks) = self.tracks else {
             return found;
         };
-        let shutter = self.field.shutter;
-        let now = shutter.each_ref().map(|at| at.epoch);
-        let [start, mid, end] = now;
-        let [before, amid, ending] = now.map(|t| t - Unit::Second * EARLIER_S);
-        let when: [Epoch; INSTANTS] = [start, mid, end, before, amid, ending];
-        let mut states = vec![[Err(0); INSTANTS]; tracked.len()];
-        tracks.states_at(&tracks_of, &when, &mut states);
-        for (index, states) in tracked.into_iter().zip(&states) {
-            found.extend(self.placed(index, &when, states));
+        let [start, mid, end] = self.field.shutter.each_ref().map(|at| at.epoch);
+        let indices = &mut tracked.into_iter();
+        let mut add = |when: &[Epoch], states: &[Result<StateVector, u8>]| {
+            found.extend(indices.next().and_then(|i| self.placed(i, when, states)));
+        };
+        if self.corrections.light_time {
+            let earlier = |t: Epoch| t - Unit::Second * EARLIER_S;
+            let when = [start, mid, end, earlier(start), earlier(mid), earlier(end)];
+            tracks.states_at(&tracks_of, &when, |states| add(&when, &states));
+        } else {
+            let when = [start, mid, end];
+            tracks.states_at(&tracks_of, &when, |states| add(&when, &states));
         }
         found
     }
 
-    /// What is found of the object of that index, if he is in the field, by his states then (TEME).
+    /// What is found of the object of that index, if he is in the field, by his states (TEME) at the exposure's start, mid and end, and, where light
+    /// takes time, by [`EARLIER_S`] earlier.
     fn placed(
         &self,
         index: u32,
-        when: &[Epoch; INSTANTS],
-        states: &[Result<StateVector, u8>; INSTANTS],
+        when: &[Epoch],
+        states: &[Result<StateVector, u8>],
     ) -> Option<Close> {
         let (shutter, rotations) = (self.field.shutter, &self.at.rotations);
         let failed = |(t, state): (&Epoch, &Result<StateVector, u8>)| Some((*t, state.err()?));
@@ -90,21 +92,14 @@ impl Closer<'_> {
             let object = self.population.objects()[index as usize].settled(shutter[1].epoch);
             return Some(Close::Failed(index, object.failure(t, code)));
         }
-        let gcrf = |k: usize| states[k].ok().map(|state| state.rotated(&rotations[k % 3]));
+        let gcrf = |k: usize| Some((*states.get(k)?).ok()?.rotated(&rotations[k % 3]));
         if !self.field.may_hold(&gcrf(1)?) {
             return None;
         }
         let seen = |k: usize| -> Option<ApparentObject> {
-            let then = match self.corrections.light_time {
-                true => Some((EARLIER_S, gcrf(k + 3)?)),
-                false => None,
-            };
-            Some(apparent_object(
-                gcrf(k)?,
-                then,
-                &shutter[k],
-                self.corrections,
-            ))
+            let then = gcrf(k + 3).map(|then| (EARLIER_S, then));
+            let object = apparent_object(gcrf(k)?, then, &shutter[k], self.corrections);
+            Some(object)
         };
         let seen = [seen(0)?, seen(1)?, seen(2)?];
         let index = index as usize;

@@ -12,11 +12,14 @@ use skyloop_orbit::tracks::Tracks;
 use skyloop_orbit::{Object, Orbit, OrbitError};
 use std::collections::HashSet;
 
+/// The number of an object's only element set.
+const SOLE: u32 = u32::MAX;
+
 /// The orbits of a population.
 #[derive(Debug)]
 pub struct Fleet {
     tracks: Tracks,
-    /// Whose element set each of the tracks has: an object's index, and the number of the set among that object's.
+    /// Whose element set each of the tracks has: an object's index, and the number of the set among that object's, or [`SOLE`].
     sets: Vec<(u32, u32)>,
     /// What bounds each one's light.
     bright: Vec<Bright>,
@@ -31,8 +34,12 @@ impl Fleet {
     pub fn new(population: &Population) -> Fleet {
         let objects = population.objects();
         let sets = |(index, object): (usize, &Object)| -> Vec<(u32, u32, Elements)> {
+            let numbered = |number: usize| match object.sets().count() {
+                1 => SOLE,
+                _ => number as u32,
+            };
             let sets = object.sets().enumerate();
-            sets.map(|(number, set)| (index as u32, number as u32, *set))
+            sets.map(|(number, set)| (index as u32, numbered(number), *set))
                 .collect()
         };
         let all = objects.iter().enumerate().flat_map(sets);
@@ -110,7 +117,8 @@ impl Fleet {
             let (Found::Candidate(set) | Found::Unseen(set, _) | Found::Failed(set, _)) = one;
             let (index, number) = self.sets[set as usize];
             // Of several element sets the nearest in time counts.
-            if population.objects()[index as usize].number_at(mid) != number as usize {
+            let counts = || population.objects()[index as usize].number_at(mid) as u32;
+            if number != SOLE && number != counts() {
                 continue;
             }
             match one {

@@ -1,6 +1,6 @@
 //! The catalogue as one camera sees it: directions for the field test, magnitudes in the camera's band.
 
-use super::apparent::{Corrections, Observer, StarPlace, catalogue_direction, star_direction};
+use super::apparent::{Corrections, Observer, Sight, StarPlace, catalogue_direction};
 use super::catalog::{Catalog, Star};
 use crate::camera::Band;
 use nalgebra::Vector3;
@@ -17,6 +17,7 @@ pub struct StarField {
     catalog: Catalog,
     /// Unit vectors at the catalogue's epoch, ICRS.
     directions: Vec<Vector3<f64>>,
+    groups: Vec<Group>,
     /// Magnitudes in the camera's band.
     band_mags: Vec<f64>,
     /// See [`Band::wavelength_ratio`].
@@ -36,8 +37,52 @@ pub struct SeenStar {
     pub wavelength_ratio: f64,
 }
 
-/// Stars that one thread looks at at least.
-const TASK: usize = 4096;
+/// Stars that stand together.
+const GROUP: usize = 64;
+/// Groups are cut from strips of the sky of this height (1, along the pole's axis), in which stars follow each other by right ascension: of 64 of
+/// 118,000 stars as high as they are wide, about.
+const STRIP: f64 = 0.04;
+
+/// Stars that stand together, and a cone around them.
+#[derive(Debug)]
+struct Group {
+    axis: Vector3<f64>,
+    /// Half the cone's angle, rad.
+    angle: f64,
+    /// Indices into the catalogue.
+    stars: Vec<u32>,
+}
+
+impl Group {
+    fn of(stars: &[u32], directions: &[Vector3<f64>]) -> Group {
+        let direction = |star: &u32| directions[*star as usize];
+        let sum: Vector3<f64> = stars.iter().map(direction).sum();
+        let axis = sum.try_normalize(0.0).unwrap_or_else(Vector3::z);
+        let angles = stars.iter().map(|star| direction(star).angle(&axis));
+        Group {
+            axis,
+            // What rounding takes of the arc cosine near 1, too.
+            angle: angles.fold(0.0, f64::max) + 1e-7,
+            stars: stars.to_vec(),
+        }
+    }
+
+    /// Those of all stars.
+    fn all(directions: &[Vector3<f64>]) -> Vec<Group> {
+        let strip = |star: &u32| (directions[*star as usize].z / STRIP).floor();
+        let around = |star: &u32| {
+            let direction = directions[*star as usize];
+            direction.y.atan2(direction.x)
+        };
+        let mut order: Vec<u32> = (0..directions.len() as u32).collect();
+        order.sort_by(|a, b| {
+            let strips = strip(a).total_cmp(&strip(b));
+            strips.then_with(|| around(a).total_cmp(&around(b)))
+        });
+        let groups = order.par_chunks(GROUP);
+        groups.map(|stars| Group::of(stars, directions)).collect()
+    }
+}
 
 impl StarField {
     /// Prepares `catalog` for `band`; without `colour` the band magnitude is V, and all light has the Sun's colour.
@@ -58,13 +103,14 @@ impl StarField {
             true => band.wavelength_ratio(star.b_v),
             false => 1.0,
         };
+        let directions = catalog.stars().iter();
+        let directions: Vec<Vector3<f64>> = directions
+            .map(|star| catalogue_direction(&place(star)))
+            .collect();
         StarField {
             wavelength_ratios: catalog.stars().iter().map(wavelength_ratio).collect(),
-            directions: catalog
-                .stars()
-                .iter()
-                .map(|s| catalogue_direction(&place(s)))
-                .collect(),
+            groups: Group::all(&directions),
+            directions,
             band_mags: catalog.stars().iter().map(&mut band_mag).collect(),
             catalog,
         }
@@ -83,23 +129,26 @@ impl StarField {
         observer: &Observer,
         corrections: &Corrections,
     ) -> Vec<SeenStar> {
-        let nearest = (angle + WANDER).min(std::f64::consts::PI).cos();
-        self.directions
-            .par_iter()
-            .enumerate()
-            .with_min_len(TASK)
-            .filter(|(_, direction)| direction.dot(axis) >= nearest)
-            .map(|(index, _)| SeenStar {
-                index,
-                direction: star_direction(
-                    &place(&self.catalog.stars()[index]),
-                    observer,
-                    corrections,
-                ),
-                band_mag: self.band_mags[index],
-                wavelength_ratio: self.wavelength_ratios[index],
-            })
-            .collect()
+        let least = |angle: f64| angle.min(std::f64::consts::PI).cos();
+        let nearest = least(angle + WANDER);
+        let near = |group: &&Group| group.axis.dot(axis) >= least(angle + WANDER + group.angle);
+        let groups: Vec<&Group> = self.groups.iter().filter(near).collect();
+        let stars = groups.into_par_iter().flat_map_iter(|group| &group.stars);
+        let stars = stars.map(|star| *star as usize);
+        let stars = stars.filter(|star| self.directions[*star].dot(axis) >= nearest);
+        let sight = Sight::of(observer, corrections);
+        let seen = stars.map(|index| SeenStar {
+            index,
+            direction: sight.of_star(
+                &place(&self.catalog.stars()[index]),
+                &self.directions[index],
+            ),
+            band_mag: self.band_mags[index],
+            wavelength_ratio: self.wavelength_ratios[index],
+        });
+        let mut seen: Vec<SeenStar> = seen.collect();
+        seen.par_sort_unstable_by_key(|star| star.index);
+        seen
     }
 }
 
@@ -110,5 +159,44 @@ fn place(star: &Star) -> StarPlace {
         parallax_rad: star.parallax_rad,
         pm_ra_cosdec_rad_yr: star.pm_ra_cosdec_rad_yr,
         pm_dec_rad_yr: star.pm_dec_rad_yr,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sky::bodies::Bodies;
+    use crate::sky::catalog::Selection;
+    use hifitime::Epoch;
+
+    #[test]
+    fn groups_leave_nobody_out() {
+        let catalog = Catalog::embedded(Selection::Hipparcos);
+        let band = Band::named("v").unwrap();
+        let field = StarField::new(catalog, &band, false);
+        let grouped = field.groups.iter().flat_map(|group| &group.stars);
+        assert_eq!(grouped.count(), field.directions.len());
+        let epoch = Epoch::from_gregorian_utc_at_midnight(2026, 6, 1);
+        let observer = Observer {
+            epoch,
+            position_m: Vector3::zeros(),
+            velocity_m_s: Vector3::zeros(),
+            bodies: Bodies::at(epoch).unwrap(),
+        };
+        let poles = [Vector3::z(), -Vector3::z(), Vector3::x(), -Vector3::x()];
+        let others = (1..20).map(|i| {
+            let i = f64::from(i);
+            Vector3::new((7.0 * i).sin(), (3.0 * i).cos(), (2.0 * i).sin()).normalize()
+        });
+        for axis in poles.into_iter().chain(others) {
+            for angle in [1e-4, 0.03, 0.2, 1.0, 1.6, 3.0, 3.2] {
+                let seen = field.in_cone(&axis, angle, &observer, &Corrections::NONE);
+                let seen: Vec<usize> = seen.iter().map(|star| star.index).collect();
+                let nearest = (angle + WANDER).min(std::f64::consts::PI).cos();
+                let all = 0..field.directions.len();
+                let near = all.filter(|i| field.directions[*i].dot(&axis) >= nearest);
+                assert_eq!(seen, near.collect::<Vec<_>>(), "{axis:?} {angle}");
+            }
+        }
     }
 }

@@ -264,6 +264,10 @@ fn faint_sources_keep_their_light_and_their_centre() {
             for light in [light, all_light] {
                 assert!((light - 1.0).abs() < 1e-4, "{what}: {light}");
             }
+            if kind == "gaussian" {
+                let most = Fidelity::REALTIME.loss(electrons);
+                assert!(most <= 1e-4 && 1.0 - light < most, "{what}: {light}");
+            }
             // The centre of what is cut at 256 px is off by as much as its last columns hold.
             let moved = (faint_x - at[0])
                 .hypot(faint_y - at[1])

@@ -3,6 +3,7 @@
 
 mod close;
 mod facets;
+mod faint;
 mod glints;
 mod lightcurve;
 mod population;

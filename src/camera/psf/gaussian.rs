@@ -7,40 +7,42 @@ use std::sync::LazyLock;
 const NODES: f64 = 32.0;
 const REACH: f64 = 8.5;
 
-/// The normal distribution and its density at the nodes.
-static TABLE: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
-    let nodes = 0..=(2.0 * REACH * NODES) as usize;
-    let node = |i: usize| {
-        let u = i as f64 / NODES - REACH;
-        let distribution = 0.5 * libm::erfc(-u * FRAC_1_SQRT_2);
-        [distribution, libm::exp(-0.5 * u * u) / TAU.sqrt()]
-    };
-    nodes.map(node).collect()
-});
+/// Powers of Taylor's series, from 0 on.
+type Series = [f64; 6];
 
-/// The light (1) of a Gaussian of standard deviation 1 that lies below `u`, within 1e-13: Taylor's series around the nearest node v,
+/// The normal distribution around the nodes v, Taylor's series:
 ///
 /// ```text
 /// P(v + d) = P(v) + p(v) d (1 - He1 d/2! + He2 d^2/3! - He3 d^3/4! + He4 d^4/5!),   He_n the polynomials of Hermite at v
 /// ```
-fn below(table: &[[f64; 2]], u: f64) -> f64 {
+static TABLE: LazyLock<Vec<Series>> = LazyLock::new(|| {
+    let nodes = 0..=(2.0 * REACH * NODES) as usize;
+    let node = |i: usize| {
+        let v = i as f64 / NODES - REACH;
+        let distribution = 0.5 * libm::erfc(-v * FRAC_1_SQRT_2);
+        let density = libm::exp(-0.5 * v * v) / TAU.sqrt();
+        let v2 = v * v;
+        [
+            distribution,
+            density,
+            -density * v / 2.0,
+            density * (v2 - 1.0) / 6.0,
+            -density * v * (v2 - 3.0) / 24.0,
+            density * ((v2 - 6.0) * v2 + 3.0) / 120.0,
+        ]
+    };
+    nodes.map(node).collect()
+});
+
+/// The light (1) of a Gaussian of standard deviation 1 that lies below `u`, within 1e-13, by the nearest node's series.
+fn below(table: &[Series], u: f64) -> f64 {
     let at = (u.clamp(-REACH, REACH) + REACH) * NODES;
     let nearest = (at + 0.5) as usize;
-    let Some([distribution, density]) = table.get(nearest) else {
+    let Some(series) = table.get(nearest) else {
         return 0.0;
     };
-    let node = nearest as f64;
-    let (v, d) = (node / NODES - REACH, (at - node) / NODES);
-    let v2 = v * v;
-    let series = [
-        1.0,
-        -v / 2.0,
-        (v2 - 1.0) / 6.0,
-        -v * (v2 - 3.0) / 24.0,
-        ((v2 - 6.0) * v2 + 3.0) / 120.0,
-    ];
-    let sum = series.iter().rev().fold(0.0, |sum, term| sum * d + term);
-    distribution + density * d * sum
+    let d = (at - nearest as f64) * (1.0 / NODES);
+    series.iter().rev().fold(0.0, |sum, term| sum * d + term)
 }
 
 /// A circular Gaussian.

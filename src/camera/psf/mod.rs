@@ -218,8 +218,8 @@ impl LocalPsf<'_> {
         reach.min(FURTHEST_PX)
     }
 
-    /// Half the side (px) of the square to draw for a source of so many `electrons`: all of its light but `psf_loss` is in
-    /// it, or all that is not too faint, and [`LocalPsf::undrawn`] is the rest.
+    /// Half the side (px) of the square to draw for a source of so many `electrons`: all of its light but [`Fidelity::loss`] is in
+    /// it, or of wide wings all that is not too faint, and [`LocalPsf::undrawn`] is the rest.
     pub fn drawn_px(&self, fidelity: &Fidelity, electrons: f64) -> f64 {
         let share = fidelity.wing_e / electrons;
         let faint_px = match self.shape {
@@ -231,7 +231,8 @@ impl LocalPsf<'_> {
                 let width_px = self.scale * width_px;
                 width_px * moffat.faint(share * width_px * width_px)
             }
-            Shape::Gaussian(_) | Shape::Images(_) => return self.reach_px(fidelity.psf_loss),
+            Shape::Gaussian(_) => return self.reach_px(fidelity.loss(electrons)),
+            Shape::Images(_) => return self.reach_px(fidelity.psf_loss),
         };
         self.reach_px(fidelity.psf_loss).min(faint_px + 1.0)
     }
@@ -354,9 +355,12 @@ impl LocalPsf<'_> {
                 let gaussian = self.gaussian(*sigma_px);
                 gaussian.shares(at[0], edges, &mut stamp.across);
                 gaussian.shares(at[1], rows.start..=rows.end, &mut stamp.down);
-                for down in &stamp.down {
+                let wide = stamp.across.len().max(1);
+                out.resize(stamp.down.len() * wide, 0.0);
+                for (out, down) in out.chunks_exact_mut(wide).zip(&stamp.down) {
                     let down = light * down;
-                    out.extend(stamp.across.iter().map(|across| down * across));
+                    let pixels = out.iter_mut().zip(&stamp.across);
+                    pixels.for_each(|(out, across)| *out = down * across);
                 }
             }
             Shape::Airy(airy, width_px) => {

@@ -231,9 +231,9 @@ impl Batch {
 
     /// The state of one object at an instant, as [`States::get`] gives it.
     pub fn state(&self, object: usize, t: Epoch) -> Result<StateVector, u8> {
-        let mut states = [[Err(UNKNOWN)]];
-        self.states_at(&[object], &[t], &mut states);
-        states[0][0]
+        let mut found = Err(UNKNOWN);
+        self.states_at(&[object], &[t], |[state]| found = state);
+        found
     }
 
     /// Brings near to an instant what is integrated step by step. States do not depend on it, the time that they take does.

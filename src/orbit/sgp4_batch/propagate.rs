@@ -90,17 +90,18 @@ impl Batch {
         }
     }
 
-    /// Some objects, each at the same `N` instants, up to [`BLOCK`]; in less time each the more of them there are.
+    /// Some objects, each at the same `N` instants, up to [`BLOCK`]; in less time each the more of them there are. `each` gets the states of one
+    /// after the other, in that order.
     pub fn states_at<const N: usize>(
         &self,
         objects: &[usize],
         when: &[Epoch; N],
-        states: &mut [[Result<StateVector, u8>; N]],
+        mut each: impl FnMut([Result<StateVector, u8>; N]),
     ) {
         const { assert!(N <= BLOCK, "a block has no more places") };
         let instants = Instants::of(when);
         let mut found = vec![BlockStates::NONE; objects.len().min(CHUNK)];
-        for (objects, states) in objects.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
+        for objects in objects.chunks(CHUNK) {
             let alone = objects.iter().map(|object| Alone::<N> {
                 place: self.places.get(*object).copied().unwrap_or(NOBODY) as usize,
                 instants,
@@ -109,8 +110,8 @@ impl Batch {
             let found = &mut found[..objects.len()];
             found.fill(BlockStates::NONE);
             self.answer(&alone, found);
-            for (states, found) in states.iter_mut().zip(&*found) {
-                *states = std::array::from_fn(|i| found.get(i));
+            for states in &*found {
+                each(std::array::from_fn(|i| states.get(i)));
             }
         }
     }

@@ -1,0 +1,93 @@
+//! Who is too faint for an image must be so whatever the camera does.
+
+use crate::glints::oem;
+use hifitime::Epoch;
+use nalgebra::Vector3;
+use skyloop::attitude::{Attitude, VehicleState};
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::engine::Emulator;
+use skyloop::fidelity::Fidelity;
+use skyloop::load::Folder;
+use skyloop::orbit::StateVector;
+use skyloop::orbit::time::parse_utc;
+use skyloop::sky::photometry::Sphere;
+use skyloop::sky::population::Look;
+
+/// 1000 km above an observer who goes with it, the Sun beside them (ICRF, +x).
+const PLACE_KM: [f64; 3] = [0.0, 7000.0, 0.0];
+const VELOCITY_KM_S: [f64; 3] = [-7.5, 0.0, 0.0];
+const BEYOND_KM: f64 = 1000.0;
+/// Objects of these diameters, m, each by a third larger.
+const LEAST_M: f64 = 1e-3;
+const OBJECTS: i32 = 40;
+
+fn mid() -> Epoch {
+    parse_utc("2026-03-20T12:00:00").unwrap()
+}
+
+/// Who is listed while the body turns at `rate` (rad/s) around the camera's x axis.
+fn listed(fidelity: Fidelity, rate: f64) -> Vec<String> {
+    let mut config = Config::defaults().unwrap();
+    config.camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
+    config.camera.exposure_s = 1e-4;
+    config.label_snr = 0.05;
+    config.fidelity = fidelity;
+    config.choice.off.extend(["stars", "planets", "moon"]);
+    let [place, velocity] = [PLACE_KM, VELOCITY_KM_S].map(Vector3::from);
+    for i in 0..OBJECTS {
+        // Side by side, each in columns of its own: 12 deg across in all.
+        let aside = (f64::from(i) - f64::from(OBJECTS) / 2.0) * 5.0;
+        let there = place + Vector3::new(aside, BEYOND_KM, 0.0);
+        let id = format!("OBJECT {i}");
+        let objects = oem::oem(&id, mid(), oem::falling(there, velocity));
+        config.objects.extend(objects);
+        let sphere = Sphere {
+            diameter_m: LEAST_M * (4.0_f64 / 3.0).powi(i),
+            ..Sphere::default()
+        };
+        config.looks.insert(id, Look::Sphere(sphere));
+    }
+    // The camera looks along +y (ICRF), its x axis along ICRF's x.
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let vehicle = VehicleState {
+        epoch: mid(),
+        attitude: Attitude::from_xyzw([half, 0.0, 0.0, half]).unwrap(),
+        rates: Vector3::new(rate, 0.0, 0.0),
+        orbit: Some(StateVector {
+            position_m: place * 1e3,
+            velocity_m_s: velocity * 1e3,
+        }),
+        sequence: 0,
+    };
+    let mut emulator = Emulator::new(&mut config);
+    let label = emulator.shoot(&vehicle, 0).unwrap().label;
+    label
+        .objects
+        .iter()
+        .map(|object| object.id.clone())
+        .collect()
+}
+
+/// An image that runs along with the rows' readout is exposed for much longer than the exposure time.
+#[test]
+fn an_image_that_runs_with_the_readout_is_not_too_faint() {
+    let all = Fidelity {
+        skip_snr: 0.0,
+        ..Fidelity::REALTIME
+    };
+    // X-Val: by hand: rows of 10 um behind 22 mm in 40 us each: 10e-6 / 22e-3 / 40e-6 rad/s.
+    let with_rows = 11.36;
+    let mut counts = Vec::new();
+    for rate in [0.0, with_rows, -with_rows] {
+        let seen = listed(Fidelity::REALTIME, rate);
+        assert_eq!(seen, listed(all, rate), "{rate}");
+        counts.push(seen.len());
+    }
+    println!("{counts:?} of {OBJECTS}");
+    let [still, one, other] = counts[..] else {
+        panic!()
+    };
+    // One way it shows more of them than at rest, and there are some that it does not show.
+    assert!(one.max(other) > still && one.max(other) < OBJECTS as usize && still > 3);
+}
