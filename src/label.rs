@@ -130,7 +130,7 @@ impl<'a> IntoIterator for &'a Objects {
 }
 
 impl Serialize for Objects {
-    /// They are most of a label: their texts are made side by side.
+    /// They are most of a label: their texts are made side by side, which only JSON has a way for.
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         fn texts<T: Serialize + Sync>(all: &[T]) -> serde_json::Result<Vec<Box<RawValue>>> {
             all.par_iter().map(to_raw_value).collect()
