@@ -306,6 +306,11 @@ impl Footprint {
         &self.shares
     }
 
+    /// The first row that it touches.
+    pub fn first_row(&self) -> usize {
+        self.first_row
+    }
+
     /// `(row, first column, shares)` of every row in `rows` that the footprint touches.
     pub fn rows(
         &self,

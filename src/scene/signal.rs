@@ -11,7 +11,6 @@
 use super::{Simulated, View};
 use crate::camera::Detector;
 use crate::footprint::Footprint;
-use std::ops::Range;
 
 /// Pixels that are worked out side by side.
 const LANES: usize = 4;
@@ -60,22 +59,16 @@ impl<'a> Noise<'a> {
         }
     }
 
-    /// Of these pixels those that show nothing of their light.
-    fn blind(&self, pixels: Range<usize>) -> [&[u32]; 2] {
+    /// The pixels from `first` on that show nothing of their light: dead ones, stuck ones.
+    fn blind(&self, first: usize) -> [&'a [u32]; 2] {
         let pattern = &self.detector.pattern;
-        let simulated = self.simulated;
         let lists = [
-            (simulated.dead, pattern.dead()),
-            (simulated.stuck, pattern.stuck()),
+            (self.simulated.dead, pattern.dead()),
+            (self.simulated.stuck, pattern.stuck()),
         ];
         lists.map(|(is_simulated, list)| {
-            let list = if is_simulated { list } else { &[] };
-            let before = |end: usize| list.partition_point(|pixel| (*pixel as usize) < end);
-            let from = before(pixels.start);
-            let past = list[from..]
-                .iter()
-                .take_while(|pixel| (**pixel as usize) < pixels.end);
-            &list[from..from + past.count()]
+            let before = list.partition_point(|pixel| (*pixel as usize) < first);
+            if is_simulated { &list[before..] } else { &[] }
         })
     }
 
@@ -85,16 +78,26 @@ impl<'a> Noise<'a> {
             return 0.0;
         }
         let (detector, mut sums) = (self.detector, [0.0; LANES]);
+        let mut blind = self.blind(footprint.first_row() * detector.width);
         for (row, column, shares) in footprint.rows(0..detector.height) {
             let first = row * detector.width + column;
-            let blind = self.blind(first..first + shares.len());
+            // Rows come in order: what lies before this one is done with.
+            for list in &mut blind {
+                while let Some((pixel, rest)) = list.split_first()
+                    && (*pixel as usize) < first
+                {
+                    *list = rest;
+                }
+            }
             for k in 0..shares.len().div_ceil(LANES) {
                 let from = first + k * LANES;
                 let mut light = lanes_of(shares, k * LANES, 0.0).map(|share| share * electrons);
-                for pixel in blind.into_iter().flatten() {
-                    let i = (*pixel as usize).checked_sub(from);
-                    if let Some(light) = i.and_then(|i| light.get_mut(i)) {
-                        *light = 0.0;
+                for list in blind {
+                    let here = list.iter().map(|pixel| *pixel as usize);
+                    for pixel in here.take_while(|pixel| *pixel < from + LANES) {
+                        if let Some(i) = pixel.checked_sub(from) {
+                            light[i] = 0.0;
+                        }
                     }
                 }
                 self.add(from, column + k * LANES, &light, &mut sums);
