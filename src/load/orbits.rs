@@ -54,7 +54,8 @@ pub fn add_without(
         return Err(ConfigError::Orbit(format!("{name}: {why}")));
     }
     loaded.objects.retain(|object| !without.has(object));
-    let Gathered { joined, refused } = gather(objects, loaded.objects);
+    let mut register = Register::of(objects);
+    let Gathered { joined, refused } = gather(objects, &mut register, loaded.objects);
     let refused = refused.iter().map(|why| format!("{name}: {why}"));
     findings.rejected.extend(refused);
     Ok(joined)
@@ -140,9 +141,8 @@ pub struct Gathered {
     pub refused: Vec<String>,
 }
 
-/// Adds `new` objects to `objects`, element sets of those that are there to them.
-pub fn gather(objects: &mut Vec<Object>, new: Vec<Object>) -> Gathered {
-    let mut register = Register::of(objects);
+/// Adds `new` objects to `objects`, whose `register` it keeps; element sets of those that are there to them.
+pub fn gather(objects: &mut Vec<Object>, register: &mut Register, new: Vec<Object>) -> Gathered {
     let mut gathered = Gathered::default();
     for object in new {
         let place = register.place(&object);
@@ -194,12 +194,13 @@ fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, 
         return skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit(e.to_string()));
     };
     let mut all = Loaded::default();
+    let mut register = Register::default();
     let mut foreign = others;
     for file in files {
         match given(folder, &file) {
             Given::Orbits(loaded) => {
                 all.rejected.extend(loaded.rejected);
-                for reason in gather(&mut all.objects, loaded.objects).refused {
+                for reason in gather(&mut all.objects, &mut register, loaded.objects).refused {
                     all.rejected.push(Rejected {
                         source: file.clone(),
                         line: 1,

@@ -1,10 +1,11 @@
 //! Who is there already: objects by what they are called, in whatever form it is given.
 
-use skyloop_orbit::{Designator, Object, Orbit};
+use skyloop_orbit::{Designator, Object, Orbit, catalogue_number};
 use std::collections::HashMap;
 
-/// Objects and their places in a list. The same object is one of the same id; a bare catalogue number is an id too; and an ephemeris
-/// is joined with element sets by the international designator, which is all that agencies call it by.
+/// Objects and their places in a list. The same object is one of the same id; of an ephemeris the catalogue number counts however it is
+/// written, and the international designator, which is all that agencies call it by. Element sets of one designator and two
+/// numbers are two objects.
 #[derive(Debug, Default)]
 pub struct Register {
     ids: HashMap<String, usize>,
@@ -34,8 +35,15 @@ impl Register {
     /// The place of the object that this one is.
     pub fn place(&self, object: &Object) -> Option<usize> {
         let by_id = self.ids.get(&id(object));
-        let of_other_kind = |designator| (designator, !is_ephemeris(object));
-        let by_designator = || self.designators.get(&of_other_kind(object.designator?));
+        let kinds = match is_ephemeris(object) {
+            true => &[true, false][..],
+            false => &[true],
+        };
+        let by_designator = || {
+            let designator = object.designator?;
+            let known = |kind: &bool| self.designators.get(&(designator, *kind));
+            kinds.iter().find_map(known)
+        };
         by_id.or_else(by_designator).copied()
     }
 
@@ -49,10 +57,64 @@ fn is_ephemeris(object: &Object) -> bool {
     matches!(object.orbit, Orbit::Ephemeris(_))
 }
 
-/// The object's id; an OEM may have the catalogue number alone.
+/// The object's id; an OEM may write the catalogue number in its own way.
 fn id(object: &Object) -> String {
-    match object.id.parse::<u32>() {
-        Ok(number) if is_ephemeris(object) => format!("NORAD {number}"),
+    match catalogue_number(&object.id) {
+        Some(number) if is_ephemeris(object) => format!("NORAD {number}"),
         _ => object.id.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: String) -> Object {
+        let mut loaded = skyloop_orbit::parse(&text, "here").unwrap();
+        loaded.objects.swap_remove(0)
+    }
+
+    fn ephemeris(id: &str) -> Object {
+        read(format!(
+            "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = A\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
+             TIME_SYSTEM = UTC\nSTART_TIME = 2000-06-27T00:00:00\nSTOP_TIME = 2000-06-27T00:00:10\nMETA_STOP\n\
+             2000-06-27T00:00:00 7000 0 0 0 7.5 0\n2000-06-27T00:00:10 7000 75 0 0 7.5 0\n"
+        ))
+    }
+
+    fn set(number: u32, designator: &str) -> Object {
+        read(format!(
+            "OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\n\
+             {designator},2026-07-12T03:04:05,15.2,.001,97.5,120,90,270,{number},0\n"
+        ))
+    }
+
+    #[test]
+    fn an_ephemeris_is_known_however_it_is_called() {
+        let alike = |one: &Object, other: &Object| {
+            let [there, back] = [(one, other), (other, one)]
+                .map(|(known, new)| Register::of(std::slice::from_ref(known)).has(new));
+            assert_eq!(there, back, "{} {}", one.id, other.id);
+            there
+        };
+        let vanguard = set(5, "1958-002B");
+        let calls = ["1958-002B", "58002B", "1958-2B", "1958-02b"];
+        let numbers = ["5", "00005", "NORAD 5", "NORAD5", "norad 5", "Norad_00005"];
+        for id in calls.iter().chain(&numbers) {
+            assert!(alike(&vanguard, &ephemeris(id)), "{id}");
+        }
+        for same in [&calls[..], &numbers] {
+            for other in same {
+                assert!(alike(&ephemeris(same[0]), &ephemeris(other)), "{other}");
+            }
+        }
+        for other in ["1958-002A", "1958-20B", "6", "NORAD 55", "NORADIA 5", "A"] {
+            assert!(!alike(&vanguard, &ephemeris(other)), "{other}");
+            assert!(
+                !alike(&ephemeris("1958-002B"), &ephemeris(other)),
+                "{other}"
+            );
+        }
+        assert!(!alike(&vanguard, &set(6, "1958-002B")));
     }
 }

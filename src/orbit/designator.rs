@@ -2,6 +2,7 @@
 
 use crate::record::long_designator;
 use std::num::NonZeroU16;
+use std::ops::RangeInclusive;
 
 /// A launch and its piece, `1998-067A`, in 8 octets: catalogues are long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -13,13 +14,14 @@ pub struct Designator {
 }
 
 impl Designator {
-    /// From `1998-067A`, or the `98067A` of a TLE; nothing where the text is none, such as `UNKNOWN`.
+    /// From `1998-067A`, with or without the launch's leading zeros, or the `98067A` of a TLE; nothing where the text is none,
+    /// such as `UNKNOWN`.
     pub fn parse(text: &str) -> Option<Self> {
         let long = long_designator(text);
         let (year, rest) = long.split_once('-')?;
-        let (launch, letters) = rest.split_at_checked(3)?;
-        let number = |text: &str, digits: usize| -> Option<u16> {
-            let all = text.len() == digits && text.bytes().all(|b| b.is_ascii_digit());
+        let (launch, letters) = rest.split_at(rest.find(|c: char| !c.is_ascii_digit())?);
+        let number = |text: &str, digits: RangeInclusive<usize>| -> Option<u16> {
+            let all = digits.contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit());
             all.then(|| text.parse().ok())?
         };
         let mut piece = [0; 3];
@@ -29,8 +31,8 @@ impl Designator {
         }
         piece.get_mut(..letters.len())?.copy_from_slice(letters);
         Some(Designator {
-            year: NonZeroU16::new(number(year, 4)?)?,
-            launch: number(launch, 3)?,
+            year: NonZeroU16::new(number(year, 4..=4)?)?,
+            launch: number(launch, 1..=3)?,
             piece: piece.map(|letter| letter.to_ascii_uppercase()),
         })
     }
@@ -44,7 +46,7 @@ mod tests {
     fn all_ways_of_writing_one_are_the_same() {
         let zarya = Designator::parse("1998-067A");
         assert!(zarya.is_some());
-        for text in ["98067A", " 98067A  ", "1998-067a"] {
+        for text in ["98067A", " 98067A  ", "1998-067a", "1998-67A", "1998-67a"] {
             assert_eq!(Designator::parse(text), zarya, "{text}");
         }
         for other in ["1998-067B", "1998-067AA", "1998-068A", "1999-067A"] {
@@ -59,7 +61,8 @@ mod tests {
             "",
             "UNKNOWN",
             "1998-067",
-            "1998-67A",
+            "1998-A",
+            "1998-0067A",
             "1998-067ABCD",
             "1998-067é",
             "25544",

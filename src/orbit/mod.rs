@@ -48,7 +48,7 @@ pub use age::{Ages, FRESH_DAYS};
 pub use designator::Designator;
 pub use format::Format;
 pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
-pub use pick::file_and_name;
+pub use pick::{catalogue_number, file_and_name};
 pub use record::Record;
 pub use regime::Regime;
 pub use sgp4;

@@ -77,6 +77,17 @@ impl Loaded {
     }
 }
 
+/// The catalogue number that an id or a selector gives: `NORAD 5`, `norad5` or, as in element lines, `00005`.
+pub fn catalogue_number(text: &str) -> Option<u32> {
+    let text = text.trim();
+    let named = text
+        .split_at_checked(5)
+        .filter(|(word, _)| word.eq_ignore_ascii_case("NORAD"));
+    let digits = named.map_or(text, |(_, rest)| rest.trim_start_matches([' ', '_', '-']));
+    let is_number = digits.bytes().all(|b| b.is_ascii_digit());
+    is_number.then(|| digits.parse().ok())?
+}
+
 fn list<'a>(objects: impl Iterator<Item = &'a Object>) -> String {
     let labels: Vec<String> = objects.take(SHOWN + 1).map(Object::label).collect();
     match labels.len() {
@@ -88,13 +99,11 @@ fn list<'a>(objects: impl Iterator<Item = &'a Object>) -> String {
 
 impl Object {
     fn is_called(&self, name: &str) -> bool {
-        // As a number, so that the `00005` of the element lines is 5.
-        let number = |text: &str| text.parse::<u32>().ok();
-        let norad = self.id.strip_prefix("NORAD ").and_then(number);
+        let number = catalogue_number(&self.id);
         let names = self.names.iter().map(String::as_str);
         let mut known = names.chain([self.id.as_str()]);
         known.any(|known| known.eq_ignore_ascii_case(name))
-            || norad.is_some_and(|norad| number(name) == Some(norad))
+            || number.is_some() && number == catalogue_number(name)
     }
 }
 
@@ -137,7 +146,7 @@ mod tests {
 
     #[test]
     fn by_id_number_or_name() {
-        for name in ["NORAD 5", "5", "00005", "Vanguard 1"] {
+        for name in ["NORAD 5", "norad5", "5", "00005", "Vanguard 1"] {
             assert_eq!(pick(0..9, Some(name)).unwrap(), "NORAD 5 1", "{name}");
         }
         assert_eq!(pick(3..6, None).unwrap(), "NORAD 6251 0");

@@ -114,3 +114,51 @@ fn help_of_catalog_speaks_of_no_scene() {
         assert!(!out.contains("scene"), "{out}");
     }
 }
+
+#[test]
+fn check_refuses_what_a_scene_refuses() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let file = |name: &str, text: &str| std::fs::write(at.join(name), text).unwrap();
+    file("delta.3le", DELTA);
+    std::fs::create_dir(at.join("orbits")).unwrap();
+    file("orbits/a.3le", VANGUARD);
+    let oem = |id: &str| {
+        format!(
+            "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = V\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
+             TIME_SYSTEM = UTC\nSTART_TIME = 2006-06-25T19:00:00\nSTOP_TIME = 2006-06-25T21:00:00\nMETA_STOP\n\
+             2006-06-25T19:00:00 7000 0 0 0 7.5 0\n2006-06-25T21:00:00 7000 75 0 0 7.5 0\n"
+        )
+    };
+    file("orbits/b.oem", &oem("58002B"));
+    file("orbits/c.oem", &oem("1959-001A"));
+    file("orbits/d.oem", &oem("59001A"));
+    file("scene.toml", &scene("\"orbits\""));
+    let refused = [
+        "orbits/b.oem:1: 58002B (V) is NORAD 5 (VANGUARD 1) in an earlier file: keep one of the two",
+        "orbits/d.oem:1: 59001A (V) is 1959-001A (V) in an earlier file: keep one of the two",
+    ];
+    let (code, out, log) = run(at, &["catalog", "check", "orbits"]);
+    assert_eq!(code, Some(0), "{log}");
+    has(&out, &refused);
+    has(
+        &out,
+        &["4 files: 4 records of 2 objects; 2 records and 0 files"],
+    );
+    let (code, out, log) = run(at, &["catalog", "info", "orbits"]);
+    assert_eq!(code, Some(0));
+    has(&out, &["2 objects\n"]);
+    has(
+        &log,
+        &[
+            "orbits/b.oem: 58002B (V) is NORAD 5",
+            "orbits/d.oem: 59001A (V) is",
+        ],
+    );
+    let render = ["render", "--scene", "scene.toml", "--out", "o"];
+    let (code, out, log) = run(at, &render);
+    assert_eq!(code, Some(0), "{log}");
+    has(&log, &refused);
+    let words = |line: &str| line.split_whitespace().eq(["objects", "2"]);
+    assert!(out.lines().any(words), "{out}");
+}

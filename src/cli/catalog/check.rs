@@ -6,9 +6,10 @@ use clap::Args as ClapArgs;
 use hifitime::Epoch;
 use serde::Serialize;
 use skyloop::effect::counted;
-use skyloop::load::orbits::passed_over;
+use skyloop::load::Register;
+use skyloop::load::orbits::{gather, passed_over};
 use skyloop::orbit::time::utc_text;
-use skyloop::orbit::{Contents, Object, Orbit, Record, Rejected};
+use skyloop::orbit::{Contents, Loaded, Object, Orbit, Record, Rejected};
 use skyloop_firmware_sim::console::say;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -94,7 +95,7 @@ impl From<Rejected> for Refusal {
 /// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut report = Report::default();
-    let mut ids = BTreeSet::new();
+    let mut all = All::default();
     let mut missing = 0;
     for source in sources(&args.files, &mut report.passed_over)? {
         missing += usize::from(source.is_missing());
@@ -102,7 +103,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             report.passed_over.push(shown(&source.file));
             continue;
         }
-        let file = of_source(source, &mut ids);
+        let file = of_source(source, &mut all);
         report.records += file.records;
         report.rejected += file.rejected.len();
         report.unusable += usize::from(file.error.is_some());
@@ -112,7 +113,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         report.files.push(file);
     }
     report.passed_over.sort();
-    report.objects = ids.len();
+    report.objects = all.objects.len();
     if args.json {
         say(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
     } else {
@@ -153,14 +154,28 @@ impl Report {
     }
 }
 
-/// Looks at a file; the ids of its objects are added to `ids`.
-fn of_source(source: Source, ids: &mut BTreeSet<String>) -> FileReport {
+/// The objects of all files.
+#[derive(Default)]
+struct All {
+    objects: Vec<Object>,
+    register: Register,
+}
+
+/// Looks at a file; its objects are added to `all` as a scene would do, and what it would refuse is refused.
+fn of_source(source: Source, all: &mut All) -> FileReport {
     let file = shown(&source.file);
     match source.contents {
-        Ok(contents) => FileReport {
-            file,
-            ..of_contents(contents, ids)
-        },
+        Ok(contents) => {
+            let mut report = of_contents(&contents);
+            let Loaded { objects, rejected } = Loaded::from(contents);
+            let refused = gather(&mut all.objects, &mut all.register, objects).refused;
+            let twice = refused
+                .into_iter()
+                .map(|reason| Refusal { line: 1, reason });
+            report.rejected = rejected.into_iter().map(Refusal::from).collect();
+            report.rejected.extend(twice);
+            FileReport { file, ..report }
+        }
         Err(error) => FileReport {
             file,
             error: Some(error.to_string()),
@@ -169,14 +184,12 @@ fn of_source(source: Source, ids: &mut BTreeSet<String>) -> FileReport {
     }
 }
 
-fn of_contents(contents: Contents, ids: &mut BTreeSet<String>) -> FileReport {
+fn of_contents(contents: &Contents) -> FileReport {
     let (records, ephemerides) = (&contents.records, &contents.ephemerides);
     let mut sets: BTreeMap<String, usize> = BTreeMap::new();
     for record in records {
         *sets.entry(record.object_id()).or_default() += 1;
     }
-    ids.extend(sets.keys().cloned());
-    ids.extend(ephemerides.iter().map(|object| object.id.clone()));
     let (first, last) = epochs(records, ephemerides).unzip();
     let numbers: BTreeSet<u32> = records.iter().map(|record| record.elements.norad).collect();
     let several = sets.iter().filter(|(_, count)| **count > 1);
@@ -189,7 +202,6 @@ fn of_contents(contents: Contents, ids: &mut BTreeSet<String>) -> FileReport {
         beyond_99999: numbers.range(100_000..).count(),
         several_sets: several.map(|(id, count)| (id.clone(), *count)).collect(),
         stateless: records.iter().filter_map(stateless).collect(),
-        rejected: contents.rejected.into_iter().map(Refusal::from).collect(),
         ..FileReport::default()
     }
 }

@@ -6,6 +6,7 @@ use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::effect::counted;
+use skyloop::load::Register;
 use skyloop::load::orbits::{gather, passed_over};
 use skyloop::orbit::elements::Elements;
 use skyloop::orbit::time::utc_text;
@@ -90,13 +91,18 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 fn objects(args: &Args) -> anyhow::Result<Loaded> {
     let mut rejected = Vec::new();
     let mut all = Loaded::default();
+    let mut register = Register::default();
     let mut foreign = Vec::new();
     for source in sources(&args.files, &mut foreign)? {
         let file = shown(&source.file);
         let Some(contents) = readable(source, &mut rejected, &mut foreign)? else {
             continue;
         };
-        let gathered = gather(&mut all.objects, Loaded::from(contents).objects);
+        let gathered = gather(
+            &mut all.objects,
+            &mut register,
+            Loaded::from(contents).objects,
+        );
         let refused = gathered.refused.iter().map(|why| format!("{file}: {why}"));
         rejected.extend(refused);
     }
