@@ -16,7 +16,7 @@ use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::Catalog;
 use crate::sky::starlight::StarLight;
 use hifitime::{Epoch, Unit};
-use skyloop_orbit::{Ages, FRESH_DAYS};
+use skyloop_orbit::Ages;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -179,11 +179,11 @@ impl Emulator {
         })
     }
 
-    /// The ages of element sets, where most are of another time: told once, and asked again where the time has gone on by as much as
-    /// sets may be old.
+    /// The ages of element sets, where most are of another time: told once, and asked again after each day of the scene's
+    /// time.
     fn old(&mut self, at: Epoch) -> Option<Ages> {
         let (asked, told) = self.ages;
-        let is_near = |asked: Epoch| (asked - at).abs().to_unit(Unit::Day) < FRESH_DAYS;
+        let is_near = |asked: Epoch| (asked - at).abs() < Unit::Day * 1;
         if told || asked.is_some_and(is_near) {
             return None;
         }

@@ -94,8 +94,8 @@ impl RunStats {
     }
 }
 
-/// Objects that could not be shown because their orbit had no state at a frame, old elements, particles that are too many, and light that
-/// hides all else.
+/// Objects that could not be shown because their orbit had no state at a frame, old elements, objects beside the observer, particles that are
+/// too many, and light that hides all else.
 #[derive(Debug, Clone, Default)]
 pub struct Absent {
     /// How many, summed over the frames.
@@ -103,11 +103,14 @@ pub struct Absent {
     named: usize,
     crowded: bool,
     flooded: bool,
+    near: bool,
 }
 
 impl Absent {
     /// Objects that are named in the log; of more, only their number.
     const NAMED: usize = 5;
+    /// Nearer than this (km) element sets do not tell a neighbour from what is docked to the observer's own vehicle.
+    const NEAR_KM: f64 = 10.0;
 
     /// Counts those of a shot, and names each in the log once; once too that not all particles are drawn.
     pub fn report(&mut self, shot: &Shot) {
@@ -130,6 +133,10 @@ impl Absent {
         if let Some(ages) = &shot.old {
             tracing::warn!("frame {}: {ages}", shot.number);
         }
+        if let Some(near) = beside(shot).filter(|_| !self.near) {
+            self.near = true;
+            tracing::warn!("frame {}: {near}", shot.number);
+        }
         self.count = self.count.wrapping_add(shot.unknown.count as u32);
         let mut more = 0;
         for error in &shot.unknown.news {
@@ -149,6 +156,30 @@ impl Absent {
             );
         }
     }
+}
+
+/// Who is in the field and so near to the observer that it may be a part of its vehicle.
+fn beside(shot: &Shot) -> Option<String> {
+    let near = shot.label.objects.iter().filter_map(|object| {
+        let range_km = object.rso.as_ref()?.range_km;
+        let name = object.names.first().unwrap_or(&object.id);
+        (range_km < Absent::NEAR_KM).then(|| format!("{name} at {range_km:.3} km"))
+    });
+    let near: Vec<String> = near.collect();
+    let some = near.get(..Absent::NAMED).unwrap_or(&near).join(", ");
+    let more = if near.len() > Absent::NAMED {
+        ", ..."
+    } else {
+        ""
+    };
+    (!near.is_empty()).then(|| {
+        format!(
+            "{} in the field within {} km of the observer ({some}{more}): what is docked to its vehicle fills the field with light: take \
+             it out of the files of objects",
+            counted(near.len(), "object"),
+            Absent::NEAR_KM
+        )
+    })
 }
 
 /// A row of a table.

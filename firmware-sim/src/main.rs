@@ -25,7 +25,7 @@ use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
 use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion, whole};
 use skyloop_orbit::time::parse_utc;
-use skyloop_orbit::{LoadError, file_and_name, read_text};
+use skyloop_orbit::{Ages, LoadError, file_and_name, read_text};
 use skyloop_protocols::Fault;
 
 /// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
@@ -168,7 +168,8 @@ fn mission(args: &Args) -> Result<Mission> {
         Some(epoch) => epoch,
         None => Epoch::now().map_err(|error| anyhow!("no system time ({error}): give --epoch"))?,
     };
-    let orbit = args.orbit.as_deref().map(orbit).transpose()?;
+    let orbit = args.orbit.as_deref().map(|text| orbit(text, start));
+    let orbit = orbit.transpose()?;
     let timeout = Duration::from_secs_f64(args.timeout);
     let pace = match args.wall {
         true => Pace::Wall {
@@ -212,7 +213,7 @@ fn profile(args: &Args, start: Epoch) -> Result<Profile> {
 }
 
 /// The object that `FILE[:NAME]` names.
-fn orbit(text: &str) -> Result<OrbitSource> {
+fn orbit(text: &str, start: Epoch) -> Result<OrbitSource> {
     let (file, name) = file_and_name(text, |file| Path::new(file).exists());
     if Path::new(file).is_dir() {
         bail!(
@@ -232,6 +233,9 @@ fn orbit(text: &str) -> Result<OrbitSource> {
             "skyloop-fc: and {} more records of {file} are no use",
             rejected.len() - 5
         );
+    }
+    if let Some(ages) = Ages::of(std::slice::from_ref(&object), start).filter(Ages::are_old) {
+        eprintln!("skyloop-fc: {}: {ages}", object.label());
     }
     Ok(orbit_of(object))
 }

@@ -196,6 +196,12 @@ fn errors_say_what_to_do() {
     let hold = ["--hold", "0,0,0,1"];
     let orbit = oem("errors.oem");
     let pick = format!("{orbit}:OTHER");
+    // X-Val: Vallado et al. 2006, AIAA 2006-6753, verification set 00005, of the year 2000.
+    let old = file(
+        "old.3le",
+        "VANGUARD 1\n1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+         2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n",
+    );
     let bad_list = file(
         "attitudes.txt",
         "2019-06-15T23:35:50 0 0 0 1\nnow 0 0 0 1\n",
@@ -232,6 +238,10 @@ fn errors_say_what_to_do() {
         (
             &["--nadir", "--orbit", "/dev/zero"],
             "cannot read the orbit file /dev/zero: not a text file",
+        ),
+        (
+            &["--nadir", "--orbit", &old],
+            "NORAD 5 (VANGUARD 1): old elements: 1 of 1 are more than 14 days",
         ),
         (&["--attitudes", "/dev/zero"], "not a text file"),
         (&["--attitudes", &bad_list], "attitudes.txt:2: \"now\""),

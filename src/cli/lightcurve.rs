@@ -1,6 +1,6 @@
 //! `skyloop lightcurve`: the magnitude of an object against time, as an observer in orbit sees it.
 
-use super::{Records, progress, scene, scene_name, warn_of_old};
+use super::{Records, progress, scene, scene_name, warn_of_observer, warn_of_old};
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
@@ -62,6 +62,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if Register::of(std::slice::from_ref(&*observer)).has(object) {
         bail!("--object {}: that is the observer itself", object.label());
     }
+    let last = span.epochs().last().unwrap_or(span.from);
+    warn_of_observer(&observer, [span.from, last]);
     warn_of_old(&population.objects()[index..=index], span.from);
     let bar = progress(span.points, "points");
     let mut points = Vec::new();

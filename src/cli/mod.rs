@@ -19,7 +19,7 @@ use clap::builder::PossibleValuesParser;
 use clap::{Parser, Subcommand};
 use hifitime::Epoch;
 use indicatif::{ProgressBar, ProgressStyle};
-use skyloop::config::Config;
+use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::flight;
 use skyloop::load::orbits::several_sets;
@@ -189,13 +189,25 @@ fn warn_of_old(objects: &[Object], at: Epoch) {
     }
 }
 
+/// Warns where an observer's element sets are of another time than the `ends` of a run.
+fn warn_of_observer(observer: &Object, ends: [Epoch; 2]) {
+    let at = |end| Ages::of(std::slice::from_ref(observer), end).filter(Ages::are_old);
+    if let Some(ages) = ends.into_iter().find_map(at) {
+        tracing::warn!("the observer, {}: {ages}", observer.label());
+    }
+}
+
 /// The mission of a configuration; an error names the scene file that it comes from.
 fn mission(config: &Config, scene: Option<&Path>) -> anyhow::Result<Mission> {
-    let mission = flight::mission(config);
-    match scene {
-        Some(scene) => mission.with_context(|| scene.display().to_string()),
-        None => Ok(mission?),
+    let mission = match (flight::mission(config), scene) {
+        (mission, Some(scene)) => mission.with_context(|| scene.display().to_string())?,
+        (mission, None) => mission?,
+    };
+    if let Some(Observer::Object(observer)) = &config.observer {
+        let last = mission.epoch(mission.frames.saturating_sub(1));
+        warn_of_observer(observer, [mission.start, last]);
     }
+    Ok(mission)
 }
 
 /// The output levels that `--output` takes.

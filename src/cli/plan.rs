@@ -1,6 +1,6 @@
 //! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and what it saves.
 
-use super::{Records, mission, progress, scene, scene_name};
+use super::{Records, mission, progress, scene, scene_name, warn_of_old};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
@@ -96,6 +96,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         camera: emulator.camera(),
         vehicle: flight::vehicle(&mission, args.frame)?,
     };
+    warn_of_old(emulator.world().population.objects(), bench.vehicle.epoch);
     let fidelity = emulator.fidelity();
     let report = Report {
         scene: scene_name(args.scene.as_deref()),

@@ -1,5 +1,6 @@
 //! The binary: what it makes, and what it says of wrong inputs.
 
+mod beside;
 mod catalog;
 mod folders;
 mod ground;
