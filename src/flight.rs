@@ -30,6 +30,11 @@ pub enum FlightError {
          give the observer's --state or --orbit ([observer] orbit in a scene)"
     )]
     NoObserver,
+    /// The Earth is below somebody.
+    #[error(
+        "nadir pointing needs an orbit: give the observer's --state or --orbit ([observer] orbit in a scene)"
+    )]
+    NadirOfNobody,
     /// A place inside the Earth.
     #[error(
         "{key} = {value}: at {} it is {position_km:?} km (GCRF), {:.1} km from the Earth's centre and below the ground (WGS84): must be above it; \
@@ -87,11 +92,15 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     if orbit.is_none() && !config.objects.is_empty() {
         return Err(FlightError::NoObserver);
     }
+    let profile = profile(sequence)?;
+    if orbit.is_none() && matches!(profile, Profile::Nadir) {
+        return Err(FlightError::NadirOfNobody);
+    }
     let mission = Mission {
         start: sequence.epoch,
         period_s: sequence.period_s,
         frames: sequence.frames,
-        profile: profile(sequence)?,
+        profile,
         orbit,
         timeout: TIMEOUT,
         pace: Pace::Stepped { most_hz: None },

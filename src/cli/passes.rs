@@ -3,7 +3,7 @@
 use super::lightcurve::find;
 use super::pointing::Pointing;
 use super::render::{Numbers, state_km};
-use super::{Records, progress, scene, scene_name, warn_of_old};
+use super::{Records, progress, scene, scene_name, warn_of_observer, warn_of_old};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
@@ -14,6 +14,7 @@ use skyloop::orbit::time::{parse_utc, utc_text};
 use skyloop::output::passes::{Row, Searched, csv, json, table};
 use skyloop::passes::{NoPasses, Passes, Search, passes};
 use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::profile::ProfileError;
 use skyloop_firmware_sim::text::number;
 use std::io::Write;
 use std::path::PathBuf;
@@ -142,8 +143,14 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 /// What helps where the scene's attitudes or orbit end.
 fn remedy(error: &NoPasses) -> &'static str {
     match error {
-        NoPasses::Flight(FlightError::Profile(_)) => {
-            "; or choose --from and --to within what is known, or give --attitude, --radec, --nadir, --orbit or --state"
+        NoPasses::Flight(FlightError::Profile(ProfileError::OutsideList(_))) => {
+            "; or choose --from and --to within what is known, or give --attitude, --radec or --nadir"
+        }
+        NoPasses::Flight(FlightError::Profile(ProfileError::Orbit { .. })) => {
+            "; or choose --from and --to within what is known, or give the observer's --orbit or --state"
+        }
+        NoPasses::Flight(FlightError::Profile(ProfileError::NoPlane { .. })) => {
+            "; give --attitude or --radec"
         }
         _ => "",
     }
@@ -205,6 +212,9 @@ fn vehicle(
     };
     if let Some(sequence) = args.pointing.sequence(search.from, &config.camera)? {
         config.sequence = Some(sequence);
+    }
+    if let Observer::Object(object) = &observer {
+        warn_of_observer(object, [search.from, search.to]);
     }
     let orbit = flight::orbit(&observer, search.from);
     let Some(sequence) = &config.sequence else {

@@ -131,30 +131,33 @@ impl Moment {
     }
 }
 
-/// A table for people; times of day follow those of entries.
+/// A table for people. Of stays within a day the time of day is told when objects are nearest and leave, else the date too.
 pub fn table(rows: &[Row]) -> String {
+    let within_a_day = rows.iter().all(|row| {
+        let [day, others @ ..] = [&row.enters, &row.nearest, &row.leaves].map(|at| date(&at.utc));
+        others.iter().all(|other| *other == day)
+    });
+    let (when, width): (fn(&str) -> &str, usize) = match within_a_day {
+        true => (time_of_day, 12),
+        false => (|utc| utc, 24),
+    };
     let mut text = format!(
-        "{:<24} {:<24} {:<12} {:<12} {:>8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>9} {:>8} {:>13} {:>13}  {}\n",
+        "{:<24} {:<24} {:<width$} {:<width$} {:>8} {:>7} {:>9} {:>9} {:>8} {:>8} {:>9} {:>8} {:>13} {:>13}  {}\n",
         "object",
         "enters, UTC",
         "nearest",
         "leaves",
         "s",
         "lit, s",
-        "nearest",
-        "peak",
-        "enters",
-        "leaves",
-        "least",
+        "off, deg",
+        "peak mag",
+        "mag in",
+        "mag out",
+        "least km",
         "px/s",
-        "enters",
-        "leaves",
+        "px in",
+        "px out",
         "dark"
-    );
-    let _ = writeln!(
-        text,
-        "{:<24} {:<24} {:<12} {:<12} {:>8} {:>7} {:>7} {:>6} {:>6} {:>6} {:>9} {:>8} {:>13} {:>13}",
-        "", "", "", "", "", "", "deg", "mag", "mag", "mag", "km", "", "px", "px"
     );
     for row in rows {
         let mag = |at: Option<&Moment>| {
@@ -168,11 +171,11 @@ pub fn table(rows: &[Row]) -> String {
         };
         let _ = writeln!(
             text,
-            "{:<24} {:<24} {:<12} {:<12} {:>8} {:>7.1} {:>7.3} {:>6} {:>6} {:>6} {:>9.1} {:>8.2} {:>13} {:>13}  {}",
+            "{:<24} {:<24} {:<width$} {:<width$} {:>8} {:>7.1} {:>9.3} {:>9} {:>8} {:>8} {:>9.1} {:>8.2} {:>13} {:>13}  {}",
             name.chars().take(24).collect::<String>(),
             row.enters.utc,
-            time_of_day(&row.nearest.utc),
-            time_of_day(&row.leaves.utc),
+            when(&row.nearest.utc),
+            when(&row.leaves.utc),
             // What is cut by the search's ends lasts longer.
             match row.in_field_at_start || row.in_field_at_end {
                 true => format!(">{:.1}", row.duration_s),
@@ -191,6 +194,11 @@ pub fn table(rows: &[Row]) -> String {
         );
     }
     text
+}
+
+/// The date of a date and time, `2019-06-15`.
+fn date(utc: &str) -> &str {
+    utc.split_once('T').unwrap_or_default().0
 }
 
 /// The time of a date and time, `23:35:50.000`.

@@ -1,6 +1,7 @@
 //! A frame without a scene file: the README's example, and where `--radec` and `--nadir` look.
 
 use crate::{EPOCH, STATE, skyloop};
+use nalgebra::Vector3;
 use serde_json::Value;
 use std::path::Path;
 
@@ -96,14 +97,19 @@ fn the_boresight_is_where_radec_says_whatever_the_mounting() {
         for (axis, wanted) in wanted.iter().enumerate() {
             assert!((rows[2][axis] - wanted).abs() < 1e-12, "{camera}: {rows:?}");
         }
-        // Up is 30 deg from north, which has the cosine of the declination of the pole's direction.
-        let up = dec.cos() * 30.0_f64.to_radians().cos();
-        assert!((-rows[1][2] - up).abs() < 1e-12, "{camera}: {rows:?}");
+        // X-Val: by hand: north and east of that direction; up is 30 deg from north, through east.
+        let north = [-dec.sin() * ra.cos(), -dec.sin() * ra.sin(), dec.cos()];
+        let east = [-ra.sin(), ra.cos(), 0.0];
+        let roll = 30.0_f64.to_radians();
+        for axis in 0..3 {
+            let up = north[axis] * roll.cos() + east[axis] * roll.sin();
+            assert!((-rows[1][axis] - up).abs() < 1e-12, "{camera}: {rows:?}");
+        }
     }
 }
 
 #[test]
-fn nadir_is_where_the_earth_is_in_every_frame() {
+fn nadir_is_where_the_earth_is_in_every_frame_and_x_goes_ahead() {
     let here = tempfile::tempdir().unwrap();
     let words =
         format!("render --epoch {EPOCH} --state {STATE} --nadir --frames 2 --period 60 --out o");
@@ -111,16 +117,17 @@ fn nadir_is_where_the_earth_is_in_every_frame() {
     let labels = labels(&here.path().join("o"));
     assert_eq!(labels.len(), 2);
     for label in labels {
-        let (state, boresight) = (
-            vector(&label["state_gcrf_km"]),
-            vector(&label["r_icrf_to_camera"][2]),
-        );
-        let range = state[..3].iter().map(|x| x * x).sum::<f64>().sqrt();
-        for axis in 0..3 {
-            assert!(
-                (boresight[axis] + state[axis] / range).abs() < 1e-9,
-                "{boresight:?} {state:?}"
-            );
+        let state = vector(&label["state_gcrf_km"]);
+        let [position, velocity] =
+            [0, 3].map(|first| Vector3::from_column_slice(&state[first..first + 3]));
+        // X-Val: by hand: +Y against the orbit's normal r x v, +X perpendicular to both, to where the velocity is.
+        let (z, y) = (-position.normalize(), velocity.cross(&position).normalize());
+        let x = y.cross(&z);
+        assert!(x.dot(&velocity) > 0.99 * velocity.norm());
+        for (row, axis) in [x, y, z].iter().enumerate() {
+            let seen = vector(&label["r_icrf_to_camera"][row]);
+            let off = (Vector3::from_column_slice(&seen) - axis).norm();
+            assert!(off < 1e-9, "{row}: {seen:?} {axis:?}");
         }
     }
 }
@@ -134,7 +141,11 @@ fn ways_to_point_exclude_each_other() {
         ("", 2, "--radec"),
         ("--radec 0,91,0", 1, "DEC -90 to 90"),
         ("--radec 0,0", 2, "3 numbers are wanted, not 2"),
-        ("--nadir", 1, "needs an orbit"),
+        (
+            "--nadir",
+            1,
+            "needs an orbit: give the observer's --state or --orbit",
+        ),
     ] {
         let (got, _, log) = run(
             here.path(),

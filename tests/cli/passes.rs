@@ -98,6 +98,13 @@ fn wrong_inputs_are_named_with_what_helps() {
         &early,
         &["no attitude", "23:35:50", "--attitude", "--nadir"],
     );
+    let away = ["--nadir", "--to", "2019-06-16T00:00:00Z"];
+    refused(&away, &["or give the observer's --orbit or --state"]);
+    let up = ["--nadir", "--state", "7000,0,0,7,0,0"];
+    refused(
+        &up,
+        &["span no orbital plane", "give --attitude or --radec"],
+    );
     let turned = ["--to", "2019-06-15T23:35:50Z"];
     refused(&turned, &["the end must lie after the start"]);
     refused(&["--to", "2029-06-15T23:35:50Z"], &["days", "31"]);
@@ -118,4 +125,111 @@ fn wrong_inputs_are_named_with_what_helps() {
         &with(&["--state", STATE, "--nadir"]),
         &["no objects", "population"],
     );
+}
+
+/// A made-up catalogue of so many objects, and a scene of it, seen from its first.
+fn made_up(at: &Path, objects: &str) {
+    let synth = ["catalog", "synth", "--out", "my.3le", "--objects", objects];
+    assert!(skyloop(at).args(synth).output().unwrap().status.success());
+    let scene = "camera = \"fai-nir\"\n[observer]\norbit = \"my.3le:130001\"\n[objects]\nfiles = [\"my.3le\"]\n";
+    std::fs::write(at.join("scene.toml"), scene).unwrap();
+}
+
+#[test]
+fn who_is_in_the_field_and_where_is_what_frames_have() {
+    let here = tempfile::tempdir().unwrap();
+    made_up(here.path(), "2000");
+    let looks = ["--radec", "90,0,0"];
+    let ends = ["2026-06-01T00:00:00Z", "2026-06-01T00:01:00Z"];
+    let flags = [
+        &[
+            "--scene",
+            "scene.toml",
+            "--from",
+            ends[0],
+            "--to",
+            ends[1],
+            "--json",
+        ][..],
+        &looks,
+    ]
+    .concat();
+    let (code, text, log) = passes(here.path(), &flags);
+    assert_eq!(code, 0, "{log}");
+    let json: Value = serde_json::from_str(&text).unwrap();
+    let rows = json["passes"].as_array().unwrap();
+    let of_scene = "--orbit my.3le:130001 --rso my.3le --label-snr 0 --out o --epoch";
+    for (utc, key, there) in [
+        (ends[0], "enters", "in_field_at_start"),
+        (ends[1], "leaves", "in_field_at_end"),
+    ] {
+        let render = skyloop(here.path())
+            .arg("render")
+            .args(of_scene.split_whitespace())
+            .arg(utc)
+            .args(looks)
+            .output()
+            .unwrap();
+        assert!(render.status.success());
+        let labels = std::fs::read_to_string(here.path().join("o/labels.jsonl")).unwrap();
+        let label: Value = serde_json::from_str(&labels).unwrap();
+        let objects = label["objects"].as_array().unwrap();
+        let lit = |one: &&Value| one["kind"] == "rso" && !one["band_mag"].is_null();
+        let seen = objects.iter().filter(lit);
+        let mut seen: Vec<&Value> = seen.filter(|one| one["in_frame"] == true).collect();
+        for row in rows.iter().filter(|row| row[there] == true) {
+            let Some(place) = seen.iter().position(|one| one["id"] == row["id"]) else {
+                assert!(row[key]["band_mag"].is_null(), "{row}");
+                continue;
+            };
+            let object = seen.swap_remove(place);
+            for axis in [0, 1] {
+                let passes = row[key]["place_px"][axis].as_f64().unwrap();
+                let frames = object[["x_px", "y_px"][axis]].as_f64().unwrap();
+                assert!((passes - frames).abs() < 0.01, "{utc}: {row} {object}");
+            }
+            let mag = |value: &Value| value["band_mag"].as_f64().unwrap();
+            assert!(
+                (mag(&row[key]) - mag(object)).abs() < 1e-3,
+                "{row} {object}"
+            );
+        }
+        assert!(seen.is_empty(), "{utc}: not among the passes: {seen:?}");
+        let found = rows.iter().filter(|row| row[there] == true);
+        assert!(found.count() > 5);
+    }
+}
+
+#[test]
+fn the_table_has_the_day_where_a_stay_has_several_and_no_name_twice() {
+    let here = tempfile::tempdir().unwrap();
+    made_up(here.path(), "300");
+    let table = |from: &str, to: &str| {
+        let looks = [
+            "--scene",
+            "scene.toml",
+            "--radec",
+            "90,0,0",
+            "--from",
+            from,
+            "--to",
+            to,
+        ];
+        let (code, said, log) = passes(here.path(), &looks);
+        assert_eq!(code, 0, "{log}");
+        said
+    };
+    let several = table("2026-05-31T23:59:30Z", "2026-06-01T00:00:30Z");
+    assert!(several.contains(" 2026-06-01T00:00:30.000Z  "), "{several}");
+    let one = table("2026-06-01T00:00:00Z", "2026-06-01T00:00:30Z");
+    assert!(
+        one.contains(" 00:00:30.000 ") && !one.contains("00:00:30.000Z  "),
+        "{one}"
+    );
+    let head = several.lines().next().unwrap().split("  ").map(str::trim);
+    let mut names: Vec<&str> = head.filter(|name| !name.is_empty()).collect();
+    let all = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!((all, names.len()), (15, 15), "{names:?}");
 }
