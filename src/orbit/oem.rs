@@ -211,8 +211,13 @@ impl Meta {
         let epoch = |key: &str| -> At<Option<Epoch>> {
             self.find(key)
                 .map(|(text, line)| {
-                    time::parse_ccsds(text, scale)
-                        .ok_or_else(|| (line, format!("{key} '{}' is not a time", shorten(text))))
+                    time::parse_ccsds(text, scale).ok_or_else(|| {
+                        let why = time::why_not(text);
+                        (
+                            line,
+                            format!("{key} '{}' is not a time{why}", shorten(text)),
+                        )
+                    })
                 })
                 .transpose()
         };

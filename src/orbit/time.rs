@@ -41,9 +41,41 @@ pub(crate) fn parse_ccsds(text: &str, scale: TimeScale) -> Option<Epoch> {
 /// Errors: says what is wanted, or how many days there are.
 pub fn parse_utc(text: &str) -> Result<Epoch, String> {
     parse_ccsds(text.trim(), TimeScale::UTC).ok_or_else(|| {
-        let why = no_such_day(text.trim()).map_or(String::new(), |why| format!(": {why}"));
+        let why = why_not(text);
         format!("{text:?} is no UTC time such as 2019-06-15T23:35:50.500Z{why}")
     })
+}
+
+/// What is wrong with a time that cannot be read, behind a colon; nothing where that cannot be told.
+pub(crate) fn why_not(text: &str) -> String {
+    let text = text.trim();
+    let why = match text.split_once('T') {
+        None => Some("a T stands between date and time".to_owned()),
+        Some((_, clock)) if clock.contains(['+', '-']) => {
+            Some("offsets from UTC are not read: take it off, and write the time in UTC".to_owned())
+        }
+        Some((_, clock)) => no_such_day(text).or_else(|| no_such_time(clock).map(str::to_owned)),
+    };
+    why.map_or(String::new(), |why| format!(": {why}"))
+}
+
+/// Which hour, minute or second a time of day of the right form names that no day has.
+fn no_such_time(clock: &str) -> Option<&'static str> {
+    let clock = clock.strip_suffix('Z').unwrap_or(clock);
+    let mut parts = clock.splitn(3, ':');
+    let hour: u8 = digits(parts.next()?, 2)?;
+    let (Some(minute), Some(second)) = (parts.next(), parts.next()) else {
+        return Some("a time of day has hours, minutes and seconds");
+    };
+    let minute: u8 = digits(minute, 2)?;
+    let second: u8 = digits(second.split('.').next()?, 2)?;
+    match (hour, minute, second) {
+        (24.., ..) => Some("hours are 00 to 23, and a day ends at 00:00:00 of the next"),
+        (_, 60.., _) => Some("minutes are 00 to 59"),
+        (.., 61..) => Some("seconds are 00 to 59, and 60 in a leap second"),
+        (.., 60) => Some("there was no leap second then"),
+        _ => None,
+    }
 }
 
 /// Which day or month a date of the right form names that no calendar has.
@@ -160,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_day_that_no_month_has_is_told() {
+    fn a_time_that_there_is_not_is_told() {
         for (text, why) in [
             ("2026-02-30T00:00:00Z", "2026-02 has days 1 to 28"),
             ("2024-02-30T00:00:00Z", "2024-02 has days 1 to 29"),
@@ -168,7 +200,17 @@ mod tests {
             ("2026-13-01T00:00:00Z", "no month 13"),
             ("2026-00-01T00:00:00Z", "no month 00"),
             ("2026-366T00:00:00Z", "2026 has days 1 to 365"),
-            ("2026-02-28T25:00:00Z", "such as 2019"),
+            ("2026-02-28T24:00:00Z", "a day ends at 00:00:00 of the next"),
+            ("2026-02-28T23:60:00Z", "minutes are 00 to 59"),
+            ("2026-02-28T23:59:61Z", "60 in a leap second"),
+            // X-Val: IERS Bulletins C: none in June 2019, and none ever at another time of day.
+            ("2019-06-30T23:59:60Z", "no leap second then"),
+            ("2016-12-31T22:59:60Z", "no leap second then"),
+            ("2026-02-28T23:59+02:00", "offsets from UTC"),
+            ("2026-02-28T23:59:00.5-02:00", "offsets from UTC"),
+            ("2026-02-28T23:59Z", "hours, minutes and seconds"),
+            ("2026-02-28", "a T stands between"),
+            ("2026-02-28 00:00:00", "a T stands between"),
             ("2026-2-30T00:00:00Z", "such as 2019"),
             ("today", "such as 2019"),
         ] {

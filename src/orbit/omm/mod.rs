@@ -255,8 +255,9 @@ impl<'a> Fields<'a> {
             .ok_or_else(|| missing(Key::Epoch, start))?;
         time::parse_ccsds(text, TimeScale::UTC).ok_or_else(|| {
             let reason = format!(
-                "EPOCH '{}' is no UTC time such as 2026-07-11T12:00:00.000000",
-                shorten(text)
+                "EPOCH '{}' is no UTC time such as 2026-07-11T12:00:00.000000{}",
+                shorten(text),
+                time::why_not(text)
             );
             (place, reason)
         })

@@ -216,3 +216,18 @@ fn a_table_of_toml_is_no_json_and_an_empty_file_is_a_loss() {
         assert!(nothing && !error.is_foreign(), "{error}");
     }
 }
+
+#[test]
+fn a_time_that_there_is_not_is_refused_with_what_is_wrong() {
+    for (time, why) in [
+        ("2026-07-12T24:00:00", "a day ends at 00:00:00 of the next"),
+        ("2026-07-12T03:04:05+02:00", "offsets from UTC are not read"),
+        ("2026-06-31T03:04:05", "2026-06 has days 1 to 30"),
+    ] {
+        let text = KVN.replace("2026-07-12T03:04:05", time);
+        let [refused] = &rejections(&text)[..] else {
+            panic!("{time}");
+        };
+        assert!(refused.contains(time) && refused.contains(why), "{refused}");
+    }
+}
