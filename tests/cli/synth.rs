@@ -132,7 +132,7 @@ fn what_does_not_fit_is_refused_and_nothing_is_lost() {
     refused(&signed, &["--seed", "whole number from 0 to"]);
     let late = ["--objects", "3", "--epoch", "9999-12-31T00:00:00Z"];
     refused(&late, &["--epoch 9999-12-31T", "1900 to 2100"]);
-    // X-Val: by hand: a record in XML has some 1200 octets, ten million of them 11 GiB.
+    // X-Val: by hand: a record in XML has some 1100 octets, ten million of them 10 GiB.
     let long = ["--objects", "10000000", "--out", "a.xml"];
     refused(
         &long,

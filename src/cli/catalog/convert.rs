@@ -8,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::load::orbits::passed_over;
-use skyloop::orbit::{Format, LARGEST_FILE, write};
+use skyloop::orbit::{Format, write};
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
@@ -56,8 +56,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             records.extend(contents.records);
         }
     }
-    let written = format.and_then(|format| write(&records, format, now()));
-    let written = written.ok_or_else(|| anyhow!("--to {}: no such format", args.to))?;
+    let written = format.and_then(|format| Some((format, write(&records, format, now())?)));
+    let (format, written) = written.ok_or_else(|| anyhow!("--to {}: no such format", args.to))?;
     let kept = records.len() - written.left_out.len();
     lost.extend(written.left_out);
     lost.extend(written.changed);
@@ -72,18 +72,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         let sets = counted(written.rounded, "element set");
         tracing::warn!("{sets} rounded to the digits that {} has", args.to);
     }
+    let sets = counted(kept, "element set");
+    let remedy = "convert the files one by one into a folder, or --to omm-csv";
+    super::fits(&sets, format, written.text.len() as f64, remedy)?;
     match &args.out {
         None => say(&written.text)?,
         Some(out) => {
             std::fs::write(out, &written.text).with_context(|| out.display().to_string())?;
-            if written.text.len() as u64 > LARGEST_FILE {
-                tracing::warn!(
-                    "{}: longer than {} GiB, which skyloop does not read: convert the files one by one into a folder",
-                    out.display(),
-                    LARGEST_FILE >> 30
-                );
-            }
-            let sets = counted(kept, "element set");
             say(format_args!("wrote {sets} to {}\n", out.display()))?;
         }
     }

@@ -6,7 +6,9 @@ mod info;
 mod source;
 mod synth;
 
+use anyhow::bail;
 use clap::{Args as ClapArgs, Subcommand};
+use skyloop::orbit::{Format, LARGEST_FILE};
 
 /// Arguments of `skyloop catalog`.
 #[derive(ClapArgs)]
@@ -28,6 +30,19 @@ enum Command {
     Synth(synth::Args),
 }
 
+/// Refuses `octets` of a file that would be too long to be read again, and says what to do instead.
+fn fits(what: &str, format: Format, octets: f64, remedy: &str) -> anyhow::Result<()> {
+    const GIB: f64 = (1 << 30) as f64;
+    if octets > LARGEST_FILE as f64 {
+        bail!(
+            "{what} would take {:.1} GiB as {format}, and files of at most {:.0} GiB are read: {remedy}",
+            octets / GIB,
+            LARGEST_FILE as f64 / GIB
+        );
+    }
+    Ok(())
+}
+
 /// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
     match args.command {
@@ -35,5 +50,26 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Command::Info(args) => info::run(args),
         Command::Convert(args) => convert::run(args),
         Command::Synth(args) => synth::run(args),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_could_not_be_read_again_is_not_written() {
+        // X-Val: README: files of up to 2 GiB are read.
+        let most = 2.0 * 1024.0 * 1024.0 * 1024.0;
+        let fits = |octets| super::fits("9 objects", Format::OmmXml, octets, "write .csv");
+        assert!(fits(most).is_ok());
+        let error = fits(1.3 * most).unwrap_err().to_string();
+        for word in [
+            "9 objects would take 2.6 GiB as omm-xml",
+            "at most 2 GiB",
+            ": write .csv",
+        ] {
+            assert!(error.contains(word), "{error}");
+        }
     }
 }

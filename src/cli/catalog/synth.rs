@@ -6,7 +6,7 @@ use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::orbit::synth::{CLASSES, MOST_OBJECTS, Synthetic, population};
 use skyloop::orbit::time::{parse_utc, utc_text};
-use skyloop::orbit::{Format, LARGEST_FILE, Listing, Record, files, write};
+use skyloop::orbit::{Format, Listing, Record, files, write};
 use skyloop::output::{remove_file, write_text};
 use skyloop::sky::bodies::Bodies;
 use skyloop_firmware_sim::console::say;
@@ -111,18 +111,10 @@ fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
     let records: Vec<Record> = few.iter().map(Synthetic::record).collect();
     let octets = write(&records, format, args.epoch).map_or(0, |written| written.text.len());
     let expected = octets as f64 / few.len() as f64 * f64::from(args.objects);
+    let all = counted(args.objects as usize, "object");
+    let what = format!("--out {}: {all}", file.display());
     // Names and numbers of the last are longer than those of the first.
-    if expected * 1.02 > LARGEST_FILE as f64 {
-        const GIB: f64 = (1 << 30) as f64;
-        bail!(
-            "--out {}: {} would take {:.1} GiB as {format}, and files of at most {:.0} GiB are read: write a folder, or .csv",
-            file.display(),
-            counted(args.objects as usize, "object"),
-            expected / GIB,
-            LARGEST_FILE as f64 / GIB
-        );
-    }
-    Ok(())
+    super::fits(&what, format, expected * 1.02, "write a folder, or .csv")
 }
 
 /// How many there are of each class.
