@@ -1,11 +1,10 @@
 //! The contact sheet: up to twelve annotated frames of a run in one picture.
 
-use super::canvas::Canvas;
+use super::canvas::{Canvas, text_size};
 use super::panel::{self, HIDDEN, RINGED, RSO, STAR, WANDERER};
 use crate::camera::Camera;
 use crate::frame::Frame;
 use crate::label::Label;
-use embedded_graphics::mono_font::MonoFont;
 use embedded_graphics::mono_font::iso_8859_1::{FONT_7X13, FONT_7X13_BOLD, FONT_9X18_BOLD};
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
@@ -78,12 +77,24 @@ impl ContactSheet {
             widest.max(CAPTION_WIDTH) + MARGIN,
             highest + CAPTION + MARGIN,
         );
+        let (title, legend) = (self.title(), legend());
+        let widths = [
+            columns as u32 * cell.width,
+            text_size(&title, &FONT_9X18_BOLD).width + MARGIN,
+            legend.iter().map(Key::width).sum(),
+        ];
         let mut canvas = Canvas::filled(
-            columns as u32 * cell.width + MARGIN,
+            widths.into_iter().max()? + MARGIN,
             rows as u32 * cell.height + TITLE + MARGIN,
             PAPER,
         );
-        self.write_title(&mut canvas);
+        let mut at = Point::new(MARGIN as i32, 10);
+        canvas.text(&title, at, &FONT_9X18_BOLD, INK);
+        at.y = 38;
+        for key in legend {
+            key.draw(&mut canvas, at);
+            at.x += key.width() as i32;
+        }
         for (i, panel) in self.panels.iter().enumerate() {
             let corner = Point::new(
                 (MARGIN + (i % columns) as u32 * cell.width) as i32,
@@ -97,29 +108,50 @@ impl ContactSheet {
         Some(canvas.0)
     }
 
-    fn write_title(&self, canvas: &mut Canvas) {
-        let left = MARGIN as i32;
-        let title = format!(
-            "{}   {} of {} frames",
-            self.title,
-            self.panels.len(),
-            self.seen
-        );
-        canvas.text(&title, Point::new(left, 10), &FONT_9X18_BOLD, INK);
-        let stars = format!("star (the brightest {RINGED} of a frame)");
-        let legend = [
-            (STAR, false, stars.as_str()),
-            (RSO, false, "RSO"),
-            (HIDDEN, true, "RSO, not visible"),
-            (WANDERER, false, "Moon, planet"),
-        ];
-        let font: &MonoFont = &FONT_7X13;
-        let mut x = left;
-        for (color, broken, text) in legend {
-            canvas.ring([f64::from(x) + 7.0, 45.0], 6.0, 1.6, color, broken);
-            canvas.text(text, Point::new(x + 20, 38), font, PALE);
-            x += 20 + (text.chars().count() as i32 + 3) * font.character_size.width as i32;
-        }
+    fn title(&self) -> String {
+        let (shown, seen) = (self.panels.len(), self.seen);
+        format!("{}   {shown} of {seen} frames", self.title)
+    }
+}
+
+/// What a ring of a panel means.
+struct Key {
+    color: Rgb888,
+    broken: bool,
+    text: String,
+}
+
+fn legend() -> [Key; 4] {
+    [
+        (
+            STAR,
+            false,
+            format!("star (the brightest {RINGED} of a frame)"),
+        ),
+        (RSO, false, "RSO".to_string()),
+        (HIDDEN, true, "RSO, not visible".to_string()),
+        (WANDERER, false, "Moon, planet".to_string()),
+    ]
+    .map(|(color, broken, text)| Key {
+        color,
+        broken,
+        text,
+    })
+}
+
+impl Key {
+    /// Width of its ring.
+    const RING: i32 = 20;
+
+    /// With the space to the next, px.
+    fn width(&self) -> u32 {
+        Key::RING as u32 + text_size(&self.text, &FONT_7X13).width + MARGIN
+    }
+
+    fn draw(&self, canvas: &mut Canvas, at: Point) {
+        let centre = [f64::from(at.x) + 7.0, f64::from(at.y) + 7.0];
+        canvas.ring(centre, 6.0, 1.6, self.color, self.broken);
+        canvas.text(&self.text, at + Point::new(Key::RING, 0), &FONT_7X13, PALE);
     }
 }
 

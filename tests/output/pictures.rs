@@ -131,6 +131,18 @@ fn a_star_of_snr_5_stands_out_of_the_noise() {
     assert!(sky < 70.0 && stars > sky + 30.0, "sky {sky}, stars {stars}");
 }
 
+/// The last of the legend is the widest of a small sheet.
+#[test]
+fn the_legend_fits_on_the_sheet_of_one_small_frame() {
+    let camera = camera("fai-nir");
+    let sheet = sheet_of(&camera, &[(Vec::new(), flat(&camera))]);
+    let paper = *sheet.get_pixel(0, 0);
+    let blank = |column: u32| (0..64).all(|row| *sheet.get_pixel(column, row) == paper);
+    let text_ends = (0..sheet.width()).rev().find(|column| !blank(*column));
+    let margin = sheet.width() - 1 - text_ends.unwrap();
+    assert!((12..40).contains(&margin), "{margin} px");
+}
+
 #[test]
 fn twelve_panels_at_most_and_odd_cameras_too() {
     let mut camera = camera("fai-nir");
@@ -148,6 +160,6 @@ fn twelve_panels_at_most_and_odd_cameras_too() {
             star("B".into(), &[], [0.0, 0.0], 1e9),
         ];
         let sheet = sheet_of(&camera, &[(objects, flat(&camera))]);
-        assert!(sheet.width() < 600 && sheet.height() < 700);
+        assert!(sheet.width() < 640 && sheet.height() < 700);
     }
 }

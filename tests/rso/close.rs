@@ -1,7 +1,7 @@
 //! What passes so near that it turns all around the observer within an exposure.
 
 use crate::glints::oem::oem;
-use hifitime::Unit;
+use hifitime::{Epoch, Unit};
 use nalgebra::Vector3;
 use skyloop::fidelity::Orbits;
 use skyloop::orbit::time::parse_utc;
@@ -11,19 +11,24 @@ use skyloop::sky::field::Field;
 use skyloop::sky::photometry::Sphere;
 use skyloop::sky::population::{Looks, Population};
 
+const PLACE_KM: Vector3<f64> = Vector3::new(7000.0, 0.0, 0.0);
+
+/// An observer at rest there, at the beginning, middle and end of an exposure.
+fn at_rest(mid: Epoch, exposure_s: f64) -> [Observer; 3] {
+    [-0.5, 0.0, 0.5].map(|part| Observer {
+        epoch: mid + Unit::Second * (part * exposure_s),
+        position_m: PLACE_KM * 1e3,
+        velocity_m_s: Vector3::zeros(),
+        bodies: Bodies::at(mid).unwrap(),
+    })
+}
+
 /// 14 km/s for 0.1 s, past an observer at rest: what is far behind in the middle of the exposure is before the camera at its end.
 #[test]
 fn an_object_nearer_than_its_own_way_is_seen() {
     let mid = parse_utc("2026-03-01T12:00:00").unwrap();
-    let place = Vector3::new(7000.0, 0.0, 0.0);
     let way = Vector3::new(14.0, 0.0, 0.0);
-    let observer = |s: f64| Observer {
-        epoch: mid + Unit::Second * s,
-        position_m: place * 1e3,
-        velocity_m_s: Vector3::zeros(),
-        bodies: Bodies::at(mid).unwrap(),
-    };
-    let shutter = [observer(-0.05), observer(0.0), observer(0.05)];
+    let shutter = at_rest(mid, 0.1);
     let corrections = Corrections {
         light_time: false,
         aberration: false,
@@ -39,7 +44,7 @@ fn an_object_nearer_than_its_own_way_is_seen() {
         (690.0, false),
         (20_000.0, false),
     ] {
-        let start = place + Vector3::new(-behind, 5.0, 0.0) * 1e-3;
+        let start = PLACE_KM + Vector3::new(-behind, 5.0, 0.0) * 1e-3;
         let objects = oem("PASSER", mid, |s| (start + way * s, way));
         let population = Population::new(objects, Sphere::default(), Looks::new());
         let field = Field {
@@ -68,16 +73,9 @@ fn an_object_nearer_than_its_own_way_is_seen() {
 #[test]
 fn an_object_faster_than_the_earth_holds_is_seen_where_it_ends() {
     let mid = parse_utc("2026-03-01T12:00:00").unwrap();
-    let place = Vector3::new(7000.0, 0.0, 0.0);
     let way = Vector3::new(0.0, 60.0, 0.0);
-    let observer = |s: f64| Observer {
-        epoch: mid + Unit::Second * s,
-        position_m: place * 1e3,
-        velocity_m_s: Vector3::zeros(),
-        bodies: Bodies::at(mid).unwrap(),
-    };
-    let shutter = [-8.0, 0.0, 8.0].map(observer);
-    let start = place + Vector3::new(2000.0, -700.0, 0.0);
+    let shutter = at_rest(mid, 16.0);
+    let start = PLACE_KM + Vector3::new(2000.0, -700.0, 0.0);
     let population = |start: Vector3<f64>| {
         let objects = oem("FLY-BY", mid, |s| (start + way * s, way));
         Population::new(objects, Sphere::default(), Looks::new())
