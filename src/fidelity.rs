@@ -5,7 +5,7 @@
 pub struct Fidelity {
     /// Share of a point source's light that may fall outside its stamp (1).
     pub psf_loss: f64,
-    /// So much light (e-) may in any case, up to a ten thousandth of the source's where its wings are narrow.
+    /// So much of its light (e-) may fall outside in any case where its wings are narrow, up to a ten thousandth.
     pub loss_e: f64,
     /// Of wide wings only what brings a pixel at least this (e-) is drawn where it falls; the rest of their light is laid
     /// evenly over the pixels that are drawn, and brings each less than twice as much.
@@ -75,7 +75,10 @@ impl Fidelity {
     /// The share (1) of the light of a source of so many `electrons` that may fall outside its stamp, where its wings are narrow.
     pub fn loss(&self, electrons: f64) -> f64 {
         const MOST: f64 = 1e-4;
-        (self.loss_e / electrons).min(MOST).max(self.psf_loss)
+        match self.loss_e > 0.0 {
+            true => (self.loss_e / electrons).min(MOST).max(self.psf_loss),
+            false => self.psf_loss,
+        }
     }
 
     /// Length of a panel in units of the PSF's sigma, for a streak whose pixels get `height_e` (e-) at most:

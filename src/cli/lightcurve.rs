@@ -1,13 +1,12 @@
 //! `skyloop lightcurve`: the magnitude of an object against time, as an observer in orbit sees it.
 
-use super::{Records, progress, scene, scene_name, warn_of_observer, warn_of_old};
+use super::{Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old};
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::light_curve::{NoLightCurve, Point, Span, point};
-use skyloop::load::Register;
 use skyloop::orbit::time::{parse_utc, utc_text};
 use skyloop::orbit::{Loaded, Object, OrbitError};
 use skyloop::output::write_light_curve;
@@ -59,9 +58,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let population = config.take_population();
     let index = find(population.objects(), &args.object, &name)?;
     let object = &population.objects()[index];
-    if Register::of(std::slice::from_ref(&*observer)).has(object) {
-        bail!("--object {}: that is the observer itself", object.label());
-    }
+    not_itself(&observer, object)?;
     let last = span.epochs().last().unwrap_or(span.from);
     warn_of_observer(&observer, [span.from, last]);
     warn_of_old(&population.objects()[index..=index], span.from);

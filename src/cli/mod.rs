@@ -22,6 +22,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::flight;
+use skyloop::load::Register;
 use skyloop::load::orbits::several_sets;
 use skyloop::orbit::{Ages, Object};
 use skyloop_firmware_sim::mission::Mission;
@@ -195,6 +196,14 @@ fn warn_of_observer(observer: &Object, ends: [Epoch; 2]) {
     if let Some(ages) = ends.into_iter().find_map(at) {
         tracing::warn!("the observer, {}: {ages}", observer.label());
     }
+}
+
+/// Refuses to look at the observer with its own eyes.
+fn not_itself(observer: &Object, object: &Object) -> anyhow::Result<()> {
+    if Register::of(std::slice::from_ref(observer)).has(object) {
+        anyhow::bail!("--object {}: that is the observer itself", object.label());
+    }
+    Ok(())
 }
 
 /// The mission of a configuration; an error names the scene file that it comes from.

@@ -3,7 +3,7 @@
 use super::lightcurve::find;
 use super::pointing::Pointing;
 use super::render::{Numbers, state_km};
-use super::{Records, progress, scene, scene_name, warn_of_observer, warn_of_old};
+use super::{Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::{Epoch, Unit};
@@ -215,6 +215,10 @@ fn vehicle(
     }
     if let Observer::Object(object) = &observer {
         warn_of_observer(object, [search.from, search.to]);
+        if let Some(wanted) = &args.object {
+            let index = find(&config.objects, wanted, scene)?;
+            not_itself(object, &config.objects[index])?;
+        }
     }
     let orbit = flight::orbit(&observer, search.from);
     let Some(sequence) = &config.sequence else {

@@ -59,7 +59,7 @@ fn bounded(unseen: &[(usize, Unseen)], most: usize, id: impl Fn(usize) -> String
         let share = indices.len().min(room / left);
         (room, left) = (room - share, left - 1);
         listed.counts.insert(why, indices.len());
-        // Ids are wherever memory has them.
+        // Each id lies somewhere else in memory: two threads wait for two at a time.
         let ids = indices[..share].par_iter().with_min_len(TASK);
         listed
             .ids

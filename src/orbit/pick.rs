@@ -1,6 +1,7 @@
 //! One object out of a file, by name.
 
-use crate::{Loaded, Object, Rejected};
+use crate::two_line::alpha_5;
+use crate::{Designator, Loaded, Object, Rejected};
 
 /// Objects that a message names at most.
 const SHOWN: usize = 8;
@@ -98,12 +99,16 @@ fn list<'a>(objects: impl Iterator<Item = &'a Object>) -> String {
 }
 
 impl Object {
+    /// By name, by id, by number as element lines have it, or by international designator.
     fn is_called(&self, name: &str) -> bool {
-        let number = catalogue_number(&self.id);
+        let same = |number: u32| catalogue_number(&self.id) == Some(number);
         let names = self.names.iter().map(String::as_str);
         let mut known = names.chain([self.id.as_str()]);
         known.any(|known| known.eq_ignore_ascii_case(name))
-            || number.is_some() && number == catalogue_number(name)
+            || catalogue_number(name)
+                .or_else(|| alpha_5(name))
+                .is_some_and(same)
+            || Designator::parse(name).is_some_and(|name| self.designator == Some(name))
     }
 }
 
@@ -148,6 +153,19 @@ mod tests {
     fn by_id_number_or_name() {
         for name in ["NORAD 5", "norad5", "5", "00005", "Vanguard 1"] {
             assert_eq!(pick(0..9, Some(name)).unwrap(), "NORAD 5 1", "{name}");
+        }
+        for name in ["1958-002B", "58002b", "1958-2B"] {
+            assert_eq!(pick(0..9, Some(name)).unwrap(), "NORAD 5 1", "{name}");
+        }
+        // X-Val: space-track.org, Alpha-5: A0005 is 100005; letters count nothing in checksums, as 0 does.
+        let six = SETS.replace("00005", "A0005");
+        let loaded = crate::parse(&six[..six.find("DELTA").unwrap()], "six.tle").unwrap();
+        for name in ["A0005", "100005", "NORAD 100005"] {
+            assert_eq!(
+                loaded.find(Some(name)).unwrap().id,
+                "NORAD 100005",
+                "{name}"
+            );
         }
         assert_eq!(pick(3..6, None).unwrap(), "NORAD 6251 0");
     }

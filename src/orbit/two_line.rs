@@ -223,22 +223,9 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Five digits, or Alpha-5: a letter (no I, no O) for the leading two, `A` = 10 to `Z` = 33.
     fn catalogue_number(&self) -> Result<u32, ElementsError> {
-        let bad = || self.bad("catalogue number", 3..8);
-        let text = self.text(3..8).trim();
-        let (letter, rest) = match text.bytes().next().ok_or_else(bad)? {
-            byte @ b'A'..=b'H' => (u32::from(byte - b'A') + 10, &text[1..]),
-            byte @ b'J'..=b'N' => (u32::from(byte - b'J') + 18, &text[1..]),
-            byte @ b'P'..=b'Z' => (u32::from(byte - b'P') + 23, &text[1..]),
-            _ => (0, text),
-        };
-        let right_length = letter == 0 || rest.len() == 4;
-        if !right_length || !rest.bytes().all(|b| b.is_ascii_digit()) {
-            return Err(bad());
-        }
-        let rest: u32 = rest.parse().map_err(|_| bad())?;
-        Ok(letter * 10_000 + rest)
+        let number = alpha_5(self.text(3..8).trim());
+        number.ok_or_else(|| self.bad("catalogue number", 3..8))
     }
 
     fn epoch(&self) -> Result<Epoch, ElementsError> {
@@ -299,4 +286,19 @@ impl<'a> Line<'a> {
             _ => Err(self.bad(name, columns)),
         }
     }
+}
+/// A number in digits, or Alpha-5: a letter (no I, no O) for the leading two of six, `A` = 10 to `Z` = 33.
+pub(crate) fn alpha_5(text: &str) -> Option<u32> {
+    let (letter, rest) = match text.bytes().next()? {
+        byte @ b'A'..=b'H' => (u32::from(byte - b'A') + 10, &text[1..]),
+        byte @ b'J'..=b'N' => (u32::from(byte - b'J') + 18, &text[1..]),
+        byte @ b'P'..=b'Z' => (u32::from(byte - b'P') + 23, &text[1..]),
+        _ => (0, text),
+    };
+    let right_length = letter == 0 || rest.len() == 4;
+    if !right_length || !rest.bytes().all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    let rest: u32 = rest.parse().ok()?;
+    Some(letter * 10_000 + rest)
 }

@@ -152,3 +152,42 @@ pub(super) fn cells(
         close(top.unwrap_or(0) + i, reached);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::footprint::Footprint;
+    use crate::load::Folder;
+
+    #[test]
+    fn of_many_lights_no_pixel_has_more() {
+        let camera = Camera::load("cots-wide", &Folder::current()).unwrap();
+        let mut detector = camera.detector;
+        (detector.width, detector.height) = (20, 12);
+        // Each has all its light on one pixel, and many share it.
+        let places = || (0..2_000_usize).map(|i| (i * 7) % 240);
+        let lit: Vec<Footprint> = places()
+            .map(|place| {
+                let mut shares = vec![0.0; 240];
+                shares[place] = 1.0;
+                Footprint::whole(20, shares)
+            })
+            .collect();
+        let lights = lit.iter().map(|footprint| Lit {
+            electrons: 3.0,
+            footprint,
+        });
+        let bounds = pixels_e(&detector, lights, Some(&|pixel| pixel as f64));
+        let mut held = vec![0.0; 240];
+        places().for_each(|place| held[place] += 3.0 * place as f64);
+        assert_eq!(bounds.len(), 3);
+        for (column, bound) in bounds.iter().enumerate() {
+            let pixels = held.iter().enumerate();
+            let here = pixels.filter(|(pixel, _)| pixel % 20 / CELL == column);
+            let most = here.map(|(_, e)| *e).fold(0.0, f64::max);
+            // X-Val: of a cell's 64 pixels each light is on one.
+            assert!((most..=64.0 * most).contains(bound), "{bound} {most}");
+        }
+    }
+}

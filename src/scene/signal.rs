@@ -81,23 +81,18 @@ impl<'a> Noise<'a> {
         let mut blind = self.blind(footprint.first_row() * detector.width);
         for (row, column, shares) in footprint.rows(0..detector.height) {
             let first = row * detector.width + column;
-            // Rows come in order: what lies before this one is done with.
-            for list in &mut blind {
-                while let Some((pixel, rest)) = list.split_first()
-                    && (*pixel as usize) < first
-                {
-                    *list = rest;
-                }
-            }
             for k in 0..shares.len().div_ceil(LANES) {
                 let from = first + k * LANES;
                 let mut light = lanes_of(shares, k * LANES, 0.0).map(|share| share * electrons);
-                for list in blind {
-                    let here = list.iter().map(|pixel| *pixel as usize);
-                    for pixel in here.take_while(|pixel| *pixel < from + LANES) {
-                        if let Some(i) = pixel.checked_sub(from) {
+                // Pixels come in order: a list is gone through once.
+                for list in &mut blind {
+                    while let Some((pixel, rest)) = list.split_first()
+                        && (*pixel as usize) < from + LANES
+                    {
+                        if let Some(i) = (*pixel as usize).checked_sub(from) {
                             light[i] = 0.0;
                         }
+                        *list = rest;
                     }
                 }
                 self.add(from, column + k * LANES, &light, &mut sums);
@@ -134,7 +129,8 @@ impl<'a> Noise<'a> {
             let held = s + b;
             // c(e) = e (1 - a e / full well), as Detector::response_e has it
             let bent = |e: f64| bend * (e * part_of_full).clamp(0.0, 1.0);
-            let signal = held * (1.0 - bent(held)) - b * (1.0 - bent(b));
+            // c(s + b) - c(b), without what both have in common
+            let signal = s * (1.0 - bent(held)) - b * (bent(held) - bent(b));
             let slope = 1.0 - 2.0 * bent(held);
             let variance = slope * slope * shot * held + self.floor;
             // Not by a jump around the division, which keeps lanes from running side by side. Steps of the converter are above 0, and so is their
@@ -158,4 +154,112 @@ fn lanes_of<T: Copy + Into<f64>>(values: &[T], from: usize, none: f64) -> [f64; 
         *lane = (*value).into();
     }
     lanes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::load::Folder;
+
+    /// Pixel by pixel, as the formula has it.
+    fn by_hand(noise: &Noise<'_>, shares: &[f32], electrons: f64) -> f64 {
+        let Noise {
+            detector,
+            simulated,
+            ..
+        } = noise;
+        let pattern = &detector.pattern;
+        let of_pixel = |(pixel, share): (usize, &f32)| {
+            let at = pixel as u32;
+            let blind = simulated.dead && pattern.dead().contains(&at)
+                || simulated.stuck && pattern.stuck().contains(&at);
+            let mut light = [
+                f64::from(*share) * electrons,
+                f64::from(noise.areas_e[pixel]),
+            ];
+            if simulated.response {
+                light = light.map(|e| e * pattern.response_of(pixel));
+            }
+            let dark_e_s = if simulated.dark {
+                pattern.dark_e_s_of(pixel)
+            } else {
+                0.0
+            };
+            let b = light[1] + dark_e_s * noise.exposure_s + noise.trail_e[pixel % detector.width];
+            let held = light[0] + b;
+            if *share == 0.0 || held >= noise.full_e || blind {
+                return 0.0;
+            }
+            let read = |e: f64| {
+                if simulated.nonlinearity {
+                    detector.response_e(e)
+                } else {
+                    e
+                }
+            };
+            let slope = (read(held + 0.01) - read(held - 0.01)) / 0.02;
+            let signal = read(held) - read(b);
+            let shot = if simulated.shot { held } else { 0.0 };
+            signal * signal / (slope * slope * shot + noise.floor)
+        };
+        shares.iter().enumerate().map(of_pixel).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn lanes_give_what_the_formula_gives() {
+        let camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
+        let detector = &camera.detector;
+        let (width, height) = (detector.width, detector.height);
+        // Nothing is alike from pixel to pixel, from column to column, or a power of two.
+        let wave = |i: usize, steps: usize| 1.0 + (i % steps) as f64 / steps as f64;
+        let trail_e: Vec<f64> = (0..width).map(|i| 300.0 * wave(i, 7)).collect();
+        let areas_e: Vec<f32> = (0..width * height)
+            .map(|i| 900.0 * wave(i, 113) as f32)
+            .collect();
+        let mut shares: Vec<f32> = (0..width * height)
+            .map(|i| wave(i, 59) as f32 * 2e-6)
+            .collect();
+        shares.iter_mut().step_by(5).for_each(|share| *share = 0.0);
+        // One pixel of ten thousand gets a great deal.
+        shares
+            .iter_mut()
+            .step_by(9_973)
+            .for_each(|share| *share = 2e-3);
+        let footprint = Footprint::whole(width, shares.clone());
+        for off in 0..8 {
+            let on = |effect: u32| effect != off;
+            let simulated = Simulated {
+                response: on(1),
+                dark: on(2),
+                dead: on(3),
+                stuck: on(4),
+                nonlinearity: on(5),
+                shot: on(6),
+                ..Simulated::default()
+            };
+            let noise = Noise {
+                detector,
+                simulated: &simulated,
+                trail_e: &trail_e,
+                areas_e: &areas_e,
+                exposure_s: 0.1,
+                floor: 144.0,
+                full_e: detector.full_well_e,
+            };
+            for electrons in [1e-9, 1.0, 3e7] {
+                let [snr, hand] = [
+                    noise.snr(&footprint, electrons),
+                    by_hand(&noise, &shares, electrons),
+                ];
+                // By hand the difference of large charges is rounded.
+                let rounding = if electrons < 1e-6 { 0.5 } else { 1e-6 };
+                assert!(
+                    (snr / hand - 1.0).abs() < rounding,
+                    "{off} {electrons}: {snr} {hand}"
+                );
+            }
+            assert_eq!(noise.snr(&footprint, 0.0), 0.0);
+        }
+    }
 }

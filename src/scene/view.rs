@@ -135,7 +135,7 @@ pub struct Candidate {
     /// Why none does.
     pub hidden: Option<Hidden>,
     /// The angle (rad) that it moves through by itself.
-    pub swing: f64,
+    pub(super) swing: f64,
 }
 
 impl Candidate {
@@ -469,14 +469,17 @@ impl View {
     }
 
     /// The light (e-) of an exposure that has a signal-to-noise ratio of 1 at most, where every pixel has noise of `floor_e`: N electrons have
-    /// `N (sum s^2)^(1/2) / floor` at most, as pixels respond. An image that runs along with the rows' readout is exposed for as long as that.
+    /// `N (sum s^2)^(1/2) / floor` at most, as pixels respond. An image that runs along with the rows' readout has l times the light, for as long as that
+    /// takes; but no pixel is open for longer than the exposure, or has more of it than the peak p: `sum s^2 <= p l`.
     fn noise_e(&self, floor_e: f64) -> f64 {
         let response = 1.0 + self.camera.detector.pattern.worst_response();
         let longest = match self.exposure.duration_s > 0.0 {
             true => self.open_s / self.exposure.duration_s,
             false => 1.0,
         };
-        floor_e / (self.camera.optics.psf.sharpness().sqrt() * response * longest)
+        let psf = &self.camera.optics.psf;
+        let squares = (psf.sharpness() * longest * longest).min(psf.peak() * longest);
+        floor_e / (squares.sqrt() * response)
     }
 
     /// The distance (m) from which 1 m^2/sr of reflective area is too faint. Eqs. (2), (9), (11), with E_sun those of the Sun's own light:

@@ -90,9 +90,6 @@ impl Default for Corrections {
     }
 }
 
-/// Where an orbit's way in the time between two states differs by more than this from what their velocities say, m, it is no way.
-const JUMP_M: f64 = 1.0;
-
 /// The one who looks: a camera at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observer {
@@ -314,13 +311,6 @@ pub fn apparent_object(
     if let Some((earlier_s, then)) = then {
         let way = (then.position_m - state.position_m) / earlier_s;
         let half_bend = (state.velocity_m_s - then.velocity_m_s) / (2.0 * earlier_s);
-        // Where the model jumps between the two, what light takes longer than that must not multiply it.
-        let mean = (state.velocity_m_s + then.velocity_m_s) / 2.0;
-        let jumps = ((way + mean) * earlier_s).norm() > JUMP_M;
-        let (way, half_bend) = match jumps {
-            true => (-state.velocity_m_s, Vector3::zeros()),
-            false => (way, half_bend),
-        };
         for _ in 0..LIGHT_TIME_STEPS {
             let tau = observer.light_time_s(&seen_at_m);
             seen_at_m = state.position_m + way * tau + half_bend * (tau * (tau - earlier_s));

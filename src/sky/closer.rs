@@ -2,7 +2,7 @@
 //!
 //! Orbits are asked for some dozens of objects at a time, which takes a fraction of what one by one does.
 
-use super::apparent::{ApparentObject, Corrections, apparent_object};
+use super::apparent::{Corrections, apparent_object};
 use super::field::{Field, Test, Unseen};
 use super::population::{Population, SeenObject};
 use super::shadow::Earth;
@@ -44,6 +44,8 @@ pub type Near = (u32, Option<u32>);
 
 /// What light takes over 3000 km, s.
 const EARLIER_S: f64 = 0.01;
+/// What a way in that time may differ by within an exposure, m; more is a jump.
+const JUMP_M: f64 = 0.01;
 
 impl Closer<'_> {
     /// What is found of these.
@@ -63,7 +65,7 @@ impl Closer<'_> {
             return found;
         };
         let [start, mid, end] = self.field.shutter.each_ref().map(|at| at.epoch);
-        let indices = &mut tracked.into_iter();
+        let mut indices = tracked.into_iter();
         let mut add = |when: &[Epoch], states: &[Result<StateVector, u8>]| {
             found.extend(indices.next().and_then(|i| self.placed(i, when, states)));
         };
@@ -75,6 +77,7 @@ impl Closer<'_> {
             let when = [start, mid, end];
             tracks.states_at(&tracks_of, &when, |states| add(&when, &states));
         }
+        debug_assert!(indices.next().is_none(), "each has its states");
         found
     }
 
@@ -93,15 +96,18 @@ impl Closer<'_> {
             return Some(Close::Failed(index, object.failure(t, code)));
         }
         let gcrf = |k: usize| Some((*states.get(k)?).ok()?.rotated(&rotations[k % 3]));
-        if !self.field.may_hold(&gcrf(1)?) {
+        let now = [gcrf(0)?, gcrf(1)?, gcrf(2)?];
+        if !self.field.may_hold(&now[1]) {
             return None;
         }
-        let seen = |k: usize| -> Option<ApparentObject> {
-            let then = gcrf(k + 3).map(|then| (EARLIER_S, then));
-            let object = apparent_object(gcrf(k)?, then, &shutter[k], self.corrections);
-            Some(object)
+        let before = match (gcrf(3), gcrf(4), gcrf(5)) {
+            (Some(a), Some(b), Some(c)) => {
+                smooth(&now, [a, b, c]).map(|then| Some((EARLIER_S, then)))
+            }
+            _ => [None; 3],
         };
-        let seen = [seen(0)?, seen(1)?, seen(2)?];
+        let seen = |k: usize| apparent_object(now[k], before[k], &shutter[k], self.corrections);
+        let seen = [seen(0), seen(1), seen(2)];
         let index = index as usize;
         let seen = (self.population).lit(index, &self.earth, shutter, self.corrections, seen);
         Some(Close::Seen(Arc::new(seen)))
@@ -132,6 +138,31 @@ impl Closer<'_> {
     }
 }
 
+/// The states `then`, by [`EARLIER_S`] before those of `now`; where the model jumps in that time, what they would be if it did not: light that takes
+/// longer must not multiply the jump.
+fn smooth(now: &[StateVector; 3], then: [StateVector; 3]) -> [StateVector; 3] {
+    // By how much the way differs from what the velocities say: SGP4's are not the derivative of its positions, by the same all through an exposure.
+    let off = [0, 1, 2].map(|k: usize| {
+        let mean_m_s = (now[k].velocity_m_s + then[k].velocity_m_s) / 2.0;
+        now[k].position_m - then[k].position_m - mean_m_s * EARLIER_S
+    });
+    let apart = |k: usize, other: usize| (off[k] - off[other]).norm() > JUMP_M;
+    [0, 1, 2].map(|k| {
+        let [one, other] = [(k + 1) % 3, (k + 2) % 3];
+        if !(apart(k, one) && apart(k, other)) {
+            return then[k];
+        }
+        let StateVector {
+            position_m,
+            velocity_m_s,
+        } = now[k];
+        StateVector {
+            position_m: position_m - velocity_m_s * EARLIER_S - off[one],
+            velocity_m_s,
+        }
+    })
+}
+
 /// The rotations from TEME to GCRF at an exposure's start, mid and end.
 pub struct Instants {
     pub rotations: [Matrix3<f64>; 3],
@@ -151,5 +182,50 @@ impl Instants {
             ]
         };
         Instants { rotations }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    /// States of a fall, whose velocities are off by as much as `off_m_s`, at 0.1 s from one another and [`EARLIER_S`] before.
+    fn states(off_m_s: Vector3<f64>) -> [[StateVector; 3]; 2] {
+        let (r, v, a) = (
+            Vector3::new(4.2e7, 1e6, 0.0),
+            Vector3::new(0.0, 3e3, 100.0),
+            Vector3::new(-0.22, 0.0, 0.0),
+        );
+        [0.0, -EARLIER_S].map(|earlier| {
+            [0.0, 0.1, 0.2].map(|s| {
+                let t = s + earlier;
+                StateVector {
+                    position_m: r + v * t + a * (t * t / 2.0),
+                    velocity_m_s: v + a * t + off_m_s,
+                }
+            })
+        })
+    }
+
+    #[test]
+    fn a_jump_of_the_model_is_no_way() {
+        let apart = |a: &StateVector, b: &StateVector| (a.position_m - b.position_m).norm();
+        for off_m_s in [Vector3::zeros(), Vector3::new(300.0, 0.0, 20.0)] {
+            let [now, then] = states(off_m_s);
+            // However far velocities are off, the same at all instants is no jump.
+            assert_eq!(smooth(&now, then), then);
+            for k in 0..3 {
+                for jump_m in [0.02, 60.0, 1e6] {
+                    let mut jumped = then;
+                    jumped[k].position_m += Vector3::new(0.0, 0.6, 0.8) * jump_m;
+                    let found = smooth(&now, jumped);
+                    for (found, then) in found.iter().zip(&then) {
+                        // X-Val: by hand: half of 0.22 m/s^2 times 0.01 s squared.
+                        assert!(apart(found, then) < 1.2e-5, "{}", apart(found, then));
+                    }
+                }
+            }
+        }
     }
 }

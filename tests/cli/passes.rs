@@ -125,6 +125,12 @@ fn wrong_inputs_are_named_with_what_helps() {
         &with(&["--state", STATE, "--nadir"]),
         &["no objects", "population"],
     );
+    made_up(here.path(), "20");
+    let mirror = ["--scene", "scene.toml", "--nadir", "--object", "130001"];
+    refused(
+        &[&mirror[..], &times].concat(),
+        &["--object NORAD 130001", "the observer itself"],
+    );
 }
 
 /// A made-up catalogue of so many objects, and a scene of it, seen from its first.

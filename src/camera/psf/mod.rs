@@ -5,8 +5,8 @@
 //! Price: a stamp of 15 x 15 pixels takes 1.7 us as a Gaussian, 4 us from a table, some 10 us from four images; a table is
 //! made in 20 to 200 ms when the camera is loaded.
 //!
-//! No profile is cut and scaled up: what falls beside the pixels that are drawn, [`LocalPsf::undrawn`], is laid evenly over
-//! these (see `footprint`).
+//! No profile is cut and scaled up: of wide wings what falls beside the pixels that are drawn, [`LocalPsf::undrawn`], is laid evenly over
+//! these (see `footprint`); what is lost of narrow ones, [`Fidelity::loss`] has.
 
 mod airy;
 mod circular;
@@ -190,7 +190,7 @@ impl Psf {
             return images.relief().peak.min(1.0);
         }
         // Symmetric profiles are sharpest in the middle of a pixel. What lies further out has no share in squares.
-        let narrowest = self.local(self.scales()[0], images::Mix::default());
+        let narrowest = self.narrowest();
         let mut stamp = Stamp::default();
         let reach = (4.0 * narrowest.core_px()).ceil() as i64 + 1;
         let around = -reach..reach + 1;
@@ -199,10 +199,23 @@ impl Psf {
         (1.01 * squares).min(1.0)
     }
 
+    /// A bound of a point's share on any pixel, over the field and of all colours (1).
+    pub fn peak(&self) -> f64 {
+        if let Shape::Images(images) = &self.shape {
+            return images.relief().peak.min(1.0);
+        }
+        let middle = self.narrowest().on_pixel([0.0; 2], &mut Stamp::default());
+        (1.01 * middle).min(1.0)
+    }
+
     /// The least [`LocalPsf::core_px`] of the field and of all colours.
     pub fn core_px(&self) -> f64 {
+        self.narrowest().core_px()
+    }
+
+    /// It where it is narrowest, but for images.
+    fn narrowest(&self) -> LocalPsf<'_> {
         self.local(self.scales()[0], images::Mix::default())
-            .core_px()
     }
 }
 
@@ -219,7 +232,7 @@ impl LocalPsf<'_> {
     }
 
     /// Half the side (px) of the square to draw for a source of so many `electrons`: all of its light but [`Fidelity::loss`] is in
-    /// it, or of wide wings all that is not too faint, and [`LocalPsf::undrawn`] is the rest.
+    /// it; or, of wide wings, all that is not too faint, [`LocalPsf::undrawn`] being the rest.
     pub fn drawn_px(&self, fidelity: &Fidelity, electrons: f64) -> f64 {
         let share = fidelity.wing_e / electrons;
         let faint_px = match self.shape {
