@@ -165,8 +165,8 @@ mod tests {
         let camera = Camera::load("cots-wide", &Folder::current()).unwrap();
         let mut detector = camera.detector;
         (detector.width, detector.height) = (20, 12);
-        // Each has all its light on one pixel, and many share it.
-        let places = || (0..2_000_usize).map(|i| (i * 7) % 240);
+        // Each has all its light on one pixel, every other on the same.
+        let places = || (0..2_000_usize).map(|i| if i % 2 == 0 { 100 } else { (i * 7) % 240 });
         let lit: Vec<Footprint> = places()
             .map(|place| {
                 let mut shares = vec![0.0; 240];
