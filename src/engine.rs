@@ -17,6 +17,7 @@ use crate::sky::catalog::Catalog;
 use crate::sky::starlight::StarLight;
 use hifitime::{Epoch, Unit};
 use skyloop_orbit::Ages;
+use skyloop_orbit::sgp4_batch::Level;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -33,6 +34,10 @@ pub struct Emulator {
     pub choice: Choice,
     /// Whether shots keep the expected electrons and the charge.
     pub keep_expected: bool,
+    /// The vector instructions that pixels are worked out with; none: one by one, pass by pass. All give the same.
+    pub level: Option<Level>,
+    /// Memory of an earlier frame.
+    spare: Vec<u16>,
     next_frame: u32,
     rejected_records: u32,
     /// When the ages of element sets were last looked at, and whether they have been told.
@@ -87,6 +92,8 @@ impl Emulator {
             label_snr: config.label_snr,
             choice: config.choice.clone(),
             keep_expected: false,
+            level: Some(Level::best()),
+            spare: Vec::new(),
             next_frame: 0,
             rejected_records: config.rejected.len() as u32,
             ages: (None, false),
@@ -158,7 +165,13 @@ impl Emulator {
         if self.next_frame == 0 {
             plan.log();
         }
-        let frame = render(&plan, &scene, self.keep_expected);
+        let frame = render(
+            &plan,
+            &scene,
+            self.level,
+            self.keep_expected,
+            std::mem::take(&mut self.spare),
+        );
         let number = self.next_frame;
         let label = Label::new(number, &scene, &plan, &self.world, self.label_snr);
         drop(plan);
@@ -177,6 +190,11 @@ impl Emulator {
             population: self.world.population.objects().len(),
             old: self.old(vehicle.epoch),
         })
+    }
+
+    /// Takes a frame back that is not needed any more: the next is made in its memory.
+    pub fn recycle(&mut self, frame: Frame) {
+        self.spare = frame.digits;
     }
 
     /// The ages of element sets, where most are of another time: told once, and asked again after each day of the scene's

@@ -1,6 +1,8 @@
 //! The frame: digits, and on request the expected electrons behind them.
 
 use crate::rng::NoiseKey;
+use skyloop_orbit::sgp4_batch::Level;
+use std::ops::Range;
 
 /// A frame as the camera gives it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -17,13 +19,11 @@ pub struct Frame {
     pub charge_e: Option<Vec<f32>>,
 }
 
-/// A band of whole rows while it is being rendered.
+/// A part of a frame while it is being rendered: a band of whole rows, or a run of pixels.
 pub struct Tile<'a> {
-    /// First row.
-    pub row: usize,
-    /// Rows.
-    pub rows: usize,
-    /// Columns.
+    /// First pixel, row-major, on the whole detector.
+    pub first: usize,
+    /// Columns of the detector.
     pub width: usize,
     /// Charge, e-, row-major.
     pub electrons: &'a mut [f32],
@@ -31,12 +31,30 @@ pub struct Tile<'a> {
     pub digits: &'a mut [u16],
     /// What noise is keyed by.
     pub key: NoiseKey,
+    /// The vector instructions that kernels use; none: pixel by pixel.
+    pub level: Option<Level>,
 }
 
 impl Tile<'_> {
-    /// Index on the whole detector of the tile's first pixel.
-    pub fn first_pixel(&self) -> usize {
-        self.row * self.width
+    /// The rows of a band.
+    pub fn rows(&self) -> Range<usize> {
+        let first = self.first / self.width;
+        first..first + self.digits.len() / self.width
+    }
+
+    /// Its pixels in runs of at most `pixels`, one after the other.
+    pub fn runs(&mut self, pixels: usize) -> impl Iterator<Item = Tile<'_>> {
+        let (first, width, key, level) = (self.first, self.width, self.key, self.level);
+        let electrons = self.electrons.chunks_mut(pixels);
+        let runs = electrons.zip(self.digits.chunks_mut(pixels)).enumerate();
+        runs.map(move |(run, (electrons, digits))| Tile {
+            first: first + run * pixels,
+            width,
+            electrons,
+            digits,
+            key,
+            level,
+        })
     }
 }
 

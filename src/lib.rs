@@ -9,7 +9,7 @@
 //! In reading order: [`attitude`] holds the conventions; [`config`] and [`camera`] what a user writes;
 //! [`sky`] and [`skyloop_orbit`] what is up there; [`scene`] what one exposure sees of it; [`effect`],
 //! [`plan`] and [`render`] turn that into a [`frame`]; [`label`] says what is in it; [`engine`] drives
-//! them; [`light_curve`] follows one object without a frame, [`passes`] says which cross the field; [`link`] and [`serve`] connect them to a wire; [`output`] writes files.
+//! them; [`kernels`] are the loops that take the time; [`light_curve`] follows one object without a frame, [`passes`] says which cross the field; [`link`] and [`serve`] connect them to a wire; [`output`] writes files.
 
 pub mod attitude;
 pub mod camera;
@@ -21,6 +21,7 @@ pub mod fidelity;
 pub mod flight;
 pub mod footprint;
 pub mod frame;
+pub mod kernels;
 pub mod label;
 mod lanes;
 pub mod light_curve;

@@ -13,6 +13,7 @@ use crate::plan::{Plan, Step};
 use crate::render::{render, tiles};
 use crate::scene::{Scene, Simulated, Source, Unobservable};
 use rayon::prelude::*;
+use skyloop_orbit::sgp4_batch::Level;
 use std::collections::HashMap;
 use std::hint::black_box;
 use std::sync::Arc;
@@ -48,7 +49,7 @@ impl Bench<'_> {
     pub fn frame(&self, choice: &Choice, repeat: u32) -> Result<Frame, Unobservable> {
         let scene = self.scene(choice, repeat)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
-        Ok(render(&plan, &scene, true))
+        Ok(render(&plan, &scene, Some(Level::best()), true, Vec::new()))
     }
 
     fn scene(&self, choice: &Choice, repeat: u32) -> Result<Scene, Unobservable> {
@@ -182,8 +183,8 @@ impl Bench<'_> {
             let take = |mut charge: Vec<f32>| {
                 match pass {
                     Pass::Images => {}
-                    Pass::Tile(pass) => {
-                        tiles(&scene, &mut charge, &mut digits)
+                    Pass::Tile(pass) | Pass::Pixels(pass) => {
+                        tiles(&scene, Some(Level::best()), &mut charge, &mut digits)
                             .for_each(|mut tile| pass(&mut tile));
                     }
                     Pass::Frame(pass) => pass(&mut Charge {

@@ -1,85 +1,173 @@
 //! Rendering: the plan's passes, over bands of rows in parallel or over the whole frame. It cannot fail.
+//!
+//! A band's charge stays in a core's second-level cache from the first light to the digits, and passes that work on single pixels go
+//! over it together, run by run, each in the first-level cache. Only a pass that needs the whole frame, or a caller who wants to
+//! keep the charge, has it written out.
 
 use crate::effect::{Pass, Stage, Verdict};
 use crate::frame::{Charge, Frame, Tile};
 use crate::plan::{Plan, Step};
 use crate::scene::Scene;
 use rayon::prelude::*;
+use skyloop_orbit::sgp4_batch::Level;
 
-/// Rows of a tile: a tile of 1024 columns then keeps its charge in a core's second-level cache.
-const TILE_ROWS: usize = 32;
+/// Rows of a band.
+const BAND_ROWS: usize = 32;
+/// Pixels of a run.
+const RUN: usize = 2048;
 
-/// Renders `scene`. Pixels depend neither on the number of threads nor on the tiles. `keep` keeps the expected
-/// electrons and the charge too.
-pub fn render(plan: &Plan<'_>, scene: &Scene, keep: bool) -> Frame {
+/// Renders `scene` with the vector instructions of `level`; with none pixel by pixel, pass by pass over the whole frame, on one thread. Pixels
+/// depend neither on that nor on bands, runs and the number of threads. `keep` keeps the expected electrons and the charge too; `digits` is
+/// memory to use again, such as an earlier frame's.
+pub fn render(
+    plan: &Plan<'_>,
+    scene: &Scene,
+    level: Option<Level>,
+    keep: bool,
+    mut digits: Vec<u16>,
+) -> Frame {
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
-    let mut digits = vec![0; width * height];
-    let mut electrons = vec![0.0f32; width * height];
-
-    let mut rest = &plan.steps[..];
-    let expected_e = keep.then(|| {
-        let light = rest.partition_point(|step| step.effect.stage <= Stage::Light);
-        let (light, later) = rest.split_at(light);
-        run(light, scene, &mut electrons, &mut digits);
-        rest = later;
-        electrons.clone()
-    });
-    run(rest, scene, &mut electrons, &mut digits);
-    Frame {
+    digits.resize(width * height, 0);
+    let passes = running(&plan.steps);
+    let mut frame = Frame {
         width,
         height,
-        digits,
-        expected_e,
-        charge_e: keep.then_some(electrons),
+        ..Frame::default()
+    };
+    if level.is_some() && !keep && !passes.iter().any(|pass| is_whole(pass)) {
+        bands(scene, &mut digits, level, &passes);
+    } else {
+        digits.fill(0);
+        let mut electrons = vec![0.0f32; width * height];
+        let light = plan
+            .steps
+            .partition_point(|step| step.effect.stage <= Stage::Light);
+        let (light, later) = plan.steps.split_at(light);
+        run(&running(light), scene, level, &mut electrons, &mut digits);
+        frame.expected_e = keep.then(|| electrons.clone());
+        run(&running(later), scene, level, &mut electrons, &mut digits);
+        frame.charge_e = keep.then_some(electrons);
     }
+    frame.digits = digits;
+    frame
 }
 
-/// Passes over bands go together, band by band, up to a pass that needs the whole frame.
-fn run(steps: &[Step<'_>], scene: &Scene, electrons: &mut [f32], digits: &mut [u16]) {
-    let width = scene.view.camera.detector.width;
+fn running<'a, 's>(steps: &'a [Step<'s>]) -> Vec<&'a Pass<'s>> {
     let passes = steps.iter().filter_map(|step| match &step.verdict {
         Verdict::Run { pass, .. } => Some(pass),
         Verdict::Off { .. } | Verdict::Skip { .. } => None,
     });
-    let passes: Vec<&Pass<'_>> = passes.collect();
+    passes.collect()
+}
+
+/// All passes, band by band, each on charge of its own.
+fn bands(scene: &Scene, digits: &mut [u16], level: Option<Level>, passes: &[&Pass<'_>]) {
+    let (width, key) = (scene.view.camera.detector.width, scene.view.key);
+    let band = width * BAND_ROWS;
+    let work = digits.par_chunks_mut(band).enumerate();
+    work.for_each_init(
+        || vec![0.0f32; band],
+        |charge, (index, digits)| {
+            let electrons = &mut charge[..digits.len()];
+            electrons.fill(0.0);
+            digits.fill(0);
+            let first = index * band;
+            go_over(
+                &mut Tile {
+                    first,
+                    width,
+                    electrons,
+                    digits,
+                    key,
+                    level,
+                },
+                passes,
+            );
+        },
+    );
+}
+
+/// Passes over bands go together, band by band, up to a pass that needs the whole frame.
+fn run(
+    passes: &[&Pass<'_>],
+    scene: &Scene,
+    level: Option<Level>,
+    electrons: &mut [f32],
+    digits: &mut [u16],
+) {
+    let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     for group in passes.chunk_by(|a, b| !is_whole(a) && !is_whole(b)) {
         if let [Pass::Frame(pass)] = group {
             pass(&mut Charge { width, electrons });
             continue;
         }
-        tiles(scene, electrons, digits).for_each(|mut tile| {
-            for pass in group {
-                if let Pass::Tile(pass) = pass {
-                    pass(&mut tile);
+        if level.is_some() {
+            tiles(scene, level, electrons, digits).for_each(|mut tile| go_over(&mut tile, group));
+            continue;
+        }
+        let mut whole = Tile {
+            first: 0,
+            width,
+            electrons,
+            digits,
+            key,
+            level,
+        };
+        for pass in group {
+            if let Pass::Tile(pass) | Pass::Pixels(pass) = pass {
+                pass(&mut whole);
+            }
+        }
+    }
+}
+
+/// Takes a band through `passes`.
+fn go_over(band: &mut Tile<'_>, passes: &[&Pass<'_>]) {
+    for group in passes.chunk_by(|a, b| is_of_pixels(a) && is_of_pixels(b)) {
+        match group {
+            [Pass::Tile(pass)] => pass(band),
+            group => {
+                for mut run in band.runs(RUN) {
+                    for pass in group {
+                        if let Pass::Pixels(pass) = pass {
+                            pass(&mut run);
+                        }
+                    }
                 }
             }
-        });
+        }
     }
 }
 
 /// A frame's bands of rows.
 pub fn tiles<'a>(
     scene: &Scene,
+    level: Option<Level>,
     electrons: &'a mut [f32],
     digits: &'a mut [u16],
 ) -> impl ParallelIterator<Item = Tile<'a>> {
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
+    let band = width * BAND_ROWS;
     let bands = electrons
-        .par_chunks_mut(width * TILE_ROWS)
-        .zip(digits.par_chunks_mut(width * TILE_ROWS));
+        .par_chunks_mut(band)
+        .zip(digits.par_chunks_mut(band));
     bands
         .enumerate()
         .map(move |(index, (electrons, digits))| Tile {
-            row: index * TILE_ROWS,
-            rows: digits.len() / width,
+            first: index * band,
             width,
             electrons,
             digits,
             key,
+            level,
         })
 }
 
 fn is_whole(pass: &Pass<'_>) -> bool {
     matches!(pass, Pass::Frame(_))
+}
+
+fn is_of_pixels(pass: &Pass<'_>) -> bool {
+    matches!(pass, Pass::Pixels(_))
 }

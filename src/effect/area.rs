@@ -68,8 +68,8 @@ pub(super) fn judge<'s>(
             price_ms: (asked_ns(&area.asked, ns) + pixels * PIXEL_NS) * 1e-6,
         }
     };
-    let pass = Pass::Tile(Box::new(move |tile| {
-        let e = area.e().get(tile.first_pixel()..);
+    let pass = Pass::Pixels(Box::new(move |tile| {
+        let e = area.e().get(tile.first..);
         let pixels = tile.electrons.iter_mut().zip(e.unwrap_or_default());
         pixels.for_each(|(pixel, e)| *pixel += e);
     }));

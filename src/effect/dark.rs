@@ -65,13 +65,13 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         }
     };
     let pass = match pattern.dark_e_s() {
-        Some(map) => Pass::Tile(Box::new(move |tile| {
-            let first = tile.first_pixel();
+        Some(map) => Pass::Pixels(Box::new(move |tile| {
+            let first = tile.first;
             for (e, dark) in tile.electrons.iter_mut().zip(&map[first..]) {
                 *e += (f64::from(*dark) * seconds) as f32;
             }
         })),
-        None => Pass::Tile(Box::new(move |tile| {
+        None => Pass::Pixels(Box::new(move |tile| {
             let dark_e = (mean * seconds) as f32;
             tile.electrons.iter_mut().for_each(|e| *e += dark_e);
         })),

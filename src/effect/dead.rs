@@ -44,8 +44,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             price_ms: dead.len() as f64 * 2e-6,
         }
     };
-    let pass = Pass::Tile(Box::new(move |tile| {
-        let (first, pixels) = (tile.first_pixel(), tile.electrons.len());
+    let pass = Pass::Pixels(Box::new(move |tile| {
+        let (first, pixels) = (tile.first, tile.electrons.len());
         let from = dead.partition_point(|pixel| (*pixel as usize) < first);
         let here = dead[from..].iter().map(|pixel| *pixel as usize);
         here.take_while(|pixel| *pixel < first + pixels)

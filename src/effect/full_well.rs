@@ -73,7 +73,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             spill(charge.electrons, charge.width, full);
         }))
     } else {
-        Pass::Tile(Box::new(move |tile| {
+        Pass::Pixels(Box::new(move |tile| {
             let pixels = tile.electrons.iter_mut();
             pixels.for_each(|e| *e = e.min(full as f32));
         }))

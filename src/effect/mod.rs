@@ -157,6 +157,8 @@ pub struct Loss {
 pub enum Pass<'s> {
     /// Nothing more: it has shaped the images.
     Images,
+    /// Works on each pixel, or run of pixels, by itself.
+    Pixels(Box<dyn Fn(&mut Tile<'_>) + Send + Sync + 's>),
     /// Works on each band of rows by itself.
     Tile(Box<dyn Fn(&mut Tile<'_>) + Send + Sync + 's>),
     /// Works on the whole frame's charge at once.
@@ -166,7 +168,7 @@ pub enum Pass<'s> {
 impl Pass<'_> {
     /// Does nothing.
     fn idle() -> Self {
-        Pass::Tile(Box::new(|_| {}))
+        Pass::Pixels(Box::new(|_| {}))
     }
 }
 

@@ -42,7 +42,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             ..Need::of_pixels(scene, because, missing(brightest), 0.7)
         }
     };
-    let pass = Pass::Tile(Box::new(move |tile| {
+    let pass = Pass::Pixels(Box::new(move |tile| {
         for e in tile.electrons.iter_mut() {
             *e = detector.response_e(f64::from(*e)) as f32;
         }

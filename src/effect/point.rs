@@ -81,11 +81,11 @@ pub(super) fn judge<'s>(
         }
     };
     let pass = Pass::Tile(Box::new(move |tile| {
-        let (first, width) = (tile.row, tile.width);
+        let (rows, width) = (tile.rows(), tile.width);
         for source in &drawn {
             let electrons = source.electrons;
-            for (row, column, shares) in source.footprint.rows(first..first + tile.rows) {
-                let from = (row - first) * width + column;
+            for (row, column, shares) in source.footprint.rows(rows.clone()) {
+                let from = (row - rows.start) * width + column;
                 for (pixel, share) in tile.electrons[from..].iter_mut().zip(shares) {
                     *pixel += (electrons * f64::from(*share)) as f32;
                 }

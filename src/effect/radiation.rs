@@ -53,8 +53,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             price_ms: hits.len() as f64 * 3e-6,
         }
     };
-    let pass = Pass::Tile(Box::new(move |tile| {
-        let (first, pixels) = (tile.first_pixel(), tile.electrons.len());
+    let pass = Pass::Pixels(Box::new(move |tile| {
+        let (first, pixels) = (tile.first, tile.electrons.len());
         let from = hits.partition_point(|(pixel, _)| (*pixel as usize) < first);
         let here = hits[from..].iter();
         for (pixel, e) in here.take_while(|(pixel, _)| (*pixel as usize) < first + pixels) {

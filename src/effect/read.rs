@@ -10,7 +10,7 @@
 use super::cause::digits;
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::rng::PixelStream;
+use crate::kernels;
 use crate::scene::Scene;
 
 /// Read noise.
@@ -30,14 +30,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let need = if sigma == 0.0 {
         Need::none("the detector reads without noise (detector.read_noise_e)")
     } else {
-        Need::of_pixels(scene, format!("{} e- rms", digits(sigma)), sigma, 18.5)
+        Need::of_pixels(scene, format!("{} e- rms", digits(sigma)), sigma, 0.9)
     };
-    let pass = Pass::Tile(Box::new(move |tile| {
-        let first = tile.first_pixel();
-        for (i, e) in tile.electrons.iter_mut().enumerate() {
-            let mut stream = PixelStream::new(tile.key, STREAM, (first + i) as u32);
-            *e += (sigma * stream.normal()) as f32;
-        }
+    let pass = Pass::Pixels(Box::new(move |tile| {
+        let (level, key, first) = (tile.level, tile.key, tile.first);
+        kernels::read_noise(level, key, STREAM, first, sigma as f32, tile.electrons);
     }));
     (need, pass)
 }

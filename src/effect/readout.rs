@@ -8,6 +8,7 @@
 
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
+use crate::kernels::{self, Converter};
 use crate::scene::Scene;
 
 /// The converter.
@@ -28,11 +29,14 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
     let digit = (held * per_electron + offset + 0.5).clamp(0.0, max);
     let all = digit * detector.gain_e_per_dn;
     let because = format!("a frame is digits of {} bits", detector.bits);
-    let need = Need::of_pixels(scene, because, all, 1.25);
-    let pass = Pass::Tile(Box::new(move |tile| {
-        for (dn, e) in tile.digits.iter_mut().zip(tile.electrons.iter()) {
-            *dn = (f64::from(*e) * per_electron + offset + 0.5).clamp(0.0, max) as u16;
-        }
+    let need = Need::of_pixels(scene, because, all, 0.25);
+    let converter = Converter {
+        per_electron,
+        offset,
+        max: detector.max_dn(),
+    };
+    let pass = Pass::Pixels(Box::new(move |tile| {
+        kernels::digitise(tile.level, &converter, tile.electrons, tile.digits);
     }));
     (need, pass)
 }

@@ -44,8 +44,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         );
         Need::of_pixels(scene, because, worst, 0.2)
     };
-    let pass = Pass::Tile(Box::new(move |tile| {
-        let first = tile.first_pixel();
+    let pass = Pass::Pixels(Box::new(move |tile| {
+        let first = tile.first;
         for (e, g) in tile.electrons.iter_mut().zip(&response[first..]) {
             *e *= g;
         }

@@ -11,7 +11,8 @@
 use super::cause::{digits, no_light};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
-use crate::rng::{PixelStream, PoissonTable};
+use crate::kernels;
+use crate::rng::poisson::SWITCH;
 use crate::scene::Scene;
 
 /// Shot noise.
@@ -48,18 +49,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             price_ms: price_ms(scene),
         }
     };
-    // Where dark current is even, most pixels hold nothing but it: one table serves them all.
-    let background = scene.common_e();
-    let table = PoissonTable::new(f64::from(background));
-    let pass = Pass::Tile(Box::new(move |tile| {
-        let first = tile.first_pixel();
-        for (i, e) in tile.electrons.iter_mut().enumerate() {
-            let mut stream = PixelStream::new(tile.key, STREAM, (first + i) as u32);
-            *e = match &table {
-                Some(table) if *e == background => table.draw(stream.uniform()),
-                _ => stream.poisson(f64::from(*e)),
-            } as f32;
-        }
+    let pass = Pass::Pixels(Box::new(move |tile| {
+        kernels::shot_noise(tile.level, tile.key, STREAM, tile.first, tile.electrons);
     }));
     (need, pass)
 }
@@ -78,52 +69,26 @@ fn spilt_e(scene: &Scene) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Pixels, and pixels of each footprint, that are looked at for the price.
-const LOOKED_AT: [usize; 2] = [256, 8];
-/// ns of a draw from the table: of a small mean most are its first entry, and foreseen.
-fn table_ns(mean: f64) -> f64 {
-    4.5 + 17.5 * mean.min(1.0)
-}
+/// Pixels that are looked at for the price.
+const LOOKED_AT: usize = 256;
 
-/// What drawing takes, ms.
+/// What drawing takes, ms: by the means of some pixels, at a step that is no multiple of the columns.
 fn price_ms(scene: &Scene) -> f64 {
-    let (pixels, common) = (scene.view.camera.detector.pixels(), scene.common_e());
-    let has_table = PoissonTable::covers(f64::from(common));
-    // Some pixels of all, at a step that is no multiple of the columns.
-    let step = (pixels / LOOKED_AT[0]) | 1;
+    let pixels = scene.view.camera.detector.pixels();
+    let step = (pixels / LOOKED_AT) | 1;
     let looked = (0..pixels).step_by(step);
     let count = looked.len().max(1) as f64;
-    let dark_ns = looked.map(|pixel| match scene.background_of(pixel) {
-        e if has_table && e as f32 == common => table_ns(e),
-        e => draw_ns(e),
-    });
-    let dark_ns = dark_ns.sum::<f64>() / count;
-
-    let (background, mut touched, mut lit_ns) = (scene.background_e(), 0.0, 0.0);
-    for (i, source) in scene.sources.iter().enumerate() {
-        let shares = source.footprint.shares();
-        if shares.is_empty() || source.electrons == 0.0 {
-            continue;
-        }
-        let each = shares.len() as f64 / LOOKED_AT[1] as f64;
-        for k in 0..LOOKED_AT[1] {
-            // Any places; 7919 is a prime.
-            let share = shares[(7919 * (i + k) + k * shares.len() / LOOKED_AT[1]) % shares.len()];
-            lit_ns += each * draw_ns(background + source.electrons * f64::from(share));
-        }
-        touched += shares.len() as f64;
-    }
-    // Footprints overlap as by chance.
-    let lit = pixels as f64 * (1.0 - libm::exp(-touched / pixels as f64));
-    (lit * lit_ns / f64::max(touched, 1.0) + (pixels as f64 - lit) * dark_ns) * 1e-6
+    let ns: f64 = looked
+        .map(|pixel| draw_ns(scene.background_of(pixel)))
+        .sum();
+    pixels as f64 * ns / count * 1e-6
 }
 
-/// ns of a draw of its own: by inversion each electron is a step, and a branch that is hard to foresee; by rejection
-/// the greater part is accepted at once, the greater the larger the mean.
+/// ns of a draw: each step of the search is taken by all lanes until the last is done.
 fn draw_ns(mean: f64) -> f64 {
     match mean {
-        0.0 => 1.8,
-        ..10.0 => 20.0 + 22.0 * libm::sqrt(mean).min(2.1),
-        _ => 40.0 + 45.0 * (20.0 / mean).min(1.0),
+        0.0 => 0.1,
+        mean if mean < f64::from(SWITCH) => 1.6 + 0.7 * libm::sqrt(mean) + 0.2 * mean,
+        _ => 1.3,
     }
 }

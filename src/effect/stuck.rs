@@ -56,8 +56,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             price_ms: stuck.len() as f64 * 2e-6,
         }
     };
-    let pass = Pass::Tile(Box::new(move |tile| {
-        let (first, pixels) = (tile.first_pixel(), tile.digits.len());
+    let pass = Pass::Pixels(Box::new(move |tile| {
+        let (first, pixels) = (tile.first, tile.digits.len());
         let from = stuck.partition_point(|pixel| (*pixel as usize) < first);
         let here = stuck[from..].iter().map(|pixel| *pixel as usize);
         here.take_while(|pixel| *pixel < first + pixels)

@@ -114,12 +114,10 @@ impl Area {
         2 * panels.unwrap_or(0)
     }
 
-    /// How fast (rad/s) its edges move by themselves.
+    /// How fast (rad/s) it moves by itself, whether it has an edge in the field or only grows fainter across it.
     pub fn swing(&self) -> f64 {
-        match &self.radiance {
-            Ok(radiance) if radiance.edge().is_some() => radiance.turning().norm(),
-            _ => 0.0,
-        }
+        let radiance = self.radiance.as_ref();
+        radiance.map_or(0.0, |radiance| radiance.turning().norm())
     }
 }
 

@@ -1,0 +1,261 @@
+//! The loops that a frame's time goes into, each compiled once more for the vector instructions that a processor may have.
+//!
+//! The bodies are plain Rust over blocks of pixels that a compiler turns into vectors. Products that are added are fused where the code says so,
+//! on every processor (in a function call where it cannot), and no other function of the platform is called: all levels give the same
+//! bits. Each body's twin is the same work pixel by pixel (`rng::word`, `rng::normal`, `rng::poisson`, [`Converter::digit`]); tests compare
+//! them.
+
+#![allow(unsafe_code)]
+
+use crate::rng::normal::{self, uniform_of};
+use crate::rng::poisson::{self, SWITCH};
+use crate::rng::{self, NoiseKey};
+use skyloop_orbit::sgp4_batch::Level;
+
+/// Pixels that a body works on at a time: they stay in the first-level cache.
+const BLOCK: usize = 256;
+
+/// Makes a function of `level` out of a body: the body compiled with that level's instructions, or with those that every
+/// processor has; without a level, of the twin that goes pixel by pixel.
+macro_rules! kernel {
+    ($(#[$doc:meta])* $name:ident = $body:ident, $twin:ident ($($arg:ident: $type:ty),*)) => {
+        $(#[$doc])*
+        pub fn $name(level: Option<Level>, $($arg: $type),*) {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,fma")]
+                fn avx512($($arg: $type),*) {
+                    $body($($arg),*);
+                }
+                #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,fma")]
+                fn avx2($($arg: $type),*) {
+                    $body($($arg),*);
+                }
+                // As fair a twin as the processor has: with fused products, without vectors.
+                #[target_feature(enable = "fma")]
+                fn fused($($arg: $type),*) {
+                    $twin($($arg),*);
+                }
+                if level == Some(Level::Avx512) && Level::Avx512.is_available() {
+                    // SAFETY: the processor has these instructions.
+                    return unsafe { avx512($($arg),*) };
+                }
+                if level == Some(Level::Avx2) && Level::Avx2.is_available() {
+                    // SAFETY: the processor has these instructions.
+                    return unsafe { avx2($($arg),*) };
+                }
+                if level.is_none() && Level::Avx2.is_available() {
+                    // SAFETY: what has AVX2 by that level has fused products.
+                    return unsafe { fused($($arg),*) };
+                }
+            }
+            match level {
+                Some(_) => $body($($arg),*),
+                None => $twin($($arg),*),
+            }
+        }
+    };
+}
+
+kernel! {
+    /// Draws pixels' electrons from their means: those from pixel `first` on, each with the word that is its own (`rng::word`).
+    shot_noise = shot_body, shot_twin (key: NoiseKey, effect: u8, first: usize, electrons: &mut [f32])
+}
+
+kernel! {
+    /// Adds normal noise of `sigma` (e-) to pixels, likewise.
+    read_noise = read_body, read_twin (key: NoiseKey, effect: u8, first: usize, sigma: f32, electrons: &mut [f32])
+}
+
+kernel! {
+    /// Turns pixels' electrons into digits.
+    digitise = digits_body, digits_twin (converter: &Converter, electrons: &[f32], digits: &mut [u16])
+}
+
+#[inline(always)]
+fn shot_body(key: NoiseKey, effect: u8, first: usize, electrons: &mut [f32]) {
+    let mut words = [0; BLOCK];
+    let [mut means, mut normals, mut searched] = [[0.0; BLOCK]; 3];
+    let mut done = 0;
+    while done < electrons.len() {
+        let skip = (first + done) % BLOCK;
+        let count = (BLOCK - skip).min(electrons.len() - done);
+        let pixels = &mut electrons[done..done + count];
+        means[skip..skip + count].copy_from_slice(pixels);
+        // Numbers from 0 on are ordered as their bits are.
+        let (mut least, mut most) = (u32::MAX, 0);
+        for mean in &mut means {
+            *mean = poisson::mean_of(*mean);
+            least = least.min(mean.to_bits());
+            most = most.max(mean.to_bits());
+        }
+        if most == 0 {
+            pixels.fill(0.0);
+            done += count;
+            continue;
+        }
+        fill(key, effect, first + done - skip, &mut words);
+        if f32::from_bits(most) >= SWITCH {
+            normals_of(&words, &mut normals);
+        }
+        if f32::from_bits(least) < SWITCH {
+            search(&means, &words, &mut searched);
+        }
+        if f32::from_bits(most) < SWITCH {
+            pixels.copy_from_slice(&searched[skip..skip + count]);
+        } else {
+            for i in 0..BLOCK {
+                let expanded = poisson::expansion(means[i], normals[i]);
+                means[i] = if means[i] < SWITCH {
+                    searched[i]
+                } else {
+                    expanded
+                };
+            }
+            pixels.copy_from_slice(&means[skip..skip + count]);
+        }
+        done += count;
+    }
+}
+
+/// The draws of means below the switch, `LANES` side by side, for as many steps as the last of them takes; of others, anything.
+#[inline(always)]
+fn search(means: &[f32; BLOCK], words: &[u32; BLOCK], draws: &mut [f32; BLOCK]) {
+    const LANES: usize = 16;
+    let lanes = means
+        .as_chunks::<LANES>()
+        .0
+        .iter()
+        .zip(words.as_chunks::<LANES>().0);
+    for ((means, words), draws) in lanes.zip(draws.as_chunks_mut::<LANES>().0) {
+        let [mut mean, mut u, mut probability, mut cumulative, mut k] = [[0.0; LANES]; 5];
+        for i in 0..LANES {
+            mean[i] = f64::from(if means[i] < SWITCH { means[i] } else { 0.0 });
+            u[i] = uniform_of(words[i]);
+            probability[i] = poisson::none(mean[i]);
+            cumulative[i] = probability[i];
+        }
+        for inverse in &poisson::INVERSE[1..] {
+            let mut steps = 0;
+            for i in 0..LANES {
+                let step = u[i] >= cumulative[i];
+                steps |= u64::from(step);
+                k[i] += if step { 1.0 } else { 0.0 };
+                probability[i] *= mean[i] * inverse;
+                cumulative[i] += probability[i];
+            }
+            if steps == 0 {
+                break;
+            }
+        }
+        for (draw, k) in draws.iter_mut().zip(&k) {
+            *draw = *k as f32;
+        }
+    }
+}
+
+#[inline(always)]
+fn read_body(key: NoiseKey, effect: u8, first: usize, sigma: f32, electrons: &mut [f32]) {
+    let (mut words, mut normals) = ([0; BLOCK], [0.0; BLOCK]);
+    let mut done = 0;
+    while done < electrons.len() {
+        let skip = (first + done) % BLOCK;
+        let count = (BLOCK - skip).min(electrons.len() - done);
+        fill(key, effect, first + done - skip, &mut words);
+        normals_of(&words, &mut normals);
+        for (e, z) in electrons[done..done + count]
+            .iter_mut()
+            .zip(&normals[skip..])
+        {
+            *e += sigma * z;
+        }
+        done += count;
+    }
+}
+
+/// The words of a block of pixels.
+#[inline(always)]
+fn fill(key: NoiseKey, effect: u8, base: usize, words: &mut [u32; BLOCK]) {
+    for (group, words) in words.chunks_exact_mut(rng::GROUP).enumerate() {
+        let first = (base / rng::GROUP + group) * rng::COUNTERS;
+        let (halves, last) = words.split_at_mut(2 * rng::COUNTERS);
+        let (a, b) = halves.split_at_mut(rng::COUNTERS);
+        let (c, d) = last.split_at_mut(rng::COUNTERS);
+        for i in 0..rng::COUNTERS {
+            [a[i], b[i], c[i], d[i]] =
+                rng::block::<{ rng::PIXEL_ROUNDS }>(key, effect, (first + i) as u32, 0);
+        }
+    }
+}
+
+/// The normal draws of words: all as if they were near the middle, then those that are not, of one group in 35.
+#[inline(always)]
+fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
+    let groups = words.as_chunks::<{ rng::GROUP }>().0.iter();
+    for (words, normals) in groups.zip(normals.as_chunks_mut::<{ rng::GROUP }>().0) {
+        let mut least = u32::MAX;
+        for i in 0..rng::GROUP {
+            normals[i] = normal::near(words[i]);
+            least = least.min(normal::from_the_end(words[i]));
+        }
+        if least < normal::FAR {
+            for i in 0..rng::GROUP {
+                if normal::from_the_end(words[i]) < normal::FAR {
+                    normals[i] = normal::far(words[i]);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn digits_body(converter: &Converter, electrons: &[f32], digits: &mut [u16]) {
+    for (dn, e) in digits.iter_mut().zip(electrons) {
+        *dn = converter.digit(*e);
+    }
+}
+
+#[inline(always)]
+fn shot_twin(key: NoiseKey, effect: u8, first: usize, electrons: &mut [f32]) {
+    for (pixel, e) in (first..).zip(electrons) {
+        *e = poisson::poisson(*e, rng::word(key, effect, pixel));
+    }
+}
+
+#[inline(always)]
+fn read_twin(key: NoiseKey, effect: u8, first: usize, sigma: f32, electrons: &mut [f32]) {
+    for (pixel, e) in (first..).zip(electrons) {
+        *e += sigma * normal::normal(rng::word(key, effect, pixel));
+    }
+}
+
+#[inline(always)]
+fn digits_twin(converter: &Converter, electrons: &[f32], digits: &mut [u16]) {
+    for (dn, e) in digits.iter_mut().zip(electrons) {
+        *dn = converter.digit(*e);
+    }
+}
+
+/// What turns electrons into digits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Converter {
+    /// Digits an electron, DN/e-.
+    pub per_electron: f64,
+    /// What it gives for no charge, DN.
+    pub offset: f64,
+    /// Its largest digit, DN.
+    pub max: u16,
+}
+
+impl Converter {
+    /// What it gives for `electrons` (e-); 0 for what is no number.
+    #[inline(always)]
+    pub fn digit(&self, electrons: f32) -> u16 {
+        let dn = f64::from(electrons) * self.per_electron + self.offset + 0.5;
+        let (low, high) = (0.0, f64::from(self.max));
+        let dn = if dn > low { dn } else { low };
+        let dn = if dn < high { dn } else { high };
+        // SAFETY: it is a number from 0 to 65535.
+        unsafe { dn.to_int_unchecked::<i32>() as u16 }
+    }
+}

@@ -1,0 +1,368 @@
+//! The draws of noise: Philox's words, the normal distribution, Poisson's, and the kernels that draw them for many pixels.
+
+use skyloop::kernels;
+use skyloop::orbit::sgp4_batch::Level;
+use skyloop::rng::normal::{normal, uniform_of};
+use skyloop::rng::poisson::{SWITCH, poisson};
+use skyloop::rng::{NoiseKey, word};
+
+const KEY: NoiseKey = NoiseKey {
+    seed: 0x1234_5678_9ABC,
+    sequence: 77,
+    repeat: 0,
+};
+const DRAWS: usize = 10_000_000;
+/// Pixels that are drawn at a time.
+const BLOCK: usize = 1 << 16;
+
+/// Calls `each` with as many draws of `kernel`.
+fn draws(kernel: impl Fn(usize, &mut [f32]), mut each: impl FnMut(usize, f64)) {
+    let mut pixels = vec![0.0; BLOCK];
+    for first in (0..DRAWS).step_by(BLOCK) {
+        let count = BLOCK.min(DRAWS - first);
+        kernel(first, &mut pixels[..count]);
+        for (i, draw) in pixels[..count].iter().enumerate() {
+            each(first + i, f64::from(*draw));
+        }
+    }
+}
+
+fn poissons(mean: f32, each: impl FnMut(usize, f64)) {
+    let level = Some(Level::best());
+    let kernel = |first, pixels: &mut [f32]| {
+        pixels.fill(mean);
+        kernels::shot_noise(level, KEY, 1, first, pixels);
+    };
+    draws(kernel, each);
+}
+
+fn normals(each: impl FnMut(usize, f64)) {
+    let level = Some(Level::best());
+    let kernel = |first, pixels: &mut [f32]| {
+        pixels.fill(0.0);
+        kernels::read_noise(level, KEY, 2, first, 1.0, pixels);
+    };
+    draws(kernel, each);
+}
+
+/// Poisson's probabilities of `first` on, up to where less than 10^-17 lies beyond.
+struct Theory {
+    first: usize,
+    probability: Vec<f64>,
+}
+
+impl Theory {
+    fn of(mean: f32) -> Theory {
+        let mean = f64::from(mean);
+        let reach = 9.0 * mean.sqrt() + 40.0;
+        let (first, last) = ((mean - reach).max(0.0) as usize, (mean + reach) as usize);
+        // P(k) = exp(k ln m - m - ln k!), scaled to 1: of large means the exponent's last digits are lost.
+        let log = |k: usize| k as f64 * mean.ln() - mean - libm::lgamma(k as f64 + 1.0);
+        let mut probability: Vec<f64> = (first..=last).map(|k| log(k).exp()).collect();
+        let all: f64 = probability.iter().sum();
+        assert!((all - 1.0).abs() < 1e-8, "{mean}: {all}");
+        probability.iter_mut().for_each(|p| *p /= all);
+        Theory { first, probability }
+    }
+
+    /// The probability of `k`; 0 where it is not worth a number.
+    fn of_draw(&self, k: f64) -> f64 {
+        let at = (k as usize).checked_sub(self.first);
+        at.and_then(|at| self.probability.get(at))
+            .copied()
+            .unwrap_or(0.0)
+    }
+}
+
+/// How many standard deviations chi-square of `counts` lies above its mean; bins that expect fewer than 5 are joined.
+fn chi_square(counts: &[f64], expected: &[f64]) -> f64 {
+    let mut bins: Vec<[f64; 2]> = vec![[0.0; 2]];
+    for (count, expect) in counts.iter().zip(expected) {
+        if bins[bins.len() - 1][1] >= 5.0 {
+            bins.push([0.0; 2]);
+        }
+        let last = bins.len() - 1;
+        bins[last][0] += count;
+        bins[last][1] += expect;
+    }
+    if bins.len() > 1 && bins[bins.len() - 1][1] < 5.0 {
+        let [count, expect] = bins.pop().unwrap();
+        let last = bins.len() - 1;
+        bins[last][0] += count;
+        bins[last][1] += expect;
+    }
+    assert!(bins.len() > 1);
+    let sum: f64 = bins
+        .iter()
+        .map(|[count, expect]| (count - expect).powi(2) / expect)
+        .sum();
+    let freedom = bins.len() as f64 - 1.0;
+    (sum - freedom) / (2.0 * freedom).sqrt()
+}
+
+/// Kolmogorov and Smirnov's statistic, times the root of the number of values, of values in (0, 1) that are counted in cells.
+struct Uniformity(Vec<f64>);
+
+impl Uniformity {
+    const CELLS: usize = 1 << 16;
+
+    fn new() -> Uniformity {
+        Uniformity(vec![0.0; Self::CELLS])
+    }
+
+    fn count(&mut self, value: f64) {
+        let cell = (value * Self::CELLS as f64) as usize;
+        self.0[cell.min(Self::CELLS - 1)] += 1.0;
+    }
+
+    fn statistic(&self) -> f64 {
+        let all: f64 = self.0.iter().sum();
+        let (mut below, mut furthest) = (0.0, 0.0f64);
+        for (i, count) in self.0.iter().enumerate() {
+            below += count;
+            furthest = furthest.max((below / all - (i + 1) as f64 / Self::CELLS as f64).abs());
+        }
+        furthest * all.sqrt()
+    }
+}
+
+/// X-Val: Kolmogorov's distribution: 1 in 1000 values is beyond 1.95.
+const KOLMOGOROV: f64 = 1.95;
+
+#[test]
+fn poisson_draws_are_poissons() {
+    for mean in [0.01, 0.1, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e5] {
+        let theory = Theory::of(mean);
+        let mut counts = vec![0.0; theory.probability.len()];
+        let mut uniformity = Uniformity::new();
+        let below: Vec<f64> = theory
+            .probability
+            .iter()
+            .scan(0.0, |sum, p| {
+                let below = *sum;
+                *sum += p;
+                Some(below)
+            })
+            .collect();
+        poissons(mean, |pixel, k| {
+            let at = k as usize - theory.first;
+            counts[at] += 1.0;
+            // The randomised integral of the probability: uniform where k is Poisson's.
+            let part = uniform_of(word(KEY, 9, pixel));
+            uniformity.count(below[at] + part * theory.probability[at]);
+        });
+        let n = DRAWS as f64;
+        let expected: Vec<f64> = theory.probability.iter().map(|p| n * p).collect();
+        let chi2 = chi_square(&counts, &expected);
+        assert!(
+            chi2 < 4.0,
+            "mean {mean}: chi-square {chi2:.1} standard deviations"
+        );
+        let ks = uniformity.statistic();
+        assert!(ks < KOLMOGOROV, "mean {mean}: {ks:.2}");
+        if mean < 10.0 {
+            continue;
+        }
+        for sigmas in [3.0, 4.0, 5.0] {
+            for side in [-1.0, 1.0] {
+                let edge = f64::from(mean) + side * sigmas * f64::from(mean).sqrt();
+                let beyond = |values: &[f64]| -> f64 {
+                    let values = values.iter().enumerate();
+                    let beyond =
+                        values.filter(|(i, _)| side * ((theory.first + i) as f64 - edge) > 0.0);
+                    beyond.map(|(_, value)| value).sum()
+                };
+                let (seen, due) = (beyond(&counts), beyond(&expected));
+                let off = (seen - due).abs();
+                assert!(
+                    off < 4.0 * due.sqrt() + 1.0,
+                    "mean {mean}, {sigmas} sigma: {seen} for {due:.1}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn normal_draws_are_normal() {
+    const CELLS: usize = 1000;
+    let phi = |z: f64| 0.5 * libm::erfc(-z / std::f64::consts::SQRT_2);
+    let (mut uniformity, mut cells) = (Uniformity::new(), vec![0.0; CELLS]);
+    let mut beyond = [[0.0; 3]; 2];
+    normals(|_, z| {
+        let p = phi(z);
+        uniformity.count(p);
+        cells[((p * CELLS as f64) as usize).min(CELLS - 1)] += 1.0;
+        for sigmas in [3, 4, 5] {
+            if z.abs() > f64::from(sigmas) {
+                beyond[usize::from(z > 0.0)][sigmas as usize - 3] += 1.0;
+            }
+        }
+    });
+    let n = DRAWS as f64;
+    let chi2 = chi_square(&cells, &vec![n / CELLS as f64; CELLS]);
+    assert!(chi2.abs() < 4.0, "{chi2}");
+    assert!(uniformity.statistic() < KOLMOGOROV);
+    // X-Val: 1 - Phi(3, 4, 5) = 1.349898e-3, 3.167124e-5, 2.866516e-7.
+    for (i, p) in [1.349_898e-3, 3.167_124e-5, 2.866_516e-7]
+        .into_iter()
+        .enumerate()
+    {
+        for side in beyond {
+            let off = (side[i] - n * p).abs();
+            assert!(
+                off < 4.0 * (n * p).sqrt() + 1.0,
+                "{} sigma: {} for {}",
+                i + 3,
+                side[i],
+                n * p
+            );
+        }
+    }
+}
+
+/// The word at a place in (0, 1), counted in parts of 2^-32.
+fn word_at(place: u64) -> u32 {
+    const HALF: u64 = 1 << 31;
+    if place < HALF {
+        place as u32
+    } else {
+        1 << 31 | (2 * HALF - 1 - place) as u32
+    }
+}
+
+#[test]
+fn words_have_places() {
+    for place in [0, 1, 12_345, (1 << 31) - 1, 1 << 31, (1 << 32) - 1] {
+        let expected = (place as f64 + 0.5) / 4_294_967_296.0;
+        assert_eq!(uniform_of(word_at(place)), expected);
+    }
+}
+
+/// The total-variation distance between Poisson's distribution and what all 2^32 words draw, by the places at which the draw steps.
+fn variation(mean: f32) -> f64 {
+    const ALL: u64 = 1 << 32;
+    let theory = Theory::of(mean);
+    // How many words draw less than k; draws rise with the place.
+    let less = |k: f64| {
+        let (mut low, mut high) = (0, ALL);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if f64::from(poisson(mean, word_at(middle))) < k {
+                low = middle + 1;
+            } else {
+                high = middle;
+            }
+        }
+        low as f64 / ALL as f64
+    };
+    let last = theory.first + theory.probability.len();
+    let (mut before, mut apart) = (less(theory.first as f64), 0.0);
+    assert_eq!(before, 0.0, "{mean}");
+    for k in theory.first..last {
+        let up_to = less(k as f64 + 1.0);
+        apart += (up_to - before - theory.of_draw(k as f64)).abs();
+        before = up_to;
+    }
+    assert_eq!(before, 1.0, "{mean}");
+    apart / 2.0
+}
+
+#[test]
+fn the_expansion_is_within_1e_4_of_poisson_and_the_search_is_exact() {
+    // Of n probabilities each is within 2^-32.
+    for mean in [1e-6, 0.01, 0.3, 1.0, 4.7, 12.0, 15.999] {
+        let exact = variation(mean);
+        assert!(exact < 5e-9, "{mean}: {exact:e}");
+    }
+    let mut worst = 0.0f64;
+    for mean in [
+        SWITCH, 16.3, 17.5, 20.0, 23.7, 30.0, 50.0, 77.7, 100.0, 300.0, 1e3, 4321.5, 1e4, 1e5, 1e6,
+    ] {
+        let apart = variation(mean);
+        println!("mean {mean}: {apart:.2e}");
+        worst = worst.max(apart);
+        assert!(apart < 1e-4, "{mean}: {apart:e}");
+    }
+    // What `rng::poisson` says.
+    assert!((4.5e-5..6.5e-5).contains(&worst), "{worst:e}");
+}
+
+#[test]
+fn every_level_draws_what_single_pixels_draw() {
+    let means = [
+        0.0,
+        -1.0,
+        f32::NAN,
+        f32::INFINITY,
+        1e-30,
+        0.5,
+        3.0,
+        15.999,
+        16.0,
+        50.0,
+        1e5,
+        1e9,
+        1e30,
+        f32::MAX,
+        f32::NEG_INFINITY,
+    ];
+    let converter = kernels::Converter {
+        per_electron: 0.37,
+        offset: 12.5,
+        max: 4095,
+    };
+    for (first, count) in [
+        (0, 5000),
+        (1, 255),
+        (63, 2),
+        (64 * 7 + 13, 1000),
+        (300, 0),
+        (1 << 22, 257),
+    ] {
+        let of = |i: usize| match i % 1000 {
+            // Bright and dark ones alone, and all among one another.
+            0..300 => means[5 + i % 3],
+            300..600 => means[8 + i % 4],
+            _ => means[(i * 7) % means.len()],
+        };
+        let light: Vec<f32> = (first..first + count).map(of).collect();
+        let single: Vec<f32> = (first..)
+            .zip(&light)
+            .map(|(pixel, mean)| poisson(*mean, word(KEY, 5, pixel)))
+            .collect();
+        let sigma = 3.7;
+        let read: Vec<f32> = (first..)
+            .zip(&single)
+            .map(|(pixel, e)| e + sigma * normal(word(KEY, 6, pixel)))
+            .collect();
+        let digits: Vec<u16> = read.iter().map(|e| converter.digit(*e)).collect();
+        assert!(single.iter().all(|k| *k >= 0.0 && k.is_finite()));
+        for level in [None]
+            .into_iter()
+            .chain(Level::available().into_iter().map(Some))
+        {
+            let mut pixels = light.clone();
+            kernels::shot_noise(level, KEY, 5, first, &mut pixels);
+            assert_eq!(pixels, single, "{level:?}");
+            kernels::read_noise(level, KEY, 6, first, sigma, &mut pixels);
+            assert_eq!(pixels, read, "{level:?}");
+            let mut dn = vec![7; count];
+            kernels::digitise(level, &converter, &pixels, &mut dn);
+            assert_eq!(dn, digits, "{level:?}");
+        }
+    }
+    for e in [f32::NAN, f32::NEG_INFINITY, -1e9] {
+        assert_eq!(converter.digit(e), 0);
+    }
+    assert_eq!(converter.digit(f32::INFINITY), 4095);
+}
+
+#[test]
+fn no_mean_draws_nothing() {
+    for word in [0, 1, 0x7FFF_FFFF, 0x8000_0000, u32::MAX] {
+        for mean in [0.0, -0.0, -5.0, f32::NAN, f32::NEG_INFINITY] {
+            assert_eq!(poisson(mean, word), 0.0);
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! Frames are the same bytes, whatever works them out: vector instructions or none, fused or pass by pass, one thread or several; and
+//! the same as when their checksums were written down.
+
+#[path = "support/scenes.rs"]
+mod scenes;
+
+use std::path::Path;
+
+use skyloop::config::Config;
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::frame::Frame;
+use skyloop::orbit::sgp4_batch::Level;
+use skyloop_protocols::crc::Crc32;
+
+/// CRC-32 of the pixels, each as a big-endian number of 16 bits, of frames of the scenes in `configs/scenes`.
+const CHECKSUMS: &str = include_str!("reference/frames.csv");
+/// Of each scene its first frame, and the last of at most so many.
+const MOST_FRAMES: u32 = 5;
+
+/// Those frames, with their numbers.
+fn frames(scene: &Path, level: Option<Level>, keep: bool) -> Vec<(u32, Frame)> {
+    let mut config = Config::load(scene).unwrap();
+    let mission = flight::mission(&config).unwrap();
+    let mut emulator = Emulator::new(&mut config);
+    (emulator.level, emulator.keep_expected) = (level, keep);
+    let mut numbers = vec![0, mission.frames.min(MOST_FRAMES) - 1];
+    numbers.dedup();
+    let shots = numbers.into_iter().map(|number| {
+        let vehicle = flight::vehicle(&mission, number).unwrap();
+        let shot = emulator.shoot(&vehicle, 0).unwrap();
+        // A frame that is made in the memory of another has nothing of it.
+        let again = emulator.shoot(&vehicle, 0).unwrap().frame;
+        assert!(again.digits == shot.frame.digits);
+        emulator.recycle(again);
+        (number, shot.frame)
+    });
+    shots.collect()
+}
+
+fn name(scene: &Path) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/scenes");
+    scene.strip_prefix(folder).unwrap().display().to_string()
+}
+
+fn in_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(work)
+}
+
+#[test]
+fn levels_threads_and_fusing_give_the_same_bytes_and_those_written_down() {
+    let mut table = String::from("scene,frame,pixels_crc32\n");
+    for scene in scenes::scenes() {
+        let plain = in_threads(1, || frames(&scene, None, false));
+        let ways = Level::available().into_iter().map(Some);
+        for (level, keep, threads) in ways.map(|level| (level, false, 1)).chain([
+            (Some(Level::best()), true, 1),
+            (Some(Level::best()), false, 3),
+        ]) {
+            let others = in_threads(threads, || frames(&scene, level, keep));
+            for ((number, a), (_, b)) in plain.iter().zip(&others) {
+                let what = format!(
+                    "{}, frame {number}, {level:?}, {threads} threads",
+                    name(&scene)
+                );
+                assert!(a.digits == b.digits, "{what}");
+            }
+        }
+        for (number, frame) in plain {
+            let crc = Crc32::new().update_pixels(&frame.digits).finish();
+            table += &format!("{},{number},{crc:08x}\n", name(&scene));
+        }
+    }
+    let known = CHECKSUMS.lines().filter(|line| !line.starts_with('#'));
+    let known: Vec<&str> = known.skip(1).collect();
+    let made: Vec<&str> = table.lines().skip(1).collect();
+    if cfg!(all(
+        target_arch = "x86_64",
+        target_os = "linux",
+        target_env = "gnu"
+    )) {
+        assert!(
+            made == known,
+            "pixels have changed. If they were meant to, tests/reference/frames.csv is now, below its first lines:\n{table}"
+        );
+    } else {
+        println!("not compared: the checksums are those of x86_64-unknown-linux-gnu");
+    }
+}
