@@ -1,6 +1,10 @@
 //! What effects really cost: each one's price and the error of leaving it out, measured on one frame.
 
+pub mod frames;
 pub mod orbits;
+mod ratio;
+
+pub use ratio::{Machine, Row};
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;

@@ -102,6 +102,8 @@ const FENCES: &[(&str, &[&str])] = &[
         ],
     ),
     ("mimalloc::", &["main"]),
+    ("rand::", &["measure/frames"]),
+    ("rand_distr::", &["measure/frames"]),
     ("toml::", &["load"]),
     ("strsim::", &["load"]),
     ("image::", &["output"]),
@@ -109,7 +111,7 @@ const FENCES: &[(&str, &[&str])] = &[
     (
         "std::fs::",
         &[
-            "measure/orbits",
+            "measure/ratio",
             "cli/catalog/convert",
             "link/capture",
             "link/fault/book",

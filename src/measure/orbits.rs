@@ -5,6 +5,7 @@
 mod step;
 mod table;
 
+use super::ratio::{Machine, Row, ns, quantiles, row, with_threads};
 use crate::crew;
 use crate::load::ConfigError;
 use hifitime::{Epoch, Unit};
@@ -17,7 +18,6 @@ use skyloop_orbit::synth::{Synthetic, population};
 use skyloop_orbit::tracks::{Look, Places, Tracks};
 use std::f64::consts::PI;
 use std::hint::black_box;
-use std::time::Instant;
 
 /// Objects of the works that are measured one by one.
 const OBJECTS: usize = 20_000;
@@ -43,39 +43,15 @@ const NEAR_MIN: f64 = 225.0;
 /// What was measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// The processor, as the system calls it.
-    pub cpu: String,
-    /// How many it has for us.
-    pub threads: usize,
-    /// Load of the machine over the last minute, before.
-    pub load: Option<f64>,
-    /// The instructions used.
-    pub level: String,
+    /// The machine.
+    #[serde(flatten)]
+    pub machine: Machine,
     /// Line by line.
     pub rows: Vec<Row>,
     /// The whole step.
     pub step: Step,
     /// By number of objects.
     pub scale: Vec<Scale>,
-}
-
-/// One work against another.
-#[derive(Debug, Clone, Serialize)]
-pub struct Row {
-    /// The work.
-    pub work: String,
-    /// What it is held against.
-    pub against: &'static str,
-    /// Median, ns an object.
-    pub ns: f64,
-    /// Median of the other, ns an object.
-    pub against_ns: f64,
-    /// Median of the rounds' ratios, and their quartiles.
-    pub ratio: f64,
-    /// The first and third quartile of the ratios.
-    pub spread: [f64; 2],
-    /// At least this is promised.
-    pub least: Option<f64>,
 }
 
 /// A camera's whole step: who of a catalogue is before it, who can be seen, and the label's text.
@@ -115,8 +91,7 @@ impl Report {
     ///
     /// Errors: the built-in scene cannot be read.
     pub fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
-        let load = std::fs::read_to_string("/proc/loadavg").ok();
-        let load = load.and_then(|text| text.split(' ').next()?.parse().ok());
+        let machine = Machine::this();
         let mut rows = Vec::new();
         let epoch = Epoch::from_gregorian_utc_at_midnight(2026, 1, 1);
         let made = population(OBJECTS * 2, 1, epoch);
@@ -147,10 +122,7 @@ impl Report {
         });
         told("whole steps");
         Ok(Report {
-            cpu: cpu(),
-            threads: rayon::current_num_threads(),
-            load,
-            level: Level::best().to_string(),
+            machine,
             rows,
             step: step::measure()?,
             scale: scale.into(),
@@ -165,26 +137,13 @@ impl Report {
     /// The promises that are not kept, one a line.
     pub fn broken(&self) -> Vec<String> {
         let Step { p99_ms, octets, .. } = self.step;
-        let short = |row: &&Row| row.least.is_some_and(|least| row.ratio < least);
-        let rows = self.rows.iter().filter(short).map(|row| {
-            let least = row.least.unwrap_or_default();
-            format!("{}: {:.1} x is below {least} x", row.work, row.ratio)
-        });
+        let rows = self.rows.iter().filter_map(Row::broken);
         let step = (p99_ms > MOST_MS)
             .then(|| format!("the whole step: p99 {p99_ms:.1} ms is above {MOST_MS} ms"));
         let memory = (octets > MOST_OCTETS)
             .then(|| format!("memory: {octets:.0} B an object are more than {MOST_OCTETS} B"));
         rows.chain(step).chain(memory).collect()
     }
-}
-
-/// The processor's name.
-fn cpu() -> String {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let line = text.lines().find(|line| line.starts_with("model name"));
-    let name = line.and_then(|line| line.split_once(':'));
-    name.map_or(std::env::consts::ARCH, |(_, name)| name.trim())
-        .to_string()
 }
 
 /// The near-Earth orbits of a population, or the others.
@@ -196,64 +155,6 @@ fn orbits(made: &[Synthetic], near: bool) -> impl Iterator<Item = Elements> {
     };
     let all = made.iter().map(|one| one.elements);
     all.filter(move |elements| is_near(elements) == near)
-}
-
-/// On so many threads.
-fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
-    match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
-        Ok(pool) => pool.install(work),
-        Err(_) => work(),
-    }
-}
-
-/// ns that it takes.
-fn ns(work: impl FnOnce()) -> f64 {
-    let started = Instant::now();
-    work();
-    started.elapsed().as_nanos() as f64
-}
-
-/// A row of two works that are done in turns, each on so many objects a round.
-fn row(
-    work: String,
-    against: &'static str,
-    least: Option<f64>,
-    objects: [usize; 2],
-    mut ours: impl FnMut(usize),
-    mut theirs: impl FnMut(usize),
-) -> Row {
-    let mut rounds: Vec<[f64; 2]> = (0..ROUNDS)
-        .map(|round| {
-            [
-                ns(|| ours(round)) / objects[0] as f64,
-                ns(|| theirs(round)) / objects[1] as f64,
-            ]
-        })
-        .collect();
-    // Caches and clocks warm up.
-    rounds.drain(..ROUNDS / 5);
-    let of = |figure: fn(&[f64; 2]) -> f64| quantiles(rounds.iter().map(figure).collect());
-    let ratio = of(|[ours, theirs]| theirs / ours);
-    Row {
-        work,
-        against,
-        ns: of(|round| round[0])(0.5),
-        against_ns: of(|round| round[1])(0.5),
-        ratio: ratio(0.5),
-        spread: [ratio(0.25), ratio(0.75)],
-        least,
-    }
-}
-
-fn quantiles(mut values: Vec<f64>) -> impl Fn(f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    move |part| {
-        let last = values.len().saturating_sub(1) as f64;
-        values
-            .get((last * part).round() as usize)
-            .copied()
-            .unwrap_or(f64::NAN)
-    }
 }
 
 /// The batch on one thread, one epoch a call, against the `sgp4` crate.
@@ -270,6 +171,7 @@ fn batch(sets: &[Elements], what: &str, level: Level, epoch: Epoch, least: Optio
         format!("{what}, {level}"),
         "sgp4 crate",
         least,
+        ROUNDS,
         [sets.len() * CALLS, sets.len()],
         |round| {
             for call in 0..CALLS {
@@ -297,6 +199,7 @@ fn threads(sets: &[Elements], epoch: Epoch) -> Row {
             "2 threads".to_string(),
             "1 thread",
             None,
+            ROUNDS,
             [1; 2],
             |_| {},
             |_| {},
@@ -308,6 +211,7 @@ fn threads(sets: &[Elements], epoch: Epoch) -> Row {
         "near Earth, 2 threads".to_string(),
         "1 thread",
         Some(1.7),
+        ROUNDS,
         [sets.len() * LONG; 2],
         |round| {
             let all = || calls(round).for_each(|call| batch.propagate(at(call), &mut states));
@@ -362,6 +266,7 @@ fn tracks(sets: &[Elements], epoch: Epoch) -> Row {
         "tracks, frames of 0.1 s back to back".to_string(),
         "own SGP4 of every object",
         Some(8.0),
+        ROUNDS,
         [sets.len() * frames, sets.len() * exact_frames],
         |round| {
             for frame in 0..frames {

@@ -1,6 +1,6 @@
 //! The whole step: who of a catalogue is before a camera, who can be seen, and the label's text.
 
-use super::{CATALOGUE, FRAMES, Step, WARM, quantiles};
+use super::{CATALOGUE, FRAMES, Step, WARM};
 use crate::config::Config;
 use crate::crew;
 use crate::engine::Emulator;
@@ -8,6 +8,7 @@ use crate::fidelity::{Choice, Orbits};
 use crate::flight::{self, FlightError};
 use crate::label::Label;
 use crate::load::ConfigError;
+use crate::measure::ratio::quantiles;
 use crate::plan::Plan;
 use crate::scene::{KINDS, Unobservable, View};
 use crate::sky::photometry::Sphere;

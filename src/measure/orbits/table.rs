@@ -1,36 +1,14 @@
 //! A report as text.
 
 use super::{MOST_MS, MOST_OCTETS, Report, Scale, Step};
+use crate::measure::ratio::{Row, mark};
 use std::fmt;
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let load = self
-            .load
-            .map_or("unknown".to_string(), |load| format!("{load:.2}"));
-        writeln!(
-            f,
-            "{}, {} threads, load {load}, {}",
-            self.cpu, self.threads, self.level
-        )?;
-        writeln!(
-            f,
-            "\n{:<38}{:>9}  {:<26}{:>9}{:>9}  {:<14}{:>6}",
-            "an object of", "ns", "against", "ns", "ratio", "quartiles", "least"
-        )?;
+        writeln!(f, "{}\n\n{}", self.machine, Row::head("ns an object"))?;
         for row in &self.rows {
-            let least = row.least.map_or(String::new(), |least| format!("{least}"));
-            let spread = format!("{:.1} to {:.1}", row.spread[0], row.spread[1]);
-            writeln!(
-                f,
-                "{:<38}{:>9.2}  {:<26}{:>9.1}{:>7.1} x  {spread:<14}{least:>6}{}",
-                row.work,
-                row.ns,
-                row.against,
-                row.against_ns,
-                row.ratio,
-                mark(row.least.is_none_or(|least| row.ratio >= least))
-            )?;
+            writeln!(f, "{row}")?;
         }
         writeln!(
             f,
@@ -66,32 +44,29 @@ impl fmt::Display for Report {
     }
 }
 
-/// What stands behind a promise.
-fn mark(kept: bool) -> &'static str {
-    if kept { "" } else { "  NOT kept" }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::Row;
     use super::*;
+    use crate::measure::ratio::Machine;
 
     #[test]
     fn what_is_not_kept_is_marked() {
         let row = |work: &str, ratio, least| Row {
             work: work.to_string(),
             against: "another",
-            ns: 10.0,
-            against_ns: 10.0 * ratio,
+            time: 10.0,
+            against_time: 10.0 * ratio,
             ratio,
             spread: [ratio, ratio],
             least,
         };
         let mut report = Report {
-            cpu: "none".to_string(),
-            threads: 2,
-            load: None,
-            level: "portable".to_string(),
+            machine: Machine {
+                cpu: "none".to_string(),
+                threads: 2,
+                load: None,
+                level: "portable".to_string(),
+            },
             rows: vec![
                 row("short", 1.6, Some(1.7)),
                 row("enough", 1.7, Some(1.7)),

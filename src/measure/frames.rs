@@ -1,0 +1,239 @@
+//! What frames take: noise against `rand_distr`, whole frames against their own slow path, two threads against one.
+//!
+//! All figures of a report are of one run, as ratios, taken in turns.
+
+use super::ratio::{Machine, Row, row, with_threads};
+use crate::attitude::VehicleState;
+use crate::camera::Camera;
+use crate::config::Config;
+use crate::engine::Emulator;
+use crate::fidelity::Orbits;
+use crate::flight::{self, FlightError};
+use crate::kernels::{self, Converter};
+use crate::load::{ConfigError, Folder};
+use crate::rng::NoiseKey;
+use crate::sky::photometry::Sphere;
+use crate::sky::population::Look;
+use hifitime::Unit;
+use rand::SeedableRng;
+use rand::rngs::SmallRng;
+use rand_distr::{Distribution, Normal, Poisson};
+use rayon::ThreadPoolBuilder;
+use serde::Serialize;
+use skyloop_orbit::sgp4_batch::Level;
+use skyloop_orbit::synth::population;
+use std::fmt;
+use std::hint::black_box;
+
+/// Objects of whole frames.
+const OBJECTS: usize = 20_000;
+/// Columns and rows of the noise's frame, and pixels of it that are drawn at a time, as the renderer's runs are.
+const SIDE: usize = 1024;
+const RUN: usize = 2048;
+/// Mean and read noise (e-) of its pixels.
+const MEAN_E: f32 = 50.0;
+const READ_E: f32 = 3.0;
+/// Rounds of which medians are told: of noise, and of frames.
+const ROUNDS: usize = 21;
+const FRAMES: usize = 16;
+/// Seconds between frames.
+const STEP_S: f64 = 0.1;
+/// ns in a ms.
+const MS: usize = 1_000_000;
+
+/// What was measured.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// The machine.
+    #[serde(flatten)]
+    pub machine: Machine,
+    /// Noise, ns a pixel.
+    pub noise: Vec<Row>,
+    /// Whole frames, ms.
+    pub frames: Vec<Row>,
+}
+
+impl Report {
+    /// Parts that [`Report::measure`] tells of.
+    pub const PARTS: u32 = 4;
+
+    /// Measures; `told` hears of each part that is begun.
+    ///
+    /// Errors: the built-in scene or a built-in camera cannot be read.
+    pub fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
+        let machine = Machine::this();
+        told("noise");
+        let noise = Level::available().into_iter().map(|level| {
+            let least = (level == Level::Avx512).then_some(10.0);
+            with_threads(1, || noise(level, least))
+        });
+        let noise = noise.collect();
+        let mut frames = Vec::new();
+        for (camera, name) in [("rigel-l", "1024 x 1024"), ("fai-nir", "FAI, 256 x 256")] {
+            told(name);
+            let mut ours = Work::new(camera, None, Some(Level::best()))?;
+            let mut plain = Work::new(camera, None, None)?;
+            let turns = || {
+                let work = format!("whole frame, {name}");
+                let against = "pixel by pixel, unfused";
+                let least = Some(8.0);
+                row(
+                    work,
+                    against,
+                    least,
+                    FRAMES,
+                    [MS; 2],
+                    |_| ours.frame(),
+                    |_| plain.frame(),
+                )
+            };
+            frames.push(with_threads(1, turns));
+        }
+        told("2 threads");
+        let mut two = Work::new("rigel-l", Some(2 * SIDE), Some(Level::best()))?;
+        let mut one = Work::new("rigel-l", Some(2 * SIDE), Some(Level::best()))?;
+        if let [Ok(pair), Ok(single)] =
+            [2, 1].map(|n| ThreadPoolBuilder::new().num_threads(n).build())
+        {
+            let (work, against) = ("whole frame, 2048 x 2048, 2 threads", "1 thread");
+            let (ours, theirs) = (
+                |_| pair.install(|| two.frame()),
+                |_| single.install(|| one.frame()),
+            );
+            frames.push(row(
+                work.to_string(),
+                against,
+                Some(1.6),
+                FRAMES,
+                [MS; 2],
+                ours,
+                theirs,
+            ));
+        }
+        Ok(Report {
+            machine,
+            noise,
+            frames,
+        })
+    }
+
+    /// The promises that are not kept, one a line.
+    pub fn broken(&self) -> Vec<String> {
+        let rows = self.noise.iter().chain(&self.frames);
+        rows.filter_map(Row::broken).collect()
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.machine)?;
+        for (unit, rows) in [("ns a pixel", &self.noise), ("ms", &self.frames)] {
+            writeln!(f, "\n{}", Row::head(unit))?;
+            rows.iter().try_for_each(|row| writeln!(f, "{row}"))?;
+        }
+        Ok(())
+    }
+}
+
+/// Shot noise, read noise and digits of even light, against a draw of each by `rand_distr` a pixel.
+fn noise(level: Level, least: Option<f64>) -> Row {
+    let key = |round: usize| NoiseKey {
+        seed: 1,
+        sequence: round as u32,
+        repeat: 0,
+    };
+    let converter = Converter {
+        per_electron: 0.5,
+        offset: 100.0,
+        max: 4095,
+    };
+    let light = vec![MEAN_E; SIDE * SIDE];
+    let (mut digits, mut others) = (vec![0u16; SIDE * SIDE], vec![0u16; SIDE * SIDE]);
+    let mut electrons = [0.0; RUN];
+    let mut random = SmallRng::seed_from_u64(1);
+    let ours = |round: usize| {
+        let runs = light.chunks(RUN).zip(digits.chunks_mut(RUN));
+        for (run, (light, digits)) in runs.enumerate() {
+            let electrons = &mut electrons[..light.len()];
+            electrons.copy_from_slice(light);
+            let (key, first, level) = (key(round), run * RUN, Some(level));
+            kernels::shot_noise(level, key, 1, first, electrons);
+            kernels::read_noise(level, key, 2, first, READ_E, electrons);
+            kernels::digitise(level, &converter, electrons, digits);
+        }
+        black_box(&digits);
+    };
+    let theirs = |_: usize| {
+        for (dn, mean) in others.iter_mut().zip(&light) {
+            let mean = f64::from(*black_box(mean));
+            let shot = Poisson::new(mean).map_or(0.0, |poisson| poisson.sample(&mut random));
+            let read = Normal::new(0.0, f64::from(black_box(READ_E)));
+            let read = read.map_or(0.0, |normal| normal.sample(&mut random));
+            *dn = converter.digit((shot + read) as f32);
+        }
+        black_box(&others);
+    };
+    let work = format!("noise, {SIDE} x {SIDE}, mean {MEAN_E} e-, {level}");
+    row(
+        work,
+        "rand_distr, a pixel at a time",
+        least,
+        ROUNDS,
+        [SIDE * SIDE; 2],
+        ours,
+        theirs,
+    )
+}
+
+/// A camera under stars, a synthetic population and all else that the built-in scene has.
+struct Work {
+    emulator: Emulator,
+    vehicle: VehicleState,
+    made: u32,
+}
+
+impl Work {
+    /// With a detector of `side` pixels a side where one is given; without a `level` by the scalar SGP4 too.
+    fn new(camera: &str, side: Option<usize>, level: Option<Level>) -> Result<Work, ConfigError> {
+        let mut config = Config::builtin()?;
+        let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
+        let mission = flight::mission(&config).map_err(no_start)?;
+        let vehicle = flight::vehicle(&mission, 0).map_err(no_start)?;
+        config.camera = Camera::load(camera, &Folder::current())?;
+        if let Some(side) = side {
+            (config.camera.detector.width, config.camera.detector.height) = (side, side);
+        }
+        if level.is_none() {
+            config.fidelity.orbits = Orbits::Scalar;
+        }
+        config.objects.clear();
+        config.looks.clear();
+        for one in population(OBJECTS, 1, vehicle.epoch) {
+            let sphere = Sphere {
+                diameter_m: one.diameter_m,
+                ..Sphere::default()
+            };
+            let object = one.object();
+            config.looks.insert(object.id.clone(), Look::Sphere(sphere));
+            config.objects.push(object);
+        }
+        let mut emulator = Emulator::new(&mut config);
+        emulator.level = level;
+        Ok(Work {
+            emulator,
+            vehicle,
+            made: 0,
+        })
+    }
+
+    /// The next frame, with its label.
+    fn frame(&mut self) {
+        let later = Unit::Second * (STEP_S * f64::from(self.made));
+        self.made += 1;
+        let vehicle = self.vehicle.at(self.vehicle.epoch + later);
+        if let Ok(shot) = self.emulator.shoot(&vehicle, 0) {
+            black_box(&shot);
+            self.emulator.recycle(shot.frame);
+        }
+    }
+}

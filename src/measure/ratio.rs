@@ -1,0 +1,182 @@
+//! One work against another: both are done in turns, so that what else the machine does falls on both alike.
+
+use serde::Serialize;
+use skyloop_orbit::sgp4_batch::Level;
+use std::fmt;
+use std::time::Instant;
+
+/// The machine, as reports name it.
+#[derive(Debug, Clone, Serialize)]
+pub struct Machine {
+    /// The processor, as the system calls it.
+    pub cpu: String,
+    /// How many it has for us.
+    pub threads: usize,
+    /// Its load over the last minute, before.
+    pub load: Option<f64>,
+    /// The instructions used.
+    pub level: String,
+}
+
+impl Machine {
+    /// This one, now.
+    pub fn this() -> Machine {
+        let load = std::fs::read_to_string("/proc/loadavg").ok();
+        Machine {
+            cpu: cpu(),
+            threads: rayon::current_num_threads(),
+            load: load.and_then(|text| text.split(' ').next()?.parse().ok()),
+            level: Level::best().to_string(),
+        }
+    }
+}
+
+impl fmt::Display for Machine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let load = self
+            .load
+            .map_or("unknown".to_string(), |load| format!("{load:.2}"));
+        let Machine {
+            cpu,
+            threads,
+            level,
+            ..
+        } = self;
+        write!(f, "{cpu}, {threads} threads, load {load}, {level}")
+    }
+}
+
+/// One work against another.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// The work.
+    pub work: String,
+    /// What it is held against.
+    pub against: &'static str,
+    /// Median, in the unit of its table.
+    pub time: f64,
+    /// Median of the other.
+    pub against_time: f64,
+    /// Median of the rounds' ratios, and their quartiles.
+    pub ratio: f64,
+    /// The first and third quartile of the ratios.
+    pub spread: [f64; 2],
+    /// At least this is promised.
+    pub least: Option<f64>,
+}
+
+impl Row {
+    /// Whether it is as promised.
+    pub fn is_kept(&self) -> bool {
+        self.least.is_none_or(|least| self.ratio >= least)
+    }
+
+    /// What is promised and not kept, in a line.
+    pub fn broken(&self) -> Option<String> {
+        let least = self.least.filter(|_| !self.is_kept())?;
+        Some(format!(
+            "{}: {:.1} x is below {least} x",
+            self.work, self.ratio
+        ))
+    }
+
+    /// What stands above rows whose times are those of `unit`, such as `ns an object`.
+    pub(super) fn head(unit: &str) -> String {
+        format!(
+            "{:<38}{unit:>14}  {:<26}{:>9}{:>9}  {:<14}{:>6}",
+            "work", "against", "", "ratio", "quartiles", "least"
+        )
+    }
+}
+
+impl fmt::Display for Row {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let least = self.least.map_or(String::new(), |least| format!("{least}"));
+        let spread = format!("{:.1} to {:.1}", self.spread[0], self.spread[1]);
+        write!(
+            f,
+            "{:<38}{:>14.2}  {:<26}{:>9.1}{:>7.1} x  {spread:<14}{least:>6}{}",
+            self.work,
+            self.time,
+            self.against,
+            self.against_time,
+            self.ratio,
+            mark(self.is_kept())
+        )
+    }
+}
+
+/// What stands behind a promise.
+pub(super) fn mark(kept: bool) -> &'static str {
+    if kept { "" } else { "  NOT kept" }
+}
+
+/// The processor's name.
+fn cpu() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let line = text.lines().find(|line| line.starts_with("model name"));
+    let name = line.and_then(|line| line.split_once(':'));
+    name.map_or(std::env::consts::ARCH, |(_, name)| name.trim())
+        .to_string()
+}
+
+/// On so many threads.
+pub(super) fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool.install(work),
+        Err(_) => work(),
+    }
+}
+
+/// ns that it takes.
+pub(super) fn ns(work: impl FnOnce()) -> f64 {
+    let started = Instant::now();
+    work();
+    started.elapsed().as_nanos() as f64
+}
+
+/// A row of two works that are done in turns, `rounds` times; of their ns each is divided by what it stands for: objects, or those of a
+/// unit of time.
+pub(super) fn row(
+    work: String,
+    against: &'static str,
+    least: Option<f64>,
+    rounds: usize,
+    of: [usize; 2],
+    mut ours: impl FnMut(usize),
+    mut theirs: impl FnMut(usize),
+) -> Row {
+    let mut times: Vec<[f64; 2]> = (0..rounds)
+        .map(|round| {
+            [
+                ns(|| ours(round)) / of[0] as f64,
+                ns(|| theirs(round)) / of[1] as f64,
+            ]
+        })
+        .collect();
+    // Caches and clocks warm up.
+    times.drain(..rounds / 5);
+    let of = |figure: fn(&[f64; 2]) -> f64| quantiles(times.iter().map(figure).collect());
+    let ratio = of(|[ours, theirs]| theirs / ours);
+    Row {
+        work,
+        against,
+        time: of(|round| round[0])(0.5),
+        against_time: of(|round| round[1])(0.5),
+        ratio: ratio(0.5),
+        spread: [ratio(0.25), ratio(0.75)],
+        least,
+    }
+}
+
+/// The value below which a part of them lies.
+pub(super) fn quantiles(mut values: Vec<f64>) -> impl Fn(f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    move |part| {
+        let last = values.len().saturating_sub(1) as f64;
+        values
+            .get((last * part).round() as usize)
+            .copied()
+            .unwrap_or(f64::NAN)
+    }
+}
