@@ -20,6 +20,8 @@ pub struct Fidelity {
     pub area_e: f64,
     /// this part of it (1).
     pub area_part: f64,
+    /// Draws of shot noise are within this total-variation distance of Poisson's (1).
+    pub poisson_tv: f64,
     /// An effect without which no pixel's expected electrons change by more than this (e-) is skipped.
     pub skip_e: f64,
     /// Light of an area that brings no pixel more than that is skipped where all of it has no more than this signal-to-noise ratio (1).
@@ -52,6 +54,7 @@ impl Fidelity {
         track_e: 0.01,
         area_e: 0.02,
         area_part: 5e-4,
+        poisson_tv: 1e-4,
         skip_e: 0.05,
         skip_snr: 0.05,
         skip_px: 1e-3,
@@ -66,6 +69,7 @@ impl Fidelity {
         track_e: 0.0,
         area_e: 1e-3,
         area_part: 1e-6,
+        poisson_tv: 1e-6,
         skip_e: 0.0,
         skip_snr: 0.0,
         skip_px: 0.0,

@@ -8,7 +8,7 @@
 #![allow(unsafe_code)]
 
 use crate::rng::normal::{self, uniform_of};
-use crate::rng::poisson::{self, SWITCH};
+use crate::rng::poisson::{self, SEARCHED, Switch};
 use crate::rng::{self, NoiseKey};
 use skyloop_orbit::sgp4_batch::Level;
 
@@ -59,7 +59,7 @@ macro_rules! kernel {
 
 kernel! {
     /// Draws pixels' electrons from their means: those from pixel `first` on, each with the word that is its own (`rng::word`).
-    shot_noise = shot_body, shot_twin (key: NoiseKey, effect: u8, first: usize, electrons: &mut [f32])
+    shot_noise = shot_body, shot_twin (key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons: &mut [f32])
 }
 
 kernel! {
@@ -73,7 +73,7 @@ kernel! {
 }
 
 #[inline(always)]
-fn shot_body(key: NoiseKey, effect: u8, first: usize, electrons: &mut [f32]) {
+fn shot_body(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons: &mut [f32]) {
     let mut words = [0; BLOCK];
     let [mut means, mut normals, mut searched] = [[0.0; BLOCK]; 3];
     let mut done = 0;
@@ -95,30 +95,39 @@ fn shot_body(key: NoiseKey, effect: u8, first: usize, electrons: &mut [f32]) {
             continue;
         }
         fill(key, effect, first + done - skip, &mut words);
-        if f32::from_bits(most) >= SWITCH {
+        let (least, most) = (f32::from_bits(least), f32::from_bits(most));
+        if most >= switch.0 {
             normals_of(&words, &mut normals);
         }
-        if f32::from_bits(least) < SWITCH {
+        if least < switch.0 {
             search(&means, &words, &mut searched);
         }
-        if f32::from_bits(most) < SWITCH {
+        if most < SEARCHED && most < switch.0 {
             pixels.copy_from_slice(&searched[skip..skip + count]);
         } else {
             for i in 0..BLOCK {
                 let expanded = poisson::expansion(means[i], normals[i]);
-                means[i] = if means[i] < SWITCH {
+                normals[i] = if means[i] < switch.0 {
                     searched[i]
                 } else {
                     expanded
                 };
             }
-            pixels.copy_from_slice(&means[skip..skip + count]);
+            pixels.copy_from_slice(&normals[skip..skip + count]);
+            // Where exact draws are asked for.
+            if switch.0 > SEARCHED {
+                for (i, pixel) in (skip..).zip(pixels) {
+                    if means[i] >= SEARCHED && means[i] < switch.0 {
+                        *pixel = poisson::from_below(means[i], words[i]);
+                    }
+                }
+            }
         }
         done += count;
     }
 }
 
-/// The draws of means below the switch, `LANES` side by side, for as many steps as the last of them takes; of others, anything.
+/// The draws of means below 16, `LANES` side by side, for as many steps as the last of them takes; of others, anything.
 #[inline(always)]
 fn search(means: &[f32; BLOCK], words: &[u32; BLOCK], draws: &mut [f32; BLOCK]) {
     const LANES: usize = 16;
@@ -130,7 +139,7 @@ fn search(means: &[f32; BLOCK], words: &[u32; BLOCK], draws: &mut [f32; BLOCK]) 
     for ((means, words), draws) in lanes.zip(draws.as_chunks_mut::<LANES>().0) {
         let [mut mean, mut u, mut probability, mut cumulative, mut k] = [[0.0; LANES]; 5];
         for i in 0..LANES {
-            mean[i] = f64::from(if means[i] < SWITCH { means[i] } else { 0.0 });
+            mean[i] = f64::from(if means[i] < SEARCHED { means[i] } else { 0.0 });
             u[i] = uniform_of(words[i]);
             probability[i] = poisson::none(mean[i]);
             cumulative[i] = probability[i];
@@ -216,9 +225,9 @@ fn digits_body(converter: &Converter, electrons: &[f32], digits: &mut [u16]) {
 }
 
 #[inline(always)]
-fn shot_twin(key: NoiseKey, effect: u8, first: usize, electrons: &mut [f32]) {
+fn shot_twin(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons: &mut [f32]) {
     for (pixel, e) in (first..).zip(electrons) {
-        *e = poisson::poisson(*e, rng::word(key, effect, pixel));
+        *e = poisson::poisson(*e, rng::word(key, effect, pixel), switch);
     }
 }
 

@@ -3,7 +3,7 @@
 use skyloop::kernels;
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop::rng::normal::{normal, uniform_of};
-use skyloop::rng::poisson::{SWITCH, poisson};
+use skyloop::rng::poisson::{Switch, poisson};
 use skyloop::rng::{NoiseKey, word};
 
 const KEY: NoiseKey = NoiseKey {
@@ -31,7 +31,7 @@ fn poissons(mean: f32, each: impl FnMut(usize, f64)) {
     let level = Some(Level::best());
     let kernel = |first, pixels: &mut [f32]| {
         pixels.fill(mean);
-        kernels::shot_noise(level, KEY, 1, first, pixels);
+        kernels::shot_noise(level, KEY, 1, first, Switch::within(1e-4), pixels);
     };
     draws(kernel, each);
 }
@@ -240,7 +240,7 @@ fn words_have_places() {
 }
 
 /// The total-variation distance between Poisson's distribution and what all 2^32 words draw, by the places at which the draw steps.
-fn variation(mean: f32) -> f64 {
+fn variation(mean: f32, switch: Switch) -> f64 {
     const ALL: u64 = 1 << 32;
     let theory = Theory::of(mean);
     // How many words draw less than k; draws rise with the place.
@@ -248,7 +248,7 @@ fn variation(mean: f32) -> f64 {
         let (mut low, mut high) = (0, ALL);
         while low < high {
             let middle = low + (high - low) / 2;
-            if f64::from(poisson(mean, word_at(middle))) < k {
+            if f64::from(poisson(mean, word_at(middle), switch)) < k {
                 low = middle + 1;
             } else {
                 high = middle;
@@ -269,23 +269,37 @@ fn variation(mean: f32) -> f64 {
 }
 
 #[test]
-fn the_expansion_is_within_1e_4_of_poisson_and_the_search_is_exact() {
-    // Of n probabilities each is within 2^-32.
-    for mean in [1e-6, 0.01, 0.3, 1.0, 4.7, 12.0, 15.999] {
-        let exact = variation(mean);
-        assert!(exact < 5e-9, "{mean}: {exact:e}");
+fn draws_are_as_near_poisson_as_the_switch_says() {
+    // The expansion is the worst where it begins.
+    for (variation_is, begins) in [(1e-4, 12.0), (6e-5, 16.0), (5e-4, 6.0)] {
+        let switch = Switch::within(variation_is);
+        let below = f32::from_bits(f32::to_bits(begins) - 1);
+        assert!(variation(below, switch) < 5e-9);
+        let mut worst = 0.0f64;
+        for mean in [
+            begins, 6.2, 7.7, 9.4, 12.3, 16.3, 17.5, 20.0, 23.7, 30.0, 50.0, 77.7, 100.0, 300.0,
+            1e3, 4321.5, 1e4, 1e5, 1e6,
+        ] {
+            let apart = variation(mean, switch);
+            println!("within {variation_is}, mean {mean}: {apart:.2e}");
+            worst = worst.max(apart);
+            assert!(apart < variation_is, "{mean}: {apart:e}");
+        }
+        assert!(worst > 0.5 * variation_is, "{variation_is}: {worst:e}");
     }
-    let mut worst = 0.0f64;
+    assert_eq!(Switch::within(2e-4), Switch::within(1e-4));
+}
+
+#[test]
+fn searches_are_exact() {
+    // Of all probabilities that are worth a word each is within 2^-32.
     for mean in [
-        SWITCH, 16.3, 17.5, 20.0, 23.7, 30.0, 50.0, 77.7, 100.0, 300.0, 1e3, 4321.5, 1e4, 1e5, 1e6,
+        1e-6, 0.01, 0.3, 1.0, 4.7, 12.0, 15.999, 16.0, 50.0, 1e3, 1e4, 1e5,
     ] {
-        let apart = variation(mean);
-        println!("mean {mean}: {apart:.2e}");
-        worst = worst.max(apart);
-        assert!(apart < 1e-4, "{mean}: {apart:e}");
+        let exact = variation(mean, Switch::within(0.0));
+        let draws = 13.0 * f64::from(mean).sqrt() + 20.0;
+        assert!(exact < draws / 8_589_934_592.0, "{mean}: {exact:e}");
     }
-    // What `rng::poisson` says.
-    assert!((4.5e-5..6.5e-5).contains(&worst), "{worst:e}");
 }
 
 #[test]
@@ -312,13 +326,16 @@ fn every_level_draws_what_single_pixels_draw() {
         offset: 12.5,
         max: 4095,
     };
-    for (first, count) in [
-        (0, 5000),
-        (1, 255),
-        (63, 2),
-        (64 * 7 + 13, 1000),
-        (300, 0),
-        (1 << 22, 257),
+    let switches = [5e-4, 1e-4, 0.0].map(Switch::within);
+    for (first, count, switch) in [
+        (0, 5000, switches[0]),
+        (0, 5000, switches[1]),
+        (0, 5000, switches[2]),
+        (1, 255, switches[1]),
+        (63, 2, switches[1]),
+        (64 * 7 + 13, 1000, switches[1]),
+        (300, 0, switches[0]),
+        (1 << 22, 257, switches[2]),
     ] {
         let of = |i: usize| match i % 1000 {
             // Bright and dark ones alone, and all among one another.
@@ -329,7 +346,7 @@ fn every_level_draws_what_single_pixels_draw() {
         let light: Vec<f32> = (first..first + count).map(of).collect();
         let single: Vec<f32> = (first..)
             .zip(&light)
-            .map(|(pixel, mean)| poisson(*mean, word(KEY, 5, pixel)))
+            .map(|(pixel, mean)| poisson(*mean, word(KEY, 5, pixel), switch))
             .collect();
         let sigma = 3.7;
         let read: Vec<f32> = (first..)
@@ -343,7 +360,7 @@ fn every_level_draws_what_single_pixels_draw() {
             .chain(Level::available().into_iter().map(Some))
         {
             let mut pixels = light.clone();
-            kernels::shot_noise(level, KEY, 5, first, &mut pixels);
+            kernels::shot_noise(level, KEY, 5, first, switch, &mut pixels);
             assert_eq!(pixels, single, "{level:?}");
             kernels::read_noise(level, KEY, 6, first, sigma, &mut pixels);
             assert_eq!(pixels, read, "{level:?}");
@@ -362,7 +379,7 @@ fn every_level_draws_what_single_pixels_draw() {
 fn no_mean_draws_nothing() {
     for word in [0, 1, 0x7FFF_FFFF, 0x8000_0000, u32::MAX] {
         for mean in [0.0, -0.0, -5.0, f32::NAN, f32::NEG_INFINITY] {
-            assert_eq!(poisson(mean, word), 0.0);
+            assert_eq!(poisson(mean, word, Switch::within(1e-4)), 0.0);
         }
     }
 }

@@ -12,7 +12,7 @@ use super::cause::{digits, no_light};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::kernels;
-use crate::rng::poisson::SWITCH;
+use crate::rng::poisson::Switch;
 use crate::scene::Scene;
 
 /// Shot noise.
@@ -27,7 +27,7 @@ pub const SHOT_NOISE: Effect = Effect {
 /// This effect's identity in the noise key.
 const STREAM: u8 = 1;
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
     let most = scene.brightest_e();
     let no_dark = if scene.simulated.dark {
         "no dark current"
@@ -49,8 +49,10 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             price_ms: price_ms(scene),
         }
     };
+    let switch = Switch::within(fidelity.poisson_tv);
     let pass = Pass::Pixels(Box::new(move |tile| {
-        kernels::shot_noise(tile.level, tile.key, STREAM, tile.first, tile.electrons);
+        let (level, key, first) = (tile.level, tile.key, tile.first);
+        kernels::shot_noise(level, key, STREAM, first, switch, tile.electrons);
     }));
     (need, pass)
 }
@@ -84,11 +86,14 @@ fn price_ms(scene: &Scene) -> f64 {
     pixels as f64 * ns / count * 1e-6
 }
 
+/// Means below this are searched from 0 on.
+const SEARCHED: f64 = 12.0;
+
 /// ns of a draw: each step of the search is taken by all lanes until the last is done.
 fn draw_ns(mean: f64) -> f64 {
     match mean {
         0.0 => 0.1,
-        mean if mean < f64::from(SWITCH) => 1.6 + 0.7 * libm::sqrt(mean) + 0.2 * mean,
+        mean if mean < SEARCHED => 1.6 + 0.7 * libm::sqrt(mean) + 0.2 * mean,
         _ => 1.3,
     }
 }

@@ -12,6 +12,7 @@ use crate::flight::{self, FlightError};
 use crate::kernels::{self, Converter};
 use crate::load::{ConfigError, Folder};
 use crate::rng::NoiseKey;
+use crate::rng::poisson::Switch;
 use crate::sky::photometry::Sphere;
 use crate::sky::population::Look;
 use hifitime::Unit;
@@ -148,6 +149,7 @@ fn noise(level: Level, least: Option<f64>) -> Row {
         max: 4095,
     };
     let light = vec![MEAN_E; SIDE * SIDE];
+    let switch = Switch::within(1e-4);
     let (mut digits, mut others) = (vec![0u16; SIDE * SIDE], vec![0u16; SIDE * SIDE]);
     let mut electrons = [0.0; RUN];
     let mut random = SmallRng::seed_from_u64(1);
@@ -157,7 +159,7 @@ fn noise(level: Level, least: Option<f64>) -> Row {
             let electrons = &mut electrons[..light.len()];
             electrons.copy_from_slice(light);
             let (key, first, level) = (key(round), run * RUN, Some(level));
-            kernels::shot_noise(level, key, 1, first, electrons);
+            kernels::shot_noise(level, key, 1, first, switch, electrons);
             kernels::read_noise(level, key, 2, first, READ_E, electrons);
             kernels::digitise(level, &converter, electrons, digits);
         }

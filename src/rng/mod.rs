@@ -7,7 +7,7 @@ pub mod normal;
 pub mod poisson;
 
 use normal::normal;
-use poisson::poisson;
+use poisson::{Switch, poisson};
 
 /// What the noise of one frame is keyed by: `(seed, attitude sequence number)`; effect and pixel follow. A
 /// second frame of the same attitude message gets draws of its own by its `repeat`.
@@ -101,7 +101,7 @@ impl PixelStream {
 
     /// Poisson; 0 for a mean that is not positive.
     pub fn poisson(&mut self, mean: f64) -> f64 {
-        f64::from(poisson(mean as f32, self.next_u32()))
+        f64::from(poisson(mean as f32, self.next_u32(), Switch::within(1e-4)))
     }
 }
 

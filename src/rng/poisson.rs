@@ -1,23 +1,45 @@
 //! Poisson's distribution: one mean and one word in, one draw out, which rises with both.
 //!
-//! Below a mean of [`SWITCH`] the draw is exact, but for the word's 32 bits: a sequential search of the cumulative distribution (Devroye
-//! 1986, Non-Uniform Random Variate Generation, X.3.3). From there on it is the expansion of Giles 2016 (ACM TOMS 42, 7: "Algorithm
+//! Below a mean of 16 the draw is exact, but for the word's 32 bits: a sequential search of the cumulative distribution (Devroye
+//! 1986, Non-Uniform Random Variate Generation, X.3.3). From a [`Switch`] on it is the expansion of Giles 2016 (ACM TOMS 42, 7: "Algorithm
 //! 955: approximation of the inverse Poisson cumulative distribution function"), Cornish and Fisher's on the lattice of whole numbers:
 //!
 //! ```text
 //! k = floor(m + sqrt(m) z + 1/3 + z^2/6 - (z/36 + z^3/72) / sqrt(m) + (-8/405 + 7 z^2/810 + z^4/270) / m)
 //! ```
 //!
-//! Its total-variation distance from Poisson is worked out in the tests, from the words at which the draw steps: 5.5e-5 at the switch, 1e-5
-//! to 4e-5 beyond, where what the normal draw errs by is left.
+//! Its total-variation distance from Poisson is worked out in the tests, from the words at which the draw steps; beyond a mean of 30 it is 1e-5
+//! to 4e-5, what the normal draw errs by and single precision. Between 16 and the switch the search begins 9 sigma below the mean.
 
 use super::normal::{normal, uniform_of};
 
-/// Means from this on (e-) are drawn by the expansion.
-pub const SWITCH: f32 = 16.0;
+/// Means below this (e-) are searched from 0 on.
+pub(crate) const SEARCHED: f32 = 16.0;
+/// Means from this on (e-) are drawn by the expansion in any case: their draws have no more digits than a single-precision number.
+const WHOLE: f32 = 1_048_576.0;
+
+/// The mean (e-) from which on draws are the expansion's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Switch(pub(crate) f32);
+
+impl Switch {
+    /// Switches, and what the draws' total-variation distance from Poisson is below (1).
+    const KNOWN: [(f32, f64); 4] = [(WHOLE, 1e-6), (SEARCHED, 6e-5), (12.0, 1e-4), (6.0, 5e-4)];
+
+    /// The least mean from which on draws are within `variation` (1) of Poisson's. At best they are exact but for the word's 32 bits (1e-6,
+    /// thousands of draws together), up to 2^20 e-.
+    pub fn within(variation: f64) -> Switch {
+        let known = Self::KNOWN.iter().rev();
+        let mut within = known.filter(|(_, of)| *of <= variation);
+        Switch(within.next().map_or(WHOLE, |(mean, _)| *mean))
+    }
+}
 
 /// No mean is more than this (e-): a frame's electrons are single precision.
 const LARGEST: f32 = 1e30;
+
+/// The expansion is not asked for less.
+const LEAST: f32 = 6.0;
 
 /// A mean that can be drawn of: none where it is negative or no number.
 #[inline(always)]
@@ -26,10 +48,10 @@ pub(crate) fn mean_of(e: f32) -> f32 {
     if e < LARGEST { e } else { LARGEST }
 }
 
-/// The draw of a mean from the switch on, by the normal draw `z`.
+/// The draw of a mean from 6 e- on, by the normal draw `z`.
 #[inline(always)]
 pub(crate) fn expansion(mean: f32, z: f32) -> f32 {
-    let mean = if mean > SWITCH { mean } else { SWITCH };
+    let mean = if mean > LEAST { mean } else { LEAST };
     let (inverse, z2) = (inverse_root(mean), z * z);
     let third = z2.mul_add(z2.mul_add(1.0 / 270.0, 7.0 / 810.0), -8.0 / 405.0);
     let second = inverse.mul_add(third, z * z2.mul_add(-1.0 / 72.0, -1.0 / 36.0));
@@ -49,7 +71,7 @@ fn inverse_root(x: f32) -> f32 {
     y
 }
 
-/// `exp(-mean)`, for means up to the switch, within 1e-14 of it: `2^n exp(r)`, `|r| <= ln(2) / 2`, and the exponential's series.
+/// `exp(-mean)`, for means below 16, within 1e-14 of it: `2^n exp(r)`, `|r| <= ln(2) / 2`, and the exponential's series.
 #[inline(always)]
 pub(crate) fn none(mean: f64) -> f64 {
     // What is added to 1.5 * 2^52 is rounded, and its last bits are the whole number.
@@ -90,15 +112,18 @@ const INVERSE_FACTORIAL: [f64; 12] = {
     inverse
 };
 
-/// More than any draw of a mean below the switch: the last word's quantile at 16 is 50.
+/// More than any draw of a mean below 16: the last word's quantile is 50.
 const MOST: usize = 64;
 
 /// The draw that `word` stands for at a mean (e-); 0 for one that is not positive.
 #[inline(always)]
-pub fn poisson(mean: f32, word: u32) -> f32 {
+pub fn poisson(mean: f32, word: u32, switch: Switch) -> f32 {
     let mean = mean_of(mean);
-    if mean >= SWITCH {
+    if mean >= switch.0 {
         return expansion(mean, normal(word));
+    }
+    if mean >= SEARCHED {
+        return from_below(mean, word);
     }
     let (u, mean) = (uniform_of(word), f64::from(mean));
     let mut probability = none(mean);
@@ -107,6 +132,23 @@ pub fn poisson(mean: f32, word: u32) -> f32 {
     while u >= cumulative && k + 1 < MOST {
         k += 1;
         probability *= mean * INVERSE[k];
+        cumulative += probability;
+    }
+    k as f32
+}
+
+/// The draw by a search from where less than 10^-19 lies below.
+pub(crate) fn from_below(mean: f32, word: u32) -> f32 {
+    let (u, mean) = (uniform_of(word), f64::from(mean));
+    let reach = 9.0 * libm::sqrt(mean);
+    let mut k = libm::floor(mean - reach).max(0.0);
+    let last = mean + reach + 20.0;
+    // P(k) = exp(k ln m - m - ln k!)
+    let mut probability = libm::exp(k * libm::log(mean) - mean - libm::lgamma(k + 1.0));
+    let mut cumulative = probability;
+    while u >= cumulative && k < last {
+        k += 1.0;
+        probability *= mean / k;
         cumulative += probability;
     }
     k as f32
