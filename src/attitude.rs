@@ -112,14 +112,29 @@ impl Attitude {
 
     /// This rotation, then `next`.
     pub fn then(&self, next: &Attitude) -> Attitude {
-        Attitude(next.0 * self.0)
+        let mut product = next.0 * self.0;
+        // Or rounding adds up in the norm, always to the same side: to 1e-10 in ten million steps.
+        product.renormalize_fast();
+        Attitude(product)
     }
 
     /// The attitude `dt_s` seconds later under constant body rates (rad/s):
     /// `dR/dt = -[w x] R`, so `R(t) = exp(-[w x] dt) R(0)`.
     pub fn turned(&self, rates: &Vector3<f64>, dt_s: f64) -> Attitude {
-        Attitude(UnitQuaternion::from_scaled_axis(-rates * dt_s) * self.0)
+        self.then(&Attitude(UnitQuaternion::from_scaled_axis(-rates * dt_s)))
     }
+}
+
+/// The angle (rad) between two vectors of any length, by its tangent: as precise near 0 and near pi as between, where an arc cosine loses half of its
+/// digits. 0 where one of them is zero.
+pub fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+    libm::atan2(a.cross(b).norm(), a.dot(b))
+}
+
+/// An angle (rad) in degrees, from 0 to below 360: the remainder alone makes 360 of what is a last digit below 0.
+pub fn degrees_of_turn(angle: f64) -> f64 {
+    let degrees = angle.to_degrees().rem_euclid(360.0);
+    if degrees < 360.0 { degrees } else { 0.0 }
 }
 
 /// What the vehicle says of itself at one instant: the latched command that a frame is made from.

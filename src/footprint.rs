@@ -139,9 +139,12 @@ impl Footprint {
             let first = range.start.max(0);
             first..range.end.min(size).max(first)
         };
+        // A place that is no number is none.
+        let is_somewhere = |s: &&Sample| s.at.iter().all(|x| x.is_finite()) && s.weight.is_finite();
         let boxes: Vec<(&Sample, Drawn<'_>, Range<i64>, Range<i64>)> = track
             .samples
             .iter()
+            .filter(is_somewhere)
             .map(|s| {
                 let drawn = Drawn::around(s.at, camera, fidelity, light);
                 let columns = inside(&drawn.square[0], width);

@@ -7,8 +7,9 @@ mod unseen;
 pub use spot::{MOST_SPOTS, SpotLabel};
 pub use unseen::MOST_UNSEEN;
 
-use rounded::{e4, e6, e9, some_bound, some_e4, some_short};
+use rounded::{e4, e6, e9, some_bound, some_e4, some_short, turn_e9};
 
+use crate::attitude::degrees_of_turn;
 use crate::camera::Camera;
 use crate::effect::Verdict;
 use crate::plan::{Plan, Step};
@@ -228,8 +229,8 @@ pub struct ObjectLabel {
     /// Signal-to-noise ratio on the detector.
     #[serde(serialize_with = "e4")]
     pub snr: f64,
-    /// Apparent right ascension, ICRF axes.
-    #[serde(serialize_with = "e9")]
+    /// Apparent right ascension, ICRF axes, from 0 to below 360.
+    #[serde(serialize_with = "turn_e9")]
     pub ra_deg: f64,
     /// Apparent declination.
     #[serde(serialize_with = "e9")]
@@ -329,7 +330,7 @@ impl Label {
                 sources: scene
                     .sources
                     .par_iter()
-                    .filter(|source| is_listed(source, label_snr))
+                    .filter(|source| is_listed(source, scene, label_snr))
                     .map(|source| object(source, scene, world))
                     .collect(),
                 spots: spots.listed,
@@ -350,8 +351,8 @@ impl Label {
 }
 
 /// Whether labels list a source as an object.
-fn is_listed(source: &Source, label_snr: f64) -> bool {
-    source.clear_snr >= label_snr || source.fills_all()
+fn is_listed(source: &Source, scene: &Scene, label_snr: f64) -> bool {
+    source.clear_snr >= label_snr || scene.fills_all(source)
 }
 
 fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
@@ -409,7 +410,7 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         Body::Star(_) | Body::Rso(_) => None,
     };
     let in_frame = scene.view.camera.detector.contains([x_px, y_px]);
-    let reason = why_not_visible(source, in_frame);
+    let reason = why_not_visible(source, scene, in_frame);
     let irradiance =
         source.arriving_e / (scene.view.camera.electrons_per_second_at_zero() * exposure_s);
     ObjectLabel {
@@ -428,11 +429,7 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         band_mag: (irradiance > 0.0).then(|| -2.5 * irradiance.log10()),
         electrons: source.electrons,
         snr: source.snr,
-        ra_deg: direction
-            .y
-            .atan2(direction.x)
-            .to_degrees()
-            .rem_euclid(360.0),
+        ra_deg: degrees_of_turn(direction.y.atan2(direction.x)),
         dec_deg: direction
             .z
             .atan2(direction.x.hypot(direction.y))
@@ -445,12 +442,13 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
     }
 }
 
-fn why_not_visible(source: &Source, in_frame: bool) -> Option<String> {
+fn why_not_visible(source: &Source, scene: &Scene, in_frame: bool) -> Option<String> {
     if !in_frame {
         return Some("its centroid is outside the frame".to_string());
     }
     match source.hidden {
         Some(hidden) => Some(why_hidden(hidden).to_string()),
+        None if scene.fills_all(source) => Some("every pixel that it lights is full".to_string()),
         None if source.snr < VISIBLE_SNR => {
             let dimmed = match &source.body {
                 Body::Rso(seen) if seen.illumination < 1.0 => ", in the Earth's penumbra",

@@ -6,9 +6,9 @@ use crate::scene::{Exposure, Hidden, Unobservable, shutter};
 use crate::sky::population::OWN_VEHICLE_M;
 use crate::sky::shadow::Earth;
 use crate::sky::{Corrections, Population};
-use hifitime::{Epoch, Unit};
+use hifitime::Epoch;
 use nalgebra::Vector3;
-use skyloop_orbit::time::utc_text;
+use skyloop_orbit::time::{seconds, utc_text};
 use skyloop_orbit::{Object, OrbitError, StateVector};
 use thiserror::Error;
 
@@ -86,7 +86,7 @@ impl Span {
     /// Its instants.
     pub fn epochs(&self) -> impl Iterator<Item = Epoch> {
         let Span { from, step_s, .. } = *self;
-        (0..self.points).map(move |i| from + Unit::Second * (step_s * f64::from(i)))
+        (0..self.points).map(move |i| from + seconds(step_s * f64::from(i)))
     }
 }
 

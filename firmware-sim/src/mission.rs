@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use hifitime::Epoch;
+use skyloop_orbit::time::seconds;
 
 use skyloop_protocols::{Attitude, OrbitState, Output, Positions};
 
@@ -35,7 +36,7 @@ impl Mission {
     /// The time of attitude number `step` in stepped mode.
     #[must_use]
     pub fn epoch(&self, step: u32) -> Epoch {
-        self.start + hifitime::Duration::from_seconds(f64::from(step) * self.period_s)
+        self.start + seconds(f64::from(step) * self.period_s)
     }
 
     /// The attitude message for `epoch`.

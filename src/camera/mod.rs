@@ -25,7 +25,7 @@ pub use shutter::Shutter;
 pub use stray::Stray;
 pub use vignetting::Vignetting;
 
-use crate::attitude::Attitude;
+use crate::attitude::{Attitude, angle_between};
 use crate::load::{ConfigError, Folder};
 use std::ops::RangeInclusive;
 
@@ -107,7 +107,7 @@ impl Camera {
             };
             for step in [radius, [-radius[1], radius[0]]] {
                 let moved = [0, 1].map(|i| place[i] + STEP_PX * step[i]);
-                let angle = optics.direction(place).angle(&optics.direction(moved));
+                let angle = angle_between(&optics.direction(place), &optics.direction(moved));
                 scale = scale.max(STEP_PX / angle);
             }
         }

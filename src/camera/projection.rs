@@ -101,7 +101,7 @@ impl Projection {
         }
     }
 
-    /// Where the image of a direction (any length, camera axes) falls, in focal lengths from the principal point.
+    /// Where the image of a direction (any length, camera axes) falls, in focal lengths from the principal point; none of what is no direction.
     pub fn image(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
         let [x, y, z] = [direction.x, direction.y, direction.z];
         if let Model::Fisheye { k } = &self.model {
@@ -111,9 +111,12 @@ impl Projection {
                 return (z > 0.0).then_some([0.0; 2]);
             }
             let radius = angle * even(k, angle * angle).0;
-            return (angle < self.end).then_some([radius * (x / across), radius * (y / across)]);
+            let seen = angle < self.end && across.is_finite();
+            return seen.then_some([radius * (x / across), radius * (y / across)]);
         }
-        if z <= GRAZING * direction.norm() {
+        // Of what is no number, neither is.
+        let is_before = z > GRAZING * direction.norm();
+        if !is_before {
             return None;
         }
         let at = [x / z, y / z];
@@ -151,7 +154,9 @@ impl Projection {
     /// inverse of [`Projection::image`]. None beyond the model's end.
     pub fn direction(&self, at: [f64; 2]) -> Option<Vector3<f64>> {
         match &self.model {
-            Model::Pinhole => Some(Vector3::new(at[0], at[1], 1.0).normalize()),
+            Model::Pinhole => Vector3::new(at[0], at[1], 1.0)
+                .try_normalize(0.0)
+                .filter(|direction| direction.z > 0.0),
             Model::BrownConrady { k, p } => {
                 let [x, y] = undistorted(k, p, at, self.end)?;
                 Some(Vector3::new(x, y, 1.0).normalize())
@@ -201,21 +206,23 @@ fn distorted(k: &[f64; 3], [p1, p2]: &[f64; 2], [x, y]: [f64; 2]) -> ([f64; 2], 
 
 /// The greatest radius within which Brown and Conrady's map folds nowhere, up to 10,000 (89.99 deg).
 ///
-/// Its matrix of derivatives is symmetric and starts as the unit matrix: until its determinant is 0 somewhere, the map is
-/// the gradient of a convex function, and no two points have one image.
+/// Its matrix of derivatives is symmetric and starts as the unit matrix: as long as both of its eigenvalues are above 0, the map is
+/// the gradient of a convex function, and no two points have one image. Radii grow by a part of themselves: coefficients of narrow fields are
+/// large, and fold them at small ones.
 fn first_fold(k: &[f64; 3], p: &[f64; 2]) -> f64 {
     const FURTHEST: f64 = 1e4;
+    const NEAREST: f64 = 1e-8;
     let azimuths = if *p == [0.0; 2] { 1 } else { 72 };
     let folds = |radius: f64| {
         (0..azimuths).any(|i| {
             let (sin, cos) = libm::sincos(2.0 * PI * f64::from(i) / f64::from(azimuths));
             let (_, [a, b, c]) = distorted(k, p, [radius * cos, radius * sin]);
-            a * c - b * b <= 0.0
+            a * c - b * b <= 0.0 || a + c <= 0.0
         })
     };
     let mut radius = 0.0;
     while radius < FURTHEST {
-        let next = radius + 2e-3 * (1.0 + radius);
+        let next = (1.002 * radius).max(NEAREST);
         if folds(next) {
             return bisect(radius, next, folds);
         }
@@ -292,7 +299,9 @@ fn undistorted(k: &[f64; 3], p: &[f64; 2], at: [f64; 2], end: f64) -> Option<[f6
 
 /// The angle (rad) below `end` of a fisheye's radius: Newton's method, held between bounds.
 fn angle_of(k: &[f64; 4], radius: f64, end: f64) -> Option<f64> {
-    if radius >= radius_of(k, end).0 {
+    // Next to the fold radii are the same to the last digit. (No number is none.)
+    let most = radius_of(k, end).0 * (1.0 + 4.0 * f64::EPSILON);
+    if radius.is_nan() || radius > most {
         return None;
     }
     let (mut low, mut high) = (0.0, end);

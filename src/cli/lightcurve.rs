@@ -3,11 +3,11 @@
 use super::{Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old};
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
-use hifitime::{Epoch, Unit};
+use hifitime::Epoch;
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::light_curve::{NoLightCurve, Point, Span, point};
-use skyloop::orbit::time::{parse_utc, utc_text};
+use skyloop::orbit::time::{parse_utc, seconds, utc_text};
 use skyloop::orbit::{Loaded, Object, OrbitError};
 use skyloop::output::write_light_curve;
 use skyloop_firmware_sim::console::say;
@@ -142,7 +142,7 @@ fn remedy(error: &NoLightCurve, span: &Span, points: &[Point]) -> String {
 fn span(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Span> {
     let sequence = config.sequence.as_ref();
     let first = sequence.map(|s| s.epoch);
-    let last = sequence.map(|s| s.epoch + Unit::Second * (s.period_s * f64::from(s.frames - 1)));
+    let last = sequence.map(|s| s.epoch + seconds(s.period_s * f64::from(s.frames - 1)));
     let none = |key: &str| anyhow!("{scene}: no [sequence] to take it from: give {key}");
     let from = args.from.or(first).ok_or_else(|| none("--from UTC"))?;
     let to = args.to.or(last).ok_or_else(|| none("--to UTC"))?;

@@ -10,7 +10,7 @@ use hifitime::{Epoch, Unit};
 use skyloop::config::{Config, Observer, Sequence};
 use skyloop::flight::{self, Flight, FlightError};
 use skyloop::load::{Folder, orbits};
-use skyloop::orbit::time::{parse_utc, utc_text};
+use skyloop::orbit::time::{parse_utc, seconds, utc_text};
 use skyloop::output::passes::{Row, Searched, csv, json, table};
 use skyloop::passes::{NoPasses, Passes, Search, passes};
 use skyloop_firmware_sim::console::say;
@@ -159,7 +159,7 @@ fn remedy(error: &NoPasses) -> &'static str {
 /// From when to when.
 fn search(args: &Args, config: &Config, scene: &str) -> anyhow::Result<Search> {
     let sequence = config.sequence.as_ref();
-    let last = |s: &Sequence| s.epoch + Unit::Second * (s.period_s * f64::from(s.frames - 1));
+    let last = |s: &Sequence| s.epoch + seconds(s.period_s * f64::from(s.frames - 1));
     let none = |key: &str| anyhow!("{scene}: no [sequence] to take it from: give {key}");
     let from = args.from.or(sequence.map(|s| s.epoch));
     let from = from.ok_or_else(|| none("--from UTC"))?;

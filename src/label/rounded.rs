@@ -27,6 +27,12 @@ pub(super) fn e9<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_f64(rounded(*value, 9))
 }
 
+/// Degrees of a turn: what is rounded to a whole one is none.
+pub(super) fn turn_e9<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    let degrees = rounded(*value, 9);
+    to.serialize_f64(if degrees < 360.0 { degrees } else { 0.0 })
+}
+
 /// Four digits: bounds and prices are no more exact.
 fn four_digits(value: f64) -> f64 {
     let decimals = 3 - value.abs().max(1e-12).log10().floor() as i32;

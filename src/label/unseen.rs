@@ -29,7 +29,7 @@ pub fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
         .sources
         .iter()
         .filter_map(|source| match &source.body {
-            Body::Rso(object) if !super::is_listed(source, label_snr) => {
+            Body::Rso(object) if !super::is_listed(source, scene, label_snr) => {
                 Some((object.index, Unseen::TooFaint))
             }
             _ => None,

@@ -3,6 +3,17 @@
 use crate::frames::DAY_NS;
 use hifitime::{Duration, Epoch, TimeScale, Unit};
 
+/// Nanoseconds of a second.
+const SECOND_NS: i128 = 1_000_000_000;
+
+/// `s` seconds to the nearest nanosecond, where hifitime cuts off what is less than one; none of NaN, and no more than a duration
+/// can be.
+pub fn seconds(s: f64) -> Duration {
+    let whole = (s.trunc() as i128).saturating_mul(SECOND_NS);
+    let rest = (s.fract() * SECOND_NS as f64).round() as i128;
+    Duration::from_total_nanoseconds(whole.saturating_add(rest))
+}
+
 /// Reads a CCSDS ASCII time, code A `YYYY-MM-DDThh:mm:ss[.d..]` or code B
 /// `YYYY-DDDThh:mm:ss[.d..]`, with or without a closing `Z` (CCSDS 301.0-B,
 /// section 3.5). Digits past the nanosecond are dropped.
@@ -22,18 +33,19 @@ pub(crate) fn parse_ccsds(text: &str, scale: TimeScale) -> Option<Epoch> {
     let seconds = clock.next()?;
     let (second, fraction) = seconds.split_once('.').unwrap_or((seconds, ""));
     let second: u8 = digits(second, 2)?;
-    let nanoseconds = u32::try_from(scaled_fraction(fraction, 1_000_000_000)?).ok()?;
+    let nanoseconds = scaled_fraction(fraction, SECOND_NS)?;
     if hour > 23 {
         return None;
     }
 
-    let epoch =
-        Epoch::maybe_from_gregorian(year, month, day, hour, minute, second, nanoseconds, scale)
-            .ok()?
-            .to_time_scale(TimeScale::TAI);
+    // hifitime tells leap seconds by a floating-point number of seconds since 1900, which is rounded by up to a quarter of a microsecond: of
+    // whole seconds it is exact
+    let epoch = Epoch::maybe_from_gregorian(year, month, day, hour, minute, second, 0, scale)
+        .ok()?
+        .to_time_scale(TimeScale::TAI);
     // hifitime gives 23:59:60 the instant of 23:59:59
     let leap = if second == 60 { 1 } else { 0 };
-    Some(epoch + leap * Unit::Second)
+    Some(epoch + leap * Unit::Second + Duration::from_total_nanoseconds(nanoseconds))
 }
 
 /// Reads a UTC time such as `2019-06-15T23:35:50.500Z`, leap seconds included.
@@ -100,12 +112,15 @@ fn no_such_day(text: &str) -> Option<String> {
 
 /// UTC text of an epoch, with as many decimals as it has, at least milliseconds; a leap second is 60.
 pub fn utc_text(epoch: Epoch) -> String {
-    let (year, month, day, hour, minute, second, nanoseconds) = epoch.to_gregorian_utc();
-    let shown =
-        Epoch::maybe_from_gregorian_utc(year, month, day, hour, minute, second, nanoseconds);
+    // in whole seconds, for the same reason
+    let ns = epoch.to_tai_duration().total_nanoseconds();
+    let nanoseconds = ns.rem_euclid(SECOND_NS);
+    let whole = from_tai_ns(ns - nanoseconds);
+    let (year, month, day, hour, minute, second, _) = whole.to_gregorian_utc();
+    let shown = Epoch::maybe_from_gregorian_utc(year, month, day, hour, minute, second, 0);
     // hifitime shows a leap second as the second before it
     let leap =
-        shown.is_ok_and(|shown| epoch - shown.to_time_scale(TimeScale::TAI) >= Unit::Second * 1);
+        shown.is_ok_and(|shown| whole - shown.to_time_scale(TimeScale::TAI) >= Unit::Second * 1);
     let second = second + u8::from(leap);
     let fraction = format!("{nanoseconds:09}");
     let kept = fraction.trim_end_matches('0').len().max(3);

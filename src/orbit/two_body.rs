@@ -38,6 +38,13 @@ pub fn propagate_j2(state: &StateVector, dt_s: f64) -> StateVector {
 ///
 /// Runge and Kutta's method of fourth order, with steps that follow the distance.
 pub fn propagate(state: &StateVector, dt_s: f64, j2: f64) -> StateVector {
+    if dt_s.is_nan() {
+        let none = Vector3::repeat(f64::NAN);
+        return StateVector {
+            position_m: none,
+            velocity_m_s: none,
+        };
+    }
     let mut now = *state;
     let mut left = dt_s;
     while left.abs() > 0.0 {

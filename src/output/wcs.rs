@@ -2,6 +2,7 @@
 //! for a fisheye, with the polynomials of [`Sip`] where the lens distorts.
 
 use super::sip::Sip;
+use crate::attitude::degrees_of_turn;
 use crate::camera::{Camera, Model};
 use nalgebra::{Matrix3, Vector3};
 
@@ -53,7 +54,7 @@ impl Wcs {
             },
             sip: Sip::of(camera),
             reference_px: optics.principal_px.map(|px| px + 1.0),
-            reference_deg: [ra.to_degrees().rem_euclid(360.0), dec.to_degrees()],
+            reference_deg: [degrees_of_turn(ra), dec.to_degrees()],
             cd_deg_px: [cd(&east), cd(&north)],
         }
     }

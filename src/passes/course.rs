@@ -7,8 +7,9 @@ use crate::scene::{Exposure, shutter};
 use crate::sky::apparent::Observer;
 use crate::sky::population::Shutter;
 use crate::sky::shadow::Earth;
-use hifitime::{Epoch, Unit};
+use hifitime::Epoch;
 use nalgebra::{Matrix3, Vector3};
+use skyloop_orbit::time::seconds;
 use skyloop_orbit::{StateVector, frames};
 
 /// Knots of a step. Positions are the polynomial through them: with 2.5 s between, 1e-7 m off in a low orbit.
@@ -66,7 +67,7 @@ impl<'a> Course<'a> {
 
     /// The instant so many seconds after the beginning.
     pub(super) fn epoch(&self, t_s: f64) -> Epoch {
-        self.from + Unit::Second * t_s
+        self.from + seconds(t_s)
     }
 
     /// The step of an instant; the last one ends with the search.

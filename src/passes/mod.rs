@@ -42,7 +42,7 @@ pub struct Search {
     pub from: Epoch,
     /// The last one, after it.
     pub to: Epoch,
-    /// No stay in the field that is longer is missed, s, above 0.
+    /// No stay in the field that is longer is missed, s; what is not above a millisecond counts as one.
     pub shortest_s: f64,
 }
 
@@ -94,6 +94,11 @@ pub fn passes(
     corrections: &Corrections,
     tick: impl Fn(f64) + Sync,
 ) -> Result<Passes, NoPasses> {
+    let search = &Search {
+        // Of NaN it is the other.
+        shortest_s: search.shortest_s.max(1e-3),
+        ..*search
+    };
     let course = Course::new(
         flight,
         search.from,

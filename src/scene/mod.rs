@@ -12,6 +12,7 @@ mod disc;
 mod expected;
 mod imaging;
 mod lit;
+mod observable;
 mod signal;
 mod simulated;
 mod spill;
@@ -29,15 +30,15 @@ pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
 pub use lit::Lit;
+pub use observable::{MAX_TURN, Unobservable, above_the_moon, shutter, turn_at};
 pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e, flooding_e};
 pub use sun::SeenSun;
-pub use view::{
-    Candidate, Faint, MAX_TURN, Unknown, Unobservable, View, above_the_moon, shutter, turn_at,
-};
+pub use view::{Candidate, Faint, Unknown, View};
 pub use wanderer::{MOON, SeenWanderer};
 pub use work::{Work, still_ms};
 
+use crate::attitude::angle_between;
 use crate::camera::{Event, Flux};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
@@ -47,9 +48,10 @@ use crate::sky::population::SeenObject;
 use crate::sky::star_field::SeenStar;
 use crate::sky::starlight::StarLight;
 use crate::sky::{Corrections, Population, StarField, radiation};
-use hifitime::{Epoch, Unit};
+use hifitime::Epoch;
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use skyloop_orbit::time::seconds;
 use std::sync::Arc;
 
 /// What does not change from frame to frame.
@@ -81,9 +83,9 @@ pub struct Exposure {
 }
 
 impl Exposure {
-    /// The exposure of `duration_s` around `mid`.
+    /// The exposure of `duration_s` around `mid`, its ends to the nearest nanosecond; of what is no number they are the middle.
     pub fn around(mid: Epoch, duration_s: f64) -> Exposure {
-        let half = Unit::Second * (duration_s / 2.0);
+        let half = seconds(duration_s / 2.0);
         Exposure {
             start: mid - half,
             mid,
@@ -139,7 +141,8 @@ impl Body {
             Body::Star(_) => 0.0,
             Body::Rso(_) | Body::Wanderer(_) => {
                 let line = |part: f64| self.line(part);
-                line(0.0).angle(&line(0.5)) + line(0.5).angle(&line(1.0))
+                let [start, mid, end] = [0.0, 0.5, 1.0].map(line);
+                angle_between(&start, &mid) + angle_between(&mid, &end)
             }
         }
     }
@@ -221,11 +224,6 @@ impl Source {
     pub fn length_px(&self) -> f64 {
         let way = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
         way(self.start, self.centroid) + way(self.centroid, self.end)
-    }
-
-    /// Whether it is a disc all of whose pixels are full: such have no signal-to-noise ratio.
-    pub fn fills_all(&self) -> bool {
-        self.body.points() > 1 && self.electrons > 0.0 && self.clear_snr == 0.0
     }
 }
 
@@ -309,6 +307,17 @@ impl Scene {
         scene.peaks_e = scene.lit_e(scene.lights(&scene.simulated));
         scene.spill = Spill::of(&scene);
         scene
+    }
+
+    /// Whether every pixel that a source lights is full: such have no signal-to-noise ratio.
+    pub fn fills_all(&self, source: &Source) -> bool {
+        let full_e = signal::full_e(&self.view.camera.detector, &self.simulated);
+        // A disc may find its pixels full of other light.
+        let fills = || {
+            let most = lanes::greatest(source.footprint.shares());
+            source.body.points() > 1 || source.electrons * f64::from(most) >= full_e
+        };
+        source.electrons > 0.0 && source.clear_snr == 0.0 && fills()
     }
 
     /// The charge (e-) that pixels hold on which no light falls, where they hold the same: to the last bit, as it is added.

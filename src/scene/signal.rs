@@ -30,6 +30,16 @@ pub(super) struct Noise<'a> {
     full_e: f64,
 }
 
+/// Charge (e-) from which a pixel shows no more: its full well, or what the converter reaches.
+pub(super) fn full_e(detector: &Detector, simulated: &Simulated) -> f64 {
+    let well = if simulated.full_well {
+        detector.full_well_e
+    } else {
+        f64::INFINITY
+    };
+    well.min(detector.converter_reach_e())
+}
+
 impl<'a> Noise<'a> {
     pub fn new(
         view: &'a View,
@@ -43,11 +53,6 @@ impl<'a> Noise<'a> {
         } else {
             0.0
         };
-        let well = if simulated.full_well {
-            detector.full_well_e
-        } else {
-            f64::INFINITY
-        };
         Noise {
             detector,
             simulated,
@@ -55,7 +60,7 @@ impl<'a> Noise<'a> {
             areas_e,
             exposure_s: view.exposure.duration_s,
             floor: read * read + detector.quantisation_variance(),
-            full_e: well.min(detector.converter_reach_e()),
+            full_e: full_e(detector, simulated),
         }
     }
 

@@ -1,127 +1,29 @@
 //! What stands before the camera during one exposure: directions and light, before the optics make images of them.
 
 use super::area::{STEPS_PX, most_steps};
+use super::observable::{Unobservable, shutter, turn_at};
 use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
-use crate::attitude::{Attitude, AttitudeError, VehicleState, check_orbit};
+use crate::attitude::{Attitude, VehicleState};
 use crate::camera::{Camera, SUN_MAGNITUDE, Side, Stamp};
 use crate::fidelity::Fidelity;
 use crate::footprint::Light;
 use crate::rng::NoiseKey;
 use crate::sky::apparent::Observer;
-use crate::sky::bodies::{Bodies, EpochOutOfRange, LIGHT_M_S};
+use crate::sky::bodies::LIGHT_M_S;
 use crate::sky::field::{Field, Unseen};
-use crate::sky::moon::{MoonDisc, RADIUS_M};
+use crate::sky::moon::MoonDisc;
 use crate::sky::photometry::photon_irradiance;
 use crate::sky::population::SeenObject;
 use crate::sky::shadow::Earth;
 use crate::sky::star_field::SeenStar;
-use hifitime::Epoch;
 use nalgebra::Vector3;
 use rayon::iter::Either;
 use rayon::prelude::*;
-use skyloop_orbit::time::utc_text;
-use skyloop_orbit::{OrbitError, StateVector};
+use skyloop_orbit::OrbitError;
 use std::sync::Arc;
-use thiserror::Error;
-
-/// Furthest that the body may turn during one exposure, rad: a streak then crosses most fields. Time grows with
-/// the streaks' length: at the limit a frame of 256 x 256 pixels takes over a second.
-pub const MAX_TURN: f64 = 1.0;
 
 /// Sources that one thread looks at at least.
 const FEW: usize = 128;
-
-/// Why there is no scene.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum Unobservable {
-    /// The ephemerides do not reach the epoch.
-    #[error(transparent)]
-    Epoch(#[from] EpochOutOfRange),
-    /// The body turns too far.
-    #[error(
-        "the body turns {turn_deg:.1} deg during the exposure of {exposure_s} s: at most {:.1} deg are shown; \
-         lower the rates or the exposure",
-        MAX_TURN.to_degrees()
-    )]
-    Turn {
-        /// How far, deg.
-        turn_deg: f64,
-        /// The exposure time, s.
-        exposure_s: f64,
-    },
-    /// The state, carried on by its orbit, has left the range of observers.
-    #[error("state carried on to {}: {source}", utc_text(*epoch))]
-    State {
-        /// An instant of the exposure.
-        epoch: Epoch,
-        /// What is wrong with it there.
-        source: AttitudeError,
-    },
-    /// The observer is inside the Moon.
-    #[error(
-        "the observer is {:.1} km from the Moon's centre at {}: must be above its ground, {:.1} km from there; check state or orbit, units and epochs",
-        distance_m * 1e-3,
-        utc_text(*epoch),
-        RADIUS_M * 1e-3
-    )]
-    InMoon {
-        /// An instant of the exposure.
-        epoch: Epoch,
-        /// From the Moon's centre, m.
-        distance_m: f64,
-    },
-}
-
-/// Refuses a geocentric place (ICRF axes, m) inside the Moon or on it; `moon_m` is the Moon's at that epoch.
-pub fn above_the_moon(
-    position_m: &Vector3<f64>,
-    moon_m: &Vector3<f64>,
-    epoch: Epoch,
-) -> Result<(), Unobservable> {
-    let distance_m = (position_m - moon_m).norm();
-    if distance_m <= RADIUS_M {
-        return Err(Unobservable::InMoon { epoch, distance_m });
-    }
-    Ok(())
-}
-
-/// How far (rad) a body of these rates (rad/s) turns during an exposure of `exposure_s`, if that can be shown.
-pub fn turn_at(rates: Vector3<f64>, exposure_s: f64) -> Result<f64, Unobservable> {
-    let turn = rates.norm() * exposure_s;
-    if turn > MAX_TURN {
-        let turn_deg = turn.to_degrees();
-        return Err(Unobservable::Turn {
-            turn_deg,
-            exposure_s,
-        });
-    }
-    Ok(turn)
-}
-
-/// The observer at start, mid and end of an exposure. The bodies are asked for at mid, and move on in straight lines from there.
-pub fn shutter(vehicle: &VehicleState, exposure: &Exposure) -> Result<[Observer; 3], Unobservable> {
-    let centre = StateVector {
-        position_m: Vector3::zeros(),
-        velocity_m_s: Vector3::zeros(),
-    };
-    let bodies = Bodies::at(exposure.mid)?;
-    let at = |epoch: Epoch| -> Result<Observer, Unobservable> {
-        let orbit = vehicle.at(epoch).orbit;
-        if let Some(state) = &orbit {
-            check_orbit(state).map_err(|source| Unobservable::State { epoch, source })?;
-        }
-        let state = orbit.unwrap_or(centre);
-        let bodies = bodies.after((epoch - exposure.mid).to_seconds());
-        above_the_moon(&state.position_m, &bodies.moon_geocentric_m, epoch)?;
-        Ok(Observer {
-            epoch,
-            position_m: state.position_m,
-            velocity_m_s: state.velocity_m_s,
-            bodies,
-        })
-    };
-    Ok([at(exposure.start)?, at(exposure.mid)?, at(exposure.end)?])
-}
 
 /// A point source near the field, before its image is made.
 #[derive(Debug, Clone)]
@@ -234,7 +136,7 @@ impl View {
     /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]). Objects that are
     /// too `faint`, even in full light, have no image.
     ///
-    /// Fails only where the epoch lies outside the ephemerides, the body turns further than [`MAX_TURN`], or the
+    /// Fails only where the exposure time is none, the epoch lies outside the ephemerides, the body turns further than [`MAX_TURN`](super::MAX_TURN), or the
     /// observer's state, carried through the exposure, leaves its range or comes into the Moon.
     pub fn new(
         world: &World,

@@ -1,6 +1,7 @@
 //! The camera's own cadence by the wall clock.
 
-use hifitime::{Epoch, Unit};
+use hifitime::Epoch;
+use skyloop_orbit::time::seconds;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// A client whose first attitude differs from this machine's clock by more than this plays a scene of another
@@ -121,7 +122,7 @@ impl WallClock {
         let end = self.ended.take()?;
         self.shot = self.shot.filter(|shot| *shot != end);
         let since = end.duration_since(zero).as_secs_f64();
-        Some(scene + Unit::Second * (since - exposure_s / 2.0))
+        Some(scene + seconds(since - exposure_s / 2.0))
     }
 
     /// Ends the exposures whose end has come by `now`. One of them waits for its frame: a single shot before

@@ -12,9 +12,10 @@
 //! last one is 1.2 milliarcsec/yr^2 for Barnard's star (2.8 arcsec by 2060) and 0.15 for Groombridge 1830, and below 0.02
 //! arcsec by 2060 for all but some tens of nearby stars.
 
-use hifitime::{Epoch, Unit};
+use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop_orbit::StateVector;
+use skyloop_orbit::time::seconds;
 
 use super::bodies::{AU_M, Bodies, LIGHT_M_S, aberrate, tt_days_since_j2000};
 
@@ -276,10 +277,7 @@ pub fn object_direction<E>(
         true => {
             // Never the same instant again.
             let earlier_s = observer.light_time_s(&state.position_m).max(1e-6);
-            Some((
-                earlier_s,
-                state_at(observer.epoch - Unit::Second * earlier_s)?,
-            ))
+            Some((earlier_s, state_at(observer.epoch - seconds(earlier_s))?))
         }
         false => None,
     };

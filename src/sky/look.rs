@@ -4,9 +4,11 @@ use super::apparent::{ApparentObject, Observer, parabola};
 use super::bodies::{LIGHT_M_S, SUN_RADIUS_M};
 use super::body_attitude::BodyAttitude;
 use super::shape::Shape;
-use hifitime::{Epoch, Unit};
+use crate::attitude::angle_between;
+use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop_orbit::StateVector;
+use skyloop_orbit::time::seconds;
 
 /// A body of known shape and attitude.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,7 +95,7 @@ impl Passage<'_> {
         };
         let open_s = (end.epoch - start.epoch).to_seconds();
         Instant {
-            epoch: start.epoch + Unit::Second * (open_s * part - delay_s),
+            epoch: start.epoch + seconds(open_s * part - delay_s),
             state: StateVector {
                 position_m,
                 velocity_m_s: parabola(&self.seen.map(|seen| seen.state.velocity_m_s), part),
@@ -106,6 +108,6 @@ impl Passage<'_> {
     /// How far the line to the observer turns during the exposure, rad. (The Sun's turns by 1e-4 of a radian an hour.)
     fn swing(&self) -> f64 {
         let [a, b, c] = [0.0, 0.5, 1.0].map(|part| self.at(part).to_sensor);
-        a.angle(&b) + b.angle(&c)
+        angle_between(&a, &b) + angle_between(&b, &c)
     }
 }

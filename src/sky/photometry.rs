@@ -5,6 +5,7 @@
 //! 1 / (4 pi^2)): only so does a lossless mirror sphere return all the light that it takes.
 
 use super::bodies::AU_M;
+use crate::attitude::angle_between;
 use crate::camera::SUN_MAGNITUDE;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -97,7 +98,7 @@ pub const SPECULAR_PHASE: f64 = 1.0 / (4.0 * PI);
 
 /// The phase angle Sun - object - sensor (rad) from the object's directions to both.
 pub fn phase_angle(to_sun: &Vector3<f64>, to_sensor: &Vector3<f64>) -> f64 {
-    to_sun.cross(to_sensor).norm().atan2(to_sun.dot(to_sensor))
+    angle_between(to_sun, to_sensor)
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use std::f64::consts::PI;
 
 use super::bodies::{SUN_RADIUS_M, tt_days_since_j2000};
+use crate::attitude::angle_between;
 
 /// Equatorial radius of the WGS84 ellipsoid, m.
 pub const EARTH_RADIUS_M: f64 = 6_378_137.0;
@@ -162,7 +163,7 @@ impl Earth {
         for k in 0..POINTS {
             let turn = 2.0 * PI * k as f64 / POINTS as f64;
             let edge = self.unstretched(axis * cos + self.across(axis, turn) * sin);
-            let angle = angle_between(edge.normalize(), toward_centre);
+            let angle = angle_between(&edge, &toward_centre);
             (least, greatest) = (least.min(angle), greatest.max(angle));
         }
         [(least - MARGIN).max(0.0), (greatest + MARGIN).min(PI)]
@@ -205,7 +206,7 @@ impl Earth {
         let sun_distance = to_sun.norm();
         let (toward_sun, toward_earth) = (to_sun / sun_distance, object / -distance);
 
-        let separation = angle_between(toward_sun, toward_earth);
+        let separation = angle_between(&toward_sun, &toward_earth);
         let earth_radius = (EARTH_RADIUS_M / distance).asin();
         let sun_radius =
             (self.stretched_sun_radius(toward_sun, toward_earth) / sun_distance).asin();
@@ -220,11 +221,6 @@ impl Earth {
             .try_normalize(1e-12)
             .map_or(SUN_RADIUS_M, |n| SUN_RADIUS_M * self.to_sphere(n).norm())
     }
-}
-
-/// The angle between two unit vectors, rad, as precise at 0 and at pi as between.
-fn angle_between(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
-    a.cross(&b).norm().atan2(a.dot(&b))
 }
 
 /// The part of a small disc of angular radius `sun` (the Sun) that another of radius `earth` covers, their centres `separation`

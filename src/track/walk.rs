@@ -17,6 +17,8 @@ const FOUR: [(f64, f64); 4] = [
 const BEND: f64 = 0.02;
 /// Longest piece (px): of what passes by at speed, little more is sampled finely than what crosses the window.
 const LONGEST_PX: f64 = 256.0;
+/// What bends by no more than this (px) is straight: below lies what rounding makes of images that stand still.
+const LEAST_PX: f64 = 1e-9;
 /// A piece of which nothing is seen is cut in two where what its light is uncertain by may move the centre of all by more than this, px.
 const FAR_PX: f64 = 1e-5;
 /// How often a piece is cut in two at most.
@@ -124,7 +126,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
                 } else {
                     4.0 * self.course.reach_px
                 };
-                split = near && (bend > BEND * length || length > longest);
+                split = near && (bend > (BEND * length).max(LEAST_PX) || length > longest);
                 // Of a parabola the fastest end is faster than the mean by 4 bend / length.
                 panels = (length + 4.0 * bend) / self.course.step_px;
             }
@@ -146,6 +148,8 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
             }
             return;
         }
+        // What cannot be cut further, and should be, is a jump.
+        let panels = if split { 1.0 } else { panels };
         let panels = panels.ceil().max(1.0) as usize;
         for i in 0..panels {
             let part = |i: usize| a.0 + (b.0 - a.0) * (i as f64 / panels as f64);
@@ -173,7 +177,9 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
         let told: f64 = samples[from..].iter().map(|sample| sample.weight).sum();
         let simpson = (first.light + 4.0 * middle.light + last.light) / 6.0;
         let apart = told - simpson * (b.0 - a.0) / self.course.rows.exposure;
-        if apart.abs() * self.length_px > FAR_PX && depth > 0 {
+        // Of a last digit or two, rounding has them.
+        let differs = apart.abs() > 8.0 * f64::EPSILON * told;
+        if differs && apart.abs() * self.length_px > FAR_PX && depth > 0 {
             samples.truncate(from);
             self.piece(a, mid, depth - 1, samples);
             self.piece(mid, b, depth - 1, samples);

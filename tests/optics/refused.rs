@@ -6,7 +6,7 @@ use crate::cameras::{GAUSSIAN, load_in, text};
 const REFUSED: &str = r#"
 optics.psf | kind = "round" | optics.psf.kind = "round" | "gaussian", "airy", "moffat", "image"
 optics.psf | kind = "gaussian" | optics.psf.sigma_px | missing
-optics.psf | kind = "gaussian"; sigma_px = -0.5 | optics.psf.sigma_px = -0.5 | 0.01 to 10
+optics.psf | kind = "gaussian"; sigma_px = -0.5 | optics.psf.sigma_px = -0.5 | 0.01 to 100
 optics.psf | kind = "gaussian"; sigma_px = 1.0; beta = 2.0 | optics.psf.beta | no key of kind "gaussian"
 optics.psf | kind = "airy"; obscuration = 0.95 | optics.psf.obscuration = 0.95 | 0 to 0.9
 optics.psf | kind = "airy"; wavelength_exponent = 1.0 | optics.psf.wavelength_exponent | no key
@@ -18,8 +18,8 @@ optics.psf | kind = "gaussian"; sigma_px = 1.0; width_by_field = [[1.0, 0.0]] | 
 optics.psf | kind = "gaussian"; sigma_px = 1.0; width_by_field = [[1.0, 1.0], [95.0, 1.0]] | optics.psf.width_by_field[1][0] = 95 | below 90.00 deg
 optics.psf | kind = "gaussian"; sigma_px = 1.0; width_by_field = [[1.0, 1.0, 2.0]] | optics.psf.width_by_field[0]: must have 2 values, not 3
 optics.psf | kind = "moffat"; fwhm_px = 15.0; beta = 2.0; width_by_field = [[0.0, 1.0], [3.0, 1.5]] | optics.psf.fwhm_px | 15.00 px comes to 22.50 px, by 1.5 in the field (optics.psf.width_by_field) | at most 20 px
-optics.psf | kind = "gaussian"; sigma_px = 5.0; width_by_field = [[0.0, 2.1]] | optics.psf.sigma_px | by 2.1 in the field | at most 10 px
-optics.psf | kind = "gaussian"; sigma_px = 9.5; wavelength_exponent = 4.0 | optics.psf.sigma_px | with the colour of stars (power 4) | at most 10 px
+optics.psf | kind = "gaussian"; sigma_px = 50.0; width_by_field = [[0.0, 2.1]] | optics.psf.sigma_px | by 2.1 in the field | at most 100 px
+optics.psf | kind = "gaussian"; sigma_px = 95.0; wavelength_exponent = 4.0 | optics.psf.sigma_px | with the colour of stars (power 4) | at most 100 px
 optics.psf | kind = "moffat"; fwhm_px = 19.0; beta = 1.5; wavelength_exponent = -4.0 | optics.psf.fwhm_px | with the colour of stars (power -4) | at most 20 px
 optics.psf | kind = "image"; oversampling = 2 | optics.psf.images | missing
 optics.psf | kind = "image"; oversampling = 0.5; images = [{ file = "good.csv" }] | optics.psf.oversampling = 0.5 | 1 to 64
@@ -36,7 +36,7 @@ optics.psf | kind = "image"; oversampling = 2; images = [{ file = "good.csv", at
 optics.psf | kind = "image"; oversampling = 2; images = [{ file = "good.csv", at_px = [1.0, 2.0, 3.0] }] | optics.psf.images[0].at_px: must have 2 values, not 3
 optics.psf | kind = "image"; oversampling = 2; images = [{ file = "good.csv", at_px = [1.0, 2.0] }, { file = "good.csv", at_px = [5.0, 9.0] }] | optics.psf.images | crossings of a grid
 optics.psf | kind = "gaussian"; sigma_px = 1.0; width_by_field = [] | optics.psf.width_by_field = [] | at least one [angle, factor]
-optics.psf | kind = "gaussian"; sigma_px = 11.0 | optics.psf.sigma_px = 11: must be 0.01 to 10 px
+optics.psf | kind = "gaussian"; sigma_px = 110.0 | optics.psf.sigma_px = 110: must be 0.01 to 100 px
 optics.psf | kind = "gaussian"; sigma = 1.0 | optics.psf.sigma: unknown key `sigma`: did you mean `sigma_px`?
 optics.psf | kind = "gaussian"; sigma_px = "1" | optics.psf.sigma_px: must be a number, not "1"
 optics.psf | kind = "gaussian"; sigma_px = | not TOML: sigma_px has no value: write sigma_px = value

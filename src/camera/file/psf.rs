@@ -37,8 +37,8 @@ pub struct Lens<'a> {
 
 /// Points of a table of widths are no further apart than this, deg: what lines by distance then miss is below 1e-4 of their rise.
 const FINE_DEG: f64 = 0.25;
-/// Greatest standard deviation (px) of a Gaussian anywhere in the field and for any star: 120 x 120 pixels each.
-const WIDEST_SIGMA_PX: f64 = 10.0;
+/// Greatest standard deviation (px) of a Gaussian anywhere in the field and for any star: some 900 x 900 pixels each.
+const WIDEST_SIGMA_PX: f64 = 100.0;
 
 /// The keys of each kind beside `kind` itself.
 const KINDS: &[(&str, &[&str])] = &[

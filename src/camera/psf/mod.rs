@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 /// Greatest width (px) that the tables of circular profiles are made for, before it varies over the field.
 pub const WIDEST_PX: f64 = 20.0;
-/// Furthest (px) that light is drawn from a source: wide wings end there. Beyond it lie 2 % of a diffraction pattern
+/// Furthest (px) that light is drawn from a source: wide wings end there, but for a Gaussian's, which has none. Beyond it lie 2 % of a diffraction pattern
 /// whose `lambda N` is 25 px, and a thousandth of one of 1 px.
 pub const FURTHEST_PX: f64 = 256.0;
 
@@ -220,10 +220,10 @@ impl Psf {
 }
 
 impl LocalPsf<'_> {
-    /// Half the side (px) of the square outside of which less than `loss` of the light falls; at most [`FURTHEST_PX`].
+    /// Half the side (px) of the square outside of which less than `loss` of the light falls; but for a Gaussian's at most [`FURTHEST_PX`].
     pub fn reach_px(&self, loss: f64) -> f64 {
         let reach = match self.shape {
-            Shape::Gaussian(sigma_px) => self.gaussian(*sigma_px).reach_px(loss),
+            Shape::Gaussian(sigma_px) => return self.gaussian(*sigma_px).reach_px(loss),
             Shape::Airy(airy, width_px) => self.scale * width_px * airy.reach(loss),
             Shape::Moffat(moffat, width_px) => self.scale * width_px * moffat.reach(loss),
             Shape::Images(images) => images.reach_px(),

@@ -1,0 +1,117 @@
+//! What can be shown: the epochs, turns, exposures and places of observers that there are frames of.
+
+use super::Exposure;
+use crate::attitude::{AttitudeError, VehicleState, check_orbit};
+use crate::sky::apparent::Observer;
+use crate::sky::bodies::{Bodies, EpochOutOfRange};
+use crate::sky::moon::RADIUS_M;
+use hifitime::Epoch;
+use nalgebra::Vector3;
+use skyloop_orbit::StateVector;
+use skyloop_orbit::time::utc_text;
+use thiserror::Error;
+
+/// Furthest that the body may turn during one exposure, rad: a streak then crosses most fields. Time grows with
+/// the streaks' length: at the limit a frame of 256 x 256 pixels takes over a second.
+pub const MAX_TURN: f64 = 1.0;
+
+/// Why there is no scene.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Unobservable {
+    /// The ephemerides do not reach the epoch.
+    #[error(transparent)]
+    Epoch(#[from] EpochOutOfRange),
+    /// The body turns too far.
+    #[error(
+        "the body turns {turn_deg:.1} deg during the exposure of {exposure_s} s: at most {:.1} deg are shown; \
+         lower the rates or the exposure",
+        MAX_TURN.to_degrees()
+    )]
+    Turn {
+        /// How far, deg.
+        turn_deg: f64,
+        /// The exposure time, s.
+        exposure_s: f64,
+    },
+    /// No exposure lasts as long.
+    #[error("an exposure of {exposure_s} s: must be 0 or more, and a number")]
+    Exposure {
+        /// The exposure time, s.
+        exposure_s: f64,
+    },
+    /// The state, carried on by its orbit, has left the range of observers.
+    #[error("state carried on to {}: {source}", utc_text(*epoch))]
+    State {
+        /// An instant of the exposure.
+        epoch: Epoch,
+        /// What is wrong with it there.
+        source: AttitudeError,
+    },
+    /// The observer is inside the Moon.
+    #[error(
+        "the observer is {:.1} km from the Moon's centre at {}: must be above its ground, {:.1} km from there; check state or orbit, units and epochs",
+        distance_m * 1e-3,
+        utc_text(*epoch),
+        RADIUS_M * 1e-3
+    )]
+    InMoon {
+        /// An instant of the exposure.
+        epoch: Epoch,
+        /// From the Moon's centre, m.
+        distance_m: f64,
+    },
+}
+
+/// Refuses a geocentric place (ICRF axes, m) inside the Moon or on it; `moon_m` is the Moon's at that epoch.
+pub fn above_the_moon(
+    position_m: &Vector3<f64>,
+    moon_m: &Vector3<f64>,
+    epoch: Epoch,
+) -> Result<(), Unobservable> {
+    let distance_m = (position_m - moon_m).norm();
+    if distance_m <= RADIUS_M {
+        return Err(Unobservable::InMoon { epoch, distance_m });
+    }
+    Ok(())
+}
+
+/// How far (rad) a body of these rates (rad/s) turns during an exposure of `exposure_s`, if that can be shown.
+pub fn turn_at(rates: Vector3<f64>, exposure_s: f64) -> Result<f64, Unobservable> {
+    if !(exposure_s.is_finite() && exposure_s >= 0.0) {
+        return Err(Unobservable::Exposure { exposure_s });
+    }
+    let turn = rates.norm() * exposure_s;
+    if turn > MAX_TURN {
+        let turn_deg = turn.to_degrees();
+        return Err(Unobservable::Turn {
+            turn_deg,
+            exposure_s,
+        });
+    }
+    Ok(turn)
+}
+
+/// The observer at start, mid and end of an exposure. The bodies are asked for at mid, and move on in straight lines from there.
+pub fn shutter(vehicle: &VehicleState, exposure: &Exposure) -> Result<[Observer; 3], Unobservable> {
+    let centre = StateVector {
+        position_m: Vector3::zeros(),
+        velocity_m_s: Vector3::zeros(),
+    };
+    let bodies = Bodies::at(exposure.mid)?;
+    let at = |epoch: Epoch| -> Result<Observer, Unobservable> {
+        let orbit = vehicle.at(epoch).orbit;
+        if let Some(state) = &orbit {
+            check_orbit(state).map_err(|source| Unobservable::State { epoch, source })?;
+        }
+        let state = orbit.unwrap_or(centre);
+        let bodies = bodies.after((epoch - exposure.mid).to_seconds());
+        above_the_moon(&state.position_m, &bodies.moon_geocentric_m, epoch)?;
+        Ok(Observer {
+            epoch,
+            position_m: state.position_m,
+            velocity_m_s: state.velocity_m_s,
+            bodies,
+        })
+    };
+    Ok([at(exposure.start)?, at(exposure.mid)?, at(exposure.end)?])
+}

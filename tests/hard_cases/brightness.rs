@@ -1,0 +1,377 @@
+//! Light at its ends: phase angles of 0 and pi, magnitudes from -30 to +40, point spread functions from a hundredth of a pixel to a hundred,
+//! and a million sources.
+
+use crate::stage::{
+    Light, behind, camera, check_numbers, emulator, falling, light, moments, noon, oem, orbiter,
+    towards, vehicle,
+};
+use nalgebra::Vector3;
+use skyloop::attitude::Attitude;
+use skyloop::camera::Stamp;
+use skyloop::camera::psf::{Psf, Shape, Variation};
+use skyloop::engine::Emulator;
+use skyloop::fidelity::Fidelity;
+use skyloop::plan::Plan;
+use skyloop::render::render;
+use skyloop::sky::photometry::{Sphere, diffuse_phase, photon_irradiance};
+use std::f64::consts::PI;
+use std::time::{Duration, Instant};
+
+// X-Val: mpmath 1.4.1, 50 digits: 2 / (3 pi^2) ((pi - x) cos x + sin x) of these doubles.
+#[expect(
+    clippy::approx_constant,
+    clippy::excessive_precision,
+    reason = "places next to pi, and digits as they were worked out"
+)]
+const PHASES: [(f64, f64); 16] = [
+    (0.0, 0.212_206_590_789_193_78),
+    (1e-8, 0.212_206_590_789_193_77),
+    (0.5, 0.188_973_544_316_428_84),
+    (1.570_796_326_794_896_6, 0.067_547_455_761_558_52),
+    (3.0, 6.378_799_621_198_976e-5),
+    (3.1, 1.619_804_105_178_274_4e-6),
+    (3.13, 3.507_764_915_108_937_7e-8),
+    // On either side of where the series takes over.
+    (3.131_592_653_589_793_3, 2.251_559_342_980_382_2e-8),
+    (3.1316, 2.246_600_757_005_345_7e-8),
+    (3.14, 9.096_024_158_834_268e-11),
+    (3.141, 4.686_951_759_701_849e-12),
+    (3.1415, 1.790_913_011_061_139_4e-14),
+    (3.14159, 4.207_160_739_179_029e-19),
+    (3.141_592_6, 3.465_245_302_740_620_4e-24),
+    (3.141_592_653, 4.619_416_069_775_417e-30),
+    (3.141_592_653_589_793, 4.128_599_408_394_566e-50),
+];
+
+/// 1e-10 of the value, and what the last digit of pi is worth there: it goes by the cube of what is left to pi.
+#[test]
+fn the_phase_function_keeps_its_digits_up_to_pi() {
+    for (phase, truth) in PHASES {
+        let found = diffuse_phase(phase);
+        let digit = 3.0 * 1.3e-16 / (PI - phase).max(1.3e-16);
+        let miss = (found - truth).abs();
+        assert!(
+            miss <= (1e-10 + digit) * truth,
+            "{phase}: {found:e} {truth:e}"
+        );
+        assert!(found >= 0.0);
+    }
+    // A sphere that shows its night side alone has no magnitude and gives no light.
+    let sphere = Sphere::default();
+    assert_eq!(sphere.magnitude(PI, 1.5e11, 1e6), f64::INFINITY);
+    assert_eq!(photon_irradiance(1e10, f64::INFINITY), 0.0);
+    assert!(sphere.magnitude(PI - 1e-12, 1.5e11, 1e6) > 80.0);
+}
+
+/// An object of a sphere of such a diameter that it has that magnitude, 1,000 km before the camera.
+fn object_of(mag: f64, with: impl FnOnce(&mut Emulator)) -> skyloop::engine::Shot {
+    let (r, v) = (Vector3::new(7000.0, 0.0, 0.0), Vector3::new(0.0, 7.5, 0.0));
+    let objects = oem(
+        "LIGHT",
+        noon(),
+        falling(r + Vector3::new(1000.0, 0.0, 0.0), v),
+    );
+    let shot = |diameter_m: f64, with: &mut dyn FnMut(&mut Emulator)| {
+        let mut emulator = emulator(camera(&[]), Fidelity::REALTIME, |config| {
+            config.objects = objects.clone();
+            config.sphere.diameter_m = diameter_m;
+        });
+        with(&mut emulator);
+        let vehicle = orbiter(&towards(&Vector3::x()), r * 1e3, v * 1e3);
+        emulator.shoot(&vehicle, 0).unwrap()
+    };
+    let first = shot(10.0, &mut |_| {}).label.objects[0].mag;
+    // Light goes by the square of the diameter.
+    let mut with = Some(with);
+    shot(10.0 * 10f64.powf((first - mag) / 5.0), &mut |emulator| {
+        if let Some(with) = with.take() {
+            with(emulator);
+        }
+    })
+}
+
+/// Reference: Pogson's law, `10^(-0.4 m)`, from the object of magnitude 5; 1e-9. What fills every pixel that it lights is in the label all the same, and why
+/// it has no signal-to-noise ratio.
+#[test]
+fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
+    let five = object_of(5.0, |_| {}).label.objects[0].electrons;
+    for mag in [-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0] {
+        for noise in [false, true] {
+            let shot = object_of(mag, |emulator| {
+                emulator.choice.noise = noise;
+                emulator.choice.off.retain(|name| *name != "shot noise");
+            });
+            check_numbers(&shot, &format!("magnitude {mag}"));
+            let object = &shot.label.objects[0];
+            let expected = five * 10f64.powf(-0.4 * (mag - 5.0));
+            assert!((object.mag - mag).abs() < 1e-9, "{}", object.mag);
+            assert!(
+                (object.electrons / expected - 1.0).abs() < 1e-9,
+                "{mag}: {}",
+                object.electrons
+            );
+            let most = *shot.frame.digits.iter().max().unwrap();
+            match mag {
+                ..=-10.0 => assert_eq!(most, 60_100),
+                20.0.. => assert_eq!(most, 100),
+                _ => {}
+            }
+        }
+    }
+    // 10^20 e- fill every pixel that a Gaussian of 0.8 px gives anything.
+    let shot = object_of(-40.0, |emulator| {
+        emulator.choice.noise = false;
+    });
+    let listed = &shot.label.objects[0];
+    assert!(listed.electrons > 1e19 && listed.snr == 0.0 && !listed.visible);
+    assert_eq!(
+        listed.reason.as_deref(),
+        Some("every pixel that it lights is full")
+    );
+    // It is in lists that leave faint objects out.
+    let r = Vector3::new(7000.0, 0.0, 0.0);
+    let objects = oem("LIGHT", noon(), falling(r * 8.0 / 7.0, Vector3::y() * 7.5));
+    let mut emulator = emulator(camera(&[]), Fidelity::REALTIME, |config| {
+        config.objects = objects;
+        config.label_snr = 3.0;
+        config.sphere.diameter_m = 1e11;
+    });
+    let shot = emulator
+        .shoot(
+            &orbiter(&towards(&Vector3::x()), r * 1e3, Vector3::y() * 7.5e3),
+            0,
+        )
+        .unwrap();
+    assert_eq!(shot.label.objects.len(), 1, "{:?}", shot.label.unseen);
+}
+
+/// Numbers so small that processors slow down (below 1e-38 in f32) take no longer than others: ten times, at most, as chance has it on a shared machine.
+#[test]
+fn light_below_the_smallest_number_does_not_slow_a_frame() {
+    let camera = camera(&[]);
+    let mut emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+    emulator.choice.all = true;
+    let attitude = Attitude::identity();
+    let time = |electrons: f64| {
+        let places =
+            (0..400).map(|i| [f64::from(i % 20) * 3.1 + 1.2, f64::from(i / 20) * 3.1 + 1.4]);
+        let lights = places.map(|at| Light {
+            direction: behind(&camera, &attitude, at),
+            electrons,
+        });
+        let lights: Vec<Light> = lights.collect();
+        let lit = light(&emulator, &vehicle(&attitude, [0.0; 3]), &lights);
+        assert!(lit.expected_e.iter().all(|e| e.is_finite()));
+        let plan = Plan::new(&lit.scene, emulator.fidelity(), &lit.choice);
+        let once = || {
+            let started = Instant::now();
+            render(&plan, &lit.scene, true);
+            started.elapsed()
+        };
+        (0..20).map(|_| once()).min().unwrap_or(Duration::MAX)
+    };
+    let usual = time(1.0);
+    for electrons in [1e-30, 1e-38, 1e-40, 1e-44, 1e-310] {
+        let small = time(electrons);
+        assert!(
+            small < 10 * usual + Duration::from_millis(2),
+            "{electrons:e}: {small:?}, of others {usual:?}"
+        );
+    }
+}
+
+// X-Val: mpmath 1.4.1: the product of (erf((x + 1/2) / (sqrt 2 sigma)) - erf((x - 1/2) / (sqrt 2 sigma))) / 2 for (x, y) =
+// (0, 0), (0.25, 0.4375) and (2.25, -1.5625).
+#[expect(clippy::excessive_precision, reason = "digits as they were worked out")]
+const SHARES: [(f64, [f64; 3]); 8] = [
+    (0.01, [1.0, 0.999_999_999_794_773_7, 0.0]),
+    (0.1, [0.999_998_853_393_404_1, 0.729_456_486_742_391_9, 0.0]),
+    (
+        0.5,
+        [
+            0.466_064_942_674_392_27,
+            0.324_409_626_504_336_45,
+            3.901_980_683_273_235_6e-6,
+        ],
+    ),
+    (
+        1.0,
+        [
+            0.146_631_496_308_411_87,
+            0.130_475_801_388_248_67,
+            0.004_613_577_604_973_949,
+        ],
+    ),
+    (
+        3.0,
+        [
+            0.017_521_198_796_272_456,
+            0.017_278_029_612_534_213,
+            0.011_592_657_585_866_509,
+        ],
+    ),
+    (
+        10.0,
+        [
+            0.001_590_223_913_041_263,
+            0.001_588_208_034_708_591_2,
+            0.001_531_712_754_421_469_7,
+        ],
+    ),
+    (
+        30.0,
+        [
+            1.768_224_527_535_442e-4,
+            1.767_975_144_184_328_9e-4,
+            1.760_869_111_551_453_2e-4,
+        ],
+    ),
+    (
+        100.0,
+        [
+            1.591_536_168_084_395_7e-5,
+            1.591_515_963_332_013_7e-5,
+            1.590_939_148_156_19e-5,
+        ],
+    ),
+];
+
+/// The table's 2e-13 an edge, four of them.
+#[test]
+fn gaussians_from_a_hundredth_of_a_pixel_to_a_hundred_have_their_shares() {
+    let mut stamp = Stamp::default();
+    for (sigma, truth) in SHARES {
+        let psf = Psf::new(Shape::Gaussian(sigma), Variation::default());
+        for ([x, y], truth) in [[0.0, 0.0], [0.25, 0.4375], [2.25, -1.5625]]
+            .into_iter()
+            .zip(truth)
+        {
+            let found = psf.at([0.0; 2], 1.0).on_pixel([-x, -y], &mut stamp);
+            assert!(
+                (found - truth).abs() < 1e-12,
+                "{sigma} {x} {y}: {found:e} {truth:e}"
+            );
+        }
+    }
+}
+
+/// No pixel is negative, and all light is there but what may fall outside (a millionth); the centre is the source's, of what is wider than half a pixel.
+#[test]
+fn frames_keep_the_light_of_gaussians_of_any_width() {
+    for (sigma, side) in [
+        ("0.01", 64),
+        ("0.05", 64),
+        ("0.3", 64),
+        ("0.7", 64),
+        ("3.0", 128),
+        ("10.0", 256),
+        ("40.0", 640),
+        ("100.0", 1280),
+    ] {
+        let size = side.to_string();
+        let camera = camera(&[
+            ("optics.psf.sigma_px", sigma),
+            ("detector.width_px", &size),
+            ("detector.height_px", &size),
+        ]);
+        let attitude = Attitude::identity();
+        let middle = (side / 2) as f64;
+        for (off, fidelity) in [
+            ([0.0, 0.0], Fidelity::REALTIME),
+            ([0.5, 0.5], Fidelity::REFERENCE),
+            ([0.27, -0.31], Fidelity::REALTIME),
+        ] {
+            let emulator = emulator(camera.clone(), fidelity, |_| {});
+            let at = off.map(|off| middle + off);
+            let direction = behind(&camera, &attitude, at);
+            let lit = light(
+                &emulator,
+                &vehicle(&attitude, [0.0; 3]),
+                &[Light {
+                    direction,
+                    electrons: 1e6,
+                }],
+            );
+            assert!(lit.expected_e.iter().all(|e| *e >= 0.0), "{sigma}");
+            let (sum, centre) = moments(&lit.expected_e, side);
+            assert!((sum / 1e6 - 1.0).abs() < 2e-6, "{sigma} {off:?}: {sum}");
+            let miss = (centre[0] - at[0]).hypot(centre[1] - at[1]);
+            let width: f64 = sigma.parse().unwrap();
+            assert!(
+                width < 0.7 || miss < 2e-4 * width,
+                "{sigma} {off:?}: {miss} px"
+            );
+        }
+    }
+}
+
+/// A million faint sources among bright ones, added up forwards, backwards and by their light. Reference: the sum in f64. Each sum of a pixel is off by at most half of a last digit of f32
+/// (6e-8) for every source on it, some hundred here; what differs between orders is twice that.
+#[test]
+fn a_million_sources_add_up_in_any_order() {
+    const SOURCES: usize = 1_000_000;
+    let camera = camera(&[
+        ("detector.width_px", "256"),
+        ("detector.height_px", "256"),
+        ("optics.psf.sigma_px", "0.2"),
+    ]);
+    let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+    let attitude = Attitude::identity();
+    // Weyl's sequence: even over the square, and never twice the same.
+    let part = |i: usize, irrational: f64| (i as f64 * irrational).fract();
+    let lights = (0..SOURCES).map(|i| {
+        let at = [
+            part(i, 0.754_877_666_246_692_8),
+            part(i, 0.569_840_290_998_053_3),
+        ];
+        let electrons = if i % 1000 == 0 {
+            1e4
+        } else {
+            0.5 + part(i, 0.618_033_988_749_894_9)
+        };
+        Light {
+            direction: behind(&camera, &attitude, at.map(|x| 3.0 + 250.0 * x)),
+            electrons,
+        }
+    });
+    let lights: Vec<Light> = lights.collect();
+    let all: f64 = lights.iter().map(|light| light.electrons).sum();
+    let mut lit = light(&emulator, &vehicle(&attitude, [0.0; 3]), &lights);
+    let mut truth = vec![0.0f64; 256 * 256];
+    let mut on_pixel = vec![0u32; 256 * 256];
+    for source in &lit.scene.sources {
+        for (row, column, shares) in source.footprint.rows(0..256) {
+            for (i, share) in shares.iter().enumerate() {
+                truth[row * 256 + column + i] += source.electrons * f64::from(*share);
+                on_pixel[row * 256 + column + i] += 1;
+            }
+        }
+    }
+    let check = |expected: &[f64], order: &str| {
+        for ((e, truth), sources) in expected.iter().zip(&truth).zip(&on_pixel) {
+            let bound = 6e-8 * f64::from(*sources) * truth;
+            assert!(
+                (e - truth).abs() <= bound,
+                "{order}: {e} {truth} of {sources}"
+            );
+        }
+        let sum: f64 = expected.iter().sum();
+        println!("{order}: {:.1e}", sum / all - 1.0);
+        assert!((sum / all - 1.0).abs() < 1e-5, "{order}: {sum} {all}");
+    };
+    check(&lit.expected_e, "as they come");
+    type Order = (&'static str, fn(&mut Vec<skyloop::scene::Source>));
+    let orders: [Order; 2] = [
+        ("backwards", |sources| sources.reverse()),
+        ("by light", |sources| {
+            sources.sort_by(|a, b| a.electrons.total_cmp(&b.electrons))
+        }),
+    ];
+    for (name, order) in orders {
+        order(&mut lit.scene.sources);
+        let plan = Plan::new(&lit.scene, emulator.fidelity(), &lit.choice);
+        let expected = render(&plan, &lit.scene, true).expected_e.unwrap();
+        let expected: Vec<f64> = expected.into_iter().map(f64::from).collect();
+        check(&expected, name);
+    }
+}

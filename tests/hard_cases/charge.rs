@@ -1,0 +1,161 @@
+//! Charge at its ends: expectations from nothing to 10^9 electrons, full wells, and converters of 1 to 16 bits.
+
+use crate::stage::{camera, emulator, vehicle};
+use skyloop::attitude::Attitude;
+use skyloop::camera::{Pattern, PatternFigures};
+use skyloop::engine::{Emulator, Shot};
+use skyloop::fidelity::Fidelity;
+use std::sync::Arc;
+
+/// Pixels of a frame.
+const PIXELS: usize = 256 * 256;
+
+/// A blind detector of 256 x 256 px whose dark current brings that many electrons, with these keys and without these effects.
+fn dark(mean_e: f64, keys: &[(&str, &str)], off: &[&'static str]) -> Emulator {
+    let mean = format!("{mean_e:e}");
+    let mut all = vec![
+        ("optics.transmission", "0.0"),
+        ("detector.width_px", "256"),
+        ("detector.height_px", "256"),
+        ("timing.exposure_s", "1.0"),
+        ("detector.dark_e_s", mean.as_str()),
+        ("detector.full_well_e", "1e9"),
+        ("detector.adc_clips_first", "true"),
+    ];
+    all.extend(keys);
+    let mut emulator = emulator(camera(&all), Fidelity::REALTIME, |config| {
+        config.choice.off.retain(|name| *name != "shot noise");
+        config.choice.off.extend(off);
+    });
+    emulator.choice.noise = true;
+    // Noise of less than 0.05 e- is left out else.
+    emulator.choice.all = true;
+    emulator
+}
+
+fn shoot(emulator: &mut Emulator) -> Shot {
+    emulator
+        .shoot(&vehicle(&Attitude::identity(), [0.0; 3]), 0)
+        .unwrap()
+}
+
+/// Reference: Poisson's moments: mean m, variance m, third central moment m, each within five standard errors of 65,536 draws (Stuart and Ord: of the
+/// variance `(mu4 - m^2) / n` with `mu4 = m + 3 m^2`, of the third moment `(mu6 - mu3^2 + 9 mu2^3 - 6 mu4 mu2) / n` with `mu6 = m + 25 m^2 + 15 m^3`), and what whole numbers of f32 and the
+/// converter's charge are rounded to.
+#[test]
+fn shot_noise_of_expectations_from_nothing_to_a_billion_is_poissons() {
+    for mean in [
+        1e-9, 1e-3, 0.1, 1.0, 9.99, 10.0, 10.01, 29.9, 30.1, 1e3, 1e5, 1e7, 1e9,
+    ] {
+        let mut emulator = dark(mean, &[], &["full well"]);
+        let charge = shoot(&mut emulator).frame.charge_e.unwrap();
+        assert_eq!(charge.len(), PIXELS);
+        let n = PIXELS as f64;
+        assert!(
+            charge.iter().all(|e| *e >= 0.0 && e.fract() == 0.0),
+            "{mean:e}"
+        );
+        let moment = |k: i32| {
+            charge
+                .iter()
+                .map(|e| (f64::from(*e) - mean).powi(k))
+                .sum::<f64>()
+                / n
+        };
+        let z =
+            |found: f64, expected: f64, variance: f64| (found - expected) / (variance / n).sqrt();
+        let mu4 = mean + 3.0 * mean * mean;
+        let mu6 = mean + 25.0 * mean * mean + 15.0 * mean.powi(3);
+        let zs = [
+            z(moment(1), 0.0, mean),
+            z(moment(2), mean, mu4 - mean * mean),
+            z(moment(3), mean, mu6 - mean * mean),
+        ];
+        println!("{mean:e}: {zs:.2?}");
+        assert!(zs.iter().all(|z| z.abs() < 5.0), "{mean:e}: {zs:?}");
+    }
+}
+
+/// Of no expectation comes no electron, and none that is negative or infinite of any.
+#[test]
+fn without_expectation_there_is_no_charge() {
+    let mut emulator = dark(0.0, &[], &[]);
+    let shot = shoot(&mut emulator);
+    assert!(shot.frame.charge_e.unwrap().iter().all(|e| *e == 0.0));
+    assert!(shot.frame.digits.iter().all(|dn| *dn == 100));
+}
+
+/// Reference: `DN = round(N / gain + offset)`, held to what the bits hold, and N to the full well. Without noise, every digit, but for what f32 and the
+/// product with 1 / gain may round the other way at a half.
+#[test]
+fn full_wells_and_converters_of_1_to_16_bits_saturate_and_never_wrap() {
+    let size = [("detector.width_px", "4"), ("detector.height_px", "3")];
+    let mut emulator = dark(0.0, &size, &[]);
+    emulator.choice.noise = false;
+    for mean in [0.0, 0.5, 1.0, 1e3, 65_534.4, 65_535.0, 65_536.0, 1e5, 1e9] {
+        let figures = PatternFigures {
+            serial: 1,
+            width: 4,
+            height: 3,
+            prnu: 0.0,
+            dark_e_s: mean,
+            dark_nonuniformity: 0.0,
+            hot_fraction: 0.0,
+            hot_e_s: 0.0,
+            dead_fraction: 0.0,
+            dead_px: Vec::new(),
+            stuck_fraction: 0.0,
+            stuck_px: Vec::new(),
+        };
+        let pattern = Arc::new(Pattern::new(&figures));
+        for bits in [1_u8, 2, 8, 12, 14, 15, 16] {
+            let top = (1_u64 << bits) - 1;
+            for (gain, offset) in [
+                (1.0, 0.0),
+                (0.37, 0.0),
+                (1e-4, 0.0),
+                (1e6, 0.0),
+                (2.0, top as f64 - 1.0),
+            ] {
+                for well in [1.0, 65_535.0, 1e9] {
+                    let detector = &mut emulator.camera_mut().detector;
+                    (detector.bits, detector.gain_e_per_dn, detector.offset_dn) =
+                        (bits, gain, offset);
+                    (detector.full_well_e, detector.dark_e_s) = (well, mean);
+                    detector.pattern = pattern.clone();
+                    let held = f64::from((mean as f32).min(well as f32));
+                    let expected =
+                        (held / gain + offset + 0.5).floor().clamp(0.0, top as f64) as u16;
+                    let digits = shoot(&mut emulator).frame.digits;
+                    let what =
+                        format!("{bits} bits {gain} {mean} {well}: {} {expected}", digits[0]);
+                    assert!(digits.iter().all(|dn| dn.abs_diff(expected) <= 1), "{what}");
+                    let exact = mean.fract() == 0.0 && gain == 1.0;
+                    assert!(!exact || digits.iter().all(|dn| *dn == expected), "{what}");
+                }
+            }
+        }
+    }
+}
+
+/// Read noise below the offset does not wrap around at 0: it stays there. Reference: a normal distribution has half of its draws below its middle.
+#[test]
+fn what_is_read_below_nothing_is_nothing() {
+    let mut emulator = dark(
+        0.0,
+        &[
+            ("detector.read_noise_e", "50.0"),
+            ("detector.offset_dn", "0.0"),
+        ],
+        &[],
+    );
+    let digits = shoot(&mut emulator).frame.digits;
+    let none = digits.iter().filter(|dn| **dn == 0).count() as f64 / PIXELS as f64;
+    // What rounds to 0 reaches up to half a digit: 1/2 + 0.5 / (50 sqrt(2 pi)) = 0.5040, five standard errors of 0.002.
+    assert!((none - 0.5040).abs() < 0.01, "{none}");
+    assert!(
+        digits.iter().all(|dn| *dn < 400),
+        "{:?}",
+        digits.iter().max()
+    );
+}

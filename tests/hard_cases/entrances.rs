@@ -1,0 +1,434 @@
+//! NaN, infinities and the greatest numbers at public entrances: an error, or a documented value; no panic, no frame with a number that is none.
+
+use crate::stage::{
+    Light, behind, camera, check_numbers, emulator, light, noon, oem, orbiter, towards, vehicle,
+};
+use hifitime::{Epoch, Unit};
+use nalgebra::Vector3;
+use skyloop::attitude::{Attitude, VehicleState};
+use skyloop::camera::psf::{Psf, Shape, Variation};
+use skyloop::camera::{Camera, Model, Projection, Stamp};
+use skyloop::config::Config;
+use skyloop::fidelity::Fidelity;
+use skyloop::flight::Flight;
+use skyloop::footprint::{self, Footprint};
+use skyloop::load::Folder;
+use skyloop::orbit::{StateVector, two_body::propagate_j2};
+use skyloop::passes::{Search, passes};
+use skyloop::sky::shadow::Earth;
+use skyloop::track::{Course, Place, Rows, Track};
+use skyloop_firmware_sim::profile::Profile;
+use std::path::Path;
+use std::sync::Arc;
+
+const NO_NUMBERS: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+
+/// Every place of a TOML table that holds a number.
+fn numbers(value: &toml::Value, path: &mut Vec<String>, found: &mut Vec<Vec<String>>) {
+    let mut enter = |key: String, value: &toml::Value| {
+        path.push(key);
+        numbers(value, path, found);
+        path.pop();
+    };
+    match value {
+        toml::Value::Table(table) => table
+            .iter()
+            .for_each(|(key, value)| enter(key.clone(), value)),
+        toml::Value::Array(all) => all
+            .iter()
+            .enumerate()
+            .for_each(|(i, value)| enter(i.to_string(), value)),
+        toml::Value::Float(_) | toml::Value::Integer(_) => found.push(path.clone()),
+        _ => {}
+    }
+}
+
+fn at<'a>(value: &'a mut toml::Value, path: &[String]) -> &'a mut toml::Value {
+    path.iter().fold(value, |value, key| match value {
+        toml::Value::Array(all) => &mut all[key.parse::<usize>().unwrap()],
+        table => &mut table[key.as_str()],
+    })
+}
+
+/// A file's text with each of its numbers in turn replaced by each that is none: key and text.
+fn spoilt(text: &str) -> Vec<(String, String)> {
+    let whole = toml::Value::Table(text.parse().unwrap());
+    let mut places = Vec::new();
+    numbers(&whole, &mut Vec::new(), &mut places);
+    let spoil = |path: &Vec<String>| {
+        NO_NUMBERS.map(|bad| {
+            let mut copy = whole.clone();
+            *at(&mut copy, path) = toml::Value::Float(bad);
+            (path.join("."), toml::to_string(&copy).unwrap())
+        })
+    };
+    places.iter().flat_map(spoil).collect()
+}
+
+fn shipped(path: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
+}
+
+/// Every numeric key of the cameras that between them have all that ship. Reference: an error that names the key.
+#[test]
+fn no_key_of_a_camera_takes_what_is_no_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let disk = Folder::Disk(folder.path().to_path_buf());
+    let rest = "[mounting]\nq_body_to_camera = [0.0, 0.0, 0.0, 1.0]\nmisalignment_arcsec = [1.0, 2.0, 3.0]\n";
+    let mut keys = 0;
+    for name in ["fai-nir", "cmos-rolling", "all-sky"] {
+        let text = shipped(&format!("configs/cameras/{name}.toml"));
+        let mut table: toml::Table = text.parse().unwrap();
+        if name == "fai-nir" {
+            table.extend(rest.parse::<toml::Table>().unwrap());
+        }
+        // A smaller detector has the same keys.
+        let detector = table["detector"].as_table_mut().unwrap();
+        for side in ["width_px", "height_px"] {
+            detector.insert(side.to_string(), toml::Value::Integer(32));
+        }
+        for list in ["dead_px", "stuck_px"] {
+            detector.remove(list);
+        }
+        table["optics"]
+            .as_table_mut()
+            .unwrap()
+            .remove("principal_px");
+        for (key, text) in spoilt(&table.to_string()) {
+            std::fs::write(folder.path().join("camera.toml"), text).unwrap();
+            let refused = Camera::load("camera.toml", &disk);
+            let error = refused
+                .err()
+                .unwrap_or_else(|| panic!("{name}: {key} takes it"))
+                .to_string();
+            let last = key
+                .rsplit('.')
+                .find(|part| part.parse::<usize>().is_err())
+                .unwrap();
+            assert!(error.contains(last), "{name}: {key}: {error}");
+            keys += 1;
+        }
+    }
+    assert!(keys > 200, "{keys}");
+}
+
+/// Every numeric key of a scene and of its run.
+#[test]
+fn no_key_of_a_scene_takes_what_is_no_number() {
+    let text = "label_snr = 1.0\n[run]\nidle_s = 5.0\nwindows = 3\nwindow_px = 11\nobjects = 7\n[objects]\nreflectance = 0.2\ndiameter_m = 10.0\n\
+        [sequence]\nepoch = \"2026-01-01T00:00:00\"\nframes = 3\nperiod_s = 0.1\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]\nrates_deg_s = [0.1, 0.2, 0.3]\n";
+    if let Err(error) = Config::parse("scene", text, &Folder::current()) {
+        panic!("{error}");
+    }
+    for (key, text) in spoilt(text) {
+        let refused = Config::parse("scene", &text, &Folder::current());
+        assert!(refused.is_err(), "{key} takes it");
+    }
+}
+
+/// Every component of everything that a vehicle says.
+#[test]
+fn no_component_of_a_state_is_anything_but_a_number() {
+    let good = [
+        0.0, 0.0, 0.0, 1.0, 0.1, 0.2, 0.3, 7e6, 0.0, 0.0, 0.0, 7.5e3, 0.0,
+    ];
+    let state = |c: [f64; 13]| {
+        let [q0, q1, q2, q3, w0, w1, w2, r0, r1, r2, v0, v1, v2] = c;
+        VehicleState::new(
+            0,
+            noon(),
+            [q0, q1, q2, q3],
+            [w0, w1, w2],
+            Some(([r0, r1, r2], [v0, v1, v2])),
+        )
+    };
+    assert!(state(good).is_ok());
+    for i in 0..13 {
+        for bad in [
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            1e300,
+            -1e160,
+            f64::MAX,
+        ] {
+            let mut c = good;
+            c[i] = bad;
+            let error = state(c).unwrap_err().to_string();
+            assert!(error.len() < 300, "{error}");
+        }
+    }
+    // What is hardly a number is one.
+    for tiny in [5e-324, -0.0, f64::MIN_POSITIVE] {
+        let mut c = good;
+        (c[0], c[4], c[8]) = (tiny, tiny, tiny);
+        let carried = state(c).unwrap().at(noon() + Unit::Day * 3650);
+        assert!(carried.attitude.xyzw().iter().all(|c| c.is_finite()));
+    }
+}
+
+/// Directions and places that are no numbers have no image and no direction, of any lens.
+#[test]
+fn lenses_image_numbers_only() {
+    let fisheye = Projection::new(Model::Fisheye {
+        k: [-0.02, 3e-3, 0.0, 0.0],
+    });
+    let brown = Projection::new(Model::BrownConrady {
+        k: [-0.2, 0.05, 0.0],
+        p: [1e-3, 0.0],
+    });
+    for lens in [Projection::PINHOLE, brown, fisheye] {
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for axis in 0..3 {
+                let mut direction = Vector3::new(0.1, 0.2, 1.0);
+                direction[axis] = bad;
+                let image = lens.image(&direction);
+                let finite = image.is_none_or(|at| at.iter().all(|x| x.is_finite()));
+                assert!(finite, "{lens:?} {direction:?}: {image:?}");
+            }
+            for at in [[bad, 0.0], [0.1, bad], [bad, bad]] {
+                let seen = lens.direction(at);
+                assert!(seen.is_none(), "{lens:?} {at:?}: {seen:?}");
+            }
+        }
+        // The greatest numbers are a direction like any other, or none.
+        for scale in [1e-320, 1e-160, 1e160, 1e300] {
+            let image = lens.image(&(Vector3::new(0.1, 0.2, 1.0) * scale));
+            assert!(
+                image.is_none_or(|at| (at[0] - 0.1).abs() < 0.1 && at[1].is_finite()),
+                "{scale:e} {image:?}"
+            );
+        }
+    }
+    let optics = camera(&[]).optics;
+    assert!(
+        optics
+            .direction([f64::NAN, 1.0])
+            .iter()
+            .all(|x| x.is_finite())
+    );
+}
+
+/// A light whose direction or whose electrons are no number lights nothing, and leaves its neighbours alone. Reference: the frame without it.
+#[test]
+fn lights_that_are_no_numbers_light_nothing() {
+    let camera = camera(&[]);
+    let attitude = Attitude::identity();
+    let good = Light {
+        direction: behind(&camera, &attitude, [30.2, 31.7]),
+        electrons: 1e4,
+    };
+    for rates in [[0.0; 3], [0.1, 2.0, 0.3]] {
+        let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+        let vehicle = vehicle(&attitude, rates);
+        let alone = light(&emulator, &vehicle, &[good]);
+        for bad in NO_NUMBERS {
+            for axis in 0..3 {
+                let mut off = good;
+                off.direction[axis] = bad;
+                let both = light(&emulator, &vehicle, &[off, good]);
+                assert_eq!(both.expected_e, alone.expected_e, "{off:?}");
+                assert_eq!(both.digits, alone.digits);
+            }
+        }
+        let both = light(
+            &emulator,
+            &vehicle,
+            &[
+                Light {
+                    electrons: f64::NAN,
+                    ..good
+                },
+                good,
+            ],
+        );
+        assert_eq!(both.expected_e, alone.expected_e);
+    }
+}
+
+/// Tracks through places that are no numbers end, and what is drawn of them are numbers.
+#[test]
+fn tracks_through_nowhere_end() {
+    let camera = camera(&[]);
+    for rows in [Rows::together(64), Rows::in_turn(64, 0.1, 0.02)] {
+        let course = Course {
+            pieces: 4,
+            step_px: 0.4,
+            panel_px: 0.4,
+            point_px: 0.1,
+            reach_px: 4.0,
+            window: Footprint::window(&camera, &Fidelity::REALTIME),
+            rows,
+        };
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, 1e18] {
+            for part in [0.0, 0.3, 2.0] {
+                let place = |t: f64| {
+                    let x = if t > part { bad } else { 20.0 + 5.0 * t };
+                    Some(Place {
+                        at: [x, 30.0 + t],
+                        light: 1.0,
+                    })
+                };
+                let Some(track) = Track::sample(place, &course, &Fidelity::REALTIME) else {
+                    continue;
+                };
+                for electrons in [1e3, f64::NAN, f64::INFINITY] {
+                    let light = footprint::Light {
+                        electrons,
+                        wavelength_ratio: 1.0,
+                    };
+                    let footprint = Footprint::of(&track, &camera, &Fidelity::REALTIME, &light);
+                    assert!(
+                        footprint
+                            .shares()
+                            .iter()
+                            .all(|share| share.is_finite() && *share >= 0.0),
+                        "{bad} {part}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Of a point spread function at places that are no numbers nothing panics, and shares are never negative.
+#[test]
+fn point_spread_functions_bear_any_place() {
+    let mut stamp = Stamp::default();
+    for sigma in [0.01, 1.0, 100.0] {
+        let psf = Psf::new(Shape::Gaussian(sigma), Variation::default());
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300] {
+            for at in [[bad, 1.0], [1.0, bad]] {
+                let local = psf.at(at, 1.0);
+                local.spread(1.0, at, 0..4, 0..4, &mut stamp);
+                assert!(
+                    stamp
+                        .light
+                        .iter()
+                        .all(|light| light.is_nan() || *light >= 0.0)
+                );
+                assert!(local.drawn_px(&Fidelity::REALTIME, bad) >= 0.0);
+            }
+        }
+    }
+}
+
+/// Objects whose messages put them at the ends of numbers: refused when they are read, unknown, or out of sight; frames have numbers only.
+#[test]
+fn objects_at_the_ends_of_numbers_leave_frames_whole() {
+    let (r, v) = (Vector3::new(7000.0, 0.0, 0.0), Vector3::new(0.0, 7.5, 0.0));
+    for far_km in [1e9, 1e30, 1e77, 1e120] {
+        for fast_km_s in [0.0, 1e6, 1e30] {
+            for axis in [Vector3::x(), Vector3::new(1.0, 1e-3, 0.0)] {
+                let (far, fast) = (axis * far_km, axis * fast_km_s);
+                let mut emulator = emulator(camera(&[]), Fidelity::REALTIME, |config| {
+                    config.objects = oem("FAR", noon(), |s| (far + fast * s, fast));
+                });
+                let shot = emulator
+                    .shoot(&orbiter(&towards(&Vector3::x()), r * 1e3, v * 1e3), 0)
+                    .unwrap();
+                check_numbers(&shot, &format!("{far_km:e} km, {fast_km_s:e} km/s"));
+                assert!(shot.frame.digits.iter().all(|dn| *dn == 100));
+            }
+        }
+    }
+}
+
+/// What the documentation says: a state or an interval that is not finite gives a state that is not.
+#[test]
+fn orbits_of_no_number_are_no_number() {
+    let state = StateVector {
+        position_m: Vector3::new(7e6, 0.0, 0.0),
+        velocity_m_s: Vector3::new(0.0, 7.5e3, 0.0),
+    };
+    for bad in NO_NUMBERS {
+        assert!(!propagate_j2(&state, bad).is_finite());
+        let spoilt = StateVector {
+            position_m: Vector3::new(bad, 0.0, 0.0),
+            ..state
+        };
+        assert!(!propagate_j2(&spoilt, 10.0).is_finite());
+    }
+}
+
+/// Shadow and occultation: of what is no place no light, no occultation and no panic.
+#[test]
+fn shadows_of_no_place() {
+    let earth = Earth::at(noon());
+    let good = Vector3::new(7e6, 0.0, 0.0);
+    for bad in [f64::NAN, f64::INFINITY, 1e200, 0.0] {
+        for axis in 0..3 {
+            let mut spoilt = good;
+            spoilt[axis] = bad;
+            let lit = [
+                earth.illumination(spoilt, good * 2e4),
+                earth.illumination(good, spoilt * 2e4),
+            ];
+            assert!(
+                lit.iter()
+                    .all(|lit| lit.is_nan() || (0.0..=1.0).contains(lit)),
+                "{bad} {lit:?}"
+            );
+            earth.occults(spoilt, good);
+            earth.occults(good, spoilt);
+            earth.occults_direction(good, spoilt);
+            earth.meets(spoilt, good);
+            earth.limb_angle(spoilt, &good);
+            earth.outline(spoilt, 1e5);
+        }
+    }
+    for at in [
+        Epoch::from_tai_duration(hifitime::Duration::MAX),
+        Epoch::from_tai_duration(hifitime::Duration::MIN),
+    ] {
+        assert!((Earth::at(at).pole().norm() - 1.0).abs() < 1e-12);
+    }
+}
+
+/// A search for stays of any length ends: of NaN, of none and of less than none it is a microsecond's.
+#[test]
+fn searches_for_stays_of_no_length_end() {
+    let (r, v) = (Vector3::new(7000.0, 0.0, 0.0), Vector3::new(0.0, 7.5, 0.0));
+    let way = crate::stage::falling(
+        r + Vector3::new(500.0, -2.0, 0.0),
+        Vector3::new(0.0, 8.5, 0.0),
+    );
+    let mut config = Config::defaults().unwrap();
+    config.objects = oem("PASSER", noon(), way);
+    let population = config.take_population();
+    let state = StateVector {
+        position_m: r * 1e3,
+        velocity_m_s: v * 1e3,
+    };
+    let attitude = towards(&Vector3::x()).xyzw();
+    let [x, y, z, w] = attitude;
+    let flight = Flight {
+        profile: Profile::Hold(nalgebra::UnitQuaternion::from_quaternion(
+            nalgebra::Quaternion::new(w, x, y, z),
+        )),
+        orbit: Arc::new(move |at| Ok(propagate_j2(&state, (at - noon()).to_seconds()))),
+    };
+    let search = |shortest_s: f64| {
+        let search = Search {
+            from: noon() - Unit::Second * 8,
+            to: noon() + Unit::Second * 8,
+            shortest_s,
+        };
+        let found = passes(
+            &search,
+            &flight,
+            &camera(&[]),
+            &population,
+            &config.sky.corrections,
+            |_| {},
+        );
+        found.map(|found| found.passes.len())
+    };
+    let usual = search(1e-3).unwrap();
+    assert_eq!(usual, 1);
+    for shortest_s in [f64::NAN, 0.0, -1.0, f64::NEG_INFINITY, 1e-300] {
+        assert_eq!(search(shortest_s).unwrap(), usual, "{shortest_s}");
+    }
+    // So long a stay is an error, or not looked for closely.
+    let _ = search(f64::INFINITY);
+}

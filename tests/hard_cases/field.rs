@@ -1,0 +1,310 @@
+//! Edges of the field: what is behind and beside the camera, corners of pixels, bands and detectors, fields from a tenth of a degree to half of
+//! the sky, and lenses next to their fold.
+
+use crate::stage::{Light, behind, camera, emulator, light, moments, starry, vehicle};
+use nalgebra::Vector3;
+use skyloop::attitude::Attitude;
+use skyloop::camera::{Camera, Model, Projection};
+use skyloop::fidelity::Fidelity;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// A Gaussian's share of the square from -1/2 to 1/2 around `off`, of that width: closed form.
+fn share(off: [f64; 2], sigma: f64) -> f64 {
+    let below = |x: f64| 0.5 * libm::erfc(-x / sigma / std::f64::consts::SQRT_2);
+    off.map(|x| below(x + 0.5) - below(x - 0.5))
+        .iter()
+        .product()
+}
+
+/// Nothing of what stands behind the camera or across its boresight is in a frame, however bright. Reference: none.
+#[test]
+fn what_is_behind_or_beside_a_pinhole_gives_no_light() {
+    let camera = camera(&[]);
+    let emulator = emulator(camera, Fidelity::REALTIME, |_| {});
+    let attitude = Attitude::identity();
+    let beside = |angle: f64, around: f64| {
+        Vector3::new(
+            angle.sin() * around.cos(),
+            angle.sin() * around.sin(),
+            angle.cos(),
+        )
+    };
+    let mut lights = vec![-Vector3::z(), Vector3::x(), -Vector3::y()];
+    for angle in [
+        FRAC_PI_2 - 1e-9,
+        FRAC_PI_2 - 1e-16,
+        FRAC_PI_2,
+        FRAC_PI_2 + 1e-16,
+        2.0,
+        PI - 1e-9,
+    ] {
+        lights.extend([0.0, 1.0, 4.0].map(|around| beside(angle, around)));
+    }
+    let lights: Vec<Light> = lights
+        .into_iter()
+        .map(|direction| Light {
+            direction,
+            electrons: 1e12,
+        })
+        .collect();
+    for rates in [[0.0; 3], [1e-9, 0.0, 0.0], [300.0, 200.0, 100.0]] {
+        let lit = light(&emulator, &vehicle(&attitude, rates), &lights);
+        assert!(lit.expected_e.iter().all(|e| *e == 0.0), "{rates:?}");
+    }
+}
+
+/// What comes from behind into the field during an exposure leaves the light of the part in which it is there. Reference: the field of
+/// 1.83 deg that 64 px of 2,000 px a radian are, by the rate of 300 deg/s times 0.1 s: the exposure's share of any star that crosses is `64 / (2000 * 0.5236)` of its light.
+#[test]
+fn what_swings_through_the_field_leaves_its_share_of_light() {
+    let camera = camera(&[]);
+    let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+    let attitude = Attitude::identity();
+    // Across the columns, through the middle of the field at mid-exposure.
+    let lights = [Light {
+        direction: Vector3::z(),
+        electrons: 1e6,
+    }];
+    let lit = light(&emulator, &vehicle(&attitude, [0.0, 300.0, 0.0]), &lights);
+    let sum: f64 = lit.expected_e.iter().sum();
+    // Equal steps of time are equal steps of angle: 64 px subtend 2 atan(32 / 2000).
+    let expected = 1e6 * 2.0 * (32.0_f64 / 2000.0).atan() / (0.1 * 300_f64.to_radians());
+    assert!((sum / expected - 1.0).abs() < 1e-5, "{sum} {expected}");
+}
+
+/// Lights on corners and edges of pixels, on the seams of bands (32 rows) and on the detector's own edges. Reference: the Gaussian integrated in closed form over every
+/// pixel; tolerance: a millionth of the light, `psf_loss`, and f32.
+#[test]
+fn lights_on_seams_and_corners_have_the_shares_of_the_closed_form() {
+    let camera = camera(&[("detector.width_px", "70"), ("detector.height_px", "66")]);
+    let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+    let attitude = Attitude::towards(1.0, 0.5, 0.0);
+    for at in [
+        [31.5, 31.5],
+        [31.5, 32.0],
+        [32.0, 63.5],
+        [0.0, 0.0],
+        [-0.5, -0.5],
+        [69.5, 65.5],
+        [69.499_999_999, 0.0],
+        [69.500_000_001, 65.0],
+        [69.0, -0.5],
+        [34.5, 31.5 + 1e-12],
+    ] {
+        let direction = behind(&camera, &attitude, at);
+        let lights = [Light {
+            direction,
+            electrons: 1e6,
+        }];
+        let lit = light(&emulator, &vehicle(&attitude, [0.0; 3]), &lights);
+        for (i, e) in lit.expected_e.iter().enumerate() {
+            let off = [(i % 70) as f64 - at[0], (i / 70) as f64 - at[1]];
+            let expected = 1e6 * share(off, 0.8);
+            assert!(
+                (e - expected).abs() < 0.1 + 1e-6 * expected,
+                "{at:?} pixel {i}: {e} {expected}"
+            );
+        }
+        let source = &lit.scene.sources[0];
+        let inside = camera.detector.contains(at);
+        // To the last digit of a place on the detector.
+        let [x, y] = source.centroid;
+        assert!((x - at[0]).hypot(y - at[1]) < 1e-11, "{at:?}");
+        assert!(inside || at[0] >= 69.5, "{at:?}");
+    }
+}
+
+/// A star that is a last digit beyond the upper edge is not in the frame, one on the lower edge is. Reference: the contract, `[-0.5, columns - 0.5)`.
+#[test]
+fn the_last_pixels_edge_belongs_to_no_pixel() {
+    let detector = camera(&[]).detector;
+    assert!(detector.contains([-0.5, 63.5_f64.next_down()]));
+    assert!(!detector.contains([63.5, 0.0]) && !detector.contains([(-0.5_f64).next_down(), 0.0]));
+}
+
+/// Cameras of fields from a tenth of a degree to half of the sky: 512 px each.
+fn cameras() -> Vec<(f64, Camera)> {
+    let size = [("detector.width_px", "512"), ("detector.height_px", "512")];
+    let pinhole = |deg: f64| {
+        let mm = (2.56 / (deg / 2.0).to_radians().tan()).to_string();
+        let keys = [
+            size[0],
+            size[1],
+            ("optics.focal_length_mm", mm.as_str()),
+            ("optics.aperture_mm", "1.0"),
+        ];
+        (deg, camera(&keys))
+    };
+    let fisheye = |deg: f64| {
+        let mm = (2.56 / (deg / 2.0).to_radians()).to_string();
+        let keys = [
+            size[0],
+            size[1],
+            ("optics.focal_length_mm", mm.as_str()),
+            ("optics.aperture_mm", "1.0"),
+            ("optics.projection.model", "\"fisheye\""),
+            ("optics.projection.k", "[0.0]"),
+        ];
+        (deg, camera(&keys))
+    };
+    let narrow = [0.1, 1.0, 10.0, 60.0, 120.0].map(pinhole);
+    narrow
+        .into_iter()
+        .chain([120.0, 180.0].map(fisheye))
+        .collect()
+}
+
+/// Reference: the projections' closed forms, `f tan` and `f` times the angle; 1e-9 px, and 1e-16 rad times the scale of the narrowest.
+#[test]
+fn fields_of_a_tenth_of_a_degree_to_half_the_sky_image_as_their_formula() {
+    for (deg, camera) in cameras() {
+        let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+        let attitude = Attitude::identity();
+        let f = camera.optics.focal_px;
+        for (part, around) in [(0.0, 0.0_f64), (0.3, 1.0), (0.9, 2.5), (0.99, -2.0)] {
+            let angle = part * (deg / 2.0_f64).to_radians();
+            let (sin, cos) = around.sin_cos();
+            let direction = Vector3::new(angle.sin() * cos, angle.sin() * sin, angle.cos());
+            let radius = match camera.optics.projection.model() {
+                Model::Fisheye { .. } => f * angle,
+                _ => f * angle.tan(),
+            };
+            let at = [255.5 + radius * cos, 255.5 + radius * sin];
+            let lit = light(
+                &emulator,
+                &vehicle(&attitude, [0.0; 3]),
+                &[Light {
+                    direction,
+                    electrons: 1e5,
+                }],
+            );
+            let [x, y] = lit.scene.sources[0].centroid;
+            let miss = (x - at[0]).hypot(y - at[1]);
+            assert!(miss < 1e-9 + 4e-16 * f, "{deg} deg, {part}: {miss:e} px");
+            let (sum, [x, y]) = moments(&lit.expected_e, 512);
+            assert!(
+                (sum / 1e5 - 1.0).abs() < 2e-6 && (x - at[0]).hypot(y - at[1]) < 1e-4,
+                "{deg} deg, {part}"
+            );
+        }
+    }
+}
+
+/// The scale decides whether images move: what it is wrong by, smear is. Reference: a pinhole's scale in the middle is f, and at its corners `f (1 + tan^2)`; 1e-6.
+#[test]
+fn the_scale_of_a_narrow_field_is_its_focal_length() {
+    for mm in ["20.0", "1000.0", "20000.0", "1e6"] {
+        let camera = camera(&[
+            ("optics.focal_length_mm", mm),
+            ("optics.aperture_mm", "500.0"),
+        ]);
+        let f = camera.optics.focal_px;
+        let tan = 32.0 * std::f64::consts::SQRT_2 / f;
+        let (scale, corner) = camera.scale_and_corner_px();
+        assert!(
+            (scale / (f * (1.0 + tan * tan)) - 1.0).abs() < 1e-5,
+            "{mm} mm: {scale}"
+        );
+        assert!((corner - 32.0 * std::f64::consts::SQRT_2).abs() < 1e-9);
+    }
+}
+
+/// All stars that the closed form puts on a detector of half the sky are in its frame, and no other. Reference: the catalogue's apparent directions, one by one.
+#[test]
+fn half_the_sky_has_all_its_stars() {
+    let (_, camera) = cameras().pop().unwrap();
+    let emulator = starry(camera.clone(), Fidelity::REALTIME);
+    let attitude = Attitude::towards(0.0, FRAC_PI_2, 0.0);
+    let vehicle = vehicle(&attitude, [0.0; 3]);
+    let scene = emulator
+        .scene(&emulator.camera(), &vehicle, 0, &emulator.choice)
+        .unwrap();
+    let corrections = &emulator.world().corrections;
+    let all = emulator
+        .world()
+        .stars
+        .in_cone(&Vector3::z(), 4.0, &scene.view.observer, corrections);
+    let seen = |star: &skyloop::sky::star_field::SeenStar| {
+        let d = attitude.rotate(&star.direction);
+        let radius = camera.optics.focal_px * d.x.hypot(d.y).atan2(d.z);
+        let across = d.x.hypot(d.y);
+        let at = [255.5 + radius * d.x / across, 255.5 + radius * d.y / across];
+        camera.detector.contains(at)
+    };
+    let expected: Vec<usize> = all
+        .iter()
+        .filter(|star| seen(star))
+        .map(|star| star.index)
+        .collect();
+    let on = |source: &&skyloop::scene::Source| camera.detector.contains(source.centroid);
+    let found: Vec<usize> = scene
+        .sources
+        .iter()
+        .filter(on)
+        .map(|source| source.body.identity().1)
+        .collect();
+    assert_eq!(found, expected);
+    // X-Val: half of the 9,110 entries of the Bright Star Catalogue's sky and the corners of the square.
+    assert!((4500..7000).contains(&found.len()), "{}", found.len());
+}
+
+/// Up to the last digit before the fold what has an image has a direction, whose image it is. Reference: the image itself; 1e-13 focal lengths, and of the direction the root of the distance to the
+/// fold, as an inverse there must have it.
+#[test]
+fn next_to_the_fold_the_inverse_is_one() {
+    let brown = |k, p| Projection::new(Model::BrownConrady { k, p });
+    let fisheye = |k| Projection::new(Model::Fisheye { k });
+    for lens in [
+        brown([-0.4, 0.0, 0.0], [0.0; 2]),
+        brown([-0.28, 0.09, -0.01], [3e-4, -2e-4]),
+        brown([0.0; 3], [0.02, -0.01]),
+        brown([-1e6, 0.0, 0.0], [0.0; 2]),
+        brown([1e6, -1e6, 1e6], [1e6, -1e6]),
+        fisheye([-0.1, 0.0, 0.0, 0.0]),
+        fisheye([-1e6, 0.0, 0.0, 0.0]),
+        fisheye([1e6, -1e6, 1e6, -1e6]),
+        fisheye([0.0; 4]),
+    ] {
+        let end = lens.end_rad();
+        for i in 1..=15 {
+            let angle = end * (1.0 - 10f64.powi(-i));
+            for around in [0.11, 1.97, 3.83, 5.69_f64] {
+                let direction = Vector3::new(
+                    angle.sin() * around.cos(),
+                    angle.sin() * around.sin(),
+                    angle.cos(),
+                );
+                let Some(at) = lens.image(&direction) else {
+                    panic!("{lens:?}: no image at 1 - 1e-{i}");
+                };
+                let back = lens
+                    .direction(at)
+                    .unwrap_or_else(|| panic!("{lens:?}: no direction at 1 - 1e-{i}"));
+                let again = lens.image(&back).unwrap_or(at);
+                let miss = (again[0] - at[0]).hypot(again[1] - at[1]);
+                assert!(
+                    miss <= 1e-13 * (1.0 + at[0].hypot(at[1])),
+                    "{lens:?} 1 - 1e-{i}: {miss:e}"
+                );
+                let off = (back - direction).norm();
+                assert!(
+                    off <= 2.0 * 10f64.powi(-i).sqrt() * end + 1e-8,
+                    "{lens:?} 1 - 1e-{i}: {off:e}"
+                );
+            }
+        }
+        // Beyond, and of what is no place, none.
+        let edge = lens.image(&Vector3::new(
+            (end * (1.0 - 1e-9)).sin(),
+            0.0,
+            (end * (1.0 - 1e-9)).cos(),
+        ));
+        if let (Some([x, _]), false) = (edge, lens.is_ideal()) {
+            assert_eq!(
+                lens.direction([1.1 * x, 0.0])
+                    .filter(|_| matches!(lens.model(), Model::Fisheye { .. })),
+                None
+            );
+        }
+    }
+}

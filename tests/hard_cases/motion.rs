@@ -1,0 +1,247 @@
+//! Rates from nothing to 100 deg/s, on which the still and the smeared image meet, and exposures from nothing to hours.
+
+use crate::stage::{
+    Light, behind, camera, check_numbers, emulator, epoch, light, noon, orbiter, starry, vehicle,
+};
+use nalgebra::Vector3;
+use skyloop::attitude::Attitude;
+use skyloop::camera::Camera;
+use skyloop::fidelity::{Choice, Fidelity};
+use skyloop::plan::simulated;
+use skyloop::scene::{Exposure, Unobservable};
+
+/// A Gaussian's share of the pixel at `i` along one axis: closed form.
+fn share(i: usize, at: f64, sigma: f64) -> f64 {
+    let below = |x: f64| 0.5 * libm::erfc(-x / sigma / std::f64::consts::SQRT_2);
+    below(i as f64 + 0.5 - at) - below(i as f64 - 0.5 - at)
+}
+
+/// The image (128 x 128 px) of a light that a turn about the rows' axis takes along its row: the closed form of every pixel, integrated over the exposure by Simpson's rule in steps of
+/// an eightieth of a pixel, where its error is 1e-9.
+fn streak(camera: &Camera, at: [f64; 2], rate_rad_s: f64, electrons: f64) -> Vec<f64> {
+    let f = camera.optics.focal_px;
+    let [cx, _] = camera.optics.principal_px;
+    let (x0, y0) = ((at[0] - cx) / f, (at[1] - 63.5) / f);
+    let turn = rate_rad_s * camera.exposure_s;
+    let steps = 2 * ((40.0 * turn * f).ceil() as usize).max(8);
+    let mut image = vec![0.0; 128 * 128];
+    for k in 0..=steps {
+        let weight = match k {
+            0 => 1.0,
+            k if k == steps => 1.0,
+            k if k % 2 == 1 => 4.0,
+            _ => 2.0,
+        } / (3.0 * steps as f64);
+        // Rates about +Y turn the sky about -Y: v' = v cos - (w x v) sin.
+        let angle = turn * (k as f64 / steps as f64 - 0.5);
+        let (sin, cos) = angle.sin_cos();
+        let z = cos + x0 * sin;
+        let (x, y) = (cx + f * (x0 * cos - sin) / z, 63.5 + f * y0 / z);
+        if !(-16.0..144.0).contains(&x) {
+            continue;
+        }
+        let down: Vec<f64> = (0..128).map(|i| share(i, y, 0.8)).collect();
+        let across: Vec<f64> = (0..128).map(|i| share(i, x, 0.8)).collect();
+        for (row, down) in down.iter().enumerate().filter(|(_, down)| **down > 1e-9) {
+            let part = electrons * weight * down;
+            let pixels = image[row * 128..][..128].iter_mut();
+            pixels
+                .zip(&across)
+                .for_each(|(e, across)| *e += part * across);
+        }
+    }
+    image
+}
+
+/// No rate has a step beside it: each frame is within the tolerances of its closed form. Of `realtime`: 0.05 e-, and 3e-5 of the peak;
+/// of `reference` a hundredth of an electron, f32's last digits of a peak of 24,000 e-.
+#[test]
+fn every_rate_from_nothing_to_100_deg_s_gives_the_closed_form() {
+    let camera = camera(&[("detector.width_px", "128"), ("detector.height_px", "128")]);
+    let at = [63.2, 64.7];
+    let attitude = Attitude::towards(0.4, 0.3, 0.2);
+    let direction = behind(&camera, &attitude, at);
+    for (fidelity, most_e) in [(Fidelity::REALTIME, 0.05), (Fidelity::REFERENCE, 0.01)] {
+        let emulator = emulator(camera.clone(), fidelity, |_| {});
+        for rate in [
+            0.0, 1e-12, 1e-9, 1e-6, 1e-5, 1e-4, 2.8e-4, 2.9e-4, 1e-3, 2.8e-3, 2.9e-3, 1e-2, 0.1,
+            0.2, 0.4, 1.0, 10.0, 100.0,
+        ] {
+            let lit = light(
+                &emulator,
+                &vehicle(&attitude, [0.0, rate, 0.0]),
+                &[Light {
+                    direction,
+                    electrons: 1e5,
+                }],
+            );
+            let truth = streak(&camera, at, f64::to_radians(rate), 1e5);
+            let peak = truth.iter().copied().fold(0.0, f64::max);
+            let pairs = lit.expected_e.iter().zip(&truth);
+            let miss = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            println!("{rate:e} deg/s: {miss:.1e} e- of {peak:.0}");
+            assert!(
+                miss < most_e + 3e-5 * peak * f64::from(u8::from(most_e > 0.01)),
+                "{rate:e} deg/s: {miss} e- of {peak}"
+            );
+        }
+    }
+}
+
+/// What hardly moves costs what stands still costs: below 1e-9 px a way is what rounding makes of none. Reference: two points a star.
+#[test]
+fn next_to_rest_a_track_has_no_more_points_than_at_rest() {
+    let camera = camera(&[("optics.focal_length_mm", "5.0")]);
+    let emulator = starry(camera, Fidelity::REFERENCE);
+    let attitude = Attitude::towards(1.4, -0.1, 0.0);
+    for rate in [1e-300, 1e-14, 1e-12, 1e-10, 1e-8] {
+        let vehicle = vehicle(&attitude, [0.0, rate, 0.0]);
+        let scene = emulator
+            .scene(&emulator.camera(), &vehicle, 0, &emulator.choice)
+            .unwrap();
+        let simulated = simulated(
+            &scene.view,
+            emulator.fidelity(),
+            &Choice {
+                all: true,
+                ..emulator.choice.clone()
+            },
+        );
+        let points = scene.view.track_all(&simulated, emulator.fidelity());
+        let stars = scene.view.candidates.len();
+        assert!(
+            stars > 5 && points <= 4 * stars,
+            "{rate:e} deg/s: {points} points of {stars} stars"
+        );
+    }
+}
+
+/// 100 deg/s turn a body by 1 rad in 0.57 s: what turns further is refused, and says so.
+#[test]
+fn what_turns_further_than_can_be_shown_is_refused() {
+    for (exposure_s, shown) in [(0.5, true), (0.572, true), (0.574, false), (1e4, false)] {
+        let mut camera = camera(&[]);
+        camera.exposure_s = exposure_s;
+        let mut emulator = emulator(camera, Fidelity::REALTIME, |_| {});
+        let shot = emulator.shoot(&vehicle(&Attitude::identity(), [60.0, 80.0, 0.0]), 0);
+        match shot {
+            Ok(shot) => {
+                assert!(shown);
+                check_numbers(&shot, "100 deg/s");
+            }
+            Err(error) => assert!(
+                !shown && error.to_string().contains("deg are shown"),
+                "{error}"
+            ),
+        }
+    }
+}
+
+/// Light goes by the exposure, from none to hours, and nothing else does: the electrons of labels over the time are the same to 1e-12, frames
+/// to f32. In orbit, at rest and turning.
+#[test]
+fn exposures_from_nothing_to_hours_give_light_by_their_time() {
+    let attitude = Attitude::towards(1.4, -0.1, 0.0);
+    let shot = |exposure_s: f64, rate: f64, orbit: bool| {
+        let mut camera = camera(&[]);
+        camera.exposure_s = exposure_s;
+        let mut emulator = starry(camera, Fidelity::REALTIME);
+        let rates = vehicle(&attitude, [0.0, rate, 0.0]).rates;
+        let mut vehicle = match orbit {
+            true => orbiter(
+                &attitude,
+                Vector3::new(-7.2e6, 0.0, 0.0),
+                Vector3::new(0.0, 7500.0, 0.0),
+            ),
+            false => vehicle(&attitude, [0.0; 3]),
+        };
+        vehicle.rates = rates;
+        let shot = emulator.shoot(&vehicle, 0).unwrap();
+        check_numbers(&shot, &format!("{exposure_s} s"));
+        shot
+    };
+    for (rate, orbit) in [
+        (0.0, false),
+        (1e-12, false),
+        (1e-4, false),
+        (0.0, true),
+        (1e-4, true),
+    ] {
+        let whole = shot(1.0, rate, orbit);
+        let star = |shot: &skyloop::engine::Shot| {
+            let found = shot.label.objects.iter().find(|o| o.id == "HIP 24925");
+            found.unwrap().clone()
+        };
+        let one = star(&whole);
+        for exposure_s in [0.0, 1e-9, 1e-6, 1e3, 1e4] {
+            let shot = shot(exposure_s, rate, orbit);
+            let found = star(&shot);
+            let part = found.electrons / one.electrons;
+            assert!(
+                (part - exposure_s).abs() <= 1e-12 * exposure_s,
+                "{exposure_s} s: {part}"
+            );
+            assert!(
+                found.vx_px_s.abs() < 1.0 && found.vy_px_s.abs() < 1.0,
+                "{exposure_s} s"
+            );
+            // 1e-4 deg/s for 10^4 s are a degree, 35 px of 2,000 px a radian; aberration's drift is 26 arcsec at most.
+            let [dx, dy] = [found.x1_px - found.x0_px, found.y1_px - found.y0_px];
+            let way = f64::to_radians(rate) * exposure_s * 2000.0;
+            assert!(
+                dx.hypot(dy) < 1.001 * way + 0.26,
+                "{exposure_s} s: {dx} {dy}"
+            );
+            if exposure_s == 0.0 {
+                let expected = shot.frame.expected_e.unwrap();
+                assert!(expected.iter().all(|e| *e == 0.0));
+            }
+        }
+    }
+}
+
+/// Reference: the contract; the ends are whole nanoseconds, to the nearest.
+#[test]
+fn exposures_end_at_the_nearest_nanosecond() {
+    for (duration_s, ns) in [
+        (0.0, 0),
+        (0.4e-9, 0),
+        (1e-9, 1),
+        (1.4e-9, 1),
+        (3e-9, 2),
+        (0.58, 290_000_000),
+        (1e4, 5_000_000_000_000),
+    ] {
+        let exposure = Exposure::around(noon(), duration_s);
+        let half = (exposure.end - exposure.mid).total_nanoseconds();
+        assert_eq!(half, ns, "{duration_s}");
+        assert_eq!(exposure.end - exposure.mid, exposure.mid - exposure.start);
+        assert_eq!(exposure.duration_s, duration_s);
+    }
+    // Across a leap second an exposure is as long as any other.
+    let mid = epoch("2016-12-31T23:59:60");
+    let exposure = Exposure::around(mid, 2.0);
+    let text = [exposure.start, exposure.end].map(skyloop::orbit::time::utc_text);
+    assert_eq!(
+        text,
+        ["2016-12-31T23:59:59.000Z", "2017-01-01T00:00:00.000Z"]
+    );
+}
+
+/// An exposure that is no number is refused before anything is made of it.
+#[test]
+fn an_exposure_that_is_no_time_is_refused() {
+    for exposure_s in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.0, -1e-9] {
+        let mut emulator = emulator(camera(&[]), Fidelity::REALTIME, |_| {});
+        emulator.camera_mut().exposure_s = exposure_s;
+        for rate in [0.0, 1.0] {
+            let refused = emulator.shoot(&vehicle(&Attitude::identity(), [rate, 0.0, 0.0]), 0);
+            assert!(
+                matches!(refused, Err(Unobservable::Exposure { .. })),
+                "{exposure_s}"
+            );
+        }
+        let exposure = Exposure::around(noon(), exposure_s);
+        assert!(exposure_s.is_finite() || exposure_s.is_infinite() || exposure.start == noon());
+    }
+}

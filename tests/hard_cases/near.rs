@@ -1,0 +1,130 @@
+//! Objects at the sensor's own place, a metre before it and a million kilometres away; and sunlight past the Earth's limb, grazing.
+
+use crate::stage::{camera, check_numbers, emulator, falling, noon, oem, orbiter, towards};
+use nalgebra::Vector3;
+use skyloop::engine::Shot;
+use skyloop::fidelity::{Fidelity, Orbits};
+use skyloop::sky::shadow::{EARTH_RADIUS_M, Earth};
+use std::f64::consts::PI;
+
+/// An object `off_m` from the observer, at rest beside it, 7,000 km from the Earth's centre.
+fn shot(off_m: Vector3<f64>, orbits: Orbits) -> Shot {
+    let (r, v) = (Vector3::new(7000.0, 0.0, 0.0), Vector3::new(0.0, 7.5, 0.0));
+    let fidelity = Fidelity {
+        orbits,
+        ..Fidelity::REALTIME
+    };
+    let mut emulator = emulator(camera(&[]), fidelity, |config| {
+        config.objects = oem("NEAR", noon(), falling(r + off_m * 1e-3, v));
+    });
+    let shot = emulator
+        .shoot(&orbiter(&towards(&Vector3::x()), r * 1e3, v * 1e3), 0)
+        .unwrap();
+    check_numbers(&shot, &format!("{off_m:?}"));
+    shot
+}
+
+/// Reference: Eq. (9) of Clark et al. 2021 by hand from the label's own phase angle; 1e-7 mag. In frames all numbers are numbers, whatever fills up.
+#[test]
+fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
+    for orbits in [Orbits::Tracked, Orbits::Exact, Orbits::Scalar] {
+        for range_m in [1.001, 2.0, 10.0, 1e3, 1e6, 3.5e7, 1e9] {
+            let shot = shot(Vector3::new(range_m, 0.0, 0.0), orbits);
+            let object = &shot.label.objects[0];
+            let rso = object.rso.as_ref().unwrap();
+            // A message's micrometres, and a rounding of 7,000 km.
+            assert!(
+                (rso.range_km * 1e3 - range_m).abs() < 2e-6 + 1e-15 * range_m,
+                "{range_m}: {}",
+                rso.range_km
+            );
+            let phase = rso.phase_deg.to_radians();
+            let area = 0.2 * PI * 25.0 * 2.0 / (3.0 * PI * PI)
+                * ((PI - phase) * phase.cos() + phase.sin());
+            let sun = skyloop::sky::bodies::Bodies::at(noon())
+                .unwrap()
+                .sun_apparent_m();
+            let to_sun = (sun * 1e-3 - Vector3::from(rso.position_gcrf_km)).norm() / 149_597_870.7;
+            let mag =
+                -26.73 - 2.5 * (area / (rso.range_km * 1e3).powi(2)).log10() + 5.0 * to_sun.log10();
+            assert!(
+                (object.mag - mag).abs() < 1e-7 + 2e-16 * range_m,
+                "{range_m} m: {} {mag}",
+                object.mag
+            );
+            // Straight before the camera; of what moves by 100 um of its own pull in the exposure, the way.
+            let miss = (object.x_px - 31.5).hypot(object.y_px - 31.5);
+            assert!(miss < 1e-3, "{range_m} m: {miss} px");
+        }
+    }
+}
+
+/// Who is nearer than a metre is the vehicle itself: it has no image, hides nothing and costs nothing. Reference: the frame without it, bit by bit.
+#[test]
+fn an_object_at_the_sensors_own_place_is_the_sensor() {
+    let far = shot(Vector3::new(-1e6, 0.0, 0.0), Orbits::Tracked);
+    for orbits in [Orbits::Tracked, Orbits::Exact, Orbits::Scalar] {
+        for off_m in [0.0, 1e-6, 0.5, 0.999] {
+            for axis in [Vector3::x(), -Vector3::x(), Vector3::z()] {
+                let own = shot(axis * off_m, orbits);
+                assert!(own.label.objects.is_empty(), "{off_m}");
+                assert_eq!(own.frame.digits, far.frame.digits);
+                assert_eq!(own.unknown.count, 0);
+            }
+        }
+    }
+}
+
+/// The Sun's share that an object at 7,000 km, 150 million km from the Sun, sees past the Earth, where its disc dips behind the limb by this part of its radius; and
+/// what is left of it where it comes out by as much.
+// X-Val: mpmath 1.4.1, 50 digits: the intersection of two caps of the sphere, radii asin(6378137 / 7e6) and asin(6.957e8 / 1.5e11), by Gauss and
+// Bonnet: 2 (pi - C - A cos a - B cos b), over the Sun's.
+const GRAZING: [(f64, f64, f64); 8] = [
+    (0.5, 0.195_357_047_700_375_95, 0.195_646_139_870_903_15),
+    (0.1, 0.018_674_716_913_590_222, 0.018_711_578_867_820_825),
+    (1e-2, 5.986_891_612_154_814e-4, 5.999_386_392_844_91e-4),
+    (1e-3, 1.895_773_017_606_098_5e-5, 1.899_751_050_104_924e-5),
+    (1e-4, 5.995_766_844_611_153e-7, 6.008_354_984_704_456e-7),
+    (1e-6, 5.995_855_516_655_777e-10, 6.008_444_591_512_853e-10),
+    (1e-8, 5.995_856_403_368_211e-13, 6.008_445_487_573_042e-13),
+    (1e-9, 1.896_056_278_344_001e-14, 1.900_037_296_345_165_5e-14),
+];
+
+/// Two parts in a thousand of what is covered or left: the limb drawn as a plane circle is off by the square of the Sun's radius times a part of the chord; and
+/// 3e-16 of the whole, the last digit.
+#[test]
+fn the_penumbra_begins_and_ends_as_the_closed_form_says() {
+    let earth = Earth::at(noon());
+    let pole = earth.pole();
+    // In the plane of the equator the ellipsoid's stretch changes no line.
+    let x = pole.cross(&Vector3::y()).normalize();
+    let y = pole.cross(&x);
+    let (d, sun_d): (f64, f64) = (7e6, 1.5e11);
+    let (limb, sun) = ((EARTH_RADIUS_M / d).asin(), (6.957e8 / sun_d).asin());
+    let lit = |separation: f64| {
+        // The Earth's centre stands at -x of the object.
+        let to_sun = x * -separation.cos() + y * separation.sin();
+        earth.illumination(x * d, x * d + to_sun * sun_d)
+    };
+    for (part, outer, inner) in GRAZING {
+        let covered = 1.0 - lit(limb + sun * (1.0 - part));
+        assert!(
+            (covered - outer).abs() <= 2e-3 * outer + 3e-16,
+            "{part}: {covered:e} {outer:e}"
+        );
+        let left = lit(limb - sun * (1.0 - part));
+        assert!(
+            (left - inner).abs() <= 2e-3 * inner + 3e-16,
+            "{part}: {left:e} {inner:e}"
+        );
+    }
+    // On either side of contact light is whole, or none, and never more or less.
+    for beyond in [0.0, 1e-15, 1e-9, 1e-3, 0.1] {
+        assert_eq!(lit(limb + sun * (1.0 + 1e-12) + beyond), 1.0);
+        assert_eq!(lit(limb - sun * (1.0 + 1e-12) - beyond), 0.0);
+    }
+    for k in -1000..=1000 {
+        let found = lit(limb + sun * (1.0 + f64::from(k) * 1e-13));
+        assert!((0.0..=1.0).contains(&found), "{found}");
+    }
+}

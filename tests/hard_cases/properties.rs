@@ -1,0 +1,370 @@
+//! What holds for any scene: turning camera and sky together changes nothing, an exposure is the sum of its halves, light scales, and labels' centroids are those of the light.
+
+use crate::stage::{Light, Lit, behind, camera, emulator, light, starry, vehicle};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+use skyloop::attitude::Attitude;
+use skyloop::camera::Camera;
+use skyloop::fidelity::Fidelity;
+use skyloop::scene::Source;
+use std::sync::OnceLock;
+
+/// Runs a property on so many cases, the same ones every time.
+fn check<S: Strategy>(
+    cases: u32,
+    strategy: S,
+    property: impl Fn(S::Value) -> Result<(), TestCaseError>,
+) {
+    let config = Config {
+        cases,
+        failure_persistence: None,
+        ..Config::default()
+    };
+    let rng = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
+    let run = TestRunner::new_with_rng(config, rng).run(&strategy, property);
+    run.unwrap_or_else(|failed| panic!("{failed}"));
+}
+
+/// Any rotation.
+fn rotations() -> impl Strategy<Value = Attitude> {
+    let components = prop::array::uniform4(-1.0..1.0_f64).prop_filter("a direction", |q| {
+        (0.1..1.0).contains(&q.iter().map(|c| c * c).sum::<f64>())
+    });
+    components.prop_map(|[x, y, z, w]| {
+        let q = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        Attitude::from_xyzw([q.i, q.j, q.k, q.w]).unwrap()
+    })
+}
+
+/// Rates up to some degrees a second, in any direction; sometimes none.
+fn rates() -> impl Strategy<Value = [f64; 3]> {
+    let any = (prop::array::uniform3(-1.0..1.0_f64), -6.0..0.7_f64);
+    prop_oneof![
+        1 => Just([0.0; 3]),
+        6 => any.prop_map(|(axis, power)| axis.map(|c| c * 10f64.powf(power))),
+    ]
+}
+
+/// Places on and around a detector of 128 px, and their light.
+fn lights() -> impl Strategy<Value = Vec<([f64; 2], f64)>> {
+    let one = (prop::array::uniform2(-6.0..134.0_f64), -1.0..5.0_f64);
+    prop::collection::vec(one.prop_map(|(at, power)| (at, 10f64.powf(power))), 1..24)
+}
+
+/// Cameras of all kinds of optics and shutters, 128 x 128 px.
+fn cameras() -> &'static [Camera] {
+    static CAMERAS: OnceLock<Vec<Camera>> = OnceLock::new();
+    CAMERAS.get_or_init(|| {
+        let of = |keys: &[(&str, &str)]| {
+            let mut all = vec![("detector.width_px", "128"), ("detector.height_px", "128")];
+            all.extend(keys);
+            camera(&all)
+        };
+        let moffat = "{ kind = \"moffat\", fwhm_px = 1.6, beta = 3.0 }";
+        vec![
+            of(&[]),
+            of(&[
+                ("optics.psf.sigma_px", "2.5"),
+                ("optics.focal_length_mm", "1.5"),
+                ("optics.aperture_mm", "1.0"),
+            ]),
+            of(&[
+                ("optics.psf.sigma_px", "0.5"),
+                ("optics.projection.model", "\"brown-conrady\""),
+                ("optics.projection.k", "[-20.0, 100.0]"),
+                ("optics.projection.p", "[0.02, -0.01]"),
+            ]),
+            of(&[
+                ("optics.psf", moffat),
+                ("optics.vignetting.cos4", "true"),
+                ("optics.focal_length_mm", "2.0"),
+                ("optics.aperture_mm", "1.0"),
+            ]),
+            of(&[
+                ("optics.psf", "{ kind = \"airy\", obscuration = 0.3 }"),
+                ("optics.aperture_mm", "0.8"),
+            ]),
+            of(&[
+                ("timing.shutter", "\"rolling\""),
+                ("timing.row_us", "400.0"),
+            ]),
+            of(&[
+                ("optics.projection.model", "\"fisheye\""),
+                ("optics.projection.k", "[-0.01]"),
+                ("optics.focal_length_mm", "0.8"),
+                ("optics.aperture_mm", "0.5"),
+                ("optics.psf.sigma_px", "1.2"),
+            ]),
+        ]
+    })
+}
+
+/// What one shot of a scene takes: camera, attitude, rates (deg/s), places (px) of lights and their electrons.
+type Taken = (usize, Attitude, [f64; 3], Vec<([f64; 2], f64)>);
+
+fn scenes() -> impl Strategy<Value = Taken> {
+    (0..cameras().len(), rotations(), rates(), lights())
+}
+
+fn put(camera: &Camera, attitude: &Attitude, places: &[([f64; 2], f64)]) -> Vec<Light> {
+    let light = |(at, electrons): &([f64; 2], f64)| Light {
+        direction: behind(camera, attitude, *at),
+        electrons: *electrons,
+    };
+    places.iter().map(light).collect()
+}
+
+/// Light, and its centre (px), of a source's own image on the detector.
+fn image(source: &Source) -> (f64, [f64; 2]) {
+    let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
+    for (row, column, shares) in source.footprint.rows(0..usize::MAX) {
+        for (i, share) in shares.iter().enumerate() {
+            let share = f64::from(*share);
+            (sum, x, y) = (
+                sum + share,
+                x + share * (column + i) as f64,
+                y + share * row as f64,
+            );
+        }
+    }
+    (sum, [x / sum, y / sum])
+}
+
+/// Turning camera and sky together: places and electrons to 1e-9, and no pixel by more than the last digits of its light in f32.
+#[test]
+fn turning_camera_and_sky_together_changes_nothing() {
+    check(
+        64,
+        (scenes(), rotations()),
+        |((which, attitude, rates, places), turn)| {
+            let camera = &cameras()[which];
+            let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+            let lights = put(camera, &attitude, &places);
+            let here = light(&emulator, &vehicle(&attitude, rates), &lights);
+            // The sky turned by R is seen alike by q R^-1.
+            let turned: Vec<Light> = lights
+                .iter()
+                .map(|one| Light {
+                    direction: turn.rotate(&one.direction),
+                    ..*one
+                })
+                .collect();
+            let there = light(
+                &emulator,
+                &vehicle(&turn.inverse().then(&attitude), rates),
+                &turned,
+            );
+            prop_assert_eq!(here.scene.sources.len(), there.scene.sources.len());
+            for (a, b) in here.scene.sources.iter().zip(&there.scene.sources) {
+                prop_assert!((a.electrons / b.electrons - 1.0).abs() < 1e-9);
+                for (a, b) in [(a.start, b.start), (a.end, b.end), (a.centroid, b.centroid)] {
+                    let miss = (a[0] - b[0]).hypot(a[1] - b[1]);
+                    prop_assert!(
+                        miss < 1e-9 * camera.optics.focal_px.max(1.0),
+                        "{:e} px",
+                        miss
+                    );
+                }
+                prop_assert!((a.snr - b.snr).abs() <= 1e-6 * a.snr);
+            }
+            let brightest = here.expected_e.iter().copied().fold(0.0, f64::max);
+            for (a, b) in here.expected_e.iter().zip(&there.expected_e) {
+                prop_assert!((a - b).abs() <= 1e-6 * brightest, "{} {}", a, b);
+            }
+            Ok(())
+        },
+    );
+}
+
+/// The frame of an exposure is the sum of those of its two halves, with all that stars do in it. Of `reference` within 0.02 e- a pixel and 2e-6 of it: what the sums of three frames lose in
+/// f32; of `realtime` within three times what a track, a wing and an effect that is skipped may leave out (0.01, 0.02 and 0.05 e-) and three times its 2e-5 of the brightest.
+#[test]
+fn an_exposure_in_two_adds_up() {
+    let exposures = -3.0..0.0_f64;
+    for (fidelity, cases, most_e, part) in [
+        (Fidelity::REFERENCE, 24, 0.02, 2e-6),
+        (Fidelity::REALTIME, 40, 0.24, 6e-5),
+    ] {
+        check(
+            cases,
+            (0..2_usize, rotations(), rates(), exposures.clone()),
+            |(which, attitude, rates, power)| {
+                let exposure_s = 10f64.powf(power);
+                let wide = [
+                    ("optics.focal_length_mm", "3.0"),
+                    ("detector.width_px", "128"),
+                    ("detector.height_px", "128"),
+                ];
+                let mut camera = match which {
+                    0 => camera(&wide),
+                    _ => camera(&[
+                        wide[0],
+                        wide[1],
+                        wide[2],
+                        (
+                            "optics.psf",
+                            "{ kind = \"moffat\", fwhm_px = 1.6, beta = 3.0 }",
+                        ),
+                    ]),
+                };
+                let mut expected = |exposure_s: f64, off_s: f64| {
+                    camera.exposure_s = exposure_s;
+                    let mut emulator = starry(camera.clone(), fidelity);
+                    let whole = vehicle(&attitude, rates);
+                    let at = whole.epoch + skyloop::orbit::time::seconds(off_s);
+                    emulator
+                        .shoot(&whole.at(at), 0)
+                        .unwrap()
+                        .frame
+                        .expected_e
+                        .unwrap()
+                };
+                let whole = expected(exposure_s, 0.0);
+                let [first, second] =
+                    [-0.25, 0.25].map(|part| expected(exposure_s / 2.0, part * exposure_s));
+                let brightest = f64::from(whole.iter().copied().fold(0.0, f32::max));
+                for (whole, (a, b)) in whole.iter().zip(first.iter().zip(&second)) {
+                    let miss = (f64::from(*whole) - f64::from(*a) - f64::from(*b)).abs();
+                    prop_assert!(
+                        miss <= most_e + part * brightest,
+                        "{} e-, of {}",
+                        miss,
+                        brightest
+                    );
+                }
+                Ok(())
+            },
+        );
+    }
+}
+
+/// All fluxes times a factor are the frame times that factor: but for f32 where what is drawn does not depend on it (`reference`, Gaussians), and within what each source's faint wings may leave out where it does:
+/// twice `wing_e`, 0.02 e-, with `loss_e` and `track_e`, a source, before and after.
+#[test]
+fn scaling_all_fluxes_scales_the_frame() {
+    check(
+        64,
+        (scenes(), -2.0..4.0_f64),
+        |((which, attitude, rates, places), power)| {
+            let camera = &cameras()[which];
+            let factor = 10f64.powf(power);
+            for (fidelity, leaves_e) in [(Fidelity::REFERENCE, 2e-3), (Fidelity::REALTIME, 0.06)] {
+                let mut emulator = emulator(camera.clone(), fidelity, |_| {});
+                emulator.choice.all = true;
+                let lights = put(camera, &attitude, &places);
+                let scaled: Vec<Light> = lights
+                    .iter()
+                    .map(|one| Light {
+                        electrons: one.electrons * factor,
+                        ..*one
+                    })
+                    .collect();
+                let vehicle = vehicle(&attitude, rates);
+                let [one, other]: [Lit; 2] =
+                    [lights, scaled].map(|lights| light(&emulator, &vehicle, &lights));
+                let most_e = leaves_e * places.len() as f64 * (1.0 + factor);
+                for (a, b) in one.expected_e.iter().zip(&other.expected_e) {
+                    let miss = (factor * a - b).abs();
+                    let gaussian = ![3, 4].contains(&which);
+                    let bound = if fidelity == Fidelity::REFERENCE && gaussian {
+                        0.0
+                    } else {
+                        most_e
+                    };
+                    prop_assert!(miss <= bound + 2e-5 * b, "{} e- of {}", miss, b);
+                }
+            }
+            Ok(())
+        },
+    );
+}
+
+/// Labels' centroids are those of the noise-free image, to 0.005 px, of all whose light is on the detector but for a ten thousandth: of any optics, shutter and rate. Of cores narrower than half a pixel's sigma
+/// the pixels have a centre of their own, for an image as for a camera (0.0023 px a coordinate at 0.5, by `exp(-2 pi^2 sigma^2) / pi`); and of less than a tenth of an electron
+/// wide wings are laid evenly over too few pixels to be centred.
+#[test]
+fn labels_centroids_are_those_of_the_light() {
+    let compared = std::cell::Cell::new(0);
+    let worst = std::cell::Cell::new(0.0);
+    check(160, scenes(), |(which, attitude, rates, places)| {
+        let camera = &cameras()[which];
+        let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+        let lit = light(
+            &emulator,
+            &vehicle(&attitude, rates),
+            &put(camera, &attitude, &places),
+        );
+        for source in &lit.scene.sources {
+            let (sum, centre) = image(source);
+            if sum < 0.9999 || source.electrons < 0.1 {
+                continue;
+            }
+            let miss = (centre[0] - source.centroid[0]).hypot(centre[1] - source.centroid[1]);
+            prop_assert!(
+                miss < 0.005,
+                "camera {which}: {miss} px, of {} e-",
+                source.electrons
+            );
+            compared.set(compared.get() + 1);
+            worst.set(miss.max(worst.get()));
+        }
+        Ok(())
+    });
+    println!("{} images, at most {:.1e} px", compared.get(), worst.get());
+    assert!(compared.get() > 500, "{}", compared.get());
+}
+
+/// The same through the emulator itself: stars of the catalogue in the frame's own pixels, one at a time.
+#[test]
+fn a_stars_label_is_the_centroid_of_its_frame() {
+    let mut emulator = starry(
+        camera(&[
+            ("optics.focal_length_mm", "60.0"),
+            ("detector.width_px", "128"),
+            ("detector.height_px", "128"),
+        ]),
+        Fidelity::REALTIME,
+    );
+    let stars: Vec<Vector3<f64>> = emulator
+        .world()
+        .stars
+        .catalog()
+        .stars()
+        .iter()
+        .step_by(400)
+        .map(|star| {
+            let ((sin_ra, cos_ra), (sin_dec, cos_dec)) =
+                (star.ra_rad.sin_cos(), star.dec_rad.sin_cos());
+            Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
+        })
+        .collect();
+    let mut compared = 0;
+    for star in stars {
+        let attitude = crate::stage::towards(&star);
+        let shot = emulator
+            .shoot(&vehicle(&attitude, [0.2, -0.3, 1.0]), 0)
+            .unwrap();
+        let [only] = &shot.label.objects[..] else {
+            continue;
+        };
+        let expected: Vec<f64> = shot
+            .frame
+            .expected_e
+            .unwrap()
+            .into_iter()
+            .map(f64::from)
+            .collect();
+        let (sum, [x, y]) = crate::stage::moments(&expected, 128);
+        if sum < 0.9999 * only.electrons || only.electrons < 10.0 {
+            continue;
+        }
+        assert!(
+            (x - only.x_px).hypot(y - only.y_px) < 0.005,
+            "{}: {x} {y}",
+            only.id
+        );
+        compared += 1;
+    }
+    assert!(compared > 10, "{compared}");
+}

@@ -1,0 +1,248 @@
+//! A camera, a vehicle and lights to order: what the cases are played with.
+
+use hifitime::Epoch;
+use nalgebra::Vector3;
+use skyloop::attitude::{Attitude, VehicleState};
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::engine::{Emulator, Shot};
+use skyloop::fidelity::{Choice, Fidelity};
+use skyloop::load::{ConfigError, Folder};
+use skyloop::plan::{Plan, simulated};
+use skyloop::render::render;
+use skyloop::scene::{Body, Candidate, Scene};
+use skyloop::sky::catalog::Selection;
+use std::sync::OnceLock;
+
+pub use crate::oem::{falling, oem};
+
+/// 64 x 64 px of 10 um behind 20 mm: 2,000 px a radian, no dark current, no read noise, 1 e-/DN.
+const PLAIN: &str = r#"
+name = "plain"
+[optics]
+focal_length_mm = 20.0
+aperture_mm = 10.0
+transmission = 0.8
+band = "v"
+[optics.psf]
+kind = "gaussian"
+sigma_px = 0.8
+[detector]
+width_px = 64
+height_px = 64
+pixel_um = 10.0
+quantum_efficiency = 0.5
+dark_e_s = 0.0
+read_noise_e = 0.0
+full_well_e = 60000.0
+gain_e_per_dn = 1.0
+offset_dn = 100.0
+adc_bits = 16
+[timing]
+exposure_s = 0.1
+rate_hz = 1.0
+"#;
+
+/// The plain camera with these keys set: dotted names and TOML values.
+pub fn try_camera(keys: &[(&str, &str)]) -> Result<Camera, ConfigError> {
+    let mut table: toml::Table = PLAIN.parse().unwrap();
+    for (name, value) in keys {
+        let mut path: Vec<&str> = name.split('.').collect();
+        let key = path.pop().unwrap();
+        let mut at = &mut table;
+        for step in path {
+            let inner = at.entry(step).or_insert_with(|| toml::Table::new().into());
+            at = inner.as_table_mut().unwrap();
+        }
+        let value: toml::Table = format!("value = {value}").parse().unwrap();
+        at.insert(key.to_string(), value["value"].clone());
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("camera.toml"), table.to_string()).unwrap();
+    Camera::load("camera.toml", &Folder::Disk(folder.path().to_path_buf()))
+}
+
+/// [`try_camera`] of keys that are as they should be.
+pub fn camera(keys: &[(&str, &str)]) -> Camera {
+    try_camera(keys).unwrap()
+}
+
+/// A UTC time.
+pub fn epoch(text: &str) -> Epoch {
+    skyloop::orbit::time::parse_utc(text).unwrap()
+}
+
+/// When nothing else matters.
+pub fn noon() -> Epoch {
+    epoch("2026-03-01T12:00:00")
+}
+
+/// A vehicle with that attitude and those body rates (deg/s), at [`noon`].
+pub fn vehicle(attitude: &Attitude, rates_deg_s: [f64; 3]) -> VehicleState {
+    let rates = rates_deg_s.map(f64::to_radians);
+    VehicleState::new(7, noon(), attitude.xyzw(), rates, None).unwrap()
+}
+
+/// The same in orbit, m and m/s.
+pub fn orbiter(
+    attitude: &Attitude,
+    position_m: Vector3<f64>,
+    velocity_m_s: Vector3<f64>,
+) -> VehicleState {
+    let orbit = Some((position_m.into(), velocity_m_s.into()));
+    VehicleState::new(7, noon(), attitude.xyzw(), [0.0; 3], orbit).unwrap()
+}
+
+/// The attitude that looks along `direction`.
+pub fn towards(direction: &Vector3<f64>) -> Attitude {
+    let (ra, dec) = (
+        direction.y.atan2(direction.x),
+        direction.z.atan2(direction.x.hypot(direction.y)),
+    );
+    Attitude::towards(ra, dec, 0.3)
+}
+
+/// The lights of the sky that most cases leave out.
+const SKY: [&str; 11] = [
+    "stars",
+    "zodiacal light",
+    "starlight",
+    "planets",
+    "moon",
+    "earth",
+    "limb",
+    "sunlight",
+    "moonglow",
+    "earthshine",
+    "shot noise",
+];
+
+/// An emulator without noise, with nothing in the sky but objects and what is put there; all is labelled and expected electrons are kept.
+pub fn emulator(camera: Camera, fidelity: Fidelity, with: impl FnOnce(&mut Config)) -> Emulator {
+    let mut config = Config::defaults().unwrap();
+    config.camera = camera;
+    config.fidelity = fidelity;
+    config.label_snr = 0.0;
+    config.sky.selection = Selection::Bsc;
+    config.choice.off = SKY.to_vec();
+    with(&mut config);
+    let mut emulator = Emulator::new(&mut config);
+    emulator.choice.noise = false;
+    emulator.keep_expected = true;
+    emulator
+}
+
+/// One with the stars of the Bright Star Catalogue.
+pub fn starry(camera: Camera, fidelity: Fidelity) -> Emulator {
+    emulator(camera, fidelity, |config| {
+        config.choice.off.retain(|name| *name != "stars");
+    })
+}
+
+/// A light: apparent direction (ICRF) and electrons of the exposure.
+#[derive(Clone, Copy, Debug)]
+pub struct Light {
+    pub direction: Vector3<f64>,
+    pub electrons: f64,
+}
+
+/// A star's candidate, to be made another of.
+fn template() -> Candidate {
+    static STAR: OnceLock<Candidate> = OnceLock::new();
+    let star = || {
+        let camera = Camera::load("all-sky", &Folder::current()).unwrap();
+        let emulator = starry(camera, Fidelity::REALTIME);
+        let vehicle = vehicle(&Attitude::identity(), [0.0; 3]);
+        let scene = emulator.scene(&emulator.camera(), &vehicle, 0, &emulator.choice);
+        let view = scene.unwrap().view;
+        let is_star = |candidate: &&Candidate| matches!(candidate.body, Body::Star(_));
+        view.candidates.iter().find(is_star).unwrap().clone()
+    };
+    STAR.get_or_init(star).clone()
+}
+
+/// A frame of these lights alone: its scene, expected electrons and digits.
+pub struct Lit {
+    pub scene: Scene,
+    pub expected_e: Vec<f64>,
+    pub digits: Vec<u16>,
+    /// The effects of its plan.
+    pub choice: Choice,
+}
+
+/// Puts `lights` before the camera of `emulator`.
+pub fn light(emulator: &Emulator, vehicle: &VehicleState, lights: &[Light]) -> Lit {
+    let mut choice = emulator.choice.clone();
+    choice.off.retain(|name| *name != "stars");
+    let bare = emulator.scene(&emulator.camera(), vehicle, 0, &emulator.choice);
+    let mut view = bare.unwrap().view;
+    let template = template();
+    let Body::Star(seen) = template.body.clone() else {
+        unreachable!()
+    };
+    view.candidates = lights
+        .iter()
+        .map(|light| {
+            let mut star = seen;
+            star.direction = light.direction;
+            star.wavelength_ratio = 1.0;
+            let mut candidate = template.clone();
+            candidate.body = Body::Star(star);
+            candidate.clear_e = light.electrons;
+            candidate.light = 1.0;
+            candidate.hidden = None;
+            candidate
+        })
+        .collect();
+    let simulated = simulated(&view, emulator.fidelity(), &choice);
+    let scene = Scene::new(view, simulated, emulator.fidelity());
+    let frame = render(
+        &Plan::new(&scene, emulator.fidelity(), &choice),
+        &scene,
+        true,
+    );
+    let expected_e = frame.expected_e.unwrap().into_iter().map(f64::from);
+    Lit {
+        expected_e: expected_e.collect(),
+        digits: frame.digits,
+        scene,
+        choice,
+    }
+}
+
+/// The direction (ICRF) whose image is at `pixel` of a camera with that attitude.
+pub fn behind(camera: &Camera, attitude: &Attitude, pixel: [f64; 2]) -> Vector3<f64> {
+    let mounted = attitude.then(&camera.mounting);
+    mounted.inverse().rotate(&camera.optics.direction(pixel))
+}
+
+/// Light, and its centre (px).
+pub fn moments(image: &[f64], width: usize) -> (f64, [f64; 2]) {
+    let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
+    for (i, e) in image.iter().enumerate() {
+        sum += e;
+        x += e * (i % width) as f64;
+        y += e * (i / width) as f64;
+    }
+    (sum, [x / sum, y / sum])
+}
+
+/// Fails where a frame or its label holds a number that is none.
+pub fn check_numbers(shot: &Shot, what: &str) {
+    let expected = shot.frame.expected_e.iter().flatten();
+    assert!(
+        expected.clone().all(|e| e.is_finite() && *e >= 0.0),
+        "{what}"
+    );
+    let charge = shot.frame.charge_e.iter().flatten();
+    assert!(charge.clone().all(|e| e.is_finite()), "{what}");
+    let label: serde_json::Value = serde_json::from_str(&shot.json).unwrap();
+    for object in label["objects"].as_array().unwrap() {
+        let object = object.as_object().unwrap();
+        for (key, value) in object {
+            // No light arrives.
+            let dark = key == "band_mag" && object["electrons"].as_f64() == Some(0.0);
+            assert!(!value.is_null() || dark, "{what}: {key} of {object:?}");
+        }
+    }
+}
