@@ -2,8 +2,8 @@
 //! and a million sources.
 
 use crate::stage::{
-    Light, behind, camera, check_numbers, emulator, falling, light, moments, noon, oem, orbiter,
-    towards, vehicle,
+    Light, behind, camera, check_numbers, drawn, emulator, falling, light, moments, noon, oem,
+    orbiter, towards, vehicle,
 };
 use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
@@ -12,7 +12,6 @@ use skyloop::camera::psf::{Psf, Shape, Variation};
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Fidelity;
 use skyloop::plan::Plan;
-use skyloop::render::render;
 use skyloop::sky::photometry::{Sphere, diffuse_phase, photon_irradiance};
 use std::f64::consts::PI;
 use std::time::{Duration, Instant};
@@ -165,7 +164,7 @@ fn light_below_the_smallest_number_does_not_slow_a_frame() {
         let plan = Plan::new(&lit.scene, emulator.fidelity(), &lit.choice);
         let once = || {
             let started = Instant::now();
-            render(&plan, &lit.scene, true);
+            drawn(&plan, &lit.scene);
             started.elapsed()
         };
         (0..20).map(|_| once()).min().unwrap_or(Duration::MAX)
@@ -370,7 +369,7 @@ fn a_million_sources_add_up_in_any_order() {
     for (name, order) in orders {
         order(&mut lit.scene.sources);
         let plan = Plan::new(&lit.scene, emulator.fidelity(), &lit.choice);
-        let expected = render(&plan, &lit.scene, true).expected_e.unwrap();
+        let expected = drawn(&plan, &lit.scene).expected_e.unwrap();
         let expected: Vec<f64> = expected.into_iter().map(f64::from).collect();
         check(&expected, name);
     }

@@ -7,7 +7,9 @@ use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::{Choice, Fidelity};
+use skyloop::frame::Frame;
 use skyloop::load::{ConfigError, Folder};
+use skyloop::orbit::sgp4_batch::Level;
 use skyloop::plan::{Plan, simulated};
 use skyloop::render::render;
 use skyloop::scene::{Body, Candidate, Scene};
@@ -196,11 +198,7 @@ pub fn light(emulator: &Emulator, vehicle: &VehicleState, lights: &[Light]) -> L
         .collect();
     let simulated = simulated(&view, emulator.fidelity(), &choice);
     let scene = Scene::new(view, simulated, emulator.fidelity());
-    let frame = render(
-        &Plan::new(&scene, emulator.fidelity(), &choice),
-        &scene,
-        true,
-    );
+    let frame = drawn(&Plan::new(&scene, emulator.fidelity(), &choice), &scene);
     let expected_e = frame.expected_e.unwrap().into_iter().map(f64::from);
     Lit {
         expected_e: expected_e.collect(),
@@ -208,6 +206,11 @@ pub fn light(emulator: &Emulator, vehicle: &VehicleState, lights: &[Light]) -> L
         scene,
         choice,
     }
+}
+
+/// The frame of a plan, its expected electrons kept.
+pub fn drawn(plan: &Plan<'_>, scene: &Scene) -> Frame {
+    render(plan, scene, Some(Level::best()), true, Vec::new())
 }
 
 /// The direction (ICRF) whose image is at `pixel` of a camera with that attitude.
