@@ -1,12 +1,13 @@
 //! The run's configuration: what `skyloop run --config` and `skyloop render --scene` read.
 
+mod fidelity;
 mod objects;
 mod shapes;
 
 use crate::attitude::Attitude;
 use crate::camera::Camera;
 use crate::effect::EFFECTS;
-use crate::fidelity::{Choice, Fidelity, PRESETS};
+use crate::fidelity::{Choice, Fidelity};
 use crate::load::{
     Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, advice, orbits, parse,
 };
@@ -14,6 +15,7 @@ use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
 use crate::sky::photometry::Sphere;
 use crate::sky::population::{Looks, Population};
+use fidelity::RawFidelity;
 use hifitime::Epoch;
 use objects::{Objects, RawObjects};
 use serde::Deserialize;
@@ -112,6 +114,23 @@ pub struct Run {
     pub clock: Clock,
     /// After this silence (s) of its client an exchange may be taken over by another.
     pub idle_s: f64,
+    /// What is done where a frame would be late.
+    pub on_overrun: OnOverrun,
+    /// What is rendered by then, coarser and coarser.
+    pub coarsen: Vec<Fidelity>,
+}
+
+/// What is done where a frame would not be there a period after its exposure's end, by the wall clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OnOverrun {
+    /// It comes late.
+    #[default]
+    Late,
+    /// Its exposure has no frame.
+    Drop,
+    /// It is rendered more coarsely.
+    Coarsen,
 }
 
 /// Who gives the time.
@@ -131,8 +150,8 @@ struct Raw {
     seed: u64,
     #[serde(default = "default_camera")]
     camera: String,
-    #[serde(default = "default_fidelity")]
-    fidelity: String,
+    #[serde(default)]
+    fidelity: RawFidelity,
     #[serde(default = "default_label_snr")]
     label_snr: f64,
     #[serde(default)]
@@ -200,6 +219,8 @@ struct RawRun {
     objects: u16,
     clock: Clock,
     idle_s: f64,
+    on_overrun: OnOverrun,
+    coarsen: Vec<String>,
 }
 
 /// One text, or an array of them.
@@ -219,10 +240,6 @@ fn one() -> u64 {
 
 fn default_camera() -> String {
     "fai-nir".to_string()
-}
-
-fn default_fidelity() -> String {
-    "realtime".to_string()
 }
 
 fn default_label_snr() -> f64 {
@@ -254,6 +271,8 @@ impl Default for RawRun {
             objects: output.objects,
             clock: Clock::Stepped,
             idle_s: 5.0,
+            on_overrun: OnOverrun::default(),
+            coarsen: vec!["fast".to_string()],
         }
     }
 }
@@ -305,17 +324,11 @@ impl Config {
                 Some(Observer::Object(Box::new(object)))
             }
         };
+        let fidelity = raw.fidelity.validate(&check)?;
         Ok(Config {
             seed: raw.seed,
             camera: Camera::load(&raw.camera, folder)?,
-            fidelity: Fidelity::preset(&raw.fidelity).ok_or_else(|| {
-                let names: Vec<_> = PRESETS.iter().map(|(n, _)| *n).collect();
-                check.refuse(
-                    "fidelity",
-                    format!("{:?}", raw.fidelity),
-                    format!("one of {}", names.join(", ")),
-                )
-            })?,
+            fidelity,
             choice: raw.effects.validate(&check)?,
             label_snr: check.range("label_snr", raw.label_snr, 0.0..=1e9)?,
             sky: raw.sky.validate(&check)?,
@@ -326,7 +339,7 @@ impl Config {
             looks,
             observer,
             sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
-            run: raw.run.validate(&check)?,
+            run: raw.run.validate(fidelity, &check)?,
         })
     }
 }
@@ -393,7 +406,7 @@ impl RawSky {
 }
 
 impl RawRun {
-    fn validate(self, check: &Check) -> Result<Run, ConfigError> {
+    fn validate(self, fidelity: Fidelity, check: &Check) -> Result<Run, ConfigError> {
         let links = match self.link {
             OneOrMore::One(link) => vec![link],
             OneOrMore::More(links) if links.is_empty() => {
@@ -421,6 +434,8 @@ impl RawRun {
             },
             clock: self.clock,
             idle_s: check.range("run.idle_s", self.idle_s, 0.0..=1e6)?,
+            on_overrun: self.on_overrun,
+            coarsen: fidelity::steps(fidelity, &self.coarsen, check)?,
         })
     }
 }

@@ -38,6 +38,8 @@ pub struct Emulator {
     pub level: Option<Level>,
     /// Memory of an earlier frame.
     spare: Vec<u16>,
+    /// What labels say was done because a frame would have been late.
+    pub overrun: Option<&'static str>,
     next_frame: u32,
     rejected_records: u32,
     /// When the ages of element sets were last looked at, and whether they have been told.
@@ -94,6 +96,7 @@ impl Emulator {
             keep_expected: false,
             level: Some(Level::best()),
             spare: Vec::new(),
+            overrun: None,
             next_frame: 0,
             rejected_records: config.rejected.len() as u32,
             ages: (None, false),
@@ -173,7 +176,8 @@ impl Emulator {
             std::mem::take(&mut self.spare),
         );
         let number = self.next_frame;
-        let label = Label::new(number, &scene, &plan, &self.world, self.label_snr);
+        let mut label = Label::new(number, &scene, &plan, &self.world, self.label_snr);
+        label.overrun = self.overrun;
         drop(plan);
         let json = label.to_json();
         self.next_frame = self.next_frame.wrapping_add(1);
@@ -245,6 +249,7 @@ impl Emulator {
         Faint {
             snr: self.fidelity.skip_snr.min(self.label_snr),
             unlit_snr: self.label_snr,
+            star_snr: self.fidelity.star_snr.min(self.label_snr),
             floor_e: read_e.hypot(camera.detector.quantisation_variance().sqrt()),
         }
     }
@@ -252,5 +257,10 @@ impl Emulator {
     /// The error tolerances.
     pub fn fidelity(&self) -> &Fidelity {
         &self.fidelity
+    }
+
+    /// Renders by other tolerances from the next frame on.
+    pub fn set_fidelity(&mut self, fidelity: Fidelity) {
+        self.fidelity = fidelity;
     }
 }

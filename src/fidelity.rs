@@ -1,35 +1,104 @@
 //! What accuracy is asked for, as bounds of errors in field units; never a "quality" from 1 to 10.
 
-/// Error tolerances of the renderer. Each bounds one error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fidelity {
+mod knobs;
+
+pub use knobs::{Allowed, Knob, Setting, Value};
+
+use Allowed::{Numbers, Words};
+
+/// Makes of each row a field of [`Fidelity`], its value in each preset, and its [`Knob`].
+macro_rules! knobs {
+    ($($(#[$doc:meta])* $name:ident: $type:ty, $unit:literal, $allowed:expr,
+       [$fast:expr, $realtime:expr, $reference:expr], $seen:literal, $bound:expr, $bounds:literal;)*) => {
+        /// Error tolerances of the renderer. Each bounds one error.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub struct Fidelity {
+            $($(#[$doc])* pub $name: $type,)*
+        }
+
+        impl Fidelity {
+            /// For frames that must be there in time: errors that a detector's noise hides.
+            pub const FAST: Fidelity = Fidelity { $($name: $fast,)* };
+            /// For live frames: errors far below the noise of any frame.
+            pub const REALTIME: Fidelity = Fidelity { $($name: $realtime,)* };
+            /// The slow, obvious path that also serves the tests as truth.
+            pub const REFERENCE: Fidelity = Fidelity { $($name: $reference,)* };
+        }
+
+        /// All knobs.
+        pub const KNOBS: &[Knob] = &[$(Knob {
+            name: stringify!($name),
+            unit: $unit,
+            bounds: $bounds,
+            bound: $bound,
+            allowed: $allowed,
+            is_seen: $seen,
+            get: |fidelity| fidelity.$name.value(),
+            set: |fidelity, value| {
+                if let Some(value) = Setting::of(value) {
+                    fidelity.$name = value;
+                }
+            },
+        },)*];
+    };
+}
+
+/// A bound that is the value.
+fn itself(value: f64) -> f64 {
+    value
+}
+
+/// A bound of area light that is accepted where lines across nine places miss twice the value (`scene::area`). Of an even bend they then miss that between two neighbours. Of a kink of slope
+/// D at d from one of them, h apart, the test sees `D d / 2`, and lines miss `D d (h - d) / h`: up to four times the value, and across and down twice that.
+fn at_kinks(value: f64) -> f64 {
+    8.0 * value
+}
+
+// Name and type, unit, what it may be, its values in `fast`, `realtime` and `reference`, whether frames show it, the error that a value stands for,
+// of what.
+knobs! {
     /// Share of a point source's light that may fall outside its stamp (1).
-    pub psf_loss: f64,
+    psf_loss: f64, "1", Numbers([1e-12, 0.01]), [1e-4, 1e-6, 1e-12], true, itself,
+        "share of a source's light that is lost outside its stamp";
     /// So much of its light (e-) may fall outside in any case where its wings are narrow, up to a ten thousandth.
-    pub loss_e: f64,
+    loss_e: f64, "e-", Numbers([0.0, 1e3]), [0.05, 1e-3, 0.0], true, itself,
+        "light of a source that is lost outside its stamp in any case, up to a ten thousandth of it";
     /// Of wide wings only what brings a pixel at least this (e-) is drawn where it falls; the rest of their light is laid
     /// evenly over the pixels that are drawn, and brings each less than twice as much.
-    pub wing_e: f64,
+    wing_e: f64, "e-", Numbers([1e-3, 1e3]), [0.2, 0.02, 1e-3], true, |wing_e| 2.0 * wing_e,
+        "what a pixel's light of a source's wide wings is off by, e-: twice the value";
     /// Panels of a smeared track may be this long, in units of the PSF's sigma, whatever the source's light. A panel is
     /// integrated by two Gauss points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
     /// ends: 2e-5 at 0.5. Light and centroid are kept whatever the step.
-    pub track_step_sigma: f64,
+    track_step_sigma: f64, "sigma", Numbers([0.02, 1.0]), [1.0, 0.5, 0.1], true, |step| 1.4 * step.powi(4) / 4320.0,
+        "what a streak's profile is off by, as a part of its height: step^4 / 3086";
     /// Panels are longer, up to one sigma, and short tracks are points, where the profile still errs by no more than this (e-).
-    pub track_e: f64,
-    /// Area light runs in straight lines between places at which it is worked out where that errs by no more than this (e-) and
-    pub area_e: f64,
+    track_e: f64, "e-", Numbers([0.0, 1e3]), [0.1, 0.01, 0.0], true, itself,
+        "a pixel's light of a streak whose panels are longer, or which is drawn as a point";
+    /// Area light runs in straight lines between places at which it is worked out where its bend makes that err by no more than this (e-) and
+    area_e: f64, "e-", Numbers([1e-4, 1e3]), [0.2, 0.02, 1e-3], true, at_kinks,
+        "a pixel's area light that is drawn between places, beside area_part: itself where light bends evenly, up to 8 times as much at kinks and in thin layers";
     /// this part of it (1).
-    pub area_part: f64,
+    area_part: f64, "1", Numbers([1e-7, 0.1]), [5e-3, 5e-4, 1e-6], true, at_kinks,
+        "a part of that light, likewise";
     /// Draws of shot noise are within this total-variation distance of Poisson's (1).
-    pub poisson_tv: f64,
+    poisson_tv: f64, "1", Numbers([1e-6, 0.01]), [5e-4, 1e-4, 1e-6], true, itself,
+        "total-variation distance of draws of shot noise from Poisson's distribution";
     /// An effect without which no pixel's expected electrons change by more than this (e-) is skipped.
-    pub skip_e: f64,
+    skip_e: f64, "e-", Numbers([0.0, 1e6]), [0.5, 0.05, 0.0], true, itself,
+        "a pixel's expected electrons that an effect which is skipped would change";
     /// Light of an area that brings no pixel more than that is skipped where all of it has no more than this signal-to-noise ratio (1).
-    pub skip_snr: f64,
+    skip_snr: f64, "1", Numbers([0.0, 10.0]), [0.5, 0.05, 0.0], true, itself,
+        "signal-to-noise ratio of all of an area's light that is skipped, and of an object that has no image";
+    /// A star has no image where its light has no more than this signal-to-noise ratio (1), were there no noise but that of reading; nor do labels list it.
+    star_snr: f64, "1", Numbers([0.0, 10.0]), [0.5, 0.0, 0.0], true, itself,
+        "signal-to-noise ratio of a star that has no image, of those that labels do not list";
     /// An effect without which no image moves by more than this (px) is skipped; so is a source's own motion.
-    pub skip_px: f64,
+    skip_px: f64, "px", Numbers([0.0, 1.0]), [0.01, 1e-3, 0.0], true, itself,
+        "what an image, or an end of its track, is off by";
     /// How the orbits of objects are worked out.
-    pub orbits: Orbits,
+    orbits: Orbits, "method", Words(Orbits::WORDS), [Orbits::Tracked, Orbits::Tracked, Orbits::Scalar], false, |_| 1e-6,
+        "places of images, px: rounding, 1e-6";
 }
 
 /// How the orbits of objects are worked out. The frames are the same.
@@ -44,38 +113,27 @@ pub enum Orbits {
     Scalar,
 }
 
-impl Fidelity {
-    /// For live frames: errors far below the noise of any frame.
-    pub const REALTIME: Fidelity = Fidelity {
-        psf_loss: 1e-6,
-        loss_e: 1e-3,
-        wing_e: 0.02,
-        track_step_sigma: 0.5,
-        track_e: 0.01,
-        area_e: 0.02,
-        area_part: 5e-4,
-        poisson_tv: 1e-4,
-        skip_e: 0.05,
-        skip_snr: 0.05,
-        skip_px: 1e-3,
-        orbits: Orbits::Tracked,
-    };
-    /// The slow, obvious path that also serves the tests as truth.
-    pub const REFERENCE: Fidelity = Fidelity {
-        psf_loss: 1e-12,
-        loss_e: 0.0,
-        wing_e: 1e-3,
-        track_step_sigma: 0.1,
-        track_e: 0.0,
-        area_e: 1e-3,
-        area_part: 1e-6,
-        poisson_tv: 1e-6,
-        skip_e: 0.0,
-        skip_snr: 0.0,
-        skip_px: 0.0,
-        orbits: Orbits::Scalar,
-    };
+impl Orbits {
+    /// The names of the methods.
+    const WORDS: &[&str] = &["tracked", "exact", "scalar"];
+    const ALL: [Orbits; 3] = [Orbits::Tracked, Orbits::Exact, Orbits::Scalar];
+}
 
+impl Setting for Orbits {
+    fn value(self) -> Value {
+        let named = Orbits::ALL.iter().zip(Orbits::WORDS);
+        let mut named = named.filter(|(orbits, _)| **orbits == self);
+        Value::Word(named.next().map_or("", |(_, word)| word))
+    }
+
+    fn of(value: Value) -> Option<Orbits> {
+        let mut named = Orbits::ALL.iter().zip(Orbits::WORDS);
+        let of = named.find(|(_, word)| Value::Word(word) == value);
+        of.map(|(orbits, _)| *orbits)
+    }
+}
+
+impl Fidelity {
     /// The share (1) of the light of a source of so many `electrons` that may fall outside its stamp, where its wings are narrow.
     pub fn loss(&self, electrons: f64) -> f64 {
         const MOST: f64 = 1e-4;
@@ -101,6 +159,21 @@ impl Fidelity {
             .min(LONGEST_STEP_SIGMA)
     }
 
+    /// The preset that it is nearest to, by the number of knobs that differ, and those; of knobs that frames show.
+    pub fn told(&self) -> (&'static str, Vec<(&'static str, Value)>) {
+        let differing = |preset: &Fidelity| -> Vec<(&'static str, Value)> {
+            let knobs = KNOBS.iter();
+            let differing = knobs.filter(|knob| knob.is_seen && !knob.is_same(self, preset));
+            differing
+                .map(|knob| (knob.name, (knob.get)(self)))
+                .collect()
+        };
+        let all = PRESETS
+            .iter()
+            .map(|(name, preset)| (*name, differing(preset)));
+        all.min_by_key(|(_, knobs)| knobs.len()).unwrap_or_default()
+    }
+
     /// The preset called `name`.
     pub fn preset(name: &str) -> Option<Fidelity> {
         PRESETS.iter().find(|(n, _)| *n == name).map(|(_, f)| *f)
@@ -112,6 +185,7 @@ const LONGEST_STEP_SIGMA: f64 = 1.0;
 
 /// The named presets.
 pub const PRESETS: &[(&str, Fidelity)] = &[
+    ("fast", Fidelity::FAST),
     ("realtime", Fidelity::REALTIME),
     ("reference", Fidelity::REFERENCE),
 ];

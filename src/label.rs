@@ -1,9 +1,13 @@
 //! Labels: what is in a frame, exactly. One JSON object a frame; its names are the contract of the README.
 
+mod fidelity;
+mod objects;
 mod rounded;
 mod spot;
 mod unseen;
 
+pub use fidelity::FidelityLabel;
+pub use objects::Objects;
 pub use spot::{MOST_SPOTS, SpotLabel};
 pub use unseen::MOST_UNSEEN;
 
@@ -17,13 +21,10 @@ use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use serde::ser::Error;
-use serde::{Serialize, Serializer};
-use serde_json::value::{RawValue, to_raw_value};
+use serde::Serialize;
 use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
 use std::collections::BTreeMap;
-use std::ops::{Deref, DerefMut};
 
 /// Objects of a lower signal-to-noise ratio count as not visible.
 pub const VISIBLE_SNR: f64 = 3.0;
@@ -66,6 +67,11 @@ pub struct Label {
     /// The effect whose light alone fills every pixel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flooded_by: Option<&'static str>,
+    /// By which tolerances it was rendered.
+    pub fidelity: FidelityLabel,
+    /// What was done because a frame would have been late.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub overrun: Option<&'static str>,
     /// What was simulated and what was not, and why, in physical order.
     pub effects: Vec<EffectLabel>,
     /// Particles and defects that are not listed, for there are more than [`MOST_SPOTS`].
@@ -88,58 +94,6 @@ pub struct Label {
     pub unseen_left_out: Option<usize>,
     /// What is in the frame.
     pub objects: Objects,
-}
-
-/// What is in a frame: sources of light, and beside them, in the same array of the text, what is none. As a list it is
-/// that of the sources.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Objects {
-    /// The stars and RSOs in the frame or with light on the detector.
-    pub sources: Vec<ObjectLabel>,
-    /// Particles and defective pixels.
-    pub spots: Vec<SpotLabel>,
-}
-
-impl From<Vec<ObjectLabel>> for Objects {
-    fn from(sources: Vec<ObjectLabel>) -> Self {
-        let spots = Vec::new();
-        Objects { sources, spots }
-    }
-}
-
-impl Deref for Objects {
-    type Target = Vec<ObjectLabel>;
-
-    fn deref(&self) -> &Self::Target {
-        &self.sources
-    }
-}
-
-impl DerefMut for Objects {
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        &mut self.sources
-    }
-}
-
-impl<'a> IntoIterator for &'a Objects {
-    type Item = &'a ObjectLabel;
-    type IntoIter = std::slice::Iter<'a, ObjectLabel>;
-
-    fn into_iter(self) -> Self::IntoIter {
-        self.sources.iter()
-    }
-}
-
-impl Serialize for Objects {
-    /// They are most of a label: their texts are made side by side, which only JSON has a way for.
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        fn texts<T: Serialize + Sync>(all: &[T]) -> serde_json::Result<Vec<Box<RawValue>>> {
-            all.par_iter().map(to_raw_value).collect()
-        }
-        let sources = texts(&self.sources).map_err(S::Error::custom)?;
-        let spots = texts(&self.spots).map_err(S::Error::custom)?;
-        to.collect_seq(sources.iter().chain(&spots))
-    }
 }
 
 /// The plan's verdict on one effect.
@@ -319,6 +273,8 @@ impl Label {
             sun_deg: view.sun.angle.to_degrees(),
             sun_excluded: view.sun.excluded && scene.simulated.sunlight,
             flooded_by: scene.spill.flood.map(|kind| kind.effect),
+            fidelity: scene.fidelity().into(),
+            overrun: None,
             effects: plan.steps.iter().map(EffectLabel::new).collect(),
             spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
             spots_left_out_snr: spots.left_out_snr,

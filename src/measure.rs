@@ -1,5 +1,6 @@
 //! What effects really cost: each one's price and the error of leaving it out, measured on one frame.
 
+pub mod cost;
 pub mod frames;
 pub mod orbits;
 mod ratio;

@@ -30,6 +30,12 @@ pub struct RunStats {
     pub flooded: u32,
     /// Objects that had no state at some frame.
     pub without_state: usize,
+    /// Frames that were not there a period after their exposure's end, by the wall clock.
+    pub late: u32,
+    /// Frames that were rendered more coarsely, so as not to be late.
+    pub coarsened: u32,
+    /// Exposures that were left out, since their frames would have been late.
+    pub dropped: u32,
 }
 
 impl RunStats {
@@ -37,6 +43,7 @@ impl RunStats {
     pub fn add(&mut self, shot: &Shot) {
         self.frames += 1;
         self.render.add(shot.render_time);
+        self.coarsened += u32::from(shot.label.overrun == Some("coarsen"));
         self.flooded += u32::from(shot.label.flooded_by.is_some());
         self.without_state += shot.unknown.news.len();
         self.objects = shot.population;
@@ -72,6 +79,15 @@ impl RunStats {
         }
         if self.flooded > 0 {
             rows.push(row("frames full of light", self.flooded.to_string()));
+        }
+        for (name, count) in [
+            ("frames late", self.late),
+            ("frames coarsened", self.coarsened),
+            ("exposures dropped", self.dropped),
+        ] {
+            if count > 0 {
+                rows.push(row(name, count.to_string()));
+            }
         }
         if self.without_state > 0 {
             let count = self.without_state.to_string();

@@ -78,7 +78,7 @@ fn a_wrong_configuration_is_refused_by_file_key_value_and_range() {
         ("label_snr = nan", ["label_snr = NaN", "0 to 1000000000"]),
         (
             "fidelity = \"best\"",
-            ["fidelity = \"best\"", "one of realtime, reference"],
+            ["fidelity = \"best\"", "one of fast, realtime, reference"],
         ),
         (
             "[sky]\ncatalog = \"gaia\"",

@@ -8,6 +8,7 @@ use skyloop::camera::{Camera, Flux, Radiation};
 use skyloop::config::{Clock, Config};
 use skyloop::effect::EFFECTS;
 use skyloop::engine::Emulator;
+use skyloop::fidelity::{KNOBS, PRESETS, Value};
 use skyloop::flight;
 use skyloop::link::{self, Options, Roles};
 use skyloop::load::{CAMERAS, DEFAULT_TOML, Folder};
@@ -109,6 +110,7 @@ fn the_readme_lists_the_labels_fields() {
         .insert("too faint", vec!["NORAD 5".to_string()]);
     label.unseen_counts.insert("too faint", 2);
     label.unseen_left_out = Some(1);
+    label.overrun = Some("late");
     let label: serde_json::Value = serde_json::from_str(&label.to_json()).unwrap();
     // A detector with defects, and more particles than are drawn.
     let mut flawed = Config::defaults().unwrap();
@@ -153,6 +155,27 @@ fn the_readme_lists_the_labels_fields() {
 }
 
 #[test]
+fn the_readme_lists_the_knobs_and_what_presets_have() {
+    let rows = section(README, "### Fidelity").lines();
+    let rows: Vec<Vec<&str>> = rows
+        .filter(|row| row.starts_with("| `"))
+        .map(cells)
+        .collect();
+    assert_eq!(rows.len(), KNOBS.len());
+    for (row, knob) in rows.iter().zip(KNOBS) {
+        assert_eq!(row[0].trim_matches('`'), knob.name);
+        for (cell, (preset, fidelity)) in row[2..].iter().zip(PRESETS) {
+            let said = match cell.parse() {
+                Ok(number) => Value::Number(number).to_string(),
+                Err(_) => cell.trim_matches('`').to_string(),
+            };
+            let value = (knob.get)(fidelity).to_string();
+            assert_eq!(said, value, "{} of {preset}", knob.name);
+        }
+    }
+}
+
+#[test]
 fn the_readmes_commands_exist() {
     assert!(README.contains("    cargo run --release -- loopback "));
     assert!(README.contains("    tests/run "));
@@ -190,7 +213,9 @@ fn the_default_file_has_every_key_and_no_other() {
         )
     };
     let mut wanted = probe("no_such_key = 1", "");
-    let tables = ["effects", "sky", "objects", "observer", "run", "sequence"];
+    let tables = [
+        "fidelity", "effects", "sky", "objects", "observer", "run", "sequence",
+    ];
     for table in tables {
         assert!(wanted.remove(table), "{table}");
         wanted.extend(probe(

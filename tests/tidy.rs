@@ -95,6 +95,7 @@ const FENCES: &[(&str, &[&str])] = &[
         &[
             "cli/bench",
             "cli/catalog",
+            "cli/cost",
             "cli/plan",
             "label",
             "link/fault/book",

@@ -1,5 +1,7 @@
 //! `skyloop loopback`: the emulator and the mock flight computer against each other.
 
+use super::budget::{Budget, FRAMES};
+use super::cost::spread;
 use super::{Orbits, Records, instruments, levels, mission, progress, scene, with_level};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
@@ -47,6 +49,8 @@ pub struct Args {
     records: Records,
     #[command(flatten)]
     orbits: Orbits,
+    #[command(flatten)]
+    budget: Budget,
 }
 
 /// Frames that may wait to be written; then the emulator waits.
@@ -76,10 +80,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let writer = Writer::create(&args.out, frames)?;
     let links = instruments.around(vec![(wire, Roles::ALL)])?;
     let output = config.run.output;
-    let emulator = Emulator::new(&mut config);
+    let mut emulator = Emulator::new(&mut config);
+    let chosen = args
+        .budget
+        .settle(&mut emulator, || spread(&mission, FRAMES))?;
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     say(format_args!(
-        "{}{} of {} over {}\n",
+        "{chosen}{}{} of {} over {}\n",
         server.levels(),
         counted(frames as usize, "frame"),
         config.camera.name,

@@ -1,7 +1,9 @@
 //! The command line. A command is a file here and a line in [`Command`].
 
 mod bench;
+mod budget;
 mod catalog;
+mod cost;
 mod instruments;
 mod lightcurve;
 mod loopback;
@@ -52,6 +54,8 @@ enum Command {
     Render(Box<render::Args>),
     /// Say what a frame simulates and what not, why, and what that costs
     Plan(plan::Args),
+    /// Render a scene at each setting of the tolerances, and set their errors against their times
+    Cost(cost::Args),
     /// Say which objects cross the camera's field, when, and how bright
     Passes(Box<passes::Args>),
     /// Write the magnitude of an object against time, as a table and a plot
@@ -76,6 +80,7 @@ impl Cli {
             Command::Run(args) => run::run(args),
             Command::Render(args) => render::run(*args),
             Command::Plan(args) => plan::run(args),
+            Command::Cost(args) => cost::run(args),
             Command::Passes(args) => passes::run(*args),
             Command::Lightcurve(args) => lightcurve::run(args),
             Command::Bench(args) => bench::run(args),

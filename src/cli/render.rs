@@ -1,5 +1,7 @@
 //! `skyloop render`: frames and labels into a folder, without a flight computer.
 
+use super::budget::{Budget, FRAMES};
+use super::cost::spread;
 use super::pointing::Pointing;
 use super::{Orbits, Records, mission, progress};
 use anyhow::bail;
@@ -71,6 +73,8 @@ pub struct Args {
     records: Records,
     #[command(flatten)]
     orbits: Orbits,
+    #[command(flatten)]
+    budget: Budget,
 }
 
 /// Exactly N finite numbers, separated by commas.
@@ -113,6 +117,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mission = mission(&config, args.scene.as_deref())?;
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = !args.no_noise;
+    let chosen = args
+        .budget
+        .settle(&mut emulator, || spread(&mission, FRAMES))?;
+    say(format_args!("{chosen}"))?;
     emulator.keep_expected = args.no_noise;
     let mut writer = Writer::create(&args.out, mission.frames)?;
     let mut stats = RunStats::default();

@@ -1,6 +1,8 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
-use super::{Orbits, Records, instruments, levels, with_level};
+use super::budget::{Budget, FRAMES, around};
+use super::cost::spread;
+use super::{Orbits, Records, instruments, levels, mission, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config};
@@ -37,6 +39,8 @@ pub struct Args {
     records: Records,
     #[command(flatten)]
     orbits: Orbits,
+    #[command(flatten)]
+    budget: Budget,
 }
 
 /// Runs the command.
@@ -63,8 +67,17 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let links = instruments.around(links)?;
     let (objects, clock) = (config.objects.len(), config.run.clock);
     let output = with_level(config.run.output, args.output.as_deref());
-    let emulator = Emulator::new(&mut config);
+    let scene = match config.sequence {
+        Some(_) => Some(mission(&config, Some(&args.config))?),
+        None => None,
+    };
+    let mut emulator = Emulator::new(&mut config);
+    let chosen = args.budget.settle(&mut emulator, || match &scene {
+        Some(mission) => spread(mission, FRAMES),
+        None => around(),
+    })?;
     let mut server = Server::new(emulator, links, output, clock, &NATIVE);
+    server.set_overrun(&config.run);
     server.fits().map_err(anyhow::Error::msg)?;
 
     let pace = match clock {
@@ -81,7 +94,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     let camera = &config.camera;
     say(format_args!(
-        "{} ({} x {}), {}, {pace}\n{}listening on {}; Ctrl-C ends the run\n",
+        "{chosen}{} ({} x {}), {}, {pace}\n{}listening on {}; Ctrl-C ends the run\n",
         camera.name,
         camera.detector.width,
         camera.detector.height,

@@ -8,7 +8,7 @@
 //! contact_sheet.png           up to twelve annotated frames, spread over the run
 //! ```
 //!
-//! `skyloop lightcurve` writes `lightcurve.csv` and `lightcurve.png` instead.
+//! `skyloop lightcurve` writes `lightcurve.csv` and `lightcurve.png` instead, `skyloop cost` `cost.csv` and `cost.png`.
 
 mod canvas;
 mod fits;
@@ -19,6 +19,7 @@ mod panel;
 pub mod passes;
 mod plot;
 mod png;
+mod scatter;
 mod sheet;
 mod sip;
 mod stretch;
@@ -27,6 +28,7 @@ mod wcs;
 
 pub use folder::OutputError;
 pub use light_curve::write_light_curve;
+pub use scatter::{Dot, Scatter, write_scatter};
 pub use text::{remove_file, write_text};
 
 use crate::camera::Camera;

@@ -32,12 +32,12 @@ pub struct Series {
     pub values: Vec<Option<f64>>,
 }
 
-const SIZE: [u32; 2] = [1000, 560];
+pub(super) const SIZE: [u32; 2] = [1000, 560];
 /// Left, top, right and lower edge of the axes, px.
-const FRAME: [i32; 4] = [80, 60, 975, 490];
-const GROUND: Rgb888 = Rgb888::new(12, 14, 20);
-const GRID: Rgb888 = Rgb888::new(40, 44, 54);
-const INK: Rgb888 = Rgb888::new(210, 214, 220);
+pub(super) const FRAME: [i32; 4] = [80, 60, 975, 490];
+pub(super) const GROUND: Rgb888 = Rgb888::new(12, 14, 20);
+pub(super) const GRID: Rgb888 = Rgb888::new(40, 44, 54);
+pub(super) const INK: Rgb888 = Rgb888::new(210, 214, 220);
 /// About as many labels an axis.
 const TICKS: f64 = 8.0;
 /// Steps between the labels of a time axis, s, that divide minutes, hours and days.
@@ -180,7 +180,7 @@ impl Plot {
     }
 }
 
-fn line(canvas: &mut Canvas, a: [i32; 2], b: [i32; 2], color: Rgb888, weight: u32) {
+pub(super) fn line(canvas: &mut Canvas, a: [i32; 2], b: [i32; 2], color: Rgb888, weight: u32) {
     let style = PrimitiveStyle::with_stroke(color, weight);
     let line = Line::new(Point::new(a[0], a[1]), Point::new(b[0], b[1]));
     // A canvas takes everything.

@@ -340,6 +340,11 @@ impl Scene {
             + lanes::sum(self.areas_e()) / self.view.camera.detector.pixels() as f64
     }
 
+    /// The tolerances that it was made to.
+    pub fn fidelity(&self) -> &Fidelity {
+        &self.fidelity
+    }
+
     /// Expected dark charge of a pixel, as far as it is simulated, e-.
     pub fn dark_e(&self) -> f64 {
         background_e(&self.view, &self.simulated)

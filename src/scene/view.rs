@@ -119,6 +119,8 @@ pub struct Faint {
     pub snr: f64,
     /// or than this where none of its light arrives, and it is in full light that the ratio is meant,
     pub unlit_snr: f64,
+    /// and of stars what has less than this,
+    pub star_snr: f64,
     /// in noise that every pixel has, whatever it shows, e-.
     pub floor_e: f64,
 }
@@ -133,7 +135,7 @@ pub struct Unknown {
 }
 
 impl View {
-    /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]). Objects that are
+    /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]). Stars and objects that are
     /// too `faint`, even in full light, have no image.
     ///
     /// Fails only where the exposure time is none, the epoch lies outside the ephemerides, the body turns further than [`MAX_TURN`](super::MAX_TURN), or the
@@ -194,6 +196,8 @@ impl View {
         let earth = Earth::at(exposure.mid);
         let stars = stars.into_par_iter().with_min_len(FEW);
         let stars = stars.map(|star| view.star(star, &earth, &shutter[1]));
+        let faintest_e = faint.star_snr * view.noise_e(faint.floor_e);
+        let stars = stars.filter(|star| star.clear_e >= faintest_e);
         let mut candidates: Vec<Candidate> = stars.collect();
         let to_icrf = view.pointing(0.0).matrix().transpose();
         let sides = camera.sides(reach_px).into_iter().map(|side| Side {

@@ -22,6 +22,8 @@ pub struct WallClock {
     shot: Option<Instant>,
     /// Scene time and the instant that it was read at.
     zero: Option<(Epoch, Instant)>,
+    /// A period after the end of the exposure that was taken last; none of a single shot.
+    deadline: Option<Instant>,
     /// Exposures without a frame.
     pub missed: u32,
 }
@@ -36,6 +38,7 @@ impl WallClock {
             ended: None,
             shot: None,
             zero: None,
+            deadline: None,
             missed: 0,
         }
     }
@@ -115,11 +118,23 @@ impl WallClock {
         due.map_or(RESTING, |due| due.saturating_duration_since(now))
     }
 
+    /// Time until the frame of the exposure that was taken last is late; none of a single shot, which no other waits for.
+    pub fn spare(&self, now: Instant) -> Option<Duration> {
+        let deadline = self.deadline?;
+        Some(deadline.saturating_duration_since(now))
+    }
+
+    /// Whether it is late already.
+    pub fn is_late(&self, now: Instant) -> bool {
+        self.deadline.is_some_and(|deadline| deadline < now)
+    }
+
     /// If an exposure has ended: its middle in the scene's time.
     pub fn take_due(&mut self, exposure_s: f64, now: Instant) -> Option<Epoch> {
         let (scene, zero) = self.zero?;
         self.advance(now);
         let end = self.ended.take()?;
+        self.deadline = (self.shot != Some(end)).then(|| end + self.period);
         self.shot = self.shot.filter(|shot| *shot != end);
         let since = end.duration_since(zero).as_secs_f64();
         Some(scene + seconds(since - exposure_s / 2.0))
@@ -194,6 +209,9 @@ mod tests {
         // End of the first exposure: one period of 20 ms after the attitude; its middle 5 ms earlier.
         assert!(((mid - scene()).to_seconds() - 0.015).abs() < 1e-9);
         assert_eq!(clock.until_due(zero + ms(25)), ms(15));
+        // The frame is late from 40 ms on.
+        assert_eq!(clock.spare(zero + ms(25)), Some(ms(15)));
+        assert!(!clock.is_late(zero + ms(40)) && clock.is_late(zero + ms(41)));
         assert_eq!(taken(&mut clock, zero + ms(95)), Some(80), "the newest");
         assert_eq!(clock.missed, 2, "those that ended at 40 and at 60 ms");
         clock.clear(50.0, zero + ms(145));
@@ -234,6 +252,8 @@ mod tests {
         assert!(clock.single_shot_is_open(), "a rate does not end it");
         assert_eq!(taken(&mut clock, zero + ms(725)), Some(600));
         assert!(!clock.single_shot_is_open());
+        assert_eq!(clock.spare(zero + ms(725)), None);
+        assert!(!clock.is_late(zero + ms(5000)));
         assert_eq!(clock.missed, 4, "and those that ended at 650 and at 700 ms");
         assert_eq!(taken(&mut clock, zero + ms(750)), Some(750));
         clock.single_shot(0.1, zero + ms(760));

@@ -11,12 +11,13 @@ mod cut;
 mod deliver;
 mod latch;
 mod obey;
+mod overrun;
 mod receive;
 mod select;
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
-use crate::config::Clock;
+use crate::config::{Clock, OnOverrun, Run};
 use crate::engine::{Emulator, Shot};
 use crate::link::{LinkError, Roles, Standstill, Wire};
 use crate::scene::Exposure;
@@ -24,6 +25,7 @@ use crate::stats::{Absent, RunStats};
 use channel::Channel;
 use clock::WallClock;
 use latch::tellable;
+use overrun::{Overrun, Verdict};
 use skyloop_protocols::{Counters, Header, Output, Personality};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -70,6 +72,7 @@ pub struct Server {
     personality: &'static Personality,
     clock: Clock,
     wall: WallClock,
+    overrun: Overrun,
     truth: Truth,
     counters: Counters,
     /// The link that has ended.
@@ -109,6 +112,7 @@ impl Server {
         let wall = WallClock::new(emulator.camera().rate_hz);
         let links = links.into_iter();
         Server {
+            overrun: Overrun::new(OnOverrun::Late, *emulator.fidelity(), &[]),
             emulator,
             channels: links
                 .map(|(wire, roles)| Channel::new(wire, roles, output))
@@ -123,6 +127,11 @@ impl Server {
             stats: RunStats::default(),
             absent: Absent::default(),
         }
+    }
+
+    /// Does what `run` says where a frame would be late by the wall clock.
+    pub fn set_overrun(&mut self, run: &Run) {
+        self.overrun = Overrun::new(run.on_overrun, *self.emulator.fidelity(), &run.coarsen);
     }
 
     /// Where the emulator listens, link by link.
@@ -195,10 +204,10 @@ impl Server {
                     .truth
                     .waiting
                     .pop_front()
-                    .map(|latched| (latched.vehicle.clone(), latched, 0)),
+                    .map(|latched| (latched.vehicle.clone(), latched, 0, 0)),
                 Clock::Wall => self.due_on_the_wall(),
             };
-            let Some((vehicle, latched, repeat)) = due else {
+            let Some((vehicle, latched, repeat, level)) = due else {
                 let pause = match self.clock {
                     Clock::Stepped => POLL,
                     Clock::Wall => self.wall.until_due(Instant::now()).min(POLL),
@@ -215,6 +224,9 @@ impl Server {
                     continue;
                 }
             };
+            self.overrun.learn(level, shot.render_time);
+            let late = self.clock == Clock::Wall && self.wall.is_late(Instant::now());
+            self.stats.late += u32::from(late);
             self.counters.frames_rendered = self.counters.frames_rendered.wrapping_add(1);
             self.stats.add(&shot);
             self.absent.report(&shot);
@@ -246,16 +258,28 @@ impl Server {
         shot.map_err(|error| error.to_string())
     }
 
-    /// The vehicle carried to the exposure whose end has come, and how many frames its attitude made before.
-    fn due_on_the_wall(&mut self) -> Option<(VehicleState, Latched, u32)> {
+    /// The vehicle carried to the exposure whose end has come, how many frames its attitude made before, and by which level of tolerances it is
+    /// rendered; none where it is left out.
+    fn due_on_the_wall(&mut self) -> Option<(VehicleState, Latched, u32, usize)> {
         let mut latched = self.truth.latest.clone()?;
         latched.camera = self.emulator.camera();
         let mid = self
             .wall
             .take_due(latched.camera.exposure_s, Instant::now())?;
+        let Verdict::Shoot { level, overrun } =
+            self.overrun.decide(self.wall.spare(Instant::now()))
+        else {
+            self.wall.missed = self.wall.missed.wrapping_add(1);
+            self.stats.dropped = self.overrun.dropped;
+            return None;
+        };
+        if let Some(fidelity) = self.overrun.fidelity(level) {
+            self.emulator.set_fidelity(fidelity);
+        }
+        self.emulator.overrun = overrun;
         let repeat = self.truth.repeat;
         self.truth.repeat = repeat.wrapping_add(1);
-        Some((latched.vehicle.at(mid), latched, repeat))
+        Some((latched.vehicle.at(mid), latched, repeat, level))
     }
 
     /// The link that brings the truth.

@@ -2,8 +2,9 @@
 
 use skyloop::attitude::Attitude;
 use skyloop::camera::Camera;
+use skyloop::fidelity::Fidelity;
 use skyloop::frame::Frame;
-use skyloop::label::{Label, ObjectLabel, RsoLabel};
+use skyloop::label::{FidelityLabel, Label, ObjectLabel, RsoLabel};
 use skyloop::load::Folder;
 
 /// A small generator of numbers in 0..1 (SplitMix64), so that frames are the same in every run.
@@ -66,6 +67,8 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
         spots_left_out: None,
         spots_left_out_snr: None,
         particles_left_out: None,
+        fidelity: FidelityLabel::from(&Fidelity::REALTIME),
+        overrun: None,
         effects: Vec::new(),
         unseen: Default::default(),
         unseen_counts: Default::default(),

@@ -20,6 +20,10 @@ const SMALLEST: usize = 4;
 /// Where lines miss no more than this many times what they may, the middle of a pixel stands for all of it: of a bend b (e-/px^2) lines
 /// across [`SMALLEST`] miss 2 b, and the middle b / 24, of two bends together.
 const MIDDLE: f64 = 24.0;
+/// Of an even bend lines across a quarter of a square miss a quarter of what they miss across it. Where they seem to miss less than that, a kink or a thin layer lies between
+/// the places at which it is looked: what they miss is believed where it was no more than so many times what it may be before.
+const QUARTERED: f64 = 4.0;
+const LUCK: f64 = 1.5 * QUARTERED;
 /// What moves by less (px) stands still.
 const STILL_PX: f64 = 0.02;
 /// Steps of the time of a pixel for each pixel that the light moves by, and at most.
@@ -70,6 +74,8 @@ struct Square {
     y: i64,
     side: usize,
     corners: [Option<f64>; 4],
+    /// How often lines across the square that it is a quarter of missed what they may; 0 of the largest.
+    missed: f64,
 }
 
 /// What lays one band of squares.
@@ -144,6 +150,7 @@ impl Band<'_, '_> {
                 y,
                 side: SQUARE,
                 corners,
+                missed: 0.0,
             });
         }
         self.sample();
@@ -211,6 +218,7 @@ impl Band<'_, '_> {
             y,
             side,
             corners,
+            missed: before,
         } = square;
         let (dx, dy) = (x - self.from[0], y - self.from[1]);
         if dx >= self.columns as i64 || dy * self.columns as i64 >= self.e.len() as i64 {
@@ -247,10 +255,10 @@ impl Band<'_, '_> {
         });
         let missed = missed.fold(0.0, f64::max);
         let is_whole = nodes.iter().all(Option::is_some) && !self.has_edge(&square);
-        if is_whole && missed <= 1.0 {
+        if is_whole && missed <= 1.0 && before <= LUCK {
             self.fill(&square, &nodes.map(value));
         } else if side <= SMALLEST {
-            let bent = !is_whole || missed > MIDDLE;
+            let bent = !is_whole || missed.max(before / QUARTERED) > MIDDLE;
             self.mark(&square, if bent { Sampled::All } else { Sampled::Middle });
         } else {
             let quarters = [
@@ -265,6 +273,7 @@ impl Band<'_, '_> {
                     y: y + dy as i64,
                     side: half,
                     corners,
+                    missed,
                 });
             }
         }

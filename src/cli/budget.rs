@@ -1,0 +1,116 @@
+//! `--budget-ms`: the tolerances that a machine has the time for, measured at the start of a run.
+
+use anyhow::{Context, bail};
+use hifitime::Epoch;
+use skyloop::attitude::VehicleState;
+use skyloop::engine::Emulator;
+use skyloop::fidelity::KNOBS;
+use skyloop::measure::cost::{Chosen, Effort, Report};
+use std::time::Duration;
+
+/// The time that a frame may take.
+#[derive(clap::Args)]
+pub(super) struct Budget {
+    /// Measure at the start what settings of `fidelity` take, and run with the most accurate of which 99 frames in 100 take no longer than so many
+    /// milliseconds
+    #[arg(long, value_name = "MS", value_parser = positive_ms, allow_hyphen_values = true)]
+    budget_ms: Option<f64>,
+}
+
+/// Frames and rounds that are measured on, and for how long at most.
+pub(super) const FRAMES: u32 = 3;
+const EFFORT: Effort = Effort {
+    rounds: 101,
+    limit: Duration::from_secs(10),
+    one_core: false,
+};
+
+/// A time.
+pub(super) fn positive_ms(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(ms) if (1e-3..=1e6).contains(&ms) => Ok(ms),
+        _ => Err("a number of milliseconds from 0.001 to 1000000 is wanted".to_string()),
+    }
+}
+
+impl Budget {
+    /// Gives `emulator` the best setting for the frames of `vehicles`, which are asked for only then; what was chosen, or nothing without a budget.
+    pub fn settle(
+        &self,
+        emulator: &mut Emulator,
+        vehicles: impl FnOnce() -> anyhow::Result<Vec<VehicleState>>,
+    ) -> anyhow::Result<String> {
+        let Some(budget_ms) = self.budget_ms else {
+            return Ok(String::new());
+        };
+        let report = Report::measure(emulator, &vehicles()?, EFFORT, |_, _| {})?;
+        let Some(chosen) = report.chosen(budget_ms) else {
+            bail!(
+                "--budget-ms {budget_ms}: no setting was measured: please report it with the command you gave"
+            );
+        };
+        emulator.set_fidelity(chosen.row.fidelity);
+        let text = chosen_text(budget_ms, &chosen);
+        if !chosen.fits {
+            tracing::warn!("--budget-ms {budget_ms}: {}", text.trim_end());
+            return Ok(String::new());
+        }
+        Ok(text)
+    }
+}
+
+/// What was chosen, and how a file says it.
+pub(super) fn chosen_text(budget_ms: f64, chosen: &Chosen<'_>) -> String {
+    let row = chosen.row;
+    let mut text = format!(
+        "fidelity for {budget_ms} ms: {}, p50 {:.2} ms, p99 {:.2} ms, rms {:.2e} e- a pixel against reference (fidelity = {})",
+        row.setting,
+        row.p50_ms,
+        row.p99_ms,
+        row.errors.frame_rms_e,
+        in_file(chosen)
+    );
+    if !chosen.fits {
+        text += "\nno setting is that fast, this is the fastest: give more time, switch off effects that `skyloop plan --measure` says take it, \
+                 take a smaller detector or fewer stars (sky.catalog), or another machine";
+    }
+    text + "\n"
+}
+
+/// The setting as the key `fidelity` has it.
+fn in_file(chosen: &Chosen<'_>) -> String {
+    let row = chosen.row;
+    match (row.knob, row.value) {
+        (Some(knob), Some(value)) => {
+            let is_word = KNOBS.iter().any(|other| {
+                other.name == knob && matches!(other.allowed, skyloop::fidelity::Allowed::Words(_))
+            });
+            let value = match is_word {
+                true => format!("{:?}", value.to_string()),
+                false => value.to_string(),
+            };
+            format!("{{ preset = \"realtime\", {knob} = {value} }}")
+        }
+        _ => format!("{:?}", row.setting),
+    }
+}
+
+/// Where a client may look that has said nothing yet: along the six axes, at rest, now.
+pub(super) fn around() -> anyhow::Result<Vec<VehicleState>> {
+    let epoch = Epoch::now().context("the system's time")?;
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let turns = [
+        [0.0, 0.0, 0.0, 1.0],
+        [1.0, 0.0, 0.0, 0.0],
+        [half, 0.0, 0.0, half],
+        [-half, 0.0, 0.0, half],
+        [0.0, half, 0.0, half],
+        [0.0, -half, 0.0, half],
+    ];
+    let vehicles = turns
+        .into_iter()
+        .map(|q| VehicleState::new(0, epoch, q, [0.0; 3], None));
+    vehicles
+        .collect::<Result<_, _>>()
+        .context("an attitude to measure at")
+}

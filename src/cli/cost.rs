@@ -1,0 +1,150 @@
+//! `skyloop cost`: what each setting of the tolerances costs in time, and what it is off by.
+
+use super::budget::{chosen_text, positive_ms};
+use super::{Records, mission, progress, scene, scene_name, warn_of_old};
+use clap::Args as ClapArgs;
+use serde::Serialize;
+use skyloop::attitude::VehicleState;
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::measure::cost::{Effort, ROUNDS, Report, Row};
+use skyloop::output::{Dot, Scatter, write_scatter, write_text};
+use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::mission::Mission;
+use skyloop_firmware_sim::text::whole;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Arguments of `skyloop cost`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Scene file with a [sequence] [default: the built-in FAI on CASSIOPE, 15 June 2019]
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// Name the best setting of which 99 frames in 100 take no longer than so many milliseconds
+    #[arg(long, value_name = "MS", value_parser = positive_ms, allow_hyphen_values = true)]
+    budget_ms: Option<f64>,
+    /// Frames of the sequence that errors are measured on, spread over it
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole(1..=1000u32), allow_negative_numbers = true)]
+    frames: u32,
+    /// Rounds of which times are taken, at most; after two minutes there are no more
+    #[arg(long, value_name = "N", default_value_t = ROUNDS as u32, value_parser = whole(1..=100_000u32), allow_negative_numbers = true)]
+    rounds: u32,
+    /// Make frames on one thread, and tell what it has had of its processor: for machines that have other work, too
+    #[arg(long)]
+    one_core: bool,
+    /// Folder for cost.csv and cost.png; made if it does not exist
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    records: Records,
+}
+
+/// No more rounds after so long.
+const LIMIT: Duration = Duration::from_secs(120);
+/// The folder's files.
+const LINES: &str = "cost.csv";
+const PICTURE: &str = "cost.png";
+
+/// As JSON.
+#[derive(Serialize)]
+struct Whole<'a> {
+    scene: &'a str,
+    #[serde(flatten)]
+    report: &'a Report,
+    budget_ms: Option<f64>,
+    /// The setting for the budget.
+    chosen: Option<&'a str>,
+    /// Whether it is within the budget.
+    fits: Option<bool>,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let mut config = scene(args.scene.as_deref())?;
+    args.records.settle(&config)?;
+    let mission = mission(&config, args.scene.as_deref())?;
+    let vehicles = spread(&mission, args.frames)?;
+    let mut emulator = Emulator::new(&mut config);
+    if let Some(first) = vehicles.first() {
+        warn_of_old(emulator.world().population.objects(), first.epoch);
+    }
+    let effort = Effort {
+        rounds: args.rounds as usize,
+        limit: LIMIT,
+        one_core: args.one_core,
+    };
+    let bar = progress(1, "frames and rounds");
+    let report = Report::measure(&mut emulator, &vehicles, effort, |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    let name = scene_name(args.scene.as_deref());
+    let chosen = args.budget_ms.and_then(|budget| report.chosen(budget));
+    if args.json {
+        let whole = Whole {
+            scene: &name,
+            report: &report,
+            budget_ms: args.budget_ms,
+            chosen: chosen.map(|chosen| chosen.row.setting.as_str()),
+            fits: chosen.map(|chosen| chosen.fits),
+        };
+        say(format_args!("{}\n", serde_json::to_string_pretty(&whole)?))?;
+    } else {
+        say(format_args!("{report}"))?;
+        if let (Some(budget), Some(chosen)) = (args.budget_ms, &chosen) {
+            say(format_args!("\n{}", chosen_text(budget, chosen)))?;
+        }
+    }
+    if let Some(dir) = &args.out {
+        write_text(&dir.join(LINES), &report.csv())?;
+        write_scatter(dir, PICTURE, &plot(&report, &name, args.budget_ms))?;
+        if !args.json {
+            say(format_args!("wrote {}\n", dir.display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// So many frames of a mission at most, spread over it.
+pub(super) fn spread(mission: &Mission, most: u32) -> anyhow::Result<Vec<VehicleState>> {
+    let count = most.min(mission.frames);
+    let last = u64::from(mission.frames.saturating_sub(1));
+    let number = |i: u32| match count {
+        0 | 1 => 0,
+        _ => (u64::from(i) * last / u64::from(count - 1)) as u32,
+    };
+    let vehicles = (0..count).map(|i| flight::vehicle(mission, number(i)));
+    Ok(vehicles.collect::<Result<_, _>>()?)
+}
+
+/// Error against time.
+fn plot(report: &Report, scene: &str, budget_ms: Option<f64>) -> Scatter {
+    // What only chance tells from a preset needs no name.
+    let presets = || report.rows.iter().filter(|row| row.knob.is_none());
+    let is_named = |row: &Row| {
+        row.knob.is_none() || row.is_front || !presets().any(|preset| preset.is_alike(row))
+    };
+    let dot = |row: &Row| Dot {
+        at: [row.p50_ms, row.errors.frame_rms_e],
+        name: match is_named(row) {
+            true => row.setting.clone(),
+            false => String::new(),
+        },
+        is_large: row.knob.is_none(),
+        is_front: row.is_front,
+    };
+    Scatter {
+        title: format!("{scene}, {}", report.camera),
+        axes: [
+            "median time of a frame, ms; the line joins what no setting beats in both",
+            "rms of pixels against reference, e-",
+        ],
+        dots: report.rows.iter().map(dot).collect(),
+        limit: budget_ms.map(|ms| (ms, format!("budget {ms} ms"))),
+    }
+}

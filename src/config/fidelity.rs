@@ -1,0 +1,190 @@
+//! The key `fidelity`: the name of a preset, or a table of a preset and the knobs that differ from it.
+
+use crate::fidelity::{Allowed, Fidelity, KNOBS, Knob, PRESETS, Value};
+use crate::load::{Check, ConfigError, advice};
+use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
+use std::fmt;
+use std::sync::LazyLock;
+
+/// As it stands in the file.
+pub struct RawFidelity {
+    preset: String,
+    knobs: Vec<(&'static Knob, Raw)>,
+}
+
+/// What a knob is to be set to.
+enum Raw {
+    Number(f64),
+    Word(String),
+}
+
+/// A key of the table.
+enum Key {
+    Preset,
+    Knob(&'static Knob),
+}
+
+const PRESET: &str = "preset";
+
+/// All of them.
+static KEYS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
+    let knobs = KNOBS.iter().map(|knob| knob.name);
+    [PRESET].into_iter().chain(knobs).collect()
+});
+
+impl Default for RawFidelity {
+    fn default() -> Self {
+        RawFidelity {
+            preset: "realtime".to_string(),
+            knobs: Vec::new(),
+        }
+    }
+}
+
+impl RawFidelity {
+    /// The tolerances, each within its range.
+    pub fn validate(self, check: &Check) -> Result<Fidelity, ConfigError> {
+        let mut fidelity = Fidelity::preset(&self.preset).ok_or_else(|| {
+            let names: Vec<_> = PRESETS.iter().map(|(name, _)| *name).collect();
+            let given = format!("{:?}", self.preset);
+            check.refuse("fidelity", given, format!("one of {}", names.join(", ")))
+        })?;
+        for (knob, raw) in self.knobs {
+            let key = format!("fidelity.{}", knob.name);
+            (knob.set)(&mut fidelity, value(&key, knob, raw, check)?);
+        }
+        Ok(fidelity)
+    }
+}
+
+/// What each of `run.coarsen` comes to: a preset, or a knob of what stands before it, of `fidelity` first.
+pub fn steps(
+    fidelity: Fidelity,
+    texts: &[String],
+    check: &Check,
+) -> Result<Vec<Fidelity>, ConfigError> {
+    if texts.is_empty() {
+        let allowed = "at least one preset or knob, such as [\"fast\"]";
+        return Err(check.refuse("run.coarsen", "[]", allowed));
+    }
+    let (mut step, mut steps) = (fidelity, Vec::new());
+    for (i, text) in texts.iter().enumerate() {
+        let key = format!("run.coarsen[{i}]");
+        step = match (Fidelity::preset(text), text.split_once('=')) {
+            (Some(preset), _) => preset,
+            (None, Some((name, given))) => {
+                let (name, given) = (name.trim(), given.trim());
+                let names: Vec<&str> = KNOBS.iter().map(|knob| knob.name).collect();
+                let knob = Knob::named(name).ok_or_else(|| {
+                    let reason = format!("unknown knob `{name}`{}", advice(name, &names));
+                    check.explain(&key, reason)
+                })?;
+                let raw = match given.parse() {
+                    Ok(number) => Raw::Number(number),
+                    Err(_) => Raw::Word(given.trim_matches('"').to_string()),
+                };
+                (knob.set)(&mut step, value(&key, knob, raw, check)?);
+                step
+            }
+            (None, None) => {
+                let names: Vec<_> = PRESETS.iter().map(|(name, _)| *name).collect();
+                let allowed = format!(
+                    "one of {}, or a knob such as \"wing_e = 0.5\"",
+                    names.join(", ")
+                );
+                return Err(check.refuse(&key, format!("{text:?}"), allowed));
+            }
+        };
+        steps.push(step);
+    }
+    Ok(steps)
+}
+
+/// What `knob` is set to by `key`.
+fn value(key: &str, knob: &Knob, raw: Raw, check: &Check) -> Result<Value, ConfigError> {
+    match (knob.allowed, raw) {
+        (Allowed::Numbers([least, most]), Raw::Number(number)) => {
+            let number = check.range(key, number, least..=most)?;
+            Ok(Value::Number(number))
+        }
+        (Allowed::Words(words), Raw::Word(given)) => {
+            let word = words.iter().find(|word| **word == given);
+            let refused = || {
+                let allowed = format!("one of {}", words.join(", "));
+                check.refuse(key, format!("{given:?}"), allowed)
+            };
+            word.map(|word| Value::Word(word)).ok_or_else(refused)
+        }
+        (Allowed::Numbers(_), Raw::Word(given)) => {
+            Err(check.refuse(key, format!("{given:?}"), "a number"))
+        }
+        (Allowed::Words(words), Raw::Number(given)) => {
+            let allowed = format!("one of {}", words.join(", "));
+            Err(check.refuse(key, given, allowed))
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for RawFidelity {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Forms;
+
+        impl<'de> Visitor<'de> for Forms {
+            type Value = RawFidelity;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a preset such as \"realtime\", or a table of keys")
+            }
+
+            fn visit_str<E: Error>(self, preset: &str) -> Result<RawFidelity, E> {
+                Ok(RawFidelity {
+                    preset: preset.to_string(),
+                    knobs: Vec::new(),
+                })
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<RawFidelity, A::Error> {
+                let mut raw = RawFidelity::default();
+                while let Some(key) = map.next_key::<Key>()? {
+                    match key {
+                        Key::Preset => raw.preset = map.next_value()?,
+                        Key::Knob(knob) => {
+                            let value = match knob.allowed {
+                                Allowed::Numbers(_) => Raw::Number(map.next_value()?),
+                                Allowed::Words(_) => Raw::Word(map.next_value()?),
+                            };
+                            raw.knobs.push((knob, value));
+                        }
+                    }
+                }
+                Ok(raw)
+            }
+        }
+
+        from.deserialize_any(Forms)
+    }
+}
+
+impl<'de> Deserialize<'de> for Key {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Name;
+
+        impl Visitor<'_> for Name {
+            type Value = Key;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a key")
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<Key, E> {
+                if name == PRESET {
+                    return Ok(Key::Preset);
+                }
+                let knob = Knob::named(name).map(Key::Knob);
+                knob.ok_or_else(|| E::unknown_field(name, &KEYS))
+            }
+        }
+
+        from.deserialize_identifier(Name)
+    }
+}

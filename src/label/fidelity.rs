@@ -1,0 +1,25 @@
+//! What a label says of the tolerances that its frame was rendered by.
+
+use crate::fidelity::{Fidelity, Value};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A preset, and the knobs that differ from it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FidelityLabel {
+    /// The preset.
+    pub preset: &'static str,
+    /// Their values.
+    #[serde(flatten)]
+    pub knobs: BTreeMap<&'static str, Value>,
+}
+
+impl From<&Fidelity> for FidelityLabel {
+    fn from(fidelity: &Fidelity) -> Self {
+        let (preset, knobs) = fidelity.told();
+        FidelityLabel {
+            preset,
+            knobs: knobs.into_iter().collect(),
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! What accuracy costs: frames of a scene at each setting of [`Fidelity`], their errors against `reference` and their times.
+//!
+//! The settings are the presets, and `realtime` with one knob moved alone: coarser, to where `fast` has it, and finer, to where `reference`
+//! has it. Errors are of frames without noise, seen by what noise leaves of faint sources. Times are of whole frames with noise, the settings in turns within each round, so that what else the
+//! machine does falls on all alike.
+
+mod choice;
+mod errors;
+mod row;
+mod table;
+
+pub use choice::{Chosen, best};
+pub use errors::{Errors, Sums};
+pub use row::Row;
+
+use super::ratio::with_threads;
+use super::{Machine, median, thread_ms};
+use crate::attitude::VehicleState;
+use crate::engine::Emulator;
+use crate::fidelity::{Fidelity, KNOBS, PRESETS, Value};
+use crate::scene::Unobservable;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// Rounds that are asked for, and at least made.
+pub const ROUNDS: usize = 101;
+const LEAST_ROUNDS: usize = 5;
+
+/// A setting to be measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setting {
+    /// The preset's name, or the knob and its value: `wing_e = 0.2`.
+    pub name: String,
+    /// The knob that is moved away from `realtime`, and to what.
+    pub moved: Option<(&'static str, Value)>,
+    /// All its tolerances.
+    pub fidelity: Fidelity,
+}
+
+/// The presets, and `realtime` with one knob moved alone to where another preset has it.
+pub fn settings() -> Vec<Setting> {
+    let presets = PRESETS.iter().map(|(name, fidelity)| Setting {
+        name: name.to_string(),
+        moved: None,
+        fidelity: *fidelity,
+    });
+    let moved = KNOBS.iter().flat_map(|knob| {
+        let mut values: Vec<Value> = [Fidelity::FAST, Fidelity::REFERENCE]
+            .iter()
+            .map(knob.get)
+            .collect();
+        values.retain(|value| *value != (knob.get)(&Fidelity::REALTIME));
+        values.dedup();
+        values.into_iter().map(|value| {
+            let mut fidelity = Fidelity::REALTIME;
+            (knob.set)(&mut fidelity, value);
+            Setting {
+                name: format!("{} = {value}", knob.name),
+                moved: Some((knob.name, value)),
+                fidelity,
+            }
+        })
+    });
+    presets.chain(moved).collect()
+}
+
+/// What was measured of a scene.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// The camera's name.
+    pub camera: String,
+    /// Frames of which errors are.
+    pub frames: usize,
+    /// Rounds of which times are.
+    pub rounds: usize,
+    /// Of the machine.
+    #[serde(flatten)]
+    pub machine: Machine,
+    /// Setting by setting.
+    pub rows: Vec<Row>,
+}
+
+/// How long a measurement may take.
+#[derive(Debug, Clone, Copy)]
+pub struct Effort {
+    /// Rounds at most.
+    pub rounds: usize,
+    /// No more rounds than a few once they have taken this long.
+    pub limit: Duration,
+    /// Whether one thread makes the frames, and times are what it has had of its processor: what other programs take does not count.
+    pub one_core: bool,
+}
+
+impl Report {
+    /// Measures the frames of `vehicles`; `told` hears of each part that is done, and of how many. The emulator is left as it was but for
+    /// the number of its next frame.
+    ///
+    /// Fails only where [`crate::scene::View::new`] does.
+    pub fn measure(
+        emulator: &mut Emulator,
+        vehicles: &[VehicleState],
+        effort: Effort,
+        mut told: impl FnMut(usize, usize) + Send,
+    ) -> Result<Report, Unobservable> {
+        let settings = settings();
+        let before = *emulator.fidelity();
+        let mut measure = || {
+            let machine = Machine::this();
+            let measured = measured(emulator, vehicles, &settings, effort, &mut told);
+            (measured, machine)
+        };
+        let (measured, machine) = match effort.one_core {
+            true => with_threads(1, measure),
+            false => measure(),
+        };
+        emulator.set_fidelity(before);
+        let (sums, times) = measured?;
+        Ok(Report {
+            camera: emulator.camera().name.clone(),
+            frames: vehicles.len(),
+            rounds: times.first().map_or(0, Vec::len),
+            machine,
+            rows: row::rows(settings, &sums, &times),
+        })
+    }
+
+    /// The setting for a budget of so many ms a frame.
+    pub fn chosen(&self, budget_ms: f64) -> Option<Chosen<'_>> {
+        best(&self.rows, budget_ms)
+    }
+}
+
+/// Errors and times, setting by setting.
+fn measured(
+    emulator: &mut Emulator,
+    vehicles: &[VehicleState],
+    settings: &[Setting],
+    effort: Effort,
+    told: &mut impl FnMut(usize, usize),
+) -> Result<(Vec<Sums>, Vec<Vec<f64>>), Unobservable> {
+    let all = vehicles.len() + effort.rounds;
+    let mut sums = vec![Sums::default(); settings.len()];
+    for (i, vehicle) in vehicles.iter().enumerate() {
+        errors::add(emulator, vehicle, settings, &mut sums)?;
+        told(i + 1, all);
+    }
+    let times = times(emulator, vehicles, settings, effort, |round| {
+        told(vehicles.len() + round, all);
+    })?;
+    Ok((sums, times))
+}
+
+/// What each setting's frames take, ms, a round each. Before each round a frame is made that does not count: what all have in common, such as
+/// the orbits of that time, is then there.
+fn times(
+    emulator: &mut Emulator,
+    vehicles: &[VehicleState],
+    settings: &[Setting],
+    effort: Effort,
+    mut told: impl FnMut(usize),
+) -> Result<Vec<Vec<f64>>, Unobservable> {
+    let started = Instant::now();
+    let mut times = vec![Vec::new(); settings.len()];
+    let each = vehicles.iter().cycle().take(effort.rounds).enumerate();
+    for (round, vehicle) in each {
+        if round >= LEAST_ROUNDS && started.elapsed() > effort.limit {
+            break;
+        }
+        emulator.set_fidelity(Fidelity::REALTIME);
+        emulator.shoot(vehicle, 0)?;
+        // Another one first each time.
+        for turn in 0..settings.len() {
+            let i = (turn + round) % settings.len();
+            emulator.set_fidelity(settings[i].fidelity);
+            let before_ms = thread_ms();
+            let shot = emulator.shoot(vehicle, 0)?;
+            times[i].push(match effort.one_core {
+                true => thread_ms() - before_ms,
+                false => shot.render_time.as_secs_f64() * 1e3,
+            });
+        }
+        told(round + 1);
+    }
+    Ok(times)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_knob_is_moved_alone_and_to_both_sides() {
+        let all = settings();
+        for setting in all.iter().skip(PRESETS.len()) {
+            let (name, value) = setting.moved.unwrap();
+            let other = |knob: &&crate::fidelity::Knob| {
+                !knob.is_same(&setting.fidelity, &Fidelity::REALTIME)
+            };
+            let others: Vec<_> = KNOBS.iter().filter(other).collect();
+            assert_eq!(others.len(), 1, "{}", setting.name);
+            assert_eq!(
+                (others[0].name, (others[0].get)(&setting.fidelity)),
+                (name, value)
+            );
+        }
+        for knob in KNOBS {
+            let moves = all.iter().filter_map(|setting| setting.moved);
+            assert!(
+                moves.filter(|(name, _)| *name == knob.name).count() >= 1,
+                "{}",
+                knob.name
+            );
+        }
+    }
+}

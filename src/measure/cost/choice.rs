@@ -1,0 +1,51 @@
+//! The setting for a budget of time.
+
+use super::Row;
+use super::row::is_closer;
+
+/// What is chosen for a budget.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chosen<'a> {
+    /// The setting.
+    pub row: &'a Row,
+    /// Whether it is within the budget; if not, it is the fastest.
+    pub fits: bool,
+}
+
+/// Of the settings of which 99 frames in 100 take no longer than `budget_ms` that whose pixels are off least, and of those that are alike the
+/// first: a median would let every second frame be late. Where none fits: the one whose median is least. None of no rows.
+pub fn best(rows: &[Row], budget_ms: f64) -> Option<Chosen<'_>> {
+    let fitting = rows.iter().filter(|row| row.p99_ms <= budget_ms);
+    let closest = fitting.reduce(|best, row| match is_closer(&row.errors, &best.errors) {
+        true => row,
+        false => best,
+    });
+    if let Some(row) = closest {
+        return Some(Chosen { row, fits: true });
+    }
+    let fastest = rows.iter().min_by(|a, b| a.p50_ms.total_cmp(&b.p50_ms));
+    fastest.map(|row| Chosen { row, fits: false })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::cost::row::tests::made;
+
+    #[test]
+    fn a_budget_is_for_99_frames_in_100_and_buys_the_most_accurate() {
+        // Of each 1.5 times as much is the 99th percentile.
+        let rows = made([(1.0, 3.0), (2.0, 2.0), (4.0, 0.0)]);
+        let named = |budget_ms| {
+            let chosen = best(&rows, budget_ms).unwrap();
+            (chosen.row.setting.as_str(), chosen.fits)
+        };
+        assert_eq!(named(6.0), ("reference", true));
+        assert_eq!(named(5.9), ("realtime", true));
+        assert_eq!(named(2.9), ("fast", true));
+        assert_eq!(named(1.4), ("fast", false));
+        assert_eq!(best(&[], 1.0), None);
+        let alike = made([(1.0, 2.0), (0.9, 2.0), (4.0, 0.0)]);
+        assert_eq!(best(&alike, 2.0).unwrap().row.setting, "fast");
+    }
+}

@@ -1,0 +1,173 @@
+//! A setting's errors and times, and where it stands among the others.
+
+use super::{Errors, Setting, Sums, median};
+use crate::fidelity::{Fidelity, Value};
+use serde::Serialize;
+
+/// A setting, measured.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    /// The preset's name, or the knob that is moved and its value.
+    pub setting: String,
+    /// The knob that is moved away from `realtime`.
+    pub knob: Option<&'static str>,
+    /// To what.
+    pub value: Option<Value>,
+    /// All its tolerances.
+    #[serde(skip)]
+    pub fidelity: Fidelity,
+    /// What it is off by.
+    #[serde(flatten)]
+    pub errors: Errors,
+    /// Median of the times of its frames, ms.
+    pub p50_ms: f64,
+    /// 99 of 100 take no longer, ms; of fewer rounds the longest.
+    pub p99_ms: f64,
+    /// Whether no other is as fast and as accurate, but by chance.
+    pub is_front: bool,
+    /// A setting that is faster and more accurate, by more than chance.
+    pub beaten_by: Option<String>,
+}
+
+impl Row {
+    /// Whether pixels are off by as much as those of another setting.
+    pub fn is_alike(&self, other: &Row) -> bool {
+        !is_closer(&self.errors, &other.errors) && !is_closer(&other.errors, &self.errors)
+    }
+}
+
+/// Smaller differences of errors are rounding: of their size, and of electrons.
+const ROUNDING: [f64; 2] = [1e-3, 1e-6];
+/// A difference of times counts from so many of its standard errors on, and from this part of the time.
+const SIGMAS: f64 = 3.0;
+const SMALL: f64 = 0.01;
+
+/// The rows of `settings`, by what was summed of their errors, and the times of their frames (ms), round by round.
+pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Row> {
+    let row = |((setting, sums), times): ((Setting, &Sums), &Vec<f64>)| {
+        let mut sorted = times.clone();
+        sorted.sort_by(f64::total_cmp);
+        let (knob, value) = setting.moved.unzip();
+        Row {
+            setting: setting.name,
+            knob,
+            value,
+            fidelity: setting.fidelity,
+            errors: sums.errors(),
+            p50_ms: quantile(&sorted, 0.5),
+            p99_ms: quantile(&sorted, 0.99),
+            is_front: false,
+            beaten_by: None,
+        }
+    };
+    let mut rows: Vec<Row> = settings.into_iter().zip(sums).zip(times).map(row).collect();
+    let front = front(&rows, times);
+    let beaten: Vec<Option<String>> = (0..rows.len())
+        .map(|i| {
+            let better = |j: &usize| {
+                is_closer(&rows[*j].errors, &rows[i].errors) && is_faster(&times[*j], &times[i])
+            };
+            // Of several the one that is closest to the reference.
+            let all = (0..rows.len()).filter(better);
+            let rms = |j: &usize| rows[*j].errors.frame_rms_e;
+            let best = all.min_by(|a, b| rms(a).total_cmp(&rms(b)));
+            best.map(|j| rows[j].setting.clone())
+        })
+        .collect();
+    for ((row, is_front), beaten_by) in rows.iter_mut().zip(front).zip(beaten) {
+        row.is_front = is_front;
+        row.beaten_by = beaten_by;
+    }
+    rows
+}
+
+/// The value that this part of `sorted` is not above.
+fn quantile(sorted: &[f64], part: f64) -> f64 {
+    let rank = (part * sorted.len() as f64).ceil() as usize;
+    let at = sorted.get(rank.saturating_sub(1));
+    at.copied().unwrap_or(0.0)
+}
+
+/// Whether pixels are off by less, and not by rounding alone.
+pub fn is_closer(a: &Errors, b: &Errors) -> bool {
+    let [of_size, e] = ROUNDING;
+    a.frame_rms_e < b.frame_rms_e * (1.0 - of_size) - e
+}
+
+/// Whether frames take less by the differences of their rounds.
+fn is_faster(a: &[f64], b: &[f64]) -> bool {
+    let differences: Vec<f64> = a.iter().zip(b).map(|(a, b)| b - a).collect();
+    let least = SMALL * median(b.to_vec()).ms;
+    let by = median(differences);
+    by.ms > (SIGMAS * by.error_ms).max(least)
+}
+
+/// Which rows are on the Pareto front of time and of the frame's rms. Of those that only chance tells apart the first one stands for all.
+fn front(rows: &[Row], times: &[Vec<f64>]) -> Vec<bool> {
+    let stands_for = |j: usize, i: usize| {
+        let closer = |a: usize, b: usize| is_closer(&rows[a].errors, &rows[b].errors);
+        let faster = |a: usize, b: usize| is_faster(&times[a], &times[b]);
+        !closer(i, j) && !faster(i, j) && (j < i || closer(j, i) || faster(j, i))
+    };
+    (0..rows.len())
+        .map(|i| !(0..rows.len()).any(|j| j != i && stands_for(j, i)))
+        .collect()
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+    use crate::measure::cost::settings;
+
+    /// Rows of the presets with these times (ms) and errors of pixels (e-).
+    pub fn made(of: [(f64, f64); 3]) -> Vec<Row> {
+        let presets = settings().into_iter().take(3).collect();
+        // Two in a hundred take half as long again.
+        let times = of.map(|(ms, _)| {
+            (0..100)
+                .map(|i| if i < 2 { 1.5 * ms } else { ms })
+                .collect()
+        });
+        let sums = of.map(|(_, e)| Sums::of_pixels(e));
+        rows(presets, &sums, &times)
+    }
+
+    #[test]
+    fn quantiles_are_those_of_sorted_values() {
+        let values: Vec<f64> = (1..=100).map(f64::from).collect();
+        assert_eq!(quantile(&values, 0.5), 50.0);
+        assert_eq!(quantile(&values, 0.99), 99.0);
+        assert_eq!(quantile(&values[..10], 0.99), 10.0);
+        assert_eq!(quantile(&[], 0.5), 0.0);
+    }
+
+    #[test]
+    fn the_front_has_what_nothing_beats_and_one_of_the_same() {
+        let of = |of| -> Vec<(bool, Option<String>)> {
+            let rows = made(of).into_iter();
+            rows.map(|row| (row.is_front, row.beaten_by)).collect()
+        };
+        let (front, same) = ((true, None), (false, None));
+        let beaten = (false, Some("realtime".to_string()));
+        let all = of([(1.0, 3.0), (2.0, 2.0), (3.0, 0.0)]);
+        assert_eq!(all, [front.clone(), front.clone(), front.clone()]);
+        let one = of([(2.5, 3.0), (2.0, 2.0), (3.0, 2.0)]);
+        assert_eq!(one, [beaten, front.clone(), same.clone()]);
+        let twins = of([(2.0, 2.0), (2.001, 2.0), (3.0, 1.0)]);
+        assert_eq!(twins, [front.clone(), same, front]);
+    }
+
+    #[test]
+    fn chance_makes_nothing_faster() {
+        let times = |by: f64| -> Vec<f64> {
+            // X-Val: quartiles 0.5 apart, 40 rounds: a median's standard error is 1.25 * 0.5 / 1.35 / 40^(1/2) = 0.07.
+            (0..40)
+                .map(|i| 10.0 + by + f64::from(i % 4) * 0.25)
+                .collect()
+        };
+        assert!(is_faster(&times(0.0), &times(0.5)));
+        assert!(!is_faster(&times(0.0), &times(0.05)));
+        let shuffled: Vec<f64> = times(0.0).into_iter().rev().collect();
+        assert!(!is_faster(&shuffled, &times(0.1)));
+    }
+}

@@ -1,0 +1,207 @@
+//! What is done where a frame would be late: it comes late, it is left out, or it is rendered more coarsely. It asks no clock.
+//!
+//! What a frame will take is what the last one by the same tolerances took. What has not been tried for a while is trusted to take less and less
+//! than it did, so that it is tried again: a frame that takes twice too long every 11th exposure.
+
+use crate::config::OnOverrun;
+use crate::fidelity::Fidelity;
+use std::time::Duration;
+
+/// What is left of an estimate at each frame that does not renew it.
+const FADES: f64 = 15.0 / 16.0;
+
+/// The policy, and what frames take.
+#[derive(Debug)]
+pub struct Overrun {
+    policy: OnOverrun,
+    /// As it is configured first, then coarser and coarser.
+    levels: Vec<Level>,
+    /// Exposures that were left out.
+    pub dropped: u32,
+    /// Since the last frame.
+    newly_dropped: bool,
+}
+
+/// Tolerances, and what a frame by them takes, s, if there was one.
+#[derive(Debug)]
+struct Level {
+    fidelity: Fidelity,
+    took_s: Option<f64>,
+}
+
+/// What is to be done with an exposure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Verdict {
+    /// Rendered.
+    Shoot {
+        /// By which of the levels.
+        level: usize,
+        /// What its label says.
+        overrun: Option<&'static str>,
+    },
+    /// Left out.
+    Drop,
+}
+
+impl Overrun {
+    /// Renders by `fidelity`, and where that would be late and so it is configured by what is `coarser`, in this order.
+    pub fn new(policy: OnOverrun, fidelity: Fidelity, coarser: &[Fidelity]) -> Overrun {
+        let coarser = match policy {
+            OnOverrun::Coarsen => coarser,
+            OnOverrun::Late | OnOverrun::Drop => &[],
+        };
+        let levels = [&fidelity].into_iter().chain(coarser);
+        Overrun {
+            policy,
+            levels: levels
+                .map(|fidelity| Level {
+                    fidelity: *fidelity,
+                    took_s: None,
+                })
+                .collect(),
+            dropped: 0,
+            newly_dropped: false,
+        }
+    }
+
+    /// What is to be done with an exposure whose frame is late after this time; none: never.
+    pub fn decide(&mut self, spare: Option<Duration>) -> Verdict {
+        let Some(spare_s) = spare.map(|spare| spare.as_secs_f64()) else {
+            return self.shoot(0, None);
+        };
+        let in_time = |level: &Level| level.took_s.is_none_or(|took_s| took_s <= spare_s);
+        match (self.levels.iter().position(in_time), self.policy) {
+            (Some(0), _) => self.shoot(0, None),
+            (Some(level), _) => self.shoot(level, Some("coarsen")),
+            (None, OnOverrun::Drop) => {
+                self.fade(None);
+                self.dropped = self.dropped.wrapping_add(1);
+                self.newly_dropped = true;
+                Verdict::Drop
+            }
+            (None, OnOverrun::Late | OnOverrun::Coarsen) => {
+                let last = self.levels.len().saturating_sub(1);
+                self.shoot(last, Some("late"))
+            }
+        }
+    }
+
+    fn shoot(&mut self, level: usize, overrun: Option<&'static str>) -> Verdict {
+        self.fade(Some(level));
+        let dropped = std::mem::take(&mut self.newly_dropped).then_some("drop");
+        Verdict::Shoot {
+            level,
+            overrun: overrun.or(dropped),
+        }
+    }
+
+    /// All estimates but that of a level, which is about to be renewed.
+    fn fade(&mut self, renewed: Option<usize>) {
+        let others = self.levels.iter_mut().enumerate();
+        for (_, level) in others.filter(|(i, _)| Some(*i) != renewed) {
+            level.took_s = level.took_s.map(|took_s| took_s * FADES);
+        }
+    }
+
+    /// The tolerances of a level.
+    pub fn fidelity(&self, level: usize) -> Option<Fidelity> {
+        self.levels.get(level).map(|level| level.fidelity)
+    }
+
+    /// A frame by a level took so long.
+    pub fn learn(&mut self, level: usize, took: Duration) {
+        if let Some(level) = self.levels.get_mut(level) {
+            level.took_s = Some(took.as_secs_f64());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    fn of(policy: OnOverrun) -> Overrun {
+        let coarser = [
+            Fidelity::FAST,
+            Fidelity {
+                wing_e: 1.0,
+                ..Fidelity::FAST
+            },
+        ];
+        Overrun::new(policy, Fidelity::REALTIME, &coarser)
+    }
+
+    fn shoot(level: usize, overrun: impl Into<Option<&'static str>>) -> Verdict {
+        let overrun = overrun.into();
+        Verdict::Shoot { level, overrun }
+    }
+
+    #[test]
+    fn late_frames_come_late_and_say_so() {
+        let mut overrun = of(OnOverrun::Late);
+        assert_eq!(
+            overrun.decide(Some(ms(0))),
+            shoot(0, None),
+            "nothing is known yet"
+        );
+        overrun.learn(0, ms(50));
+        assert_eq!(overrun.decide(Some(ms(50))), shoot(0, None));
+        assert_eq!(overrun.decide(Some(ms(49))), shoot(0, "late"));
+        assert_eq!(overrun.decide(None), shoot(0, None), "a single shot");
+        assert_eq!((overrun.dropped, overrun.fidelity(1)), (0, None));
+    }
+
+    #[test]
+    fn exposures_are_left_out_until_a_frame_may_be_in_time_again() {
+        let mut overrun = of(OnOverrun::Drop);
+        overrun.learn(0, ms(200));
+        let tried = |overrun: &mut Overrun| {
+            let verdicts = std::iter::repeat_with(|| overrun.decide(Some(ms(100))));
+            verdicts
+                .take_while(|verdict| *verdict == Verdict::Drop)
+                .count()
+        };
+        // X-Val: by hand, (15/16)^n <= 1/2 from n = 11 on.
+        assert_eq!((tried(&mut overrun), overrun.dropped), (11, 11));
+        overrun.learn(0, ms(10));
+        assert_eq!(overrun.decide(Some(ms(100))), shoot(0, None));
+        // The first frame after those that were left out has said so.
+        overrun.learn(0, ms(101));
+        assert_eq!(overrun.decide(Some(ms(100))), Verdict::Drop);
+        overrun.learn(0, ms(99));
+        assert_eq!(overrun.decide(Some(ms(100))), shoot(0, "drop"));
+        assert_eq!(overrun.decide(Some(ms(100))), shoot(0, None));
+    }
+
+    #[test]
+    fn frames_are_coarsened_in_the_order_that_is_configured() {
+        let mut overrun = of(OnOverrun::Coarsen);
+        overrun.learn(0, ms(200));
+        assert_eq!(overrun.decide(Some(ms(100))), shoot(1, "coarsen"));
+        assert_eq!(overrun.fidelity(1), Some(Fidelity::FAST));
+        overrun.learn(1, ms(150));
+        assert_eq!(overrun.decide(Some(ms(100))), shoot(2, "coarsen"));
+        assert_eq!(
+            overrun.fidelity(2).map(|fidelity| fidelity.wing_e),
+            Some(1.0)
+        );
+        overrun.learn(2, ms(120));
+        assert_eq!(
+            overrun.decide(Some(ms(100))),
+            shoot(2, "late"),
+            "the coarsest"
+        );
+        // With more time the finest that fits.
+        overrun.learn(2, ms(90));
+        assert_eq!(overrun.decide(Some(ms(160))), shoot(1, "coarsen"));
+        // What was too slow is tried again.
+        overrun.learn(1, ms(90));
+        let next: Vec<Verdict> = (0..12).map(|_| overrun.decide(Some(ms(100)))).collect();
+        assert!(next.contains(&shoot(0, None)), "{next:?}");
+        assert_eq!(overrun.dropped, 0);
+    }
+}

@@ -1,0 +1,201 @@
+//! The key `fidelity` of a configuration: a preset, or single knobs of it.
+
+use skyloop::config::{Config, OnOverrun};
+use skyloop::fidelity::{Allowed, Fidelity, KNOBS, Orbits, PRESETS};
+use skyloop::load::Folder;
+
+fn read(text: &str) -> Result<Fidelity, String> {
+    let config = Config::parse("run.toml", text, &Folder::current());
+    config
+        .map(|config| config.fidelity)
+        .map_err(|error| error.to_string())
+}
+
+#[test]
+fn presets_and_single_knobs_are_read() {
+    assert_eq!(read("").unwrap(), Fidelity::REALTIME);
+    for (name, fidelity) in PRESETS {
+        assert_eq!(read(&format!("fidelity = \"{name}\"")).unwrap(), *fidelity);
+        assert_eq!(
+            read(&format!("fidelity.preset = \"{name}\"")).unwrap(),
+            *fidelity
+        );
+    }
+    let turned = read("[fidelity]\nwing_e = 1\npreset = \"fast\"\norbits = \"exact\"").unwrap();
+    let wanted = Fidelity {
+        wing_e: 1.0,
+        orbits: Orbits::Exact,
+        ..Fidelity::FAST
+    };
+    assert_eq!(turned, wanted);
+}
+
+#[test]
+fn every_knob_takes_what_presets_have_and_nothing_beyond_its_range() {
+    for knob in KNOBS {
+        for (name, fidelity) in PRESETS {
+            let value = (knob.get)(fidelity);
+            let text = match knob.allowed {
+                Allowed::Numbers(_) => format!("fidelity.{} = {value}", knob.name),
+                Allowed::Words(_) => format!("fidelity.{} = \"{value}\"", knob.name),
+            };
+            let read = read(&text).unwrap_or_else(|error| panic!("{name}, {text}: {error}"));
+            assert_eq!((knob.get)(&read), value, "{text}");
+        }
+        let Allowed::Numbers([least, most]) = knob.allowed else {
+            continue;
+        };
+        assert!(least < most, "{}", knob.name);
+        for beyond in [most * 1.01, -1.0, f64::NAN] {
+            let error =
+                read(&format!("[fidelity]\n{} = {beyond:?}", knob.name).replace("NaN", "nan"));
+            let error = error.unwrap_err();
+            let key = format!("run.toml: fidelity.{} = ", knob.name);
+            assert!(
+                error.starts_with(&key) && error.contains(&format!(" to {most}")),
+                "{error}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_meant_is_refused() {
+    for (text, words) in [
+        (
+            "fidelity = \"best\"",
+            ["fidelity = \"best\"", "one of fast, realtime, reference"],
+        ),
+        (
+            "[fidelity]\npreset = \"best\"",
+            ["fidelity = \"best\"", "one of fast, realtime, reference"],
+        ),
+        (
+            "[fidelity]\nwings_e = 1",
+            [
+                "run.toml:2:1: fidelity.wings_e: unknown key `wings_e`",
+                "`wing_e`",
+            ],
+        ),
+        (
+            "[fidelity]\nquality = 9",
+            [
+                "unknown key `quality`, known: preset, psf_loss, ",
+                ", orbits",
+            ],
+        ),
+        (
+            "[fidelity]\nwing_e = \"much\"",
+            [
+                "run.toml:2:10: fidelity.wing_e: must be a number",
+                "not \"much\"",
+            ],
+        ),
+        (
+            "[fidelity]\norbits = \"guessed\"",
+            [
+                "fidelity.orbits = \"guessed\"",
+                "one of tracked, exact, scalar",
+            ],
+        ),
+        (
+            "[fidelity]\norbits = 1",
+            ["run.toml:2:10: fidelity.orbits: must be a text", "not 1"],
+        ),
+        (
+            "fidelity = 3",
+            [
+                "run.toml:1:12: fidelity: must be a preset such as \"realtime\", or a table of keys",
+                "not 3",
+            ],
+        ),
+    ] {
+        let error = read(text).unwrap_err();
+        for word in words {
+            assert!(error.contains(word), "{text}: {error:?} has no {word:?}");
+        }
+        assert_eq!(error.lines().count(), 1, "{error}");
+    }
+}
+
+#[test]
+fn what_is_done_about_late_frames_is_read_in_its_order() {
+    let read = |text: &str| {
+        let config = Config::parse("run.toml", text, &Folder::current());
+        config
+            .map(|config| config.run)
+            .map_err(|error| error.to_string())
+    };
+    let usual = read("").unwrap();
+    assert_eq!(usual.on_overrun, OnOverrun::Late);
+    assert_eq!(usual.coarsen, [Fidelity::FAST]);
+    let text = "fidelity = \"reference\"\n[run]\non_overrun = \"coarsen\"\n\
+                coarsen = [\"orbits = tracked\", \"realtime\", \"wing_e = 0.5\", \"skip_px=0.1\"]";
+    let run = read(text).unwrap();
+    assert_eq!(run.on_overrun, OnOverrun::Coarsen);
+    let wing_e = 0.5;
+    let wanted = [
+        Fidelity {
+            orbits: Orbits::Tracked,
+            ..Fidelity::REFERENCE
+        },
+        Fidelity::REALTIME,
+        Fidelity {
+            wing_e,
+            ..Fidelity::REALTIME
+        },
+        Fidelity {
+            wing_e,
+            skip_px: 0.1,
+            ..Fidelity::REALTIME
+        },
+    ];
+    assert_eq!(run.coarsen, wanted);
+    for (value, words) in [
+        ("[]", ["run.coarsen = []", "at least one"]),
+        (
+            "[\"faster\"]",
+            [
+                "run.coarsen[0] = \"faster\"",
+                "one of fast, realtime, reference, or a knob",
+            ],
+        ),
+        (
+            "[\"fast\", \"wings_e = 1\"]",
+            ["run.coarsen[1]: unknown knob `wings_e`", "`wing_e`"],
+        ),
+        ("[\"psf_loss = 2\"]", ["run.coarsen[0] = 2", "to 0.01"]),
+        (
+            "[\"wing_e = much\"]",
+            ["run.coarsen[0] = \"much\"", "a number"],
+        ),
+    ] {
+        let error = read(&format!("[run]\ncoarsen = {value}")).unwrap_err();
+        for word in words {
+            assert!(error.contains(word), "{value}: {error:?} has no {word:?}");
+        }
+    }
+    let error = read("[run]\non_overrun = \"hurry\"").unwrap_err();
+    assert!(
+        error.contains("run.on_overrun: must be") && error.contains("coarsen"),
+        "{error}"
+    );
+}
+
+#[test]
+fn labels_say_what_differs_from_the_nearest_preset() {
+    for (name, fidelity) in PRESETS {
+        assert_eq!(fidelity.told(), (*name, Vec::new()));
+    }
+    let turned = Fidelity {
+        wing_e: 0.5,
+        orbits: Orbits::Scalar,
+        ..Fidelity::REALTIME
+    };
+    let (preset, knobs) = turned.told();
+    assert_eq!((preset, knobs.len()), ("realtime", 1));
+    assert_eq!(
+        (knobs[0].0, knobs[0].1.to_string()),
+        ("wing_e", "0.5".to_string())
+    );
+}

@@ -1,0 +1,172 @@
+//! What the knobs of `Fidelity` promise, on every scene of `configs/scenes/` and some beside them: each stated bound holds against `reference`,
+//! and is at most ten times what is measured somewhere.
+
+mod beside;
+mod configured;
+mod measured;
+
+#[path = "../support/scenes.rs"]
+mod scenes;
+
+use measured::{CASES, Case, Measure};
+use skyloop::config::Config;
+use skyloop::effect::EFFECTS;
+use skyloop::engine::Emulator;
+use skyloop::fidelity::{Choice, Fidelity, KNOBS, Knob, Value};
+use skyloop::flight;
+use skyloop::measure::Bench;
+use skyloop::scene::{Scene, Simulated};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::sync::Mutex;
+
+/// Which lights a case is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Lights {
+    Points,
+    Areas,
+    All,
+}
+
+impl Lights {
+    /// All effects but the lights of the other kind.
+    fn choice(self) -> Choice {
+        let is_among = |simulated: &Simulated| {
+            let points = simulated.stars || simulated.rsos || simulated.planets || simulated.moon;
+            match self {
+                Lights::Points => points,
+                Lights::Areas => !points,
+                Lights::All => true,
+            }
+        };
+        let other = EFFECTS.iter().filter(|effect| {
+            let mut alone = Simulated::default();
+            (effect.mark)(&mut alone);
+            alone.lights() != Simulated::default() && !is_among(&alone)
+        });
+        Choice {
+            off: other.map(|effect| effect.name).collect(),
+            ..Choice::default()
+        }
+    }
+}
+
+/// `base` with the case's knobs where `preset` has them.
+fn moved(base: Fidelity, case: &Case, preset: &Fidelity) -> Fidelity {
+    let mut fidelity = base;
+    for name in case.also.iter().chain([&case.knob]) {
+        let knob = Knob::named(name).unwrap();
+        (knob.set)(&mut fidelity, (knob.get)(preset));
+    }
+    fidelity
+}
+
+/// What a value of a knob stands for.
+fn bound(knob: &Knob, preset: &Fidelity) -> f64 {
+    match (knob.get)(preset) {
+        Value::Number(value) => (knob.bound)(value),
+        Value::Word(_) => (knob.bound)(0.0),
+    }
+}
+
+/// The greatest errors by knob and preset, each with its scene.
+#[derive(Default)]
+struct Worst(BTreeMap<(&'static str, &'static str), (f64, String)>);
+
+const COARSE: [(&str, Fidelity); 2] = [("fast", Fidelity::FAST), ("realtime", Fidelity::REALTIME)];
+
+impl Worst {
+    fn see(&mut self, case: &Case, preset: &'static str, error: f64, scene: &str) {
+        let worst = self.0.entry((case.knob, preset)).or_default();
+        if error > worst.0 {
+            *worst = (error, scene.to_string());
+        }
+    }
+
+    /// Adds the errors of a frame in the middle of a scene.
+    fn add(worst: &Mutex<Worst>, name: &str, mut config: Config) {
+        let mission = flight::mission(&config).unwrap();
+        let vehicle = flight::vehicle(&mission, mission.frames / 2).unwrap();
+        let mut emulator = Emulator::new(&mut config);
+        for lights in [Lights::Points, Lights::Areas, Lights::All] {
+            let choice = lights.choice();
+            let mut truth: Option<Scene> = None;
+            for case in CASES.iter().filter(|case| case.lights == lights) {
+                let knob = Knob::named(case.knob).unwrap();
+                let coarse = COARSE
+                    .iter()
+                    .filter(|(_, preset)| !knob.is_same(preset, &Fidelity::REFERENCE));
+                for (preset, values) in coarse {
+                    let error = match case.measure {
+                        Measure::Scenes(measure) => {
+                            let mut scene = |fidelity| {
+                                emulator.set_fidelity(fidelity);
+                                let camera = emulator.camera();
+                                emulator.scene(&camera, &vehicle, 0, &choice).unwrap()
+                            };
+                            let fine = moved(Fidelity::REFERENCE, case, &Fidelity::REFERENCE);
+                            let truth = truth.get_or_insert_with(|| scene(fine));
+                            let moved = moved(Fidelity::REFERENCE, case, values);
+                            measure(truth, &scene(moved), &moved)
+                        }
+                        Measure::Skipped(measure) => {
+                            // What is left out is the same however finely the rest is drawn.
+                            emulator.set_fidelity(moved(Fidelity::REALTIME, case, values));
+                            measure(&Bench {
+                                emulator: &emulator,
+                                camera: emulator.camera(),
+                                vehicle: vehicle.clone(),
+                            })
+                        }
+                    };
+                    worst.lock().unwrap().see(case, preset, error, name);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn bounds_hold_and_are_near_the_truth() {
+    let shipped = scenes::scenes().into_iter();
+    let mut waiting: Vec<(String, Config)> = shipped
+        .map(|path| (path.display().to_string(), Config::load(&path).unwrap()))
+        .collect();
+    waiting.extend(beside::scenes());
+    let (waiting, worst) = (Mutex::new(waiting), Mutex::new(Worst::default()));
+    // Scenes have too little in them for all threads.
+    let workers = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            scope.spawn(|| {
+                loop {
+                    let next = waiting.lock().unwrap().pop();
+                    let Some((name, config)) = next else { break };
+                    Worst::add(&worst, &name, config);
+                }
+            });
+        }
+    });
+    let worst = worst.into_inner().unwrap();
+    let (mut wrong, mut told) = (String::new(), String::new());
+    for ((name, preset), (error, scene)) in &worst.0 {
+        let values = Fidelity::preset(preset).unwrap();
+        let knob = Knob::named(name).unwrap();
+        let bound = bound(knob, &values);
+        let line = format!("{name} of {preset}: {error:.3e} of {bound:.3e}, {scene}\n");
+        if *error > bound || bound > 10.0 * error {
+            wrong.push_str(&line);
+        }
+        write!(told, "{line}").unwrap();
+    }
+    println!("{told}");
+    assert!(wrong.is_empty(), "{wrong}");
+}
+
+#[test]
+fn every_knob_is_measured() {
+    for knob in KNOBS {
+        let cases = CASES.iter().filter(|case| case.knob == knob.name).count();
+        assert_eq!(cases, 1, "{}", knob.name);
+    }
+}

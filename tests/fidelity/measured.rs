@@ -1,0 +1,267 @@
+//! How each knob's error is measured, in the unit that its bound is stated in.
+
+use super::Lights;
+use skyloop::effect::{Judge, Stage, Verdict};
+use skyloop::fidelity::{Choice, Fidelity};
+use skyloop::measure::Bench;
+use skyloop::plan::Plan;
+use skyloop::scene::{Scene, Source};
+use std::collections::HashMap;
+
+/// One knob's measurement.
+pub struct Case {
+    pub knob: &'static str,
+    /// Those that must be moved with it to have an effect.
+    pub also: &'static [&'static str],
+    pub lights: Lights,
+    pub measure: Measure,
+}
+
+pub enum Measure {
+    /// By the scene of the reference and that with the knob moved.
+    Scenes(fn(&Scene, &Scene, &Fidelity) -> f64),
+    /// By what is skipped with the knob moved.
+    Skipped(fn(&Bench<'_>) -> f64),
+}
+
+const fn case(knob: &'static str, lights: Lights, measure: Measure) -> Case {
+    Case {
+        knob,
+        also: &[],
+        lights,
+        measure,
+    }
+}
+
+pub const CASES: &[Case] = &[
+    case(
+        "psf_loss",
+        Lights::Points,
+        Measure::Scenes(|truth, coarse, _| lost(truth, coarse, |_| 1.0)),
+    ),
+    case(
+        "loss_e",
+        Lights::Points,
+        Measure::Scenes(|truth, coarse, _| lost(truth, coarse, |source| source.clear_e)),
+    ),
+    case(
+        "wing_e",
+        Lights::Points,
+        Measure::Scenes(|truth, coarse, _| off(truth, coarse, |source, _| source.clear_e)),
+    ),
+    case(
+        "track_step_sigma",
+        Lights::Points,
+        Measure::Scenes(|truth, coarse, _| off(truth, coarse, |_, highest| 1.0 / highest)),
+    ),
+    case(
+        "track_e",
+        Lights::Points,
+        Measure::Scenes(|truth, coarse, _| off(truth, coarse, |source, _| source.clear_e)),
+    ),
+    Case {
+        also: &["area_part"],
+        ..case(
+            "area_e",
+            Lights::Areas,
+            Measure::Scenes(|truth, coarse, by| by.area_e * area(truth, coarse, by, false)),
+        )
+    },
+    Case {
+        also: &["area_e"],
+        ..case(
+            "area_part",
+            Lights::Areas,
+            Measure::Scenes(|truth, coarse, by| by.area_part * area(truth, coarse, by, true)),
+        )
+    },
+    case("skip_e", Lights::All, Measure::Skipped(skipped_e)),
+    Case {
+        also: &["skip_e"],
+        ..case("skip_snr", Lights::All, Measure::Scenes(skipped_snr))
+    },
+    case(
+        "star_snr",
+        Lights::Points,
+        Measure::Scenes(|truth, coarse, _| missing_snr(truth, coarse)),
+    ),
+    Case {
+        also: &["skip_e"],
+        ..case("skip_px", Lights::All, Measure::Skipped(skipped_px))
+    },
+    case(
+        "orbits",
+        Lights::Points,
+        Measure::Scenes(|truth, coarse, _| moved(truth, coarse)),
+    ),
+];
+
+type Pixels = HashMap<(usize, usize), f64>;
+
+/// The share on each pixel.
+fn pixels(source: &Source, rows: usize) -> Pixels {
+    let mut pixels = HashMap::new();
+    for (row, column, shares) in source.footprint.rows(0..rows) {
+        for (column, share) in (column..).zip(shares) {
+            pixels.insert((row, column), f64::from(*share));
+        }
+    }
+    pixels
+}
+
+/// Images that both scenes have.
+fn both<'s>(truth: &'s Scene, coarse: &'s Scene) -> impl Iterator<Item = [&'s Source; 2]> {
+    let of = |source: &'s Source| (source.body.identity(), source);
+    let coarse: HashMap<_, _> = coarse.sources.iter().map(of).collect();
+    let found = truth.sources.iter();
+    found.filter_map(move |source| Some([source, *coarse.get(&source.body.identity())?]))
+}
+
+/// Images that both scenes have, whole on the detector.
+fn whole<'s>(truth: &'s Scene, coarse: &'s Scene) -> impl Iterator<Item = [&'s Source; 2]> {
+    let sides = truth.view.camera.detector.sides();
+    both(truth, coarse).filter(move |[source, _]| {
+        let reach = source.footprint.wings.drawn_px + 1.0;
+        let inside = |at: &[f64; 2]| {
+            let mut along = at.iter().zip(sides);
+            along.all(|(at, side)| *at > reach && *at < side - 1.0 - reach)
+        };
+        [source.start, source.centroid, source.end]
+            .iter()
+            .all(inside)
+    })
+}
+
+/// The greatest share of an image that is lost, times `scale` of the image.
+fn lost(truth: &Scene, coarse: &Scene, scale: impl Fn(&Source) -> f64) -> f64 {
+    let share = |source: &Source| -> f64 {
+        let shares = source.footprint.shares().iter();
+        shares.map(|share| f64::from(*share)).sum()
+    };
+    let lost = whole(truth, coarse)
+        .map(|[source, coarse]| (share(source) - share(coarse)) * scale(source));
+    lost.fold(0.0, f64::max)
+}
+
+/// What sums of f32 of as many panels as a long streak has may be off by, of all its light.
+const ROUNDING: f64 = 1e-7;
+
+/// The greatest difference of an image's share on a pixel, times `scale` of the image and of its greatest share.
+fn off(truth: &Scene, coarse: &Scene, scale: impl Fn(&Source, f64) -> f64) -> f64 {
+    let rows = truth.view.camera.detector.height;
+    let differences = whole(truth, coarse).map(|[source, other]| {
+        if source.footprint == other.footprint {
+            return 0.0;
+        }
+        let (a, b) = (pixels(source, rows), pixels(other, rows));
+        let share = |of: &Pixels, at| of.get(at).copied().unwrap_or(0.0);
+        let places = a.keys().chain(b.keys());
+        let most = places.map(|at| (share(&a, at) - share(&b, at)).abs());
+        let highest = a.values().copied().fold(f64::MIN_POSITIVE, f64::max);
+        (most.fold(0.0, f64::max) - ROUNDING).max(0.0) * scale(source, highest)
+    });
+    differences.fold(0.0, f64::max)
+}
+
+/// The greatest move of an image, px.
+fn moved(truth: &Scene, coarse: &Scene) -> f64 {
+    let moves = both(truth, coarse).map(|[a, b]| {
+        let ends = [(a.start, b.start), (a.centroid, b.centroid), (a.end, b.end)];
+        let apart = ends.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
+        apart.into_iter().fold(0.0, f64::max)
+    });
+    moves.fold(0.0, f64::max)
+}
+
+/// How many times what both tolerances allow together a pixel of an area's light is off by at most: of those where the part decides, or the others.
+fn area(truth: &Scene, coarse: &Scene, by: &Fidelity, of_parts: bool) -> f64 {
+    let mut most = 0.0f64;
+    for (truth, coarse) in truth.areas.iter().zip(&coarse.areas) {
+        for (e, other) in truth.e().iter().zip(coarse.e()) {
+            let (e, other) = (f64::from(*e), f64::from(*other));
+            let part_e = by.area_part * e;
+            if (part_e > by.area_e) == of_parts {
+                most = most.max((e - other).abs() / (by.area_e + part_e));
+            }
+        }
+    }
+    most
+}
+
+/// The greatest signal-to-noise ratio of an image that `coarse` does not have.
+fn missing_snr(truth: &Scene, coarse: &Scene) -> f64 {
+    let found: HashMap<_, ()> = both(truth, coarse)
+        .map(|[source, _]| (source.body.identity(), ()))
+        .collect();
+    let missing = truth
+        .sources
+        .iter()
+        .filter(|source| !found.contains_key(&source.body.identity()));
+    missing.map(|source| source.clear_snr).fold(0.0, f64::max)
+}
+
+/// The same of objects, and of all light of an area that is skipped.
+fn skipped_snr(truth: &Scene, coarse: &Scene, fidelity: &Fidelity) -> f64 {
+    let skipped = |scene: &Scene, fidelity: &Fidelity| -> Vec<&'static str> {
+        let plan = Plan::new(scene, fidelity, &Choice::default());
+        let steps = plan.steps.iter();
+        let skipped = steps.filter(|step| matches!(step.verdict, Verdict::Skip { .. }));
+        skipped.map(|step| step.effect.name).collect()
+    };
+    let always = skipped(truth, &Fidelity::REFERENCE);
+    let skipped = skipped(coarse, fidelity);
+    let detector = &truth.view.camera.detector;
+    let floor = detector.read_noise_e.powi(2) + detector.quantisation_variance();
+    let areas = truth.areas.iter().filter(|area| {
+        let effect = area.kind.effect;
+        skipped.contains(&effect) && !always.contains(&effect)
+    });
+    let snr = areas.map(|area| {
+        let squares = area.e().iter().map(|e| {
+            let e = f64::from(*e);
+            e * e / (e + floor)
+        });
+        squares.sum::<f64>().sqrt()
+    });
+    snr.fold(missing_snr(truth, coarse), f64::max)
+}
+
+/// The effects that are skipped though they would do something, with the frame's own choice.
+fn skipped(bench: &Bench<'_>) -> Vec<&'static skyloop::effect::Effect> {
+    let emulator = bench.emulator;
+    let choice = Choice::default();
+    let scene = emulator
+        .scene(&bench.camera, &bench.vehicle, 0, &choice)
+        .unwrap();
+    let plan = Plan::new(&scene, emulator.fidelity(), &choice);
+    let steps = plan.steps.iter().filter(|step| match &step.verdict {
+        Verdict::Skip { error, .. } => error.e > 0.0 || error.px > 0.0,
+        _ => false,
+    });
+    steps.map(|step| step.effect).collect()
+}
+
+const ALL: Choice = Choice {
+    noise: true,
+    off: Vec::new(),
+    all: true,
+};
+
+/// The greatest change of a pixel's expectation by an effect that is skipped.
+fn skipped_e(bench: &Bench<'_>) -> f64 {
+    let effects = skipped(bench).into_iter();
+    // What is random is an rms of many frames (tests/plan.rs); what shapes images is judged by pixels.
+    let effects = effects.filter(|effect| !effect.random && effect.stage != Stage::Images);
+    let errors = effects.map(|effect| bench.error_e(effect, &ALL).unwrap());
+    errors.fold(0.0, f64::max)
+}
+
+/// How far an effect that is skipped would move an image at most.
+fn skipped_px(bench: &Bench<'_>) -> f64 {
+    let effects = skipped(bench).into_iter();
+    let images = effects.filter(|effect| {
+        effect.stage == Stage::Images && matches!(effect.judge, Judge::Images(..))
+    });
+    let errors = images.map(|effect| bench.error_px(effect, &ALL).unwrap());
+    errors.fold(0.0, f64::max)
+}
