@@ -62,10 +62,9 @@ impl Candidate {
 
     /// Electrons that its light gives.
     pub fn electrons(&self) -> f64 {
-        if self.hidden.is_some() {
-            0.0
-        } else {
-            self.clear_e * self.light
+        match self.hidden {
+            Some(_) => 0.0,
+            None => self.clear_e * self.light,
         }
     }
 }
@@ -154,10 +153,9 @@ impl View {
         let shutter = shutter(vehicle, &Exposure::around(exposure.mid, open_s))?;
         let change = |observer: &Observer| {
             let change = observer.velocity_m_s - shutter[1].velocity_m_s;
-            if world.corrections.aberration {
-                change
-            } else {
-                Vector3::zeros()
+            match world.corrections.aberration {
+                true => change,
+                false => Vector3::zeros(),
             }
         };
         let mut view = View {
@@ -239,8 +237,8 @@ impl View {
             moon: runs("moon"),
             ..Simulated::default()
         };
-        let shines = |candidate: &Candidate| candidate.body.is_in(&simulated);
-        self.candidates.retain(shines);
+        self.candidates
+            .retain(|candidate| candidate.body.is_in(&simulated));
         self.swing = self.greatest_swing();
         self.areas = self.areas(world, runs);
         self
@@ -275,10 +273,9 @@ impl View {
     pub fn longest_track_px(&self, seconds: f64) -> f64 {
         let turn = self.camera.mounting.rotate(&self.vehicle.rates) * seconds;
         // What turns unevenly turns by no more than all of it, and by little more than twice the mean.
-        let share = if seconds < self.open_s {
-            (2.0 * seconds / self.open_s).min(1.0)
-        } else {
-            1.0
+        let share = match seconds < self.open_s {
+            true => (2.0 * seconds / self.open_s).min(1.0),
+            false => 1.0,
         };
         let own = self.swing * share;
         let (scale, furthest) = self.scale_and_corner_px;

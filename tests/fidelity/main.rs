@@ -163,9 +163,13 @@ fn bounds_hold_and_are_near_the_truth() {
     assert!(wrong.is_empty(), "{wrong}");
 }
 
+/// What is no error of a scene: measured in tests/draws.rs.
+const ELSEWHERE: &[&str] = &["poisson_tv"];
+
 #[test]
 fn every_knob_is_measured() {
-    for knob in KNOBS {
+    let knobs = KNOBS.iter().filter(|knob| !ELSEWHERE.contains(&knob.name));
+    for knob in knobs {
         let cases = CASES.iter().filter(|case| case.knob == knob.name).count();
         assert_eq!(cases, 1, "{}", knob.name);
     }
