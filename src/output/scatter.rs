@@ -167,7 +167,7 @@ impl Scatter {
         let mut front: Vec<[f64; 2]> = front.map(place).collect();
         front.sort_by(|a, b| a[0].total_cmp(&b[0]));
         for ends in front.windows(2) {
-            let [a, b] = [ends[0], ends[1]].map(|at| at.map(|px| px.round() as i32));
+            let [a, b] = [ends[0], ends[1]].map(pixel);
             line(canvas, a, b, FRONT, 1);
         }
     }
@@ -180,12 +180,12 @@ impl Scatter {
             canvas.ring(place(dot), radius, 2.0, color(dot), false);
         }
         let taken = self.dots.iter().map(|dot| {
-            let [x, y] = place(dot).map(|px| px.round() as i32);
+            let [x, y] = pixel(place(dot));
             Rectangle::new(Point::new(x - 4, y - 4), Size::new(8, 8))
         });
         let mut taken: Vec<Rectangle> = taken.collect();
         for dot in self.dots.iter().filter(|dot| !dot.name.is_empty()) {
-            let [x, y] = place(dot).map(|px| px.round() as i32);
+            let [x, y] = pixel(place(dot));
             let size = text_size(&dot.name, &FONT_6X10);
             let places = SHIFTS.iter().flat_map(|shift| {
                 let y = y - 5 + shift;
@@ -210,6 +210,15 @@ impl Scatter {
             }
         }
     }
+}
+
+/// The pixel at a place; one far off the picture for what lies further, or nowhere.
+fn pixel(at: [f64; 2]) -> [i32; 2] {
+    const OUTSIDE: f64 = -1e4;
+    at.map(|px| match px.is_nan() {
+        true => OUTSIDE as i32,
+        false => px.round().clamp(OUTSIDE, -OUTSIDE) as i32,
+    })
 }
 
 #[cfg(test)]
