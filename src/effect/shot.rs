@@ -4,9 +4,9 @@
 //! N_xy <- Poisson(N_xy)
 //! ```
 //!
-//! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2; the draws are exact at every mean (`rng`). Validity: one
-//! electron a photon, so no gain before the charge is read. Price: a draw a pixel, from a table where it holds what most hold,
-//! else of its own, by inversion or by rejection.
+//! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2; the draws are Poisson's within the tolerance
+//! `poisson_tv` (`rng::poisson`). Validity: one electron a photon, so no gain before the charge is read. Price: a draw a pixel, by search at small means, else by
+//! an expansion.
 
 use super::cause::{digits, no_light};
 use super::{Effect, Judge, Loss, Need, Pass, Stage};

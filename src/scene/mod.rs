@@ -320,18 +320,6 @@ impl Scene {
         source.electrons > 0.0 && source.clear_snr == 0.0 && fills()
     }
 
-    /// The charge (e-) that pixels hold on which no light falls, where they hold the same: to the last bit, as it is added.
-    pub fn common_e(&self) -> f32 {
-        let (detector, seconds) = (&self.view.camera.detector, self.view.exposure.duration_s);
-        match detector.pattern.dark_e_s() {
-            // Of a map, those pixels that are not hot.
-            Some(_) if self.simulated.dark => {
-                (f64::from(detector.dark_e_s as f32) * seconds) as f32
-            }
-            _ => self.dark_e() as f32,
-        }
-    }
-
     /// Expected background of a pixel, on which no star and no object shines, averaged over the frame, e-.
     pub fn background_e(&self) -> f64 {
         let trail = self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64;
