@@ -80,9 +80,11 @@ impl Attitude {
     /// The attitude of a camera whose boresight (+Z) has this right ascension and declination, rad, ICRF. `roll` (rad) is the position
     /// angle of what is up in the image (-Y): from north through east.
     pub fn towards(ra: f64, dec: f64, roll: f64) -> Attitude {
-        let z = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
-        let east = Vector3::new(-ra.sin(), ra.cos(), 0.0);
-        let up = z.cross(&east) * roll.cos() + east * roll.sin();
+        let [(sin_ra, cos_ra), (sin_dec, cos_dec), (sin_roll, cos_roll)] =
+            [ra, dec, roll].map(libm::sincos);
+        let z = Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec);
+        let east = Vector3::new(-sin_ra, cos_ra, 0.0);
+        let up = z.cross(&east) * cos_roll + east * sin_roll;
         let x = z.cross(&up);
         let rows = Matrix3::from_rows(&[x.transpose(), -up.transpose(), z.transpose()]);
         let rotation = Rotation3::from_matrix_unchecked(rows);

@@ -250,7 +250,7 @@ impl Emulator {
             snr: self.fidelity.skip_snr.min(self.label_snr),
             unlit_snr: self.label_snr,
             star_snr: self.fidelity.star_snr.min(self.label_snr),
-            floor_e: read_e.hypot(camera.detector.quantisation_variance().sqrt()),
+            floor_e: libm::hypot(read_e, camera.detector.quantisation_variance().sqrt()),
         }
     }
 

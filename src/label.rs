@@ -382,14 +382,11 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         vx_px_s: rate(x0_px, x1_px),
         vy_px_s: rate(y0_px, y1_px),
         mag,
-        band_mag: (irradiance > 0.0).then(|| -2.5 * irradiance.log10()),
+        band_mag: (irradiance > 0.0).then(|| -2.5 * libm::log10(irradiance)),
         electrons: source.electrons,
         snr: source.snr,
-        ra_deg: degrees_of_turn(direction.y.atan2(direction.x)),
-        dec_deg: direction
-            .z
-            .atan2(direction.x.hypot(direction.y))
-            .to_degrees(),
+        ra_deg: degrees_of_turn(libm::atan2(direction.y, direction.x)),
+        dec_deg: libm::atan2(direction.z, libm::hypot(direction.x, direction.y)).to_degrees(),
         in_frame,
         visible: reason.is_none(),
         reason,

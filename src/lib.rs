@@ -11,6 +11,8 @@
 //! [`plan`] and [`render`] turn that into a [`frame`]; [`label`] says what is in it; [`engine`] drives
 //! them; [`kernels`] are the loops that take the time; [`light_curve`] follows one object without a frame, [`passes`] says which cross the field; [`link`] and [`serve`] connect them to a wire; [`output`] writes files.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod attitude;
 pub mod camera;
 pub mod config;

@@ -68,7 +68,7 @@ impl Point {
     /// Magnitude of the light that arrives; none where none does. Objects have the Sun's colour: it is the same in any band.
     pub fn band_mag(&self) -> Option<f64> {
         let seen = self.reason().is_empty() && self.illumination > 0.0;
-        seen.then(|| self.mag - 2.5 * self.illumination.log10())
+        seen.then(|| self.mag - 2.5 * libm::log10(self.illumination))
     }
 
     /// Why no light arrives, empty where some does.

@@ -141,7 +141,7 @@ impl Bench<'_> {
         let inside = |at: &[f64; 2]| self.camera.detector.contains(*at);
         let apart = |[a, b]: [&[f64; 2]; 2]| {
             let both = inside(a) && inside(b);
-            both.then(|| (a[0] - b[0]).hypot(a[1] - b[1]))
+            both.then(|| libm::hypot(a[0] - b[0], a[1] - b[1]))
         };
         let (with, without) = (images(&[])?, images(&[effect.name])?);
         let mut most = 0.0f64;

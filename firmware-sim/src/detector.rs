@@ -109,7 +109,7 @@ pub fn detect_windows<'a>(
             found.x_px += f64::from(column);
             found.y_px += f64::from(row);
             let same = |other: &&mut Detection| {
-                (other.x_px - found.x_px).hypot(other.y_px - found.y_px) < SAME_PX
+                libm::hypot(other.x_px - found.x_px, other.y_px - found.y_px) < SAME_PX
             };
             match list.iter_mut().find(same) {
                 Some(other) if other.edge && !found.edge => *other = found,
@@ -208,12 +208,12 @@ impl Signal {
             }
             snr = sum / variance.sqrt();
             let (step_x, step_y) = (2.0 * sum_x / sum, 2.0 * sum_y / sum);
-            if (x + step_x - start.x).hypot(y + step_y - start.y) > LEASH_PX {
+            if libm::hypot(x + step_x - start.x, y + step_y - start.y) > LEASH_PX {
                 return (start.x, start.y, snr);
             }
             x += step_x;
             y += step_y;
-            if step_x.hypot(step_y) < RESTS_PX {
+            if libm::hypot(step_x, step_y) < RESTS_PX {
                 break;
             }
         }
@@ -281,6 +281,6 @@ impl Window {
 
     fn weight(&self, dx: f64, dy: f64) -> f64 {
         let [a, b, c] = self.inverse;
-        (-0.5 * (a * dx * dx + 2.0 * b * dx * dy + c * dy * dy)).exp()
+        libm::exp(-0.5 * (a * dx * dx + 2.0 * b * dx * dy + c * dy * dy))
     }
 }

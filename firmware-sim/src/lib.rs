@@ -13,6 +13,8 @@
 //! [`flight_computer`] runs the loop and counts; the binary `skyloop-fc` is its command line. Conventions are those of
 //! the wire: quaternions Hamilton, `[x, y, z, w]`, ICRF to body; pixel (0, 0) is the centre of the first pixel.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod attitude_list;
 mod background;
 mod blobs;

@@ -252,7 +252,7 @@ impl Field {
             .skip(first)
             .take_while(move |(_, label)| label.x_px <= x + radius);
         columns
-            .map(move |(index, label)| (index, (label.x_px - x).hypot(label.y_px - y)))
+            .map(move |(index, label)| (index, libm::hypot(label.x_px - x, label.y_px - y)))
             .filter(move |(_, d)| *d <= radius)
     }
 

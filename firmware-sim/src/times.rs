@@ -32,7 +32,7 @@ impl Default for Times {
 impl Times {
     /// Adds one.
     pub fn add(&mut self, time: Duration) {
-        let bin = (time.as_secs_f64() / FIRST_S).ln() / STEP.ln();
+        let bin = libm::log(time.as_secs_f64() / FIRST_S) / libm::log(STEP);
         // The cast turns what is below the first bin into 0.
         self.bins[(bin as usize).min(BINS - 1)] += 1;
         self.count += 1;
@@ -67,7 +67,7 @@ impl Times {
             within += count;
             within >= rank
         })?;
-        let middle_s = FIRST_S * STEP.powf(bin as f64 + 0.5);
+        let middle_s = FIRST_S * libm::pow(STEP, bin as f64 + 0.5);
         Some(Duration::from_secs_f64(middle_s).clamp(self.min, self.max))
     }
 }

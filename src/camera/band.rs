@@ -87,7 +87,7 @@ impl Band {
             mean_wavelengths: Vec::new(),
         };
         band.sun_photons = band.black_body_photons(temperature(SUN_B_V));
-        band.zero_point = band.sun_irradiance() * 10f64.powf(0.4 * SUN_MAGNITUDE);
+        band.zero_point = band.sun_irradiance() * libm::pow(10.0, 0.4 * SUN_MAGNITUDE);
         let step = (B_V[1] - B_V[0]) / B_V_STEPS as f64;
         band.mean_wavelengths = (0..=B_V_STEPS)
             .map(|i| band.mean_wavelength_m(temperature(B_V[0] + i as f64 * step)))
@@ -134,7 +134,7 @@ impl Band {
         let t = temperature(b_v);
         let in_band = self.black_body_photons(t) / self.sun_photons;
         let in_v = v_band.black_body_photons(t) / v_band.sun_photons;
-        -2.5 / LN_10 * (in_band / in_v).ln()
+        -2.5 / LN_10 * libm::log(in_band / in_v)
     }
 
     /// Mean wavelength of the photons that a star of colour B-V gives in the band, over that of a star of the Sun's
@@ -176,7 +176,7 @@ impl Band {
 
     /// Photon rate of a black body in the band, arbitrary unit: `sum R lambda^-4 / (exp(c2 / lambda T) - 1)`.
     fn black_body_photons(&self, t: f64) -> f64 {
-        let photons = |(w, r): &(f64, f64)| r / (w * 1e6).powi(4) / (C2 / (w * t)).exp_m1();
+        let photons = |(w, r): &(f64, f64)| r / (w * 1e6).powi(4) / libm::expm1(C2 / (w * t));
         self.samples.iter().map(photons).sum::<f64>() * self.step_m
     }
 }

@@ -97,7 +97,7 @@ impl Camera {
         let (mut scale, mut furthest) = (0.0f64, 0.0f64);
         for place in [centre, [-0.5, -0.5], [w, -0.5], [-0.5, h], [w, h]] {
             let from = [place[0] - centre[0], place[1] - centre[1]];
-            let distance = from[0].hypot(from[1]);
+            let distance = libm::hypot(from[0], from[1]);
             furthest = furthest.max(distance);
             // Along the radius and across it.
             let radius = if distance > 0.0 {
@@ -144,7 +144,7 @@ impl Camera {
                     x - self.optics.principal_px[0],
                     y - self.optics.principal_px[1],
                 );
-                ((dx.hypot(dy) + margin_px) / self.optics.focal_px).atan()
+                libm::atan((libm::hypot(dx, dy) + margin_px) / self.optics.focal_px)
             })
             .fold(0.0, f64::max)
     }

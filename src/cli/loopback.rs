@@ -101,7 +101,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         let emulator = scope.spawn(|| {
             let served = server.run(&stop, None, |shot| {
                 // A writer that has failed has dropped its end; its error is reported below.
-                let _ = shots.send(shot);
+                let _ = shots.send(shot.clone());
             });
             drop(shots);
             // The flight computer hangs up when it has its frames: both ways to end are good.

@@ -132,6 +132,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         bar.suspend(|| absent.report(&shot));
         stats.add(&shot);
         writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
+        emulator.recycle(shot.frame);
         bar.inc(1);
     }
     writer.finish()?;

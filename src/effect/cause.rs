@@ -8,7 +8,7 @@ pub fn digits(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_string(),
         1e-3..1e5 => {
-            let decimals = (2 - value.abs().log10().floor() as i32).max(0) as usize;
+            let decimals = (2 - libm::log10(value.abs()).floor() as i32).max(0) as usize;
             format!("{value:.decimals$}")
         }
         _ => format!("{value:.2e}"),

@@ -43,7 +43,7 @@ fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
         let at = [place(i % PLACES, columns), place(i / PLACES, rows)];
         // Far out there may be no image.
         let [x, y] = optics.project_by(&ideal, &optics.seen_at(at)?)?;
-        Some((x - at[0]).hypot(y - at[1]))
+        Some(libm::hypot(x - at[0], y - at[1]))
     });
     // Between two places it is no hundredth more.
     let px = 1.01 * off.fold(0.0, f64::max);
@@ -73,7 +73,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         let [_, seen, _] = scene.seen()(&source.body);
         let [a, b] = [&ideal, &optics.projection].map(|by| optics.project_by(by, &seen));
         let (a, b) = a.zip(b)?;
-        let off_px = (a[0] - b[0]).hypot(a[1] - b[1]);
+        let off_px = libm::hypot(a[0] - b[0], a[1] - b[1]);
         // On the way it is not much more.
         (source.length_px() < 1.0).then_some(1.1 * off_px + 1.0)
     };
@@ -86,7 +86,7 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
                 px = f64::INFINITY;
                 continue;
             };
-            px = px.max(1.1 * (a[0] - b[0]).hypot(a[1] - b[1]));
+            px = px.max(1.1 * libm::hypot(a[0] - b[0], a[1] - b[1]));
             // Of one colour: others vary alike.
             let [a, b] = [a, b].map(|at| optics.psf_at(at, 1.0));
             sharper = sharper.max(1.1 * a.differs(&b));

@@ -35,7 +35,7 @@ pub(super) fn turn_e9<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Err
 
 /// Four digits: bounds and prices are no more exact.
 fn four_digits(value: f64) -> f64 {
-    let decimals = 3 - value.abs().max(1e-12).log10().floor() as i32;
+    let decimals = 3 - libm::log10(value.abs().max(1e-12)).floor() as i32;
     rounded(value, decimals)
 }
 

@@ -28,7 +28,7 @@ pub struct Cone {
 impl Cone {
     /// The cone of that apex (km), axis (unit vector) and half angle (rad, up to pi), and what is no further than `way_km` from it.
     pub fn new(apex_km: [f64; 3], axis: [f64; 3], angle: f64, way_km: f64) -> Cone {
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = libm::sincos(angle);
         Cone {
             apex_km,
             axis,
@@ -84,7 +84,7 @@ impl Cone {
             (x * x + y * y + z * z).sqrt()
         };
         let half_chord = between(&self.axis, &other.axis) / 2.0;
-        let turn = 2.0 * half_chord.min(1.0).asin() + (self.angle - other.angle).abs();
+        let turn = 2.0 * libm::asin(half_chord.min(1.0)) + (self.angle - other.angle).abs();
         (between(&self.apex_km, &other.apex_km), turn)
     }
 }

@@ -33,7 +33,7 @@ pub fn teme_to_gcrf(t: Epoch) -> Matrix3<f64> {
     // both reach the Earth-fixed axes: R3(GMST82) r_teme = R3(GAST) r_true
     // r_teme = R3(GAST - GMST82) r_true
     let angle = sofars::erst::gst06(DJ00, ut1, DJ00, tt, &npb) - sofars::erst::gmst82(DJ00, ut1);
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = libm::sincos(angle);
     #[rustfmt::skip]
     let equinox = Matrix3::new(
          cos, sin, 0.0,

@@ -18,6 +18,8 @@
 //! Nothing here panics on what a file says: a record that cannot be read is
 //! [`Rejected`] with its line and reason, and the rest of the file loads.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod cone;
 pub mod elements;
 pub mod ephemeris;

@@ -75,7 +75,7 @@ impl Elements {
     pub fn heights_km(&self) -> [f64; 2] {
         // a = (mu / n^2)^(1/3), Vallado, Fundamentals of Astrodynamics, Eq. (1-27)
         let n = self.mean_motion / 60.0;
-        let axis = (MU / (n * n)).cbrt();
+        let axis = libm::cbrt(MU / (n * n));
         [1.0 - self.eccentricity, 1.0 + self.eccentricity]
             .map(|ratio| axis * ratio - EARTH_RADIUS_KM)
     }

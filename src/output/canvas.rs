@@ -43,11 +43,11 @@ impl Canvas {
             (top..=top + side).flat_map(|py| (left..=left + side).map(move |px| (px, py)))
         {
             let (dx, dy) = (px as f64 - x, py as f64 - y);
-            let turn = dy.atan2(dx) / std::f64::consts::TAU;
+            let turn = libm::atan2(dy, dx) / std::f64::consts::TAU;
             if broken && (turn * DASHES).rem_euclid(1.0) > 0.6 {
                 continue;
             }
-            let from_line = (dx.hypot(dy) - radius).abs();
+            let from_line = (libm::hypot(dx, dy) - radius).abs();
             self.blend(
                 px,
                 py,

@@ -152,7 +152,7 @@ fn mark(object: &ObjectLabel, scale: [f64; 2], color: Rgb888) -> Mark {
             (object.x_px + 0.5) * scale[0] - 0.5,
             (object.y_px + 0.5) * scale[1] - 0.5,
         ],
-        radius: ROOM + (track[0].hypot(track[1]) / 2.0).min(200.0),
+        radius: ROOM + (libm::hypot(track[0], track[1]) / 2.0).min(200.0),
         color,
         broken: false,
         text: None,

@@ -194,7 +194,7 @@ struct Tick {
 
 /// 1, 2 or 5 times a power of ten, at least `step`.
 fn nice(step: f64) -> f64 {
-    let power = 10f64.powf(step.log10().floor());
+    let power = libm::pow(10.0, libm::log10(step).floor());
     let factor = [1.0, 2.0, 5.0]
         .into_iter()
         .find(|f| f * power >= step * (1.0 - 1e-9));
@@ -203,7 +203,7 @@ fn nice(step: f64) -> f64 {
 
 /// The multiples of `step` between two values, with as many decimals as it has.
 fn ticks(low: f64, high: f64, step: f64) -> Vec<Tick> {
-    let decimals = (-step.log10().floor()).max(0.0) as usize;
+    let decimals = (-libm::log10(step).floor()).max(0.0) as usize;
     let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
     let tick = |i: i64| {
         let value = i as f64 * step;
@@ -226,7 +226,7 @@ fn time_ticks(start: Epoch, span_s: f64) -> Vec<(f64, String)> {
         Some(_) => nice(wanted),
         None => nice(wanted / 86_400.0) * 86_400.0,
     };
-    let decimals = (-step.log10().floor()).max(0.0) as usize;
+    let decimals = (-libm::log10(step).floor()).max(0.0) as usize;
     let before = utc_seconds_of_day(start);
     let (first, last) = (
         (before / step - 1e-9).ceil() as i64,

@@ -71,15 +71,15 @@ impl Axis {
     }
 
     fn place(&self, value: f64) -> f64 {
-        let [low, high] = self.ends.map(f64::ln);
-        let part = (value.max(self.ends[0]).ln() - low) / (high - low);
+        let [low, high] = self.ends.map(libm::log);
+        let part = (libm::log(value.max(self.ends[0])) - low) / (high - low);
         let [from, to] = self.px.map(f64::from);
         from + part * (to - from)
     }
 
     /// Values to be marked: 1, 2 and 5 times powers of ten, or these alone where they are many.
     fn ticks(&self) -> Vec<f64> {
-        let [low, high] = self.ends.map(|end| end.log10().floor() as i32);
+        let [low, high] = self.ends.map(|end| libm::log10(end).floor() as i32);
         let factors: &[f64] = if high - low <= 2 {
             &[1.0, 2.0, 5.0]
         } else {

@@ -62,7 +62,7 @@ pub fn grey(values: &[f32], sigma: f64, range: [f64; 2]) -> Vec<u8> {
     let deviation = median(values.iter().map(|v| (v - level).abs()).collect());
     // 1.4826 makes the median deviation of a normal distribution its sigma.
     let sigma = sigma.max(1.4826 * f64::from(deviation)).max(1e-9);
-    let curve = |z: f64| (z / SOFT).asinh();
+    let curve = |z: f64| libm::asinh(z / SOFT);
     let (black, white) = (curve(BLACK), curve(WHITE));
     values
         .iter()

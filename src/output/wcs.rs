@@ -40,9 +40,9 @@ impl Wcs {
         let optics = &camera.optics;
         let row = |i: usize| r.row(i).transpose();
         let (column, line, boresight): (Vector3<f64>, _, _) = (row(0), row(1), row(2));
-        let ra = boresight.y.atan2(boresight.x);
-        let dec = boresight.z.atan2(boresight.x.hypot(boresight.y));
-        let ((sin_a, cos_a), (sin_d, cos_d)) = (ra.sin_cos(), dec.sin_cos());
+        let ra = libm::atan2(boresight.y, boresight.x);
+        let dec = libm::atan2(boresight.z, libm::hypot(boresight.x, boresight.y));
+        let ((sin_a, cos_a), (sin_d, cos_d)) = (libm::sincos(ra), libm::sincos(dec));
         let east = Vector3::new(-sin_a, cos_a, 0.0);
         let north = Vector3::new(-sin_d * cos_a, -sin_d * sin_a, cos_d);
         let scale = (1.0 / optics.focal_px).to_degrees();

@@ -183,7 +183,7 @@ impl Seeker<'_> {
         let (Some(a), Some(b)) = (before_px, after_px) else {
             return Ok(0.0);
         };
-        Ok((b[0] - a[0]).hypot(b[1] - a[1]) / (after - before))
+        Ok(libm::hypot(b[0] - a[0], b[1] - a[1]) / (after - before))
     }
 
     /// The parts of a stay that are lit, and dark in one way.

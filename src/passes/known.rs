@@ -64,7 +64,7 @@ fn apogee_m(object: &Object, epoch: Epoch) -> f64 {
     // Kepler's third law: n^2 a^3 = mu
     set.map_or(f64::INFINITY, |set| {
         let rate = set.mean_motion / 60.0;
-        (MU / (rate * rate)).cbrt() * (1.0 + set.eccentricity)
+        libm::cbrt(MU / (rate * rate)) * (1.0 + set.eccentricity)
     })
 }
 

@@ -156,7 +156,7 @@ impl Image<'_> {
             ..
         } = self.source;
         let off = [0, 1].map(|k| (start[k] + end[k]) / 2.0 - centroid[k]);
-        off[0].hypot(off[1])
+        libm::hypot(off[0], off[1])
     }
 }
 
@@ -373,7 +373,7 @@ fn outside_px(source: &Source, length_px: f64, detector: &Detector) -> f64 {
     let sides = [detector.width, detector.height].map(|pixels| pixels as f64 - 0.5);
     let outside = |at: [f64; 2]| {
         let [x, y] = [0, 1].map(|k| (-0.5 - at[k]).max(at[k] - sides[k]).max(0.0));
-        x.hypot(y)
+        libm::hypot(x, y)
     };
     let between = |a: [f64; 2], b: [f64; 2]| {
         (0..=PARTS).map(move |i| {

@@ -222,7 +222,7 @@ pub struct Source {
 impl Source {
     /// The way (px) of its image from where it starts through its centre to where it ends.
     pub fn length_px(&self) -> f64 {
-        let way = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        let way = |a: [f64; 2], b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
         way(self.start, self.centroid) + way(self.centroid, self.end)
     }
 }

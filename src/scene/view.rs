@@ -279,7 +279,7 @@ impl View {
         };
         let own = self.swing * share;
         let (scale, furthest) = self.scale_and_corner_px;
-        (turn.x.hypot(turn.y) + own) * scale + turn.z.abs() * furthest
+        (libm::hypot(turn.x, turn.y) + own) * scale + turn.z.abs() * furthest
     }
 
     /// A bound (e-) of the pixel that the most light falls on, of each source that part which `part` says of its direction

@@ -102,7 +102,7 @@ impl View {
             .windows(2)
             .map(|ends| [0, 1].map(|k| ends[1][k] - ends[0][k]));
         let (way, down) = steps.fold((0.0, 0.0), |(way, down), [x, y]: [f64; 2]| {
-            (way + x.hypot(y) * lit, down + y.abs() * lit)
+            (way + libm::hypot(x, y) * lit, down + y.abs() * lit)
         });
         if way <= fidelity.skip_px {
             // A track that short is a point.

@@ -97,7 +97,7 @@ fn bits_a_pixel(camera: &Camera) -> f64 {
     let noise_e2 = detector.read_noise_e.powi(2) + dark_e;
     // A digital number rounds: 1/12 of its square.
     let sigma_dn = (noise_e2 / detector.gain_e_per_dn.powi(2) + 1.0 / 12.0).sqrt();
-    let entropy = (sigma_dn * (4.0 * std::f64::consts::PI * std::f64::consts::E).sqrt()).log2();
+    let entropy = libm::log2(sigma_dn * (4.0 * std::f64::consts::PI * std::f64::consts::E).sqrt());
     (entropy + 0.9).clamp(1.2, f64::from(detector.bits) + 0.3)
 }
 

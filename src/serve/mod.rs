@@ -172,12 +172,12 @@ impl Server {
         Some(&self.channels.get(self.gone?)?.wire.address)
     }
 
-    /// Serves until `stop` is set or `limit` frames are made; `on_shot` sees each after its delivery.
+    /// Serves until `stop` is set or `limit` frames are made; `on_shot` sees each after its delivery. The next is made in its memory.
     pub fn run(
         &mut self,
         stop: &AtomicBool,
         limit: Option<u32>,
-        on_shot: impl FnMut(Shot),
+        on_shot: impl FnMut(&Shot),
     ) -> Result<Ended, LinkError> {
         let ended = self.serve(stop, limit, on_shot);
         self.abandon_waiting();
@@ -189,7 +189,7 @@ impl Server {
         &mut self,
         stop: &AtomicBool,
         limit: Option<u32>,
-        mut on_shot: impl FnMut(Shot),
+        mut on_shot: impl FnMut(&Shot),
     ) -> Result<Ended, LinkError> {
         for channel in &self.channels {
             channel.wire.inbox.unparks(std::thread::current());
@@ -246,7 +246,8 @@ impl Server {
                 }
             };
             *counter = counter.wrapping_add(1);
-            on_shot(shot);
+            on_shot(&shot);
+            self.emulator.recycle(shot.frame);
         }
         Ok(Ended::AsAsked)
     }

@@ -202,8 +202,8 @@ impl<'a> Sight<'a> {
         if corrections.proper_motion {
             let roemer_days = start.dot(&self.position_m) / LIGHT_M_S / 86_400.0;
             let years = (self.days + roemer_days) / DAYS_PER_YEAR;
-            let (sin_ra, cos_ra) = place.ra_rad.sin_cos();
-            let (sin_dec, cos_dec) = place.dec_rad.sin_cos();
+            let (sin_ra, cos_ra) = libm::sincos(place.ra_rad);
+            let (sin_dec, cos_dec) = libm::sincos(place.dec_rad);
             let east = Vector3::new(-sin_ra, cos_ra, 0.0);
             let north = Vector3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec);
             u += (east * place.pm_ra_cosdec_rad_yr + north * place.pm_dec_rad_yr) * years;
@@ -225,8 +225,8 @@ impl<'a> Sight<'a> {
 
 /// The unit vector to a star's catalogue place, without any correction.
 pub fn catalogue_direction(place: &StarPlace) -> Vector3<f64> {
-    let (sin_ra, cos_ra) = place.ra_rad.sin_cos();
-    let (sin_dec, cos_dec) = place.dec_rad.sin_cos();
+    let (sin_ra, cos_ra) = libm::sincos(place.ra_rad);
+    let (sin_dec, cos_dec) = libm::sincos(place.dec_rad);
     Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
 }
 

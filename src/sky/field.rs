@@ -98,10 +98,10 @@ impl Field<'_> {
         let sweep = PI * way / range.max(1e-3);
         let reach = (self.angle + WANDER + sweep).min(PI);
         range >= OWN_VEHICLE_M
-            && line.dot(&self.axis) >= range * reach.cos()
+            && line.dot(&self.axis) >= range * libm::cos(reach)
             && self.sides.iter().all(|side| {
                 let beyond = (side.beyond + WANDER + sweep).min(PI / 2.0);
-                line.dot(&side.inward) >= -range * beyond.sin()
+                line.dot(&side.inward) >= -range * libm::sin(beyond)
             })
     }
 
@@ -126,7 +126,7 @@ impl Field<'_> {
                 .iter()
                 .map(|side| {
                     let beyond = (side.beyond + WANDER).min(PI / 2.0);
-                    (to_teme * side.inward, beyond.sin())
+                    (to_teme * side.inward, libm::sin(beyond))
                 })
                 .collect(),
             earth_km: if outside { EARTH_KM - way_km } else { 0.0 },
@@ -244,7 +244,7 @@ impl Test<'_> {
         let to_sun = self.sun_km - observer - line;
         let phase = (-line.dot(&to_sun) / (range * to_sun.norm())).clamp(-1.0, 1.0);
         let turn = PI * self.cone.way_km / range + WANDER;
-        let area = bright.reflective_area((phase.acos() - turn).max(0.0));
+        let area = bright.reflective_area((libm::acos(phase) - turn).max(0.0));
         let reach_km = self.reach_km * area.sqrt();
         (range - self.cone.way_km > reach_km).then_some(Unseen::TooFaint)
     }

@@ -13,14 +13,14 @@ use std::f64::consts::PI;
 /// Photon irradiance (ph/s/m^2) of magnitude `m` in a band with zero point `e_zero`: Eqs. (1), (10),
 /// `E = E_zero 10^(-0.4 m)`.
 pub fn photon_irradiance(e_zero: f64, m: f64) -> f64 {
-    e_zero * 10f64.powf(-0.4 * m)
+    e_zero * libm::pow(10.0, -0.4 * m)
 }
 
 /// Photon radiance (ph/s/m^2/sr) of `m` magnitudes a square arc second: Eq. (3), its exponent mended,
 /// `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`.
 pub fn photon_radiance(e_zero: f64, m: f64) -> f64 {
     const ARCSEC: f64 = PI / 648_000.0;
-    e_zero * libm::exp10(-0.4 * m) / (ARCSEC * ARCSEC)
+    e_zero * libm::pow(10.0, -0.4 * m) / (ARCSEC * ARCSEC)
 }
 
 /// A sphere that reflects sunlight.
@@ -75,8 +75,8 @@ impl Sphere {
 /// area `rho A F` (m^2/sr), distances in m. Infinite where nothing is reflected.
 pub fn magnitude(reflective_area: f64, to_sun_m: f64, to_sensor_m: f64) -> f64 {
     let a2 = AU_M * AU_M;
-    SUN_MAGNITUDE - 2.5 * (reflective_area / a2).log10()
-        + 5.0 * (to_sun_m * to_sensor_m / a2).log10()
+    SUN_MAGNITUDE - 2.5 * libm::log10(reflective_area / a2)
+        + 5.0 * libm::log10(to_sun_m * to_sensor_m / a2)
 }
 
 /// Eq. (7): `F_diff = 2 / (3 pi^2) [(pi - phi) cos phi + sin phi]`, 1/sr.
@@ -88,7 +88,7 @@ pub fn diffuse_phase(phase: f64) -> f64 {
     let bracket = if d.abs() < 1e-2 {
         d * d * d * (1.0 / 3.0 - d * d / 30.0)
     } else {
-        d.sin() - d * d.cos()
+        libm::sin(d) - d * libm::cos(d)
     };
     2.0 / (3.0 * PI * PI) * bracket
 }

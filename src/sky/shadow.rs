@@ -207,9 +207,9 @@ impl Earth {
         let (toward_sun, toward_earth) = (to_sun / sun_distance, object / -distance);
 
         let separation = angle_between(&toward_sun, &toward_earth);
-        let earth_radius = (EARTH_RADIUS_M / distance).asin();
+        let earth_radius = libm::asin(EARTH_RADIUS_M / distance);
         let sun_radius =
-            (self.stretched_sun_radius(toward_sun, toward_earth) / sun_distance).asin();
+            libm::asin(self.stretched_sun_radius(toward_sun, toward_earth) / sun_distance);
         1.0 - covered_fraction(sun_radius, earth_radius, separation)
     }
 
@@ -230,7 +230,7 @@ impl Earth {
 /// at contact, and good to the square of the Sun's radius (2e-5) across it.
 fn covered_fraction(sun: f64, earth: f64, separation: f64) -> f64 {
     // A limb as straight as this is a line over the Sun's disc; more would cost digits below.
-    let radius = earth.tan().min(1e6 * sun);
+    let radius = libm::tan(earth).min(1e6 * sun);
     let to_limb = separation - earth; // of the Sun's centre; negative inside the disc of the Earth
     if to_limb >= sun {
         return 0.0;
@@ -255,5 +255,5 @@ fn covered_fraction(sun: f64, earth: f64, separation: f64) -> f64 {
 /// Area of the segment that a chord cuts off a circle, the chord `half_chord` long to each side and `x` from the centre (negative: the
 /// segment is the larger part): R^2 (alpha - sin(alpha) cos(alpha)), alpha the half angle under which the centre sees the chord.
 fn segment(radius: f64, half_chord: f64, x: f64) -> f64 {
-    radius * radius * half_chord.atan2(x) - half_chord * x
+    radius * radius * libm::atan2(half_chord, x) - half_chord * x
 }

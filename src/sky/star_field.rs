@@ -73,7 +73,7 @@ impl Group {
         let strip = |star: &u32| (directions[*star as usize].z / STRIP).floor();
         let around = |star: &u32| {
             let direction = directions[*star as usize];
-            direction.y.atan2(direction.x)
+            libm::atan2(direction.y, direction.x)
         };
         let mut order: Vec<u32> = (0..directions.len() as u32).collect();
         order.sort_by(|a, b| {
@@ -131,7 +131,7 @@ impl StarField {
         corrections: &Corrections,
     ) -> Vec<SeenStar> {
         // In all directions, whatever rounding makes of products of unit vectors.
-        let least = |angle: f64| if angle < PI { angle.cos() } else { -2.0 };
+        let least = |angle: f64| if angle < PI { libm::cos(angle) } else { -2.0 };
         let nearest = least(angle + WANDER);
         let near = |group: &&Group| group.axis.dot(axis) >= least(angle + WANDER + group.angle);
         let groups: Vec<&Group> = self.groups.iter().filter(near).collect();

@@ -144,8 +144,8 @@ fn residual() -> Bicubic {
         } else {
             NEXT_TO_THE_SUN
         };
-        let (sin, cos) = latitudes[j].sin_cos();
-        let square = elongation_square(cos * longitudes[i].cos(), sin);
+        let (sin, cos) = libm::sincos(latitudes[j]);
+        let square = elongation_square(cos * libm::cos(longitudes[i]), sin);
         libm::log(TABLE[i][j]) + HALF_POWER * libm::log(square)
     };
     // Over the pole the light goes on at the opposite longitude. It is smooth there if its slope runs as the cosine of longitude.
@@ -154,7 +154,7 @@ fn residual() -> Bicubic {
         longitudes.to_vec(),
         latitudes.to_vec(),
         value,
-        |longitude| [tilt * longitude.cos(), -tilt * longitude.sin()],
+        |longitude| [tilt * libm::cos(longitude), -tilt * libm::sin(longitude)],
     )
 }
 

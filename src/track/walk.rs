@@ -239,7 +239,7 @@ fn polynomial(k: usize, u: f64) -> f64 {
 }
 
 pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (b[0] - a[0]).hypot(b[1] - a[1])
+    libm::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 /// Length (px) of the line through the places; nothing is added where one of two is behind the camera.

@@ -72,7 +72,7 @@ impl Running {
             let emulator = Emulator::new(&mut config);
             let mut server = Server::new(emulator, links, output, clock, &NATIVE);
             let ended = server.run(&stopped, None, |shot| {
-                let _ = to_test.send(shot);
+                let _ = to_test.send(shot.clone());
             });
             (ended, server)
         });

@@ -113,7 +113,7 @@ impl RawProjection {
         let margin_px = optics.psf.reach_px(1e-6).min(MOST_MARGIN_PX);
         let distance = |[x, y]: [f64; 2]| {
             let [cx, cy] = optics.principal_px;
-            (x - cx).hypot(y - cy)
+            libm::hypot(x - cx, y - cy)
         };
         let unseen = |optics: &Optics| {
             let edge = detector.edge(margin_px).filter(|at| !optics.sees(*at));

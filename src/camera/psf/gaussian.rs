@@ -62,8 +62,8 @@ impl Gaussian {
     ///
     /// f falls: from a k that is too great, the first's, it leads to one that is too small, and from there to one that is hardly too great.
     pub fn reach_px(&self, loss: f64) -> f64 {
-        let far = (-2.0 * (loss / 2.0).ln()).sqrt();
-        let nearer = |k: f64| (-2.0 * (k * TAU.sqrt() * loss / 4.0).ln()).sqrt();
+        let far = (-2.0 * libm::log(loss / 2.0)).sqrt();
+        let nearer = |k: f64| (-2.0 * libm::log(k * TAU.sqrt() * loss / 4.0)).sqrt();
         // Of more than a hundredth the tail is not that far out.
         let k = if loss < 0.01 {
             nearer(nearer(far))

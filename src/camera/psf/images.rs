@@ -170,7 +170,7 @@ impl Relief {
                 let across = [at(i - 1, j) - here, at(i + 1, j) - here];
                 let down = [at(i, j - 1) - here, at(i, j + 1) - here];
                 let steeper = |[a, b]: [f64; 2]| a.abs().max(b.abs());
-                slope = slope.max(steeper(across).hypot(steeper(down)));
+                slope = slope.max(libm::hypot(steeper(across), steeper(down)));
                 let bend = |[a, b]: [f64; 2]| (a + b).abs();
                 kink = kink.max(bend(across) + bend(down));
             }

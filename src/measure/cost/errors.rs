@@ -171,7 +171,7 @@ impl Sums {
         let mean = |sum: f64, count: f64| if count > 0.0 { sum / count } else { 0.0 };
         let [x, y] = self.moves.map(|sum| mean(sum, self.moved));
         Errors {
-            centroid_bias_mpx: x.hypot(y) * 1e3,
+            centroid_bias_mpx: libm::hypot(x, y) * 1e3,
             centroid_rms_mpx: mean(self.moves_squared, self.moved).sqrt() * 1e3,
             photometry_ppm: mean(self.light_squared, self.images).sqrt() * 1e6,
             background_e: mean(self.background_e, self.frames),

@@ -89,7 +89,7 @@ fn digits(value: f64) -> String {
         0.0 => "0".to_string(),
         size if !(1e-3..1e5).contains(&size) => format!("{value:.1e}"),
         size => {
-            let before = size.log10().floor() as i32;
+            let before = libm::log10(size).floor() as i32;
             let after = (2 - before).max(0) as usize;
             format!("{value:.after$}")
         }

@@ -36,7 +36,7 @@ impl Model for Near {
 
     fn set(&mut self, i: usize, elements: &Elements, figures: &Figures) {
         self.secular.set(i, elements, figures);
-        (self.sin_i[i], self.cos_i[i]) = figures.orbit.inclination.sin_cos();
+        (self.sin_i[i], self.cos_i[i]) = libm::sincos(figures.orbit.inclination);
         let Method::NearEarth { a0, k5, high, .. } = &figures.method else {
             return;
         };

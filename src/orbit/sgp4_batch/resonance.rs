@@ -140,7 +140,7 @@ impl Integrator {
         (self.lambda_0[i], self.lambda[i]) = (*lambda, *lambda);
         self.lambda_dot[i] = *lambda_dot;
         self.sidereal_time[i] = *sidereal_time;
-        self.a0[i] = (KE / mean_motion).cbrt().powi(2);
+        self.a0[i] = libm::cbrt(KE / mean_motion).powi(2);
         self.t[i] = 0.0;
         Some(resonance)
     }

@@ -66,6 +66,6 @@ impl Scene {
         let rows = self.areas_e().chunks(width);
         let across = rows.map(|row| steepest(row, 1)).fold(0.0, f32::max);
         let down = steepest(self.areas_e(), width);
-        STEEPER * px * f64::from(across).hypot(f64::from(down)) * self.responds()
+        STEEPER * px * libm::hypot(f64::from(across), f64::from(down)) * self.responds()
     }
 }

@@ -104,6 +104,6 @@ pub(in crate::sky) fn state(t: Epoch) -> (Vector3<f64>, Vector3<f64>) {
 
 /// Sum of `a sin(phase + rate T)` over `terms`, `T` in Julian centuries; rad.
 fn sum(terms: &[[f64; 3]], centuries: f64) -> f64 {
-    let term = |[a, phase, rate]: &[f64; 3]| a * (phase + rate * centuries).sin();
+    let term = |[a, phase, rate]: &[f64; 3]| a * libm::sin(phase + rate * centuries);
     terms.iter().map(term).sum::<f64>() * ARCSEC
 }
