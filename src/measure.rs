@@ -3,9 +3,10 @@
 pub mod cost;
 pub mod frames;
 pub mod orbits;
+mod population;
 mod ratio;
 
-pub use ratio::{Machine, Row};
+pub use ratio::{Machine, Report, Row};
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;

@@ -156,7 +156,11 @@ impl Totals {
         let mean = |value: &dyn Fn(&[f64; 2]) -> f64| {
             self.residuals_px.iter().map(value).sum::<f64>() / count as f64
         };
-        let mut distances: Vec<f64> = self.residuals_px.iter().map(|[x, y]| libm::hypot(*x, *y)).collect();
+        let mut distances: Vec<f64> = self
+            .residuals_px
+            .iter()
+            .map(|[x, y]| libm::hypot(*x, *y))
+            .collect();
         distances.sort_by(f64::total_cmp);
         Some(Residual {
             count,

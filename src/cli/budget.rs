@@ -6,6 +6,7 @@ use skyloop::attitude::VehicleState;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::KNOBS;
 use skyloop::measure::cost::{Chosen, Effort, Report};
+use skyloop_firmware_sim::console::say;
 use std::time::Duration;
 
 /// The time that a frame may take.
@@ -97,6 +98,9 @@ fn in_file(chosen: &Chosen<'_>) -> String {
 
 /// Where a client may look that has said nothing yet: along the six axes, at rest, now.
 pub(super) fn around() -> anyhow::Result<Vec<VehicleState>> {
+    say(format_args!(
+        "--budget-ms: no [sequence] says where the client will be: measured from the Earth's centre along the six axes, at rest\n"
+    ))?;
     let epoch = Epoch::now().context("the system's time")?;
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let turns = [

@@ -2,19 +2,16 @@
 //!
 //! All figures of a report are of one run, as ratios, taken in turns.
 
+use super::population::before;
 use super::ratio::{Machine, Row, row, with_threads};
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
-use crate::config::Config;
 use crate::engine::Emulator;
 use crate::fidelity::Orbits;
-use crate::flight::{self, FlightError};
 use crate::kernels::{self, Converter};
 use crate::load::{ConfigError, Folder};
 use crate::rng::NoiseKey;
 use crate::rng::poisson::Switch;
-use crate::sky::photometry::Sphere;
-use crate::sky::population::Look;
 use hifitime::Unit;
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
@@ -22,7 +19,6 @@ use rand_distr::{Distribution, Normal, Poisson};
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 use skyloop_orbit::sgp4_batch::Level;
-use skyloop_orbit::synth::population;
 use std::fmt;
 use std::hint::black_box;
 
@@ -54,14 +50,10 @@ pub struct Report {
     pub frames: Vec<Row>,
 }
 
-impl Report {
-    /// Parts that [`Report::measure`] tells of.
-    pub const PARTS: u32 = 4;
+impl super::Report for Report {
+    const PARTS: u32 = 4;
 
-    /// Measures; `told` hears of each part that is begun.
-    ///
-    /// Errors: the built-in scene or a built-in camera cannot be read.
-    pub fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
+    fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
         let machine = Machine::this();
         told("noise");
         let noise = Level::available().into_iter().map(|level| {
@@ -118,8 +110,7 @@ impl Report {
         })
     }
 
-    /// The promises that are not kept, one a line.
-    pub fn broken(&self) -> Vec<String> {
+    fn broken(&self) -> Vec<String> {
         let rows = self.noise.iter().chain(&self.frames);
         rows.filter_map(Row::broken).collect()
     }
@@ -197,27 +188,13 @@ struct Work {
 impl Work {
     /// With a detector of `side` pixels a side where one is given; without a `level` by the scalar SGP4 too.
     fn new(camera: &str, side: Option<usize>, level: Option<Level>) -> Result<Work, ConfigError> {
-        let mut config = Config::builtin()?;
-        let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
-        let mission = flight::mission(&config).map_err(no_start)?;
-        let vehicle = flight::vehicle(&mission, 0).map_err(no_start)?;
+        let (mut config, vehicle) = before(OBJECTS)?;
         config.camera = Camera::load(camera, &Folder::current())?;
         if let Some(side) = side {
             (config.camera.detector.width, config.camera.detector.height) = (side, side);
         }
         if level.is_none() {
             config.fidelity.orbits = Orbits::Scalar;
-        }
-        config.objects.clear();
-        config.looks.clear();
-        for one in population(OBJECTS, 1, vehicle.epoch) {
-            let sphere = Sphere {
-                diameter_m: one.diameter_m,
-                ..Sphere::default()
-            };
-            let object = one.object();
-            config.looks.insert(object.id.clone(), Look::Sphere(sphere));
-            config.objects.push(object);
         }
         let mut emulator = Emulator::new(&mut config);
         emulator.level = level;

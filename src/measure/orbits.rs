@@ -86,11 +86,10 @@ pub struct Scale {
     pub tracked_ns: f64,
 }
 
-impl Report {
-    /// Measures; `told` hears of each part that is done.
-    ///
-    /// Errors: the built-in scene cannot be read.
-    pub fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
+impl super::Report for Report {
+    const PARTS: u32 = 7;
+
+    fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
         let machine = Machine::this();
         let mut rows = Vec::new();
         let epoch = Epoch::from_gregorian_utc_at_midnight(2026, 1, 1);
@@ -128,14 +127,8 @@ impl Report {
             scale: scale.into(),
         })
     }
-}
 
-impl Report {
-    /// Parts that [`Report::measure`] tells of.
-    pub const PARTS: u32 = 7;
-
-    /// The promises that are not kept, one a line.
-    pub fn broken(&self) -> Vec<String> {
+    fn broken(&self) -> Vec<String> {
         let Step { p99_ms, octets, .. } = self.step;
         let rows = self.rows.iter().filter_map(Row::broken);
         let step = (p99_ms > MOST_MS)

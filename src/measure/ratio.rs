@@ -1,9 +1,24 @@
 //! One work against another: both are done in turns, so that what else the machine does falls on both alike.
 
+use crate::load::ConfigError;
 use serde::Serialize;
 use skyloop_orbit::sgp4_batch::Level;
 use std::fmt;
 use std::time::Instant;
+
+/// What works take, all measured in one run.
+pub trait Report: Serialize + fmt::Display + Sized {
+    /// Parts that [`Report::measure`] tells of.
+    const PARTS: u32;
+
+    /// Measures; `told` hears of each part that is begun.
+    ///
+    /// Errors: the built-in scene or a built-in camera cannot be read.
+    fn measure(told: impl FnMut(&str)) -> Result<Self, ConfigError>;
+
+    /// The promises that are not kept, one a line.
+    fn broken(&self) -> Vec<String>;
+}
 
 /// The machine, as reports name it.
 #[derive(Debug, Clone, Serialize)]

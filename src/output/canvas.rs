@@ -37,20 +37,25 @@ impl Canvas {
         broken: bool,
     ) {
         let reach = radius + weight;
-        let (left, top) = ((x - reach).floor() as i64, (y - reach).floor() as i64);
-        let side = (2.0 * reach).ceil() as i64 + 1;
-        for (px, py) in
-            (top..=top + side).flat_map(|py| (left..=left + side).map(move |px| (px, py)))
-        {
-            let (dx, dy) = (px as f64 - x, py as f64 - y);
+        if !(x + y + reach).is_finite() {
+            return;
+        }
+        let pixels = |middle: f64, end: u32| {
+            let [first, last] = [middle - reach, middle + reach]
+                .map(|at| at.floor().clamp(0.0, f64::from(end)) as u32);
+            first..end.min(last + 2)
+        };
+        let (columns, rows) = (pixels(x, self.0.width()), pixels(y, self.0.height()));
+        for (px, py) in rows.flat_map(|py| columns.clone().map(move |px| (px, py))) {
+            let (dx, dy) = (f64::from(px) - x, f64::from(py) - y);
             let turn = libm::atan2(dy, dx) / std::f64::consts::TAU;
             if broken && (turn * DASHES).rem_euclid(1.0) > 0.6 {
                 continue;
             }
             let from_line = (libm::hypot(dx, dy) - radius).abs();
             self.blend(
-                px,
-                py,
+                px.into(),
+                py.into(),
                 color,
                 (0.5 + weight / 2.0 - from_line).clamp(0.0, 1.0),
             );
@@ -116,5 +121,26 @@ impl DrawTarget for Canvas {
             self.blend(at.x.into(), at.y.into(), color, 1.0);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rings_that_lie_nowhere_or_far_away_draw_nothing() {
+        let blank = Canvas::filled(8, 8, Rgb888::BLACK);
+        for x in [f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 1e300, -1e300] {
+            for at in [[x, 4.0], [4.0, x]] {
+                let mut canvas = blank.clone();
+                canvas.ring(at, 2.0, 1.0, Rgb888::WHITE, false);
+                assert_eq!(canvas.0, blank.0, "{at:?}");
+            }
+        }
+        let mut canvas = blank.clone();
+        canvas.ring([4.0, 4.0], 2.0, 1.0, Rgb888::WHITE, false);
+        assert_eq!(canvas.0.get_pixel(6, 4).0, [255; 3]);
+        assert_eq!(canvas.0.get_pixel(4, 4).0, [0; 3]);
     }
 }

@@ -10,6 +10,7 @@
 //!
 //! `skyloop lightcurve` writes `lightcurve.csv` and `lightcurve.png` instead, `skyloop cost` `cost.csv` and `cost.png`.
 
+mod axes;
 mod canvas;
 mod fits;
 mod folder;

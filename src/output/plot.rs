@@ -1,11 +1,10 @@
 //! A plot of magnitudes over time: bright is up.
 
+use super::axes::{FRAME, GROUND, SIZE, frame, line, mark_across, mark_upwards};
 use super::canvas::{Canvas, text_size};
-use embedded_graphics::mono_font::MonoFont;
-use embedded_graphics::mono_font::ascii::{FONT_6X10, FONT_9X15};
+use embedded_graphics::mono_font::ascii::FONT_6X10;
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
-use embedded_graphics::primitives::{Line, PrimitiveStyle};
 use hifitime::{Epoch, Unit};
 use image::RgbImage;
 use skyloop_orbit::time::utc_text;
@@ -32,12 +31,6 @@ pub struct Series {
     pub values: Vec<Option<f64>>,
 }
 
-pub(super) const SIZE: [u32; 2] = [1000, 560];
-/// Left, top, right and lower edge of the axes, px.
-pub(super) const FRAME: [i32; 4] = [80, 60, 975, 490];
-pub(super) const GROUND: Rgb888 = Rgb888::new(12, 14, 20);
-pub(super) const GRID: Rgb888 = Rgb888::new(40, 44, 54);
-pub(super) const INK: Rgb888 = Rgb888::new(210, 214, 220);
 /// About as many labels an axis.
 const TICKS: f64 = 8.0;
 /// Steps between the labels of a time axis, s, that divide minutes, hours and days.
@@ -68,39 +61,19 @@ impl Plot {
         let y = |v: f64| f64::from(top) + (v - low) / (high - low) * f64::from(bottom - top);
 
         for tick in ticks(low, high, nice((high - low) / TICKS)) {
-            let at = y(tick.value).round() as i32;
-            line(&mut canvas, [left, at], [right, at], GRID, 1);
-            let width = text_size(&tick.text, &FONT_6X10).width as i32;
-            canvas.text(
-                &tick.text,
-                Point::new(left - 6 - width, at - 5),
-                &FONT_6X10,
-                INK,
-            );
+            mark_upwards(&mut canvas, y(tick.value), &tick.text);
         }
         for (s, text) in time_ticks(start, span_s) {
-            let at = x(s).round() as i32;
-            line(&mut canvas, [at, top], [at, bottom], GRID, 1);
-            let width = text_size(&text, &FONT_6X10).width as i32;
-            canvas.text(
-                &text,
-                Point::new(at - width / 2, bottom + 8),
-                &FONT_6X10,
-                INK,
-            );
+            mark_across(&mut canvas, x(s), &text);
         }
         for series in &self.series {
             self.curve(&mut canvas, series, &seconds, &x, &y);
         }
-        for (a, b) in [
-            ([left, top], [right, top]),
-            ([left, bottom], [right, bottom]),
-            ([left, top], [left, bottom]),
-            ([right, top], [right, bottom]),
-        ] {
-            line(&mut canvas, a, b, INK, 1);
-        }
-        self.words(&mut canvas, start);
+        let day = utc_text(start);
+        let day = day.split('T').next().unwrap_or_default();
+        let across = format!("UTC, from {day}");
+        frame(&mut canvas, &self.title, [&across, self.value]);
+        self.legend(&mut canvas);
         canvas.0
     }
 
@@ -147,44 +120,16 @@ impl Plot {
         }
     }
 
-    fn words(&self, canvas: &mut Canvas, start: Epoch) {
-        let [left, top, right, bottom] = FRAME;
-        let put = |canvas: &mut Canvas, text: &str, x: i32, y: i32, font: &MonoFont<'_>, color| {
-            canvas.text(text, Point::new(x, y), font, color);
-        };
-        put(canvas, &self.title, left, 12, &FONT_9X15, INK);
-        put(canvas, self.value, 12, top - 20, &FONT_6X10, INK);
-        let day = utc_text(start);
-        let day = day.split('T').next().unwrap_or_default();
-        put(
-            canvas,
-            &format!("UTC, from {day}"),
-            left,
-            bottom + 30,
-            &FONT_6X10,
-            INK,
-        );
-        let mut edge = right;
+    /// The names of the series, on the right above the frame.
+    fn legend(&self, canvas: &mut Canvas) {
+        let [_, top, mut edge, _] = FRAME;
         for series in self.series.iter().rev() {
             edge -= text_size(series.name, &FONT_6X10).width as i32;
-            put(
-                canvas,
-                series.name,
-                edge,
-                top - 20,
-                &FONT_6X10,
-                series.color,
-            );
+            let at = Point::new(edge, top - 20);
+            canvas.text(series.name, at, &FONT_6X10, series.color);
             edge -= 20;
         }
     }
-}
-
-pub(super) fn line(canvas: &mut Canvas, a: [i32; 2], b: [i32; 2], color: Rgb888, weight: u32) {
-    let style = PrimitiveStyle::with_stroke(color, weight);
-    let line = Line::new(Point::new(a[0], a[1]), Point::new(b[0], b[1]));
-    // A canvas takes everything.
-    let Ok(()) = line.into_styled(style).draw(canvas);
 }
 
 struct Tick {

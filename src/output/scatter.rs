@@ -1,10 +1,10 @@
 //! A plot of dots by two values that are above 0, on logarithmic axes; the best of them joined by a line.
 
+use super::axes::{FRAME, GROUND, SIZE, frame, line, mark_across, mark_upwards};
 use super::canvas::{Canvas, text_size};
 use super::folder::{Folder, OutputError};
-use super::plot::{FRAME, GRID, GROUND, INK, SIZE, line};
 use super::png;
-use embedded_graphics::mono_font::ascii::{FONT_6X10, FONT_9X15};
+use embedded_graphics::mono_font::ascii::FONT_6X10;
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
 use embedded_graphics::primitives::Rectangle;
@@ -116,20 +116,13 @@ impl Scatter {
             1.5,
         );
         for value in across.ticks() {
-            let at = across.place(value).round() as i32;
-            line(&mut canvas, [at, top], [at, bottom], GRID, 1);
-            let (text, y) = (text(value), bottom + 8);
-            let width = text_size(&text, &FONT_6X10).width as i32;
-            canvas.text(&text, Point::new(at - width / 2, y), &FONT_6X10, INK);
+            mark_across(&mut canvas, across.place(value), &text(value));
         }
         let floor = (f64::from(bottom - 8), "0".to_string());
         let ticks = upwards.ticks().into_iter();
         let ticks = ticks.map(|value| (upwards.place(value), text(value)));
         for (at, text) in ticks.chain([floor]) {
-            let at = at.round() as i32;
-            line(&mut canvas, [left, at], [right, at], GRID, 1);
-            let width = text_size(&text, &FONT_6X10).width as i32;
-            canvas.text(&text, Point::new(left - 6 - width, at - 5), &FONT_6X10, INK);
+            mark_upwards(&mut canvas, at, &text);
         }
         let place = |dot: &Dot| {
             let [x, y] = dot.at;
@@ -147,17 +140,7 @@ impl Scatter {
         }
         self.front(&mut canvas, place);
         self.dots(&mut canvas, place);
-        for (a, b) in [
-            ([left, top], [right, top]),
-            ([left, bottom], [right, bottom]),
-            ([left, top], [left, bottom]),
-            ([right, top], [right, bottom]),
-        ] {
-            line(&mut canvas, a, b, INK, 1);
-        }
-        canvas.text(&self.title, Point::new(left, 12), &FONT_9X15, INK);
-        canvas.text(self.axes[1], Point::new(12, top - 20), &FONT_6X10, INK);
-        canvas.text(self.axes[0], Point::new(left, bottom + 30), &FONT_6X10, INK);
+        frame(&mut canvas, &self.title, self.axes);
         canvas.0
     }
 

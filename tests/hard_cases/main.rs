@@ -28,6 +28,8 @@
 
 #[path = "../support/oem.rs"]
 mod oem;
+#[path = "../support/sky.rs"]
+mod sky;
 
 mod brightness;
 mod charge;

@@ -16,6 +16,8 @@ use skyloop::scene::{Body, Candidate, Scene};
 use skyloop::sky::catalog::Selection;
 use std::sync::OnceLock;
 
+use crate::sky::DARK_SKY;
+
 pub use crate::oem::{falling, oem};
 
 /// 64 x 64 px of 10 um behind 20 mm: 2,000 px a radian, no dark current, no read noise, 1 e-/DN.
@@ -104,21 +106,6 @@ pub fn towards(direction: &Vector3<f64>) -> Attitude {
     Attitude::towards(ra, dec, 0.3)
 }
 
-/// The lights of the sky that most cases leave out.
-const SKY: [&str; 11] = [
-    "stars",
-    "zodiacal light",
-    "starlight",
-    "planets",
-    "moon",
-    "earth",
-    "limb",
-    "sunlight",
-    "moonglow",
-    "earthshine",
-    "shot noise",
-];
-
 /// An emulator without noise, with nothing in the sky but objects and what is put there; all is labelled and expected electrons are kept.
 pub fn emulator(camera: Camera, fidelity: Fidelity, with: impl FnOnce(&mut Config)) -> Emulator {
     let mut config = Config::defaults().unwrap();
@@ -126,7 +113,7 @@ pub fn emulator(camera: Camera, fidelity: Fidelity, with: impl FnOnce(&mut Confi
     config.fidelity = fidelity;
     config.label_snr = 0.0;
     config.sky.selection = Selection::Bsc;
-    config.choice.off = SKY.to_vec();
+    config.choice.off = [&["stars", "shot noise"], &DARK_SKY[..]].concat();
     with(&mut config);
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = false;

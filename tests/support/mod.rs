@@ -9,6 +9,7 @@ use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, LinkError, Roles, Wire};
 use skyloop::serve::{Ended, Server};
+use skyloop::stats::RunStats;
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Attitude, Counters, OrbitState, WireTime};
 use std::sync::Arc;
@@ -71,6 +72,7 @@ impl Running {
             let output = config.run.output;
             let emulator = Emulator::new(&mut config);
             let mut server = Server::new(emulator, links, output, clock, &NATIVE);
+            server.set_overrun(&config.run);
             let ended = server.run(&stopped, None, |shot| {
                 let _ = to_test.send(shot.clone());
             });
@@ -84,11 +86,16 @@ impl Running {
     }
 
     /// Ends the run as `skyloop run` does; its counters.
-    pub fn end(mut self) -> Counters {
+    pub fn end(self) -> Counters {
+        self.measured().1
+    }
+
+    /// Ends the run likewise; what it measured too.
+    pub fn measured(mut self) -> (RunStats, Counters) {
         self.stop.store(true, Ordering::Relaxed);
         let (ended, server) = self.thread.take().unwrap().join().expect("no panic");
         ended.expect("no error of the link");
-        server.close().1
+        server.close()
     }
 
     /// The next frame that was delivered or abandoned.

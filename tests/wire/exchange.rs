@@ -1,15 +1,19 @@
 //! Whom the emulator answers, and how an exchange changes hands.
 
 use crate::support::client::Client;
-use crate::support::line::{Line, UdpLine};
+use crate::support::line::{Line, MemoryLine, UdpLine};
 use crate::support::{
     EPOCH, PATIENCE, Running, attitude, await_that, later, on_udp, options, scene,
 };
 use skyloop::config::Clock;
-use skyloop::link;
+use skyloop::engine::Emulator;
+use skyloop::frame::Frame;
 use skyloop::link::fault::{Book, Plan, wrap};
+use skyloop::link::{self, Roles};
+use skyloop::serve::Server;
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Command, Output, Reply, apid};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -139,4 +143,33 @@ fn what_comes_late_from_the_last_client_is_ignored() {
         second.status().counters.foreign_packets == 1
     });
     assert_eq!(second.status().output, labels);
+}
+
+#[test]
+fn frames_are_made_in_the_memory_of_those_before() {
+    // More than a frame takes: a new one would have no more than it needs.
+    const ROOM: usize = 1 << 20;
+    let mut config = scene();
+    let mut emulator = Emulator::new(&mut config);
+    emulator.recycle(Frame {
+        digits: Vec::with_capacity(ROOM),
+        ..Frame::default()
+    });
+    let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
+    let links = [(wire, Roles::ALL)];
+    let output = config.run.output;
+    let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
+    let (stop, mut rooms) = (AtomicBool::new(false), Vec::new());
+    std::thread::scope(|scope| {
+        let serving = scope.spawn(|| {
+            server.run(&stop, Some(3), |shot| {
+                rooms.push(shot.frame.digits.capacity())
+            })
+        });
+        let mut client = Client::new(MemoryLine(port));
+        (1..=3).for_each(|sequence| drop(client.good_frame(sequence)));
+        serving.join().unwrap().unwrap();
+    });
+    assert!(rooms.iter().all(|room| *room >= ROOM), "{rooms:?}");
+    assert_eq!(rooms.len(), 3);
 }

@@ -11,6 +11,7 @@ mod exchange;
 mod faults;
 mod levels;
 mod on_can;
+mod overrun;
 mod pacing;
 mod refusals;
 mod replay;

@@ -1,20 +1,16 @@
 //! The whole step: who of a catalogue is before a camera, who can be seen, and the label's text.
 
 use super::{CATALOGUE, FRAMES, Step, WARM};
-use crate::config::Config;
 use crate::crew;
 use crate::engine::Emulator;
 use crate::fidelity::{Choice, Orbits};
-use crate::flight::{self, FlightError};
 use crate::label::Label;
 use crate::load::ConfigError;
+use crate::measure::population::before;
 use crate::measure::ratio::quantiles;
 use crate::plan::Plan;
 use crate::scene::{KINDS, Unobservable, View};
-use crate::sky::photometry::Sphere;
-use crate::sky::population::Look;
 use hifitime::Unit;
-use skyloop_orbit::synth::population;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -37,22 +33,8 @@ pub fn measure() -> Result<Step, ConfigError> {
 /// Times (ms) of its frames, of the first, what is found of objects, and octets of an object.
 #[allow(clippy::type_complexity)]
 fn frames(orbits: Orbits) -> Result<(impl Fn(f64) -> f64, f64, [f64; 3], f64), ConfigError> {
-    let mut config = Config::builtin()?;
-    let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
-    let mission = flight::mission(&config).map_err(no_start)?;
-    let vehicle = flight::vehicle(&mission, 0).map_err(no_start)?;
+    let (mut config, vehicle) = before(CATALOGUE)?;
     config.fidelity.orbits = orbits;
-    config.objects.clear();
-    config.looks.clear();
-    for one in population(CATALOGUE, 1, vehicle.epoch) {
-        let sphere = Sphere {
-            diameter_m: one.diameter_m,
-            ..Sphere::default()
-        };
-        let object = one.object();
-        config.looks.insert(object.id.clone(), Look::Sphere(sphere));
-        config.objects.push(object);
-    }
     // Objects alone: what else is in the sky takes its own time.
     let mut choice = Choice::default();
     choice.off.extend(["stars", "planets", "moon"]);

@@ -47,6 +47,7 @@ impl fmt::Display for Report {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::Report as _;
     use crate::measure::ratio::Machine;
 
     #[test]

@@ -1,0 +1,29 @@
+//! A synthetic catalogue before the built-in scene's camera.
+
+use crate::attitude::VehicleState;
+use crate::config::Config;
+use crate::flight::{self, FlightError};
+use crate::load::ConfigError;
+use crate::sky::photometry::Sphere;
+use crate::sky::population::Look;
+use skyloop_orbit::synth::population;
+
+/// The built-in scene with so many synthetic spheres in place of its objects, and its first vehicle.
+pub fn before(objects: usize) -> Result<(Config, VehicleState), ConfigError> {
+    let mut config = Config::builtin()?;
+    let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
+    let mission = flight::mission(&config).map_err(no_start)?;
+    let vehicle = flight::vehicle(&mission, 0).map_err(no_start)?;
+    config.objects.clear();
+    config.looks.clear();
+    for one in population(objects, 1, vehicle.epoch) {
+        let sphere = Sphere {
+            diameter_m: one.diameter_m,
+            ..Sphere::default()
+        };
+        let object = one.object();
+        config.looks.insert(object.id.clone(), Look::Sphere(sphere));
+        config.objects.push(object);
+    }
+    Ok((config, vehicle))
+}

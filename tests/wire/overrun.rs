@@ -1,0 +1,121 @@
+//! Frames that would be late: what is done with them, and where that is told.
+
+use crate::support::client::Client;
+use crate::support::line::MemoryLine;
+use crate::support::{EPOCH, Running, attitude, await_that, on_memory, scene};
+use serde_json::{Value, json};
+use skyloop::config::{Clock, OnOverrun};
+use skyloop::fidelity::Fidelity;
+use skyloop::stats::RunStats;
+use skyloop_protocols::{Command, Counters};
+
+/// A cadence at which every frame is late, Hz: none is made within 10 us.
+const HURRIED_HZ: f64 = 1e5;
+/// And one at which none is: a second is hundreds of times what a frame of 64 x 64 pixels takes.
+const PATIENT_HZ: f64 = 1.0;
+/// Frames that are looked at.
+const FRAMES: usize = 6;
+
+/// An emulator of the built-in scene with 64 x 64 pixels, and a client that has sent its attitude.
+fn flown(policy: OnOverrun, rate_hz: f64) -> (Running, Client<MemoryLine>) {
+    let mut config = scene();
+    config.camera.detector.width = 64;
+    config.camera.detector.height = 64;
+    config.camera.exposure_s = 5e-6;
+    config.camera.rate_hz = rate_hz;
+    config.run.on_overrun = policy;
+    let coarsest = Fidelity {
+        wing_e: 1.0,
+        ..Fidelity::FAST
+    };
+    config.run.coarsen = vec![Fidelity::FAST, coarsest];
+    let (emulator, line) = on_memory(config, Clock::Wall);
+    let mut client = Client::new(line);
+    // The cadence starts with the attitude: the emulator must be there by then.
+    client.status();
+    client.point(attitude(1), EPOCH);
+    (emulator, client)
+}
+
+/// What the labels of the first frames at a hurried cadence say: why they are not as configured, and by what they were rendered.
+/// Then time is no longer short, and a frame comes as configured; what was measured and counted.
+fn hurried(policy: OnOverrun) -> (Vec<(Value, Value)>, RunStats, Counters) {
+    let (emulator, mut client) = flown(policy, HURRIED_HZ);
+    let told = |label: &Value| (label["overrun"].clone(), label["fidelity"].clone());
+    let first: Vec<_> = (0..FRAMES).map(|_| told(&client.frame().label())).collect();
+    client.done(Command::FrameRate { hz: PATIENT_HZ });
+    let configured = (Value::Null, json!({"preset": "realtime"}));
+    assert_eq!(first[0], configured, "nothing is known before the first");
+    await_that("a frame in time", || {
+        told(&client.frame().label()) == configured
+    });
+    let (stats, counters) = emulator.measured();
+    assert!(stats.late >= FRAMES as u32 && stats.frames > stats.late);
+    assert_eq!(row(&stats, "frames late"), stats.late);
+    (first, stats, counters)
+}
+
+/// A number of the table at the end of a run; 0 where it has no row.
+fn row(stats: &RunStats, name: &str) -> u32 {
+    let rows = stats.rows();
+    let row = rows.iter().find(|(row, _)| row == name);
+    row.map_or(0, |(_, value)| value.parse().unwrap())
+}
+
+#[test]
+fn late_frames_come_and_are_told() {
+    let (first, stats, _) = hurried(OnOverrun::Late);
+    for (overrun, fidelity) in &first[1..] {
+        assert_eq!(overrun, "late");
+        assert_eq!(fidelity, &first[0].1);
+    }
+    assert_eq!((stats.coarsened, stats.dropped), (0, 0));
+}
+
+#[test]
+fn exposures_are_left_out_and_told() {
+    let (first, stats, counters) = hurried(OnOverrun::Drop);
+    for (overrun, fidelity) in &first[1..] {
+        assert_eq!(overrun, "drop");
+        assert_eq!(fidelity, &first[0].1);
+    }
+    // X-Val: by hand, a frame that takes twice the period or more is tried again after 11 exposures: (15/16)^n <= 1/2.
+    let least = 11 * (FRAMES as u32 - 1);
+    assert!(stats.dropped >= least, "{}", stats.dropped);
+    assert!(counters.exposures_missed >= stats.dropped);
+    assert_eq!(row(&stats, "exposures dropped"), stats.dropped);
+    assert_eq!(stats.coarsened, 0);
+}
+
+#[test]
+fn frames_are_coarsened_step_by_step_and_told() {
+    let (first, stats, _) = hurried(OnOverrun::Coarsen);
+    let fast = json!({"preset": "fast"});
+    let coarsest = json!({"preset": "fast", "wing_e": 1.0});
+    assert_eq!(first[1], (json!("coarsen"), fast));
+    assert_eq!(first[2], (json!("coarsen"), coarsest.clone()));
+    for told in &first[3..] {
+        assert_eq!(*told, (json!("late"), coarsest.clone()));
+    }
+    assert!(stats.coarsened >= 2);
+    assert_eq!(row(&stats, "frames coarsened"), stats.coarsened);
+    assert_eq!(stats.dropped, 0);
+}
+
+#[test]
+fn with_time_enough_nothing_is_done() {
+    for policy in [OnOverrun::Drop, OnOverrun::Coarsen] {
+        let (emulator, mut client) = flown(policy, PATIENT_HZ);
+        for _ in 0..2 {
+            let label = client.frame().label();
+            assert_eq!(label["overrun"], Value::Null);
+            assert_eq!(label["fidelity"], json!({"preset": "realtime"}));
+        }
+        let (stats, counters) = emulator.measured();
+        assert_eq!((stats.late, stats.coarsened, stats.dropped), (0, 0, 0));
+        assert_eq!(counters.exposures_missed, 0);
+        for name in ["frames late", "frames coarsened", "exposures dropped"] {
+            assert_eq!(row(&stats, name), 0);
+        }
+    }
+}
