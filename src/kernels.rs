@@ -72,6 +72,16 @@ kernel! {
     digitise = digits_body, digits_twin (converter: &Converter, electrons: &[f32], digits: &mut [u16])
 }
 
+kernel! {
+    /// Adds light that runs in a straight line to pixels, `from + rise i` to that which is the i-th; the first at hand is that of `first`.
+    ramp = ramp_body, ramp_twin (from: f32, rise: f32, first: u32, electrons: &mut [f32])
+}
+
+kernel! {
+    /// Adds the light of as many pixels.
+    add = add_body, add_twin (light: &[f32], electrons: &mut [f32])
+}
+
 #[inline(always)]
 fn shot_body(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons: &mut [f32]) {
     let mut words = [0; BLOCK];
@@ -221,6 +231,35 @@ fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
 fn digits_body(converter: &Converter, electrons: &[f32], digits: &mut [u16]) {
     for (dn, e) in digits.iter_mut().zip(electrons) {
         *dn = converter.digit(*e);
+    }
+}
+
+/// Not fused: a line is the same however its sums are rounded, and no processor is slow at it.
+#[inline(always)]
+fn ramp_body(from: f32, rise: f32, first: u32, electrons: &mut [f32]) {
+    for (i, e) in electrons.iter_mut().enumerate() {
+        *e += from + rise * (first as i32 + i as i32) as f32;
+    }
+}
+
+#[inline(always)]
+fn ramp_twin(from: f32, rise: f32, first: u32, electrons: &mut [f32]) {
+    for (i, e) in (first as i32..).zip(electrons) {
+        *e += from + rise * i as f32;
+    }
+}
+
+#[inline(always)]
+fn add_body(light: &[f32], electrons: &mut [f32]) {
+    for (e, light) in electrons.iter_mut().zip(light) {
+        *e += light;
+    }
+}
+
+#[inline(always)]
+fn add_twin(light: &[f32], electrons: &mut [f32]) {
+    for (e, light) in electrons.iter_mut().zip(light) {
+        *e += light;
     }
 }
 

@@ -12,7 +12,6 @@ use super::cause::digits;
 use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
 use super::{Loss, Need, Pass};
 use crate::scene::{AreaLight, Asked, Lit, Scene, Simulated};
-use std::iter;
 
 /// ns of a pixel whose light runs in straight lines or is blurred, is added up with other areas' and drawn.
 const PIXEL_NS: f64 = 3.3;
@@ -55,8 +54,9 @@ pub(super) fn judge<'s>(
         }
     } else {
         let cells_e = || {
-            let lit = Lit::from(area);
-            with_trail(scene, scene.lit_e(iter::once(lit)), || scene.trail_of(lit))
+            with_trail(scene, scene.area_lit_e(area), || {
+                scene.trail_of(Lit::from(area))
+            })
         };
         Need {
             because: says(area).into(),
@@ -69,9 +69,7 @@ pub(super) fn judge<'s>(
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
-        let e = area.e().get(tile.first..);
-        let pixels = tile.electrons.iter_mut().zip(e.unwrap_or_default());
-        pixels.for_each(|(pixel, e)| *pixel += e);
+        area.add_to(tile.level, tile.first, tile.electrons);
     }));
     (need, pass)
 }

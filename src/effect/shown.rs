@@ -69,7 +69,7 @@ pub(super) fn with_trail(
     mut cells_e: Vec<f64>,
     trail: impl FnOnce() -> Vec<f64>,
 ) -> Vec<f64> {
-    if scene.simulated.frame_transfer {
+    if scene.simulated.frame_transfer && scene.trail_part() > 0.0 {
         let trails = of_cells(&trail());
         let cells = cells_e.iter_mut().zip(trails);
         cells.for_each(|(e, trail)| *e += trail);

@@ -45,18 +45,18 @@ fn cells_e(detector: &Detector, lights: &[Lit<'_>], weight: Option<Weight<'_>>) 
     let columns = detector.width.div_ceil(CELL);
     let mut cells = vec![0.0; columns * detector.height.div_ceil(CELL)];
     // Of each column, in the rows of cells at hand; and which columns that are.
-    let mut greatest = vec![0.0f64; detector.width];
+    let mut greatest = vec![0.0f32; detector.width];
     let mut lit = (usize::MAX, 0);
     for light in lights {
         let mut rows = light.footprint.rows(0..detector.height).peekable();
         while let Some((row, first, shares)) = rows.next() {
             let here = greatest[first..].iter_mut().zip(shares);
             match weight {
-                None => here.for_each(|(most, share)| raise(most, f64::from(*share))),
+                None => here.for_each(|(most, share)| raise(most, *share)),
                 Some(weight) => {
                     let pixel = row * detector.width + first;
                     here.zip(pixel..).for_each(|((most, share), pixel)| {
-                        raise(most, f64::from(*share) * weight(pixel))
+                        raise(most, no_less(f64::from(*share) * weight(pixel)))
                     });
                 }
             }
@@ -72,7 +72,8 @@ fn cells_e(detector: &Detector, lights: &[Lit<'_>], weight: Option<Weight<'_>>) 
                 let cells = &mut cells[row / CELL * columns + from..];
                 let lit_columns = &mut greatest[from * CELL..lit.1];
                 for (cell, columns) in cells.iter_mut().zip(lit_columns.chunks_mut(CELL)) {
-                    *cell += light.electrons * columns.iter().copied().fold(0.0, f64::max);
+                    *cell +=
+                        light.electrons * f64::from(columns.iter().copied().fold(0.0, f32::max));
                     columns.fill(0.0);
                 }
                 lit = (usize::MAX, 0);
@@ -82,8 +83,18 @@ fn cells_e(detector: &Detector, lights: &[Lit<'_>], weight: Option<Weight<'_>>) 
     cells
 }
 
-fn raise(most: &mut f64, to: f64) {
-    // Not `f64::max`, whose care for NaN takes longer than all else.
+/// In single precision, rounded up: a bound stays one.
+fn no_less(value: f64) -> f32 {
+    let single = value as f32;
+    if f64::from(single) < value {
+        single.next_up()
+    } else {
+        single
+    }
+}
+
+fn raise<T: Copy + PartialOrd>(most: &mut T, to: T) {
+    // Not `max`, whose care for NaN takes longer than all else.
     *most = if to > *most { to } else { *most };
 }
 

@@ -1,6 +1,7 @@
 //! The charge that pixels expect: bounds of it, and what single pixels and columns expect.
 
-use super::{Lit, Scene, Simulated, brightest, spill, trail};
+use super::{AreaLight, Lit, Scene, Simulated, brightest, spill, trail};
+use std::iter;
 
 impl Scene {
     /// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether
@@ -11,6 +12,16 @@ impl Scene {
         let weight = self.simulated.response && detector.pattern.response().is_some();
         let weight = weight.then_some(&response as brightest::Weight<'_>);
         brightest::pixels_e(detector, lights, weight)
+    }
+
+    /// [`Scene::lit_e`] by an area's light alone.
+    pub fn area_lit_e(&self, area: &AreaLight) -> Vec<f64> {
+        let responds =
+            self.simulated.response && self.view.camera.detector.pattern.response().is_some();
+        match area.most_of_even() {
+            Some(most) if !responds => most,
+            _ => self.lit_e(iter::once(Lit::from(area))),
+        }
     }
 
     /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-, for each column of cells.
@@ -74,7 +85,7 @@ impl Scene {
 
     /// What each pixel of each column gets of the column's light by `lit` alone while it is shifted, e-.
     pub fn trail_of(&self, lit: Lit<'_>) -> Vec<f64> {
-        let mut columns = spill::columns_e(&self.view.camera.detector, std::iter::once(lit));
+        let mut columns = spill::columns_e(&self.view.camera.detector, iter::once(lit));
         let part = self.trail_part();
         columns.iter_mut().for_each(|e| *e *= part);
         columns

@@ -136,7 +136,7 @@ impl View {
         let lit = self.lit_by(area, simulated, fidelity);
         let whole_e = candidate.electrons() * centre.light;
         let part = 1.0 / whole_e.max(f64::MIN_POSITIVE);
-        let mut footprint = Footprint::sum(&[(part, lit.light)]);
+        let mut footprint = Footprint::sum(&[(part, lit.footprint().clone())]);
         footprint.wings = centre.footprint.wings;
         Point {
             footprint,

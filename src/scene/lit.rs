@@ -25,7 +25,7 @@ impl<'a> From<&'a AreaLight> for Lit<'a> {
     fn from(area: &'a AreaLight) -> Lit<'a> {
         Lit {
             electrons: 1.0,
-            footprint: &area.light,
+            footprint: area.footprint(),
         }
     }
 }

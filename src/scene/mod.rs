@@ -268,7 +268,10 @@ impl Scene {
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, &simulated, fidelity))
             .collect();
-        let areas_light = Footprint::whole(view.camera.detector.width, area::together(&areas));
+        let areas_light = Footprint::whole(
+            view.camera.detector.width,
+            area::together(&areas, view.camera.detector.pixels()),
+        );
         let together = Lit {
             electrons: 1.0,
             footprint: &areas_light,
@@ -323,9 +326,8 @@ impl Scene {
     /// Expected background of a pixel, on which no star and no object shines, averaged over the frame, e-.
     pub fn background_e(&self) -> f64 {
         let trail = self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64;
-        self.dark_e()
-            + trail
-            + lanes::sum(self.areas_e()) / self.view.camera.detector.pixels() as f64
+        let areas: f64 = self.areas.iter().map(|area| area.electrons).sum();
+        self.dark_e() + trail + areas / self.view.camera.detector.pixels() as f64
     }
 
     /// The tolerances that it was made to.

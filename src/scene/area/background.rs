@@ -26,6 +26,7 @@ pub const STARLIGHT: Kind = Kind {
     unlit: EARTH_FILLS,
 };
 
+const DETAIL_DEG: f64 = 5.0;
 const EARTH_FILLS: &str = "the Earth fills the field";
 
 /// V magnitude a square arc second in a direction (unit vector, ICRF).
@@ -75,6 +76,11 @@ fn starlight(world: &World, view: &View, around: &Surroundings) -> Found {
 impl Radiance for Background {
     fn toward(&self, direction: &Vector3<f64>) -> f64 {
         photon_radiance(self.zero_point, (self.magnitude)(direction))
+    }
+
+    /// The smallest step of the tables of both.
+    fn detail(&self) -> f64 {
+        DETAIL_DEG.to_radians()
     }
 
     fn is_hidden_inside(&self) -> bool {

@@ -8,7 +8,7 @@
 //! light stays as it is. Wings are followed as far as they matter, at most [`FURTHEST`] pixels; what is further out is laid evenly over those.
 
 use super::Asked;
-use super::lay::Sampled;
+use super::sampled::Sampled;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use rayon::prelude::*;

@@ -48,7 +48,7 @@ impl Scene {
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, other, &self.fidelity))
             .collect();
-        super::together(&areas)
+        super::together(&areas, view.camera.detector.pixels())
     }
 
     /// The light of all area sources on each pixel, e-; empty where there is none.

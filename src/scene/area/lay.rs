@@ -1,20 +1,22 @@
 //! Area light on the pixels.
 //!
-//! Where it is even, its value is worked out on a grid that is as fine as it asks for, and runs in straight lines between; where there is
-//! an edge, or detail as small as a few pixels, each pixel is the mean over its area and its time, and the point spread function blurs
-//! them (`blur`).
+//! Where it is even, its value is worked out on a grid that is as fine as it asks for, and runs in straight lines between (`lines`): where it is so
+//! all over the field, no pixel is touched before it is drawn. Where there is an edge, or detail as small as a few pixels, each pixel is the mean over
+//! its area and its time, and the point spread function blurs them (`blur`).
 
 use super::blur::Blur;
-use super::patch::Patch;
+use super::known::Known;
+use super::lines::{Lines, Square};
 use super::plane::Plane;
+use super::sampled::Sampled;
 use super::{Asked, Radiance};
 use crate::fidelity::Fidelity;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
-use std::ops::Range;
 
-/// Side of the grid's largest squares, px.
+/// Side of the grid's largest squares, px: of light whose detail is no larger, and of any.
 const SQUARE: usize = 32;
+const LARGEST: usize = 256;
 /// Squares of this side that straight lines do not fill are sampled.
 const SMALLEST: usize = 4;
 /// Where lines miss no more than this many times what they may, the middle of a pixel stands for all of it: of a bend b (e-/px^2) lines
@@ -24,141 +26,143 @@ const MIDDLE: f64 = 24.0;
 /// the places at which it is looked: what they miss is believed where it was no more than so many times what it may be before.
 const QUARTERED: f64 = 4.0;
 const LUCK: f64 = 1.5 * QUARTERED;
-/// What moves by less (px) stands still.
-const STILL_PX: f64 = 0.02;
-/// Steps of the time of a pixel for each pixel that the light moves by, and at most.
-pub const STEPS_PX: f64 = 4.0;
-const MOST_STEPS: usize = 256;
-/// A frame has no more of them than this for all its pixels, but for the least that there are of each.
-const ALL_STEPS: usize = 6_000_000;
-const LEAST_STEPS: usize = 64;
 /// Longest part (px) of the way of what moves that three places are looked at on, and how much its middle may be off the line between its
 /// ends, in units of what lines may miss: what Simpson's rule then errs by is far less.
 const PANEL_PX: f64 = 4.0;
 const BEND: f64 = 12.0;
 /// How often a part is halved at most.
 const HALVINGS: u32 = 5;
-/// Edges of this radius (px) are straight enough, and more cells than this a side are none the better.
-const STRAIGHT: f64 = 8.0;
-const MOST_CELLS: f64 = 16.0;
-
-/// How a pixel gets its light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sampled {
-    /// From lines between places around it.
-    No,
-    /// It is that of its middle, over its time.
-    Middle,
-    /// It is the mean over its area and its time.
-    All,
+/// Light on the pixels of the detector.
+#[derive(Debug)]
+pub enum Light {
+    /// Even all over.
+    Even(Lines),
+    /// Of each, row by row, e-.
+    Pixels(Vec<f32>),
 }
 
-impl Sampled {
-    /// Whether it is worked out for the pixel itself.
-    pub fn is_marked(&self) -> bool {
-        *self != Sampled::No
-    }
+/// Squares of the grid: those that straight lines fill, and those whose pixels are worked out each for itself.
+#[derive(Default)]
+struct Pieces {
+    even: Vec<Square>,
+    sampled: Vec<(Square, Sampled)>,
+    asked: Asked,
 }
 
-/// Light on pixels: of the detector and of a margin around it.
-pub struct Laid {
-    /// e- of each pixel of the detector, row by row.
-    pub e: Vec<f32>,
-    /// What was asked for it.
-    pub asked: Asked,
-}
-
-/// One square of the grid, with the light at its corners and between them.
-struct Square {
+/// A square of the grid at a place of the plane, with the light at its nine places.
+struct Part {
     x: i64,
     y: i64,
     side: usize,
-    corners: [Option<f64>; 4],
+    nodes: [Option<f64>; 9],
     /// How often lines across the square that it is a quarter of missed what they may; 0 of the largest.
     missed: f64,
 }
 
-/// What lays one band of squares.
-struct Band<'a, 'v> {
-    radiance: &'a dyn Radiance,
-    plane: &'a Plane<'v>,
+/// What lays light on a grid.
+pub struct Grid<'a, 'v> {
+    pub radiance: &'a dyn Radiance,
+    pub plane: &'a Plane<'v>,
     fidelity: &'a Fidelity,
-    scale_e: f64,
-    /// First column and row, columns.
-    from: [i64; 2],
-    columns: usize,
-    motion: f64,
-    /// Along a side of a pixel.
-    cells: usize,
-    e: &'a mut [f32],
-    sampled: &'a mut [Sampled],
-    asked: Asked,
+    pub scale_e: f64,
+    /// How far (rad) the pattern moves while a pixel is open.
+    pub motion: f64,
+    /// Pixels that are needed around the detector.
+    pub margin: usize,
+    /// Columns and rows, with those.
+    pub size: [usize; 2],
 }
 
-/// Lays `radiance`, of which a pixel takes `scale_e` electrons a steradian.
+/// Lays `radiance`, of which a pixel takes `scale_e` electrons a steradian; and what was asked for it.
 pub fn lay(
     radiance: &dyn Radiance,
     plane: &Plane<'_>,
     blur: &Blur<'_>,
     scale_e: f64,
     fidelity: &Fidelity,
-) -> Laid {
-    let [width, height] = blur.size();
+) -> (Light, Asked) {
     let margin = blur.margin();
-    let (columns, rows) = (width + 2 * margin, height + 2 * margin);
-    let from = [-(margin as i64); 2];
-    let mut e = vec![0.0f32; columns * rows];
-    let mut sampled = vec![Sampled::No; columns * rows];
-    let bands = e
-        .par_chunks_mut(columns * SQUARE)
-        .zip(sampled.par_chunks_mut(columns * SQUARE));
-    let asked = bands.enumerate().map(|(i, (e, sampled))| {
-        let mut band = Band {
-            radiance,
-            plane,
-            fidelity,
-            scale_e,
-            from: [from[0], from[1] + (i * SQUARE) as i64],
-            columns,
-            motion: plane.motion(),
-            cells: cells(radiance, plane),
-            e,
-            sampled,
-            asked: Asked::default(),
-        };
-        band.lay();
-        band.asked
+    let size = blur.size().map(|pixels| pixels + 2 * margin);
+    let grid = Grid {
+        radiance,
+        plane,
+        fidelity,
+        scale_e,
+        motion: plane.motion(),
+        margin,
+        size,
+    };
+    let side = largest(radiance, plane);
+    let known = Known::of(&grid, side);
+    let [across, down] = size.map(|pixels| pixels.div_ceil(LARGEST));
+    let squares = (0..across * down).into_par_iter().map(|i| {
+        let mut pieces = Pieces::default();
+        let from = [i % across, i / across].map(|i| i * LARGEST);
+        grid.lay(from, LARGEST, &known, &mut pieces);
+        pieces
     });
-    let mut asked = asked.reduce(Asked::default, |mut a, b| {
-        a += b;
-        a
-    });
-    let e = blur.blurred(e, &sampled, &mut asked);
-    Laid { e, asked }
+    let squares: Vec<Pieces> = squares.collect();
+    let (mut even, mut sampled, mut asked) = (Vec::new(), Vec::new(), known.asked);
+    for pieces in squares {
+        even.extend(pieces.even);
+        sampled.extend(pieces.sampled);
+        asked += pieces.asked;
+    }
+    let lines = Lines::new(size, LARGEST, even);
+    if sampled.is_empty() && margin == 0 {
+        return (Light::Even(lines), asked);
+    }
+    let (e, how) = grid.pixels(&lines, &sampled, &mut asked);
+    (Light::Pixels(blur.blurred(e, &how, &mut asked)), asked)
 }
 
-impl Band<'_, '_> {
-    fn lay(&mut self) {
-        let y = self.from[1];
-        for column in (0..self.columns).step_by(SQUARE) {
-            let x = self.from[0] + column as i64;
-            let (a, b) = (x + SQUARE as i64, y + SQUARE as i64);
-            let corners =
-                [[x, y], [a, y], [x, b], [a, b]].map(|[x, y]| self.at(x as f64, y as f64));
-            self.refine(Square {
-                x,
-                y,
-                side: SQUARE,
-                corners,
-                missed: 0.0,
-            });
+/// The side (px) of the grid's largest squares: no more than the detail of its light.
+fn largest(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
+    let detail_px = radiance.detail() * plane.scale_px();
+    let mut side = LARGEST;
+    while side > SQUARE && side as f64 > detail_px {
+        side /= 2;
+    }
+    side
+}
+
+impl Grid<'_, '_> {
+    /// The square of the grid from a column and row on: whole, if lines across it meet all that is known there, or its quarters.
+    fn lay(&self, [x, y]: [usize; 2], side: usize, known: &Known, pieces: &mut Pieces) {
+        if x >= self.size[0] || y >= self.size[1] {
+            return;
         }
-        self.sample();
+        if side > known.side {
+            if let Some(square) = known.whole([x, y], side, self) {
+                pieces.even.push(square);
+                return;
+            }
+            let half = side / 2;
+            for [dx, dy] in [[0, 0], [half, 0], [0, half], [half, half]] {
+                self.lay([x + dx, y + dy], half, known, pieces);
+            }
+            return;
+        }
+        let nodes = known.nine([x, y], side);
+        let [x, y] = [x, y].map(|i| i as i64 - self.margin as i64);
+        let part = Part {
+            x,
+            y,
+            side,
+            nodes,
+            missed: 0.0,
+        };
+        self.refine(part, pieces);
+    }
+
+    /// The light (e-) that lines may miss where so much is.
+    pub fn may_miss(&self, e: f64) -> f64 {
+        self.fidelity.area_e + self.fidelity.area_part * e.abs()
     }
 
     /// The light (e-) of a pixel around a place: the mean over its time, or where the pattern moves by little, that in its
     /// middle; none where the plane has no direction.
-    fn at(&mut self, x: f64, y: f64) -> Option<f64> {
+    pub fn at(&self, x: f64, y: f64, asked: &mut Asked) -> Option<f64> {
         let (seen, taken) = self.plane.taken([x, y])?;
         let [middle_s, duration_s] = self.plane.open_s(y);
         let moved_px = self.motion * self.plane.scale_px();
@@ -174,12 +178,12 @@ impl Band<'_, '_> {
             0 => (light(0.5), 1),
             panels => mean(light, panels, bent),
         };
-        self.asked.lights += 1;
-        self.asked.smeared += looks - 1;
+        asked.lights += 1;
+        asked.smeared += looks - 1;
         Some(mean)
     }
 
-    fn light(&self, direction: &Vector3<f64>, taken: f64) -> f64 {
+    pub fn light(&self, direction: &Vector3<f64>, taken: f64) -> f64 {
         let taken = if self.radiance.is_of_pixels() {
             1.0
         } else {
@@ -189,7 +193,7 @@ impl Band<'_, '_> {
     }
 
     /// Whether an edge may run through a square, while it moves.
-    fn has_edge(&mut self, square: &Square) -> bool {
+    fn has_edge(&self, square: &Part, asked: &mut Asked) -> bool {
         let Some(edge) = self.radiance.edge() else {
             return false;
         };
@@ -207,35 +211,51 @@ impl Band<'_, '_> {
         });
         let radius = radius.fold(0.0, f64::max) + self.motion / 2.0;
         let sky = self.plane.to_sky(self.plane.open_s(middle[1])[0]);
-        self.asked.edges += 1;
+        asked.edges += 1;
         let nearest = edge.angle(&(sky * seen)).abs();
         nearest <= radius || nearest.is_nan()
     }
 
-    fn refine(&mut self, square: Square) {
-        let Square {
+    /// The light at the nine places of a square with those corners.
+    fn between(
+        &self,
+        [x, y]: [i64; 2],
+        side: usize,
+        [a, b, c, d]: [Option<f64>; 4],
+        asked: &mut Asked,
+    ) -> [Option<f64>; 9] {
+        let (x, y, h) = (x as f64, y as f64, side as f64 / 2.0);
+        let between = [[h, 0.0], [0.0, h], [h, h], [2.0 * h, h], [h, 2.0 * h]];
+        let [top, left, middle, right, bottom] =
+            between.map(|[dx, dy]| self.at(x + dx, y + dy, asked));
+        [a, top, b, left, middle, right, c, bottom, d]
+    }
+
+    fn refine(&self, part: Part, pieces: &mut Pieces) {
+        let Part {
             x,
             y,
             side,
-            corners,
+            nodes,
             missed: before,
-        } = square;
-        let (dx, dy) = (x - self.from[0], y - self.from[1]);
-        if dx >= self.columns as i64 || dy * self.columns as i64 >= self.e.len() as i64 {
+        } = part;
+        let [dx, dy] = [x, y].map(|i| (i + self.margin as i64) as usize);
+        if dx >= self.size[0] || dy >= self.size[1] {
             return;
         }
         let half = side / 2;
-        let (fx, fy, h) = (x as f64, y as f64, half as f64);
-        let between = [[h, 0.0], [0.0, h], [h, h], [2.0 * h, h], [h, 2.0 * h]];
-        let between = between.map(|[dx, dy]| self.at(fx + dx, fy + dy));
-        let [a, b, c, d] = corners;
-        let [top, left, middle, right, bottom] = between;
-        let nodes = [a, top, b, left, middle, right, c, bottom, d];
+        let [a, top, b, left, middle, right, c, bottom, d] = nodes;
+        let value = |node: Option<f64>| node.unwrap_or(0.0);
+        let square = Square {
+            x: dx,
+            y: dy,
+            side,
+            nodes: nodes.map(|node| value(node) as f32),
+        };
         // Beyond the projection's end there is no light; on it there is an edge.
         if nodes.iter().all(Option::is_none) {
             return;
         }
-        let value = |node: Option<f64>| node.unwrap_or(0.0);
         let ends = [value(a), value(b), value(c), value(d)];
         let lines = [
             (ends[0] + ends[1]) / 2.0,
@@ -244,22 +264,22 @@ impl Band<'_, '_> {
             (ends[1] + ends[3]) / 2.0,
             (ends[2] + ends[3]) / 2.0,
         ];
-        let Fidelity {
-            area_e, area_part, ..
-        } = self.fidelity;
+        let between = [top, left, middle, right, bottom];
         let missed = between.iter().zip(lines).map(|(node, line)| {
             // Between nine nodes lines miss a quarter of what they miss between four, across and down together up to half.
             node.map_or(f64::INFINITY, |node| {
-                (node - line).abs() / (2.0 * (area_e + area_part * node.abs()))
+                (node - line).abs() / (2.0 * self.may_miss(node))
             })
         });
         let missed = missed.fold(0.0, f64::max);
-        let is_whole = nodes.iter().all(Option::is_some) && !self.has_edge(&square);
+        let is_whole =
+            nodes.iter().all(Option::is_some) && !self.has_edge(&part, &mut pieces.asked);
         if is_whole && missed <= 1.0 && before <= LUCK {
-            self.fill(&square, &nodes.map(value));
+            pieces.even.push(square);
         } else if side <= SMALLEST {
             let bent = !is_whole || missed.max(before / QUARTERED) > MIDDLE;
-            self.mark(&square, if bent { Sampled::All } else { Sampled::Middle });
+            let how = if bent { Sampled::All } else { Sampled::Middle };
+            pieces.sampled.push((square, how));
         } else {
             let quarters = [
                 (0, 0, [a, top, left, middle]),
@@ -268,149 +288,17 @@ impl Band<'_, '_> {
                 (half, half, [middle, right, bottom, d]),
             ];
             for (dx, dy, corners) in quarters {
-                self.refine(Square {
-                    x: x + dx as i64,
-                    y: y + dy as i64,
+                let [x, y] = [x + dx as i64, y + dy as i64];
+                let quarter = Part {
+                    x,
+                    y,
                     side: half,
-                    corners,
+                    nodes: self.between([x, y], half, corners, &mut pieces.asked),
                     missed,
-                });
+                };
+                self.refine(quarter, pieces);
             }
         }
-    }
-
-    /// The rows of a square, as far as they are in this band.
-    fn rows(&self, square: &Square) -> impl Iterator<Item = Range<usize>> + use<> {
-        let columns = self.columns;
-        let rows = self.e.len() / columns;
-        let x = (square.x - self.from[0]) as usize;
-        let y = (square.y - self.from[1]) as usize;
-        let past = (x + square.side).min(columns);
-        (y..(y + square.side).min(rows)).map(move |row| row * columns + x..row * columns + past)
-    }
-
-    /// Straight lines between nine nodes.
-    fn fill(&mut self, square: &Square, nodes: &[f64; 9]) {
-        let half = square.side / 2;
-        let step = 1.0 / half as f64;
-        for (j, row) in self.rows(square).enumerate() {
-            let (above, down) = (3 * (j / half), (j % half) as f64 * step);
-            let line = [0, 1, 2].map(|i| {
-                let (from, to) = (nodes[above + i], nodes[above + i + 3]);
-                from + (to - from) * down
-            });
-            let halves = self.e[row].chunks_mut(half).zip([[0, 1], [1, 2]]);
-            for (pixels, [a, b]) in halves {
-                let (from, rise) = (line[a], (line[b] - line[a]) * step);
-                for (i, pixel) in pixels.iter_mut().enumerate() {
-                    *pixel = (from + rise * i as f64) as f32;
-                }
-            }
-        }
-    }
-
-    fn mark(&mut self, square: &Square, how: Sampled) {
-        for row in self.rows(square) {
-            self.sampled[row].fill(how);
-        }
-    }
-
-    /// Pixels that are marked become means over their area and their time.
-    fn sample(&mut self) {
-        let columns = self.columns;
-        let rows = self.e.len() / columns;
-        for row in 0..rows {
-            let marked = row * columns..(row + 1) * columns;
-            if !self.sampled[marked.clone()].iter().any(Sampled::is_marked) {
-                continue;
-            }
-            let y = (self.from[1] + row as i64) as f64;
-            let skies = self.skies(y);
-            for pixel in marked {
-                let x = (self.from[0] + (pixel % columns) as i64) as f64;
-                match self.sampled[pixel] {
-                    Sampled::No => {}
-                    Sampled::Middle => self.e[pixel] = self.at(x, y).unwrap_or(0.0) as f32,
-                    Sampled::All => self.e[pixel] = self.mean(x, y, &skies) as f32,
-                }
-            }
-        }
-    }
-
-    /// Attitudes during the time of a row's pixels: midpoints of even steps.
-    fn skies(&self, y: f64) -> Vec<Matrix3<f64>> {
-        let [middle_s, duration_s] = self.plane.open_s(y);
-        let px = self.motion * self.plane.scale_px();
-        let count = if px < STILL_PX {
-            1
-        } else {
-            ((STEPS_PX * px) as usize + 2).min(most_steps(self.plane.pixels()))
-        };
-        let part = |i: usize| (i as f64 + 0.5) / count as f64 - 0.5;
-        (0..count)
-            .map(|i| self.plane.to_sky(middle_s + part(i) * duration_s))
-            .collect()
-    }
-
-    /// The mean light of a pixel, e-: of its cells, if an edge is so strongly curved that it is not straight across a pixel.
-    fn mean(&mut self, x: f64, y: f64, skies: &[Matrix3<f64>]) -> f64 {
-        let cells = self.cells;
-        let side = 1.0 / cells as f64;
-        let middle = |i: usize| (i as f64 + 0.5) * side - 0.5;
-        let places = (0..cells * cells).map(|i| [x + middle(i % cells), y + middle(i / cells)]);
-        let sum: f64 = places.map(|at| self.mean_of(at, side, skies)).sum();
-        sum * side * side
-    }
-
-    /// The mean light of a square around a place, its side in px, e- a pixel. Each side of an edge has the mean of those of four places (Gauss)
-    /// that are on it, for the part of the square that it takes.
-    fn mean_of(&mut self, at: [f64; 2], size: f64, skies: &[Matrix3<f64>]) -> f64 {
-        let Some(patch) = Patch::new(self.plane, at, size) else {
-            return 0.0;
-        };
-        let crossings = skies
-            .iter()
-            .map(|sky| (sky, patch.crossing(self.radiance.edge(), sky)));
-        let count = skies.len() as f64;
-        if self.radiance.is_hidden_inside() {
-            let (outside, looks) = crossings.fold((0.0, 0), |(outside, looks), (_, crossing)| {
-                (outside + crossing.part(1), looks + crossing.looks)
-            });
-            self.asked.edges += looks / skies.len().max(1);
-            self.asked.lights += 1;
-            let sky = self.plane.to_sky(self.plane.open_s(at[1])[0]);
-            let (middle, taken) = patch.middle;
-            return self.radiance.toward(&(sky * middle)) * taken * self.scale_e * outside / count;
-        }
-        let (mut sum, mut looks, mut edges) = (0.0, 0, 0);
-        for (sky, crossing) in crossings {
-            let (mut sides, mut counts) = ([0.0; 2], [0.0; 2]);
-            for (place, edge) in patch.places.iter().zip(crossing.places) {
-                if let Some((seen, taken)) = place {
-                    let side = usize::from(edge > 0.0);
-                    sides[side] += self.light(&(sky * seen), *taken);
-                    counts[side] += 1.0;
-                }
-            }
-            for side in 0..2 {
-                let part = crossing.part(side);
-                if counts[side] > 0.0 {
-                    sum += part * sides[side] / counts[side];
-                } else if part > 0.0 {
-                    // The corner that no place is in.
-                    let corner = self.plane.taken(patch.corner(&crossing, side));
-                    sum +=
-                        corner.map_or(0.0, |(seen, taken)| part * self.light(&(sky * seen), taken));
-                }
-            }
-            looks += 4;
-            edges += crossing.looks;
-        }
-        let still = looks / skies.len().max(1);
-        self.asked.lights += still;
-        self.asked.smeared += looks - still;
-        self.asked.edges += edges / skies.len().max(1);
-        sum / count
     }
 }
 
@@ -458,18 +346,4 @@ fn mean(value: impl Fn(f64) -> f64, panels: usize, bent: impl Fn(f64) -> f64) ->
         }
     }
     (sum, looks)
-}
-
-/// Into how many cells a pixel is cut on a side, so that edges are nearly straight across each: they bow out of it by `1 / 8 r` of it
-/// where their radius is r of it.
-fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
-    radiance.edge().map_or(1, |edge| {
-        let radius_px = edge.radius() * plane.scale_px();
-        (STRAIGHT / radius_px).ceil().clamp(1.0, MOST_CELLS) as usize
-    })
-}
-
-/// In how many steps the time of a pixel is taken at most, in a frame of so many pixels.
-pub fn most_steps(pixels: usize) -> usize {
-    (ALL_STEPS / pixels.max(1)).clamp(LEAST_STEPS, MOST_STEPS)
 }

@@ -6,10 +6,13 @@ mod change;
 mod earth;
 mod horizon;
 mod kinds;
+mod known;
 mod lay;
 mod limb;
+mod lines;
 mod patch;
 mod plane;
+mod sampled;
 mod veil;
 
 pub use kinds::{KINDS, Kind};
@@ -20,18 +23,24 @@ use crate::lanes;
 use crate::scene::{Simulated, View, World};
 use crate::sky::atmosphere::Limb;
 use crate::sky::shadow::Earth;
-pub(super) use lay::{STEPS_PX, most_steps, panels};
+pub(super) use lay::panels;
+pub(super) use sampled::{STEPS_PX, most_steps};
 
+use super::CELL;
+use crate::kernels;
 use blur::Blur;
 use horizon::Horizon;
 use kinds::Found;
+use lay::Light;
 use nalgebra::Vector3;
 use plane::Plane;
+use rayon::prelude::*;
+use skyloop_orbit::sgp4_batch::Level;
 use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::fmt::Debug;
 use std::ops::AddAssign;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Places along a side of the field at which a radiance is looked at before it is laid on pixels.
 const PLACES: usize = 4;
@@ -74,6 +83,11 @@ pub trait Radiance: Debug + Send + Sync {
     /// Angular velocity (rad/s) of its pattern against ICRF.
     fn turning(&self) -> Vector3<f64> {
         Vector3::zeros()
+    }
+
+    /// Its smallest detail (rad), but for edges: what places so far apart do not tell of, it has not.
+    fn detail(&self) -> f64 {
+        0.0
     }
 
     /// Whether pixels get it whatever their solid angle and what the optics let pass.
@@ -128,8 +142,12 @@ pub struct AreaLight {
     pub kind: &'static Kind,
     /// Why there is none.
     pub dark: Option<Cow<'static, str>>,
-    /// Its light on each pixel, as if of one electron each had so many shares; empty where it is too faint for any.
-    pub(super) light: Footprint,
+    /// Where it falls; none where it is too faint for any.
+    light: Option<Light>,
+    /// The same pixel by pixel, as if of one electron each had so many shares.
+    pixels: OnceLock<Footprint>,
+    /// Columns of the detector.
+    width: usize,
     /// Electrons on all of them.
     pub electrons: f64,
     /// The most in a pixel, e-.
@@ -143,7 +161,34 @@ pub struct AreaLight {
 impl AreaLight {
     /// On each pixel, row by row, e-; empty where it is too faint for any.
     pub fn e(&self) -> &[f32] {
-        self.light.shares()
+        self.footprint().shares()
+    }
+
+    /// Its light pixel by pixel, as if of one electron each had so many shares; nothing where it is too faint for any.
+    pub(super) fn footprint(&self) -> &Footprint {
+        let pixels = || match &self.light {
+            None => Footprint::default(),
+            Some(Light::Even(lines)) => Footprint::whole(self.width, lines.pixels()),
+            Some(Light::Pixels(e)) => Footprint::whole(self.width, e.clone()),
+        };
+        self.pixels.get_or_init(pixels)
+    }
+
+    /// Adds its light on the pixels from `first` on, by row-major index, to `electrons`.
+    pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
+        match &self.light {
+            None => {}
+            Some(Light::Even(lines)) => lines.add_to(level, first, electrons),
+            Some(Light::Pixels(e)) => kernels::add(level, &e[first..], electrons),
+        }
+    }
+
+    /// No pixel gets more than this of light that is even all over, e-, for each column of cells (`brightest`); none of other light.
+    pub(super) fn most_of_even(&self) -> Option<Vec<f64>> {
+        match &self.light {
+            Some(Light::Even(lines)) => Some(lines.most_of(CELL)),
+            Some(Light::Pixels(_)) | None => None,
+        }
     }
 }
 
@@ -276,7 +321,9 @@ impl View {
         let none = |dark: Option<Cow<'static, str>>| AreaLight {
             kind: area.kind,
             dark,
-            light: Footprint::default(),
+            light: None,
+            pixels: OnceLock::new(),
+            width: self.camera.detector.width,
             electrons: 0.0,
             most_e: area.peak_e,
             is_thin: true,
@@ -296,36 +343,51 @@ impl View {
             radiance.edge().is_some(),
             fidelity,
         );
-        let laid = lay::lay(
+        let (light, asked) = lay::lay(
             radiance,
             &plane,
             &blur,
             self.area_scale_e(radiance),
             fidelity,
         );
-        let electrons = lanes::sum(&laid.e);
+        let (electrons, most_e) = match &light {
+            Light::Even(lines) => {
+                let most = lines.most_of(self.camera.detector.width);
+                (lines.sum(), most.into_iter().fold(0.0, f64::max))
+            }
+            Light::Pixels(e) => (lanes::sum(e), f64::from(lanes::greatest(e))),
+        };
         if electrons == 0.0 {
             return none(Some(area.kind.unlit.into()));
         }
-        let most_e = f64::from(lanes::greatest(&laid.e));
         AreaLight {
             kind: area.kind,
             dark: None,
-            light: Footprint::whole(self.camera.detector.width, laid.e),
+            light: Some(light),
+            pixels: OnceLock::new(),
+            width: self.camera.detector.width,
             electrons,
             most_e,
             is_thin: self.is_too_thin(most_e, simulated, fidelity),
-            asked: laid.asked,
+            asked,
         }
     }
 }
 
-/// The light of all of them on each pixel, e-; empty where there is none.
-pub(super) fn together(areas: &[AreaLight]) -> Vec<f32> {
-    let mut lit = areas.iter().map(AreaLight::e).filter(|e| !e.is_empty());
-    let mut sum = lit.next().unwrap_or_default().to_vec();
-    for e in lit {
-        sum.iter_mut().zip(e).for_each(|(sum, e)| *sum += e);
+/// Pixels that are worked out together.
+const TOGETHER: usize = 32 * 1024;
+
+/// The light of all of them on each of so many pixels, e-; empty where there is none.
+pub(super) fn together(areas: &[AreaLight], pixels: usize) -> Vec<f32> {
+    if areas.iter().all(|area| area.light.is_none()) {
+        return Vec::new();
     }
+    let mut sum = vec![0.0; pixels];
+    let parts = sum.par_chunks_mut(TOGETHER).enumerate();
+    parts.for_each(|(part, sum)| {
+        for area in areas {
+            area.add_to(Some(Level::best()), part * TOGETHER, sum);
+        }
+    });
     sum
 }

@@ -59,6 +59,10 @@ impl Radiance for Veil {
         self.e_s
     }
 
+    fn detail(&self) -> f64 {
+        f64::INFINITY
+    }
+
     fn is_of_pixels(&self) -> bool {
         true
     }

@@ -13,7 +13,7 @@ use crate::sky::earth_light::EARTH_ALBEDO;
 use crate::sky::shadow::{EARTH_RADIUS_M, Earth};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Points along a line, and entries of the two tables: lines before the ground, past the Earth, and upwards.
 const POINTS: usize = 32;
@@ -39,17 +39,26 @@ pub struct Limb {
     radius: f64,
     /// The Sun's light over that at 1 au (1).
     nearness: f64,
-    /// Of each kind of line: scattered light where the Sun reaches every point undimmed, 4 pi L, at 1 au; airglow; ph/s/m^2/sr.
-    scattered: [Table; 3],
-    airglow: [Table; 3],
-    rows: [Vec<Row>; 3],
+    /// Of each kind of line what has been asked for.
+    kinds: [OnceLock<Kind>; 3],
+}
+
+/// What lines of one kind meet.
+#[derive(Debug, Clone)]
+struct Kind {
+    /// Scattered light where the Sun reaches every point undimmed, 4 pi L, at 1 au; airglow; ph/s/m^2/sr.
+    scattered: Table,
+    airglow: Table,
+    /// Lines of which there is a row, and those rows that have been asked for.
+    lines: Vec<f64>,
+    rows: Vec<OnceLock<Row>>,
 }
 
 impl Limb {
     /// The light of `atmosphere` around the Earth from `observer_m`, lit from `sun_m`
     /// ([`Bodies::sun_apparent_m`](crate::sky::bodies::Bodies::sun_apparent_m)); both GCRF, m. None for an observer inside the Earth.
     ///
-    /// Costs 1 to 2 ms, and each direction then 0.2 us: make it once a frame.
+    /// Directions cost 0.2 us each, but for the first of their kind and height, for which tables are made: up to 2 ms for all. Make it once a frame.
     pub fn new(
         atmosphere: &Arc<Atmosphere>,
         observer_m: Vector3<f64>,
@@ -63,7 +72,7 @@ impl Limb {
         let radius = observer.norm();
         let zenith = observer / radius;
         let sun = earth.to_sphere(sun_m).normalize();
-        let mut limb = Limb {
+        Some(Limb {
             atmosphere: atmosphere.clone(),
             earth,
             to_sun: sun_m.normalize(),
@@ -71,19 +80,23 @@ impl Limb {
             sun,
             radius,
             nearness: AU_M * AU_M / sun_m.norm_squared(),
-            scattered: Default::default(),
-            airglow: Default::default(),
-            rows: Default::default(),
-        };
-        let shells = Shells::of(&atmosphere.airglow);
-        for kind in 0..limb.kinds() {
-            limb.scattered[kind] = limb.table(kind, SCATTERED[kind], |line| limb.undimmed(line));
-            limb.airglow[kind] = limb.table(kind, AIRGLOW[kind], |line| {
-                shells.along(line, radius, atmosphere)
-            });
-            limb.rows[kind] = limb.some_rows(kind);
-        }
-        Some(limb)
+            kinds: Default::default(),
+        })
+    }
+
+    /// What lines of a kind meet.
+    fn kind(&self, kind: usize) -> &Kind {
+        self.kinds[kind].get_or_init(|| {
+            let shells = Shells::of(&self.atmosphere.airglow);
+            let airglow = |line: &Line| shells.along(line, self.radius, &self.atmosphere);
+            let lines = self.lines(kind);
+            Kind {
+                scattered: self.table(kind, SCATTERED[kind], |line| self.undimmed(line)),
+                airglow: self.table(kind, AIRGLOW[kind], airglow),
+                rows: lines.iter().map(|_| OnceLock::new()).collect(),
+                lines,
+            }
+        })
     }
 
     /// Radiance along `direction` (GCRF axes, any length) in the band, ph/s/m^2/sr; where the line ends on the ground, what the air
@@ -107,11 +120,18 @@ impl Limb {
         } else {
             0.0
         };
-        let [direct, from_below] = sun_parts(&self.rows[kind], at, [along, across]);
+        let Kind {
+            scattered,
+            airglow,
+            lines,
+            rows,
+        } = self.kind(kind);
+        let row = |i: usize| rows[i].get_or_init(|| self.row(kind, lines[i]));
+        let [direct, from_below] = sun_parts(lines, row, at, [along, across]);
         let cos_scattering = direction.dot(&self.to_sun) / direction.norm();
         let sunlit = phase_function(cos_scattering) * direct + from_below;
-        let scattered = self.scattered[kind].at(entry) / (4.0 * PI) * self.nearness * sunlit;
-        [scattered, self.airglow[kind].at(entry)]
+        let scattered = scattered.at(entry) / (4.0 * PI) * self.nearness * sunlit;
+        [scattered, airglow.at(entry)]
     }
 
     /// The part (0..1) of the light of the Earth's disc in `direction` that remains behind and below the air.
@@ -147,11 +167,6 @@ impl Limb {
     fn angles(&self, stretched: &Vector3<f64>) -> (f64, f64) {
         let cos = self.zenith.dot(stretched);
         (cos, self.zenith.cross(stretched).norm())
-    }
-
-    /// How many kinds of lines there are: upward ones only from inside.
-    fn kinds(&self) -> usize {
-        if self.inside() { 3 } else { 2 }
     }
 
     fn inside(&self) -> bool {
@@ -250,16 +265,16 @@ impl Limb {
         line.steps(POINTS).map(parcel).collect()
     }
 
-    fn some_rows(&self, kind: usize) -> Vec<Row> {
-        let rows = match kind {
+    /// The lines of a kind of which there are rows.
+    fn lines(&self, kind: usize) -> Vec<f64> {
+        match kind {
             0 => GROUND_ROWS.to_vec(),
             1 => {
                 let below = PAST_ROWS_M.iter().filter(|m| **m < self.highest_m());
                 below.copied().chain([self.highest_m()]).collect()
             }
             _ => UP_ROWS.to_vec(),
-        };
-        rows.into_iter().map(|at| self.row(kind, at)).collect()
+        }
     }
 
     fn row(&self, kind: usize, at: f64) -> Row {
@@ -287,7 +302,6 @@ impl Limb {
             self.sun_along(&line, &parcels, [along, across.clamp(-most, most)])
         });
         Row {
-            at,
             weights,
             from,
             span,

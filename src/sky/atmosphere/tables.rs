@@ -17,8 +17,6 @@ pub struct Table {
 /// The Sun's part against its height over one line's place.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// The line: its coordinate among lines of its kind.
-    pub at: f64,
     /// Weights of the Sun's cosines to the observer's zenith and to the line's horizontal direction in that to the place's zenith.
     pub weights: [f64; 2],
     /// Where the row's places begin, and how far they reach, see [`crowd`].
@@ -72,21 +70,21 @@ impl Row {
     }
 }
 
-/// Rows of the lines on either side of `at`, in proportion.
-pub fn sun_parts(rows: &[Row], at: f64, sun: [f64; 2]) -> [f64; 2] {
-    let next = rows.partition_point(|row| row.at < at);
-    match (
-        next.checked_sub(1).and_then(|i| rows.get(i)),
-        rows.get(next),
-    ) {
-        (Some(a), Some(b)) => {
-            let part = (at - a.at) / (b.at - a.at);
-            let (a, b) = (a.at(sun), b.at(sun));
-            [0, 1].map(|k| a[k] + (b[k] - a[k]) * part)
-        }
-        (Some(one), None) | (None, Some(one)) => one.at(sun),
-        (None, None) => [0.0; 2],
+/// Rows of the lines on either side of `at`, in proportion; `row` gives that of the i-th line.
+pub fn sun_parts<'a>(
+    lines: &[f64],
+    row: impl Fn(usize) -> &'a Row,
+    at: f64,
+    sun: [f64; 2],
+) -> [f64; 2] {
+    let last = lines.len() - 1;
+    let next = lines.partition_point(|line| *line < at);
+    if next == 0 || next > last {
+        return row(next.min(last)).at(sun);
     }
+    let part = (at - lines[next - 1]) / (lines[next] - lines[next - 1]);
+    let (a, b) = (row(next - 1).at(sun), row(next).at(sun));
+    [0, 1].map(|k| a[k] + (b[k] - a[k]) * part)
 }
 
 /// Weights of four equidistant values for a place `t` (0..1) between the middle two (Catmull & Rom 1974).

@@ -1,0 +1,91 @@
+//! Places of a grid at which area light is worked out first.
+
+use super::Asked;
+use super::lay::Grid;
+use super::lines::Square;
+use rayon::prelude::*;
+
+/// Of what lines may miss so much is left to what bends between the places.
+const SPARE: f64 = 0.5;
+
+/// The light at places half a square apart.
+pub struct Known {
+    /// Side of the squares, px.
+    pub side: usize,
+    /// Places a row.
+    across: usize,
+    /// e-, row by row; none where the plane has no direction.
+    e: Vec<Option<f64>>,
+    /// What was asked for it.
+    pub asked: Asked,
+}
+
+impl Known {
+    /// That of a grid of squares of `side`.
+    pub fn of(grid: &Grid<'_, '_>, side: usize) -> Known {
+        let [across, down] = grid.size.map(|pixels| 2 * pixels.div_ceil(side) + 1);
+        let place = |i: usize| (i * side / 2) as f64 - grid.margin as f64;
+        let rows = (0..down).into_par_iter().map(|row| {
+            let mut asked = Asked::default();
+            let places = (0..across).map(|column| grid.at(place(column), place(row), &mut asked));
+            (places.collect(), asked)
+        });
+        let rows: Vec<(Vec<Option<f64>>, Asked)> = rows.collect();
+        let mut asked = Asked::default();
+        rows.iter().for_each(|(_, of_row)| asked += *of_row);
+        Known {
+            side,
+            across,
+            e: rows.into_iter().flat_map(|(row, _)| row).collect(),
+            asked,
+        }
+    }
+
+    /// The light at the nine places of a square from a column and row on.
+    pub fn nine(&self, [x, y]: [usize; 2], side: usize) -> [Option<f64>; 9] {
+        let [column, row] = [x, y].map(|from| 2 * from / self.side);
+        let step = side / self.side;
+        std::array::from_fn(|i| self.at(column + i % 3 * step, row + i / 3 * step))
+    }
+
+    fn at(&self, column: usize, row: usize) -> Option<f64> {
+        let places = self.e.get(row * self.across..(row + 1) * self.across)?;
+        places.get(column).copied().flatten()
+    }
+
+    /// That square, if lines between its nine places meet all that is known of it.
+    pub fn whole(&self, [x, y]: [usize; 2], side: usize, grid: &Grid<'_, '_>) -> Option<Square> {
+        if grid.radiance.edge().is_some() {
+            return None;
+        }
+        let mut nodes = [0.0; 9];
+        for (node, known) in nodes.iter_mut().zip(self.nine([x, y], side)) {
+            *node = known?;
+        }
+        let [first_column, first_row] = [x, y].map(|from| 2 * from / self.side);
+        let (steps, half) = (2 * side / self.side, side / self.side);
+        for row in 0..=steps {
+            let above = (row / half).min(1);
+            let down = (row - above * half) as f64 / half as f64;
+            let line = [0, 1, 2].map(|i| {
+                let (from, to) = (nodes[3 * above + i], nodes[3 * above + 3 + i]);
+                from + (to - from) * down
+            });
+            for column in 0..=steps {
+                let left = (column / half).min(1);
+                let part = (column - left * half) as f64 / half as f64;
+                let told = line[left] + (line[left + 1] - line[left]) * part;
+                let known = self.at(first_column + column, first_row + row)?;
+                if (known - told).abs() > SPARE * grid.may_miss(known) {
+                    return None;
+                }
+            }
+        }
+        Some(Square {
+            x,
+            y,
+            side,
+            nodes: nodes.map(|node| node as f32),
+        })
+    }
+}

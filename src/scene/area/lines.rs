@@ -1,0 +1,212 @@
+//! Even light: straight lines between nine places of each of some squares, from which pixels get it when they are drawn.
+
+use crate::kernels;
+use skyloop_orbit::sgp4_batch::Level;
+
+/// A square of pixels whose light runs in straight lines between nine places.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Square {
+    /// First column and row.
+    pub x: usize,
+    /// First row.
+    pub y: usize,
+    /// Columns and rows, a power of two.
+    pub side: usize,
+    /// Light at the corners, the middles of the sides and the middle, row by row, e-: the last places lie one pixel beyond the last pixels.
+    pub nodes: [f32; 9],
+}
+
+/// A stretch of a row: the light of its i-th pixel is `from + rise i`, e-.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Stretch {
+    column: usize,
+    pixels: usize,
+    from: f32,
+    rise: f32,
+}
+
+/// Light that is even all over the detector.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lines {
+    width: usize,
+    height: usize,
+    /// Rows of a strip.
+    side: usize,
+    /// Squares by strips of so many rows; each lies in one of them.
+    strips: Vec<Vec<Square>>,
+}
+
+impl Square {
+    /// Its stretches of its j-th row.
+    fn stretches(&self, j: usize) -> [Stretch; 2] {
+        let half = self.side / 2;
+        let (above, step) = (3 * (j / half), 1.0 / half as f32);
+        let down = (j % half) as f32 * step;
+        let line = [0, 1, 2].map(|i| {
+            let (from, to) = (self.nodes[above + i], self.nodes[above + i + 3]);
+            from + (to - from) * down
+        });
+        [0, 1].map(|i| Stretch {
+            column: self.x + i * half,
+            pixels: half,
+            from: line[i],
+            rise: (line[i + 1] - line[i]) * step,
+        })
+    }
+
+    /// The most light (e-) between two columns from its first on, at the rows of its places.
+    fn most_between(&self, from: usize, to: usize) -> f32 {
+        let half = self.side / 2;
+        let at = |nodes: &[f32], column: usize| {
+            let left = (column / half).min(1);
+            let part = (column - left * half) as f32 / half as f32;
+            nodes[left] + (nodes[left + 1] - nodes[left]) * part
+        };
+        let rows = self.nodes.chunks_exact(3);
+        let ends = rows.map(|nodes| {
+            let mut most = at(nodes, from).max(at(nodes, to));
+            if (from..to).contains(&half) {
+                most = most.max(nodes[1]);
+            }
+            most
+        });
+        ends.fold(0.0, f32::max)
+    }
+}
+
+impl Lines {
+    /// That of the squares, each of which lies in one strip of `side` rows; together they are the detector, or more than it.
+    pub fn new([width, height]: [usize; 2], side: usize, squares: Vec<Square>) -> Lines {
+        let mut strips = vec![Vec::new(); height.div_ceil(side)];
+        for square in squares {
+            if let Some(strip) = strips.get_mut(square.y / side) {
+                strip.push(square);
+            }
+        }
+        Lines {
+            width,
+            height,
+            side,
+            strips,
+        }
+    }
+
+    /// Adds the light of the pixels from `first` on, by row-major index, to `electrons`.
+    pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
+        let (width, past) = (self.width, first + electrons.len());
+        let rows = first / width..past.div_ceil(width);
+        let strips = rows.start / self.side..rows.end.div_ceil(self.side);
+        let strips = self.strips.get(strips).unwrap_or_default();
+        for square in strips.iter().flatten() {
+            let rows = square.y.max(rows.start)..(square.y + square.side).min(rows.end);
+            for row in rows {
+                for stretch in square.stretches(row - square.y) {
+                    let place = |column: usize| row * width + column.min(width);
+                    let from = place(stretch.column);
+                    let to = place(stretch.column + stretch.pixels).min(past);
+                    let cut = first.saturating_sub(from);
+                    if from + cut < to {
+                        let pixels = &mut electrons[from + cut - first..to - first];
+                        kernels::ramp(level, stretch.from, stretch.rise, cut as u32, pixels);
+                    }
+                }
+            }
+        }
+    }
+
+    /// On each pixel, row by row, e-.
+    pub fn pixels(&self) -> Vec<f32> {
+        let mut pixels = vec![0.0; self.width * self.height];
+        self.add_to(Some(Level::best()), 0, &mut pixels);
+        pixels
+    }
+
+    /// All of it, e-.
+    pub fn sum(&self) -> f64 {
+        let of_square = |square: &Square| {
+            let rows = 0..square.side.min(self.height - square.y);
+            let stretches = rows.flat_map(|j| square.stretches(j));
+            let sums = stretches.map(|stretch| {
+                let pixels = self.width.saturating_sub(stretch.column);
+                let n = pixels.min(stretch.pixels) as f64;
+                // from + (from + rise) + ... + (from + (n - 1) rise)
+                n * (f64::from(stretch.from) + f64::from(stretch.rise) * (n - 1.0) / 2.0)
+            });
+            sums.sum::<f64>()
+        };
+        self.strips.iter().flatten().map(of_square).sum()
+    }
+
+    /// No pixel of so many columns has more than this, for each such part of the columns, e-: no more than the places have, beyond which no
+    /// straight line goes.
+    pub fn most_of(&self, columns: usize) -> Vec<f64> {
+        let mut most = vec![0.0f64; self.width.div_ceil(columns)];
+        for square in self.strips.iter().flatten() {
+            let past = (square.x + square.side).min(self.width);
+            let parts = square.x / columns..past.div_ceil(columns);
+            for part in parts {
+                let from = (part * columns).max(square.x) - square.x;
+                let to = ((part + 1) * columns).min(past) - square.x;
+                let here = f64::from(square.most_between(from, to));
+                most[part] = most[part].max(here);
+            }
+        }
+        most
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two strips of four squares over 30 columns and 13 rows, one of them cut into quarters: of light that is straight all over.
+    fn lines(light: impl Fn(usize, usize) -> f32) -> Lines {
+        let square = |x: usize, y: usize, side: usize| {
+            let half = side / 2;
+            let nodes = std::array::from_fn(|i| light(x + i % 3 * half, y + i / 3 * half));
+            Square { x, y, side, nodes }
+        };
+        let mut squares = Vec::new();
+        for (x, y) in (0..8).map(|i| (i % 4 * 8, i / 4 * 8)) {
+            if (x, y) == (8, 0) {
+                squares.extend([(8, 0), (12, 0), (8, 4), (12, 4)].map(|(x, y)| square(x, y, 4)));
+            } else {
+                squares.push(square(x, y, 8));
+            }
+        }
+        Lines::new([30, 13], 8, squares)
+    }
+
+    #[test]
+    fn straight_light_is_met_on_every_pixel_however_it_is_cut_into_runs() {
+        let light = |x: usize, y: usize| 3.0 + 0.5 * x as f32 + 0.25 * y as f32;
+        let lines = lines(light);
+        let expected: Vec<f32> = (0..30 * 13).map(|i| light(i % 30, i / 30)).collect();
+        assert_eq!(lines.pixels(), expected);
+        for run in [1, 7, 30, 64] {
+            let mut pixels = vec![0.0; 30 * 13];
+            for (i, pixels) in pixels.chunks_mut(run).enumerate() {
+                lines.add_to(None, i * run, pixels);
+            }
+            assert_eq!(pixels, expected, "{run}");
+        }
+        let sum: f64 = expected.iter().copied().map(f64::from).sum();
+        assert!((lines.sum() / sum - 1.0).abs() < 1e-12);
+        // X-Val: 3 + 0.5 x + 0.25 y grows to the right and downwards; places lie as far as row 16, and in cells of 8 columns as far as the next cell.
+        assert_eq!(lines.most_of(8), [11.0, 15.0, 19.0, 22.0]);
+    }
+
+    #[test]
+    fn light_that_is_greatest_within_a_square_is_bounded_by_it() {
+        // A ridge along column 20, and none of the squares' sides on it.
+        let lines = lines(|x, _| 10.0 - (x as f32 - 20.0).abs());
+        let pixels = lines.pixels();
+        for (part, most) in lines.most_of(3).into_iter().enumerate() {
+            let columns = part * 3..(part * 3 + 3).min(30);
+            let here = columns.flat_map(|x| pixels[x..].iter().step_by(30));
+            let here = here.copied().fold(0.0, f32::max);
+            assert!(most >= f64::from(here), "{part}: {most} {here}");
+            assert!(most <= f64::from(here) + 1.0, "{part}: {most} {here}");
+        }
+    }
+}
