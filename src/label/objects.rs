@@ -2,7 +2,7 @@
 
 use super::{ObjectLabel, SpotLabel};
 use rayon::prelude::*;
-use serde::ser::Error;
+use serde::ser::{Error, SerializeSeq};
 use serde::{Serialize, Serializer};
 use serde_json::value::{RawValue, to_raw_value};
 use std::ops::{Deref, DerefMut};
@@ -48,8 +48,18 @@ impl<'a> IntoIterator for &'a Objects {
 }
 
 impl Serialize for Objects {
-    /// They are most of a label: their texts are made side by side, which only JSON has a way for.
+    /// They are most of a label: their texts are made side by side where there are threads for it, which only JSON has a way for.
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        if rayon::current_num_threads() == 1 {
+            let mut seq = to.serialize_seq(Some(self.sources.len() + self.spots.len()))?;
+            for source in &self.sources {
+                seq.serialize_element(source)?;
+            }
+            for spot in &self.spots {
+                seq.serialize_element(spot)?;
+            }
+            return seq.end();
+        }
         fn texts<T: Serialize + Sync>(all: &[T]) -> serde_json::Result<Vec<Box<RawValue>>> {
             all.par_iter().map(to_raw_value).collect()
         }

@@ -1,7 +1,11 @@
 //! The charge that pixels expect: bounds of it, and what single pixels and columns expect.
 
 use super::{AreaLight, Lit, Scene, Simulated, brightest, spill, trail};
+use rayon::prelude::*;
 use std::iter;
+
+/// Groups of columns that are worked out side by side.
+const GROUPS: usize = 8;
 
 impl Scene {
     /// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether
@@ -157,25 +161,50 @@ impl Scene {
     /// The charge (e-) that is expected in `columns`, sorted, one column after the other, of a frame that has only those effects of
     /// this one that `parts` has too: light and dark charge, before wells fill.
     pub fn columns_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
-        let mut charge = self.light_e(columns, parts);
-        self.turn(&mut charge, columns, parts);
-        charge
+        let of = |columns: &[usize]| {
+            let mut charge = self.light_e(columns, parts);
+            self.turn(&mut charge, columns, parts);
+            charge
+        };
+        let spilling = &self.spill.columns;
+        let places = columns
+            .iter()
+            .map(|column| spilling.binary_search(column).ok());
+        match places.collect::<Option<Vec<usize>>>() {
+            // Asked for again and again: worked out once.
+            Some(places) if *parts == self.simulated => {
+                let all = self.spilling_e.get_or_init(|| of(spilling));
+                let height = self.view.camera.detector.height;
+                let column = |place: usize| all[place * height..][..height].iter().copied();
+                places.into_iter().flat_map(column).collect()
+            }
+            _ => of(columns),
+        }
     }
 
     /// The light (e-) on `columns`, sorted, one column after the other, of a frame that has only those effects that `parts` has.
     pub fn light_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
         let height = self.view.camera.detector.height;
         let mut light = vec![0.0; columns.len() * height];
-        for lit in self.lights(parts) {
-            for (row, first, shares) in lit.footprint.rows(0..height) {
-                let from = columns.partition_point(|column| *column < first);
-                let here = columns[from..].iter().zip(from..);
-                for (column, i) in here.take_while(|(column, _)| **column < first + shares.len()) {
-                    let share = f64::from(shares[*column - first]);
-                    light[i * height + row] += lit.electrons * share;
+        let lights: Vec<Lit<'_>> = self.lights(parts).collect();
+        let few = columns.len().div_ceil(GROUPS).max(1);
+        let groups = light.par_chunks_mut(few * height);
+        groups
+            .zip(columns.par_chunks(few))
+            .for_each(|(light, columns)| {
+                for lit in &lights {
+                    for (row, first, shares) in lit.footprint.rows(0..height) {
+                        let from = columns.partition_point(|column| *column < first);
+                        let here = columns[from..].iter().zip(from..);
+                        for (column, i) in
+                            here.take_while(|(column, _)| **column < first + shares.len())
+                        {
+                            let share = f64::from(shares[*column - first]);
+                            light[i * height + row] += lit.electrons * share;
+                        }
+                    }
                 }
-            }
-        }
+            });
         light
     }
 

@@ -52,7 +52,7 @@ use hifitime::Epoch;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::time::seconds;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// What does not change from frame to frame.
 #[derive(Debug)]
@@ -251,6 +251,8 @@ pub struct Scene {
     pub particles_left_out: f64,
     /// What fills up and spills.
     pub spill: Spill,
+    /// The charge that is expected in columns that may fill up, before wells do, e-, once it is asked for.
+    spilling_e: OnceLock<Vec<f64>>,
     /// What its images were made to.
     fidelity: Fidelity,
 }
@@ -305,6 +307,7 @@ impl Scene {
             view,
             sources,
             spill: Spill::default(),
+            spilling_e: OnceLock::new(),
             fidelity: *fidelity,
         };
         scene.peaks_e = scene.lit_e(scene.lights(&scene.simulated));

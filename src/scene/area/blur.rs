@@ -20,8 +20,8 @@ const PATCH: usize = 64;
 
 /// Width (px) below which less of the pixel's width is taken out of a spread.
 const NARROW_PX: f64 = 0.5;
-/// Pixels of a row that are added up side by side.
-const LANES: usize = 8;
+/// Pixels of a row that are added up side by side, and so looked at beyond the last.
+pub const LANES: usize = 8;
 
 /// How a camera spreads area light.
 pub struct Blur<'a> {
@@ -52,34 +52,36 @@ impl<'a> Blur<'a> {
         self.margin
     }
 
-    /// The detector's part of `e`, which has the margin around it; spread near pixels that are `sampled`.
+    /// The detector's part of `e`, which has the margin around it and [`LANES`] values at its end; spread near pixels that are `sampled`.
     pub fn blurred(&self, mut e: Vec<f32>, sampled: &[Sampled], asked: &mut Asked) -> Vec<f32> {
         let ([width, height], margin) = (self.size(), self.margin);
         let columns = width + 2 * margin;
         if margin == 0 {
+            e.truncate(width * height);
             return e;
         }
         let near = self.near(sampled, columns);
         let side = 2 * self.reach + 1;
-        // Lanes beyond a kernel's end look beyond the last pixel.
-        e.resize(e.len() + LANES, 0.0);
-        asked.spreads += near.iter().filter(|near| **near).count() * side * side;
+        let spread = near.par_chunks(columns);
+        let spread = spread.map(|row| row.iter().filter(|near| **near).count());
+        asked.spreads += spread.sum::<usize>() * side * side;
         let mut out = vec![0.0f32; width * height];
         out.par_chunks_mut(width * PATCH)
             .enumerate()
             .for_each(|(band, out)| {
                 let top = band * PATCH;
+                for (row, out) in out.chunks_exact_mut(width).enumerate() {
+                    let from = (top + row + margin) * columns + margin;
+                    out.copy_from_slice(&e[from..from + width]);
+                }
                 for left in (0..width).step_by(PATCH) {
                     let mut kernel = None;
-                    for row in 0..out.len() / width {
-                        for column in left..(left + PATCH).min(width) {
-                            let pixel = (top + row + margin) * columns + column + margin;
-                            out[row * width + column] = if near[pixel] {
-                                let kernel = kernel.get_or_insert_with(|| self.kernel(left, top));
-                                self.spread(&e, pixel, columns, kernel)
-                            } else {
-                                e[pixel]
-                            };
+                    let patch = left..(left + PATCH).min(width);
+                    for (row, out) in out.chunks_exact_mut(width).enumerate() {
+                        let from = (top + row + margin) * columns + margin;
+                        for column in patch.clone().filter(|column| near[from + column]) {
+                            let kernel = kernel.get_or_insert_with(|| self.kernel(left, top));
+                            out[column] = self.spread(&e, from + column, columns, kernel);
                         }
                     }
                 }
@@ -107,24 +109,31 @@ impl<'a> Blur<'a> {
     /// The pixels that are no further than the reach from one that is marked.
     fn near(&self, sampled: &[Sampled], columns: usize) -> Vec<bool> {
         let reach = self.reach;
+        let rows = sampled.len() / columns;
         let mut wide = vec![false; sampled.len()];
-        for (row, out) in sampled.chunks(columns).zip(wide.chunks_mut(columns)) {
+        let lines = wide
+            .par_chunks_mut(columns)
+            .zip(sampled.par_chunks(columns));
+        let marked = lines.map(|(wide, row)| {
+            let mut is_marked = false;
             for (i, _) in row.iter().enumerate().filter(|(_, how)| how.is_marked()) {
-                out[i.saturating_sub(reach)..(i + reach + 1).min(columns)].fill(true);
+                wide[i.saturating_sub(reach)..(i + reach + 1).min(columns)].fill(true);
+                is_marked = true;
             }
-        }
-        let rows = wide.len() / columns;
-        let mut near = vec![false; wide.len()];
-        for (row, line) in wide
-            .chunks(columns)
-            .enumerate()
-            .filter(|(_, line)| line.contains(&true))
-        {
-            for to in row.saturating_sub(reach)..(row + reach + 1).min(rows) {
-                let out = near[to * columns..(to + 1) * columns].iter_mut();
-                out.zip(line).for_each(|(near, wide)| *near |= wide);
+            is_marked
+        });
+        let marked: Vec<bool> = marked.collect();
+        let mut near = vec![false; sampled.len()];
+        let lines = near.par_chunks_mut(columns).enumerate();
+        lines.for_each(|(row, near)| {
+            let around = row.saturating_sub(reach)..(row + reach + 1).min(rows);
+            for from in around.filter(|from| marked[*from]) {
+                let line = &wide[from * columns..][..columns];
+                near.iter_mut()
+                    .zip(line)
+                    .for_each(|(near, wide)| *near |= wide);
             }
-        }
+        });
         near
     }
 

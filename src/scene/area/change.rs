@@ -15,15 +15,9 @@ impl Scene {
         let mut floors = Vec::new();
         let both = self.areas.iter().filter(|area| (area.kind.is_in)(parts));
         for area in both.filter(|area| area.electrons > 0.0) {
-            let mut least = vec![f32::INFINITY; width];
-            for row in area.e().chunks_exact(width) {
-                for (least, e) in least.iter_mut().zip(row) {
-                    *least = least.min(*e);
-                }
-            }
             floors.resize(width, 0.0);
-            for (floor, e) in floors.iter_mut().zip(least) {
-                *floor += f64::from(e);
+            for (floor, e) in floors.iter_mut().zip(area.floor_e()) {
+                *floor += f64::from(*e);
             }
         }
         let responds = 2.0 - self.responds();
@@ -33,10 +27,8 @@ impl Scene {
 
     /// No pixel turns less of an area's light into charge, e-.
     pub fn least_e(&self, area: &AreaLight) -> f64 {
-        if area.e().is_empty() {
-            return 0.0;
-        }
-        let least = area.e().iter().copied().fold(f32::INFINITY, f32::min);
+        let floor = area.floor_e().iter().copied();
+        let least = floor.reduce(f32::min).unwrap_or(0.0);
         f64::from(least) * (2.0 - self.responds())
     }
 

@@ -54,23 +54,22 @@ impl Square {
         })
     }
 
-    /// The most light (e-) between two columns from its first on, at the rows of its places.
-    fn most_between(&self, from: usize, to: usize) -> f32 {
+    /// The least and the most light (e-) from one column to another, counted from its first, at the rows of its places.
+    fn ends_between(&self, from: usize, to: usize) -> [f32; 2] {
         let half = self.side / 2;
         let at = |nodes: &[f32], column: usize| {
             let left = (column / half).min(1);
             let part = (column - left * half) as f32 / half as f32;
             nodes[left] + (nodes[left + 1] - nodes[left]) * part
         };
-        let rows = self.nodes.chunks_exact(3);
-        let ends = rows.map(|nodes| {
-            let mut most = at(nodes, from).max(at(nodes, to));
-            if (from..to).contains(&half) {
-                most = most.max(nodes[1]);
+        let mut ends = [f32::INFINITY, 0.0];
+        for nodes in self.nodes.chunks_exact(3) {
+            let middle = (from..=to).contains(&half).then_some(nodes[1]);
+            for e in [at(nodes, from), at(nodes, to)].into_iter().chain(middle) {
+                ends = [ends[0].min(e), ends[1].max(e)];
             }
-            most
-        });
-        ends.fold(0.0, f32::max)
+        }
+        ends
     }
 }
 
@@ -137,21 +136,20 @@ impl Lines {
         self.strips.iter().flatten().map(of_square).sum()
     }
 
-    /// No pixel of so many columns has more than this, for each such part of the columns, e-: no more than the places have, beyond which no
-    /// straight line goes.
-    pub fn most_of(&self, columns: usize) -> Vec<f64> {
-        let mut most = vec![0.0f64; self.width.div_ceil(columns)];
+    /// No pixel of so many columns has less than this, nor more, for each such part of the columns, e-: no straight line goes beyond the
+    /// places at its ends.
+    pub fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
+        let mut ends = vec![[f32::INFINITY, 0.0f32]; self.width.div_ceil(columns)];
         for square in self.strips.iter().flatten() {
             let past = (square.x + square.side).min(self.width);
-            let parts = square.x / columns..past.div_ceil(columns);
-            for part in parts {
+            for part in square.x / columns..past.div_ceil(columns) {
                 let from = (part * columns).max(square.x) - square.x;
-                let to = ((part + 1) * columns).min(past) - square.x;
-                let here = f64::from(square.most_between(from, to));
-                most[part] = most[part].max(here);
+                let to = ((part + 1) * columns).min(past) - 1 - square.x;
+                let [least, most] = square.ends_between(from, to);
+                ends[part] = [ends[part][0].min(least), ends[part][1].max(most)];
             }
         }
-        most
+        ends
     }
 }
 
@@ -192,21 +190,21 @@ mod tests {
         }
         let sum: f64 = expected.iter().copied().map(f64::from).sum();
         assert!((lines.sum() / sum - 1.0).abs() < 1e-12);
-        // X-Val: 3 + 0.5 x + 0.25 y grows to the right and downwards; places lie as far as row 16, and in cells of 8 columns as far as the next cell.
-        assert_eq!(lines.most_of(8), [11.0, 15.0, 19.0, 22.0]);
+        // X-Val: 3 + 0.5 x + 0.25 y from row 0 to row 16, where the last places lie; in cells of 8 columns from the first to the last.
+        let ends = [[3.0, 10.5], [7.0, 14.5], [11.0, 18.5], [15.0, 21.5]];
+        assert_eq!(lines.ends_of(8), ends);
     }
 
     #[test]
-    fn light_that_is_greatest_within_a_square_is_bounded_by_it() {
+    fn light_that_is_greatest_within_a_square_is_found_there() {
         // A ridge along column 20, and none of the squares' sides on it.
         let lines = lines(|x, _| 10.0 - (x as f32 - 20.0).abs());
         let pixels = lines.pixels();
-        for (part, most) in lines.most_of(3).into_iter().enumerate() {
+        for (part, [least, most]) in lines.ends_of(3).into_iter().enumerate() {
             let columns = part * 3..(part * 3 + 3).min(30);
-            let here = columns.flat_map(|x| pixels[x..].iter().step_by(30));
-            let here = here.copied().fold(0.0, f32::max);
-            assert!(most >= f64::from(here), "{part}: {most} {here}");
-            assert!(most <= f64::from(here) + 1.0, "{part}: {most} {here}");
+            let here = columns.flat_map(|x| pixels[x..].iter().step_by(30).copied());
+            let (low, high) = (here.clone().fold(99.0, f32::min), here.fold(0.0, f32::max));
+            assert_eq!([least, most], [low, high], "{part}");
         }
     }
 }

@@ -32,6 +32,7 @@ use blur::Blur;
 use horizon::Horizon;
 use kinds::Found;
 use lay::Light;
+use lines::Lines;
 use nalgebra::Vector3;
 use plane::Plane;
 use rayon::prelude::*;
@@ -142,10 +143,12 @@ pub struct AreaLight {
     pub kind: &'static Kind,
     /// Why there is none.
     pub dark: Option<Cow<'static, str>>,
-    /// Where it falls; none where it is too faint for any.
-    light: Option<Light>,
-    /// The same pixel by pixel, as if of one electron each had so many shares.
+    /// Where it is even all over the detector.
+    even: Option<Lines>,
+    /// Its light pixel by pixel, as if of one electron each had so many shares; of what is even, once it is asked for. Nothing where it is too faint.
     pixels: OnceLock<Footprint>,
+    /// The least on a pixel of each column, e-, once it is asked for.
+    floor_e: OnceLock<Vec<f32>>,
     /// Columns of the detector.
     width: usize,
     /// Electrons on all of them.
@@ -166,30 +169,49 @@ impl AreaLight {
 
     /// Its light pixel by pixel, as if of one electron each had so many shares; nothing where it is too faint for any.
     pub(super) fn footprint(&self) -> &Footprint {
-        let pixels = || match &self.light {
-            None => Footprint::default(),
-            Some(Light::Even(lines)) => Footprint::whole(self.width, lines.pixels()),
-            Some(Light::Pixels(e)) => Footprint::whole(self.width, e.clone()),
-        };
+        let pixels = |lines: &Lines| Footprint::whole(self.width, lines.pixels());
+        let pixels = || self.even.as_ref().map(pixels).unwrap_or_default();
         self.pixels.get_or_init(pixels)
     }
 
     /// Adds its light on the pixels from `first` on, by row-major index, to `electrons`.
     pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
-        match &self.light {
-            None => {}
-            Some(Light::Even(lines)) => lines.add_to(level, first, electrons),
-            Some(Light::Pixels(e)) => kernels::add(level, &e[first..], electrons),
+        match &self.even {
+            Some(lines) => lines.add_to(level, first, electrons),
+            None => kernels::add(level, self.e().get(first..).unwrap_or_default(), electrons),
         }
     }
 
     /// No pixel gets more than this of light that is even all over, e-, for each column of cells (`brightest`); none of other light.
     pub(super) fn most_of_even(&self) -> Option<Vec<f64>> {
-        match &self.light {
-            Some(Light::Even(lines)) => Some(lines.most_of(CELL)),
-            Some(Light::Pixels(_)) | None => None,
-        }
+        let ends = self.even.as_ref()?.ends_of(CELL).into_iter();
+        Some(ends.map(|[_, most]| f64::from(most)).collect())
     }
+
+    /// No pixel of a column gets less than this, e-; nothing where it is too faint for any.
+    pub(super) fn floor_e(&self) -> &[f32] {
+        self.floor_e.get_or_init(|| match &self.even {
+            Some(lines) => lines
+                .ends_of(1)
+                .into_iter()
+                .map(|[least, _]| least)
+                .collect(),
+            None => least_of_columns(self.e(), self.width),
+        })
+    }
+}
+
+/// The least of each column of values that are given row by row.
+fn least_of_columns(values: &[f32], width: usize) -> Vec<f32> {
+    let lower = |mut least: Vec<f32>, row: &[f32]| {
+        for (least, value) in least.iter_mut().zip(row) {
+            *least = if value < least { *value } else { *least };
+        }
+        least
+    };
+    let rows = values.par_chunks_exact(width.max(1));
+    let none = || vec![f32::INFINITY; if values.is_empty() { 0 } else { width }];
+    rows.fold(none, lower).reduce(none, |a, b| lower(a, &b))
 }
 
 /// How often was asked what it takes to lay light on pixels.
@@ -321,8 +343,9 @@ impl View {
         let none = |dark: Option<Cow<'static, str>>| AreaLight {
             kind: area.kind,
             dark,
-            light: None,
+            even: None,
             pixels: OnceLock::new(),
+            floor_e: OnceLock::new(),
             width: self.camera.detector.width,
             electrons: 0.0,
             most_e: area.peak_e,
@@ -350,12 +373,18 @@ impl View {
             self.area_scale_e(radiance),
             fidelity,
         );
-        let (electrons, most_e) = match &light {
+        let width = self.camera.detector.width;
+        let (pixels, mut even) = (OnceLock::new(), None);
+        let (electrons, most_e) = match light {
             Light::Even(lines) => {
-                let most = lines.most_of(self.camera.detector.width);
-                (lines.sum(), most.into_iter().fold(0.0, f64::max))
+                let ends = lines.ends_of(width).into_iter();
+                let most = ends.map(|[_, most]| most).fold(0.0, f32::max);
+                (even.insert(lines).sum(), f64::from(most))
             }
-            Light::Pixels(e) => (lanes::sum(e), f64::from(lanes::greatest(e))),
+            Light::Pixels(e) => {
+                let pixels = pixels.get_or_init(|| Footprint::whole(width, e)).shares();
+                (lanes::sum(pixels), f64::from(lanes::greatest(pixels)))
+            }
         };
         if electrons == 0.0 {
             return none(Some(area.kind.unlit.into()));
@@ -363,9 +392,10 @@ impl View {
         AreaLight {
             kind: area.kind,
             dark: None,
-            light: Some(light),
-            pixels: OnceLock::new(),
-            width: self.camera.detector.width,
+            even,
+            pixels,
+            floor_e: OnceLock::new(),
+            width,
             electrons,
             most_e,
             is_thin: self.is_too_thin(most_e, simulated, fidelity),
@@ -379,7 +409,7 @@ const TOGETHER: usize = 32 * 1024;
 
 /// The light of all of them on each of so many pixels, e-; empty where there is none.
 pub(super) fn together(areas: &[AreaLight], pixels: usize) -> Vec<f32> {
-    if areas.iter().all(|area| area.light.is_none()) {
+    if areas.iter().all(|area| area.electrons == 0.0) {
         return Vec::new();
     }
     let mut sum = vec![0.0; pixels];

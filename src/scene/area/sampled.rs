@@ -1,6 +1,7 @@
 //! Pixels of area light that are worked out each for itself: where there is an edge, or detail as small as a few pixels.
 
 use super::Asked;
+use super::blur::LANES;
 use super::lay::Grid;
 use super::lines::{Lines, Square};
 use super::patch::Patch;
@@ -43,7 +44,7 @@ impl Sampled {
 }
 
 impl Grid<'_, '_> {
-    /// Each pixel's light, e-, and how it gets it: even light, and means over their area and their time.
+    /// Each pixel's light, e-, with [`LANES`] values more, and how each gets it: even light, or means over its area and its time.
     pub fn pixels(
         &self,
         lines: &Lines,
@@ -51,9 +52,9 @@ impl Grid<'_, '_> {
         asked: &mut Asked,
     ) -> (Vec<f32>, Vec<Sampled>) {
         let [columns, rows] = self.size;
-        let mut e = vec![0.0f32; columns * rows];
+        let mut e = vec![0.0f32; columns * rows + LANES];
         let mut sampled = vec![Sampled::No; columns * rows];
-        let bands = e.par_chunks_mut(columns * BAND);
+        let bands = e[..columns * rows].par_chunks_mut(columns * BAND);
         let bands = bands.zip(sampled.par_chunks_mut(columns * BAND));
         let sums = bands.enumerate().map(|(band, (e, sampled))| {
             let rows = band * BAND..band * BAND + e.len() / columns;
