@@ -5,7 +5,6 @@
 
 use super::Atmosphere;
 use super::air::{Density, TOP_M, phase_function};
-use super::shells::Shells;
 use super::sight::{Line, Sight, Step};
 use super::tables::{PLACES, Row, Table, crowd, sun_parts, uncrowd};
 use crate::sky::bodies::{AU_M, SUN_RADIUS_M};
@@ -58,7 +57,7 @@ impl Limb {
     /// The light of `atmosphere` around the Earth from `observer_m`, lit from `sun_m`
     /// ([`Bodies::sun_apparent_m`](crate::sky::bodies::Bodies::sun_apparent_m)); both GCRF, m. None for an observer inside the Earth.
     ///
-    /// Directions cost 0.2 us each, but for the first of their kind and height, for which tables are made: up to 2 ms for all. Make it once a frame.
+    /// Directions cost 0.2 us each, and the first of their kind and height some 10 us more, for tables: 2 ms for all. Make it once a frame.
     pub fn new(
         atmosphere: &Arc<Atmosphere>,
         observer_m: Vector3<f64>,
@@ -87,12 +86,10 @@ impl Limb {
     /// What lines of a kind meet.
     fn kind(&self, kind: usize) -> &Kind {
         self.kinds[kind].get_or_init(|| {
-            let shells = Shells::of(&self.atmosphere.airglow);
-            let airglow = |line: &Line| shells.along(line, self.radius, &self.atmosphere);
             let lines = self.lines(kind);
             Kind {
-                scattered: self.table(kind, SCATTERED[kind], |line| self.undimmed(line)),
-                airglow: self.table(kind, AIRGLOW[kind], airglow),
+                scattered: Table::of(SCATTERED[kind]),
+                airglow: Table::of(AIRGLOW[kind]),
                 rows: lines.iter().map(|_| OnceLock::new()).collect(),
                 lines,
             }
@@ -126,12 +123,21 @@ impl Limb {
             lines,
             rows,
         } = self.kind(kind);
+        let line = |entry: f64| {
+            let at = self.coordinate_of(kind, entry);
+            Limb::sight(kind, at).line(self.radius)
+        };
+        let scattered = scattered.at(entry, |entry| self.undimmed(&line(entry)));
+        let airglow = airglow.at(entry, |entry| {
+            self.atmosphere
+                .shells
+                .along(&line(entry), self.radius, &self.atmosphere)
+        });
         let row = |i: usize| rows[i].get_or_init(|| self.row(kind, lines[i]));
         let [direct, from_below] = sun_parts(lines, row, at, [along, across]);
         let cos_scattering = direction.dot(&self.to_sun) / direction.norm();
         let sunlit = phase_function(cos_scattering) * direct + from_below;
-        let scattered = scattered.at(entry) / (4.0 * PI) * self.nearness * sunlit;
-        [scattered, airglow.at(entry)]
+        [scattered / (4.0 * PI) * self.nearness * sunlit, airglow]
     }
 
     /// The part (0..1) of the light of the Earth's disc in `direction` that remains behind and below the air.
@@ -227,14 +233,6 @@ impl Limb {
         } else {
             highest * part(NEAR_M / highest)
         }
-    }
-
-    fn table(&self, kind: usize, count: usize, light: impl Fn(&Line) -> f64) -> Table {
-        let entry = |i: usize| {
-            let at = self.coordinate_of(kind, i as f64 / (count - 1) as f64);
-            light(&Limb::sight(kind, at).line(self.radius))
-        };
-        Table::of((0..count).map(entry).collect())
     }
 
     /// `integral n sum E s exp(-s N_v) dl` along a line, ph/s/m^2: scattered light if the Sun reached it all, times 4 pi.

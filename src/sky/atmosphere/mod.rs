@@ -31,12 +31,15 @@ pub use airglow::Airglow;
 pub use limb::Limb;
 
 use crate::camera::Band;
+use shells::Shells;
 
 /// The atmosphere as a band sees it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Atmosphere {
     air: Air,
     airglow: Airglow,
+    /// The same in shells.
+    shells: Shells,
     /// `sum E s exp(-s N)`, ph/s: what a molecule takes from the Sun's light behind a column, at 1 au.
     scattered: Curve,
     /// `sum E exp(-s N) / sum E`: the part of the Sun's light that passes a column (1).
@@ -56,9 +59,11 @@ impl Atmosphere {
                 .map(|&[e, s]| weight(e, s) * libm::exp(-s * n))
                 .sum()
         };
+        let airglow = Airglow::of(band);
         Atmosphere {
             air: Air::standard(),
-            airglow: Airglow::of(band),
+            shells: Shells::of(&airglow),
+            airglow,
             scattered: Curve::new(|n| sum(n, &|e, s| e * s)),
             passed: Curve::new(|n| sum(n, &|e, _| e / all)),
         }

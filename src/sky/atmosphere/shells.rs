@@ -8,6 +8,7 @@ use crate::sky::shadow::EARTH_RADIUS_M;
 const SHELLS: [(f64, f64, usize); 3] = [(60e3, 1e3, 15), (75e3, 0.25e3, 160), (115e3, 13e3, 45)];
 
 /// The airglow in shells.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Shells {
     /// Radius (m) of the lowest shell's foot.
     foot: f64,

@@ -1,17 +1,19 @@
 //! Tables of light against lines of sight, and against the Sun's height.
 
+use std::sync::OnceLock;
+
 /// Places in a row.
 pub const PLACES: usize = 17;
 /// The sine of the Sun's height within which a row has most of its places: twilight.
 const TWILIGHT: f64 = 0.15;
 
-/// The least entry of a table over its greatest.
-const LEAST: f64 = 1e-12;
+/// The least entry of a table, ph/s/m^2/sr: nothing that a camera sees.
+const LEAST: f64 = 1.0;
 
-/// Light against one kind of line: logarithms of equidistant values.
-#[derive(Debug, Clone, Default)]
+/// Light against one kind of line: logarithms of equidistant values, of those that have been asked for.
+#[derive(Debug, Clone)]
 pub struct Table {
-    logs: Vec<f64>,
+    logs: Vec<OnceLock<f64>>,
 }
 
 /// The Sun's part against its height over one line's place.
@@ -27,21 +29,23 @@ pub struct Row {
 }
 
 impl Table {
-    pub fn of(values: Vec<f64>) -> Table {
-        let most = values.iter().copied().fold(0.0f64, f64::max);
-        let least = (LEAST * most).max(f64::MIN_POSITIVE);
+    /// Of so many values.
+    pub fn of(count: usize) -> Table {
         Table {
-            logs: values.iter().map(|v| libm::log(v.max(least))).collect(),
+            logs: (0..count).map(|_| OnceLock::new()).collect(),
         }
     }
 
-    /// The value at 0..1, by cubics through four of them.
-    pub fn at(&self, part: f64) -> f64 {
+    /// The value at 0..1, by cubics through four of those that `value` gives for 0..1.
+    pub fn at(&self, part: f64, value: impl Fn(f64) -> f64) -> f64 {
         let last = self.logs.len().saturating_sub(1);
         let along = part.clamp(0.0, 1.0) * last as f64;
         let i = (along as usize).min(last.saturating_sub(1));
-        let log = |k: usize| self.logs.get(k.min(last)).copied().unwrap_or(0.0);
-        let four = [log(i.saturating_sub(1)), log(i), log(i + 1), log(i + 2)];
+        let log = |k: usize| {
+            let log = || libm::log(value(k as f64 / last as f64).max(LEAST));
+            *self.logs[k].get_or_init(log)
+        };
+        let four = [i.saturating_sub(1), i, (i + 1).min(last), (i + 2).min(last)].map(log);
         let weights = cubic(along - i as f64);
         libm::exp((0..4).map(|j| weights[j] * four[j]).sum())
     }
