@@ -232,7 +232,8 @@ impl Emulator {
         let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
         let faint = self.faint(camera, choice);
         let (world, fidelity) = (&self.world, &self.fidelity);
-        let view = View::new(world, camera, vehicle, exposure, fidelity, key, faint)?;
+        let mut view = View::new(world, camera, vehicle, exposure, fidelity, key, faint)?;
+        view.level = self.level;
         let view = view.where_shine(&self.world, |name| !choice.off.contains(&name));
         let simulated = simulated(&view, &self.fidelity, choice);
         Ok(Scene::new(view, simulated, &self.fidelity))

@@ -5,6 +5,7 @@ mod knobs;
 pub use knobs::{Allowed, Knob, Setting, Value};
 
 use Allowed::{Numbers, Words};
+use std::f64::consts::TAU;
 
 /// Makes of each row a field of [`Fidelity`], its value in each preset, and its [`Knob`].
 macro_rules! knobs {
@@ -48,6 +49,11 @@ fn itself(value: f64) -> f64 {
     value
 }
 
+/// What panels of so many sigmas make of a streak's profile at most, as a part of its height.
+fn profile(step: f64) -> f64 {
+    1.4 * step.powi(4) / 4320.0
+}
+
 /// A bound of area light that is accepted where lines across nine places miss twice the value (`scene::area`). Of an even bend they then miss that between two neighbours. Of a kink of slope
 /// D at d from one of them, h apart, the test sees `D d / 2`, and lines miss `D d (h - d) / h`: up to four times the value, and across and down twice that.
 fn at_kinks(value: f64) -> f64 {
@@ -69,8 +75,9 @@ knobs! {
         "what a pixel's light of a source's wide wings is off by, e-: twice the value";
     /// Panels of a smeared track may be this long, in units of the PSF's sigma, whatever the source's light. A panel is
     /// integrated by two Gauss points, so the profile errs by at most `step^4 / 4320 * 1.4` of the streak's height, at its
-    /// ends: 2e-5 at 0.5. Light and centroid are kept whatever the step.
-    track_step_sigma: f64, "sigma", Numbers([0.02, 1.0]), [1.0, 0.5, 0.1], true, |step| 1.4 * step.powi(4) / 4320.0,
+    /// ends: 2e-5 at 0.5. Of a Gaussian that is the same everywhere fewer points tell as much (`track::rule`). Light and centroid are kept whatever
+    /// the step.
+    track_step_sigma: f64, "sigma", Numbers([0.02, 1.0]), [1.0, 0.5, 0.1], true, profile,
         "what a streak's profile is off by, as a part of its height: step^4 / 3086";
     /// Panels are longer, up to one sigma, and short tracks are points, where the profile still errs by no more than this (e-).
     track_e: f64, "e-", Numbers([0.0, 1e3]), [0.1, 0.01, 0.0], true, itself,
@@ -149,6 +156,21 @@ impl Fidelity {
         let step = (self.track_e * 4320.0 / (1.4 * height_e)).sqrt().sqrt();
         step.max(self.track_step_sigma)
             .min(LONGEST_STEP_SIGMA.max(self.track_step_sigma))
+    }
+
+    /// What a Gaussian may collect too much or too little along a track of `length` sigmas, in parts of what it collects of one without ends, for a source
+    /// whose pixels would get `height_e` (e-) at most if it stood still. Of a streak they get `q / (1 + q^2)^(1/2)` of the former at least, and
+    /// `1 / q` of the latter at most:
+    ///
+    /// ```text
+    /// error = max(step^4 / 3086 q / (1 + q^2)^(1/2), track_e / height_e q),   q = length / (2 pi)^(1/2)
+    /// ```
+    pub fn streak_error(&self, length: f64, height_e: f64) -> f64 {
+        // What this stands for is below a hundredth of a streak's height.
+        const MOST: f64 = 5e-4;
+        let q = length / TAU.sqrt();
+        let part = profile(self.track_step_sigma) * q / (1.0 + q * q).sqrt();
+        part.max((self.track_e / height_e * q).min(MOST))
     }
 
     /// Length of a track, in units of the PSF's sigma, for which one point stands: its profile, curved by `height_e / sigma^2` at most, errs

@@ -1,9 +1,12 @@
 //! Where the light of a point source falls: its share on each pixel of the detector.
 
+mod streak;
+
 use crate::camera::psf::square;
 use crate::camera::{Camera, LocalPsf, Stamp};
 use crate::fidelity::Fidelity;
 use crate::track::{Sample, Track, Window};
+use skyloop_orbit::sgp4_batch::Level;
 use std::ops::Range;
 
 /// One row's pixels of a footprint.
@@ -115,6 +118,22 @@ impl Drawn<'_> {
     }
 }
 
+/// The spans of rows that are `reached` from a column up to another, one after another on a detector so wide, and how many pixels they have.
+fn spans_of(reached: &[(i64, i64)], width: i64) -> (Vec<Span>, u32) {
+    let mut total = 0;
+    let spans = reached.iter().map(|&(from, past)| {
+        let length = (past - from).max(0) as u32;
+        let span = Span {
+            column: from.min(width) as u32,
+            offset: total,
+            length,
+        };
+        total += length;
+        span
+    });
+    (spans.collect(), total)
+}
+
 impl Footprint {
     /// The part of the detector plane from which light reaches the detector.
     pub fn window(camera: &Camera, fidelity: &Fidelity) -> Window {
@@ -129,22 +148,35 @@ impl Footprint {
     /// Spreads the track of a bright source of the Sun's colour with the camera's PSF; nothing outside of the
     /// detector is kept.
     pub fn new(track: &Track, camera: &Camera, fidelity: &Fidelity) -> Footprint {
-        Footprint::of(track, camera, fidelity, &Light::default())
+        Footprint::of(
+            track,
+            camera,
+            fidelity,
+            &Light::default(),
+            Some(Level::best()),
+        )
     }
 
-    /// [`Footprint::new`] for a source of that light.
-    pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity, light: &Light) -> Footprint {
+    /// [`Footprint::new`] for a source of that light, with the vector instructions of `level`; all levels give the same.
+    pub fn of(
+        track: &Track,
+        camera: &Camera,
+        fidelity: &Fidelity,
+        light: &Light,
+        level: Option<Level>,
+    ) -> Footprint {
+        if let Some(streak) = Footprint::streak(track, camera, fidelity, light, level) {
+            return streak;
+        }
         let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
         let inside = |range: &Range<i64>, size: i64| {
             let first = range.start.max(0);
             first..range.end.min(size).max(first)
         };
-        // A place that is no number is none.
-        let is_somewhere = |s: &&Sample| s.at.iter().all(|x| x.is_finite()) && s.weight.is_finite();
         let boxes: Vec<(&Sample, Drawn<'_>, Range<i64>, Range<i64>)> = track
             .samples
             .iter()
-            .filter(is_somewhere)
+            .filter(|sample| sample.is_somewhere())
             .map(|s| {
                 let drawn = Drawn::around(s.at, camera, fidelity, light);
                 let columns = inside(&drawn.square[0], width);
@@ -170,21 +202,7 @@ impl Footprint {
                 *row = (row.0.min(columns.start), row.1.max(columns.end));
             }
         }
-        let mut total = 0;
-        let spans: Vec<Span> = reached
-            .iter()
-            .map(|&(from, past)| {
-                let length = (past - from).max(0) as u32;
-                let span = Span {
-                    column: from.min(width) as u32,
-                    offset: total,
-                    length,
-                };
-                total += length;
-                span
-            })
-            .collect();
-
+        let (spans, total) = spans_of(&reached, width);
         let mut shares = vec![0.0f32; total as usize];
         let mut stamp = Stamp::default();
         let (mut evaluated, mut wings) = (0, Wings::default());
@@ -351,6 +369,7 @@ mod tests {
         };
         let course = Course {
             pieces: 2,
+            even: None,
             step_px: fidelity.track_step_sigma * 0.7,
             panel_px: 0.0,
             point_px: 0.0,

@@ -7,9 +7,14 @@
 
 #![allow(unsafe_code)]
 
+mod dots;
+
+pub use dots::{Dot, Lines, POWERS, SIDE, Sheet};
+
 use crate::rng::normal::{self, uniform_of};
 use crate::rng::poisson::{self, SEARCHED, Switch};
 use crate::rng::{self, NoiseKey};
+use dots::{body as dots_body, twin as dots_twin};
 use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that a body works on at a time: they stay in the first-level cache.
@@ -80,6 +85,11 @@ kernel! {
 kernel! {
     /// Adds the light of as many pixels.
     add = add_body, add_twin (light: &[f32], electrons: &mut [f32])
+}
+
+kernel! {
+    /// Adds the light of dots to pixels, which have room for each.
+    lay_dots = dots_body, dots_twin (lines: &Lines, dots: &[Dot], sheet: &mut Sheet<'_>)
 }
 
 #[inline(always)]

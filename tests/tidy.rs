@@ -11,7 +11,8 @@ use skyloop_protocols::personality::PERSONALITIES;
 /// The modules of `src/`; each imports from lines above its own only.
 const LAYERS: &[&[&str]] = &[
     &["attitude", "crew", "fidelity", "lanes", "load", "rng"],
-    &["camera", "frame", "kernels", "link", "track"],
+    &["kernels"],
+    &["camera", "frame", "link", "track"],
     &["footprint", "sky"],
     &["scene"],
     &["effect"],

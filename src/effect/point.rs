@@ -83,13 +83,7 @@ pub(super) fn judge<'s>(
     let pass = Pass::Tile(Box::new(move |tile| {
         let (rows, width) = (tile.rows(), tile.width);
         for source in &drawn {
-            let electrons = source.electrons;
-            for (row, column, shares) in source.footprint.rows(rows.clone()) {
-                let from = (row - rows.start) * width + column;
-                for (pixel, share) in tile.electrons[from..].iter_mut().zip(shares) {
-                    *pixel += (electrons * f64::from(*share)) as f32;
-                }
-            }
+            source.draw(rows.clone(), width, tile.electrons);
         }
     }));
     (need, pass)

@@ -4,6 +4,7 @@
 
 use super::population::before;
 use super::ratio::{Machine, Row, row, with_threads};
+use super::smear::smear;
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::engine::Emulator;
@@ -36,7 +37,7 @@ const FRAMES: usize = 16;
 /// Seconds between frames.
 const STEP_S: f64 = 0.1;
 /// ns in a ms.
-const MS: usize = 1_000_000;
+pub(super) const MS: usize = 1_000_000;
 
 /// What was measured.
 #[derive(Debug, Clone, Serialize)]
@@ -51,7 +52,7 @@ pub struct Report {
 }
 
 impl super::Report for Report {
-    const PARTS: u32 = 4;
+    const PARTS: u32 = 5;
 
     fn measure(mut told: impl FnMut(&str)) -> Result<Report, ConfigError> {
         let machine = Machine::this();
@@ -82,6 +83,8 @@ impl super::Report for Report {
             };
             frames.push(with_threads(1, turns));
         }
+        told("smeared stars");
+        frames.push(with_threads(1, smear)?);
         told("2 threads");
         let mut two = Work::new("rigel-l", Some(2 * SIDE), Some(Level::best()))?;
         let mut one = Work::new("rigel-l", Some(2 * SIDE), Some(Level::best()))?;

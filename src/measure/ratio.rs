@@ -76,21 +76,42 @@ pub struct Row {
     pub ratio: f64,
     /// The first and third quartile of the ratios.
     pub spread: [f64; 2],
-    /// At least this is promised.
+    /// At least this is promised,
     pub least: Option<f64>,
+    /// or, where the ratio is what the work takes over what the other does, at most this.
+    pub most: Option<f64>,
 }
 
 impl Row {
     /// Whether it is as promised.
     pub fn is_kept(&self) -> bool {
         self.least.is_none_or(|least| self.ratio >= least)
+            && self.most.is_none_or(|most| self.ratio <= most)
+    }
+
+    /// The same with the ratio the other way round, which is promised to be at most `most`.
+    pub(super) fn at_most(self, most: f64) -> Row {
+        let [low, high] = self.spread;
+        Row {
+            ratio: 1.0 / self.ratio,
+            spread: [1.0 / high, 1.0 / low],
+            least: None,
+            most: Some(most),
+            ..self
+        }
+    }
+
+    /// What is promised, if anything is.
+    fn promise(&self) -> Option<String> {
+        let least = self.least.map(|least| format!(">= {least}"));
+        least.or(self.most.map(|most| format!("<= {most}")))
     }
 
     /// What is promised and not kept, in a line.
     pub fn broken(&self) -> Option<String> {
-        let least = self.least.filter(|_| !self.is_kept())?;
+        let promise = self.promise().filter(|_| !self.is_kept())?;
         Some(format!(
-            "{}: {:.1} x is below {least} x",
+            "{}: {:.1} x is not {promise} x",
             self.work, self.ratio
         ))
     }
@@ -98,19 +119,19 @@ impl Row {
     /// What stands above rows whose times are those of `unit`, such as `ns an object`.
     pub(super) fn head(unit: &str) -> String {
         format!(
-            "{:<38}{unit:>14}  {:<26}{:>9}{:>9}  {:<14}{:>6}",
-            "work", "against", "", "ratio", "quartiles", "least"
+            "{:<38}{unit:>14}  {:<26}{:>9}{:>9}  {:<14}{:>8}",
+            "work", "against", "", "ratio", "quartiles", "promised"
         )
     }
 }
 
 impl fmt::Display for Row {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let least = self.least.map_or(String::new(), |least| format!("{least}"));
+        let promise = self.promise().unwrap_or_default();
         let spread = format!("{:.1} to {:.1}", self.spread[0], self.spread[1]);
         write!(
             f,
-            "{:<38}{:>14.2}  {:<26}{:>9.1}{:>7.1} x  {spread:<14}{least:>6}{}",
+            "{:<38}{:>14.2}  {:<26}{:>9.1}{:>7.1} x  {spread:<14}{promise:>8}{}",
             self.work,
             self.time,
             self.against,
@@ -181,6 +202,7 @@ pub(super) fn row(
         ratio: ratio(0.5),
         spread: [ratio(0.25), ratio(0.75)],
         least,
+        most: None,
     }
 }
 

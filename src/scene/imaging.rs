@@ -6,7 +6,7 @@ use super::wanderer::Element;
 use super::{Area, Body, Simulated, Source};
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
-use crate::track::{Course, Place, Rows, Track};
+use crate::track::{Course, Even, Place, Rows, Track};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -82,7 +82,7 @@ impl View {
         Point {
             light,
             centre,
-            footprint: Footprint::of(&track, &self.camera, fidelity, &shine),
+            footprint: Footprint::of(&track, &self.camera, fidelity, &shine, self.level),
         }
     }
 
@@ -201,6 +201,7 @@ impl View {
         let turn = self.vehicle.rates.norm() * open_s + candidate.swing;
         let course = Course {
             pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
+            even: self.even(candidate),
             step_px: self.step_px(candidate, fidelity),
             panel_px: self.panel_px(candidate, fidelity),
             point_px: self.point_px(candidate, fidelity),
@@ -217,6 +218,13 @@ impl View {
             place(dt_s, turned_s, simulated.aberration_drift)
         };
         Track::sample(at, &course, fidelity)
+    }
+
+    /// The Gaussian that its light is spread by, if it is one that is the same everywhere.
+    pub(super) fn even(&self, candidate: &Candidate) -> Option<Even> {
+        self.camera.optics.psf.lines()?;
+        let (sigma_px, height_e) = self.height(candidate);
+        Some(Even { sigma_px, height_e })
     }
 
     /// How long (px) panels of the candidate's track may be.

@@ -52,6 +52,7 @@ use hifitime::Epoch;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::time::seconds;
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 /// What does not change from frame to frame.
@@ -224,6 +225,16 @@ impl Source {
     pub fn length_px(&self) -> f64 {
         let way = |a: [f64; 2], b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
         way(self.start, self.centroid) + way(self.centroid, self.end)
+    }
+
+    /// Adds its light to the `electrons` (e-) of those rows of a detector so wide.
+    pub fn draw(&self, rows: Range<usize>, width: usize, electrons: &mut [f32]) {
+        for (row, column, shares) in self.footprint.rows(rows.clone()) {
+            let from = (row - rows.start) * width + column;
+            for (pixel, share) in electrons[from..].iter_mut().zip(shares) {
+                *pixel += (self.electrons * f64::from(*share)) as f32;
+            }
+        }
     }
 }
 

@@ -20,6 +20,7 @@ use nalgebra::Vector3;
 use rayon::iter::Either;
 use rayon::prelude::*;
 use skyloop_orbit::OrbitError;
+use skyloop_orbit::sgp4_batch::Level;
 use std::sync::Arc;
 
 /// Sources that one thread looks at at least.
@@ -89,6 +90,8 @@ pub struct View {
     pub scale_and_corner_px: (f64, f64),
     /// What all noise is keyed by.
     pub key: NoiseKey,
+    /// The vector instructions that streaks are drawn with; none: pixel by pixel. All give the same.
+    pub level: Option<Level>,
     /// Who looks, in the middle of the exposure: without an orbit, from the Earth's centre.
     pub observer: Observer,
     /// Stars in catalogue order, then objects in the population's, planets, the Moon.
@@ -167,6 +170,7 @@ impl View {
             camera: camera.clone(),
             scale_and_corner_px: camera.scale_and_corner_px(),
             key,
+            level: Some(Level::best()),
             observer: shutter[1],
             candidates: Vec::new(),
             moon: (Vector3::zeros(), 1.0),

@@ -3,6 +3,7 @@
 use super::view::Candidate;
 use super::{Scene, Source, View};
 use crate::fidelity::Fidelity;
+use crate::track::rule;
 
 /// Places of a track that are looked at.
 const PLACES: usize = 5;
@@ -21,6 +22,11 @@ const FOOTPRINT_NS: f64 = 9.0;
 const ADDED_NS: f64 = 1.0;
 /// ns of a pixel of a footprint when it is drawn.
 const DRAWN_NS: f64 = 1.0;
+/// ns of a point of a streak of a Gaussian, and of each pixel around it.
+const DOT_NS: f64 = 25.0;
+const LAID_NS: f64 = 0.3;
+/// Looks at the way of one.
+const WAY_LOOKS: f64 = 7.0;
 /// ns of a point of a panel in which rows open or close, and of each row there: weights, parts in light and centre.
 const POINT_NS: f64 = 2000.0;
 const ROW_NS: f64 = 180.0;
@@ -121,8 +127,17 @@ impl View {
         };
         let stamp_ns = camera.optics.psf.stamp_ns(side);
         let looks = 2.0 * panels + 7.0;
-        work.looks += share * looks;
-        let moving_ns = points * stamp_ns + looks * LOOK_NS + way * side * FOOTPRINT_NS;
+        let (points_ns, moving_looks) = match self.even(candidate) {
+            Some(even) if points > 1.0 => {
+                let length = way / even.sigma_px;
+                let error = fidelity.streak_error(length, even.height_e) / 2.0;
+                let dots = rule::count(length, error) as f64;
+                (dots * (DOT_NS + side * side * LAID_NS), WAY_LOOKS)
+            }
+            _ => (points * stamp_ns, looks),
+        };
+        work.looks += share * moving_looks;
+        let moving_ns = points_ns + moving_looks * LOOK_NS + way * side * FOOTPRINT_NS;
         work.moving_ms += share * moving_ns * 1e-6;
 
         // The rows of an image open during some of its panels, two at least, and close during as many.
@@ -134,6 +149,8 @@ impl View {
         work.rolling_looks += share * looks;
         let rolling_ns =
             cut * (2.0 * stamp_ns + 4.0 * (POINT_NS + rows * ROW_NS)) + looks * LOOK_NS;
+        // Where rows collect one after the other, panels stand for streaks of Gaussians too.
+        let rolling_ns = rolling_ns + points * stamp_ns - points_ns;
         work.rolling_ms += share * rolling_ns * 1e-6;
     }
 }

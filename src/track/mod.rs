@@ -2,11 +2,14 @@
 //!
 //! A track is cut into pieces that are nearly straight and nearly even, and these into panels a fraction of the
 //! point spread function long. A panel stands for a stretch of time, not of length, and so carries the light of that
-//! time wherever the image hurries or lingers; it is integrated by the two-point Gauss rule.
+//! time wherever the image hurries or lingers; it is integrated by the two-point Gauss rule. Where light is spread by a Gaussian that is the same everywhere,
+//! and rows collect it together, a whole piece has a rule of higher order instead ([`rule`]).
 
 mod rows;
+pub mod rule;
 mod sample;
 mod walk;
+mod way;
 
 pub use rows::{Lit, Rows, Turns};
 pub use sample::{Place, Sample};
@@ -30,6 +33,8 @@ pub struct Track {
 pub struct Course {
     /// Pieces to begin with, in which the source turns by a few degrees at most.
     pub pieces: usize,
+    /// For a Gaussian that is the same everywhere.
+    pub even: Option<Even>,
     /// Longest panel, px.
     pub step_px: f64,
     /// Longest track that is one panel from its start to its end, px.
@@ -42,6 +47,15 @@ pub struct Course {
     pub window: Window,
     /// When rows collect light.
     pub rows: Rows,
+}
+
+/// What tracks are sampled for where a Gaussian spreads their light that is the same everywhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Even {
+    /// Its standard deviation, px.
+    pub sigma_px: f64,
+    /// What the brightest pixel would get if the image stood still, e-.
+    pub height_e: f64,
 }
 
 /// The part of the detector plane whose light matters: tracks are sampled finely only there.
@@ -91,6 +105,7 @@ impl Track {
             place: &place,
             course,
             length_px: 0.0,
+            even: None,
         };
         let knots = walk.knots();
         let seen = knots
@@ -109,6 +124,12 @@ impl Track {
 
         let between = knots.windows(2);
         walk.length_px = between.map(|ends| length(&[ends[0].1, ends[1].1])).sum();
+        let even = course.even.filter(|_| course.rows.are_together());
+        walk.even = even.map(|Even { sigma_px, height_e }| {
+            // Two pieces err where they meet.
+            let error = fidelity.streak_error(walk.length_px / sigma_px, height_e) / 2.0;
+            (sigma_px, error)
+        });
         if walk.length_px <= fidelity.skip_px
             && let Some(mid) = place(0.5)
         {
@@ -121,8 +142,8 @@ impl Track {
         }
         let mut samples = Vec::new();
         match knots[..] {
-            // Of a short one two pieces are one panel, if that bends little enough.
-            [first, _, last] if walk.length_px <= course.panel_px => {
+            // Of a short one two pieces are one panel, if that bends little enough; and one where a piece needs no panels.
+            [first, _, last] if walk.length_px <= course.panel_px || walk.even.is_some() => {
                 walk.piece(first, last, DEPTH, &mut samples);
             }
             _ => {
@@ -165,6 +186,7 @@ mod tests {
 
     const COURSE: Course = Course {
         pieces: 10,
+        even: None,
         step_px: 0.35,
         panel_px: 0.35,
         point_px: 0.0,

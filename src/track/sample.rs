@@ -42,6 +42,11 @@ impl Sample {
         }
     }
 
+    /// Whether it is anywhere: a place that is no number is none.
+    pub fn is_somewhere(&self) -> bool {
+        self.at.iter().all(|x| x.is_finite()) && self.weight.is_finite()
+    }
+
     /// Those of `rows` that collect something of its light.
     pub fn rows(&self, rows: &Range<i64>) -> Range<i64> {
         let mut all = self.lit.among(rows);

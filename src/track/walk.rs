@@ -1,7 +1,7 @@
 //! How a track is cut: into pieces that are nearly straight and even, these into panels, and those into points.
 
-use super::Rows;
-use super::{Course, Lit, Place, Sample, Turns};
+use super::way::Way;
+use super::{Course, Lit, Place, Rows, Sample, Turns, rule};
 
 /// Points (0..1) of the two-point Gauss rule, whose weights are equal.
 const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
@@ -33,6 +33,9 @@ pub struct Walk<'a, F> {
     pub course: &'a Course,
     /// Of all of it.
     pub length_px: f64,
+    /// Where a Gaussian spreads its light that is the same everywhere: its standard deviation (px), and by what part of what it collects of a streak
+    /// without ends a piece may be off (1).
+    pub even: Option<(f64, f64)>,
 }
 
 impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
@@ -148,6 +151,9 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
             }
             return;
         }
+        if let (false, Some(even), Some(known)) = (split, self.even, places([a, mid, b])) {
+            return self.even_piece([a.0, b.0], known, even, samples);
+        }
         // What cannot be cut further, and should be, is a jump.
         let panels = if split { 1.0 } else { panels };
         let panels = panels.ceil().max(1.0) as usize;
@@ -164,6 +170,36 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
             let near = [ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach];
             self.cut_panel(ends, &self.course.rows.turns(ends, near), samples);
         }
+    }
+
+    /// Samples the time from `from` to `to`, at whose ends and middle the image is at `known`, for a Gaussian.
+    fn even_piece(
+        &self,
+        [from, to]: [f64; 2],
+        known: [Place; 3],
+        (sigma_px, error): (f64, f64),
+        samples: &mut Vec<Sample>,
+    ) {
+        let place = |part: f64| (self.place)(from + (to - from) * part);
+        let [first, middle, last] = known.map(|place| place.at);
+        let chord = [0, 1].map(|k| (first[k] + last[k]) / 2.0);
+        let length = distance(first, middle) + distance(middle, last);
+        // Of a parabola the fastest end is faster than the mean by 4 bend / length.
+        let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
+        let way = Way::through(known, &place, sigma_px * error);
+        let weight = (to - from) / self.course.rows.exposure;
+        rule::points(sigmas, error, |part, share| {
+            let at = match &way {
+                Some(way) => Some(way.at(part)),
+                None => place(part),
+            };
+            samples.extend(at.map(|place| Sample {
+                at: place.at,
+                weight: weight * share * place.light,
+                lit: Lit::ALL,
+                parts: Vec::new(),
+            }));
+        });
     }
 
     /// Samples a piece that nothing is seen of: two points tell its light and their centre, unless the optics' transmission bends or breaks on
@@ -229,6 +265,14 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
             });
         }
     }
+}
+
+/// The places of all.
+fn places(knots: [Knot; 3]) -> Option<[Place; 3]> {
+    let [(_, Some(a)), (_, Some(b)), (_, Some(c))] = knots else {
+        return None;
+    };
+    Some([a, b, c])
 }
 
 /// Of the polynomials of third degree the one that is 1 at the point `k` of [`FOUR`] and 0 at the others.

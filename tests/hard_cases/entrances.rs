@@ -16,7 +16,7 @@ use skyloop::load::Folder;
 use skyloop::orbit::{StateVector, two_body::propagate_j2};
 use skyloop::passes::{Search, passes};
 use skyloop::sky::shadow::Earth;
-use skyloop::track::{Course, Place, Rows, Track};
+use skyloop::track::{Course, Even, Place, Rows, Track};
 use skyloop_firmware_sim::profile::Profile;
 use std::path::Path;
 use std::sync::Arc;
@@ -253,6 +253,10 @@ fn tracks_through_nowhere_end() {
     for rows in [Rows::together(64), Rows::in_turn(64, 0.1, 0.02)] {
         let course = Course {
             pieces: 4,
+            even: Some(Even {
+                sigma_px: 0.7,
+                height_e: 1e3,
+            }),
             step_px: 0.4,
             panel_px: 0.4,
             point_px: 0.1,
@@ -277,7 +281,8 @@ fn tracks_through_nowhere_end() {
                         electrons,
                         wavelength_ratio: 1.0,
                     };
-                    let footprint = Footprint::of(&track, &camera, &Fidelity::REALTIME, &light);
+                    let footprint =
+                        Footprint::of(&track, &camera, &Fidelity::REALTIME, &light, None);
                     assert!(
                         footprint
                             .shares()

@@ -218,7 +218,7 @@ fn drawn(camera: &Camera, at: [f64; 2], electrons: f64, fidelity: &Fidelity) -> 
         wavelength_ratio: 1.0,
     };
     let track = Track::still(Place { at, light: 1.0 });
-    let footprint = Footprint::of(&track, camera, fidelity, &light);
+    let footprint = Footprint::of(&track, camera, fidelity, &light, None);
     let (width, height) = (camera.detector.width, camera.detector.height);
     let mut image = vec![0.0; width * height];
     for (row, column, shares) in footprint.rows(0..height) {

@@ -19,6 +19,7 @@ pub use images::{Flaw, Image, Images, Relief, SUM_TOLERANCE};
 pub use moffat::Moffat;
 
 use crate::fidelity::Fidelity;
+use crate::kernels::Lines;
 use circular::Quadrant;
 use gaussian::Gaussian;
 use std::ops::Range;
@@ -42,6 +43,8 @@ pub fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
 pub struct Psf {
     shape: Shape,
     variation: Variation,
+    /// Of a Gaussian that is the same everywhere and for all colours.
+    lines: Option<Arc<Lines>>,
 }
 
 /// A shape and its width (px) at the principal point for a source of the band's reference wavelength.
@@ -100,7 +103,21 @@ pub struct Stamp {
 impl Psf {
     /// A shape whose width varies.
     pub fn new(shape: Shape, variation: Variation) -> Psf {
-        Psf { shape, variation }
+        let is_even = variation.by_field.is_empty() && variation.wavelength_exponent == 0.0;
+        let lines = match shape {
+            Shape::Gaussian(sigma_px) if is_even => Gaussian { sigma_px }.lines(),
+            _ => None,
+        };
+        Psf {
+            shape,
+            variation,
+            lines: lines.map(Arc::new),
+        }
+    }
+
+    /// The shares of lines of pixels of a Gaussian that is the same everywhere and for all colours; none of other spreads.
+    pub fn lines(&self) -> Option<&Lines> {
+        self.lines.as_deref()
     }
 
     /// The spread at `field_px` from the principal point for a source whose mean wavelength is `wavelength_ratio`

@@ -60,6 +60,7 @@ mod tests {
             ratio,
             spread: [ratio, ratio],
             least,
+            most: None,
         };
         let mut report = Report {
             machine: Machine {

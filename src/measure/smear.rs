@@ -1,0 +1,151 @@
+//! What smear costs: stars that run over the detector against the same stars at rest.
+
+use super::frames::MS;
+use super::ratio::{Row, row};
+use crate::attitude::VehicleState;
+use crate::camera::Camera;
+use crate::config::Config;
+use crate::engine::Emulator;
+use crate::fidelity::Fidelity;
+use crate::flight::{self, FlightError};
+use crate::load::{ConfigError, Folder};
+use crate::scene::{Scene, Simulated, Source, View};
+use nalgebra::Vector3;
+use std::hint::black_box;
+
+/// Stars, and how far (px) they run.
+const STARS: usize = 300;
+const LENGTH_PX: f64 = 50.0;
+/// They run so far (rad) from the detector's columns to its rows: along neither.
+const SLOPE: f64 = 0.5;
+/// Rounds of which the median is told.
+const ROUNDS: usize = 41;
+/// Rows that are drawn together, as the renderer's bands are.
+const BAND: usize = 32;
+
+/// Stars of the catalogue before a camera of 1024 x 1024 pixels that turns.
+struct Stars {
+    view: View,
+    simulated: Simulated,
+    fidelity: Fidelity,
+    electrons: Vec<f32>,
+}
+
+/// What smeared stars cost in a frame over what they do at rest: tracks, footprints, signal-to-noise ratios, light on pixels. It is to be at
+/// most fourfold.
+///
+/// Errors: the built-in scene or camera cannot be read.
+pub fn smear() -> Result<Row, ConfigError> {
+    let mut stars = Stars::new()?;
+    let moving = stars.simulated;
+    let still = Simulated {
+        smear: false,
+        aberration_drift: false,
+        ..moving
+    };
+    let views = |view: &View| vec![view.clone(); ROUNDS];
+    let (mut first, mut second) = (views(&stars.view), views(&stars.view));
+    let mut take = |simulated: Simulated, views: &mut Vec<View>| {
+        if let Some(view) = views.pop() {
+            stars.take(view, simulated);
+        }
+    };
+    let take = std::cell::RefCell::new(&mut take);
+    let row = row(
+        format!("{STARS} stars of {LENGTH_PX} px, smeared"),
+        "the same, still",
+        None,
+        ROUNDS,
+        [MS; 2],
+        |_| take.borrow_mut()(moving, &mut first),
+        |_| take.borrow_mut()(still, &mut second),
+    );
+    Ok(row.at_most(4.0))
+}
+
+impl Stars {
+    fn new() -> Result<Stars, ConfigError> {
+        let mut config = Config::builtin()?;
+        let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
+        let mission = flight::mission(&config).map_err(no_start)?;
+        let mut vehicle = flight::vehicle(&mission, 0).map_err(no_start)?;
+        config.camera = Camera::load("rigel-l", &Folder::current())?;
+        config.objects.clear();
+        config.looks.clear();
+        let emulator = Emulator::new(&mut config);
+        let camera = emulator.camera();
+        vehicle.rates = rates(&camera);
+        let scene = |vehicle: &VehicleState| emulator.scene(&camera, vehicle, 0, &emulator.choice);
+        let scene = scene(&vehicle).map_err(|error| ConfigError::Orbit(error.to_string()))?;
+        let is_whole = |source: &&Source| {
+            let inside = |at: [f64; 2]| camera.detector.contains(at);
+            source.body.identity().0 == "star" && inside(source.start) && inside(source.end)
+        };
+        let whole = scene.sources.iter().filter(is_whole);
+        let whole: Vec<_> = whole
+            .map(|source| source.body.identity())
+            .take(STARS)
+            .collect();
+        let mut view = scene.view;
+        view.areas.clear();
+        view.candidates
+            .retain(|candidate| whole.contains(&candidate.body.identity()));
+        let simulated = Simulated {
+            stars: true,
+            smear: true,
+            ..Simulated::default()
+        };
+        Ok(Stars {
+            electrons: vec![0.0; camera.detector.pixels()],
+            view,
+            simulated,
+            fidelity: *emulator.fidelity(),
+        })
+    }
+
+    /// Makes the images of a view and draws them.
+    fn take(&mut self, view: View, simulated: Simulated) {
+        let width = view.camera.detector.width;
+        let scene = Scene::new(view, simulated, &self.fidelity);
+        let bands = self.electrons.chunks_mut(width * BAND).enumerate();
+        for (band, electrons) in bands {
+            let rows = band * BAND..band * BAND + electrons.len() / width;
+            for source in &scene.sources {
+                source.draw(rows.clone(), width, electrons);
+            }
+        }
+        black_box((&self.electrons, &scene));
+    }
+}
+
+/// The body's rates (rad/s) by which stars run so far in an exposure.
+fn rates(camera: &Camera) -> Vector3<f64> {
+    let turn = LENGTH_PX / (camera.optics.focal_px * camera.exposure_s);
+    let (sin, cos) = libm::sincos(SLOPE);
+    camera
+        .mounting
+        .inverse()
+        .rotate(&Vector3::new(turn * sin, turn * cos, 0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_are_as_many_stars_and_they_run_as_far() {
+        let Stars {
+            view,
+            simulated,
+            fidelity,
+            ..
+        } = Stars::new().unwrap();
+        let scene = Scene::new(view, simulated, &fidelity);
+        assert_eq!(scene.sources.len(), STARS);
+        for source in &scene.sources {
+            // The field is 21 deg wide: the plane's scale grows by its tangent.
+            let off = source.length_px() / LENGTH_PX - 1.0;
+            assert!(off.abs() < 0.08, "{off}");
+        }
+    }
+}
