@@ -6,6 +6,7 @@
 
 use crate::effect::{Pass, Stage, Verdict};
 use crate::frame::{Charge, Frame, Tile};
+use crate::kernels;
 use crate::plan::{Plan, Step};
 use crate::scene::Scene;
 use rayon::prelude::*;
@@ -29,7 +30,10 @@ pub fn render(
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
     digits.resize(width * height, 0);
-    let passes = running(&plan.steps);
+    let together = Pass::Pixels(Box::new(|tile| {
+        kernels::add(tile.level, &scene.areas_e()[tile.first..], tile.electrons);
+    }));
+    let passes = running(&plan.steps, scene, &together);
     let mut frame = Frame {
         width,
         height,
@@ -44,19 +48,37 @@ pub fn render(
             .steps
             .partition_point(|step| step.effect.stage <= Stage::Light);
         let (light, later) = plan.steps.split_at(light);
-        run(&running(light), scene, level, &mut electrons, &mut digits);
+        let light = running(light, scene, &together);
+        run(&light, scene, level, &mut electrons, &mut digits);
         frame.expected_e = keep.then(|| electrons.clone());
-        run(&running(later), scene, level, &mut electrons, &mut digits);
+        let later = running(later, scene, &together);
+        run(&later, scene, level, &mut electrons, &mut digits);
         frame.charge_e = keep.then_some(electrons);
     }
     frame.digits = digits;
     frame
 }
 
-fn running<'a, 's>(steps: &'a [Step<'s>]) -> Vec<&'a Pass<'s>> {
-    let passes = steps.iter().filter_map(|step| match &step.verdict {
-        Verdict::Run { pass, .. } => Some(pass),
+/// The passes of `steps` that run: of area sources one, `together`, where they all do.
+fn running<'a, 's>(
+    steps: &'a [Step<'s>],
+    scene: &Scene,
+    together: &'a Pass<'s>,
+) -> Vec<&'a Pass<'s>> {
+    let lit = || scene.areas.iter().filter(|area| area.electrons > 0.0);
+    let is_area = |step: &Step<'_>| lit().any(|area| area.kind.effect == step.effect.name);
+    let running = steps.iter().filter_map(|step| match &step.verdict {
+        Verdict::Run { pass, .. } => Some((pass, is_area(step))),
         Verdict::Off { .. } | Verdict::Skip { .. } => None,
+    });
+    let areas = running.clone().filter(|(_, is_area)| *is_area).count();
+    if areas < 2 || areas < lit().count() {
+        return running.map(|(pass, _)| pass).collect();
+    }
+    let mut first = Some(together);
+    let passes = running.filter_map(|(pass, is_area)| match is_area {
+        true => first.take(),
+        false => Some(pass),
     });
     passes.collect()
 }

@@ -209,7 +209,7 @@ impl View {
                 .optics
                 .psf
                 .drawn_px(fidelity, candidate.shine().electrons),
-            window: Footprint::window(camera, fidelity),
+            window: self.window(fidelity),
             rows,
         };
         let at = |part: f64| {

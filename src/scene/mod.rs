@@ -281,10 +281,8 @@ impl Scene {
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, &simulated, fidelity))
             .collect();
-        let areas_light = Footprint::whole(
-            view.camera.detector.width,
-            area::together(&areas, view.camera.detector.pixels()),
-        );
+        let areas_light =
+            Footprint::whole(view.camera.detector.width, area::together(&areas, &view));
         let together = Lit {
             electrons: 1.0,
             footprint: &areas_light,

@@ -6,7 +6,7 @@ use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
 use crate::attitude::{Attitude, VehicleState};
 use crate::camera::{Camera, SUN_MAGNITUDE, Side, Stamp};
 use crate::fidelity::Fidelity;
-use crate::footprint::Light;
+use crate::footprint::{Footprint, Light};
 use crate::rng::NoiseKey;
 use crate::sky::apparent::Observer;
 use crate::sky::bodies::LIGHT_M_S;
@@ -16,6 +16,7 @@ use crate::sky::photometry::photon_irradiance;
 use crate::sky::population::SeenObject;
 use crate::sky::shadow::Earth;
 use crate::sky::star_field::SeenStar;
+use crate::track::Window;
 use nalgebra::Vector3;
 use rayon::iter::Either;
 use rayon::prelude::*;
@@ -112,6 +113,8 @@ pub struct View {
     swing: f64,
     /// Where the camera points when tracks ask for it most, by the time from mid-exposure, s.
     pointings: Vec<(f64, Attitude)>,
+    /// Where light matters that is lost up to that share of a source's (1).
+    window: (f64, Window),
 }
 
 /// What is too faint for an image.
@@ -181,6 +184,7 @@ impl View {
             unknown: Unknown::default(),
             swing: 0.0,
             pointings: Vec::new(),
+            window: (fidelity.psf_loss, Footprint::window(camera, fidelity)),
         };
         const EIGHTHS: u8 = 8;
         let parts = (0..=EIGHTHS).map(|i| f64::from(i) / f64::from(EIGHTHS));
@@ -337,6 +341,14 @@ impl View {
     /// About the most area light of a pixel, e-.
     pub fn areas_peak_e(&self) -> f64 {
         self.areas.iter().map(|area| area.peak_e).sum()
+    }
+
+    /// The part of the detector plane whose light matters.
+    pub(super) fn window(&self, fidelity: &Fidelity) -> Window {
+        match self.window {
+            (loss, window) if loss == fidelity.psf_loss => window,
+            _ => Footprint::window(&self.camera, fidelity),
+        }
     }
 
     fn star(&self, star: SeenStar, earth: &Earth, observer: &Observer) -> Candidate {

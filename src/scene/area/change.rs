@@ -40,7 +40,7 @@ impl Scene {
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, other, &self.fidelity))
             .collect();
-        super::together(&areas, view.camera.detector.pixels())
+        super::together(&areas, view)
     }
 
     /// The light of all area sources on each pixel, e-; empty where there is none.

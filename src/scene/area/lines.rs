@@ -54,6 +54,22 @@ impl Square {
         })
     }
 
+    /// Its light at the nine places of a square within it.
+    fn nodes_in(&self, [x, y]: [usize; 2], side: usize) -> [f32; 9] {
+        let half = (self.side / 2) as f32;
+        let between = |from: f32, to: f32, part: f32| from + (to - from) * part;
+        std::array::from_fn(|i| {
+            let [u, v] = [x - self.x + i % 3 * side / 2, y - self.y + i / 3 * side / 2];
+            let [left, above] = [u, v].map(|at| (2 * at / self.side).min(1));
+            let [across, down] = [(u, left), (v, above)].map(|(at, i)| at as f32 / half - i as f32);
+            let line = |row: usize| {
+                let nodes = &self.nodes[3 * row + left..];
+                between(nodes[0], nodes[1], across)
+            };
+            between(line(above), line(above + 1), down)
+        })
+    }
+
     /// The least and the most light (e-) from one column to another, counted from its first, at the rows of its places.
     fn ends_between(&self, from: usize, to: usize) -> [f32; 2] {
         let half = self.side / 2;
@@ -73,6 +89,34 @@ impl Square {
     }
 }
 
+/// Adds the sum of `parts` to `sum`: of each the squares that lie in that one, or one that it lies in.
+fn add_up([x, y]: [usize; 2], side: usize, parts: &[Vec<Square>], sum: &mut Vec<Square>) {
+    let is_small = |part: &Vec<Square>| part.first().is_some_and(|square| square.side < side);
+    if !parts.iter().any(is_small) {
+        let nodes = parts
+            .iter()
+            .flatten()
+            .map(|square| square.nodes_in([x, y], side));
+        let nodes = nodes.reduce(|a, b| std::array::from_fn(|i| a[i] + b[i]));
+        sum.extend(nodes.map(|nodes| Square { x, y, side, nodes }));
+        return;
+    }
+    let half = side / 2;
+    for [dx, dy] in [[0, 0], [half, 0], [0, half], [half, half]] {
+        let at = [x + dx, y + dy];
+        let meets =
+            |from: usize, other: usize, size: usize| from < other + size && other < from + half;
+        let here = |square: &&Square| {
+            meets(at[0], square.x, square.side) && meets(at[1], square.y, square.side)
+        };
+        let quarter = parts
+            .iter()
+            .map(|part| part.iter().filter(here).copied().collect());
+        let quarter: Vec<Vec<Square>> = quarter.collect();
+        add_up(at, half, &quarter, sum);
+    }
+}
+
 impl Lines {
     /// That of the squares, each of which lies in one strip of `side` rows; together they are the detector, or more than it.
     pub fn new([width, height]: [usize; 2], side: usize, squares: Vec<Square>) -> Lines {
@@ -88,6 +132,25 @@ impl Lines {
             side,
             strips,
         }
+    }
+
+    /// The sum of several, of the same detector and strips: squares as small as the smallest of them.
+    pub fn of_all(all: &[&Lines]) -> Option<Lines> {
+        let first = all.first()?;
+        let mut sum = Lines {
+            strips: vec![Vec::new(); first.strips.len()],
+            ..**first
+        };
+        for (y, strip) in sum.strips.iter_mut().enumerate() {
+            for x in (0..first.width).step_by(first.side) {
+                let whole = |square: &&Square| (x..x + first.side).contains(&square.x);
+                let parts = all.iter().map(|lines| lines.strips[y].iter().filter(whole));
+                let parts: Vec<Vec<Square>> =
+                    parts.map(|squares| squares.copied().collect()).collect();
+                add_up([x, y * first.side], first.side, &parts, strip);
+            }
+        }
+        Some(sum)
     }
 
     /// Adds the light of the pixels from `first` on, by row-major index, to `electrons`.
@@ -193,6 +256,28 @@ mod tests {
         // X-Val: 3 + 0.5 x + 0.25 y from row 0 to row 16, where the last places lie; in cells of 8 columns from the first to the last.
         let ends = [[3.0, 10.5], [7.0, 14.5], [11.0, 18.5], [15.0, 21.5]];
         assert_eq!(lines.ends_of(8), ends);
+    }
+
+    #[test]
+    fn a_sum_has_the_light_of_all_on_every_pixel() {
+        let bent = lines(|x, y| (x * x) as f32 + 2.0 * y as f32);
+        let nodes = std::array::from_fn(|i| [7.0, 3.0, 1.0, 8.0, 4.0, 0.0, 5.0, 5.0, 2.0][i]);
+        let side = 8;
+        let wide = (0..8).map(|i| Square {
+            x: i % 4 * 8,
+            y: i / 4 * 8,
+            side,
+            nodes,
+        });
+        let wide = Lines::new([30, 13], 8, wide.collect());
+        let sum = Lines::of_all(&[&wide, &bent, &wide]).unwrap();
+        // A square of eight and four of four, as in the one that is cut.
+        assert_eq!(sum.strips[0].len(), 3 + 4);
+        let each = wide.pixels().into_iter().zip(bent.pixels());
+        for (pixel, (sum, (wide, bent))) in sum.pixels().into_iter().zip(each).enumerate() {
+            assert!((sum - (2.0 * wide + bent)).abs() < 1e-3, "{pixel}: {sum}");
+        }
+        assert_eq!(Lines::of_all(&[]), None);
     }
 
     #[test]

@@ -407,16 +407,22 @@ impl View {
 /// Pixels that are worked out together.
 const TOGETHER: usize = 32 * 1024;
 
-/// The light of all of them on each of so many pixels, e-; empty where there is none.
-pub(super) fn together(areas: &[AreaLight], pixels: usize) -> Vec<f32> {
+/// The light of all of them on each pixel, e-; empty where there is none.
+pub(super) fn together(areas: &[AreaLight], view: &View) -> Vec<f32> {
     if areas.iter().all(|area| area.electrons == 0.0) {
         return Vec::new();
     }
-    let mut sum = vec![0.0; pixels];
+    let even: Vec<&Lines> = areas.iter().filter_map(|area| area.even.as_ref()).collect();
+    let even = Lines::of_all(&even);
+    let mut sum = vec![0.0; view.camera.detector.pixels()];
     let parts = sum.par_chunks_mut(TOGETHER).enumerate();
     parts.for_each(|(part, sum)| {
-        for area in areas {
-            area.add_to(Some(Level::best()), part * TOGETHER, sum);
+        let (level, first) = (view.level, part * TOGETHER);
+        if let Some(even) = &even {
+            even.add_to(level, first, sum);
+        }
+        for area in areas.iter().filter(|area| area.even.is_none()) {
+            area.add_to(level, first, sum);
         }
     });
     sum
