@@ -5,17 +5,10 @@ mod streak;
 use crate::camera::psf::square;
 use crate::camera::{Camera, LocalPsf, Stamp};
 use crate::fidelity::Fidelity;
+use crate::kernels::{self, Span};
 use crate::track::{Sample, Track, Window};
 use skyloop_orbit::sgp4_batch::Level;
 use std::ops::Range;
-
-/// One row's pixels of a footprint.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Span {
-    column: u32,
-    offset: u32,
-    length: u32,
-}
 
 /// The share of a source's light on each pixel of the detector that it touches.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -332,27 +325,41 @@ impl Footprint {
         self.first_row
     }
 
+    /// Adds light of so many `electrons` to the pixels of `rows` of a detector so wide, e-.
+    pub fn light(
+        &self,
+        level: Option<Level>,
+        electrons: f64,
+        rows: Range<usize>,
+        width: usize,
+        pixels: &mut [f32],
+    ) {
+        let spans = self.within(&rows);
+        let first = (self.first_row + spans.start).saturating_sub(rows.start);
+        let spans = &self.spans[spans];
+        if !spans.is_empty() {
+            kernels::add_light(level, electrons, spans, &self.shares, first, width, pixels);
+        }
+    }
+
+    /// Its spans of `rows`.
+    fn within(&self, rows: &Range<usize>) -> Range<usize> {
+        let [from, to] = [rows.start, rows.end]
+            .map(|row| row.saturating_sub(self.first_row).min(self.spans.len()));
+        from..to.max(from)
+    }
+
     /// `(row, first column, shares)` of every row in `rows` that the footprint touches.
     pub fn rows(
         &self,
         rows: std::ops::Range<usize>,
     ) -> impl Iterator<Item = (usize, usize, &[f32])> {
-        let from = rows
-            .start
-            .saturating_sub(self.first_row)
-            .min(self.spans.len());
-        let to = rows
-            .end
-            .saturating_sub(self.first_row)
-            .min(self.spans.len());
-        self.spans[from..to.max(from)]
-            .iter()
-            .enumerate()
-            .map(move |(i, span)| {
-                let shares =
-                    &self.shares[span.offset as usize..(span.offset + span.length) as usize];
-                (self.first_row + from + i, span.column as usize, shares)
-            })
+        let spans = self.within(&rows);
+        let from = spans.start;
+        self.spans[spans].iter().enumerate().map(move |(i, span)| {
+            let shares = &self.shares[span.offset as usize..(span.offset + span.length) as usize];
+            (self.first_row + from + i, span.column as usize, shares)
+        })
     }
 }
 

@@ -9,12 +9,16 @@
 
 mod dots;
 
+mod light;
+
 pub use dots::{Dot, Lines, POWERS, SIDE, Sheet};
+pub use light::{Reading, Span};
 
 use crate::rng::normal::{self, uniform_of};
 use crate::rng::poisson::{self, SEARCHED, Switch};
 use crate::rng::{self, NoiseKey};
 use dots::{body as dots_body, twin as dots_twin};
+use light::{light_body, light_twin, signal_body, signal_twin};
 use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that a body works on at a time: they stay in the first-level cache.
@@ -90,6 +94,17 @@ kernel! {
 kernel! {
     /// Adds the light of dots to pixels, which have room for each.
     lay_dots = dots_body, dots_twin (lines: &Lines, dots: &[Dot], sheet: &mut Sheet<'_>)
+}
+
+kernel! {
+    /// Adds light of so many `electrons` (e-) to the pixels of a band of rows, so `wide`: of `spans`, row by row from the band's row `first` on, each with its
+    /// part of the `shares` (1).
+    add_light = light_body, light_twin (electrons: f64, spans: &[Span], shares: &[f32], first: usize, wide: usize, pixels: &mut [f32])
+}
+
+kernel! {
+    /// Adds the terms of a signal-to-noise ratio: of pixels that hold `light` and `background` (e-), as many of one as of the other, four side by side.
+    add_signal = signal_body, signal_twin (reading: &Reading, light: &[f64], background: &[f64], sums: &mut [f64; 4])
 }
 
 #[inline(always)]

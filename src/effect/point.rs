@@ -83,7 +83,8 @@ pub(super) fn judge<'s>(
     let pass = Pass::Tile(Box::new(move |tile| {
         let (rows, width) = (tile.rows(), tile.width);
         for source in &drawn {
-            source.draw(rows.clone(), width, tile.electrons);
+            let (footprint, e) = (&source.footprint, source.electrons);
+            footprint.light(tile.level, e, rows.clone(), width, tile.electrons);
         }
     }));
     (need, pass)

@@ -27,21 +27,19 @@ impl Footprint {
             return None;
         }
         let sides = [camera.detector.width as i64, camera.detector.height as i64];
-        let dots: Vec<Dot> = track
-            .samples
-            .iter()
-            .filter(|sample| sample.is_somewhere())
-            .map(|sample| {
-                let [columns, rows] = square(sample.at, reach);
-                let inside = |range: Range<i64>, side: i64| range.start.max(0)..range.end.min(side);
-                Dot {
+        let inside = |range: Range<i64>, side: i64| range.start.max(0)..range.end.min(side);
+        let mut dots = Vec::with_capacity(track.samples.len());
+        for sample in track.samples.iter().filter(|sample| sample.is_somewhere()) {
+            let [columns, rows] = square(sample.at, reach);
+            let pixels = [inside(columns, sides[0]), inside(rows, sides[1])];
+            if pixels.iter().all(|range| !range.is_empty()) {
+                dots.push(Dot {
                     at: sample.at,
                     light: sample.weight,
-                    pixels: [inside(columns, sides[0]), inside(rows, sides[1])],
-                }
-            })
-            .filter(|dot| dot.pixels.iter().all(|range| !range.is_empty()))
-            .collect();
+                    pixels,
+                });
+            }
+        }
         let rows = || dots.iter().map(|dot| &dot.pixels[1]);
         let Some(first_row) = rows().map(|rows| rows.start).min() else {
             return Some(Footprint::default());

@@ -111,7 +111,10 @@ impl Stars {
         for (band, electrons) in bands {
             let rows = band * BAND..band * BAND + electrons.len() / width;
             for source in &scene.sources {
-                source.draw(rows.clone(), width, electrons);
+                let e = source.electrons;
+                source
+                    .footprint
+                    .light(scene.view.level, e, rows.clone(), width, electrons);
             }
         }
         black_box((&self.electrons, &scene));

@@ -22,7 +22,7 @@ mod view;
 mod wanderer;
 mod work;
 
-use signal::Noise;
+use signal::{Held, Noise};
 use wanderer::Element;
 
 pub use area::{Area, AreaLight, Asked, Edge, KINDS, Kind, Radiance};
@@ -52,7 +52,6 @@ use hifitime::Epoch;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::time::seconds;
-use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 /// What does not change from frame to frame.
@@ -226,16 +225,6 @@ impl Source {
         let way = |a: [f64; 2], b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
         way(self.start, self.centroid) + way(self.centroid, self.end)
     }
-
-    /// Adds its light to the `electrons` (e-) of those rows of a detector so wide.
-    pub fn draw(&self, rows: Range<usize>, width: usize, electrons: &mut [f32]) {
-        for (row, column, shares) in self.footprint.rows(rows.clone()) {
-            let from = (row - rows.start) * width + column;
-            for (pixel, share) in electrons[from..].iter_mut().zip(shares) {
-                *pixel += (self.electrons * f64::from(*share)) as f32;
-            }
-        }
-    }
 }
 
 /// Everything that one exposure sees.
@@ -295,15 +284,17 @@ impl Scene {
             &[]
         };
         let noise = Noise::new(&view, &simulated, counted, areas_light.shares());
-        sources.par_iter_mut().for_each(|source| {
-            let snr = |e: f64| noise.snr(&source.footprint, e);
-            source.clear_snr = snr(source.clear_e);
-            source.snr = if source.electrons == source.clear_e {
-                source.clear_snr
-            } else {
-                snr(source.electrons)
-            };
-        });
+        sources
+            .par_iter_mut()
+            .for_each_init(Held::default, |held, source| {
+                let mut snr = |e: f64| noise.snr(&source.footprint, e, held);
+                source.clear_snr = snr(source.clear_e);
+                source.snr = if source.electrons == source.clear_e {
+                    source.clear_snr
+                } else {
+                    snr(source.electrons)
+                };
+            });
         let (events, particles_left_out) = events(&view, &simulated);
         let mut scene = Scene {
             simulated,

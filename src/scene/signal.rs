@@ -11,6 +11,8 @@
 use super::{Simulated, View};
 use crate::camera::Detector;
 use crate::footprint::Footprint;
+use crate::kernels::{self, Reading};
+use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that are worked out side by side.
 const LANES: usize = 4;
@@ -24,10 +26,22 @@ pub(super) struct Noise<'a> {
     /// Area light on each pixel, if any, e-.
     areas_e: &'a [f32],
     exposure_s: f64,
-    /// Variance beside the charge's own, e-^2.
-    floor: f64,
-    /// Charge from which a pixel shows no more, e-.
-    full_e: f64,
+    reading: Reading,
+    level: Option<Level>,
+}
+
+/// What the pixels of a footprint hold, e-; used again and again, so that nothing is allocated twice.
+#[derive(Debug, Default)]
+pub(super) struct Held {
+    light: Vec<f64>,
+    background: Vec<f64>,
+}
+
+impl Held {
+    fn clear(&mut self) {
+        self.light.clear();
+        self.background.clear();
+    }
 }
 
 /// Charge (e-) from which a pixel shows no more: its full well, or what the converter reaches.
@@ -59,8 +73,17 @@ impl<'a> Noise<'a> {
             trail_e,
             areas_e,
             exposure_s: view.exposure.duration_s,
-            floor: read * read + detector.quantisation_variance(),
-            full_e: full_e(detector, simulated),
+            reading: Reading {
+                bend: match simulated.nonlinearity {
+                    true => detector.nonlinearity,
+                    false => 0.0,
+                },
+                part_of_full: 1.0 / detector.full_well_e,
+                shot: f64::from(u8::from(simulated.shot)),
+                floor: read * read + detector.quantisation_variance(),
+                full_e: full_e(detector, simulated),
+            },
+            level: view.level,
         }
     }
 
@@ -78,11 +101,12 @@ impl<'a> Noise<'a> {
     }
 
     /// Signal-to-noise ratio of `electrons` spread over `footprint`.
-    pub fn snr(&self, footprint: &Footprint, electrons: f64) -> f64 {
+    pub fn snr(&self, footprint: &Footprint, electrons: f64, held: &mut Held) -> f64 {
         if electrons <= 0.0 {
             return 0.0;
         }
         let (detector, mut sums) = (self.detector, [0.0; LANES]);
+        held.clear();
         let mut blind = self.blind(footprint.first_row() * detector.width);
         for (row, column, shares) in footprint.rows(0..detector.height) {
             let first = row * detector.width + column;
@@ -100,14 +124,22 @@ impl<'a> Noise<'a> {
                         *list = rest;
                     }
                 }
-                self.add(from, column + k * LANES, &light, &mut sums);
+                self.add(from, column + k * LANES, &light, held);
             }
         }
+        kernels::add_signal(
+            self.level,
+            &self.reading,
+            &held.light,
+            &held.background,
+            &mut sums,
+        );
         libm::sqrt(sums.iter().sum())
     }
 
-    /// Adds what the pixels from `pixel` on, in the columns from `column` on, add to the square of the ratio by that light, e-.
-    fn add(&self, pixel: usize, column: usize, light: &[f64; LANES], sums: &mut [f64; LANES]) {
+    /// Adds what the pixels from `pixel` on, in the columns from `column` on, hold of that light and beside it, e-.
+    #[inline(always)]
+    fn add(&self, pixel: usize, column: usize, light: &[f64; LANES], held: &mut Held) {
         let (detector, simulated) = (self.detector, self.simulated);
         let pattern = &detector.pattern;
         let response = match pattern.response() {
@@ -121,29 +153,13 @@ impl<'a> Noise<'a> {
         };
         let area = lanes_of(self.areas_e, pixel, 0.0);
         let trail = lanes_of(self.trail_e, column, 0.0);
-        let bend = if simulated.nonlinearity {
-            detector.nonlinearity
-        } else {
-            0.0
-        };
-        let shot = f64::from(u8::from(simulated.shot));
-        let part_of_full = 1.0 / detector.full_well_e;
+        let (mut s, mut b) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            let s = light[i] * response[i];
-            let b = area[i] * response[i] + dark_e_s[i] * self.exposure_s + trail[i];
-            let held = s + b;
-            // c(e) = e (1 - a e / full well), as Detector::response_e has it
-            let bent = |e: f64| bend * (e * part_of_full).clamp(0.0, 1.0);
-            // c(s + b) - c(b), without what both have in common
-            let signal = s * (1.0 - bent(held)) - b * (bent(held) - bent(b));
-            let slope = 1.0 - 2.0 * bent(held);
-            let variance = slope * slope * shot * held + self.floor;
-            // Not by a jump around the division, which keeps lanes from running side by side. Steps of the converter are above 0, and so is their
-            // variance.
-            let shows = (light[i] > 0.0) & (held < self.full_e);
-            let signal = if shows { signal } else { 0.0 };
-            sums[i] += signal * signal / variance;
+            s[i] = light[i] * response[i];
+            b[i] = area[i] * response[i] + dark_e_s[i] * self.exposure_s + trail[i];
         }
+        held.light.extend_from_slice(&s);
+        held.background.extend_from_slice(&b);
     }
 }
 
@@ -193,7 +209,7 @@ mod tests {
             };
             let b = light[1] + dark_e_s * noise.exposure_s + noise.trail_e[pixel % detector.width];
             let held = light[0] + b;
-            if *share == 0.0 || held >= noise.full_e || blind {
+            if *share == 0.0 || held >= noise.reading.full_e || blind {
                 return 0.0;
             }
             let read = |e: f64| {
@@ -206,7 +222,7 @@ mod tests {
             let slope = (read(held + 0.01) - read(held - 0.01)) / 0.02;
             let signal = read(held) - read(b);
             let shot = if simulated.shot { held } else { 0.0 };
-            signal * signal / (slope * slope * shot + noise.floor)
+            signal * signal / (slope * slope * shot + noise.reading.floor)
         };
         shares.iter().enumerate().map(of_pixel).sum::<f64>().sqrt()
     }
@@ -249,12 +265,21 @@ mod tests {
                 trail_e: &trail_e,
                 areas_e: &areas_e,
                 exposure_s: 0.1,
-                floor: 144.0,
-                full_e: detector.full_well_e,
+                reading: Reading {
+                    bend: match simulated.nonlinearity {
+                        true => detector.nonlinearity,
+                        false => 0.0,
+                    },
+                    part_of_full: 1.0 / detector.full_well_e,
+                    shot: f64::from(u8::from(simulated.shot)),
+                    floor: 144.0,
+                    full_e: detector.full_well_e,
+                },
+                level: None,
             };
             for electrons in [1e-9, 1.0, 3e7] {
                 let [snr, hand] = [
-                    noise.snr(&footprint, electrons),
+                    noise.snr(&footprint, electrons, &mut Held::default()),
                     by_hand(&noise, &shares, electrons),
                 ];
                 // By hand the difference of large charges is rounded.
@@ -264,7 +289,7 @@ mod tests {
                     "{off} {electrons}: {snr} {hand}"
                 );
             }
-            assert_eq!(noise.snr(&footprint, 0.0), 0.0);
+            assert_eq!(noise.snr(&footprint, 0.0, &mut Held::default()), 0.0);
         }
     }
 }

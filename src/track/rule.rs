@@ -93,6 +93,11 @@ pub fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
     }
 }
 
+/// About as many points as [`points`] gives for errors of some 1e-5.
+pub fn most(length: f64) -> usize {
+    MOST + length.clamp(0.0, 1e3) as usize
+}
+
 /// How many points [`points`] gives, about.
 pub fn count(length: f64, error: f64) -> usize {
     let mut count = 0;

@@ -188,6 +188,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
         let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
         let way = Way::through(known, &place, sigma_px * error);
         let weight = (to - from) / self.course.rows.exposure;
+        samples.reserve(rule::most(sigmas));
         rule::points(sigmas, error, |part, share| {
             let at = match &way {
                 Some(way) => Some(way.at(part)),

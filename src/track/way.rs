@@ -3,7 +3,7 @@
 use super::Place;
 use super::walk::distance;
 
-/// Furthest (px) that a way may lie beside the place at which it is looked at.
+/// Furthest (px) that a way may lead past the place at which it is looked at.
 const BESIDE_PX: f64 = 1e-6;
 /// Where that is, of the first quarter the middle.
 const LOOK: f64 = 0.125;

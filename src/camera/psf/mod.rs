@@ -34,7 +34,11 @@ pub const FURTHEST_PX: f64 = 256.0;
 /// The columns and rows of the unbounded plane whose pixels lie within `reach_px` of `at` (px), each way.
 pub fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
     // Pixel i covers i - 0.5 to i + 0.5.
-    let pixel = |x: f64| (x + 0.5).floor() as i64;
+    // Without a call, which `floor` is on old processors.
+    let pixel = |x: f64| {
+        let towards_zero = (x + 0.5) as i64;
+        towards_zero.saturating_sub(i64::from(x + 0.5 < towards_zero as f64))
+    };
     at.map(|x| pixel(x - reach_px)..pixel(x + reach_px).saturating_add(1))
 }
 
