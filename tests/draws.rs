@@ -221,6 +221,25 @@ fn normal_draws_are_normal() {
     }
 }
 
+/// Reference: the normal distribution by `erfc`. The 2e-5 that `rng::normal` says, as a part of the tail beyond the draw: times the density there.
+#[test]
+fn every_normal_draw_is_its_words_quantile() {
+    // Words all over (by the golden ratio), those at both ends and those around where the polynomial changes.
+    let spread = (0..1_000_000_u32).map(|i| i.wrapping_mul(0x9E37_79B1));
+    let ends = (0..2000).chain(978_349..980_349);
+    let mut worst = 0.0f64;
+    for word in spread.chain(ends.flat_map(|at| [at, at | 1 << 31])) {
+        let z = f64::from(normal(word));
+        let tail = (f64::from(word & 0x7FFF_FFFF) + 0.5) / 4_294_967_296.0;
+        assert_eq!(z > 0.0, word >> 31 == 1, "{word:x}: {z}");
+        let density = (-z * z / 2.0).exp() / std::f64::consts::TAU.sqrt();
+        let off = (0.5 * libm::erfc(z.abs() / std::f64::consts::SQRT_2) - tail).abs() / density;
+        worst = worst.max(off);
+        assert!(off < 2e-5, "{word:x}: {z} is off by {off:e}");
+    }
+    println!("at most {worst:.1e}");
+}
+
 /// The word at a place in (0, 1), counted in parts of 2^-32.
 fn word_at(place: u64) -> u32 {
     const HALF: u64 = 1 << 31;

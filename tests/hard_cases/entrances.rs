@@ -264,13 +264,15 @@ fn tracks_through_nowhere_end() {
             window: Footprint::window(&camera, &Fidelity::REALTIME),
             rows,
         };
-        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, 1e18] {
+        let places = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, 1e18].map(|x| (x, 1.0));
+        let lights = NO_NUMBERS.map(|light| (24.0, light));
+        for bad in places.into_iter().chain(lights) {
             for part in [0.0, 0.3, 2.0] {
                 let place = |t: f64| {
-                    let x = if t > part { bad } else { 20.0 + 5.0 * t };
+                    let (x, light) = if t > part { bad } else { (20.0 + 5.0 * t, 1.0) };
                     Some(Place {
                         at: [x, 30.0 + t],
-                        light: 1.0,
+                        light,
                     })
                 };
                 let Some(track) = Track::sample(place, &course, &Fidelity::REALTIME) else {
@@ -288,7 +290,7 @@ fn tracks_through_nowhere_end() {
                             .shares()
                             .iter()
                             .all(|share| share.is_finite() && *share >= 0.0),
-                        "{bad} {part}"
+                        "{bad:?} {part}"
                     );
                 }
             }
