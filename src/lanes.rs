@@ -1,9 +1,27 @@
 //! Sums and greatest values of many pixels, in lanes that a processor works out side by side: the same on every one.
 
+use rayon::prelude::*;
+
 const LANES: usize = 16;
+/// Values that are worked out one after the other, whatever threads there are.
+const TOGETHER: usize = 1 << 16;
+
+/// So many times the default, written by all threads.
+pub fn blank<T: Default + Send>(count: usize) -> Vec<T> {
+    let blanks = (0..count).into_par_iter().with_min_len(TOGETHER);
+    blanks.map(|_| T::default()).collect()
+}
 
 /// The sum.
 pub fn sum(values: &[f32]) -> f64 {
+    if values.len() <= TOGETHER {
+        return sum_of(values);
+    }
+    let sums: Vec<f64> = values.par_chunks(TOGETHER).map(sum_of).collect();
+    sums.iter().sum()
+}
+
+fn sum_of(values: &[f32]) -> f64 {
     let (chunks, rest) = values.as_chunks::<LANES>();
     let mut lanes = [0.0f64; LANES];
     for chunk in chunks {
@@ -16,6 +34,14 @@ pub fn sum(values: &[f32]) -> f64 {
 
 /// The greatest; 0 where none is above it.
 pub fn greatest(values: &[f32]) -> f32 {
+    if values.len() <= TOGETHER {
+        return greatest_of(values);
+    }
+    let greatest = values.par_chunks(TOGETHER).map(greatest_of);
+    greatest.reduce(|| 0.0, f32::max)
+}
+
+fn greatest_of(values: &[f32]) -> f32 {
     let (chunks, rest) = values.as_chunks::<LANES>();
     let mut lanes = [0.0; LANES];
     chunks.iter().for_each(|chunk| raise(&mut lanes, chunk));

@@ -5,6 +5,7 @@
 
 use super::full_well::fill;
 use crate::scene::{CELL, Change, Compared, Image, Peak, Scene, Simulated, Source, flooding_e};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
@@ -13,9 +14,8 @@ pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec
     let detector = &scene.view.camera.detector;
     let mut charge = scene.columns_e(columns, parts);
     if parts.full_well {
-        for column in charge.chunks_exact_mut(detector.height) {
-            fill(column, detector);
-        }
+        let columns = charge.par_chunks_exact_mut(detector.height);
+        columns.for_each(|column| fill(column, detector));
     }
     charge
 }

@@ -1,6 +1,7 @@
 //! The charge that pixels expect: bounds of it, and what single pixels and columns expect.
 
 use super::{AreaLight, Lit, Scene, Simulated, brightest, spill, trail};
+use crate::lanes;
 use rayon::prelude::*;
 use std::iter;
 
@@ -185,7 +186,7 @@ impl Scene {
     /// The light (e-) on `columns`, sorted, one column after the other, of a frame that has only those effects that `parts` has.
     pub fn light_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
         let height = self.view.camera.detector.height;
-        let mut light = vec![0.0; columns.len() * height];
+        let mut light = lanes::blank(columns.len() * height);
         let lights: Vec<Lit<'_>> = self.lights(parts).collect();
         let few = columns.len().div_ceil(GROUPS).max(1);
         let groups = light.par_chunks_mut(few * height);
@@ -213,7 +214,8 @@ impl Scene {
     pub fn turn(&self, light: &mut [f64], columns: &[usize], parts: &Simulated) {
         let detector = &self.view.camera.detector;
         let trail = trail::part(&self.view);
-        for (charge, column) in light.chunks_exact_mut(detector.height).zip(columns) {
+        let charges = light.par_chunks_exact_mut(detector.height).zip(columns);
+        charges.for_each(|(charge, column)| {
             let trail_e = if parts.frame_transfer {
                 trail * charge.iter().sum::<f64>()
             } else {
@@ -229,6 +231,6 @@ impl Scene {
                 }
                 *e += trail_e;
             }
-        }
+        });
     }
 }

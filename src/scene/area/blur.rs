@@ -11,6 +11,7 @@ use super::Asked;
 use super::sampled::Sampled;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
+use crate::lanes;
 use rayon::prelude::*;
 
 /// Furthest that light is spread, px.
@@ -65,7 +66,7 @@ impl<'a> Blur<'a> {
         let spread = near.par_chunks(columns);
         let spread = spread.map(|row| row.iter().filter(|near| **near).count());
         asked.spreads += spread.sum::<usize>() * side * side;
-        let mut out = vec![0.0f32; width * height];
+        let mut out: Vec<f32> = lanes::blank(width * height);
         out.par_chunks_mut(width * PATCH)
             .enumerate()
             .for_each(|(band, out)| {
@@ -110,7 +111,7 @@ impl<'a> Blur<'a> {
     fn near(&self, sampled: &[Sampled], columns: usize) -> Vec<bool> {
         let reach = self.reach;
         let rows = sampled.len() / columns;
-        let mut wide = vec![false; sampled.len()];
+        let mut wide: Vec<bool> = lanes::blank(sampled.len());
         let lines = wide
             .par_chunks_mut(columns)
             .zip(sampled.par_chunks(columns));
@@ -123,7 +124,7 @@ impl<'a> Blur<'a> {
             is_marked
         });
         let marked: Vec<bool> = marked.collect();
-        let mut near = vec![false; sampled.len()];
+        let mut near: Vec<bool> = lanes::blank(sampled.len());
         let lines = near.par_chunks_mut(columns).enumerate();
         lines.for_each(|(row, near)| {
             let around = row.saturating_sub(reach)..(row + reach + 1).min(rows);

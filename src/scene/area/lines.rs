@@ -1,7 +1,12 @@
 //! Even light: straight lines between nine places of each of some squares, from which pixels get it when they are drawn.
 
 use crate::kernels;
+use crate::lanes;
+use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
+
+/// Pixels that are drawn one after the other.
+const BAND: usize = 1 << 15;
 
 /// A square of pixels whose light runs in straight lines between nine places.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -178,8 +183,11 @@ impl Lines {
 
     /// On each pixel, row by row, e-.
     pub fn pixels(&self) -> Vec<f32> {
-        let mut pixels = vec![0.0; self.width * self.height];
-        self.add_to(Some(Level::best()), 0, &mut pixels);
+        let mut pixels = lanes::blank(self.width * self.height);
+        let bands = pixels.par_chunks_mut(BAND).enumerate();
+        bands.for_each(|(band, pixels)| {
+            self.add_to(Some(Level::best()), band * BAND, pixels);
+        });
         pixels
     }
 

@@ -414,7 +414,7 @@ pub(super) fn together(areas: &[AreaLight], view: &View) -> Vec<f32> {
     }
     let even: Vec<&Lines> = areas.iter().filter_map(|area| area.even.as_ref()).collect();
     let even = Lines::of_all(&even);
-    let mut sum = vec![0.0; view.camera.detector.pixels()];
+    let mut sum = lanes::blank(view.camera.detector.pixels());
     let parts = sum.par_chunks_mut(TOGETHER).enumerate();
     parts.for_each(|(part, sum)| {
         let (level, first) = (view.level, part * TOGETHER);

@@ -6,6 +6,7 @@ use super::lay::Grid;
 use super::lines::{Lines, Square};
 use super::patch::Patch;
 use super::{Radiance, plane::Plane};
+use crate::lanes;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
@@ -26,9 +27,10 @@ const STRAIGHT: f64 = 8.0;
 const MOST_CELLS: f64 = 16.0;
 
 /// How a pixel gets its light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Sampled {
     /// From lines between places around it.
+    #[default]
     No,
     /// It is that of its middle, over its time.
     Middle,
@@ -52,8 +54,8 @@ impl Grid<'_, '_> {
         asked: &mut Asked,
     ) -> (Vec<f32>, Vec<Sampled>) {
         let [columns, rows] = self.size;
-        let mut e = vec![0.0f32; columns * rows + LANES];
-        let mut sampled = vec![Sampled::No; columns * rows];
+        let mut e: Vec<f32> = lanes::blank(columns * rows + LANES);
+        let mut sampled: Vec<Sampled> = lanes::blank(columns * rows);
         let bands = e[..columns * rows].par_chunks_mut(columns * BAND);
         let bands = bands.zip(sampled.par_chunks_mut(columns * BAND));
         let sums = bands.enumerate().map(|(band, (e, sampled))| {
