@@ -5,7 +5,7 @@ pub mod frames;
 pub mod orbits;
 mod population;
 mod ratio;
-mod smear;
+pub mod smear;
 
 pub use ratio::{Machine, Report, Row};
 

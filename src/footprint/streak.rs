@@ -74,7 +74,7 @@ impl Footprint {
         // What rounding leaves of no light may be below 0.
         let shares = light[..total as usize]
             .iter()
-            .map(|share| share.max(0.0) as f32);
+            .map(|share| if *share > 0.0 { *share as f32 } else { 0.0 });
         Some(Footprint {
             first_row: first_row as usize,
             spans,

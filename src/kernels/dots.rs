@@ -7,6 +7,17 @@ pub const POWERS: usize = 6;
 /// Pixels of a tile's side: the most that is worked out at a time.
 pub const SIDE: usize = 16;
 
+/// What counts of a tile, and what does not: a product instead of jumps.
+const COUNTS: [f64; 2 * SIDE] = {
+    let mut counts = [0.0; 2 * SIDE];
+    let mut i = 0;
+    while i < SIDE {
+        counts[i] = 1.0;
+        i += 1;
+    }
+    counts
+};
+
 /// The shares of pixels in a line, by where in a pixel the source is: around each of the nodes a series.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines {
@@ -139,8 +150,9 @@ fn tile<const L: usize>(
     sheet: &mut Sheet<'_>,
 ) {
     let mut across = lines.shares::<L>(x, column);
-    for (i, share) in across.iter_mut().enumerate() {
-        *share = if i < wide { *share } else { 0.0 };
+    let counts = &COUNTS[SIDE - wide..][..L];
+    for i in 0..L {
+        across[i] *= counts[i];
     }
     for (origin, down) in sheet.origins[rows].iter().zip(down) {
         let from = (origin + column) as usize;

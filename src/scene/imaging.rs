@@ -4,6 +4,7 @@ use super::collected::Collected;
 use super::view::{Candidate, View};
 use super::wanderer::Element;
 use super::{Area, Body, Simulated, Source};
+use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
 use crate::track::{Course, Even, Place, Rows, Track};
@@ -201,7 +202,7 @@ impl View {
         let turn = self.vehicle.rates.norm() * open_s + candidate.swing;
         let course = Course {
             pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
-            even: self.even(candidate),
+            even: self.even(candidate, simulated),
             step_px: self.step_px(candidate, fidelity),
             panel_px: self.panel_px(candidate, fidelity),
             point_px: self.point_px(candidate, fidelity),
@@ -220,9 +221,12 @@ impl View {
         Track::sample(at, &course, fidelity)
     }
 
-    /// The Gaussian that its light is spread by, if it is one that is the same everywhere.
-    pub(super) fn even(&self, candidate: &Candidate) -> Option<Even> {
-        self.camera.optics.psf.lines()?;
+    /// The Gaussian that its light is spread by, if it is one that is the same everywhere; none where the light that passes breaks on the way, which
+    /// a rule for what is smooth does not see.
+    pub(super) fn even(&self, candidate: &Candidate, simulated: &Simulated) -> Option<Even> {
+        let optics = &self.camera.optics;
+        let breaks = simulated.vignetting && matches!(optics.vignetting, Vignetting::Table(_));
+        optics.psf.lines().filter(|_| !breaks)?;
         let (sigma_px, height_e) = self.height(candidate);
         Some(Even { sigma_px, height_e })
     }

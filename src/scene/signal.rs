@@ -42,6 +42,19 @@ impl Held {
         self.light.clear();
         self.background.clear();
     }
+
+    /// So many pixels more, that hold nothing yet: as many as are worked out side by side, or a multiple.
+    fn more(&mut self, pixels: usize) -> (&mut [f64], &mut [f64]) {
+        let from = self.light.len();
+        let past = from + pixels.next_multiple_of(LANES);
+        self.light.resize(past, 0.0);
+        self.background.resize(past, 0.0);
+        let pixels = from..from + pixels;
+        (
+            &mut self.light[pixels.clone()],
+            &mut self.background[pixels],
+        )
+    }
 }
 
 /// Charge (e-) from which a pixel shows no more: its full well, or what the converter reaches.
@@ -110,22 +123,22 @@ impl<'a> Noise<'a> {
         let mut blind = self.blind(footprint.first_row() * detector.width);
         for (row, column, shares) in footprint.rows(0..detector.height) {
             let first = row * detector.width + column;
-            for k in 0..shares.len().div_ceil(LANES) {
-                let from = first + k * LANES;
-                let mut light = lanes_of(shares, k * LANES, 0.0).map(|share| share * electrons);
-                // Pixels come in order: a list is gone through once.
-                for list in &mut blind {
-                    while let Some((pixel, rest)) = list.split_first()
-                        && (*pixel as usize) < from + LANES
-                    {
-                        if let Some(i) = (*pixel as usize).checked_sub(from) {
-                            light[i] = 0.0;
-                        }
-                        *list = rest;
-                    }
-                }
-                self.add(from, column + k * LANES, &light, held);
+            let (light, background) = held.more(shares.len());
+            for (light, share) in light.iter_mut().zip(shares) {
+                *light = f64::from(*share) * electrons;
             }
+            // Pixels come in order: a list is gone through once.
+            for list in &mut blind {
+                while let Some((pixel, rest)) = list.split_first()
+                    && (*pixel as usize) < first + shares.len()
+                {
+                    if let Some(i) = (*pixel as usize).checked_sub(first) {
+                        light[i] = 0.0;
+                    }
+                    *list = rest;
+                }
+            }
+            self.add(first, column, light, background);
         }
         kernels::add_signal(
             self.level,
@@ -137,44 +150,40 @@ impl<'a> Noise<'a> {
         libm::sqrt(sums.iter().sum())
     }
 
-    /// Adds what the pixels from `pixel` on, in the columns from `column` on, hold of that light and beside it, e-.
-    #[inline(always)]
-    fn add(&self, pixel: usize, column: usize, light: &[f64; LANES], held: &mut Held) {
+    /// Adds to what the pixels from `pixel` on, in the columns from `column` on, hold beside that light, and lets both respond, e-.
+    fn add(&self, pixel: usize, column: usize, light: &mut [f64], background: &mut [f64]) {
         let (detector, simulated) = (self.detector, self.simulated);
         let pattern = &detector.pattern;
-        let response = match pattern.response() {
-            Some(response) if simulated.response => lanes_of(response, pixel, 1.0),
-            _ => [1.0; LANES],
-        };
-        let dark_e_s = match pattern.dark_e_s() {
-            _ if !simulated.dark => [0.0; LANES],
-            Some(dark_e_s) => lanes_of(dark_e_s, pixel, 0.0),
-            None => [pattern.dark_mean_e_s(); LANES],
-        };
-        let area = lanes_of(self.areas_e, pixel, 0.0);
-        let trail = lanes_of(self.trail_e, column, 0.0);
-        let (mut s, mut b) = ([0.0; LANES], [0.0; LANES]);
-        for i in 0..LANES {
-            s[i] = light[i] * response[i];
-            b[i] = area[i] * response[i] + dark_e_s[i] * self.exposure_s + trail[i];
+        for (b, e) in background.iter_mut().zip(from(self.areas_e, pixel)) {
+            *b = f64::from(*e);
         }
-        held.light.extend_from_slice(&s);
-        held.background.extend_from_slice(&b);
+        if let Some(response) = pattern.response().filter(|_| simulated.response) {
+            let held = light.iter_mut().zip(background.iter_mut());
+            for ((s, b), response) in held.zip(from(response, pixel)) {
+                (*s, *b) = (*s * f64::from(*response), *b * f64::from(*response));
+            }
+        }
+        match pattern.dark_e_s() {
+            _ if !simulated.dark => {}
+            Some(dark_e_s) => {
+                for (b, dark_e_s) in background.iter_mut().zip(from(dark_e_s, pixel)) {
+                    *b += f64::from(*dark_e_s) * self.exposure_s;
+                }
+            }
+            None => {
+                let dark_e = pattern.dark_mean_e_s() * self.exposure_s;
+                background.iter_mut().for_each(|b| *b += dark_e);
+            }
+        }
+        for (b, trail_e) in background.iter_mut().zip(from(self.trail_e, column)) {
+            *b += trail_e;
+        }
     }
 }
 
-/// The values from `from` on, and that where there are none.
-#[inline(always)]
-fn lanes_of<T: Copy + Into<f64>>(values: &[T], from: usize, none: f64) -> [f64; LANES] {
-    let values = values.get(from..).unwrap_or(&[]);
-    if let Some(all) = values.first_chunk::<LANES>() {
-        return all.map(T::into);
-    }
-    let mut lanes = [none; LANES];
-    for (lane, value) in lanes.iter_mut().zip(values) {
-        *lane = (*value).into();
-    }
-    lanes
+/// The values from `first` on, if there are any.
+fn from<T>(values: &[T], first: usize) -> &[T] {
+    values.get(first..).unwrap_or(&[])
 }
 
 #[cfg(test)]

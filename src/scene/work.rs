@@ -1,7 +1,7 @@
 //! How much work images are, before they are made: what prices of effects are told by.
 
 use super::view::Candidate;
-use super::{Scene, Source, View};
+use super::{Scene, Simulated, Source, View};
 use crate::fidelity::Fidelity;
 use crate::track::rule;
 
@@ -127,7 +127,7 @@ impl View {
         };
         let stamp_ns = camera.optics.psf.stamp_ns(side);
         let looks = 2.0 * panels + 7.0;
-        let (points_ns, moving_looks) = match self.even(candidate) {
+        let (points_ns, moving_looks) = match self.even(candidate, &Simulated::default()) {
             Some(even) if points > 1.0 => {
                 let length = way / even.sigma_px;
                 let error = fidelity.streak_error(length, even.height_e) / 2.0;
