@@ -13,14 +13,14 @@ use std::f64::consts::PI;
 /// Photon irradiance (ph/s/m^2) of magnitude `m` in a band with zero point `e_zero`: Eqs. (1), (10),
 /// `E = E_zero 10^(-0.4 m)`.
 pub fn photon_irradiance(e_zero: f64, m: f64) -> f64 {
-    e_zero * libm::pow(10.0, -0.4 * m)
+    e_zero * libm::exp10(-0.4 * m)
 }
 
 /// Photon radiance (ph/s/m^2/sr) of `m` magnitudes a square arc second: Eq. (3), its exponent mended,
 /// `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`.
 pub fn photon_radiance(e_zero: f64, m: f64) -> f64 {
     const ARCSEC: f64 = PI / 648_000.0;
-    e_zero * libm::pow(10.0, -0.4 * m) / (ARCSEC * ARCSEC)
+    e_zero * libm::exp10(-0.4 * m) / (ARCSEC * ARCSEC)
 }
 
 /// A sphere that reflects sunlight.
