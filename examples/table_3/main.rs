@@ -1,0 +1,32 @@
+//! Renders and writes the sequences of the paper's Table 3 and prints what they take beside the paper's figures.
+//! `cargo run --release --example table_3 -- --help` tells the options.
+
+mod sequence;
+mod table;
+
+use clap::Parser;
+use mimalloc::MiMalloc;
+use skyloop_firmware_sim::console::{in_one_line, say};
+use std::process::ExitCode;
+use tracing::level_filters::LevelFilter;
+
+/// The program's own: what is measured is what users have.
+#[global_allocator]
+static MEMORY: MiMalloc = MiMalloc;
+
+fn main() -> ExitCode {
+    let args = table::Args::parse();
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_max_level(LevelFilter::WARN)
+        .with_target(false)
+        .without_time()
+        .init();
+    match table::print(&args, |text| say(text)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", in_one_line(error.as_ref()));
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! A sequence of images with labels, made and written as `skyloop render` does it, and the time that it takes.
+
+use anyhow::Context;
+use skyloop::attitude::VehicleState;
+use skyloop::config::{Config, Observer, Sequence, TimedAttitude};
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::load::orbits::{Findings, add_without};
+use skyloop::load::{Folder, Register};
+use skyloop::orbit::Object;
+use skyloop::orbit::synth::{Synthetic, population};
+use skyloop::output::Writer;
+use skyloop::stats::{Absent, RunStats};
+use std::path::Path;
+use std::time::Instant;
+
+/// Made-up objects where no file has any: the paper's section 4.2 counts "over 20,000" in orbit.
+const OBJECTS: usize = 20_000;
+/// From one image to the next, s. The paper gives no cadence.
+pub const PERIOD_S: f64 = 1.0;
+/// Which population is made up.
+const SEED: u64 = 1;
+
+/// What a sequence took.
+pub struct Took {
+    /// Images.
+    pub images: u32,
+    /// From the scene to the camera under its sky, s.
+    pub ready_s: f64,
+    /// From the first image's attitude to the last file written, s.
+    pub total_s: f64,
+    /// What was rendered.
+    pub stats: RunStats,
+}
+
+/// All objects of a file of elements but the observer itself; without one, a made-up population.
+///
+/// Errors: the scene cannot be flown, or the file cannot be read or holds no object.
+pub fn catalogue(file: Option<&str>) -> anyhow::Result<Vec<Object>> {
+    let config = Config::builtin()?;
+    let Some(file) = file else {
+        let made_up = population(OBJECTS, SEED, start(&config)?.epoch);
+        return Ok(made_up.iter().map(Synthetic::object).collect());
+    };
+    let own = match &config.observer {
+        Some(Observer::Object(observer)) => Register::of(std::slice::from_ref(observer)),
+        _ => Register::default(),
+    };
+    let (mut objects, mut findings) = (Vec::new(), Findings::default());
+    add_without(&Folder::current(), file, &own, &mut objects, &mut findings).context("--tle")?;
+    if let Some(first) = findings.rejected.first() {
+        let count = findings.rejected.len();
+        tracing::warn!(
+            "refused: {first}; {count} in all, which `skyloop catalog check {file}` names"
+        );
+    }
+    for notice in findings.notices {
+        tracing::warn!("{notice}");
+    }
+    Ok(objects)
+}
+
+/// The scene's vehicle at its first image.
+fn start(config: &Config) -> anyhow::Result<VehicleState> {
+    Ok(flight::vehicle(&flight::mission(config)?, 0)?)
+}
+
+/// The built-in scene under another population, its first attitude held for so many images. Its orbit, of which the file has a
+/// minute, is carried on from the first image.
+fn scene(objects: &[Object], images: u32) -> anyhow::Result<Config> {
+    let mut config = Config::builtin()?;
+    let VehicleState {
+        epoch,
+        attitude,
+        orbit,
+        ..
+    } = start(&config)?;
+    config.objects = objects.to_vec();
+    config.observer = orbit.map(Observer::State);
+    config.sequence = Some(Sequence {
+        epoch,
+        frames: images,
+        period_s: PERIOD_S,
+        attitudes: vec![TimedAttitude { epoch, attitude }],
+        rates: [0.0; 3],
+    });
+    Ok(config)
+}
+
+/// Renders so many images and writes them with their labels into a folder.
+///
+/// Errors: the scene cannot be flown, or a file cannot be written.
+pub fn render(objects: &[Object], images: u32, folder: &Path) -> anyhow::Result<Took> {
+    let started = Instant::now();
+    let mut config = scene(objects, images)?;
+    let mission = flight::mission(&config)?;
+    let mut emulator = Emulator::new(&mut config);
+    let mut writer = Writer::create(folder, images)?;
+    let ready_s = started.elapsed().as_secs_f64();
+
+    let (mut stats, mut absent) = (RunStats::default(), Absent::default());
+    let started = Instant::now();
+    for number in 0..images {
+        let shot = emulator.shoot(&flight::vehicle(&mission, number)?, 0)?;
+        absent.report(&shot);
+        stats.add(&shot);
+        writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
+        emulator.recycle(shot.frame);
+    }
+    writer.finish()?;
+    Ok(Took {
+        images,
+        ready_s,
+        total_s: started.elapsed().as_secs_f64(),
+        stats,
+    })
+}
