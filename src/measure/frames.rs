@@ -58,7 +58,7 @@ impl super::Report for Report {
         let machine = Machine::this();
         told("noise");
         let noise = Level::available().into_iter().map(|level| {
-            let least = (level == Level::Avx512).then_some(10.0);
+            let least = (level == Level::best()).then_some(10.0);
             with_threads(1, || noise(level, least))
         });
         let noise = noise.collect();

@@ -5,6 +5,7 @@ use crate::camera::Detector;
 use crate::lanes;
 use rayon::prelude::*;
 use std::collections::VecDeque;
+use std::ops::Range;
 
 /// Side of the cells (px) in which the light of sources is added up.
 pub const CELL: usize = 8;
@@ -12,6 +13,9 @@ pub const CELL: usize = 8;
 /// Parts of a scene's lights that are added up side by side, and how many lights make one.
 const PARTS: usize = 4;
 const FEW: usize = 256;
+/// Lights of so many pixels are shared out by bands of so many rows.
+const WIDE: usize = 1 << 16;
+const BAND: usize = 16 * CELL;
 
 /// What a pixel's light is multiplied by, by row-major index.
 pub(super) type Weight<'a> = &'a (dyn Fn(usize) -> f64 + Sync);
@@ -23,12 +27,23 @@ pub(super) fn pixels_e<'a>(
     lights: impl Iterator<Item = Lit<'a>>,
     weight: Option<Weight<'_>>,
 ) -> Vec<f64> {
-    let lights: Vec<Lit<'_>> = lights.filter(|light| light.electrons > 0.0).collect();
+    let lights = lights.filter(|light| light.electrons > 0.0);
+    let (wide, lights): (Vec<Lit<'_>>, Vec<Lit<'_>>) =
+        lights.partition(|light| light.footprint.shares().len() >= WIDE);
     // However many threads there are, the same sums.
+    let all = 0..detector.height;
     let parts = lights.par_chunks(lights.len().div_ceil(PARTS).max(FEW));
-    let parts: Vec<Vec<f64>> = parts
-        .map(|lights| cells_e(detector, lights, weight))
+    let mut parts: Vec<Vec<f64>> = parts
+        .map(|lights| cells_e(detector, lights, weight, all.clone()))
         .collect();
+    if !wide.is_empty() {
+        let bands = (0..detector.height.div_ceil(BAND)).into_par_iter();
+        let bands = bands.map(|band| {
+            let rows = band * BAND..((band + 1) * BAND).min(detector.height);
+            cells_e(detector, &wide, weight, rows)
+        });
+        parts.push(bands.collect::<Vec<Vec<f64>>>().concat());
+    }
     let columns = detector.width.div_ceil(CELL);
     let mut greatest = vec![0.0f64; columns];
     for row in 0..detector.height.div_ceil(CELL) {
@@ -40,15 +55,21 @@ pub(super) fn pixels_e<'a>(
     greatest
 }
 
-/// In each cell the sum of what every light gives to its greatest pixel there, e-.
-fn cells_e(detector: &Detector, lights: &[Lit<'_>], weight: Option<Weight<'_>>) -> Vec<f64> {
+/// In each cell of some rows the sum of what every light gives to its greatest pixel there, e-.
+fn cells_e(
+    detector: &Detector,
+    lights: &[Lit<'_>],
+    weight: Option<Weight<'_>>,
+    rows: Range<usize>,
+) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
-    let mut cells = vec![0.0; columns * detector.height.div_ceil(CELL)];
+    let top = rows.start / CELL;
+    let mut cells = vec![0.0; columns * (rows.end.div_ceil(CELL) - top)];
     // Of each column, in the rows of cells at hand; and which columns that are.
     let mut greatest = vec![0.0f32; detector.width];
     let mut lit = (usize::MAX, 0);
     for light in lights {
-        let mut rows = light.footprint.rows(0..detector.height).peekable();
+        let mut rows = light.footprint.rows(rows.clone()).peekable();
         while let Some((row, first, shares)) = rows.next() {
             let here = greatest[first..].iter_mut().zip(shares);
             match weight {
@@ -69,7 +90,7 @@ fn cells_e(detector: &Detector, lights: &[Lit<'_>], weight: Option<Weight<'_>>) 
                 .is_none_or(|(next, ..)| next / CELL != row / CELL)
             {
                 let from = lit.0.min(lit.1) / CELL;
-                let cells = &mut cells[row / CELL * columns + from..];
+                let cells = &mut cells[(row / CELL - top) * columns + from..];
                 let lit_columns = &mut greatest[from * CELL..lit.1];
                 for (cell, columns) in cells.iter_mut().zip(lit_columns.chunks_mut(CELL)) {
                     *cell +=
