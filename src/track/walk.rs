@@ -186,7 +186,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
         let length = distance(first, middle) + distance(middle, last);
         // Of a parabola the fastest end is faster than the mean by 4 bend / length.
         let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
-        let way = Way::through(known, &place, sigma_px * error);
+        let way = Way::through(known, place, sigma_px * error);
         let weight = (to - from) / self.course.rows.exposure;
         samples.reserve(rule::most(sigmas));
         rule::points(sigmas, error, |part, share| {

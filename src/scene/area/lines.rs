@@ -213,11 +213,12 @@ impl Lines {
         let mut ends = vec![[f32::INFINITY, 0.0f32]; self.width.div_ceil(columns)];
         for square in self.strips.iter().flatten() {
             let past = (square.x + square.side).min(self.width);
-            for part in square.x / columns..past.div_ceil(columns) {
+            let parts = square.x / columns..past.div_ceil(columns);
+            for (part, ends) in parts.clone().zip(&mut ends[parts]) {
                 let from = (part * columns).max(square.x) - square.x;
                 let to = ((part + 1) * columns).min(past) - 1 - square.x;
                 let [least, most] = square.ends_between(from, to);
-                ends[part] = [ends[part][0].min(least), ends[part][1].max(most)];
+                *ends = [ends[0].min(least), ends[1].max(most)];
             }
         }
         ends
