@@ -78,7 +78,9 @@ const FENCES: &[(&str, &[&str])] = &[
         &[
             "cli/plan",
             "crew",
+            "effect/shown",
             "label",
+            "lanes",
             "measure",
             "passes",
             "render",
