@@ -85,8 +85,7 @@ const FENCES: &[(&str, &[&str])] = &[
             "passes",
             "render",
             "scene",
-            "sky/fleet",
-            "sky/star_field",
+            "sky",
         ],
     ),
     (
