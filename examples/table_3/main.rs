@@ -7,6 +7,7 @@ mod table;
 use clap::Parser;
 use mimalloc::MiMalloc;
 use skyloop_firmware_sim::console::{in_one_line, say};
+use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
 
@@ -18,6 +19,7 @@ fn main() -> ExitCode {
     let args = table::Args::parse();
     tracing_subscriber::fmt()
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_max_level(LevelFilter::WARN)
         .with_target(false)
         .without_time()
