@@ -154,6 +154,8 @@ impl Lines {
                     parts.map(|squares| squares.copied().collect()).collect();
                 add_up([x, y * first.side], first.side, &parts, strip);
             }
+            // Quarters of squares that reach beyond the detector.
+            strip.retain(|square| square.x < first.width && square.y < first.height);
         }
         Some(sum)
     }
