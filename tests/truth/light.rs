@@ -26,8 +26,10 @@ pub struct Tally {
     pub worst_light: f64,
     /// What lies on the detector of those partly off it, against brute force, as a part of the object's total.
     pub worst_part: f64,
-    /// Any pixel against brute force, as a part of the brightest pixel.
+    /// Any pixel against brute force, as a part of the brightest pixel,
     pub worst_pixel: f64,
+    /// and as far as it is off by more than `track_e` of live frames.
+    pub worst_beyond: f64,
 }
 
 impl Tally {
@@ -36,7 +38,10 @@ impl Tally {
         let truth = image(&shot.label, &shot.camera);
         let peak = truth.e.iter().copied().fold(0.0, f64::max);
         for (a, b) in seen.e.iter().zip(&truth.e) {
-            self.worst_pixel = self.worst_pixel.max((a - b).abs() / peak);
+            let off_e = (a - b).abs();
+            self.worst_pixel = self.worst_pixel.max(off_e / peak);
+            let beyond = (off_e - Fidelity::REALTIME.track_e) / peak;
+            self.worst_beyond = self.worst_beyond.max(beyond);
         }
         let objects: Vec<_> = shot
             .label

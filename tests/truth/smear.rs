@@ -59,10 +59,10 @@ fn every_length_keeps_its_light_its_centre_and_its_profile() {
         assert!(tally.worst_centroid_px <= 1e-3, "{px}: {tally:?}");
         assert!(tally.worst_light <= 1e-4, "{px}: {tally:?}");
         assert!(tally.worst_part <= 1e-4, "{px}: {tally:?}");
-        // Of the brightest pixel: 2e-5 of the profile at its ends, and 1e-5 of the integration that it is held against. Light that is spread over thousands
-        // of pixels is faint on each: the more of it may be off by `track_e`.
-        let most = if px > 1000.0 { 1e-4 } else { 5e-5 };
-        assert!(tally.worst_pixel <= most, "{px}: {tally:?}");
+        // Of the brightest pixel: 2e-5 of the profile at its ends, and 1e-5 of the integration that it is held against. Spread over thousands of pixels
+        // light is so faint on each that `track_e` is more than that.
+        assert!(tally.worst_beyond <= 5e-5, "{px}: {tally:?}");
+        assert!(px > 1000.0 || tally.worst_pixel <= 5e-5, "{px}: {tally:?}");
     }
 }
 
