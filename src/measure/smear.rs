@@ -1,13 +1,12 @@
 //! What smear costs: stars that run over the detector against the same stars at rest.
 
 use super::frames::MS;
+use super::population::before;
 use super::ratio::{Row, row};
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
-use crate::config::Config;
 use crate::engine::Emulator;
 use crate::fidelity::Fidelity;
-use crate::flight::{self, FlightError};
 use crate::load::{ConfigError, Folder};
 use crate::scene::{Scene, Simulated, Source, View};
 use nalgebra::Vector3;
@@ -65,13 +64,8 @@ pub fn smear() -> Result<Row, ConfigError> {
 
 impl Stars {
     fn new() -> Result<Stars, ConfigError> {
-        let mut config = Config::builtin()?;
-        let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
-        let mission = flight::mission(&config).map_err(no_start)?;
-        let mut vehicle = flight::vehicle(&mission, 0).map_err(no_start)?;
+        let (mut config, mut vehicle) = before(0)?;
         config.camera = Camera::load("rigel-l", &Folder::current())?;
-        config.objects.clear();
-        config.looks.clear();
         let emulator = Emulator::new(&mut config);
         let camera = emulator.camera();
         vehicle.rates = rates(&camera);
