@@ -140,8 +140,12 @@ fn shot_body(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons:
         if most < SEARCHED && most < switch.0 {
             pixels.copy_from_slice(&searched[skip..skip + count]);
         } else {
+            let mut inverse = means;
+            for mean in &mut inverse {
+                *mean = poisson::inverse_root(*mean);
+            }
             for i in 0..BLOCK {
-                let expanded = poisson::expansion(means[i], normals[i]);
+                let expanded = poisson::expansion(means[i], inverse[i], normals[i]);
                 normals[i] = if means[i] < switch.0 {
                     searched[i]
                 } else {
@@ -232,17 +236,23 @@ fn fill(key: NoiseKey, effect: u8, base: usize, words: &mut [u32; BLOCK]) {
     }
 }
 
-/// The normal draws of words: all as if they were near the middle, then those that are not, of one group in 35.
+/// The normal draws of words: all as if they were near the middle, then those that are not, of one group in 35. Step by step over all of a
+/// block: a processor looks too few operations ahead to work on several pixels whose whole draws stand one after another.
 #[inline(always)]
 fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
+    for i in 0..BLOCK {
+        normals[i] = normal::square_left(normal::beyond(words[i]));
+    }
+    for normal in normals.iter_mut() {
+        *normal = normal::to_middle(*normal);
+    }
+    for i in 0..BLOCK {
+        normals[i] = normal::near(words[i], normals[i]);
+    }
     let groups = words.as_chunks::<{ rng::GROUP }>().0.iter();
     for (words, normals) in groups.zip(normals.as_chunks_mut::<{ rng::GROUP }>().0) {
-        let mut least = u32::MAX;
-        for i in 0..rng::GROUP {
-            normals[i] = normal::near(words[i]);
-            least = least.min(normal::from_the_end(words[i]));
-        }
-        if least < normal::FAR {
+        let ends = words.iter().map(|word| normal::from_the_end(*word));
+        if ends.fold(u32::MAX, u32::min) < normal::FAR {
             for i in 0..rng::GROUP {
                 if normal::from_the_end(words[i]) < normal::FAR {
                     normals[i] = normal::far(words[i]);

@@ -31,14 +31,25 @@ pub(crate) fn from_the_end(word: u32) -> u32 {
     word & 0x7FFF_FFFF
 }
 
-/// `2^31 |x|` with its sign turned, and `3.5 - w`, where so many words lie `beyond`.
+/// All words.
+const ALL: f32 = 4_294_967_296.0;
+
+/// `2^62 (1 - x^2)` where so many words lie `beyond`.
 #[inline(always)]
-fn place(beyond: f32) -> (f32, f32) {
-    const ALL: f32 = 4_294_967_296.0;
-    (
-        beyond - ALL / 2.0,
-        3.5 + ln_over_62(beyond * (ALL - beyond)),
-    )
+pub(crate) fn square_left(beyond: f32) -> f32 {
+    beyond * (ALL - beyond)
+}
+
+/// How far `w` is from the middle of where it is near, `3.5 - w`, by [`square_left`].
+#[inline(always)]
+pub(crate) fn to_middle(left: f32) -> f32 {
+    3.5 + ln_over_62(left)
+}
+
+/// `2^31 |x|` with its sign turned.
+#[inline(always)]
+fn x_of(beyond: f32) -> f32 {
+    beyond - ALL / 2.0
 }
 
 /// `ln(y / 2^62)` of a normal positive number, within 9e-6: `ln(2^e m) = e ln 2 + ln m`, 1 <= m < 2.
@@ -54,25 +65,29 @@ fn ln_over_62(y: f32) -> f32 {
     (exponent as f32).mul_add(std::f32::consts::LN_2, poly)
 }
 
-/// The draw, where the word is not far.
+/// So many words lie beyond one that is not far.
 #[inline(always)]
-pub(crate) fn near(word: u32) -> f32 {
-    let (x, v) = place(from_the_end(word) as i32 as f32);
+pub(crate) fn beyond(word: u32) -> f32 {
+    from_the_end(word) as i32 as f32
+}
+
+/// The draw, where the word is not far, by [`to_middle`].
+#[inline(always)]
+pub(crate) fn near(word: u32, v: f32) -> f32 {
     let v2 = v * v;
     let a = v.mul_add(-1.549_963_8e-10, 1.147_732_6e-9);
     let b = v.mul_add(3.192_419_2e-13, -4.428_122e-12);
     let c = v.mul_add(9.843_525e-15, 1.067_075_3e-13);
     let d = v.mul_add(-1.672_028_5e-16, -6.334_260_6e-16);
-    signed(
-        x * (v2 * v2).mul_add(v2.mul_add(d, c), v2.mul_add(b, a)),
-        word,
-    )
+    let poly = (v2 * v2).mul_add(v2.mul_add(d, c), v2.mul_add(b, a));
+    signed(x_of(beyond(word)) * poly, word)
 }
 
 /// The draw, where the word is far.
 #[inline(always)]
 pub(crate) fn far(word: u32) -> f32 {
-    let (x, v) = place(from_the_end(word) as i32 as f32 + 0.5);
+    let beyond = beyond(word) + 0.5;
+    let (x, v) = (x_of(beyond), to_middle(square_left(beyond)));
     let s = (3.5 - v).sqrt() - 3.7;
     let poly = 5.002_178_7
         + s * (1.426_152_8
@@ -94,6 +109,6 @@ pub fn normal(word: u32) -> f32 {
     if from_the_end(word) < FAR {
         far(word)
     } else {
-        near(word)
+        near(word, to_middle(square_left(beyond(word))))
     }
 }

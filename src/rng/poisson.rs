@@ -48,11 +48,11 @@ pub(crate) fn mean_of(e: f32) -> f32 {
     if e < LARGEST { e } else { LARGEST }
 }
 
-/// The draw of a mean from 6 e- on, by the normal draw `z`.
+/// The draw of a mean from 6 e- on, by its [`inverse_root`] and the normal draw `z`.
 #[inline(always)]
-pub(crate) fn expansion(mean: f32, z: f32) -> f32 {
+pub(crate) fn expansion(mean: f32, inverse: f32, z: f32) -> f32 {
     let mean = if mean > LEAST { mean } else { LEAST };
-    let (inverse, z2) = (inverse_root(mean), z * z);
+    let z2 = z * z;
     let third = z2.mul_add(z2.mul_add(1.0 / 270.0, 7.0 / 810.0), -8.0 / 405.0);
     let second = inverse.mul_add(third, z * z2.mul_add(-1.0 / 72.0, -1.0 / 36.0));
     let first = inverse.mul_add(second, z2.mul_add(1.0 / 6.0, 1.0 / 3.0));
@@ -63,7 +63,8 @@ pub(crate) fn expansion(mean: f32, z: f32) -> f32 {
 /// `1 / sqrt(x)` for a normal number, within 5e-6 of it: a first guess by halving the exponent, and Newton's method (processors divide and
 /// take roots as slowly as they do all else of a draw).
 #[inline(always)]
-fn inverse_root(x: f32) -> f32 {
+pub(crate) fn inverse_root(x: f32) -> f32 {
+    let x = if x > LEAST { x } else { LEAST };
     let mut y = f32::from_bits(0x5F37_5A86 - (x.to_bits() >> 1));
     for _ in 0..2 {
         y *= (-0.5 * x * y).mul_add(y, 1.5);
@@ -120,7 +121,7 @@ const MOST: usize = 64;
 pub fn poisson(mean: f32, word: u32, switch: Switch) -> f32 {
     let mean = mean_of(mean);
     if mean >= switch.0 {
-        return expansion(mean, normal(word));
+        return expansion(mean, inverse_root(mean), normal(word));
     }
     if mean >= SEARCHED {
         return from_below(mean, word);
