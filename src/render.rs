@@ -6,7 +6,6 @@
 
 use crate::effect::{Pass, Stage, Verdict};
 use crate::frame::{Charge, Frame, Tile};
-use crate::kernels;
 use crate::plan::{Plan, Step};
 use crate::scene::Scene;
 use rayon::prelude::*;
@@ -30,8 +29,9 @@ pub fn render(
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
     digits.resize(width * height, 0);
-    let together = Pass::Pixels(Box::new(|tile| {
-        kernels::add(tile.level, &scene.areas_e()[tile.first..], tile.electrons);
+    let together = Pass::Tile(Box::new(|tile| {
+        let areas = scene.areas_together();
+        areas.add_to(tile.level, tile.first, tile.electrons);
     }));
     let passes = running(&plan.steps, scene, &together);
     let mut frame = Frame {

@@ -168,7 +168,8 @@ pub(super) fn changed_e(
 /// A bound (e-) of the change of what area light makes of any pixel in the end with the effects `other`: where they leave out one of the
 /// scene's the light is laid anew and compared, else it moves by no more than `px`.
 pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 {
-    if scene.areas_e().is_empty() {
+    let areas = scene.areas_together();
+    if areas.is_none() {
         return 0.0;
     }
     if scene.simulated.and_shapes(other) != scene.simulated {
@@ -176,10 +177,11 @@ pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 
     }
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
-    let others_e = scene.areas_e_with(other);
+    let others = scene.areas_with(other);
+    let [is_e, others_e] = [areas.e(), others.e()];
     let comes_e = |pixel: usize| {
-        let is = others_e.get(pixel).copied().unwrap_or(0.0);
-        f64::from(is) - f64::from(scene.areas_e()[pixel])
+        let comes = others_e.get(pixel).copied().unwrap_or(0.0);
+        f64::from(comes) - f64::from(is_e[pixel])
     };
     let (mut most, mut columns_e) = (0.0f64, vec![0.0; width]);
     for pixel in 0..width * height {

@@ -14,17 +14,30 @@ impl Scene {
     pub fn lit_e<'a>(&self, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
         let detector = &self.view.camera.detector;
         let response = |pixel| detector.pattern.response_of(pixel).max(1.0);
-        let weight = self.simulated.response && detector.pattern.response().is_some();
+        let weight = !self.turns_all_alike();
         let weight = weight.then_some(&response as brightest::Weight<'_>);
-        brightest::pixels_e(detector, lights, weight)
+        brightest::pixels_e(detector, lights, weight, Vec::new())
+    }
+
+    /// [`Scene::lit_e`] by all light.
+    pub(super) fn all_lit_e(&self) -> Vec<f64> {
+        if self.turns_all_alike() {
+            let cells = self.areas_light.most_of_cells(brightest::CELL);
+            let points = self.sources.iter().map(Lit::from);
+            return brightest::pixels_e(&self.view.camera.detector, points, None, cells);
+        }
+        self.lit_e(self.lights(&self.simulated))
+    }
+
+    /// Whether all pixels turn light into charge alike.
+    fn turns_all_alike(&self) -> bool {
+        !self.simulated.response || self.view.camera.detector.pattern.response().is_none()
     }
 
     /// [`Scene::lit_e`] by an area's light alone.
     pub fn area_lit_e(&self, area: &AreaLight) -> Vec<f64> {
-        let responds =
-            self.simulated.response && self.view.camera.detector.pattern.response().is_some();
         match area.most_of_even() {
-            Some(most) if !responds => most,
+            Some(most) if self.turns_all_alike() => most,
             _ => self.lit_e(iter::once(Lit::from(area))),
         }
     }
@@ -32,7 +45,12 @@ impl Scene {
     /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-, for each column of cells.
     pub fn lit_where(&self, weight: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
         let detector = &self.view.camera.detector;
-        brightest::pixels_e(detector, self.lights(&self.simulated), Some(&weight))
+        brightest::pixels_e(
+            detector,
+            self.lights(&self.simulated),
+            Some(&weight),
+            Vec::new(),
+        )
     }
 
     /// No pixel's expected charge is more than this, particles left out, e-.
@@ -60,15 +78,13 @@ impl Scene {
     /// The charge (e-) that a pixel (row-major index) expects on which no star and no object shines: area light, dark charge, its
     /// column's trail.
     pub fn background_of(&self, pixel: usize) -> f64 {
-        let Some(light) = self.areas_e().get(pixel) else {
-            return self.unlit_of(pixel);
-        };
+        let light = self.areas_light.of_pixel(pixel);
         let response = if self.simulated.response {
             self.view.camera.detector.pattern.response_of(pixel)
         } else {
             1.0
         };
-        f64::from(*light) * response + self.unlit_of(pixel)
+        light * response + self.unlit_of(pixel)
     }
 
     /// The charge (e-) that a pixel expects from no light that it is shown: dark charge, its column's trail.
@@ -116,7 +132,10 @@ impl Scene {
             let past = pixels.partition_point(|pixel| (*pixel as usize) < from + length);
             first..past
         };
-        let lights = self.lights(&self.simulated);
+        for (charge, pixel) in charge.iter_mut().zip(pixels) {
+            *charge = self.areas_light.of_pixel(*pixel as usize);
+        }
+        let lights = self.sources.iter().map(Lit::from);
         for light in lights.filter(|light| light.electrons > 0.0) {
             for (row, column, shares) in light.footprint.rows(0..detector.height) {
                 let from = row * detector.width + column;
@@ -187,6 +206,9 @@ impl Scene {
     pub fn light_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
         let height = self.view.camera.detector.height;
         let mut light = lanes::blank(columns.len() * height);
+        if columns.is_empty() {
+            return light;
+        }
         let lights: Vec<Lit<'_>> = self.lights(parts).collect();
         let few = columns.len().div_ceil(GROUPS).max(1);
         let groups = light.par_chunks_mut(few * height);

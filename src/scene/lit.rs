@@ -1,5 +1,6 @@
 //! What lights pixels, points and areas alike: electrons, and the share of them on each pixel.
 
+use super::area::Together;
 use super::{AreaLight, Scene, Simulated, Source};
 use crate::footprint::Footprint;
 
@@ -30,6 +31,15 @@ impl<'a> From<&'a AreaLight> for Lit<'a> {
     }
 }
 
+impl<'a> From<&'a Together> for Lit<'a> {
+    fn from(areas: &'a Together) -> Lit<'a> {
+        Lit {
+            electrons: 1.0,
+            footprint: areas.footprint(),
+        }
+    }
+}
+
 impl Scene {
     /// All that lights pixels in a frame that has only those effects that `parts` has: all area sources as one, if it has them all.
     pub fn lights<'a>(&'a self, parts: &'a Simulated) -> impl Iterator<Item = Lit<'a>> {
@@ -37,12 +47,12 @@ impl Scene {
         let sources = sources.filter(|source| source.body.is_in(parts));
         let is_in = |area: &AreaLight| (area.kind.is_in)(parts);
         let all = self.areas.iter().all(is_in);
-        let together = all.then_some(Lit {
-            electrons: 1.0,
-            footprint: &self.areas_light,
-        });
+        let together = all.then_some(&self.areas_light);
         let areas = self.areas.iter().filter(move |area| !all && is_in(area));
-        let areas = together.into_iter().chain(areas.map(Lit::from));
+        let areas = together
+            .into_iter()
+            .map(Lit::from)
+            .chain(areas.map(Lit::from));
         sources.map(Lit::from).chain(areas)
     }
 }

@@ -25,7 +25,7 @@ mod work;
 use signal::{Held, Noise};
 use wanderer::Element;
 
-pub use area::{Area, AreaLight, Asked, Edge, KINDS, Kind, Radiance};
+pub use area::{Area, AreaLight, Asked, Edge, KINDS, Kind, Radiance, Together};
 pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
@@ -52,6 +52,7 @@ use hifitime::Epoch;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::time::seconds;
+use std::iter;
 use std::sync::{Arc, OnceLock};
 
 /// What does not change from frame to frame.
@@ -238,8 +239,8 @@ pub struct Scene {
     pub sources: Vec<Source>,
     /// The light of area sources, in the order of their effects.
     pub areas: Vec<AreaLight>,
-    /// Their light together on each pixel, as [`AreaLight::e`] has that of one.
-    areas_light: Footprint,
+    /// Their light together.
+    areas_light: Together,
     /// No pixel turns more light than this into charge, for each column of cells (`brightest`), e-.
     peaks_e: Vec<f64>,
     /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge is not shifted
@@ -270,20 +271,16 @@ impl Scene {
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, &simulated, fidelity))
             .collect();
-        let areas_light =
-            Footprint::whole(view.camera.detector.width, area::together(&areas, &view));
-        let together = Lit {
-            electrons: 1.0,
-            footprint: &areas_light,
-        };
-        let lights = sources.iter().map(Lit::from).chain([together]);
+        let areas_light = Together::of(&areas, &view);
+        let together = iter::once_with(|| Lit::from(&areas_light));
+        let lights = sources.iter().map(Lit::from).chain(together);
         let trail_e = trail::trail_e(&view, lights);
         let counted = if simulated.frame_transfer {
             &trail_e[..]
         } else {
             &[]
         };
-        let noise = Noise::new(&view, &simulated, counted, areas_light.shares());
+        let noise = Noise::new(&view, &simulated, counted, &areas_light, &sources);
         sources
             .par_iter_mut()
             .for_each_init(Held::default, |held, source| {
@@ -310,7 +307,7 @@ impl Scene {
             spilling_e: OnceLock::new(),
             fidelity: *fidelity,
         };
-        scene.peaks_e = scene.lit_e(scene.lights(&scene.simulated));
+        scene.peaks_e = scene.all_lit_e();
         scene.spill = Spill::of(&scene);
         scene
     }

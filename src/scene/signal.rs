@@ -8,7 +8,8 @@
 //! with the light s and the background b (area light, dark charge and what transfer adds to the column, e-) of the pixel as it responds, and the curve c of its amplifier. Pixels that show nothing
 //! of the light count for nothing: dead, stuck, or full in expectation.
 
-use super::{Simulated, View};
+use super::area::Together;
+use super::{Simulated, Source, View};
 use crate::camera::Detector;
 use crate::footprint::Footprint;
 use crate::kernels::{self, Reading};
@@ -16,6 +17,8 @@ use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that are worked out side by side.
 const LANES: usize = 4;
+/// Images lie close if they have more than the detector's pixels over this.
+const CLOSE: usize = 4;
 
 /// The noise of one frame's pixels.
 pub(super) struct Noise<'a> {
@@ -23,7 +26,8 @@ pub(super) struct Noise<'a> {
     simulated: &'a Simulated,
     /// What transfer adds to each column, if anything, e-.
     trail_e: &'a [f64],
-    /// Area light on each pixel, if any, e-.
+    areas: &'a Together,
+    /// Its light on each pixel, where images lie so close that all of it is asked for anyway; else empty, e-.
     areas_e: &'a [f32],
     exposure_s: f64,
     reading: Reading,
@@ -72,9 +76,12 @@ impl<'a> Noise<'a> {
         view: &'a View,
         simulated: &'a Simulated,
         trail_e: &'a [f64],
-        areas_e: &'a [f32],
+        areas: &'a Together,
+        images: &[Source],
     ) -> Noise<'a> {
         let detector = &view.camera.detector;
+        let pixels = images.iter().map(|image| image.footprint.shares().len());
+        let close = pixels.sum::<usize>() >= detector.pixels() / CLOSE;
         let read = if simulated.read {
             detector.read_noise_e
         } else {
@@ -84,7 +91,8 @@ impl<'a> Noise<'a> {
             detector,
             simulated,
             trail_e,
-            areas_e,
+            areas,
+            areas_e: if close { areas.e() } else { &[] },
             exposure_s: view.exposure.duration_s,
             reading: Reading {
                 bend: match simulated.nonlinearity {
@@ -154,8 +162,13 @@ impl<'a> Noise<'a> {
     fn add(&self, pixel: usize, column: usize, light: &mut [f64], background: &mut [f64]) {
         let (detector, simulated) = (self.detector, self.simulated);
         let pattern = &detector.pattern;
-        for (b, e) in background.iter_mut().zip(from(self.areas_e, pixel)) {
-            *b = f64::from(*e);
+        match self.areas_e {
+            [] => self.areas.of_pixels(pixel, background),
+            all => {
+                for (b, e) in background.iter_mut().zip(from(all, pixel)) {
+                    *b = f64::from(*e);
+                }
+            }
         }
         if let Some(response) = pattern.response().filter(|_| simulated.response) {
             let held = light.iter_mut().zip(background.iter_mut());
@@ -204,10 +217,7 @@ mod tests {
             let at = pixel as u32;
             let blind = simulated.dead && pattern.dead().contains(&at)
                 || simulated.stuck && pattern.stuck().contains(&at);
-            let mut light = [
-                f64::from(*share) * electrons,
-                f64::from(noise.areas_e[pixel]),
-            ];
+            let mut light = [f64::from(*share) * electrons, noise.areas.of_pixel(pixel)];
             if simulated.response {
                 light = light.map(|e| e * pattern.response_of(pixel));
             }
@@ -244,9 +254,8 @@ mod tests {
         // Nothing is alike from pixel to pixel, from column to column, or a power of two.
         let wave = |i: usize, steps: usize| 1.0 + (i % steps) as f64 / steps as f64;
         let trail_e: Vec<f64> = (0..width).map(|i| 300.0 * wave(i, 7)).collect();
-        let areas_e: Vec<f32> = (0..width * height)
-            .map(|i| 900.0 * wave(i, 113) as f32)
-            .collect();
+        let areas_e = (0..width * height).map(|i| 900.0 * wave(i, 113) as f32);
+        let areas = Together::each([width, height], areas_e.collect());
         let mut shares: Vec<f32> = (0..width * height)
             .map(|i| wave(i, 59) as f32 * 2e-6)
             .collect();
@@ -272,7 +281,8 @@ mod tests {
                 detector,
                 simulated: &simulated,
                 trail_e: &trail_e,
-                areas_e: &areas_e,
+                areas: &areas,
+                areas_e: if off % 2 == 0 { &[] } else { areas.e() },
                 exposure_s: 0.1,
                 reading: Reading {
                     bend: match simulated.nonlinearity {

@@ -1,6 +1,6 @@
 //! By how much area light changes where an effect that shapes images is left out.
 
-use super::AreaLight;
+use super::{AreaLight, Together};
 use crate::lanes;
 use crate::scene::{Scene, Simulated};
 
@@ -32,20 +32,20 @@ impl Scene {
         f64::from(least) * (2.0 - self.responds())
     }
 
-    /// The light of all area sources on each pixel with the effects `other`, e-; empty where there is none.
-    pub fn areas_e_with(&self, other: &Simulated) -> Vec<f32> {
+    /// The light of all area sources with the effects `other`.
+    pub fn areas_with(&self, other: &Simulated) -> Together {
         let view = &self.view;
         let areas = view.areas.iter();
         let areas = areas.filter(|area| (area.kind.is_in)(other));
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, other, &self.fidelity))
             .collect();
-        super::together(&areas, view)
+        Together::of(&areas, view)
     }
 
-    /// The light of all area sources on each pixel, e-; empty where there is none.
-    pub fn areas_e(&self) -> &[f32] {
-        self.areas_light.shares()
+    /// The light of all area sources.
+    pub fn areas_together(&self) -> &Together {
+        &self.areas_light
     }
 
     /// A bound of the change of a pixel where area light moves by `px`, by the steepest step between two pixels, e-.
@@ -55,9 +55,9 @@ impl Scene {
             Some(next) => lanes::furthest_apart(rows, next),
             None => 0.0,
         };
-        let rows = self.areas_e().chunks(width);
+        let rows = self.areas_light.e().chunks(width);
         let across = rows.map(|row| steepest(row, 1)).fold(0.0, f32::max);
-        let down = steepest(self.areas_e(), width);
+        let down = steepest(self.areas_light.e(), width);
         STEEPER * px * libm::hypot(f64::from(across), f64::from(down)) * self.responds()
     }
 }

@@ -30,6 +30,14 @@ struct Stretch {
     rise: f32,
 }
 
+/// Which of a strip's squares a pixel is in, by squares as small as the smallest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Places {
+    side: usize,
+    across: usize,
+    squares: Vec<u32>,
+}
+
 /// Light that is even all over the detector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines {
@@ -42,15 +50,21 @@ pub struct Lines {
 }
 
 impl Square {
+    /// Its light at the three places of a line so many rows below its first, e-.
+    fn line(&self, row: usize) -> [f32; 3] {
+        let half = self.side / 2;
+        let above = (row / half).min(1);
+        let down = (row - above * half) as f32 * (1.0 / half as f32);
+        [0, 1, 2].map(|i| {
+            let (from, to) = (self.nodes[3 * above + i], self.nodes[3 * above + i + 3]);
+            from + (to - from) * down
+        })
+    }
+
     /// Its stretches of its j-th row.
     fn stretches(&self, j: usize) -> [Stretch; 2] {
         let half = self.side / 2;
-        let (above, step) = (3 * (j / half), 1.0 / half as f32);
-        let down = (j % half) as f32 * step;
-        let line = [0, 1, 2].map(|i| {
-            let (from, to) = (self.nodes[above + i], self.nodes[above + i + 3]);
-            from + (to - from) * down
-        });
+        let (line, step) = (self.line(j), 1.0 / half as f32);
         [0, 1].map(|i| Stretch {
             column: self.x + i * half,
             pixels: half,
@@ -183,6 +197,87 @@ impl Lines {
         }
     }
 
+    /// Where to find a pixel's square.
+    pub fn places(&self) -> Places {
+        let squares = || self.strips.iter().flatten();
+        let side = squares().map(|square| square.side).min().unwrap_or(1);
+        let [across, down] = [self.width, self.height].map(|pixels| pixels.div_ceil(side));
+        let mut places = vec![u32::MAX; across * down];
+        for strip in &self.strips {
+            for (i, square) in strip.iter().enumerate() {
+                let [columns, rows] = [(square.x, across), (square.y, down)]
+                    .map(|(from, all)| from / side..((from + square.side) / side).min(all));
+                for row in rows {
+                    places[row * across..][columns.clone()].fill(i as u32);
+                }
+            }
+        }
+        Places {
+            side,
+            across,
+            squares: places,
+        }
+    }
+
+    /// Adds the light of some pixels of one row from `first` on, by row-major index: as [`Lines::add_to`] does.
+    pub fn add_row(&self, places: &Places, first: usize, electrons: &mut [f64]) {
+        let (from, row) = (first % self.width, first / self.width);
+        let strip = self.strips.get(row / self.side).map_or(&[][..], |of| of);
+        let (mut x, past) = (from, from + electrons.len());
+        while x < past {
+            let place = row / places.side * places.across + x / places.side;
+            let square = places.squares.get(place).map(|i| *i as usize);
+            let Some(square) = square.and_then(|i| strip.get(i)) else {
+                x = (x / places.side + 1) * places.side;
+                continue;
+            };
+            for stretch in square.stretches(row - square.y) {
+                let end = (stretch.column + stretch.pixels).min(past);
+                for at in x..end.max(x) {
+                    let e = stretch.from + stretch.rise * (at - stretch.column) as f32;
+                    electrons[at - from] += f64::from(e);
+                }
+                x = end.max(x);
+            }
+        }
+    }
+
+    /// Raises each cell of `side` columns and rows, a power of two, to what no pixel there has more than, e-; so many cells are `across`.
+    pub fn most_of_cells(&self, side: usize, across: usize, cells: &mut [f32]) {
+        let (mut above, mut below) = (Vec::new(), Vec::new());
+        for square in self.strips.iter().flatten() {
+            let n = square.side / side;
+            let [column, row] = [square.x / side, square.y / side];
+            let mut raise = |i: usize, j: usize, to: f32| {
+                let cell = cells.get_mut((row + j) * across + column + i);
+                if let Some(cell) = cell.filter(|_| column + i < across) {
+                    *cell = if to > *cell { to } else { *cell };
+                }
+            };
+            if n < 2 {
+                raise(0, 0, square.nodes.iter().copied().fold(0.0, f32::max));
+                continue;
+            }
+            // No more than at a cell's corners: none of the nine places lies within it.
+            for j in 0..=n {
+                std::mem::swap(&mut above, &mut below);
+                let line = square.line(j * side);
+                below.clear();
+                below.extend((0..=n).map(|i| {
+                    let left = (2 * i / n).min(1);
+                    let part = (2 * i - left * n) as f32 / n as f32;
+                    line[left] + (line[left + 1] - line[left]) * part
+                }));
+                if j > 0 {
+                    for i in 0..n {
+                        let most = |row: &[f32]| row[i].max(row[i + 1]);
+                        raise(i, j - 1, most(&above).max(most(&below)));
+                    }
+                }
+            }
+        }
+    }
+
     /// On each pixel, row by row, e-.
     pub fn pixels(&self) -> Vec<f32> {
         let mut pixels = lanes::blank(self.width * self.height);
@@ -194,19 +289,33 @@ impl Lines {
     }
 
     /// All of it, e-.
+    ///
+    /// ```text
+    /// sum over i < n, j < m of a quarter's light = n m times that at (n - 1) / 2, (m - 1) / 2
+    /// ```
     pub fn sum(&self) -> f64 {
-        let of_square = |square: &Square| {
-            let rows = 0..square.side.min(self.height - square.y);
-            let stretches = rows.flat_map(|j| square.stretches(j));
-            let sums = stretches.map(|stretch| {
-                let pixels = self.width.saturating_sub(stretch.column);
-                let n = pixels.min(stretch.pixels) as f64;
-                // from + (from + rise) + ... + (from + (n - 1) rise)
-                n * (f64::from(stretch.from) + f64::from(stretch.rise) * (n - 1.0) / 2.0)
-            });
-            sums.sum::<f64>()
+        let of_quarter = |square: &Square, [right, below]: [usize; 2]| {
+            let half = square.side / 2;
+            let pixels = |from: usize, all: usize| half.min(all.saturating_sub(from)) as f64;
+            let n = pixels(square.x + right * half, self.width);
+            let m = pixels(square.y + below * half, self.height);
+            let [u, v] = [n, m].map(|pixels| (pixels - 1.0) / (2.0 * half as f64));
+            let row = |j: usize| {
+                let nodes = &square.nodes[3 * (below + j) + right..];
+                let [from, to] = [nodes[0], nodes[1]].map(f64::from);
+                from + (to - from) * u
+            };
+            n * m * (row(0) + (row(1) - row(0)) * v)
         };
-        self.strips.iter().flatten().map(of_square).sum()
+        let squares = self.strips.iter().flatten();
+        let sums = squares.map(|square| {
+            let quarters = [[0, 0], [1, 0], [0, 1], [1, 1]];
+            quarters
+                .iter()
+                .map(|at| of_quarter(square, *at))
+                .sum::<f64>()
+        });
+        sums.sum()
     }
 
     /// No pixel of so many columns has less than this, nor more, for each such part of the columns, e-: no straight line goes beyond the
@@ -289,6 +398,40 @@ mod tests {
             assert!((sum - (2.0 * wide + bent)).abs() < 1e-3, "{pixel}: {sum}");
         }
         assert_eq!(Lines::of_all(&[]), None);
+    }
+
+    #[test]
+    fn a_part_of_a_row_has_what_its_pixels_have() {
+        let lines = lines(|x, y| (x * x) as f32 + 2.0 * y as f32);
+        let (places, pixels) = (lines.places(), lines.pixels());
+        for (from, count) in (0..28).flat_map(|from| [1, 3, 30 - from].map(|n| (from, n))) {
+            for row in 0..13 {
+                let first = row * 30 + from;
+                let mut part = vec![0.0; count];
+                lines.add_row(&places, first, &mut part);
+                let expected = pixels[first..].iter().map(|e| f64::from(*e));
+                assert!(part.into_iter().eq(expected.take(count)), "{first} {count}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_pixel_has_more_than_its_cell() {
+        let lines = lines(|x, y| 40.0 - (x as f32 - 14.0).abs() - (y as f32 - 5.0).powi(2));
+        let pixels = lines.pixels();
+        for side in [1, 2, 4, 8] {
+            let [across, down] = [30usize, 13].map(|pixels| pixels.div_ceil(side));
+            let mut cells = vec![0.0; across * down];
+            lines.most_of_cells(side, across, &mut cells);
+            let mut most = vec![0.0f32; across * down];
+            for (i, e) in pixels.iter().enumerate() {
+                let cell = &mut most[i / 30 / side * across + i % 30 / side];
+                *cell = cell.max(*e);
+            }
+            // A cell's corners lie one pixel beyond its last pixels: the light there is no more than 13 e- a pixel steeper.
+            let near = |(cell, most): (&f32, &f32)| cell >= most && *cell <= most + 26.0;
+            assert!(cells.iter().zip(&most).all(near), "{side}");
+        }
     }
 
     #[test]

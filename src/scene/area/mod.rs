@@ -13,9 +13,11 @@ mod lines;
 mod patch;
 mod plane;
 mod sampled;
+mod together;
 mod veil;
 
 pub use kinds::{KINDS, Kind};
+pub use together::Together;
 
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
@@ -402,28 +404,4 @@ impl View {
             asked,
         }
     }
-}
-
-/// Pixels that are worked out together.
-const TOGETHER: usize = 32 * 1024;
-
-/// The light of all of them on each pixel, e-; empty where there is none.
-pub(super) fn together(areas: &[AreaLight], view: &View) -> Vec<f32> {
-    if areas.iter().all(|area| area.electrons == 0.0) {
-        return Vec::new();
-    }
-    let even: Vec<&Lines> = areas.iter().filter_map(|area| area.even.as_ref()).collect();
-    let even = Lines::of_all(&even);
-    let mut sum = lanes::blank(view.camera.detector.pixels());
-    let parts = sum.par_chunks_mut(TOGETHER).enumerate();
-    parts.for_each(|(part, sum)| {
-        let (level, first) = (view.level, part * TOGETHER);
-        if let Some(even) = &even {
-            even.add_to(level, first, sum);
-        }
-        for area in areas.iter().filter(|area| area.even.is_none()) {
-            area.add_to(level, first, sum);
-        }
-    });
-    sum
 }

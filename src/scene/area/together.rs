@@ -1,0 +1,145 @@
+//! The light of all area sources of a scene together: what is even stays a list of squares, and is drawn where it is asked for.
+
+use super::AreaLight;
+use super::lines::{Lines, Places};
+use crate::camera::Detector;
+use crate::footprint::Footprint;
+use crate::kernels;
+use crate::lanes;
+use crate::scene::View;
+use rayon::prelude::*;
+use skyloop_orbit::sgp4_batch::Level;
+use std::sync::OnceLock;
+
+/// Pixels that are worked out together.
+const FEW: usize = 32 * 1024;
+
+/// The light of several area sources.
+#[derive(Debug, Default)]
+pub struct Together {
+    /// Columns and rows of the detector.
+    size: [usize; 2],
+    /// What is even all over it.
+    even: Option<(Lines, Places)>,
+    /// The others' on each pixel, row by row, e-; empty where there are none.
+    others: Vec<f32>,
+    /// All of it on each pixel, once it is asked for; nothing where there is no light.
+    pixels: OnceLock<Footprint>,
+}
+
+impl Together {
+    /// That of `areas`.
+    pub fn of(areas: &[AreaLight], view: &View) -> Together {
+        let Detector { width, height, .. } = view.camera.detector;
+        let even: Vec<&Lines> = areas.iter().filter_map(|area| area.even.as_ref()).collect();
+        let even = Lines::of_all(&even).map(|lines| {
+            let places = lines.places();
+            (lines, places)
+        });
+        let others = |area: &&AreaLight| area.even.is_none() && area.electrons > 0.0;
+        let others: Vec<&[f32]> = areas.iter().filter(others).map(AreaLight::e).collect();
+        let mut sum = lanes::blank(if others.is_empty() { 0 } else { width * height });
+        let parts = sum.par_chunks_mut(FEW).enumerate();
+        parts.for_each(|(part, sum)| {
+            for e in &others {
+                kernels::add(view.level, &e[part * FEW..], sum);
+            }
+        });
+        Together {
+            size: [width, height],
+            even,
+            others: sum,
+            pixels: OnceLock::new(),
+        }
+    }
+
+    /// Light that is given pixel by pixel, row by row, e-.
+    #[cfg(test)]
+    pub fn each(size: [usize; 2], e: Vec<f32>) -> Together {
+        Together {
+            size,
+            others: e,
+            ..Together::default()
+        }
+    }
+
+    /// Whether there is no light.
+    pub fn is_none(&self) -> bool {
+        self.even.is_none() && self.others.is_empty()
+    }
+
+    /// Adds the light on the pixels from `first` on, by row-major index, to `electrons`.
+    pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
+        if let Some((lines, _)) = &self.even {
+            lines.add_to(level, first, electrons);
+        }
+        let others = self.others.get(first..).unwrap_or_default();
+        kernels::add(level, others, electrons);
+    }
+
+    /// The light on some pixels of a row from `first` on, by row-major index, e-.
+    pub fn of_pixels(&self, first: usize, electrons: &mut [f64]) {
+        electrons.fill(0.0);
+        if let Some((lines, places)) = &self.even {
+            lines.add_row(places, first, electrons);
+        }
+        let others = self.others.get(first..).unwrap_or_default();
+        for (e, other) in electrons.iter_mut().zip(others) {
+            *e += f64::from(*other);
+        }
+    }
+
+    /// The light on one, e-.
+    pub fn of_pixel(&self, pixel: usize) -> f64 {
+        let mut e = [0.0];
+        self.of_pixels(pixel, &mut e);
+        e[0]
+    }
+
+    /// The light on each pixel, row by row, e-; empty where there is none.
+    pub fn e(&self) -> &[f32] {
+        self.footprint().shares()
+    }
+
+    /// The same, as if of one electron each pixel had so many shares.
+    pub fn footprint(&self) -> &Footprint {
+        self.pixels.get_or_init(|| {
+            if self.is_none() {
+                return Footprint::default();
+            }
+            let [width, height] = self.size;
+            let mut pixels = lanes::blank(width * height);
+            let parts = pixels.par_chunks_mut(FEW).enumerate();
+            parts.for_each(|(part, pixels)| self.add_to(Some(Level::best()), part * FEW, pixels));
+            Footprint::whole(width, pixels)
+        })
+    }
+
+    /// No pixel of a cell of `side` columns and rows, a power of two, gets more light than this, e-, row by row of cells; empty where there is none.
+    pub fn most_of_cells(&self, side: usize) -> Vec<f64> {
+        if self.is_none() {
+            return Vec::new();
+        }
+        let [width, height] = self.size;
+        let [across, down] = [width, height].map(|pixels| pixels.div_ceil(side));
+        let mut cells = vec![0.0f32; across * down];
+        if let Some((lines, _)) = &self.even {
+            lines.most_of_cells(side, across, &mut cells);
+        }
+        let mut cells: Vec<f64> = cells.into_iter().map(f64::from).collect();
+        let rows = self.others.par_chunks(width * side);
+        let rows = rows.zip(cells.par_chunks_mut(across));
+        rows.for_each(|(pixels, cells)| {
+            let mut most = vec![0.0f32; width];
+            for row in pixels.chunks(width) {
+                for (most, e) in most.iter_mut().zip(row) {
+                    *most = if e > most { *e } else { *most };
+                }
+            }
+            for (cell, most) in cells.iter_mut().zip(most.chunks(side)) {
+                *cell += f64::from(lanes::greatest(most));
+            }
+        });
+        cells
+    }
+}
