@@ -271,7 +271,8 @@ impl Scene {
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, &simulated, fidelity))
             .collect();
-        let areas_light = Together::of(&areas, &view);
+        let pixels = sources.iter().map(|source| source.footprint.shares().len());
+        let areas_light = Together::of(&areas, &view, pixels.sum());
         let together = iter::once_with(|| Lit::from(&areas_light));
         let lights = sources.iter().map(Lit::from).chain(together);
         let trail_e = trail::trail_e(&view, lights);
@@ -280,7 +281,7 @@ impl Scene {
         } else {
             &[]
         };
-        let noise = Noise::new(&view, &simulated, counted, &areas_light, &sources);
+        let noise = Noise::new(&view, &simulated, counted, &areas_light);
         sources
             .par_iter_mut()
             .for_each_init(Held::default, |held, source| {

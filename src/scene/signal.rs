@@ -9,7 +9,7 @@
 //! of the light count for nothing: dead, stuck, or full in expectation.
 
 use super::area::Together;
-use super::{Simulated, Source, View};
+use super::{Simulated, View};
 use crate::camera::Detector;
 use crate::footprint::Footprint;
 use crate::kernels::{self, Reading};
@@ -17,8 +17,6 @@ use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that are worked out side by side.
 const LANES: usize = 4;
-/// Images lie close if they have more than the detector's pixels over this.
-const CLOSE: usize = 4;
 
 /// The noise of one frame's pixels.
 pub(super) struct Noise<'a> {
@@ -27,8 +25,6 @@ pub(super) struct Noise<'a> {
     /// What transfer adds to each column, if anything, e-.
     trail_e: &'a [f64],
     areas: &'a Together,
-    /// Its light on each pixel, where images lie so close that all of it is asked for anyway; else empty, e-.
-    areas_e: &'a [f32],
     exposure_s: f64,
     reading: Reading,
     level: Option<Level>,
@@ -77,11 +73,8 @@ impl<'a> Noise<'a> {
         simulated: &'a Simulated,
         trail_e: &'a [f64],
         areas: &'a Together,
-        images: &[Source],
     ) -> Noise<'a> {
         let detector = &view.camera.detector;
-        let pixels = images.iter().map(|image| image.footprint.shares().len());
-        let close = pixels.sum::<usize>() >= detector.pixels() / CLOSE;
         let read = if simulated.read {
             detector.read_noise_e
         } else {
@@ -92,7 +85,6 @@ impl<'a> Noise<'a> {
             simulated,
             trail_e,
             areas,
-            areas_e: if close { areas.e() } else { &[] },
             exposure_s: view.exposure.duration_s,
             reading: Reading {
                 bend: match simulated.nonlinearity {
@@ -162,14 +154,7 @@ impl<'a> Noise<'a> {
     fn add(&self, pixel: usize, column: usize, light: &mut [f64], background: &mut [f64]) {
         let (detector, simulated) = (self.detector, self.simulated);
         let pattern = &detector.pattern;
-        match self.areas_e {
-            [] => self.areas.of_pixels(pixel, background),
-            all => {
-                for (b, e) in background.iter_mut().zip(from(all, pixel)) {
-                    *b = f64::from(*e);
-                }
-            }
-        }
+        self.areas.of_pixels(pixel, background);
         if let Some(response) = pattern.response().filter(|_| simulated.response) {
             let held = light.iter_mut().zip(background.iter_mut());
             for ((s, b), response) in held.zip(from(response, pixel)) {
@@ -282,7 +267,6 @@ mod tests {
                 simulated: &simulated,
                 trail_e: &trail_e,
                 areas: &areas,
-                areas_e: if off % 2 == 0 { &[] } else { areas.e() },
                 exposure_s: 0.1,
                 reading: Reading {
                     bend: match simulated.nonlinearity {

@@ -32,7 +32,7 @@ impl Scene {
         f64::from(least) * (2.0 - self.responds())
     }
 
-    /// The light of all area sources with the effects `other`.
+    /// The light of all area sources with the effects `other`, drawn.
     pub fn areas_with(&self, other: &Simulated) -> Together {
         let view = &self.view;
         let areas = view.areas.iter();
@@ -40,7 +40,7 @@ impl Scene {
         let areas: Vec<AreaLight> = areas
             .map(|area| view.lit_by(area, other, &self.fidelity))
             .collect();
-        Together::of(&areas, view)
+        Together::of(&areas, view, view.camera.detector.pixels())
     }
 
     /// The light of all area sources.

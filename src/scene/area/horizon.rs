@@ -4,6 +4,7 @@ use super::Edge;
 use crate::scene::View;
 use crate::sky::shadow::{EARTH_FLATTENING, EARTH_RADIUS_M, Earth, LimbCone};
 use nalgebra::Vector3;
+use std::f64::consts::FRAC_PI_2;
 
 /// The Earth as the view's observer sees it.
 #[derive(Debug, Clone, Copy)]
@@ -60,12 +61,23 @@ impl Horizon {
 
     /// The angle (rad) above the limb at which what is so many m high is seen at most; pi from within.
     pub fn height_of(&self, height_m: f64) -> f64 {
-        let least = EARTH_RADIUS_M * (1.0 - EARTH_FLATTENING);
         let top = (EARTH_RADIUS_M + height_m) / self.distance_m;
         if top >= 1.0 {
             return std::f64::consts::PI;
         }
-        libm::asin(top) - libm::asin((least / self.distance_m).min(1.0))
+        libm::asin(top) - libm::asin((self.least_m() / self.distance_m).min(1.0))
+    }
+
+    /// What the field sees past the Earth is no lower than this, m: the inverse of [`Horizon::height_of`], for an observer so high.
+    pub fn lowest_m(&self) -> f64 {
+        let limb = libm::asin((self.least_m() / self.distance_m).min(1.0));
+        let angle = (limb + self.nearest()).clamp(0.0, FRAC_PI_2);
+        self.distance_m * libm::sin(angle) - EARTH_RADIUS_M
+    }
+
+    /// The least radius (m) of the Earth.
+    fn least_m(&self) -> f64 {
+        EARTH_RADIUS_M * (1.0 - EARTH_FLATTENING)
     }
 
     /// The least angle (rad) of the field from the limb.

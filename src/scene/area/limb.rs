@@ -6,6 +6,7 @@ use super::{Edge, Radiance, Surroundings, not_in_field};
 use crate::scene::{View, World};
 use crate::sky::atmosphere::Limb;
 use nalgebra::Vector3;
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// The Earth's limb.
@@ -15,6 +16,10 @@ pub const LIMB: Kind = Kind {
     radiance: find,
     unlit: "no air in the field is lit, and none shines in the band",
 };
+
+/// Of air above so many m, how many m hide nothing from places at both ends: above the mesopause's layers of airglow there are the red lines
+/// alone, 40 km high; above their peak all light falls off evenly, and three scale heights tell how.
+const PLAIN: [[f64; 2]; 2] = [[245e3, 120e3], [130e3, 40e3]];
 
 #[derive(Debug)]
 struct Air {
@@ -39,6 +44,16 @@ impl Radiance for Air {
 
     fn edge(&self) -> Option<&dyn Edge> {
         self.horizon.as_edge()
+    }
+
+    /// As large as it is seen of the lowest air in the field, which is the furthest away; of an observer within, nothing is known.
+    fn detail(&self) -> f64 {
+        let lowest_m = self.horizon.lowest_m();
+        let plain = PLAIN.iter().find(|[from_m, _]| lowest_m > *from_m);
+        plain.map_or(0.0, |[_, size_m]| {
+            let [foot, top] = [lowest_m, lowest_m + size_m].map(|m| self.horizon.height_of(m));
+            if top < PI { top - foot } else { 0.0 }
+        })
     }
 
     fn turning(&self) -> Vector3<f64> {

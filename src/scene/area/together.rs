@@ -13,43 +13,57 @@ use std::sync::OnceLock;
 
 /// Pixels that are worked out together.
 const FEW: usize = 32 * 1024;
+/// Images lie close if they have more than the detector's pixels over this: then all pixels' light is asked for anyway.
+const CLOSE: usize = 4;
 
 /// The light of several area sources.
 #[derive(Debug, Default)]
 pub struct Together {
     /// Columns and rows of the detector.
     size: [usize; 2],
-    /// What is even all over it.
+    /// What is even all over it, and is not drawn yet.
     even: Option<(Lines, Places)>,
-    /// The others' on each pixel, row by row, e-; empty where there are none.
-    others: Vec<f32>,
-    /// All of it on each pixel, once it is asked for; nothing where there is no light.
-    pixels: OnceLock<Footprint>,
+    /// The other light on each pixel, as if of one electron each had so many shares; nothing where there is none.
+    others: Footprint,
+    /// All of it likewise, once it is asked for.
+    all: OnceLock<Footprint>,
 }
 
 impl Together {
-    /// That of `areas`.
-    pub fn of(areas: &[AreaLight], view: &View) -> Together {
+    /// That of `areas`, before which images have so many `pixels`.
+    pub fn of(areas: &[AreaLight], view: &View, pixels: usize) -> Together {
         let Detector { width, height, .. } = view.camera.detector;
         let even: Vec<&Lines> = areas.iter().filter_map(|area| area.even.as_ref()).collect();
-        let even = Lines::of_all(&even).map(|lines| {
-            let places = lines.places();
-            (lines, places)
-        });
+        let even = Lines::of_all(&even);
         let others = |area: &&AreaLight| area.even.is_none() && area.electrons > 0.0;
         let others: Vec<&[f32]> = areas.iter().filter(others).map(AreaLight::e).collect();
-        let mut sum = lanes::blank(if others.is_empty() { 0 } else { width * height });
-        let parts = sum.par_chunks_mut(FEW).enumerate();
-        parts.for_each(|(part, sum)| {
+        let (drawn, even) = match pixels >= width * height / CLOSE {
+            true => (even, None),
+            false => (None, even),
+        };
+        let is_none = others.is_empty() && drawn.is_none();
+        let e = drawn_by(if is_none { 0 } else { width * height }, |first, sum| {
+            if let Some(lines) = &drawn {
+                lines.add_to(view.level, first, sum);
+            }
             for e in &others {
-                kernels::add(view.level, &e[part * FEW..], sum);
+                kernels::add(view.level, &e[first..], sum);
             }
         });
         Together {
-            size: [width, height],
-            even,
-            others: sum,
-            pixels: OnceLock::new(),
+            others: Footprint::whole(width, e),
+            even: even.map(|lines| {
+                let places = lines.places();
+                (lines, places)
+            }),
+            ..Together::none([width, height])
+        }
+    }
+
+    fn none(size: [usize; 2]) -> Together {
+        Together {
+            size,
+            ..Together::default()
         }
     }
 
@@ -57,15 +71,14 @@ impl Together {
     #[cfg(test)]
     pub fn each(size: [usize; 2], e: Vec<f32>) -> Together {
         Together {
-            size,
-            others: e,
-            ..Together::default()
+            others: Footprint::whole(size[0], e),
+            ..Together::none(size)
         }
     }
 
     /// Whether there is no light.
     pub fn is_none(&self) -> bool {
-        self.even.is_none() && self.others.is_empty()
+        self.even.is_none() && self.others.shares().is_empty()
     }
 
     /// Adds the light on the pixels from `first` on, by row-major index, to `electrons`.
@@ -73,8 +86,7 @@ impl Together {
         if let Some((lines, _)) = &self.even {
             lines.add_to(level, first, electrons);
         }
-        let others = self.others.get(first..).unwrap_or_default();
-        kernels::add(level, others, electrons);
+        kernels::add(level, self.others_from(first), electrons);
     }
 
     /// The light on some pixels of a row from `first` on, by row-major index, e-.
@@ -83,8 +95,7 @@ impl Together {
         if let Some((lines, places)) = &self.even {
             lines.add_row(places, first, electrons);
         }
-        let others = self.others.get(first..).unwrap_or_default();
-        for (e, other) in electrons.iter_mut().zip(others) {
+        for (e, other) in electrons.iter_mut().zip(self.others_from(first)) {
             *e += f64::from(*other);
         }
     }
@@ -103,16 +114,20 @@ impl Together {
 
     /// The same, as if of one electron each pixel had so many shares.
     pub fn footprint(&self) -> &Footprint {
-        self.pixels.get_or_init(|| {
-            if self.is_none() {
-                return Footprint::default();
-            }
+        if self.even.is_none() {
+            return &self.others;
+        }
+        self.all.get_or_init(|| {
             let [width, height] = self.size;
-            let mut pixels = lanes::blank(width * height);
-            let parts = pixels.par_chunks_mut(FEW).enumerate();
-            parts.for_each(|(part, pixels)| self.add_to(Some(Level::best()), part * FEW, pixels));
-            Footprint::whole(width, pixels)
+            let all = drawn_by(width * height, |first, e| {
+                self.add_to(Some(Level::best()), first, e);
+            });
+            Footprint::whole(width, all)
         })
+    }
+
+    fn others_from(&self, first: usize) -> &[f32] {
+        self.others.shares().get(first..).unwrap_or_default()
     }
 
     /// No pixel of a cell of `side` columns and rows, a power of two, gets more light than this, e-, row by row of cells; empty where there is none.
@@ -127,7 +142,7 @@ impl Together {
             lines.most_of_cells(side, across, &mut cells);
         }
         let mut cells: Vec<f64> = cells.into_iter().map(f64::from).collect();
-        let rows = self.others.par_chunks(width * side);
+        let rows = self.others.shares().par_chunks(width * side);
         let rows = rows.zip(cells.par_chunks_mut(across));
         rows.for_each(|(pixels, cells)| {
             let mut most = vec![0.0f32; width];
@@ -142,4 +157,12 @@ impl Together {
         });
         cells
     }
+}
+
+/// So many pixels, to which `add` adds light from one of them on.
+fn drawn_by(pixels: usize, add: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {
+    let mut e = lanes::blank(pixels);
+    let parts = e.par_chunks_mut(FEW).enumerate();
+    parts.for_each(|(part, e)| add(part * FEW, e));
+    e
 }
