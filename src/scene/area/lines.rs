@@ -108,36 +108,38 @@ impl Square {
     }
 }
 
-/// Adds the sum of `parts` to `sum`: of each the squares that lie in that one, or one that it lies in.
-fn add_up([x, y]: [usize; 2], side: usize, parts: &[Vec<Square>], sum: &mut Vec<Square>) {
-    let is_small = |part: &Vec<Square>| part.first().is_some_and(|square| square.side < side);
+/// Adds the sum of `parts` to `sum`: of each the squares that lie in that one, quarter by quarter, or one that it lies in.
+fn add_up([x, y]: [usize; 2], side: usize, parts: &[&[Square]], sum: &mut Vec<Square>) {
+    let is_small = |part: &&[Square]| part.first().is_some_and(|square| square.side < side);
     if !parts.iter().any(is_small) {
-        let nodes = parts
-            .iter()
-            .flatten()
-            .map(|square| square.nodes_in([x, y], side));
+        let squares = parts.iter().filter_map(|part| part.first());
+        let nodes = squares.map(|square| square.nodes_in([x, y], side));
         let nodes = nodes.reduce(|a, b| std::array::from_fn(|i| a[i] + b[i]));
         sum.extend(nodes.map(|nodes| Square { x, y, side, nodes }));
         return;
     }
     let half = side / 2;
+    let mut rest = parts.to_vec();
     for [dx, dy] in [[0, 0], [half, 0], [0, half], [half, half]] {
-        let at = [x + dx, y + dy];
-        let meets =
-            |from: usize, other: usize, size: usize| from < other + size && other < from + half;
-        let here = |square: &&Square| {
-            meets(at[0], square.x, square.side) && meets(at[1], square.y, square.side)
-        };
-        let quarter = parts
-            .iter()
-            .map(|part| part.iter().filter(here).copied().collect());
-        let quarter: Vec<Vec<Square>> = quarter.collect();
-        add_up(at, half, &quarter, sum);
+        let [columns, rows] = [x + dx, y + dy].map(|from| from..from + half);
+        let quarter = rest.iter_mut().map(|rest| {
+            if !is_small(&&**rest) {
+                return *rest;
+            }
+            let is_here =
+                |square: &&Square| columns.contains(&square.x) && rows.contains(&square.y);
+            let (here, after) = rest.split_at(rest.iter().take_while(is_here).count());
+            *rest = after;
+            here
+        });
+        let quarter: Vec<&[Square]> = quarter.collect();
+        add_up([columns.start, rows.start], half, &quarter, sum);
     }
 }
 
 impl Lines {
-    /// That of the squares, each of which lies in one strip of `side` rows; together they are the detector, or more than it.
+    /// That of the squares, each of which lies in one strip of `side` rows: quarters of quarters, left before right and upper before lower ones.
+    /// Together they are the detector, or more than it.
     pub fn new([width, height]: [usize; 2], side: usize, squares: Vec<Square>) -> Lines {
         let mut strips = vec![Vec::new(); height.div_ceil(side)];
         for square in squares {
@@ -161,11 +163,15 @@ impl Lines {
             ..**first
         };
         for (y, strip) in sum.strips.iter_mut().enumerate() {
+            let mut rest: Vec<&[Square]> = all.iter().map(|lines| &lines.strips[y][..]).collect();
             for x in (0..first.width).step_by(first.side) {
-                let whole = |square: &&Square| (x..x + first.side).contains(&square.x);
-                let parts = all.iter().map(|lines| lines.strips[y].iter().filter(whole));
-                let parts: Vec<Vec<Square>> =
-                    parts.map(|squares| squares.copied().collect()).collect();
+                let whole = |square: &&Square| square.x < x + first.side;
+                let parts = rest.iter_mut().map(|rest| {
+                    let (here, after) = rest.split_at(rest.iter().take_while(whole).count());
+                    *rest = after;
+                    here
+                });
+                let parts: Vec<&[Square]> = parts.collect();
                 add_up([x, y * first.side], first.side, &parts, strip);
             }
             // Quarters of squares that reach beyond the detector.
