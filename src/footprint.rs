@@ -338,6 +338,8 @@ impl Footprint {
         let first = (self.first_row + spans.start).saturating_sub(rows.start);
         let spans = &self.spans[spans];
         if !spans.is_empty() {
+            // What is added nowhere is 0 times that.
+            let electrons = (electrons as f32).min(f32::MAX);
             kernels::add_light(level, electrons, spans, &self.shares, first, width, pixels);
         }
     }

@@ -11,13 +11,13 @@ mod dots;
 
 mod light;
 
-pub use dots::{Dot, Lines, POWERS, SIDE, Sheet};
+pub use dots::{Circle, Dot, Ends, Lines, POWERS, ROWS, Sheet};
 pub use light::{Reading, Span};
 
 use crate::rng::normal::{self, uniform_of};
 use crate::rng::poisson::{self, SEARCHED, Switch};
 use crate::rng::{self, NoiseKey};
-use dots::{body as dots_body, twin as dots_twin};
+use dots::{body as dots_body, ends_body, ends_twin, twin as dots_twin};
 use light::{light_body, light_twin, signal_body, signal_twin};
 use skyloop_orbit::sgp4_batch::Level;
 
@@ -92,19 +92,25 @@ kernel! {
 }
 
 kernel! {
+    /// Widens rows from end to end of what the circles of dots touch.
+    reach_dots = ends_body, ends_twin (circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>)
+}
+
+kernel! {
     /// Adds the light of dots to pixels, which have room for each.
-    lay_dots = dots_body, dots_twin (lines: &Lines, dots: &[Dot], sheet: &mut Sheet<'_>)
+    lay_dots = dots_body, dots_twin (lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>)
 }
 
 kernel! {
     /// Adds light of so many `electrons` (e-) to the pixels of a band of rows, so `wide`: of `spans`, row by row from the band's row `first` on, each with its
     /// part of the `shares` (1).
-    add_light = light_body, light_twin (electrons: f64, spans: &[Span], shares: &[f32], first: usize, wide: usize, pixels: &mut [f32])
+    add_light = light_body, light_twin (electrons: f32, spans: &[Span], shares: &[f32], first: usize, wide: usize, pixels: &mut [f32])
 }
 
 kernel! {
-    /// Adds the terms of a signal-to-noise ratio: of pixels that hold `light` and `background` (e-), as many of one as of the other, four side by side.
-    add_signal = signal_body, signal_twin (reading: &Reading, light: &[f64], background: &[f64], sums: &mut [f64; 4])
+    /// Adds the terms of a signal-to-noise ratio: of pixels that hold their `shares` (1) of so many `electrons` (e-) and `background` (e-), as many of one as of the
+    /// other, four side by side.
+    add_signal = signal_body, signal_twin (reading: &Reading, electrons: f64, shares: &[f32], background: &[f32], sums: &mut [f64; 4])
 }
 
 #[inline(always)]

@@ -1,13 +1,26 @@
 //! The footprint of a streak whose light a Gaussian spreads that is the same everywhere: points of it are laid on pixels by a kernel.
 
-use super::{Footprint, Light, Wings, spans_of};
+use super::{Footprint, Light, Wings};
 use crate::camera::Camera;
-use crate::camera::psf::square;
 use crate::fidelity::Fidelity;
-use crate::kernels::{self, Dot, SIDE, Sheet};
+use crate::kernels::{self, Circle, Dot, Ends, ROWS, Sheet, Span};
 use crate::track::{Lit, Sample, Track};
 use skyloop_orbit::sgp4_batch::Level;
-use std::ops::Range;
+
+/// Pixels that are copied at a time.
+const LANES: usize = 8;
+
+/// Rows of a sheet, the first of which is a row of the plane.
+struct Rows {
+    first: i32,
+    /// The columns that are lit, from the first up to the other; none where the first is the greater.
+    low: Vec<i32>,
+    past: Vec<i32>,
+    /// Where the pixel of column 0 is, or would be.
+    origins: Vec<i32>,
+    /// Pixels of the sheet.
+    pixels: usize,
+}
 
 impl Footprint {
     /// That of a track of several points whose light all rows collect; none of other tracks and spreads.
@@ -20,70 +33,131 @@ impl Footprint {
     ) -> Option<Footprint> {
         let is_lit = |sample: &Sample| sample.lit == Lit::ALL && sample.parts.is_empty();
         let lines = camera.optics.psf.lines()?;
-        let reach = camera.optics.psf.drawn_px(fidelity, light.electrons);
+        let radius = camera.optics.psf.circle_px(fidelity, light.electrons)?;
         // (No number is none.)
-        let is_told = reach <= lines.reach_px();
+        let is_told = radius <= lines.reach_px();
         if track.samples.len() < 2 || !is_told || !track.samples.iter().all(is_lit) {
             return None;
         }
-        let sides = [camera.detector.width as i64, camera.detector.height as i64];
-        let inside = |range: Range<i64>, side: i64| range.start.max(0)..range.end.min(side);
+        let sides = camera.detector.sides();
         let mut dots = Vec::with_capacity(track.samples.len());
-        for sample in track.samples.iter().filter(|sample| sample.is_somewhere()) {
-            let [columns, rows] = square(sample.at, reach);
-            let pixels = [inside(columns, sides[0]), inside(rows, sides[1])];
-            if pixels.iter().all(|range| !range.is_empty()) {
-                dots.push(Dot {
-                    at: sample.at,
-                    light: sample.weight,
-                    pixels,
-                });
+        for Sample { at, weight, .. } in &track.samples {
+            // (No number is nowhere.)
+            let touches = |k: usize| at[k] + radius >= -0.5 && at[k] - radius <= sides[k] - 0.5;
+            if touches(0) && touches(1) && weight.is_finite() {
+                dots.push(Dot::new(*at, *weight, radius));
             }
         }
-        let rows = || dots.iter().map(|dot| &dot.pixels[1]);
-        let Some(first_row) = rows().map(|rows| rows.start).min() else {
+        let circle = Circle::new(radius);
+        let Some(rows) = Rows::of(&dots, &circle, level) else {
             return Some(Footprint::default());
         };
-        let past_row = rows().map(|rows| rows.end).max().unwrap_or(first_row);
-
-        let mut reached = vec![(i64::MAX, 0); (past_row - first_row) as usize];
-        let mut evaluated = 0;
-        for Dot {
-            pixels: [columns, rows],
-            ..
-        } in &dots
-        {
-            let rows = (rows.start - first_row) as usize..(rows.end - first_row) as usize;
-            evaluated += (columns.end - columns.start) as u64 * rows.len() as u64;
-            for row in &mut reached[rows] {
-                *row = (row.0.min(columns.start), row.1.max(columns.end));
-            }
-        }
-        let (spans, total) = spans_of(&reached, sides[0]);
-        let origins = spans
-            .iter()
-            .map(|span| i64::from(span.offset) - i64::from(span.column));
-        let origins: Vec<i64> = origins.collect();
-        let mut light = vec![0.0; total as usize + SIDE];
+        let mut light = vec![0.0; rows.pixels];
         let mut sheet = Sheet {
-            first_row,
-            origins: &origins,
+            first_row: rows.first,
+            origins: &rows.origins,
             light: &mut light,
         };
-        kernels::lay_dots(level, lines, &dots, &mut sheet);
-        // What rounding leaves of no light may be below 0.
-        let shares = light[..total as usize]
-            .iter()
-            .map(|share| if *share > 0.0 { *share as f32 } else { 0.0 });
+        kernels::lay_dots(level, lines, &circle, &dots, &mut sheet);
         Some(Footprint {
-            first_row: first_row as usize,
-            spans,
-            shares: shares.collect(),
-            evaluated,
+            evaluated: (dots.len() * circle.side * circle.side) as u64,
             wings: Wings {
-                drawn_px: reach,
+                drawn_px: radius,
                 undrawn: 0.0,
             },
+            ..rows.cut(
+                &light,
+                [camera.detector.width as i32, camera.detector.height as i32],
+            )
         })
+    }
+}
+
+impl Rows {
+    /// Those that the circles of dots touch, with room for each dot's tiles; none of no dots.
+    fn of(dots: &[Dot], circle: &Circle, level: Option<Level>) -> Option<Rows> {
+        let tops = dots.iter().map(|dot| dot.first[1]);
+        let (first, last) = (tops.clone().min()?, tops.max()?);
+        let count = first.abs_diff(last) as usize + circle.side.next_multiple_of(ROWS);
+        let (mut low, mut past) = (vec![i32::MAX; count], vec![i32::MIN; count]);
+        let mut ends = Ends {
+            first_row: first,
+            low: &mut low,
+            past: &mut past,
+        };
+        kernels::reach_dots(level, circle, dots, &mut ends);
+        // From where a row's tile begins, its circle is no further, nor is that of a row beside which its circle does not touch.
+        let (before, wide) = (circle.radius.ceil() as i32 + 1, circle.wide() as i32 + 1);
+        let mut pixels = 0;
+        let origins = (0..count).map(|row| {
+            let near = row.saturating_sub(1)..(row + 2).min(count);
+            let from = low[near.clone()].iter().copied().fold(i32::MAX, i32::min);
+            let to = past[near].iter().copied().fold(i32::MIN, i32::max);
+            let from = from.saturating_sub(before);
+            let origin = pixels - from;
+            pixels += to.saturating_add(wide).saturating_sub(from).max(0);
+            origin
+        });
+        let origins = origins.collect();
+        Some(Rows {
+            first,
+            low,
+            past,
+            origins,
+            pixels: pixels as usize + LANES,
+        })
+    }
+
+    /// The light of the pixels that are lit and on a detector of such sides (columns and rows).
+    fn cut(&self, light: &[f32], [width, height]: [i32; 2]) -> Footprint {
+        let rows = self.low.iter().zip(&self.past).zip(self.first..);
+        let is_lit = |((low, past), row): &((&i32, &i32), i32)| {
+            (0..height).contains(row) && **low < width && **past > 0 && low < past
+        };
+        let mut first_row = None;
+        let mut spans: Vec<Span> = Vec::with_capacity(self.low.len());
+        let mut total = 0;
+        for ((low, past), row) in rows.filter(is_lit) {
+            let first_row = *first_row.get_or_insert(row);
+            // Rows between that no circle touches.
+            let none = Span {
+                column: 0,
+                offset: total,
+                length: 0,
+            };
+            spans.resize((row - first_row) as usize, none);
+            let column = (*low).max(0);
+            let length = ((*past).min(width) - column) as u32;
+            spans.push(Span {
+                column: column as u32,
+                offset: total,
+                length,
+            });
+            total += length;
+        }
+        let Some(first_row) = first_row else {
+            return Footprint::default();
+        };
+        // Pixels are copied so many at a time, those beyond a row's last too: the next row writes over them.
+        let mut shares = vec![0.0f32; total as usize + LANES];
+        let origins = &self.origins[(first_row - self.first) as usize..];
+        for (span, origin) in spans.iter().zip(origins) {
+            let (length, offset) = (span.length as usize, span.offset as usize);
+            let from = (origin + span.column as i32) as usize;
+            let whole = length.next_multiple_of(LANES);
+            let shares = shares[offset..offset + whole].as_chunks_mut::<LANES>().0;
+            let light = light[from..from + whole].as_chunks::<LANES>().0;
+            for (shares, light) in shares.iter_mut().zip(light) {
+                // What rounding leaves of no light may be below 0.
+                *shares = light.map(|share| if share > 0.0 { share } else { 0.0 });
+            }
+        }
+        shares.truncate(total as usize);
+        Footprint {
+            first_row: first_row as usize,
+            spans,
+            shares,
+            ..Footprint::default()
+        }
     }
 }

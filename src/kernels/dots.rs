@@ -1,76 +1,143 @@
 //! Light of points along a streak, spread by a PSF that is a product of one line a coordinate.
-
-use std::ops::Range;
+//!
+//! All is in single precision, which is what footprints keep: places are told from a pixel near them, so that nothing is lost far from the detector's corner.
 
 /// Powers of the series of a share in the place of the source, from 0 on.
-pub const POWERS: usize = 6;
+pub const POWERS: usize = 4;
 /// Pixels of a tile's side: the most that is worked out at a time.
 pub const SIDE: usize = 16;
-
-/// What counts of a tile, and what does not: a product instead of jumps.
-const COUNTS: [f64; 2 * SIDE] = {
-    let mut counts = [0.0; 2 * SIDE];
-    let mut i = 0;
-    while i < SIDE {
-        counts[i] = 1.0;
-        i += 1;
-    }
-    counts
-};
+/// Rows whose ends are worked out side by side.
+pub const ROWS: usize = 8;
+/// Shares below are none: products of two stay far from what is too small for single precision.
+const LEAST: f64 = 1e-15;
+/// Nothing reaches so far, px.
+const BEYOND_PX: f32 = 1e6;
 
 /// The shares of pixels in a line, by where in a pixel the source is: around each of the nodes a series.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines {
     /// Nodes a pixel.
-    nodes: f64,
+    nodes: f32,
+    /// How far they are apart, px.
+    node_px: f32,
     /// Pixels on each side of the source's own.
-    reach: i64,
+    reach: i32,
     /// Terms of a power, one a pixel; so many that a tile may be taken anywhere.
     stride: usize,
     /// By node, by power.
-    terms: Vec<f64>,
+    terms: Vec<f32>,
 }
 
 /// A point of a streak.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dot {
-    /// Where, px.
-    pub at: [f64; 2],
+    /// Column and row of the first pixel that its circle may reach.
+    pub first: [i32; 2],
+    /// From the middle of that one to where it is, px.
+    pub off: [f32; 2],
     /// Its light (1).
-    pub light: f64,
-    /// The columns and rows of the detector that are lit.
-    pub pixels: [Range<i64>; 2],
+    pub light: f32,
 }
 
-/// Where light is laid: lines of pixels one after another, each as long as it must be, and [`SIDE`] values more.
+/// How far the light of each dot is drawn: over the pixels that a circle touches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Circle {
+    /// Its radius, px.
+    pub radius: f32,
+    /// Columns and rows that it may touch.
+    pub side: usize,
+}
+
+/// The columns of each row that the dots' circles touch, from `low` up to `past`; where they touch none, `low` is the greater. There are rows for [`ROWS`] at a time.
+#[derive(Debug)]
+pub struct Ends<'a> {
+    /// The first row.
+    pub first_row: i32,
+    /// The first column.
+    pub low: &'a mut [i32],
+    /// The column after the last.
+    pub past: &'a mut [i32],
+}
+
+/// Where light is laid: rows of pixels one after another, each with room for all tiles that begin in it.
 #[derive(Debug)]
 pub struct Sheet<'a> {
     /// The first row.
-    pub first_row: i64,
+    pub first_row: i32,
     /// Where the pixel of column 0 is in `light`, or would be, by row.
-    pub origins: &'a [i64],
+    pub origins: &'a [i32],
     /// A value a pixel (1).
-    pub light: &'a mut [f64],
+    pub light: &'a mut [f32],
+}
+
+impl Circle {
+    /// The circle of a `radius` (px).
+    pub fn new(radius: f64) -> Circle {
+        Circle {
+            radius: radius as f32,
+            side: (2.0 * radius) as usize + 2,
+        }
+    }
+
+    /// Columns that a tile of such a dot is wide, or all its tiles together are.
+    pub fn wide(&self) -> usize {
+        match self.side {
+            0..=8 => 8,
+            9..=12 => 12,
+            side => side.next_multiple_of(SIDE),
+        }
+    }
+}
+
+impl Dot {
+    /// A point at `at` (px) with a circle of `radius` (px), less than 2^31 px from pixel 0.
+    pub fn new(at: [f64; 2], light: f64, radius: f64) -> Dot {
+        let first = at.map(|x| pixel(x - radius));
+        Dot {
+            first,
+            off: [0, 1].map(|k| (at[k] - f64::from(first[k])) as f32),
+            light: light as f32,
+        }
+    }
+}
+
+/// The pixel at `x` (px), less than 2^31 from pixel 0: the last digits of a sum with 1.5 2^52, without the calls and jumps that `round` and `as` take.
+fn pixel(x: f64) -> i32 {
+    (x + 6_755_399_441_055_744.0).to_bits() as i32
+}
+
+/// The whole number nearest to one of less than 2^22, likewise.
+#[inline(always)]
+fn nearest(x: f32) -> (i32, f32) {
+    const WHOLE: f32 = 12_582_912.0;
+    let sum = x + WHOLE;
+    let last = (sum.to_bits() as i32).wrapping_sub(WHOLE.to_bits() as i32);
+    (last, sum - WHOLE)
 }
 
 impl Lines {
     /// With so many `nodes` a pixel, for sources up to `reach` pixels away. `terms` gives, for a pixel so many pixels from the source's own and a
     /// source so far (0..1, px) above that one's lower edge, Taylor's series of its share in that place.
-    pub fn new(nodes: usize, reach: i64, terms: impl Fn(i64, f64) -> [f64; POWERS]) -> Lines {
-        let pixels = 2 * reach.unsigned_abs() as usize + 1;
+    pub fn new(nodes: usize, reach: usize, terms: impl Fn(i64, f64) -> [f64; POWERS]) -> Lines {
+        let pixels = 2 * reach + 1;
         let stride = pixels + SIDE;
         let mut all = vec![0.0; (nodes + 1) * POWERS * stride];
         for (node, lines) in all.chunks_exact_mut(POWERS * stride).enumerate() {
             let above = node as f64 / nodes as f64;
             for i in 0..pixels {
-                for (power, term) in terms(i as i64 - reach, above).into_iter().enumerate() {
-                    lines[power * stride + i] = term;
+                let terms = terms(i as i64 - reach as i64, above);
+                if terms[0] < LEAST {
+                    continue;
+                }
+                for (power, term) in terms.into_iter().enumerate() {
+                    lines[power * stride + i] = term as f32;
                 }
             }
         }
         Lines {
-            nodes: nodes as f64,
-            reach,
+            nodes: nodes as f32,
+            node_px: 1.0 / nodes as f32,
+            reach: reach as i32,
             stride,
             terms: all,
         }
@@ -78,102 +145,133 @@ impl Lines {
 
     /// How far (px) they reach around any source.
     pub fn reach_px(&self) -> f64 {
-        self.reach as f64 - 1.0
+        f64::from(self.reach) - 1.0
     }
 
-    /// Where the terms of the pixels from `first` on begin for a source at `at` (px), and how far that is from its node, px.
+    /// The shares of `L` pixels from `first` on of the light of a source that is `off` (px) from the middle of pixel 0.
     #[inline(always)]
-    fn near(&self, at: f64, first: i64) -> (usize, f64) {
-        let own = (at + 0.5).floor();
-        let above = at + 0.5 - own;
-        let node = (above * self.nodes + 0.5).floor();
-        let from = node as usize * POWERS * self.stride;
-        let pixel = (first - own as i64 + self.reach) as usize;
-        (from + pixel, above - node / self.nodes)
-    }
-
-    /// The shares of `L` pixels from `first` on of the light of a source at `at` (px).
-    #[inline(always)]
-    fn shares<const L: usize>(&self, at: f64, first: i64) -> [f64; L] {
-        let (from, off) = self.near(at, first);
+    fn shares<const L: usize>(&self, off: f32, first: usize) -> [f32; L] {
+        let (pixel, own) = nearest(off);
+        let above = off - own + 0.5;
+        let (node, at) = nearest(above * self.nodes);
+        let off = f32::mul_add(-at, self.node_px, above);
+        let from = node as u32 as usize * (POWERS * self.stride)
+            + (self.reach - pixel) as u32 as usize
+            + first;
+        let terms = &self.terms[from..from + (POWERS - 1) * self.stride + L];
         let mut sum = [0.0; L];
         for power in (0..POWERS).rev() {
-            let from = from + power * self.stride;
-            let terms = &self.terms[from..from + L];
+            let terms = &terms[power * self.stride..][..L];
             for i in 0..L {
-                sum[i] = f64::mul_add(sum[i], off, terms[i]);
+                sum[i] = f32::mul_add(sum[i], off, terms[i]);
             }
         }
         sum
     }
+}
 
-    /// The share of one.
-    #[inline(always)]
-    fn share(&self, at: f64, pixel: i64) -> f64 {
-        let [share] = self.shares::<1>(at, pixel);
-        share
+/// Widens the rows' ends to what the dots' circles touch.
+#[inline(always)]
+pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
+    let squared = circle.radius * circle.radius;
+    for dot in dots {
+        let top = (dot.first[1] - ends.first_row) as u32 as usize;
+        for row in (0..circle.side).step_by(ROWS) {
+            let rows = top + row..top + row + ROWS;
+            let (low, past) = (&mut ends.low[rows.clone()], &mut ends.past[rows]);
+            for i in 0..ROWS {
+                let touched = touched(dot, dot.off[1] - (row as f32 + i as f32), squared);
+                low[i] = low[i].min(touched[0]);
+                past[i] = past[i].max(touched[1]);
+            }
+        }
+    }
+}
+
+/// The columns that the circle of a dot touches in a row whose middle is `away` (px) from it: from the first up to the other; where it touches none, the
+/// first is far beyond.
+///
+/// ```text
+/// x -+ (r^2 - d^2)^(1/2),   d = max(|away| - 1/2, 0)
+/// ```
+#[inline(always)]
+fn touched(dot: &Dot, away: f32, squared: f32) -> [i32; 2] {
+    let d = (away.abs() - 0.5).max(0.0);
+    let rest = f32::mul_add(-d, d, squared);
+    // Roots of all, so that lanes run side by side.
+    let none = if rest > 0.0 { 0.0 } else { BEYOND_PX };
+    let half = rest.max(0.0).sqrt() - none;
+    let [x, _] = dot.off;
+    let [column, _] = dot.first;
+    [
+        nearest(x - half).0 + column,
+        nearest(x + half).0 + column + 1,
+    ]
+}
+
+/// The same, row by row.
+#[inline(always)]
+pub fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
+    let squared = circle.radius * circle.radius;
+    for dot in dots {
+        let top = (dot.first[1] - ends.first_row) as u32 as usize;
+        for row in 0..circle.side.next_multiple_of(ROWS) {
+            let [low, past] = touched(dot, dot.off[1] - row as f32, squared);
+            ends.low[top + row] = ends.low[top + row].min(low);
+            ends.past[top + row] = ends.past[top + row].max(past);
+        }
     }
 }
 
 /// Adds the light of dots, tile by tile.
 #[inline(always)]
-pub fn body(lines: &Lines, dots: &[Dot], sheet: &mut Sheet<'_>) {
+pub fn body(lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>) {
+    match circle.wide() {
+        8 => dots_of::<8>(lines, circle.side, dots, sheet),
+        12 => dots_of::<12>(lines, circle.side, dots, sheet),
+        _ => dots_of::<SIDE>(lines, circle.side, dots, sheet),
+    }
+}
+
+/// That of dots whose tiles are `L` columns wide, and as many rows high.
+#[inline(always)]
+fn dots_of<const L: usize>(lines: &Lines, side: usize, dots: &[Dot], sheet: &mut Sheet<'_>) {
     for dot in dots {
-        let [columns, rows] = &dot.pixels;
-        for row in rows.clone().step_by(SIDE) {
-            let mut down = lines.shares::<SIDE>(dot.at[1], row);
+        let top = (dot.first[1] - sheet.first_row) as u32 as usize;
+        for row in (0..side).step_by(L) {
+            let mut down = lines.shares::<L>(dot.off[1], row);
             down.iter_mut().for_each(|share| *share *= dot.light);
-            let rows = row - sheet.first_row..(row + SIDE as i64).min(rows.end) - sheet.first_row;
-            let rows = rows.start as usize..rows.end as usize;
-            let down = &down[..rows.len()];
-            for column in columns.clone().step_by(SIDE) {
-                let wide = (columns.end - column).min(SIDE as i64) as usize;
-                match wide {
-                    0..=8 => tile::<8>(lines, dot.at[0], column, wide, rows.clone(), down, sheet),
-                    9..=12 => tile::<12>(lines, dot.at[0], column, wide, rows.clone(), down, sheet),
-                    _ => tile::<SIDE>(lines, dot.at[0], column, wide, rows.clone(), down, sheet),
+            let rows = top + row..top + (row + L).min(side);
+            for column in (0..side).step_by(L) {
+                let across = lines.shares::<L>(dot.off[0], column);
+                let first = dot.first[0] + column as i32;
+                for (origin, down) in sheet.origins[rows.clone()].iter().zip(&down) {
+                    let from = (origin + first) as u32 as usize;
+                    let pixels = &mut sheet.light[from..from + L];
+                    for i in 0..L {
+                        pixels[i] = f32::mul_add(across[i], *down, pixels[i]);
+                    }
                 }
             }
         }
     }
 }
 
-/// Adds that of one on `wide` of `L` columns from `column` on; nothing is added to the others, whichever they are.
-#[inline(always)]
-fn tile<const L: usize>(
-    lines: &Lines,
-    x: f64,
-    column: i64,
-    wide: usize,
-    rows: Range<usize>,
-    down: &[f64],
-    sheet: &mut Sheet<'_>,
-) {
-    let mut across = lines.shares::<L>(x, column);
-    let counts = &COUNTS[SIDE - wide..][..L];
-    for i in 0..L {
-        across[i] *= counts[i];
-    }
-    for (origin, down) in sheet.origins[rows].iter().zip(down) {
-        let from = (origin + column) as usize;
-        let pixels = &mut sheet.light[from..from + L];
-        for i in 0..L {
-            pixels[i] = f64::mul_add(across[i], *down, pixels[i]);
-        }
-    }
-}
-
 /// The same, pixel by pixel.
 #[inline(always)]
-pub fn twin(lines: &Lines, dots: &[Dot], sheet: &mut Sheet<'_>) {
+pub fn twin(lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>) {
+    let share = |off: f32, pixel: usize| {
+        let [share] = lines.shares::<1>(off, pixel);
+        share
+    };
     for dot in dots {
-        let [columns, rows] = &dot.pixels;
-        for row in rows.clone() {
-            let down = lines.share(dot.at[1], row) * dot.light;
-            let origin = sheet.origins[(row - sheet.first_row) as usize];
-            for column in columns.clone() {
-                let pixel = &mut sheet.light[(origin + column) as usize];
-                *pixel = f64::mul_add(lines.share(dot.at[0], column), down, *pixel);
+        let top = (dot.first[1] - sheet.first_row) as u32 as usize;
+        for row in 0..circle.side {
+            let down = share(dot.off[1], row) * dot.light;
+            let origin = sheet.origins[top + row] + dot.first[0];
+            for column in 0..circle.wide() {
+                let pixel = &mut sheet.light[origin as u32 as usize + column];
+                *pixel = f32::mul_add(share(dot.off[0], column), down, *pixel);
             }
         }
     }
@@ -182,8 +280,14 @@ pub fn twin(lines: &Lines, dots: &[Dot], sheet: &mut Sheet<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::lay_dots;
+    use crate::kernels::{lay_dots, reach_dots};
     use skyloop_orbit::sgp4_batch::Level;
+
+    /// Pixels of a sheet's rows, and how many rows; around the pixels 0..64 and 0..50 there is room for tiles.
+    const WIDE: i32 = 128;
+    const HIGH: i32 = 82;
+    /// Where pixel 0 is.
+    const FIRST: i32 = -16;
 
     /// Shares that are polynomials of the place: a parabola of 41 pixels, the sums of which are known.
     fn parabolas() -> Lines {
@@ -195,92 +299,107 @@ mod tests {
                 2.0 * u / 16_000.0,
                 -1.0 / 16_000.0,
                 0.0,
-                0.0,
-                0.0,
             ]
         })
     }
 
-    /// The light of some dots on a sheet of 64 x 50 pixels.
-    fn laid(level: Option<Level>) -> Vec<f64> {
-        let lines = parabolas();
-        let dots: Vec<Dot> = (0..40)
-            .map(|i| {
-                let at = [30.0 + 0.37 * f64::from(i), 25.3 - 0.21 * f64::from(i)];
-                // Of all widths, cut at edges and not.
-                let around = |x: f64, wide: i64, side: i64| {
-                    let first = (x + 0.5).floor() as i64 - wide / 2;
-                    first.max(0)..(first + wide).min(side)
-                };
-                let pixels = [
-                    around(at[0], i64::from(i) + 1, 64),
-                    around(at[1], 38 - i64::from(i) / 2, 50),
-                ];
-                Dot {
-                    at,
-                    light: 0.5 + f64::from(i),
-                    pixels,
-                }
-            })
-            .collect();
-        let origins: Vec<i64> = (0..50).map(|row| row * 64).collect();
-        let mut light = vec![0.0; 64 * 50 + SIDE];
+    fn dots(radius: f64) -> Vec<Dot> {
+        let dot = |i: i32| {
+            let at = [30.0 + 0.37 * f64::from(i), 25.3 - 0.21 * f64::from(i)];
+            Dot::new(at, 0.5 + f64::from(i), radius)
+        };
+        (0..40).map(dot).collect()
+    }
+
+    fn laid(level: Option<Level>, radius: f64, dots: &[Dot]) -> Vec<f32> {
+        let origins: Vec<i32> = (0..HIGH).map(|row| row * WIDE - FIRST).collect();
+        let mut light = vec![0.0; (HIGH * WIDE) as usize];
         let mut sheet = Sheet {
-            first_row: 0,
+            first_row: FIRST,
             origins: &origins,
             light: &mut light,
         };
-        lay_dots(level, &lines, &dots, &mut sheet);
+        let circle = Circle::new(radius);
+        lay_dots(level, &parabolas(), &circle, dots, &mut sheet);
         light
+    }
+
+    fn ends(level: Option<Level>, radius: f64, dots: &[Dot]) -> [Vec<i32>; 2] {
+        let mut ends = [vec![i32::MAX; HIGH as usize], vec![i32::MIN; HIGH as usize]];
+        let [low, past] = &mut ends;
+        let mut all = Ends {
+            first_row: FIRST,
+            low,
+            past,
+        };
+        reach_dots(level, &Circle::new(radius), dots, &mut all);
+        ends
     }
 
     #[test]
     fn all_levels_lay_the_same_bits() {
-        let twin = laid(None);
-        assert!(twin.iter().sum::<f64>() > 100.0);
-        for level in Level::available() {
-            let bits = |light: &[f64]| {
-                light
-                    .iter()
-                    .map(|share| share.to_bits())
-                    .collect::<Vec<_>>()
-            };
-            assert_eq!(bits(&laid(Some(level))), bits(&twin), "{level:?}");
+        // Of one tile of each width, and of several.
+        for radius in [3.1, 4.9, 7.2, 14.3] {
+            let dots = dots(radius);
+            let (twin, reached) = (laid(None, radius, &dots), ends(None, radius, &dots));
+            assert!(twin.iter().sum::<f32>() > 10.0);
+            let bits = |light: &[f32]| light.iter().map(|e| e.to_bits()).collect::<Vec<_>>();
+            for level in Level::available() {
+                let light = laid(Some(level), radius, &dots);
+                assert_eq!(bits(&light), bits(&twin), "{level:?} {radius}");
+                assert_eq!(ends(Some(level), radius, &dots), reached, "{level:?}");
+            }
         }
     }
 
     #[test]
     fn a_dot_is_the_product_of_its_lines() {
-        let lines = parabolas();
         let at = [30.3, 24.9];
-        let dots = [Dot {
-            at,
-            light: 2.0,
-            pixels: [14..47, 9..41],
-        }];
-        let origins: Vec<i64> = (0..50).map(|row| row * 64).collect();
-        let mut light = vec![0.0; 64 * 50 + SIDE];
-        let mut sheet = Sheet {
-            first_row: 0,
-            origins: &origins,
-            light: &mut light,
-        };
-        lay_dots(Some(Level::best()), &lines, &dots, &mut sheet);
-        for row in 0..50 {
-            for column in 0..64 {
-                // X-Val: the parabola itself, at the pixel's distance from the source.
-                let line = |i: i64, at: f64| (1.0 - (i as f64 - at).powi(2) / 400.0) / 40.0;
-                let is_lit = (9..41).contains(&row) && (14..47).contains(&column);
-                let share = if is_lit {
-                    2.0 * line(column, at[0]) * line(row, at[1])
-                } else {
-                    0.0
-                };
-                let found = light[(row * 64 + column) as usize];
-                assert!(
-                    (found - share).abs() < 1e-15,
-                    "{column} {row} {found} {share}"
-                );
+        for radius in [3.0, 5.2, 14.4] {
+            let dot = Dot::new(at, 2.0, radius);
+            let (side, wide) = (Circle::new(radius).side, Circle::new(radius).wide());
+            let light = laid(Some(Level::best()), radius, &[dot]);
+            for row in 0..50 {
+                for column in 0..64 {
+                    // X-Val: the parabola itself, at the pixel's distance from the source.
+                    let line = |i: i32, at: f64| (1.0 - (f64::from(i) - at).powi(2) / 400.0) / 40.0;
+                    let is_lit = (dot.first[0]..dot.first[0] + wide as i32).contains(&column)
+                        && (dot.first[1]..dot.first[1] + side as i32).contains(&row);
+                    let share = if is_lit {
+                        2.0 * line(column, at[0]) * line(row, at[1])
+                    } else {
+                        0.0
+                    };
+                    let found = light[((row - FIRST) * WIDE + column - FIRST) as usize];
+                    // What single precision tells of 2 / 40^2.
+                    let off = (f64::from(found) - share).abs();
+                    assert!(off < 1e-9, "{column} {row} {found} {share}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_ends_of_rows_are_those_of_the_pixels_that_circles_touch() {
+        for radius in [0.2, 3.0, 5.2, 11.7] {
+            for at in [[30.3, 24.9], [29.5, 25.5], [40.07, 17.61]] {
+                let [low, past] = ends(Some(Level::best()), radius, &[Dot::new(at, 1.0, radius)]);
+                for row in FIRST..FIRST + HIGH {
+                    // X-Val: pixel by pixel, the nearest place of its square.
+                    let away = |i: i32, at: f64| ((f64::from(i) - at).abs() - 0.5).max(0.0);
+                    let is_touched =
+                        |i: &i32| away(*i, at[0]).hypot(away(row, at[1])) < radius - 1e-5;
+                    let i = (row - FIRST) as usize;
+                    let found: Vec<i32> = (low[i]..past[i].max(low[i])).collect();
+                    let touched: Vec<i32> = (0..100).filter(is_touched).collect();
+                    // Pixels whose edge or corner it meets may be told as touched.
+                    let more = found.len() - touched.len();
+                    assert!(touched.iter().all(|pixel| found.contains(pixel)));
+                    let meets = [at[0] - radius, at[0] + radius]
+                        .iter()
+                        .any(|x| (x + 0.5).fract() == 0.0);
+                    assert!(more == 0 || meets && more <= 2, "{radius} {at:?} {row}");
+                }
             }
         }
     }

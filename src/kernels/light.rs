@@ -1,7 +1,19 @@
 //! Light of sources on pixels: adding it, and what it is worth among noise.
 
-/// Pixels that are worked out side by side.
+/// Pixels whose light is added side by side, and whose signals are.
+const WIDE: usize = 8;
 const LANES: usize = 4;
+
+/// What counts of the last of such, and what does not: a product instead of jumps.
+const COUNTS: [f32; 2 * WIDE] = {
+    let mut counts = [0.0; 2 * WIDE];
+    let mut i = 0;
+    while i < WIDE {
+        counts[i] = 1.0;
+        i += 1;
+    }
+    counts
+};
 
 /// One row's pixels of what lights some.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,9 +70,10 @@ impl Reading {
     }
 }
 
+/// Nothing is added to the pixels behind a row's last, whichever they are.
 #[inline(always)]
 pub fn light_body(
-    electrons: f64,
+    electrons: f32,
     spans: &[Span],
     shares: &[f32],
     first: usize,
@@ -70,22 +83,33 @@ pub fn light_body(
     for (row, span) in spans.iter().enumerate() {
         let (length, offset) = (span.length as usize, span.offset as usize);
         let from = (first + row) * wide + span.column as usize;
-        let (pixels, rest) = pixels[from..from + length].as_chunks_mut::<LANES>();
-        let (shares, last) = shares[offset..offset + length].as_chunks::<LANES>();
-        for (pixels, shares) in pixels.iter_mut().zip(shares) {
-            for i in 0..LANES {
-                pixels[i] += (electrons * f64::from(shares[i])) as f32;
+        let whole = length.next_multiple_of(WIDE);
+        if let Some(pixels) = pixels.get_mut(from..from + whole)
+            && let Some(shares) = shares.get(offset..offset + whole)
+        {
+            let mut left = length;
+            let pixels = pixels.as_chunks_mut::<WIDE>().0.iter_mut();
+            for (pixels, shares) in pixels.zip(shares.as_chunks::<WIDE>().0) {
+                let counts = &COUNTS[WIDE - left.min(WIDE)..][..WIDE];
+                left -= left.min(WIDE);
+                let mut sums = *pixels;
+                for i in 0..WIDE {
+                    sums[i] = f32::mul_add(electrons * counts[i], shares[i], sums[i]);
+                }
+                *pixels = sums;
             }
-        }
-        for (pixel, share) in rest.iter_mut().zip(last) {
-            *pixel += (electrons * f64::from(*share)) as f32;
+        } else {
+            let pixels = pixels[from..from + length].iter_mut();
+            for (pixel, share) in pixels.zip(&shares[offset..offset + length]) {
+                *pixel = f32::mul_add(electrons, *share, *pixel);
+            }
         }
     }
 }
 
 #[inline(always)]
 pub fn light_twin(
-    electrons: f64,
+    electrons: f32,
     spans: &[Span],
     shares: &[f32],
     first: usize,
@@ -95,31 +119,46 @@ pub fn light_twin(
     for (row, span) in spans.iter().enumerate() {
         for i in 0..span.length as usize {
             let share = shares[span.offset as usize + i];
-            pixels[(first + row) * wide + span.column as usize + i] +=
-                (electrons * f64::from(share)) as f32;
+            let pixel = &mut pixels[(first + row) * wide + span.column as usize + i];
+            *pixel = f32::mul_add(electrons, share, *pixel);
         }
     }
 }
 
 #[inline(always)]
-pub fn signal_body(reading: &Reading, light: &[f64], background: &[f64], sums: &mut [f64; LANES]) {
-    let (light, background) = (
-        light.as_chunks::<LANES>().0,
-        background.as_chunks::<LANES>().0,
-    );
+pub fn signal_body(
+    reading: &Reading,
+    electrons: f64,
+    shares: &[f32],
+    background: &[f32],
+    sums: &mut [f64; LANES],
+) {
+    let term = |share: f32, b: f32| reading.term(electrons * f64::from(share), f64::from(b));
+    let (shares, last) = shares.as_chunks::<LANES>();
+    let (background, rest) = background.as_chunks::<LANES>();
     let mut all = *sums;
-    for (light, background) in light.iter().zip(background) {
+    for (shares, background) in shares.iter().zip(background) {
+        let terms: [f64; LANES] = std::array::from_fn(|i| term(shares[i], background[i]));
         for i in 0..LANES {
-            all[i] += reading.term(light[i], background[i]);
+            all[i] += terms[i];
         }
+    }
+    for (sum, (share, b)) in all.iter_mut().zip(last.iter().zip(rest)) {
+        *sum += term(*share, *b);
     }
     *sums = all;
 }
 
 #[inline(always)]
-pub fn signal_twin(reading: &Reading, light: &[f64], background: &[f64], sums: &mut [f64; LANES]) {
-    for (i, (s, b)) in light.iter().zip(background).enumerate() {
-        sums[i % LANES] += reading.term(*s, *b);
+pub fn signal_twin(
+    reading: &Reading,
+    electrons: f64,
+    shares: &[f32],
+    background: &[f32],
+    sums: &mut [f64; LANES],
+) {
+    for (i, (share, b)) in shares.iter().zip(background).enumerate() {
+        sums[i % LANES] += reading.term(electrons * f64::from(*share), f64::from(*b));
     }
 }
 
@@ -147,10 +186,7 @@ mod tests {
         let twin = added(None);
         // X-Val: by hand, row 5 of the spans: column 35 % 11 = 2, share 15 is 1 / 18.
         let (pixel, before) = (8 * 40 + 2, (8 * 40 + 2) as f32 * 0.37);
-        assert_eq!(
-            twin[pixel],
-            before + (1234.5 * f64::from(1.0f32 / 18.0)) as f32
-        );
+        assert_eq!(twin[pixel], 1234.5f32.mul_add(1.0 / 18.0, before));
         for level in Level::available() {
             assert_eq!(added(Some(level)), twin, "{level:?}");
         }
@@ -165,11 +201,12 @@ mod tests {
             floor: 20.0,
             full_e: 9_000.0,
         };
-        let light: Vec<f64> = (0..400).map(|i| f64::from(i % 37) * 270.0).collect();
-        let background: Vec<f64> = (0..400).map(|i| f64::from(i % 11) * 30.0).collect();
+        // Not a multiple of what is worked out side by side.
+        let shares: Vec<f32> = (0..403).map(|i| (i % 37) as f32 * 1e-3).collect();
+        let background: Vec<f32> = (0..403).map(|i| (i % 11) as f32 * 30.0).collect();
         let sums = |level: Option<Level>| {
             let mut sums = [0.0; LANES];
-            add_signal(level, &reading, &light, &background, &mut sums);
+            add_signal(level, &reading, 270e3, &shares, &background, &mut sums);
             sums
         };
         let twin = sums(None);

@@ -15,9 +15,6 @@ use crate::footprint::Footprint;
 use crate::kernels::{self, Reading};
 use skyloop_orbit::sgp4_batch::Level;
 
-/// Pixels that are worked out side by side.
-const LANES: usize = 4;
-
 /// The noise of one frame's pixels.
 pub(super) struct Noise<'a> {
     detector: &'a Detector,
@@ -30,31 +27,13 @@ pub(super) struct Noise<'a> {
     level: Option<Level>,
 }
 
-/// What the pixels of a footprint hold, e-; used again and again, so that nothing is allocated twice.
+/// What the pixels of a footprint hold; used again and again, so that nothing is allocated twice.
 #[derive(Debug, Default)]
 pub(super) struct Held {
-    light: Vec<f64>,
-    background: Vec<f64>,
-}
-
-impl Held {
-    fn clear(&mut self) {
-        self.light.clear();
-        self.background.clear();
-    }
-
-    /// So many pixels more, that hold nothing yet: as many as are worked out side by side, or a multiple.
-    fn more(&mut self, pixels: usize) -> (&mut [f64], &mut [f64]) {
-        let from = self.light.len();
-        let past = from + pixels.next_multiple_of(LANES);
-        self.light.resize(past, 0.0);
-        self.background.resize(past, 0.0);
-        let pixels = from..from + pixels;
-        (
-            &mut self.light[pixels.clone()],
-            &mut self.background[pixels],
-        )
-    }
+    /// Shares of its light as they respond (1), where they are not all alike.
+    shares: Vec<f32>,
+    /// What they hold beside it, e-.
+    background: Vec<f32>,
 }
 
 /// Charge (e-) from which a pixel shows no more: its full well, or what the converter reaches.
@@ -118,64 +97,99 @@ impl<'a> Noise<'a> {
         if electrons <= 0.0 {
             return 0.0;
         }
-        let (detector, mut sums) = (self.detector, [0.0; LANES]);
-        held.clear();
-        let mut blind = self.blind(footprint.first_row() * detector.width);
-        for (row, column, shares) in footprint.rows(0..detector.height) {
-            let first = row * detector.width + column;
-            let (light, background) = held.more(shares.len());
-            for (light, share) in light.iter_mut().zip(shares) {
-                *light = f64::from(*share) * electrons;
-            }
-            // Pixels come in order: a list is gone through once.
-            for list in &mut blind {
-                while let Some((pixel, rest)) = list.split_first()
-                    && (*pixel as usize) < first + shares.len()
-                {
-                    if let Some(i) = (*pixel as usize).checked_sub(first) {
-                        light[i] = 0.0;
-                    }
-                    *list = rest;
-                }
-            }
-            self.add(first, column, light, background);
-        }
+        let Held { shares, background } = held;
+        self.beside(footprint, background);
+        let shares = match self.respond(footprint, shares) {
+            true => &shares[..],
+            false => footprint.shares(),
+        };
+        let mut sums = [0.0; 4];
         kernels::add_signal(
             self.level,
             &self.reading,
-            &held.light,
-            &held.background,
+            electrons,
+            shares,
+            background,
             &mut sums,
         );
         libm::sqrt(sums.iter().sum())
     }
 
-    /// Adds to what the pixels from `pixel` on, in the columns from `column` on, hold beside that light, and lets both respond, e-.
-    fn add(&self, pixel: usize, column: usize, light: &mut [f64], background: &mut [f64]) {
-        let (detector, simulated) = (self.detector, self.simulated);
-        let pattern = &detector.pattern;
-        self.areas.of_pixels(pixel, background);
-        if let Some(response) = pattern.response().filter(|_| simulated.response) {
-            let held = light.iter_mut().zip(background.iter_mut());
-            for ((s, b), response) in held.zip(from(response, pixel)) {
-                (*s, *b) = (*s * f64::from(*response), *b * f64::from(*response));
+    /// How each pixel responds, 1 being the mean; none where all respond alike.
+    fn response(&self) -> Option<&'a [f32]> {
+        let response = self.detector.pattern.response();
+        response.filter(|_| self.simulated.response)
+    }
+
+    /// What the pixels of a footprint hold beside its light, as they respond, e-.
+    fn beside(&self, footprint: &Footprint, background: &mut Vec<f32>) {
+        let (detector, pattern) = (self.detector, &self.detector.pattern);
+        let dark_e_s = pattern.dark_e_s().filter(|_| self.simulated.dark);
+        let even_e = match dark_e_s {
+            None if self.simulated.dark => pattern.dark_mean_e_s() * self.exposure_s,
+            _ => 0.0,
+        };
+        background.clear();
+        background.resize(footprint.shares().len(), 0.0);
+        let response = self.response().unwrap_or(&[]);
+        let mut rest = &mut background[..];
+        for (row, column, shares) in footprint.rows(0..detector.height) {
+            let pixel = row * detector.width + column;
+            let (here, after) = rest.split_at_mut(shares.len());
+            rest = after;
+            self.areas.add_to_row(pixel, here);
+            for (b, response) in here.iter_mut().zip(from(response, pixel)) {
+                *b *= response;
+            }
+            match dark_e_s {
+                Some(dark_e_s) => {
+                    for (b, dark_e_s) in here.iter_mut().zip(from(dark_e_s, pixel)) {
+                        *b += (f64::from(*dark_e_s) * self.exposure_s) as f32;
+                    }
+                }
+                None => here.iter_mut().for_each(|b| *b += even_e as f32),
+            }
+            for (b, trail_e) in here.iter_mut().zip(from(self.trail_e, column)) {
+                *b += *trail_e as f32;
             }
         }
-        match pattern.dark_e_s() {
-            _ if !simulated.dark => {}
-            Some(dark_e_s) => {
-                for (b, dark_e_s) in background.iter_mut().zip(from(dark_e_s, pixel)) {
-                    *b += f64::from(*dark_e_s) * self.exposure_s;
+    }
+
+    /// A footprint's shares as its pixels respond; whether they differ from what they are.
+    fn respond(&self, footprint: &Footprint, shares: &mut Vec<f32>) -> bool {
+        let detector = self.detector;
+        let (response, mut blind) = (
+            self.response(),
+            self.blind(footprint.first_row() * detector.width),
+        );
+        if response.is_none() && blind.iter().all(|list| list.is_empty()) {
+            return false;
+        }
+        shares.clear();
+        shares.extend_from_slice(footprint.shares());
+        let mut rest = &mut shares[..];
+        for (row, column, here) in footprint.rows(0..detector.height) {
+            let first = row * detector.width + column;
+            let (here, after) = rest.split_at_mut(here.len());
+            rest = after;
+            if let Some(response) = response {
+                for (share, response) in here.iter_mut().zip(from(response, first)) {
+                    *share *= response;
                 }
             }
-            None => {
-                let dark_e = pattern.dark_mean_e_s() * self.exposure_s;
-                background.iter_mut().for_each(|b| *b += dark_e);
+            // Pixels come in order: a list is gone through once.
+            for list in &mut blind {
+                while let Some((pixel, rest)) = list.split_first()
+                    && (*pixel as usize) < first + here.len()
+                {
+                    if let Some(i) = (*pixel as usize).checked_sub(first) {
+                        here[i] = 0.0;
+                    }
+                    *list = rest;
+                }
             }
         }
-        for (b, trail_e) in background.iter_mut().zip(from(self.trail_e, column)) {
-            *b += trail_e;
-        }
+        true
     }
 }
 

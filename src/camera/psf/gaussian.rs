@@ -1,6 +1,6 @@
 //! A circular Gaussian. It is the product of one Gaussian a coordinate, and so is its integral over a pixel.
 
-use crate::kernels::{Lines, POWERS};
+use crate::kernels::Lines;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::LazyLock;
 
@@ -8,8 +8,8 @@ use std::sync::LazyLock;
 const NODES: f64 = 32.0;
 const REACH: f64 = 8.5;
 
-/// Powers of Taylor's series, from 0 on.
-type Series = [f64; POWERS];
+/// Taylor's series, from the power 0 on.
+type Series = [f64; 6];
 
 /// The normal distribution around the nodes v, Taylor's series:
 ///
@@ -75,7 +75,12 @@ impl Gaussian {
         self.sigma_px * k
     }
 
-    /// The shares of pixels as [`Lines`], within 1e-11; none where it is so narrow or so wide that the table would be large. With a source `f` above the
+    /// The radius (px) of the circle outside of which `loss` of the light falls, `exp(-r^2 / (2 sigma^2))`.
+    pub fn circle_px(&self, loss: f64) -> f64 {
+        self.sigma_px * (-2.0 * libm::log(loss)).max(0.0).sqrt()
+    }
+
+    /// The shares of pixels as [`Lines`], within 1e-7; none where it is so narrow or so wide that the table would be large. With a source `f` above the
     /// lower edge of its own pixel, j pixels from there is
     ///
     /// ```text
@@ -83,13 +88,13 @@ impl Gaussian {
     /// ```
     pub fn lines(&self) -> Option<Lines> {
         const WIDTHS: std::ops::RangeInclusive<f64> = 0.05..=20.0;
-        // A standard deviation; what is left out of the series is below (1/32)^6 / 720 times 2.3.
+        // A standard deviation; what is left out of the series is below (1/32)^4 / 24 times 1.1.
         const NODES: f64 = 16.0;
         if !WIDTHS.contains(&self.sigma_px) {
             return None;
         }
         let nodes = (NODES / self.sigma_px).ceil() as usize;
-        let reach = (REACH * self.sigma_px).ceil() as i64 + 1;
+        let reach = (REACH * self.sigma_px).ceil() as usize + 1;
         let terms = |j: i64, f: f64| {
             let edge = |j: i64| series((j as f64 - f) / self.sigma_px);
             let (below, above) = (edge(j), edge(j + 1));

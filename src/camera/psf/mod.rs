@@ -204,6 +204,17 @@ impl Psf {
             .drawn_px(fidelity, electrons)
     }
 
+    /// The radius (px) of the circle to draw around each of the points that stand for a streak, for a source of so many `electrons`: all of their light but
+    /// [`Fidelity::loss`] is in it. None but of a Gaussian that is the same everywhere and for all colours.
+    pub fn circle_px(&self, fidelity: &Fidelity, electrons: f64) -> Option<f64> {
+        match self.shape {
+            Shape::Gaussian(sigma_px) if self.lines.is_some() => {
+                Some(Gaussian { sigma_px }.circle_px(fidelity.loss(electrons)))
+            }
+            _ => None,
+        }
+    }
+
     /// A bound of the sum of the squares of a point's shares, over the field and of all colours (1).
     pub fn sharpness(&self) -> f64 {
         // A sum of squares is no more than the greatest of what sums to 1.

@@ -225,8 +225,8 @@ impl Lines {
         }
     }
 
-    /// Adds the light of some pixels of one row from `first` on, by row-major index: as [`Lines::add_to`] does.
-    pub fn add_row(&self, places: &Places, first: usize, electrons: &mut [f64]) {
+    /// [`Lines::add_to`] for a part of a row.
+    pub fn add_to_row(&self, places: &Places, first: usize, electrons: &mut [f32]) {
         let (from, row) = (first % self.width, first / self.width);
         let strip = self.strips.get(row / self.side).map_or(&[][..], |of| of);
         let (mut x, past) = (from, from + electrons.len());
@@ -240,8 +240,8 @@ impl Lines {
             for stretch in square.stretches(row - square.y) {
                 let end = (stretch.column + stretch.pixels).min(past);
                 for at in x..end.max(x) {
-                    let e = stretch.from + stretch.rise * (at - stretch.column) as f32;
-                    electrons[at - from] += f64::from(e);
+                    electrons[at - from] +=
+                        stretch.from + stretch.rise * (at - stretch.column) as f32;
                 }
                 x = end.max(x);
             }
@@ -414,9 +414,8 @@ mod tests {
             for row in 0..13 {
                 let first = row * 30 + from;
                 let mut part = vec![0.0; count];
-                lines.add_row(&places, first, &mut part);
-                let expected = pixels[first..].iter().map(|e| f64::from(*e));
-                assert!(part.into_iter().eq(expected.take(count)), "{first} {count}");
+                lines.add_to_row(&places, first, &mut part);
+                assert_eq!(part, pixels[first..][..count], "{first}");
             }
         }
     }

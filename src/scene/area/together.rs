@@ -89,22 +89,21 @@ impl Together {
         kernels::add(level, self.others_from(first), electrons);
     }
 
-    /// The light on some pixels of a row from `first` on, by row-major index, e-.
-    pub fn of_pixels(&self, first: usize, electrons: &mut [f64]) {
-        electrons.fill(0.0);
+    /// [`Together::add_to`] for a part of a row.
+    pub fn add_to_row(&self, first: usize, electrons: &mut [f32]) {
         if let Some((lines, places)) = &self.even {
-            lines.add_row(places, first, electrons);
+            lines.add_to_row(places, first, electrons);
         }
         for (e, other) in electrons.iter_mut().zip(self.others_from(first)) {
-            *e += f64::from(*other);
+            *e += other;
         }
     }
 
     /// The light on one, e-.
     pub fn of_pixel(&self, pixel: usize) -> f64 {
         let mut e = [0.0];
-        self.of_pixels(pixel, &mut e);
-        e[0]
+        self.add_to_row(pixel, &mut e);
+        e[0].into()
     }
 
     /// The light on each pixel, row by row, e-; empty where there is none.
