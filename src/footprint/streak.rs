@@ -13,7 +13,7 @@ const LANES: usize = 8;
 /// Rows of a sheet, the first of which is a row of the plane.
 struct Rows {
     first: i32,
-    /// The columns that are lit, from the first up to the other; none where the first is the greater.
+    /// The columns that are lit, from the first up to the other, from the row before the first on; none where the first is the greater.
     low: Vec<i32>,
     past: Vec<i32>,
     /// Where the pixel of column 0 is, or would be.
@@ -79,23 +79,23 @@ impl Rows {
         let tops = dots.iter().map(|dot| dot.first[1]);
         let (first, last) = (tops.clone().min()?, tops.max()?);
         let count = first.abs_diff(last) as usize + circle.side.next_multiple_of(ROWS);
-        let (mut low, mut past) = (vec![i32::MAX; count], vec![i32::MIN; count]);
+        // One more on each side: every row has one before and one behind.
+        let (mut low, mut past) = (vec![i32::MAX; count + 2], vec![i32::MIN; count + 2]);
         let mut ends = Ends {
             first_row: first,
-            low: &mut low,
-            past: &mut past,
+            low: &mut low[1..=count],
+            past: &mut past[1..=count],
         };
         kernels::reach_dots(level, circle, dots, &mut ends);
         // From where a row's tile begins, its circle is no further, nor is that of a row beside which its circle does not touch.
         let (before, wide) = (circle.radius.ceil() as i32 + 1, circle.wide() as i32 + 1);
         let mut pixels = 0;
-        let origins = (0..count).map(|row| {
-            let near = row.saturating_sub(1)..(row + 2).min(count);
-            let from = low[near.clone()].iter().copied().fold(i32::MAX, i32::min);
-            let to = past[near].iter().copied().fold(i32::MIN, i32::max);
-            let from = from.saturating_sub(before);
+        let near = low.windows(3).zip(past.windows(3));
+        let origins = near.map(|(low, past)| {
+            let from = low[0].min(low[1]).min(low[2]).saturating_sub(before);
+            let to = past[0].max(past[1]).max(past[2]).saturating_add(wide);
             let origin = pixels - from;
-            pixels += to.saturating_add(wide).saturating_sub(from).max(0);
+            pixels += to.saturating_sub(from).max(0);
             origin
         });
         let origins = origins.collect();
@@ -110,7 +110,7 @@ impl Rows {
 
     /// The light of the pixels that are lit and on a detector of such sides (columns and rows).
     fn cut(&self, light: &[f32], [width, height]: [i32; 2]) -> Footprint {
-        let rows = self.low.iter().zip(&self.past).zip(self.first..);
+        let rows = self.low.iter().zip(&self.past).skip(1).zip(self.first..);
         let is_lit = |((low, past), row): &((&i32, &i32), i32)| {
             (0..height).contains(row) && **low < width && **past > 0 && low < past
         };

@@ -2,12 +2,14 @@
 //!
 //! All is in single precision, which is what footprints keep: places are told from a pixel near them, so that nothing is lost far from the detector's corner.
 
+use std::ops::Range;
+
 /// Powers of the series of a share in the place of the source, from 0 on.
 pub const POWERS: usize = 4;
 /// Pixels of a tile's side: the most that is worked out at a time.
 pub const SIDE: usize = 16;
 /// Rows whose ends are worked out side by side.
-pub const ROWS: usize = 8;
+pub const ROWS: usize = 16;
 /// Shares below are none: products of two stay far from what is too small for single precision.
 const LEAST: f64 = 1e-15;
 /// Nothing reaches so far, px.
@@ -176,13 +178,19 @@ pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
     let squared = circle.radius * circle.radius;
     for dot in dots {
         let top = (dot.first[1] - ends.first_row) as u32 as usize;
-        for row in (0..circle.side).step_by(ROWS) {
+        for block in 0..circle.side.div_ceil(ROWS) {
+            let row = block * ROWS;
             let rows = top + row..top + row + ROWS;
-            let (low, past) = (&mut ends.low[rows.clone()], &mut ends.past[rows]);
+            let touched: [[i32; 2]; ROWS] = std::array::from_fn(|i| {
+                touched(dot, dot.off[1] - (row as f32 + i as f32), squared)
+            });
+            let low: &mut [i32] = &mut ends.low[rows.clone()];
             for i in 0..ROWS {
-                let touched = touched(dot, dot.off[1] - (row as f32 + i as f32), squared);
-                low[i] = low[i].min(touched[0]);
-                past[i] = past[i].max(touched[1]);
+                low[i] = low[i].min(touched[i][0]);
+            }
+            let past = &mut ends.past[rows];
+            for i in 0..ROWS {
+                past[i] = past[i].max(touched[i][1]);
             }
         }
     }
@@ -226,33 +234,44 @@ pub fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
 /// Adds the light of dots, tile by tile.
 #[inline(always)]
 pub fn body(lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>) {
+    let side = circle.side;
     match circle.wide() {
-        8 => dots_of::<8>(lines, circle.side, dots, sheet),
-        12 => dots_of::<12>(lines, circle.side, dots, sheet),
-        _ => dots_of::<SIDE>(lines, circle.side, dots, sheet),
-    }
-}
-
-/// That of dots whose tiles are `L` columns wide, and as many rows high.
-#[inline(always)]
-fn dots_of<const L: usize>(lines: &Lines, side: usize, dots: &[Dot], sheet: &mut Sheet<'_>) {
-    for dot in dots {
-        let top = (dot.first[1] - sheet.first_row) as u32 as usize;
-        for row in (0..side).step_by(L) {
-            let mut down = lines.shares::<L>(dot.off[1], row);
-            down.iter_mut().for_each(|share| *share *= dot.light);
-            let rows = top + row..top + (row + L).min(side);
-            for column in (0..side).step_by(L) {
-                let across = lines.shares::<L>(dot.off[0], column);
-                let first = dot.first[0] + column as i32;
-                for (origin, down) in sheet.origins[rows.clone()].iter().zip(&down) {
-                    let from = (origin + first) as u32 as usize;
-                    let pixels = &mut sheet.light[from..from + L];
-                    for i in 0..L {
-                        pixels[i] = f32::mul_add(across[i], *down, pixels[i]);
+        8 => (dots.iter()).for_each(|dot| tile::<8>(lines, dot, 0, 0..side, sheet)),
+        12 => (dots.iter()).for_each(|dot| tile::<12>(lines, dot, 0, 0..side, sheet)),
+        SIDE => (dots.iter()).for_each(|dot| tile::<SIDE>(lines, dot, 0, 0..side, sheet)),
+        wide => {
+            for dot in dots {
+                for row in (0..side).step_by(SIDE) {
+                    for column in (0..wide).step_by(SIDE) {
+                        let rows = row..(row + SIDE).min(side);
+                        tile::<SIDE>(lines, dot, column, rows, sheet);
                     }
                 }
             }
+        }
+    }
+}
+
+/// That of one on `L` columns from `column` on and no more rows.
+#[inline(always)]
+fn tile<const L: usize>(
+    lines: &Lines,
+    dot: &Dot,
+    column: usize,
+    rows: Range<usize>,
+    sheet: &mut Sheet<'_>,
+) {
+    let mut down = lines.shares::<L>(dot.off[1], rows.start);
+    down.iter_mut().for_each(|share| *share *= dot.light);
+    let across = lines.shares::<L>(dot.off[0], column);
+    let top = (dot.first[1] - sheet.first_row) as u32 as usize;
+    let first = dot.first[0] + column as i32;
+    let origins = &sheet.origins[top + rows.start..top + rows.end];
+    for (origin, down) in origins.iter().zip(&down) {
+        let from = (origin + first) as u32 as usize;
+        let pixels = &mut sheet.light[from..from + L];
+        for i in 0..L {
+            pixels[i] = f32::mul_add(across[i], *down, pixels[i]);
         }
     }
 }
@@ -285,7 +304,7 @@ mod tests {
 
     /// Pixels of a sheet's rows, and how many rows; around the pixels 0..64 and 0..50 there is room for tiles.
     const WIDE: i32 = 128;
-    const HIGH: i32 = 82;
+    const HIGH: i32 = 90;
     /// Where pixel 0 is.
     const FIRST: i32 = -16;
 
