@@ -4,6 +4,7 @@ mod fidelity;
 mod objects;
 mod rounded;
 mod spot;
+mod text;
 mod unseen;
 
 pub use fidelity::FidelityLabel;
@@ -11,7 +12,8 @@ pub use objects::Objects;
 pub use spot::{MOST_SPOTS, SpotLabel};
 pub use unseen::MOST_UNSEEN;
 
-use rounded::{e4, e6, e9, some_bound, some_e4, some_short, turn_e9};
+use objects::OCTETS;
+use rounded::{e4, e6, some_bound, some_e4, some_short};
 
 use crate::attitude::degrees_of_turn;
 use crate::camera::Camera;
@@ -26,10 +28,13 @@ use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
 use std::collections::BTreeMap;
 
+/// Objects of which one thread makes the labels at least.
+const TASK: usize = 64;
+
 /// Objects of a lower signal-to-noise ratio count as not visible.
 pub const VISIBLE_SNR: f64 = 3.0;
 
-/// The label of one frame.
+/// The label of one frame. Its text is [`Label::to_json`]; as serde has it, it lacks its objects.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Label {
     /// Number of the frame in its run, from 0.
@@ -92,7 +97,8 @@ pub struct Label {
     /// Those of them that are not listed, for there are more than [`MOST_UNSEEN`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unseen_left_out: Option<usize>,
-    /// What is in the frame.
+    /// What is in the frame; in the text it is the last.
+    #[serde(skip)]
     pub objects: Objects,
 }
 
@@ -138,8 +144,8 @@ impl EffectLabel {
     }
 }
 
-/// One object in a frame.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// One object in a frame. Its text has no more digits than it is exact to.
+#[derive(Debug, Clone, PartialEq)]
 pub struct ObjectLabel {
     /// `star`, `rso`, `moon` or `planet`.
     pub kind: &'static str,
@@ -148,88 +154,66 @@ pub struct ObjectLabel {
     /// Other names.
     pub names: Vec<String>,
     /// Centroid of all its light over the exposure, column.
-    #[serde(serialize_with = "e6")]
     pub x_px: f64,
     /// Centroid, row.
-    #[serde(serialize_with = "e6")]
     pub y_px: f64,
     /// At the exposure's start.
-    #[serde(serialize_with = "e6")]
     pub x0_px: f64,
     /// At the exposure's start.
-    #[serde(serialize_with = "e6")]
     pub y0_px: f64,
     /// At the exposure's end.
-    #[serde(serialize_with = "e6")]
     pub x1_px: f64,
     /// At the exposure's end.
-    #[serde(serialize_with = "e6")]
     pub y1_px: f64,
     /// `(x1 - x0) / exposure`.
-    #[serde(serialize_with = "e6")]
     pub vx_px_s: f64,
     /// `(y1 - y0) / exposure`.
-    #[serde(serialize_with = "e6")]
     pub vy_px_s: f64,
     /// V; of an RSO by Clark et al. 2021, Eq. (9), in full sunlight, mean over the exposure.
-    #[serde(serialize_with = "e4")]
     pub mag: f64,
     /// `-2.5 log10(E / E_zero)` of the light that arrives; null where none does.
-    #[serde(serialize_with = "some_e4")]
     pub band_mag: Option<f64>,
     /// Expected electrons of the whole exposure, on and off the detector.
-    #[serde(serialize_with = "e4")]
     pub electrons: f64,
     /// Signal-to-noise ratio on the detector.
-    #[serde(serialize_with = "e4")]
     pub snr: f64,
     /// Apparent right ascension, ICRF axes, from 0 to below 360.
-    #[serde(serialize_with = "turn_e9")]
     pub ra_deg: f64,
     /// Apparent declination.
-    #[serde(serialize_with = "e9")]
     pub dec_deg: f64,
     /// Whether the centroid lies on the detector.
     pub in_frame: bool,
     /// In frame, lit, not occulted, and of a signal-to-noise ratio of at least [`VISIBLE_SNR`].
     pub visible: bool,
     /// Why it is not visible.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// What only an RSO has.
-    #[serde(flatten)]
     pub rso: Option<RsoLabel>,
     /// What only the Moon and planets have.
-    #[serde(flatten)]
     pub wanderer: Option<WandererLabel>,
 }
 
 /// What a label says of the Moon and of planets alone, at mid-exposure.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct WandererLabel {
     /// Distance from the observer.
-    #[serde(serialize_with = "e6")]
     pub range_km: f64,
     /// Angle Sun - body - observer.
-    #[serde(serialize_with = "e6")]
     pub phase_deg: f64,
     /// Angular radius.
-    #[serde(serialize_with = "e9")]
     pub radius_deg: f64,
     /// Part of its light that arrives: what neither the Earth nor its shadow takes, 0..1.
-    #[serde(serialize_with = "e6")]
     pub light: f64,
 }
 
 /// What a label says of an RSO alone; geometric, at mid-exposure.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RsoLabel {
     /// Distance from the observer.
     pub range_km: f64,
     /// Its rate; positive when receding.
     pub range_rate_km_s: f64,
     /// Angle Sun - object - observer.
-    #[serde(serialize_with = "e6")]
     pub phase_deg: f64,
     /// Part of the Sun's disc that lights it, 0..1.
     pub illumination: f64,
@@ -256,6 +240,12 @@ impl Label {
         let spots = spot::spots(scene, label_snr);
         let beyond = scene.particles_left_out;
         let unseen = unseen::listed(scene, world, label_snr);
+        // Of those whose number is known each label is made in its place.
+        let sources = scene.sources.iter();
+        let sources: Vec<&Source> = sources
+            .filter(|source| is_listed(source, scene, label_snr))
+            .collect();
+        let sources = sources.into_par_iter().with_min_len(TASK);
         Label {
             frame,
             seed: view.key.seed,
@@ -283,12 +273,7 @@ impl Label {
             unseen_counts: unseen.counts,
             unseen_left_out: (unseen.left_out > 0).then_some(unseen.left_out),
             objects: Objects {
-                sources: scene
-                    .sources
-                    .par_iter()
-                    .filter(|source| is_listed(source, scene, label_snr))
-                    .map(|source| object(source, scene, world))
-                    .collect(),
+                sources: sources.map(|source| object(source, scene, world)).collect(),
                 spots: spots.listed,
             },
         }
@@ -296,13 +281,22 @@ impl Label {
 
     /// One line of `labels.jsonl`, without the line's end; the same bytes travel on the wire.
     pub fn to_json(&self) -> String {
-        // An object's text has some 600 octets.
-        let mut text = Vec::with_capacity(4096 + 1024 * self.objects.len());
-        let text = match serde_json::to_writer(&mut text, self) {
+        let mut text = Vec::with_capacity(4096 + OCTETS * self.objects.len());
+        let text = match self.write(&mut text) {
             Ok(()) => String::from_utf8(text).map_err(|error| error.to_string()),
             Err(error) => Err(error.to_string()),
         };
         text.unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"))
+    }
+
+    fn write(&self, text: &mut Vec<u8>) -> serde_json::Result<()> {
+        serde_json::to_writer(&mut *text, self)?;
+        // Objects follow all other members.
+        text.pop();
+        text.extend_from_slice(b",\"objects\":");
+        self.objects.write(text)?;
+        text.push(b'}');
+        Ok(())
     }
 }
 

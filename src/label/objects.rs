@@ -2,10 +2,14 @@
 
 use super::{ObjectLabel, SpotLabel};
 use rayon::prelude::*;
-use serde::ser::{Error, SerializeSeq};
-use serde::{Serialize, Serializer};
-use serde_json::value::{RawValue, to_raw_value};
+use serde_json::{Result, to_writer};
 use std::ops::{Deref, DerefMut};
+
+/// Octets that an object's text has at most, but for few.
+pub(super) const OCTETS: usize = 1024;
+
+/// Objects whose texts one thread makes at least.
+const TASK: usize = 64;
 
 /// What is in a frame: sources of light, and beside them, in the same array of the text, what is none. As a list it is
 /// that of the sources.
@@ -47,24 +51,43 @@ impl<'a> IntoIterator for &'a Objects {
     }
 }
 
-impl Serialize for Objects {
-    /// They are most of a label: their texts are made side by side where there are threads for it, which only JSON has a way for.
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        if rayon::current_num_threads() == 1 {
-            let mut seq = to.serialize_seq(Some(self.sources.len() + self.spots.len()))?;
-            for source in &self.sources {
-                seq.serialize_element(source)?;
-            }
-            for spot in &self.spots {
-                seq.serialize_element(spot)?;
-            }
-            return seq.end();
+impl Objects {
+    /// Appends them to a text, as an array of JSON. They are most of a label: where there are threads for it, their texts are made side by side.
+    pub(super) fn write(&self, text: &mut Vec<u8>) -> Result<()> {
+        text.push(b'[');
+        let empty = text.len();
+        write_all(&self.sources, ObjectLabel::write, text)?;
+        write_all(&self.spots, |spot, text| to_writer(text, spot), text)?;
+        if text.len() > empty {
+            text.pop();
         }
-        fn texts<T: Serialize + Sync>(all: &[T]) -> serde_json::Result<Vec<Box<RawValue>>> {
-            all.par_iter().map(to_raw_value).collect()
-        }
-        let sources = texts(&self.sources).map_err(S::Error::custom)?;
-        let spots = texts(&self.spots).map_err(S::Error::custom)?;
-        to.collect_seq(sources.iter().chain(&spots))
+        text.push(b']');
+        Ok(())
     }
+}
+
+/// Appends all of these, each with a comma behind it.
+fn write_all<T: Sync>(
+    all: &[T],
+    write: impl Fn(&T, &mut Vec<u8>) -> Result<()> + Sync,
+    text: &mut Vec<u8>,
+) -> Result<()> {
+    let append = |some: &[T], text: &mut Vec<u8>| -> Result<()> {
+        for one in some {
+            write(one, text)?;
+            text.push(b',');
+        }
+        Ok(())
+    };
+    if rayon::current_num_threads() == 1 || all.len() <= TASK {
+        return append(all, text);
+    }
+    let texts = all.par_chunks(TASK).map(|some| {
+        let mut text = Vec::with_capacity(OCTETS * some.len());
+        append(some, &mut text).map(|()| text)
+    });
+    for part in texts.collect::<Result<Vec<Vec<u8>>>>()? {
+        text.extend_from_slice(&part);
+    }
+    Ok(())
 }

@@ -4,16 +4,20 @@ use serde::{Serialize, Serializer};
 
 /// Rounds to a number of decimals that lies well below any error of the value, for shorter lines.
 #[inline]
-fn rounded(value: f64, decimals: i32) -> f64 {
-    let scale = 10f64.powi(decimals);
-    let scaled = value * scale;
-    // Beyond 2^53 there are no decimals to drop.
-    if scaled.abs() < 9e15 {
+pub(super) fn rounded(value: f64, decimals: i32) -> f64 {
+    match scaled(value, decimals) {
         // By way of an integer: no call, and no negative zero.
-        (scaled + 0.5f64.copysign(scaled)) as i64 as f64 / scale
-    } else {
-        value
+        Some(units) => units as f64 / 10f64.powi(decimals),
+        None => value,
     }
+}
+
+/// How many units of the last of so many decimals; none of what has no decimals to drop.
+#[inline]
+pub(super) fn scaled(value: f64, decimals: i32) -> Option<i64> {
+    let scaled = value * 10f64.powi(decimals);
+    // Beyond 2^53 there are none.
+    (scaled.abs() < 9e15).then(|| (scaled + 0.5f64.copysign(scaled)) as i64)
 }
 
 pub(super) fn e4<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
@@ -22,16 +26,6 @@ pub(super) fn e4<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
 
 pub(super) fn e6<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_f64(rounded(*value, 6))
-}
-
-pub(super) fn e9<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_f64(rounded(*value, 9))
-}
-
-/// Degrees of a turn: what is rounded to a whole one is none.
-pub(super) fn turn_e9<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
-    let degrees = rounded(*value, 9);
-    to.serialize_f64(if degrees < 360.0 { degrees } else { 0.0 })
 }
 
 /// Four digits: bounds and prices are no more exact.

@@ -1,0 +1,284 @@
+//! The text of an object in a frame: JSON, its numbers by way of integers, for a label may have thousands of objects.
+
+use super::rounded::{rounded, scaled};
+use super::{ObjectLabel, RsoLabel, WandererLabel};
+use serde::Serialize;
+use serde_json::Result;
+
+/// A further member's name, as the text has it.
+macro_rules! key {
+    ($name:literal) => {
+        concat!(",\"", $name, "\":")
+    };
+}
+
+impl ObjectLabel {
+    /// Appends it to a text.
+    pub(super) fn write(&self, text: &mut Vec<u8>) -> Result<()> {
+        let mut object = Members(text);
+        object.any("{\"kind\":", self.kind)?;
+        object.any(key!("id"), &self.id)?;
+        object.any(key!("names"), &self.names)?;
+        object.number::<6>(key!("x_px"), self.x_px)?;
+        object.number::<6>(key!("y_px"), self.y_px)?;
+        object.number::<6>(key!("x0_px"), self.x0_px)?;
+        object.number::<6>(key!("y0_px"), self.y0_px)?;
+        object.number::<6>(key!("x1_px"), self.x1_px)?;
+        object.number::<6>(key!("y1_px"), self.y1_px)?;
+        object.number::<6>(key!("vx_px_s"), self.vx_px_s)?;
+        object.number::<6>(key!("vy_px_s"), self.vy_px_s)?;
+        object.number::<4>(key!("mag"), self.mag)?;
+        match self.band_mag {
+            Some(mag) => object.number::<4>(key!("band_mag"), mag)?,
+            None => object.any(key!("band_mag"), &())?,
+        }
+        object.number::<4>(key!("electrons"), self.electrons)?;
+        object.number::<4>(key!("snr"), self.snr)?;
+        object.number::<9>(key!("ra_deg"), of_turn(self.ra_deg))?;
+        object.number::<9>(key!("dec_deg"), self.dec_deg)?;
+        object.any(key!("in_frame"), &self.in_frame)?;
+        object.any(key!("visible"), &self.visible)?;
+        if let Some(reason) = &self.reason {
+            object.any(key!("reason"), reason)?;
+        }
+        if let Some(rso) = &self.rso {
+            rso.write(&mut object)?;
+        }
+        if let Some(wanderer) = &self.wanderer {
+            wanderer.write(&mut object)?;
+        }
+        text.push(b'}');
+        Ok(())
+    }
+}
+
+impl WandererLabel {
+    fn write(&self, object: &mut Members<'_>) -> Result<()> {
+        object.number::<6>(key!("range_km"), self.range_km)?;
+        object.number::<6>(key!("phase_deg"), self.phase_deg)?;
+        object.number::<9>(key!("radius_deg"), self.radius_deg)?;
+        object.number::<6>(key!("light"), self.light)
+    }
+}
+
+impl RsoLabel {
+    fn write(&self, object: &mut Members<'_>) -> Result<()> {
+        object.any(key!("range_km"), &self.range_km)?;
+        object.any(key!("range_rate_km_s"), &self.range_rate_km_s)?;
+        object.number::<6>(key!("phase_deg"), self.phase_deg)?;
+        object.any(key!("illumination"), &self.illumination)?;
+        object.any(key!("position_gcrf_km"), &self.position_gcrf_km)?;
+        object.any(key!("velocity_gcrf_km_s"), &self.velocity_gcrf_km_s)
+    }
+}
+
+/// Degrees of a turn: what is rounded to a whole one is none.
+fn of_turn(degrees: f64) -> f64 {
+    match rounded(degrees, 9) < 360.0 {
+        true => degrees,
+        false => 0.0,
+    }
+}
+
+/// Members of an object, appended to a text.
+struct Members<'a>(&'a mut Vec<u8>);
+
+impl Members<'_> {
+    #[inline]
+    fn number<const DECIMALS: u32>(&mut self, key: &'static str, value: f64) -> Result<()> {
+        self.0.extend_from_slice(key.as_bytes());
+        number::<DECIMALS>(value, self.0)
+    }
+
+    #[inline]
+    fn any<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<()> {
+        self.0.extend_from_slice(key.as_bytes());
+        serde_json::to_writer(&mut *self.0, value)
+    }
+}
+
+/// Appends `value`, [`rounded`] to so many decimals (9 at most), as [`serde_json`] writes it: the fewest digits that give it back.
+///
+/// Whole units of the last decimal, of 15 digits or fewer, are such digits once their last zeros are dropped: no two numbers of 15 digits have the same
+/// nearest double. Those of more digits, and what is so small that it has an exponent, is left to that crate.
+fn number<const DECIMALS: u32>(value: f64, text: &mut Vec<u8>) -> Result<()> {
+    const MOST: u64 = 1_000_000_000_000_000;
+    let unit = 10u64.pow(DECIMALS);
+    // 1e-5.
+    let least = 10u64.pow(DECIMALS.saturating_sub(5));
+    let (negative, units) = match scaled(value, DECIMALS as i32) {
+        Some(units) => (units < 0, units.unsigned_abs()),
+        None => (false, MOST),
+    };
+    if units >= MOST || (units > 0 && units < least) {
+        return serde_json::to_writer(text, &rounded(value, DECIMALS as i32));
+    }
+    let mut digits = [b'0'; 28];
+    let point = digits.len() - 1 - DECIMALS as usize;
+    let (mut whole, mut part) = (units / unit, (units % unit) as u32);
+    for digit in digits[point + 1..].iter_mut().rev() {
+        *digit += (part % 10) as u8;
+        part /= 10;
+    }
+    digits[point] = b'.';
+    let mut first = point;
+    loop {
+        first -= 1;
+        digits[first] += (whole % 10) as u8;
+        whole /= 10;
+        if whole == 0 {
+            break;
+        }
+    }
+    if negative {
+        first -= 1;
+        digits[first] = b'-';
+    }
+    let mut end = digits.len();
+    while end > point + 2 && digits[end - 1] == b'0' {
+        end -= 1;
+    }
+    text.extend_from_slice(&digits[first..end]);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+
+    /// Whether [`number`] writes what `serde_json` does of the rounded number.
+    fn check<const DECIMALS: u32>(value: f64) {
+        let mut text = Vec::new();
+        number::<DECIMALS>(value, &mut text).unwrap();
+        let expected = serde_json::to_string(&rounded(value, DECIMALS as i32)).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        assert_eq!(text, expected, "{value:?} {DECIMALS}");
+    }
+
+    #[test]
+    fn numbers_are_those_of_serde_json() {
+        let check_all = |value: f64| {
+            for value in [value, -value] {
+                check::<4>(value);
+                check::<6>(value);
+                check::<9>(value);
+            }
+        };
+        // Zero, both signs; halves of the last decimal; where exponents begin and end; where units are of 15 and of 16 digits; the least and greatest.
+        for value in [
+            0.0,
+            0.5,
+            1.0,
+            100.0,
+            0.1 + 0.2,
+            0.00005,
+            0.00015,
+            0.1234565,
+            2.5e-7,
+            1e-5,
+            9e-6,
+            9.9994e-6,
+            9.9999e-6,
+            9.999_999_9e-6,
+            1.000_01e-5,
+            1e-9,
+            5e-10,
+            4.999e-10,
+            359.999_999_999_6,
+            999_999.999_999_49,
+            99_999_999_999.999_95,
+            1e11,
+            123_456_789_012.345,
+            1e15,
+            9.007_199_254_740_993e15,
+            1e16,
+            123_456_789_012_345_680.0,
+            1e22,
+            1e300,
+            f64::MAX,
+            f64::MIN_POSITIVE,
+            5e-324,
+            f64::INFINITY,
+            f64::NAN,
+        ] {
+            check_all(value);
+        }
+        // Of all sizes, and all lengths: a Weyl sequence, and products of it rounded to few decimals.
+        for i in 0..300_000u32 {
+            let part = f64::from(i.wrapping_mul(2_654_435_769)) / f64::from(u32::MAX);
+            let size = libm::exp10(f64::from(i % 29) - 11.0);
+            check_all(part * size);
+            check_all(rounded(part * 1000.0, (i % 7) as i32));
+        }
+    }
+
+    #[test]
+    fn names_are_escaped_and_what_is_not_there_is_left_out() {
+        let mut label = ObjectLabel {
+            kind: "rso",
+            id: "A \"quoted\" \\ \u{1} é".to_string(),
+            names: vec!["a".to_string(), "\t".to_string()],
+            x_px: 1.25,
+            y_px: -0.0,
+            x0_px: f64::NAN,
+            y0_px: 0.0,
+            x1_px: 0.0,
+            y1_px: 0.0,
+            vx_px_s: 0.0,
+            vy_px_s: 0.0,
+            mag: 1.0,
+            band_mag: None,
+            electrons: 0.0,
+            snr: 0.0,
+            ra_deg: 359.999_999_999_7,
+            dec_deg: 0.0,
+            in_frame: true,
+            visible: false,
+            reason: Some("a reason".to_string()),
+            rso: None,
+            wanderer: None,
+        };
+        let read = |label: &ObjectLabel| -> (String, Value) {
+            let mut text = Vec::new();
+            label.write(&mut text).unwrap();
+            let text = String::from_utf8(text).unwrap();
+            let value = serde_json::from_str(&text).unwrap();
+            (text, value)
+        };
+        let (text, value) = read(&label);
+        assert_eq!(value["id"], label.id.as_str());
+        assert_eq!(value["names"][1], "\t");
+        assert!(text.contains("\"x_px\":1.25,\"y_px\":0.0,\"x0_px\":null,"));
+        assert!(text.contains("\"band_mag\":null,") && text.contains("\"ra_deg\":0.0,"));
+        assert!(text.ends_with("\"visible\":false,\"reason\":\"a reason\"}"));
+        label.reason = None;
+        label.band_mag = Some(2.0);
+        label.wanderer = Some(WandererLabel {
+            range_km: 384_400.0,
+            phase_deg: 90.0,
+            radius_deg: 0.25,
+            light: 1.0,
+        });
+        let (text, value) = read(&label);
+        assert_eq!(value["band_mag"], 2.0);
+        assert!(text.ends_with(
+            "\"visible\":false,\"range_km\":384400.0,\"phase_deg\":90.0,\"radius_deg\":0.25,\"light\":1.0}"
+        ));
+        label.wanderer = None;
+        label.rso = Some(RsoLabel {
+            range_km: 1000.123_456_789,
+            range_rate_km_s: -1.5,
+            phase_deg: 30.0,
+            illumination: 1.0,
+            position_gcrf_km: [1.0, 2.0, 3.5],
+            velocity_gcrf_km_s: [0.0, 7.5, -1e-7],
+        });
+        let (text, _) = read(&label);
+        // Of objects in orbit all digits are given.
+        assert!(text.ends_with(
+            "\"range_km\":1000.123456789,\"range_rate_km_s\":-1.5,\"phase_deg\":30.0,\"illumination\":1.0,\
+             \"position_gcrf_km\":[1.0,2.0,3.5],\"velocity_gcrf_km_s\":[0.0,7.5,-1e-7]}"
+        ));
+    }
+}
