@@ -32,6 +32,7 @@
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
+use std::fmt::Write;
 
 const STARS: &[u8] = include_bytes!("data/stars.bin");
 const NAMES: &str = include_str!("data/names.tsv");
@@ -108,10 +109,15 @@ impl Catalog {
 
     /// `HIP 80351`, or `HR 4375` where there is no Hipparcos number.
     pub fn id(&self, star: &Star) -> String {
-        match star.hip {
-            0 => format!("HR {}", star.hr),
-            hip => format!("HIP {hip}"),
-        }
+        let (catalogue, number) = match star.hip {
+            0 => ("HR", u32::from(star.hr)),
+            hip => ("HIP", hip),
+        };
+        // As much as the longest takes: frames have thousands.
+        let mut id = String::with_capacity("HIP 120000".len());
+        // Nothing fails that is written to a string.
+        let _ = write!(id, "{catalogue} {number}");
+        id
     }
 
     /// All HR numbers, the principal one first, then Bayer and Flamsteed designations and the proper name:
