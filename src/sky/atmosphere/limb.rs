@@ -6,7 +6,7 @@
 use super::Atmosphere;
 use super::air::{Density, TOP_M, phase_function};
 use super::sight::{Line, Sight, Step};
-use super::tables::{PLACES, Row, Table, crowd, sun_parts, uncrowd};
+use super::tables::{Row, Table, sun_parts};
 use crate::sky::bodies::{AU_M, SUN_RADIUS_M};
 use crate::sky::earth_light::EARTH_ALBEDO;
 use crate::sky::shadow::{EARTH_RADIUS_M, Earth};
@@ -50,7 +50,16 @@ struct Kind {
     airglow: Table,
     /// Lines of which there is a row, and those rows that have been asked for.
     lines: Vec<f64>,
-    rows: Vec<OnceLock<Row>>,
+    rows: Vec<OnceLock<Lit>>,
+}
+
+/// A line of which there is a row.
+#[derive(Debug, Clone)]
+struct Lit {
+    row: Row,
+    line: Line,
+    /// The air along it, from the observer on.
+    parcels: Vec<Parcel>,
 }
 
 impl Limb {
@@ -133,8 +142,12 @@ impl Limb {
                 .shells
                 .along(&line(entry), self.radius, &self.atmosphere)
         });
-        let row = |i: usize| rows[i].get_or_init(|| self.row(kind, lines[i]));
-        let [direct, from_below] = sun_parts(lines, row, at, [along, across]);
+        let row = |i: usize| {
+            let lit = rows[i].get_or_init(|| self.lit(kind, lines[i]));
+            lit.row
+                .at([along, across], |height| self.sun_along(lit, height))
+        };
+        let [direct, from_below] = sun_parts(lines, row, at);
         let cos_scattering = direction.dot(&self.to_sun) / direction.norm();
         let sunlit = phase_function(cos_scattering) * direct + from_below;
         [scattered / (4.0 * PI) * self.nearness * sunlit, airglow]
@@ -275,7 +288,8 @@ impl Limb {
         }
     }
 
-    fn row(&self, kind: usize, at: f64) -> Row {
+    /// A line, and the row for all heights that the Sun can have over it.
+    fn lit(&self, kind: usize, at: f64) -> Lit {
         let line = Limb::sight(kind, at).line(self.radius);
         // The place lies at p toward the lowest point's zenith and at s along the line; that zenith is sin(zenith) - cos(horizontal).
         let place = line.place();
@@ -284,32 +298,26 @@ impl Limb {
             (line.p * line.sin + place * line.cos) / far,
             (place * line.sin - line.p * line.cos) / far,
         ];
-        let along = self.zenith.dot(&self.sun);
-        let most = ((1.0 - along) * (1.0 + along)).max(0.0).sqrt();
-        let ends = [-most, most].map(|across| weights[0] * along + weights[1] * across);
-        let [from, to] = ends.map(crowd);
-        let span = to - from;
-        let parcels = self.parcels(&line);
-        let parts = std::array::from_fn(|i| {
-            let height = uncrowd(from + span * i as f64 / (PLACES - 1) as f64);
-            let across = if weights[1].abs() > 1e-9 {
-                (height - weights[0] * along) / weights[1]
-            } else {
-                0.0
-            };
-            self.sun_along(&line, &parcels, [along, across.clamp(-most, most)])
-        });
-        Row {
-            weights,
-            from,
-            span,
-            parts,
+        let [along, most] = self.sun_above();
+        let height = |across| weights[0] * along + weights[1] * across;
+        Lit {
+            row: Row::of(weights, [height(-most), height(most)]),
+            parcels: self.parcels(&line),
+            line,
         }
     }
 
-    /// The parts of the undimmed light that the Sun's direct light and the day side's give, the Sun's cosines to the observer's zenith and to
-    /// the line's horizontal direction given.
-    fn sun_along(&self, line: &Line, parcels: &[Parcel], [along, across]: [f64; 2]) -> [f64; 2] {
+    /// Cosine and sine of the angle between the Sun and the observer's zenith.
+    fn sun_above(&self) -> [f64; 2] {
+        let cos = self.zenith.dot(&self.sun);
+        [cos, ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt()]
+    }
+
+    /// The parts of the undimmed light that the Sun's direct light and the day side's give, the sine of the Sun's height over the line's place given.
+    fn sun_along(&self, lit: &Lit, height: f64) -> [f64; 2] {
+        let Lit { row, line, parcels } = lit;
+        let [along, most] = self.sun_above();
+        let across = row.across(height, along).clamp(-most, most);
         let Atmosphere { air, scattered, .. } = &*self.atmosphere;
         let lowest = line.sin * along - line.cos * across;
         let ahead = line.cos * along + line.sin * across;
