@@ -38,6 +38,9 @@ pub struct Limb {
     radius: f64,
     /// The Sun's light over that at 1 au (1).
     nearness: f64,
+    /// Of lines past the Earth: up to which part of the greatest altitude entries are nearly even, and the logarithm that the greatest has then.
+    near: f64,
+    far: f64,
     /// Of each kind of line what has been asked for.
     kinds: [OnceLock<Kind>; 3],
 }
@@ -80,7 +83,7 @@ impl Limb {
         let radius = observer.norm();
         let zenith = observer / radius;
         let sun = earth.to_sphere(sun_m).normalize();
-        Some(Limb {
+        let mut limb = Limb {
             atmosphere: atmosphere.clone(),
             earth,
             to_sun: sun_m.normalize(),
@@ -88,8 +91,14 @@ impl Limb {
             sun,
             radius,
             nearness: AU_M * AU_M / sun_m.norm_squared(),
+            near: 0.0,
+            far: 0.0,
             kinds: Default::default(),
-        })
+        };
+        let near_m = if limb.inside() { NEAR_M / 2.0 } else { NEAR_M };
+        limb.near = near_m / limb.highest_m();
+        limb.far = libm::log1p(1.0 / limb.near);
+        Some(limb)
     }
 
     /// What lines of a kind meet.
@@ -222,15 +231,12 @@ impl Limb {
             return at;
         }
         let highest = self.highest_m();
-        let (part, near) = if self.inside() {
-            (
-                1.0 - (1.0 - at / highest).max(0.0).sqrt(),
-                NEAR_M / 2.0 / highest,
-            )
+        let part = if self.inside() {
+            1.0 - (1.0 - at / highest).max(0.0).sqrt()
         } else {
-            (at / highest, NEAR_M / highest)
+            at / highest
         };
-        libm::log1p(part / near) / libm::log1p(1.0 / near)
+        libm::log1p(part / self.near) / self.far
     }
 
     /// The inverse of [`Limb::entry`].
@@ -239,12 +245,11 @@ impl Limb {
             return entry;
         }
         let highest = self.highest_m();
-        let part = |near: f64| near * libm::expm1(entry * libm::log1p(1.0 / near));
+        let part = self.near * libm::expm1(entry * self.far);
         if self.inside() {
-            let part = part(NEAR_M / 2.0 / highest);
             highest * part * (2.0 - part)
         } else {
-            highest * part(NEAR_M / highest)
+            highest * part
         }
     }
 

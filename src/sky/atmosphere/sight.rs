@@ -103,26 +103,30 @@ impl Line {
 
     /// The line in at most `count` parts, the observer's first. They lie closest where the air is densest: at the lowest point.
     pub fn steps(&self, count: usize) -> impl Iterator<Item = Step> + '_ {
-        let spread = libm::exp(CROWDING) - 1.0;
         let reach = self.from.abs().max(self.to.abs()).max(1.0);
         let span = self.to - self.from;
-        // Of the lowest point, sinh(w) opens to both sides; of the ground and the observer's own place, exp(w) - 1 to one.
-        let at = move |w: f64| match self.sight {
-            Sight::Past(_) => reach * libm::sinh(w) / libm::sinh(CROWDING),
-            Sight::Up(_) => self.from + span * libm::expm1(w) / spread,
-            Sight::Ground(_) | Sight::Away => self.to - span * libm::expm1(w) / spread,
+        let whole = libm::exp(CROWDING);
+        let (spread, sinh) = (whole - 1.0, (whole - 1.0 / whole) / 2.0);
+        // Of the lowest point, sinh(w) opens to both sides; of the ground and the observer's own place, exp(w) - 1 to one. `e` is exp(w).
+        let at = move |e: f64| match self.sight {
+            Sight::Past(_) => reach * ((e - 1.0 / e) / 2.0) / sinh,
+            Sight::Up(_) => self.from + span * (e - 1.0) / spread,
+            Sight::Ground(_) | Sight::Away => self.to - span * (e - 1.0) / spread,
         };
-        let place = move |s: f64| libm::asinh(s / reach * libm::sinh(CROWDING));
+        let place = move |s: f64| libm::asinh(s / reach * sinh);
         let [first, last] = match self.sight {
             Sight::Past(_) => [place(self.from), place(self.to)],
             Sight::Up(_) => [0.0, CROWDING],
             Sight::Ground(_) | Sight::Away => [CROWDING, 0.0],
         };
-        let step = (last - first) / count as f64;
-        let mut edge = at(first);
-        (0..count).map(move |i| {
-            let next = at(first + (i as f64 + 1.0) * step);
-            let s = at(first + (i as f64 + 0.5) * step);
+        let half_step = libm::exp((last - first) / (2 * count) as f64);
+        let mut e = libm::exp(first);
+        let mut edge = at(e);
+        (0..count).map(move |_| {
+            e *= half_step;
+            let s = at(e);
+            e *= half_step;
+            let next = at(e);
             let length = next - edge;
             edge = next;
             let radius = (self.p * self.p + s * s).sqrt();
