@@ -17,7 +17,7 @@ use nalgebra::Vector3;
 use skyloop_orbit::StateVector;
 use skyloop_orbit::time::seconds;
 
-use super::bodies::{AU_M, Bodies, LIGHT_M_S, aberrate, tt_days_since_j2000};
+use super::bodies::{AU_M, Aberration, Bodies, LIGHT_M_S, aberrate, tt_days_since_j2000};
 
 /// Epoch of the Hipparcos catalogue, J1991.25 = JD 2448349.0625, in days since J2000.0. The catalogue counts TCB and this module TT:
 /// 7 s apart, 2 microarcsec of the fastest proper motion.
@@ -165,59 +165,79 @@ pub fn star_direction(
     observer: &Observer,
     corrections: &Corrections,
 ) -> Vector3<f64> {
-    Sight::of(observer, corrections).of_star(place, &catalogue_direction(place))
+    Sight::of(observer, corrections).of_star(&StarWay::of(place))
+}
+
+/// A star's place and way at the catalogue's epoch, ICRS: what its direction is worked out from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StarWay {
+    /// [`catalogue_direction`].
+    pub direction: Vector3<f64>,
+    /// The change of the direction by proper motion, rad per Julian year.
+    pub motion: Vector3<f64>,
+    /// Annual parallax, rad.
+    pub parallax_rad: f64,
+}
+
+impl StarWay {
+    /// That of a place in the catalogue: motion is `p mu_ra + q mu_dec`, where p and q point east and north.
+    pub fn of(place: &StarPlace) -> StarWay {
+        let (sin_ra, cos_ra) = libm::sincos(place.ra_rad);
+        let (sin_dec, cos_dec) = libm::sincos(place.dec_rad);
+        let east = Vector3::new(-sin_ra, cos_ra, 0.0);
+        let north = Vector3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec);
+        StarWay {
+            direction: catalogue_direction(place),
+            motion: east * place.pm_ra_cosdec_rad_yr + north * place.pm_dec_rad_yr,
+            parallax_rad: place.parallax_rad,
+        }
+    }
 }
 
 /// What stars' directions have in common.
 #[derive(Debug)]
 pub struct Sight<'a> {
-    observer: &'a Observer,
     corrections: &'a Corrections,
     /// Since the catalogue's epoch.
     days: f64,
-    /// Of the observer, barycentric, m and m/s.
+    /// Of the observer, barycentric, m.
     position_m: Vector3<f64>,
-    velocity_m_s: Vector3<f64>,
+    sun: Deflection,
+    aberration: Aberration,
 }
 
 impl<'a> Sight<'a> {
     /// That of `observer`.
-    pub fn of(observer: &'a Observer, corrections: &'a Corrections) -> Sight<'a> {
+    pub fn of(observer: &Observer, corrections: &'a Corrections) -> Sight<'a> {
         Sight {
-            observer,
             corrections,
             days: tt_days_since_j2000(observer.epoch) - CATALOGUE_EPOCH_DAYS,
             position_m: observer.barycentric_m(),
-            velocity_m_s: observer.barycentric_velocity_m_s(),
+            sun: Deflection::at(observer.position_m - observer.bodies.sun_geocentric_m),
+            aberration: Aberration::by(observer.barycentric_velocity_m_s()),
         }
     }
 
-    /// [`star_direction`] of a star whose [`catalogue_direction`] is known.
-    pub fn of_star(&self, place: &StarPlace, start: &Vector3<f64>) -> Vector3<f64> {
-        let (observer, corrections) = (self.observer, self.corrections);
+    /// [`star_direction`] of a star.
+    pub fn of_star(&self, star: &StarWay) -> Vector3<f64> {
         // Uniform space motion and parallax, in units of the star's distance at the catalogue's epoch (SOFA pmpx, without radial velocity):
         //     u = u0 + (p mu_ra + q mu_dec) (t - t0 + u0 . r / c) - parallax r / au
-        // where p and q point east and north at u0. The term in c brings light to one wave front: 0.2 milliarcsec for Barnard's star.
-        let mut u = *start;
-        if corrections.proper_motion {
-            let roemer_days = start.dot(&self.position_m) / LIGHT_M_S / 86_400.0;
-            let years = (self.days + roemer_days) / DAYS_PER_YEAR;
-            let (sin_ra, cos_ra) = libm::sincos(place.ra_rad);
-            let (sin_dec, cos_dec) = libm::sincos(place.dec_rad);
-            let east = Vector3::new(-sin_ra, cos_ra, 0.0);
-            let north = Vector3::new(-sin_dec * cos_ra, -sin_dec * sin_ra, cos_dec);
-            u += (east * place.pm_ra_cosdec_rad_yr + north * place.pm_dec_rad_yr) * years;
+        // The term in c brings light to one wave front: 0.2 milliarcsec for Barnard's star.
+        let mut u = star.direction;
+        if self.corrections.proper_motion {
+            let roemer_days = u.dot(&self.position_m) / LIGHT_M_S / 86_400.0;
+            u += star.motion * ((self.days + roemer_days) / DAYS_PER_YEAR);
         }
-        if corrections.parallax {
-            u -= self.position_m * (place.parallax_rad.max(0.0) / AU_M);
+        if self.corrections.parallax {
+            u -= self.position_m * (star.parallax_rad.max(0.0) / AU_M);
         }
         u = u.normalize();
 
-        if corrections.deflection {
-            u = deflect(u, observer.position_m - observer.bodies.sun_geocentric_m);
+        if self.corrections.deflection {
+            u = self.sun.of(u);
         }
-        if corrections.aberration {
-            u = aberrate(u, self.velocity_m_s);
+        if self.corrections.aberration {
+            u = self.aberration.of(u);
         }
         u
     }
@@ -230,7 +250,7 @@ pub fn catalogue_direction(place: &StarPlace) -> Vector3<f64> {
     Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
 }
 
-/// Bends light from a distant source in direction `u` away from the Sun, for an observer at `from_sun_m`.
+/// How the Sun bends light from distant sources away from itself.
 ///
 /// With e the unit vector from the Sun to the observer and r their distance,
 ///
@@ -240,12 +260,30 @@ pub fn catalogue_direction(place: &StarPlace) -> Vector3<f64> {
 ///
 /// (Explanatory Supplement to the Astronomical Almanac, 3rd ed., 2013, Eq. 7.63, for a source at infinity): 1.75 arcsec at the limb. Behind the Sun's
 /// disc the divisor is held above a floor, so that the result stays finite and continuous.
-fn deflect(u: Vector3<f64>, from_sun_m: Vector3<f64>) -> Vector3<f64> {
-    let distance = from_sun_m.norm();
-    let e = from_sun_m / distance;
-    let along = u.dot(&e);
-    let strength = SUN_SCHWARZSCHILD_M / distance / (1.0 + along).max(DEFLECTION_FLOOR);
-    (u + (e - u * along) * strength).normalize()
+#[derive(Debug)]
+struct Deflection {
+    /// From the Sun: e and 2 GM / c^2 r.
+    from_sun: Vector3<f64>,
+    strength: f64,
+}
+
+impl Deflection {
+    /// For an observer at `from_sun_m`.
+    fn at(from_sun_m: Vector3<f64>) -> Deflection {
+        let distance = from_sun_m.norm();
+        Deflection {
+            from_sun: from_sun_m / distance,
+            strength: SUN_SCHWARZSCHILD_M / distance,
+        }
+    }
+
+    /// The direction of light that would come from `u`.
+    fn of(&self, u: Vector3<f64>) -> Vector3<f64> {
+        let e = self.from_sun;
+        let along = u.dot(&e);
+        let strength = self.strength / (1.0 + along).max(DEFLECTION_FLOOR);
+        (u + (e - u * along) * strength).normalize()
+    }
 }
 
 /// An object in Earth orbit as an observer sees it.

@@ -95,6 +95,11 @@ impl Bodies {
 
 /// The direction in which an observer who moves at `velocity` (m/s) sees light whose source a resting observer sees along the
 /// unit vector `u`. Unit vector.
+pub fn aberrate(u: Vector3<f64>, velocity_m_s: Vector3<f64>) -> Vector3<f64> {
+    Aberration::by(velocity_m_s).of(u)
+}
+
+/// The aberration of an observer who moves.
 ///
 /// With b = v/c and 1/g = sqrt(1 - b^2), special relativity gives
 ///
@@ -103,12 +108,32 @@ impl Bodies {
 /// ```
 ///
 /// (Explanatory Supplement to the Astronomical Almanac, 3rd ed., 2013, Eq. 7.40.)
-pub fn aberrate(u: Vector3<f64>, velocity_m_s: Vector3<f64>) -> Vector3<f64> {
-    let beta = velocity_m_s / LIGHT_M_S;
-    let inverse_gamma = (1.0 - beta.norm_squared()).sqrt();
-    let along = u.dot(&beta);
-    let seen = u * inverse_gamma + beta * (1.0 + along / (1.0 + inverse_gamma));
-    seen.normalize()
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Aberration {
+    beta: Vector3<f64>,
+    inverse_gamma: f64,
+}
+
+impl Aberration {
+    /// By a velocity.
+    pub(super) fn by(velocity_m_s: Vector3<f64>) -> Aberration {
+        let beta = velocity_m_s / LIGHT_M_S;
+        Aberration {
+            beta,
+            inverse_gamma: (1.0 - beta.norm_squared()).sqrt(),
+        }
+    }
+
+    /// [`aberrate`].
+    pub(super) fn of(&self, u: Vector3<f64>) -> Vector3<f64> {
+        let Aberration {
+            beta,
+            inverse_gamma,
+        } = *self;
+        let along = u.dot(&beta);
+        let seen = u * inverse_gamma + beta * (1.0 + along / (1.0 + inverse_gamma));
+        seen.normalize()
+    }
 }
 
 /// Days of TT since J2000.0 (2000-01-01 12:00 TT).

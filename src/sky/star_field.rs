@@ -1,12 +1,13 @@
 //! The catalogue as one camera sees it: directions for the field test, magnitudes in the camera's band.
 
-use super::apparent::{Corrections, Observer, Sight, StarPlace, catalogue_direction};
+use super::apparent::{Corrections, Observer, Sight, StarPlace, StarWay};
 use super::catalog::{Catalog, Star};
 use crate::camera::Band;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 /// How far (rad) a star may stand from its catalogue direction: Barnard's star moves 0.32 degrees in the 110
 /// years to 2100; aberration adds up to 26 arcsec, deflection at most 6 (close behind the Sun), parallax at most 0.8.
@@ -16,13 +17,21 @@ const WANDER: f64 = 0.35 * std::f64::consts::PI / 180.0;
 #[derive(Debug)]
 pub struct StarField {
     catalog: Catalog,
-    /// Unit vectors at the catalogue's epoch, ICRS.
-    directions: Vec<Vector3<f64>>,
+    /// Group by group: frames read whole groups.
+    entries: Vec<Entry>,
     groups: Vec<Group>,
-    /// Magnitudes in the camera's band.
-    band_mags: Vec<f64>,
+}
+
+/// A star as frames read it.
+#[derive(Debug)]
+struct Entry {
+    /// Into the catalogue.
+    index: u32,
+    way: StarWay,
+    /// Magnitude in the camera's band.
+    band_mag: f64,
     /// See [`Band::wavelength_ratio`].
-    wavelength_ratios: Vec<f64>,
+    wavelength_ratio: f64,
 }
 
 /// A star in the field.
@@ -40,6 +49,8 @@ pub struct SeenStar {
 
 /// Stars that stand together.
 const GROUP: usize = 64;
+/// Stars that one thread looks at at least.
+const TASK: usize = 64;
 /// Groups are cut from strips of the sky of this height (1, along the pole's axis), in which stars follow each other by right ascension: of 78,000 stars
 /// those are as wide as some 7 deg.
 const STRIP: f64 = 0.08;
@@ -48,40 +59,43 @@ const STRIP: f64 = 0.08;
 #[derive(Debug)]
 struct Group {
     axis: Vector3<f64>,
-    /// Half the cone's angle, rad.
+    /// Half the cone's angle, rad, its cosine and its sine.
     angle: f64,
-    /// Indices into the catalogue.
-    stars: Vec<u32>,
+    cos: f64,
+    sin: f64,
+    /// Which of the entries they are.
+    entries: Range<usize>,
 }
 
 impl Group {
-    fn of(stars: &[u32], directions: &[Vector3<f64>]) -> Group {
-        let direction = |star: &u32| directions[*star as usize];
-        let sum: Vector3<f64> = stars.iter().map(direction).sum();
+    fn of(stars: &[Entry], from: usize) -> Group {
+        let sum: Vector3<f64> = stars.iter().map(|star| star.way.direction).sum();
         let axis = sum.try_normalize(0.0).unwrap_or_else(Vector3::z);
-        let angles = stars.iter().map(|star| direction(star).angle(&axis));
+        let angles = stars.iter().map(|star| star.way.direction.angle(&axis));
+        // What rounding takes of the arc cosine near 1, too.
+        let angle = angles.fold(0.0, f64::max) + 1e-7;
+        let (sin, cos) = libm::sincos(angle);
         Group {
             axis,
-            // What rounding takes of the arc cosine near 1, too.
-            angle: angles.fold(0.0, f64::max) + 1e-7,
-            stars: stars.to_vec(),
+            angle,
+            cos,
+            sin,
+            entries: from..from + stars.len(),
         }
     }
 
-    /// Those of all stars.
-    fn all(directions: &[Vector3<f64>]) -> Vec<Group> {
-        let strip = |star: &u32| (directions[*star as usize].z / STRIP).floor();
-        let around = |star: &u32| {
-            let direction = directions[*star as usize];
-            libm::atan2(direction.y, direction.x)
-        };
-        let mut order: Vec<u32> = (0..directions.len() as u32).collect();
-        order.sort_by(|a, b| {
+    /// Those of all stars, which are brought into their order.
+    fn all(stars: &mut [Entry]) -> Vec<Group> {
+        let strip = |star: &Entry| (star.way.direction.z / STRIP).floor();
+        let around = |star: &Entry| libm::atan2(star.way.direction.y, star.way.direction.x);
+        stars.sort_by(|a, b| {
             let strips = strip(a).total_cmp(&strip(b));
             strips.then_with(|| around(a).total_cmp(&around(b)))
         });
-        let groups = order.par_chunks(GROUP);
-        groups.map(|stars| Group::of(stars, directions)).collect()
+        let groups = stars.par_chunks(GROUP).enumerate();
+        groups
+            .map(|(i, stars)| Group::of(stars, i * GROUP))
+            .collect()
     }
 }
 
@@ -104,15 +118,16 @@ impl StarField {
             true => band.wavelength_ratio(star.b_v),
             false => 1.0,
         };
-        let directions = catalog.stars().iter();
-        let directions: Vec<Vector3<f64>> = directions
-            .map(|star| catalogue_direction(&place(star)))
-            .collect();
+        let entry = |(index, star): (usize, &Star)| Entry {
+            index: index as u32,
+            way: StarWay::of(&place(star)),
+            band_mag: band_mag(star),
+            wavelength_ratio: wavelength_ratio(star),
+        };
+        let mut entries: Vec<Entry> = catalog.stars().iter().enumerate().map(entry).collect();
         StarField {
-            wavelength_ratios: catalog.stars().iter().map(wavelength_ratio).collect(),
-            groups: Group::all(&directions),
-            directions,
-            band_mags: catalog.stars().iter().map(&mut band_mag).collect(),
+            groups: Group::all(&mut entries),
+            entries,
             catalog,
         }
     }
@@ -130,27 +145,33 @@ impl StarField {
         observer: &Observer,
         corrections: &Corrections,
     ) -> Vec<SeenStar> {
+        let reach = angle + WANDER;
+        let (sin, cos) = libm::sincos(reach);
         // In all directions, whatever rounding makes of products of unit vectors.
-        let least = |angle: f64| if angle < PI { libm::cos(angle) } else { -2.0 };
-        let nearest = least(angle + WANDER);
-        let near = |group: &&Group| group.axis.dot(axis) >= least(angle + WANDER + group.angle);
-        let groups: Vec<&Group> = self.groups.iter().filter(near).collect();
-        let stars = groups.into_par_iter().flat_map_iter(|group| &group.stars);
-        let stars = stars.map(|star| *star as usize);
-        let stars = stars.filter(|star| self.directions[*star].dot(axis) >= nearest);
-        let sight = Sight::of(observer, corrections);
-        let seen = stars.map(|index| SeenStar {
-            index,
-            direction: sight.of_star(
-                &place(&self.catalog.stars()[index]),
-                &self.directions[index],
-            ),
-            band_mag: self.band_mags[index],
-            wavelength_ratio: self.wavelength_ratios[index],
+        let nearest = if reach < PI { cos } else { -2.0 };
+        let near = |group: &&Group| {
+            // The cosine of the sum of both angles.
+            reach + group.angle >= PI
+                || group.axis.dot(axis) >= cos * group.cos - sin * group.sin - 1e-15
+        };
+        let entries = self.groups.iter().filter(near).flat_map(|group| {
+            let entries = self.entries.get(group.entries.clone()).unwrap_or_default();
+            entries.iter()
         });
-        let mut seen: Vec<SeenStar> = seen.collect();
-        seen.par_sort_unstable_by_key(|star| star.index);
-        seen
+        let mut near: Vec<(u32, &Entry)> = entries
+            .filter(|star| star.way.direction.dot(axis) >= nearest)
+            .map(|star| (star.index, star))
+            .collect();
+        near.sort_unstable_by_key(|(index, _)| *index);
+        let sight = Sight::of(observer, corrections);
+        let stars = near.par_iter().with_min_len(TASK);
+        let seen = stars.map(|(index, star)| SeenStar {
+            index: *index as usize,
+            direction: sight.of_star(&star.way),
+            band_mag: star.band_mag,
+            wavelength_ratio: star.wavelength_ratio,
+        });
+        seen.collect()
     }
 }
 
@@ -176,8 +197,12 @@ mod tests {
         let catalog = Catalog::embedded(Selection::Hipparcos);
         let band = Band::named("v").unwrap();
         let field = StarField::new(catalog, &band, false);
-        let grouped = field.groups.iter().flat_map(|group| &group.stars);
-        assert_eq!(grouped.count(), field.directions.len());
+        let grouped = field.groups.iter().flat_map(|group| group.entries.clone());
+        assert!(grouped.eq(0..field.entries.len()));
+        let mut directions = vec![Vector3::zeros(); field.catalog.stars().len()];
+        for star in &field.entries {
+            directions[star.index as usize] = star.way.direction;
+        }
         let epoch = Epoch::from_gregorian_utc_at_midnight(2026, 6, 1);
         let observer = Observer {
             epoch,
@@ -194,9 +219,8 @@ mod tests {
             for angle in [1e-4, 0.03, 0.2, 1.0, 1.6, 3.0, 3.2] {
                 let seen = field.in_cone(&axis, angle, &observer, &Corrections::NONE);
                 let seen: Vec<usize> = seen.iter().map(|star| star.index).collect();
-                let (all, reach) = (0..field.directions.len(), angle + WANDER);
-                let near =
-                    all.filter(|i| reach >= PI || field.directions[*i].dot(&axis) >= reach.cos());
+                let (all, reach) = (0..directions.len(), angle + WANDER);
+                let near = all.filter(|i| reach >= PI || directions[*i].dot(&axis) >= reach.cos());
                 assert_eq!(seen, near.collect::<Vec<_>>(), "{axis:?} {angle}");
             }
         }
