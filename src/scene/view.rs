@@ -27,6 +27,9 @@ use std::sync::Arc;
 /// Sources that one thread looks at at least.
 const FEW: usize = 128;
 
+/// The Moon and the planets.
+const WANDERERS: usize = 8;
+
 /// A point source near the field, before its image is made.
 #[derive(Debug, Clone)]
 pub struct Candidate {
@@ -199,12 +202,6 @@ impl View {
         let stars = world
             .stars
             .in_cone(&axis, cone, &shutter[1], &world.corrections);
-        let earth = Earth::at(exposure.mid);
-        let stars = stars.into_par_iter().with_min_len(FEW);
-        let stars = stars.map(|star| view.star(star, &earth, &shutter[1]));
-        let faintest_e = faint.star_snr * view.noise_e(faint.floor_e);
-        let stars = stars.filter(|star| star.clear_e >= faintest_e);
-        let mut candidates: Vec<Candidate> = stars.collect();
         let to_icrf = view.pointing(0.0).matrix().transpose();
         let sides = camera.sides(reach_px).into_iter().map(|side| Side {
             inward: to_icrf * side.inward,
@@ -220,6 +217,13 @@ impl View {
         let seen = world
             .population
             .in_field(&field, &world.corrections, fidelity.orbits);
+        let earth = Earth::at(exposure.mid);
+        // All in their places, and with room for those that follow.
+        let mut candidates = Vec::with_capacity(stars.len() + seen.objects.len() + WANDERERS);
+        let stars = stars.into_par_iter().with_min_len(FEW);
+        candidates.par_extend(stars.map(|star| view.star(star, &earth, &shutter[1])));
+        let faintest_e = faint.star_snr * view.noise_e(faint.floor_e);
+        candidates.retain(|star| star.clear_e >= faintest_e);
         let (bright, too_faint) = view.rsos(seen.objects, &faint);
         candidates.extend(bright);
         candidates.extend(view.planets(world, &shutter, &axis, cone));

@@ -84,19 +84,31 @@ impl Group {
         }
     }
 
-    /// Those of all stars, which are brought into their order.
-    fn all(stars: &mut [Entry]) -> Vec<Group> {
-        let strip = |star: &Entry| (star.way.direction.z / STRIP).floor();
-        let around = |star: &Entry| libm::atan2(star.way.direction.y, star.way.direction.x);
-        stars.sort_by(|a, b| {
-            let strips = strip(a).total_cmp(&strip(b));
-            strips.then_with(|| around(a).total_cmp(&around(b)))
-        });
+    /// Those of all stars, in their [`order`].
+    fn all(stars: &[Entry]) -> Vec<Group> {
         let groups = stars.par_chunks(GROUP).enumerate();
         groups
             .map(|(i, stars)| Group::of(stars, i * GROUP))
             .collect()
     }
+}
+
+/// The order in which stars that follow each other stand together, by their indices: strip by strip, around the pole in each.
+fn order(stars: &[StarWay]) -> Vec<u32> {
+    let key = |(index, star): (usize, &StarWay)| {
+        let at = &star.direction;
+        (
+            (at.z / STRIP).floor(),
+            libm::atan2(at.y, at.x),
+            index as u32,
+        )
+    };
+    let mut keys: Vec<(f64, f64, u32)> = stars.iter().enumerate().map(key).collect();
+    keys.sort_unstable_by(|a, b| {
+        let places = a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1));
+        places.then(a.2.cmp(&b.2))
+    });
+    keys.into_iter().map(|(_, _, index)| index).collect()
 }
 
 impl StarField {
@@ -118,15 +130,20 @@ impl StarField {
             true => band.wavelength_ratio(star.b_v),
             false => 1.0,
         };
-        let entry = |(index, star): (usize, &Star)| Entry {
-            index: index as u32,
-            way: StarWay::of(&place(star)),
-            band_mag: band_mag(star),
-            wavelength_ratio: wavelength_ratio(star),
+        let stars = catalog.stars();
+        let ways: Vec<StarWay> = stars.iter().map(|star| StarWay::of(&place(star))).collect();
+        let entry = |index: u32| {
+            let star = &stars[index as usize];
+            Entry {
+                index,
+                way: ways[index as usize],
+                band_mag: band_mag(star),
+                wavelength_ratio: wavelength_ratio(star),
+            }
         };
-        let mut entries: Vec<Entry> = catalog.stars().iter().enumerate().map(entry).collect();
+        let entries: Vec<Entry> = order(&ways).into_iter().map(entry).collect();
         StarField {
-            groups: Group::all(&mut entries),
+            groups: Group::all(&entries),
             entries,
             catalog,
         }
