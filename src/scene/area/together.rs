@@ -33,26 +33,23 @@ impl Together {
     /// That of `areas`, before which images have so many `pixels`.
     pub fn of(areas: &[AreaLight], view: &View, pixels: usize) -> Together {
         let Detector { width, height, .. } = view.camera.detector;
-        let even: Vec<&Lines> = areas.iter().filter_map(|area| area.even.as_ref()).collect();
-        let even = Lines::of_all(&even);
-        let others = |area: &&AreaLight| area.even.is_none() && area.electrons > 0.0;
-        let others: Vec<&[f32]> = areas.iter().filter(others).map(AreaLight::e).collect();
-        let (drawn, even) = match pixels >= width * height / CLOSE {
-            true => (even, None),
-            false => (None, even),
-        };
-        let is_none = others.is_empty() && drawn.is_none();
-        let e = drawn_by(if is_none { 0 } else { width * height }, |first, sum| {
-            if let Some(lines) = &drawn {
-                lines.add_to(view.level, first, sum);
-            }
-            for e in &others {
-                kernels::add(view.level, &e[first..], sum);
-            }
-        });
+        let is_close = pixels >= width * height / CLOSE;
+        let (even, drawn): (Vec<&AreaLight>, _) = areas
+            .iter()
+            .filter(|area| area.electrons > 0.0)
+            .partition(|area| !is_close && area.even.is_some());
+        let even: Vec<&Lines> = even.iter().filter_map(|area| area.even.as_ref()).collect();
+        let e = drawn_by(
+            if drawn.is_empty() { 0 } else { width * height },
+            |first, e| {
+                for area in &drawn {
+                    area.add_to(view.level, first, e);
+                }
+            },
+        );
         Together {
             others: Footprint::whole(width, e),
-            even: even.map(|lines| {
+            even: Lines::of_all(&even).map(|lines| {
                 let places = lines.places();
                 (lines, places)
             }),
