@@ -11,7 +11,7 @@ mod dots;
 
 mod light;
 
-pub use dots::{Circle, Dot, Ends, Lines, POWERS, ROWS, Sheet};
+pub use dots::{Circle, Dot, Ends, Lines, ROWS, Sheet};
 pub use light::{Reading, Span};
 
 use crate::rng::normal::{self, uniform_of};
@@ -108,9 +108,9 @@ kernel! {
 }
 
 kernel! {
-    /// Adds the terms of a signal-to-noise ratio: of pixels that hold their `shares` (1) of so many `electrons` (e-) and `background` (e-), as many of one as of the
-    /// other, four side by side.
-    add_signal = signal_body, signal_twin (reading: &Reading, electrons: f64, shares: &[f32], background: &[f32], sums: &mut [f64; 4])
+    /// Adds the terms of the square of a signal-to-noise ratio: of pixels that hold their `shares` (1) of so many `electrons` (e-) and `background` (e-), as many
+    /// of one as of the other.
+    add_signal = signal_body, signal_twin (reading: &Reading, electrons: f64, shares: &[f32], background: &[f32], sum: &mut f64)
 }
 
 #[inline(always)]

@@ -138,18 +138,16 @@ impl Rows {
         let Some(first_row) = first_row else {
             return Footprint::default();
         };
-        // Pixels are copied so many at a time, those beyond a row's last too: the next row writes over them.
-        let mut shares = vec![0.0f32; total as usize + LANES];
+        // Pixels are copied so many at a time, those beyond a row's last too: the next row takes their place.
+        let mut shares: Vec<f32> = Vec::with_capacity(total as usize + LANES);
         let origins = &self.origins[(first_row - self.first) as usize..];
         for (span, origin) in spans.iter().zip(origins) {
-            let (length, offset) = (span.length as usize, span.offset as usize);
             let from = (origin + span.column as i32) as usize;
-            let whole = length.next_multiple_of(LANES);
-            let shares = shares[offset..offset + whole].as_chunks_mut::<LANES>().0;
-            let light = light[from..from + whole].as_chunks::<LANES>().0;
-            for (shares, light) in shares.iter_mut().zip(light) {
+            let whole = (span.length as usize).next_multiple_of(LANES);
+            shares.truncate(span.offset as usize);
+            for light in light[from..from + whole].as_chunks::<LANES>().0 {
                 // What rounding leaves of no light may be below 0.
-                *shares = light.map(|share| if share > 0.0 { share } else { 0.0 });
+                shares.extend(light.map(|share| if share > 0.0 { share } else { 0.0 }));
             }
         }
         shares.truncate(total as usize);

@@ -5,9 +5,9 @@
 use std::ops::Range;
 
 /// Powers of the series of a share in the place of the source, from 0 on.
-pub const POWERS: usize = 4;
+const POWERS: usize = 4;
 /// Pixels of a tile's side: the most that is worked out at a time.
-pub const SIDE: usize = 16;
+const SIDE: usize = 16;
 /// Rows whose ends are worked out side by side.
 pub const ROWS: usize = 16;
 /// Shares below are none: products of two stay far from what is too small for single precision.
@@ -94,18 +94,15 @@ impl Circle {
 impl Dot {
     /// A point at `at` (px) with a circle of `radius` (px), less than 2^31 px from pixel 0.
     pub fn new(at: [f64; 2], light: f64, radius: f64) -> Dot {
-        let first = at.map(|x| pixel(x - radius));
+        // The last digits of a sum with 1.5 2^52 are the nearest whole number, without the calls and jumps that `round` and `as` take.
+        const WHOLE: f64 = 6_755_399_441_055_744.0;
+        let sum = at.map(|x| x - radius + WHOLE);
         Dot {
-            first,
-            off: [0, 1].map(|k| (at[k] - f64::from(first[k])) as f32),
+            first: sum.map(|x| x.to_bits() as i32),
+            off: [0, 1].map(|k| (at[k] - (sum[k] - WHOLE)) as f32),
             light: light as f32,
         }
     }
-}
-
-/// The pixel at `x` (px), less than 2^31 from pixel 0: the last digits of a sum with 1.5 2^52, without the calls and jumps that `round` and `as` take.
-fn pixel(x: f64) -> i32 {
-    (x + 6_755_399_441_055_744.0).to_bits() as i32
 }
 
 /// The whole number nearest to one of less than 2^22, likewise.
@@ -181,16 +178,17 @@ pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
         for block in 0..circle.side.div_ceil(ROWS) {
             let row = block * ROWS;
             let rows = top + row..top + row + ROWS;
-            let touched: [[i32; 2]; ROWS] = std::array::from_fn(|i| {
-                touched(dot, dot.off[1] - (row as f32 + i as f32), squared)
-            });
-            let low: &mut [i32] = &mut ends.low[rows.clone()];
+            let (mut from, mut to) = ([0; ROWS], [0; ROWS]);
             for i in 0..ROWS {
-                low[i] = low[i].min(touched[i][0]);
+                [from[i], to[i]] = columns(dot, dot.off[1] - (row as f32 + i as f32), squared);
+            }
+            let low = &mut ends.low[rows.clone()];
+            for i in 0..ROWS {
+                low[i] = low[i].min(from[i]);
             }
             let past = &mut ends.past[rows];
             for i in 0..ROWS {
-                past[i] = past[i].max(touched[i][1]);
+                past[i] = past[i].max(to[i]);
             }
         }
     }
@@ -203,7 +201,7 @@ pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
 /// x -+ (r^2 - d^2)^(1/2),   d = max(|away| - 1/2, 0)
 /// ```
 #[inline(always)]
-fn touched(dot: &Dot, away: f32, squared: f32) -> [i32; 2] {
+fn columns(dot: &Dot, away: f32, squared: f32) -> [i32; 2] {
     let d = (away.abs() - 0.5).max(0.0);
     let rest = f32::mul_add(-d, d, squared);
     // Roots of all, so that lanes run side by side.
@@ -224,7 +222,7 @@ pub fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
     for dot in dots {
         let top = (dot.first[1] - ends.first_row) as u32 as usize;
         for row in 0..circle.side.next_multiple_of(ROWS) {
-            let [low, past] = touched(dot, dot.off[1] - row as f32, squared);
+            let [low, past] = columns(dot, dot.off[1] - row as f32, squared);
             ends.low[top + row] = ends.low[top + row].min(low);
             ends.past[top + row] = ends.past[top + row].max(past);
         }
@@ -234,16 +232,23 @@ pub fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
 /// Adds the light of dots, tile by tile.
 #[inline(always)]
 pub fn body(lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>) {
-    let side = circle.side;
+    // (Closures would be compiled without the level's instructions.)
     match circle.wide() {
-        8 => (dots.iter()).for_each(|dot| tile::<8>(lines, dot, 0, 0..side, sheet)),
-        12 => (dots.iter()).for_each(|dot| tile::<12>(lines, dot, 0, 0..side, sheet)),
-        SIDE => (dots.iter()).for_each(|dot| tile::<SIDE>(lines, dot, 0, 0..side, sheet)),
+        8 => {
+            for dot in dots {
+                tile::<8>(lines, dot, 0, 0..circle.side, sheet);
+            }
+        }
+        12 => {
+            for dot in dots {
+                tile::<12>(lines, dot, 0, 0..circle.side, sheet);
+            }
+        }
         wide => {
             for dot in dots {
-                for row in (0..side).step_by(SIDE) {
+                for row in (0..circle.side).step_by(SIDE) {
                     for column in (0..wide).step_by(SIDE) {
-                        let rows = row..(row + SIDE).min(side);
+                        let rows = row..(row + SIDE).min(circle.side);
                         tile::<SIDE>(lines, dot, column, rows, sheet);
                     }
                 }
@@ -262,7 +267,9 @@ fn tile<const L: usize>(
     sheet: &mut Sheet<'_>,
 ) {
     let mut down = lines.shares::<L>(dot.off[1], rows.start);
-    down.iter_mut().for_each(|share| *share *= dot.light);
+    for share in &mut down {
+        *share *= dot.light;
+    }
     let across = lines.shares::<L>(dot.off[0], column);
     let top = (dot.first[1] - sheet.first_row) as u32 as usize;
     let first = dot.first[0] + column as i32;

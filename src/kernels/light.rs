@@ -1,8 +1,11 @@
 //! Light of sources on pixels: adding it, and what it is worth among noise.
 
-/// Pixels whose light is added side by side, and whose signals are.
+/// Pixels that are worked out side by side.
 const WIDE: usize = 8;
-const LANES: usize = 4;
+/// Pixels whose signals are added up in single precision.
+const FEW: usize = 256;
+/// Light (e-) that counts for nothing: its square is near what is too small for single precision.
+const LEAST_E: f32 = 1e-15;
 
 /// What counts of the last of such, and what does not: a product instead of jumps.
 const COUNTS: [f32; 2 * WIDE] = {
@@ -41,33 +44,57 @@ pub struct Reading {
     pub full_e: f64,
 }
 
-impl Reading {
-    /// What a pixel that holds `s` beside `b` (e-) adds to the square of the ratio:
+/// The same in single precision, and the light that is read.
+#[derive(Debug, Clone, Copy)]
+struct Single {
+    electrons: f32,
+    bend: f32,
+    part_of_full: f32,
+    shot: f32,
+    floor: f32,
+    full_e: f32,
+}
+
+impl Single {
+    #[inline(always)]
+    fn of(reading: &Reading, electrons: f64) -> Single {
+        // More than any pixel holds, and its products are numbers.
+        const MOST_E: f64 = 1e30;
+        Single {
+            electrons: electrons.min(MOST_E) as f32,
+            bend: reading.bend as f32,
+            part_of_full: reading.part_of_full as f32,
+            shot: reading.shot as f32,
+            floor: reading.floor as f32,
+            full_e: reading.full_e.min(MOST_E) as f32,
+        }
+    }
+
+    /// What a pixel that holds a share of the light, s, beside `b` (e-) adds to the square of the ratio:
     ///
     /// ```text
-    /// (c(s + b) - c(b))^2 / (c'(s + b)^2 (s + b) + floor),   c(e) = e (1 - bend e / full)
+    /// (c(s + b) - c(b))^2 / (c'(s + b)^2 (s + b) + floor),   c(e) = e (1 - bend p(e)),   p(e) = min(e / full, 1)
+    /// c(s + b) - c(b) = s (1 - bend p(s + b)) - b bend min(s / full, 1 - p(b))
     /// ```
     #[inline(always)]
-    fn term(&self, s: f64, b: f64) -> f64 {
+    fn term(&self, share: f32, b: f32) -> f32 {
+        let s = self.electrons * share;
         let held = s + b;
-        let (whole, rest) = (self.bent(held), self.bent(b));
-        // c(s + b) - c(b), without what both have in common
-        let signal = s * (1.0 - whole) - b * (whole - rest);
+        let whole = self.bend * least(held * self.part_of_full, 1.0);
+        let rest = 1.0 - least(b * self.part_of_full, 1.0);
+        let signal = s * (1.0 - whole) - b * self.bend * least(s * self.part_of_full, rest);
         let slope = 1.0 - 2.0 * whole;
         let variance = slope * slope * self.shot * held + self.floor;
         // Not by a jump around the division, which keeps lanes from running side by side.
-        let shows = (s > 0.0) & (held < self.full_e);
+        let shows = (s > LEAST_E) & (held < self.full_e);
         let signal = if shows { signal } else { 0.0 };
         signal * signal / variance
     }
+}
 
-    /// What a charge is read too low by, as a part of it.
-    #[inline(always)]
-    fn bent(&self, e: f64) -> f64 {
-        let part = e * self.part_of_full;
-        let part = if part > 0.0 { part } else { 0.0 };
-        self.bend * if part < 1.0 { part } else { 1.0 }
-    }
+#[inline(always)]
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 /// Nothing is added to the pixels behind a row's last, whichever they are.
@@ -131,22 +158,25 @@ pub fn signal_body(
     electrons: f64,
     shares: &[f32],
     background: &[f32],
-    sums: &mut [f64; LANES],
+    sum: &mut f64,
 ) {
-    let term = |share: f32, b: f32| reading.term(electrons * f64::from(share), f64::from(b));
-    let (shares, last) = shares.as_chunks::<LANES>();
-    let (background, rest) = background.as_chunks::<LANES>();
-    let mut all = *sums;
-    for (shares, background) in shares.iter().zip(background) {
-        let terms: [f64; LANES] = std::array::from_fn(|i| term(shares[i], background[i]));
-        for i in 0..LANES {
-            all[i] += terms[i];
+    let reading = Single::of(reading, electrons);
+    for (shares, background) in shares.chunks(FEW).zip(background.chunks(FEW)) {
+        let mut sums = [0.0; WIDE];
+        let (shares, last) = shares.as_chunks::<WIDE>();
+        let (background, rest) = background.as_chunks::<WIDE>();
+        for (shares, background) in shares.iter().zip(background) {
+            for i in 0..WIDE {
+                sums[i] += reading.term(shares[i], background[i]);
+            }
+        }
+        for (sum, (share, b)) in sums.iter_mut().zip(last.iter().zip(rest)) {
+            *sum += reading.term(*share, *b);
+        }
+        for part in sums {
+            *sum += f64::from(part);
         }
     }
-    for (sum, (share, b)) in all.iter_mut().zip(last.iter().zip(rest)) {
-        *sum += term(*share, *b);
-    }
-    *sums = all;
 }
 
 #[inline(always)]
@@ -155,10 +185,15 @@ pub fn signal_twin(
     electrons: f64,
     shares: &[f32],
     background: &[f32],
-    sums: &mut [f64; LANES],
+    sum: &mut f64,
 ) {
-    for (i, (share, b)) in shares.iter().zip(background).enumerate() {
-        sums[i % LANES] += reading.term(electrons * f64::from(*share), f64::from(*b));
+    let reading = Single::of(reading, electrons);
+    for (shares, background) in shares.chunks(FEW).zip(background.chunks(FEW)) {
+        let mut sums = [0.0; WIDE];
+        for (i, (share, b)) in shares.iter().zip(background).enumerate() {
+            sums[i % WIDE] += reading.term(*share, *b);
+        }
+        sums.iter().for_each(|part| *sum += f64::from(*part));
     }
 }
 
@@ -204,19 +239,15 @@ mod tests {
         // Not a multiple of what is worked out side by side.
         let shares: Vec<f32> = (0..403).map(|i| (i % 37) as f32 * 1e-3).collect();
         let background: Vec<f32> = (0..403).map(|i| (i % 11) as f32 * 30.0).collect();
-        let sums = |level: Option<Level>| {
-            let mut sums = [0.0; LANES];
-            add_signal(level, &reading, 270e3, &shares, &background, &mut sums);
-            sums
+        let sum = |level: Option<Level>| {
+            let mut sum = 0.0;
+            add_signal(level, &reading, 270e3, &shares, &background, &mut sum);
+            sum
         };
-        let twin = sums(None);
-        assert!(twin.iter().all(|sum| *sum > 1.0));
+        let twin = sum(None);
+        assert!(twin > 4.0);
         for level in Level::available() {
-            assert_eq!(
-                sums(Some(level)).map(f64::to_bits),
-                twin.map(f64::to_bits),
-                "{level:?}"
-            );
+            assert_eq!(sum(Some(level)).to_bits(), twin.to_bits(), "{level:?}");
         }
     }
 }

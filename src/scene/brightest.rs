@@ -70,7 +70,7 @@ fn cells_e(
     let top = rows.start / CELL;
     let mut cells = vec![0.0; columns * (rows.end.div_ceil(CELL) - top)];
     // Of each column, in the rows of cells at hand; and which columns that are.
-    let mut greatest = vec![0.0f32; detector.width];
+    let mut greatest = vec![0.0f32; columns * CELL];
     let mut lit = (usize::MAX, 0);
     for light in lights {
         let mut rows = light.footprint.rows(rows.clone()).peekable();
@@ -95,17 +95,30 @@ fn cells_e(
             {
                 let from = lit.0.min(lit.1) / CELL;
                 let cells = &mut cells[(row / CELL - top) * columns + from..];
-                let lit_columns = &mut greatest[from * CELL..lit.1];
-                for (cell, columns) in cells.iter_mut().zip(lit_columns.chunks_mut(CELL)) {
-                    *cell +=
-                        light.electrons * f64::from(columns.iter().copied().fold(0.0, f32::max));
-                    columns.fill(0.0);
+                let past = lit.1.next_multiple_of(CELL);
+                let lit_columns = greatest[from * CELL..past].as_chunks_mut::<CELL>().0;
+                for (cell, columns) in cells.iter_mut().zip(lit_columns) {
+                    *cell += light.electrons * f64::from(greatest_of(*columns));
+                    *columns = [0.0; CELL];
                 }
                 lit = (usize::MAX, 0);
             }
         }
     }
     cells
+}
+
+/// The greatest of a cell's columns, by halves: side by side.
+fn greatest_of(mut columns: [f32; CELL]) -> f32 {
+    let mut half = CELL / 2;
+    while half > 0 {
+        for i in 0..half {
+            let other = columns[half + i];
+            raise(&mut columns[i], other);
+        }
+        half /= 2;
+    }
+    columns[0]
 }
 
 /// In single precision, rounded up: a bound stays one.

@@ -103,16 +103,16 @@ impl<'a> Noise<'a> {
             true => &shares[..],
             false => footprint.shares(),
         };
-        let mut sums = [0.0; 4];
+        let mut sum = 0.0;
         kernels::add_signal(
             self.level,
             &self.reading,
             electrons,
             shares,
             background,
-            &mut sums,
+            &mut sum,
         );
-        libm::sqrt(sums.iter().sum())
+        libm::sqrt(sum)
     }
 
     /// How each pixel responds, 1 being the mean; none where all respond alike.

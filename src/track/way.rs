@@ -30,6 +30,7 @@ impl Way {
     }
 
     /// Where it is at a part (0..1) of the time.
+    #[inline]
     pub fn at(&self, part: f64) -> Place {
         let s = 4.0 * part;
         let [x, y, light] = self.0.map(|d| {

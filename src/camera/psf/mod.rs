@@ -141,6 +141,7 @@ impl Psf {
 
     /// From a source at `field_px` from the principal point to the centre of its light, px: images may be off their middle, other
     /// profiles are symmetric.
+    #[inline]
     pub fn offset_px(&self, field_px: [f64; 2]) -> [f64; 2] {
         match &self.shape {
             Shape::Images(images) => images.offset_px(&images.mix(field_px)),
