@@ -19,7 +19,7 @@ const LENGTH_PX: f64 = 50.0;
 const SLOPE: f64 = 0.5;
 /// Rounds of which the median is told.
 const ROUNDS: usize = 41;
-/// Rows that are drawn together, as the renderer's bands are.
+/// Rows that are drawn together, all bands into the same charge, as the renderer's are.
 const BAND: usize = 32;
 
 /// Stars of the catalogue before a camera of 1024 x 1024 pixels that turns.
@@ -90,7 +90,7 @@ impl Stars {
             ..Simulated::default()
         };
         Ok(Stars {
-            electrons: vec![0.0; camera.detector.pixels()],
+            electrons: vec![0.0; camera.detector.width * BAND],
             view,
             simulated,
             fidelity: *emulator.fidelity(),
@@ -99,16 +99,16 @@ impl Stars {
 
     /// Makes the images of a view and draws them.
     fn take(&mut self, view: View, simulated: Simulated) {
-        let width = view.camera.detector.width;
+        let [width, height] = [view.camera.detector.width, view.camera.detector.height];
         let scene = Scene::new(view, simulated, &self.fidelity);
-        let bands = self.electrons.chunks_mut(width * BAND).enumerate();
-        for (band, electrons) in bands {
-            let rows = band * BAND..band * BAND + electrons.len() / width;
+        for first in (0..height).step_by(BAND) {
+            let rows = first..(first + BAND).min(height);
             for source in &scene.sources {
-                let e = source.electrons;
+                let (e, level) = (source.electrons, scene.view.level);
+                let pixels = &mut self.electrons;
                 source
                     .footprint
-                    .light(scene.view.level, e, rows.clone(), width, electrons);
+                    .light(level, e, rows.clone(), width, pixels);
             }
         }
         black_box((&self.electrons, &scene));
