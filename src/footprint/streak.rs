@@ -31,17 +31,25 @@ impl Footprint {
         light: &Light,
         level: Option<Level>,
     ) -> Option<Footprint> {
-        let is_lit = |sample: &Sample| sample.lit == Lit::ALL && sample.parts.is_empty();
         let lines = camera.optics.psf.lines()?;
         let radius = camera.optics.psf.circle_px(fidelity, light.electrons)?;
         // (No number is none.)
         let is_told = radius <= lines.reach_px();
-        if track.samples.len() < 2 || !is_told || !track.samples.iter().all(is_lit) {
+        if track.samples.len() < 2 || !is_told {
             return None;
         }
         let sides = camera.detector.sides();
         let mut dots = Vec::with_capacity(track.samples.len());
-        for Sample { at, weight, .. } in &track.samples {
+        for Sample {
+            at,
+            weight,
+            lit,
+            parts,
+        } in &track.samples
+        {
+            if *lit != Lit::ALL || !parts.is_empty() {
+                return None;
+            }
             // (No number is nowhere.)
             let touches = |k: usize| at[k] + radius >= -0.5 && at[k] - radius <= sides[k] - 0.5;
             if touches(0) && touches(1) && weight.is_finite() {
@@ -147,7 +155,8 @@ impl Rows {
             shares.truncate(span.offset as usize);
             for light in light[from..from + whole].as_chunks::<LANES>().0 {
                 // What rounding leaves of no light may be below 0.
-                shares.extend(light.map(|share| if share > 0.0 { share } else { 0.0 }));
+                let light = light.map(|share| if share > 0.0 { share } else { 0.0 });
+                shares.extend_from_slice(&light);
             }
         }
         shares.truncate(total as usize);
