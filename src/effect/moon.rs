@@ -22,7 +22,10 @@ pub const THE_MOON: Effect = Effect {
     stage: Stage::Light,
     random: false,
     judge: Judge::Pixels(|scene, fidelity| {
-        point::judge(scene, fidelity, MOON, is_moon, |parts| parts.moon = false)
+        let own_e = |drawn: &[&_]| point::lit_e(scene, drawn);
+        point::judge(scene, fidelity, (MOON, is_moon), own_e, |parts| {
+            parts.moon = false
+        })
     }),
     mark: |simulated| simulated.moon = true,
 };

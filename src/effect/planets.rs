@@ -14,7 +14,8 @@ pub const PLANETS: Effect = Effect {
     stage: Stage::Light,
     random: false,
     judge: Judge::Pixels(|scene, fidelity| {
-        point::judge(scene, fidelity, "planet", is_planet, |parts| {
+        let own_e = |drawn: &[&_]| point::lit_e(scene, drawn);
+        point::judge(scene, fidelity, ("planet", is_planet), own_e, |parts| {
             parts.planets = false
         })
     }),

@@ -31,22 +31,31 @@ pub const RSOS: Effect = Effect {
 };
 
 fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
-    judge(scene, fidelity, "star", is_star, |parts| {
+    // Worked out with the light of all.
+    let own_e = |_: &[&Source]| scene.stars_lit_e().to_vec();
+    judge(scene, fidelity, ("star", is_star), own_e, |parts| {
         parts.stars = false
     })
 }
 
 fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
-    judge(scene, fidelity, "object", is_rso, |parts| {
+    let own_e = |drawn: &[&Source]| lit_e(scene, drawn);
+    judge(scene, fidelity, ("object", is_rso), own_e, |parts| {
         parts.rsos = false
     })
 }
 
+/// A bound (e-) of the light of these alone, for each column of cells.
+pub(super) fn lit_e(scene: &Scene, sources: &[&Source]) -> Vec<f64> {
+    scene.lit_e(sources.iter().copied().map(Lit::from))
+}
+
+/// The answer of sources of a kind, whose light alone is bound by `own_e`; `leave` switches it off.
 pub(super) fn judge<'s>(
     scene: &'s Scene,
     fidelity: &Fidelity,
-    what: &'static str,
-    kind: fn(&Body) -> bool,
+    (what, kind): (&'static str, fn(&Body) -> bool),
+    own_e: impl Fn(&[&Source]) -> Vec<f64>,
     leave: impl Fn(&mut Simulated),
 ) -> (Need, Pass<'s>) {
     let lit = |s: &&Source| kind(&s.body) && s.electrons > 0.0;
@@ -62,10 +71,7 @@ pub(super) fn judge<'s>(
             Need::none(format!("{because}: {DROWNED}"))
         } else {
             // Their own light, and their part of its column's trail.
-            let cells_e = || {
-                let own = scene.lit_e(drawn.iter().copied().map(Lit::from));
-                with_trail(scene, own, || scene.trail_e.clone())
-            };
+            let cells_e = || with_trail(scene, own_e(&drawn), || scene.trail_e.clone());
             // Those that are hidden have images too: labels say what they would be worth.
             let made = scene.sources.iter().filter(|s| kind(&s.body));
             Need {

@@ -21,13 +21,21 @@ const BAND: usize = 16 * CELL;
 pub(super) type Weight<'a> = &'a (dyn Fn(usize) -> f64 + Sync);
 
 /// A bound (e-) of the light on any pixel times its `weight` (by row-major index; none: 1), for each column of cells: in each cell
-/// the sum of what every light gives to its greatest pixel there, and of what the cells of `beside` have, if there are any.
+/// the sum of what every light gives to its greatest pixel there.
 pub(super) fn pixels_e<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
     weight: Option<Weight<'_>>,
-    beside: Vec<f64>,
 ) -> Vec<f64> {
+    greatest_e(detector, &cells_of(detector, lights, weight))
+}
+
+/// In each cell the sum of what every light gives to its greatest pixel there, e-, in parts that are to be added up.
+pub(super) fn cells_of<'a>(
+    detector: &Detector,
+    lights: impl Iterator<Item = Lit<'a>>,
+    weight: Option<Weight<'_>>,
+) -> Vec<Vec<f64>> {
     let lights = lights.filter(|light| light.electrons > 0.0);
     let (wide, lights): (Vec<Lit<'_>>, Vec<Lit<'_>>) =
         lights.partition(|light| light.footprint.shares().len() >= WIDE);
@@ -45,9 +53,11 @@ pub(super) fn pixels_e<'a>(
         });
         parts.push(bands.collect::<Vec<Vec<f64>>>().concat());
     }
-    if !beside.is_empty() {
-        parts.push(beside);
-    }
+    parts
+}
+
+/// The greatest cell of each column of cells, of `parts` together.
+pub(super) fn greatest_e(detector: &Detector, parts: &[Vec<f64>]) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
     let mut greatest = vec![0.0f64; columns];
     for row in 0..detector.height.div_ceil(CELL) {
@@ -227,7 +237,7 @@ mod tests {
             electrons: 3.0,
             footprint,
         });
-        let bounds = pixels_e(&detector, lights, Some(&|pixel| pixel as f64), Vec::new());
+        let bounds = pixels_e(&detector, lights, Some(&|pixel| pixel as f64));
         let mut held = vec![0.0; 240];
         places().for_each(|place| held[place] += 3.0 * place as f64);
         assert_eq!(bounds.len(), 3);

@@ -1,6 +1,6 @@
 //! The charge that pixels expect: bounds of it, and what single pixels and columns expect.
 
-use super::{AreaLight, Lit, Scene, Simulated, brightest, spill, trail};
+use super::{AreaLight, Body, Lit, Scene, Simulated, Source, brightest, spill, trail};
 use crate::lanes;
 use rayon::prelude::*;
 use std::iter;
@@ -12,21 +12,41 @@ impl Scene {
     /// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether
     /// their response is skipped or not.
     pub fn lit_e<'a>(&self, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
+        brightest::greatest_e(&self.view.camera.detector, &self.cells_of(lights))
+    }
+
+    fn cells_of<'a>(&self, lights: impl Iterator<Item = Lit<'a>>) -> Vec<Vec<f64>> {
         let detector = &self.view.camera.detector;
         let response = |pixel| detector.pattern.response_of(pixel).max(1.0);
         let weight = !self.turns_all_alike();
         let weight = weight.then_some(&response as brightest::Weight<'_>);
-        brightest::pixels_e(detector, lights, weight, Vec::new())
+        brightest::cells_of(detector, lights, weight)
     }
 
-    /// [`Scene::lit_e`] by all light.
-    pub(super) fn all_lit_e(&self) -> Vec<f64> {
-        if self.turns_all_alike() {
-            let cells = self.areas_light.most_of_cells(brightest::CELL);
-            let points = self.sources.iter().map(Lit::from);
-            return brightest::pixels_e(&self.view.camera.detector, points, None, cells);
+    /// [`Scene::lit_e`] by the stars, and by all light.
+    pub(super) fn stars_and_all_lit_e(&self) -> [Vec<f64>; 2] {
+        let detector = &self.view.camera.detector;
+        let (stars, others): (Vec<&Source>, _) = self
+            .sources
+            .iter()
+            .partition(|source| matches!(source.body, Body::Star(_)));
+        let lit = |sources: Vec<&Source>| self.cells_of(sources.into_iter().map(Lit::from));
+        let mut parts = lit(stars);
+        let stars = brightest::greatest_e(detector, &parts);
+        parts.extend(lit(others));
+        match (self.areas_light.is_none(), self.turns_all_alike()) {
+            (true, _) => {}
+            (false, true) => parts.push(self.areas_light.most_of_cells(brightest::CELL)),
+            (false, false) => {
+                parts.extend(self.cells_of(iter::once(Lit::from(&self.areas_light))));
+            }
         }
-        self.lit_e(self.lights(&self.simulated))
+        [stars, brightest::greatest_e(detector, &parts)]
+    }
+
+    /// [`Scene::lit_e`] by the stars.
+    pub fn stars_lit_e(&self) -> &[f64] {
+        &self.stars_e
     }
 
     /// Whether all pixels turn light into charge alike.
@@ -45,12 +65,7 @@ impl Scene {
     /// No pixel gets more light than this from all sources together after it is multiplied by its `weight`, e-, for each column of cells.
     pub fn lit_where(&self, weight: impl Fn(usize) -> f64 + Sync) -> Vec<f64> {
         let detector = &self.view.camera.detector;
-        brightest::pixels_e(
-            detector,
-            self.lights(&self.simulated),
-            Some(&weight),
-            Vec::new(),
-        )
+        brightest::pixels_e(detector, self.lights(&self.simulated), Some(&weight))
     }
 
     /// No pixel's expected charge is more than this, particles left out, e-.

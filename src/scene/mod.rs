@@ -243,6 +243,8 @@ pub struct Scene {
     areas_light: Together,
     /// No pixel turns more light than this into charge, for each column of cells (`brightest`), e-.
     peaks_e: Vec<f64>,
+    /// The same of stars alone.
+    stars_e: Vec<f64>,
     /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge is not shifted
     /// through light.
     pub trail_e: Vec<f64>,
@@ -299,6 +301,7 @@ impl Scene {
             areas,
             areas_light,
             peaks_e: Vec::new(),
+            stars_e: Vec::new(),
             trail_e,
             events,
             particles_left_out,
@@ -308,7 +311,7 @@ impl Scene {
             spilling_e: OnceLock::new(),
             fidelity: *fidelity,
         };
-        scene.peaks_e = scene.all_lit_e();
+        [scene.stars_e, scene.peaks_e] = scene.stars_and_all_lit_e();
         scene.spill = Spill::of(&scene);
         scene
     }

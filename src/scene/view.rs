@@ -199,7 +199,7 @@ impl View {
 
         let moon = MoonDisc::seen_by(&shutter[1], &world.corrections);
         view.moon = (moon.direction, libm::cos(moon.angular_radius));
-        let stars = world
+        let mut stars = world
             .stars
             .in_cone(&axis, cone, &shutter[1], &world.corrections);
         let to_icrf = view.pointing(0.0).matrix().transpose();
@@ -218,6 +218,8 @@ impl View {
             .population
             .in_field(&field, &world.corrections, fidelity.orbits);
         let earth = Earth::at(exposure.mid);
+        let may_hold = field.test_still();
+        stars.retain(|star| may_hold(&star.direction));
         // All in their places, and with room for those that follow.
         let mut candidates = Vec::with_capacity(stars.len() + seen.objects.len() + WANDERERS);
         let stars = stars.into_par_iter().with_min_len(FEW);
