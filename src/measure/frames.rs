@@ -34,6 +34,8 @@ const READ_E: f32 = 3.0;
 /// Rounds of which medians are told: of noise, and of frames.
 const ROUNDS: usize = 21;
 const FRAMES: usize = 16;
+/// Frames before those: in the first sixteen, orbits get the segments that frames after them read (`orbit::tracks`).
+const WARM: usize = 18;
 /// Seconds between frames.
 const STEP_S: f64 = 0.1;
 /// ns in a ms.
@@ -189,7 +191,7 @@ struct Work {
 }
 
 impl Work {
-    /// With a detector of `side` pixels a side where one is given; without a `level` by the scalar SGP4 too.
+    /// With a detector of `side` pixels a side where one is given; without a `level` by the scalar SGP4 too. Some frames are made already.
     fn new(camera: &str, side: Option<usize>, level: Option<Level>) -> Result<Work, ConfigError> {
         let (mut config, vehicle) = before(OBJECTS)?;
         config.camera = Camera::load(camera, &Folder::current())?;
@@ -201,11 +203,13 @@ impl Work {
         }
         let mut emulator = Emulator::new(&mut config);
         emulator.level = level;
-        Ok(Work {
+        let mut work = Work {
             emulator,
             vehicle,
             made: 0,
-        })
+        };
+        (0..WARM).for_each(|_| work.frame());
+        Ok(work)
     }
 
     /// The next frame, with its label.
