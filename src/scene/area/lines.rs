@@ -55,22 +55,25 @@ impl Square {
         let half = self.side / 2;
         let above = (row / half).min(1);
         let down = (row - above * half) as f32 * (1.0 / half as f32);
-        [0, 1, 2].map(|i| {
+        let at = |i: usize| {
             let (from, to) = (self.nodes[3 * above + i], self.nodes[3 * above + i + 3]);
             from + (to - from) * down
-        })
+        };
+        // (An array's `map` would be a call each.)
+        [at(0), at(1), at(2)]
     }
 
     /// Its stretches of its j-th row.
     fn stretches(&self, j: usize) -> [Stretch; 2] {
         let half = self.side / 2;
         let (line, step) = (self.line(j), 1.0 / half as f32);
-        [0, 1].map(|i| Stretch {
+        let stretch = |i: usize| Stretch {
             column: self.x + i * half,
             pixels: half,
             from: line[i],
             rise: (line[i + 1] - line[i]) * step,
-        })
+        };
+        [stretch(0), stretch(1)]
     }
 
     /// Its light at the nine places of a square within it.
