@@ -267,7 +267,7 @@ mod tests {
         ));
         label.wanderer = None;
         label.rso = Some(RsoLabel {
-            range_km: 1000.123_456_789,
+            range_km: 1_000.123_456_789,
             range_rate_km_s: -1.5,
             phase_deg: 30.0,
             illumination: 1.0,
