@@ -11,7 +11,7 @@ mod dots;
 
 mod light;
 
-pub use dots::{Circle, Dot, Ends, Lines, ROWS, Sheet};
+pub use dots::{Circle, Dot, Ends, Lines, ROWS, Real, Sheet};
 pub use light::{Reading, Span};
 
 use crate::rng::normal::{self, uniform_of};
@@ -98,7 +98,12 @@ kernel! {
 
 kernel! {
     /// Adds the light of dots to pixels, which have room for each.
-    lay_dots = dots_body, dots_twin (lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>)
+    lay_dots = dots_body, dots_twin (lines: &Lines<f32>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, f32>)
+}
+
+kernel! {
+    /// The same in double precision.
+    lay_dots_finely = dots_body, dots_twin (lines: &Lines<f64>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, f64>)
 }
 
 kernel! {

@@ -13,8 +13,9 @@ use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
 use super::{Loss, Need, Pass};
 use crate::scene::{AreaLight, Asked, Lit, Scene, Simulated};
 
-/// ns of a pixel whose light runs in straight lines or is blurred, is added up with other areas' and drawn.
+/// ns of a pixel whose light is worked out for it or blurred, is added up with other areas' and drawn; and of one that straight lines run through.
 const PIXEL_NS: f64 = 3.3;
+const EVEN_NS: f64 = 0.7;
 /// ns of the angle from an edge, and of the light that a pixel gives to another.
 const EDGE_NS: f64 = 110.0;
 const SPREAD_NS: f64 = 1.4;
@@ -39,6 +40,7 @@ pub(super) fn judge<'s>(
         return (Need::none(why.clone()), Pass::idle());
     }
     let pixels = scene.view.camera.detector.pixels() as f64;
+    let pixel_ns = if area.is_even() { EVEN_NS } else { PIXEL_NS };
     let need = if is_drowned(scene, &leave) {
         Need::none(format!("{}: {DROWNED}", says(area)))
     } else if area.electrons == 0.0 {
@@ -65,7 +67,7 @@ pub(super) fn judge<'s>(
                 px: 0.0,
             },
             drawn_e: if area.is_thin { 0.0 } else { area.electrons },
-            price_ms: (asked_ns(&area.asked, ns) + pixels * PIXEL_NS) * 1e-6,
+            price_ms: (asked_ns(&area.asked, ns) + pixels * pixel_ns) * 1e-6,
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {

@@ -3,12 +3,14 @@
 use super::{Footprint, Light, Wings};
 use crate::camera::Camera;
 use crate::fidelity::Fidelity;
-use crate::kernels::{self, Circle, Dot, Ends, ROWS, Sheet, Span};
+use crate::kernels::{self, Circle, Dot, Ends, ROWS, Real, Sheet, Span};
 use crate::track::{Lit, Sample, Track};
 use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that are copied at a time.
 const LANES: usize = 8;
+/// Where no more than this share of the light may be lost it is added up in double precision: sums of single ones are off by up to 3e-8.
+const LITTLE: f64 = 3e-7;
 
 /// Rows of a sheet, the first of which is a row of the plane.
 struct Rows {
@@ -31,10 +33,10 @@ impl Footprint {
         light: &Light,
         level: Option<Level>,
     ) -> Option<Footprint> {
-        let lines = camera.optics.psf.lines()?;
+        let (single, double) = camera.optics.psf.lines()?;
         let radius = camera.optics.psf.circle_px(fidelity, light.electrons)?;
         // (No number is none.)
-        let is_told = radius <= lines.reach_px();
+        let is_told = radius <= single.reach_px();
         if track.samples.len() < 2 || !is_told {
             return None;
         }
@@ -60,23 +62,26 @@ impl Footprint {
         let Some(rows) = Rows::of(&dots, &circle, level) else {
             return Some(Footprint::default());
         };
-        let mut light = vec![0.0; rows.pixels];
-        let mut sheet = Sheet {
-            first_row: rows.first,
-            origins: &rows.origins,
-            light: &mut light,
+        let sides = [camera.detector.width as i32, camera.detector.height as i32];
+        let footprint = match fidelity.loss(light.electrons) < LITTLE {
+            false => {
+                let light =
+                    rows.laid(|sheet| kernels::lay_dots(level, single, &circle, &dots, sheet));
+                rows.cut(&light, sides)
+            }
+            true => {
+                let light = rows
+                    .laid(|sheet| kernels::lay_dots_finely(level, double, &circle, &dots, sheet));
+                rows.cut(&light, sides)
+            }
         };
-        kernels::lay_dots(level, lines, &circle, &dots, &mut sheet);
         Some(Footprint {
             evaluated: (dots.len() * circle.side * circle.side) as u64,
             wings: Wings {
                 drawn_px: radius,
                 undrawn: 0.0,
             },
-            ..rows.cut(
-                &light,
-                [camera.detector.width as i32, camera.detector.height as i32],
-            )
+            ..footprint
         })
     }
 }
@@ -116,8 +121,19 @@ impl Rows {
         })
     }
 
+    /// The light that `lay` lays on a sheet of these rows.
+    fn laid<T: Real>(&self, lay: impl FnOnce(&mut Sheet<'_, T>)) -> Vec<T> {
+        let mut light = vec![T::default(); self.pixels];
+        lay(&mut Sheet {
+            first_row: self.first,
+            origins: &self.origins,
+            light: &mut light,
+        });
+        light
+    }
+
     /// The light of the pixels that are lit and on a detector of such sides (columns and rows).
-    fn cut(&self, light: &[f32], [width, height]: [i32; 2]) -> Footprint {
+    fn cut<T: Real>(&self, light: &[T], [width, height]: [i32; 2]) -> Footprint {
         let rows = self.low.iter().zip(&self.past).skip(1).zip(self.first..);
         let is_lit = |((low, past), row): &((&i32, &i32), i32)| {
             (0..height).contains(row) && **low < width && **past > 0 && low < past
@@ -155,7 +171,10 @@ impl Rows {
             shares.truncate(span.offset as usize);
             for light in light[from..from + whole].as_chunks::<LANES>().0 {
                 // What rounding leaves of no light may be below 0.
-                let light = light.map(|share| if share > 0.0 { share } else { 0.0 });
+                let light = light.map(|share| {
+                    let share = share.single();
+                    if share > 0.0 { share } else { 0.0 }
+                });
                 shares.extend_from_slice(&light);
             }
         }

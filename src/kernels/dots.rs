@@ -1,8 +1,9 @@
 //! Light of points along a streak, spread by a PSF that is a product of one line a coordinate.
 //!
-//! All is in single precision, which is what footprints keep: places are told from a pixel near them, so that nothing is lost far from the detector's corner.
+//! In single precision, which is what footprints keep, or for light so bright that the last digits of its sum are electrons in double. Places are told from a pixel
+//! near them, so that nothing is lost far from the detector's corner.
 
-use std::ops::Range;
+use std::ops::{Add, Mul, Neg, Range, Sub};
 
 /// Powers of the series of a share in the place of the source, from 0 on.
 const POWERS: usize = 4;
@@ -15,19 +16,89 @@ const LEAST: f64 = 1e-15;
 /// Nothing reaches so far, px.
 const BEYOND_PX: f32 = 1e6;
 
+/// A number in single or in double precision.
+pub trait Real:
+    Copy
+    + Default
+    + PartialOrd
+    + Neg<Output = Self>
+    + Mul<Output = Self>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+{
+    /// The nearest to one in double precision.
+    fn of(x: f64) -> Self;
+    /// In single precision.
+    fn single(self) -> f32;
+    /// `self a + b`, rounded once.
+    fn fused(self, a: Self, b: Self) -> Self;
+    /// The whole number nearest to one of less than 2^22: the last digits of a sum with 1.5 times a great power of two, without the calls and jumps that
+    /// `round` and `as` take.
+    fn nearest(self) -> (i32, Self);
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn of(x: f64) -> f32 {
+        x as f32
+    }
+
+    #[inline(always)]
+    fn single(self) -> f32 {
+        self
+    }
+
+    #[inline(always)]
+    fn fused(self, a: f32, b: f32) -> f32 {
+        self.mul_add(a, b)
+    }
+
+    #[inline(always)]
+    fn nearest(self) -> (i32, f32) {
+        const WHOLE: f32 = 12_582_912.0;
+        let sum = self + WHOLE;
+        let last = (sum.to_bits() as i32).wrapping_sub(WHOLE.to_bits() as i32);
+        (last, sum - WHOLE)
+    }
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn of(x: f64) -> f64 {
+        x
+    }
+
+    #[inline(always)]
+    fn single(self) -> f32 {
+        self as f32
+    }
+
+    #[inline(always)]
+    fn fused(self, a: f64, b: f64) -> f64 {
+        self.mul_add(a, b)
+    }
+
+    #[inline(always)]
+    fn nearest(self) -> (i32, f64) {
+        const WHOLE: f64 = 6_755_399_441_055_744.0;
+        let sum = self + WHOLE;
+        (sum.to_bits() as i32, sum - WHOLE)
+    }
+}
+
 /// The shares of pixels in a line, by where in a pixel the source is: around each of the nodes a series.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Lines {
+pub struct Lines<T> {
     /// Nodes a pixel.
-    nodes: f32,
+    nodes: T,
     /// How far they are apart, px.
-    node_px: f32,
+    node_px: T,
     /// Pixels on each side of the source's own.
     reach: i32,
     /// Terms of a power, one a pixel; so many that a tile may be taken anywhere.
     stride: usize,
     /// By node, by power.
-    terms: Vec<f32>,
+    terms: Vec<T>,
 }
 
 /// A point of a streak.
@@ -36,9 +107,9 @@ pub struct Dot {
     /// Column and row of the first pixel that its circle may reach.
     pub first: [i32; 2],
     /// From the middle of that one to where it is, px.
-    pub off: [f32; 2],
+    pub off: [f64; 2],
     /// Its light (1).
-    pub light: f32,
+    pub light: f64,
 }
 
 /// How far the light of each dot is drawn: over the pixels that a circle touches.
@@ -63,13 +134,13 @@ pub struct Ends<'a> {
 
 /// Where light is laid: rows of pixels one after another, each with room for all tiles that begin in it.
 #[derive(Debug)]
-pub struct Sheet<'a> {
+pub struct Sheet<'a, T> {
     /// The first row.
     pub first_row: i32,
     /// Where the pixel of column 0 is in `light`, or would be, by row.
     pub origins: &'a [i32],
     /// A value a pixel (1).
-    pub light: &'a mut [f32],
+    pub light: &'a mut [T],
 }
 
 impl Circle {
@@ -94,33 +165,22 @@ impl Circle {
 impl Dot {
     /// A point at `at` (px) with a circle of `radius` (px), less than 2^31 px from pixel 0.
     pub fn new(at: [f64; 2], light: f64, radius: f64) -> Dot {
-        // The last digits of a sum with 1.5 2^52 are the nearest whole number, without the calls and jumps that `round` and `as` take.
-        const WHOLE: f64 = 6_755_399_441_055_744.0;
-        let sum = at.map(|x| x - radius + WHOLE);
+        let near = at.map(|x| (x - radius).nearest());
         Dot {
-            first: sum.map(|x| x.to_bits() as i32),
-            off: [0, 1].map(|k| (at[k] - (sum[k] - WHOLE)) as f32),
-            light: light as f32,
+            first: near.map(|(first, _)| first),
+            off: [0, 1].map(|k| at[k] - near[k].1),
+            light,
         }
     }
 }
 
-/// The whole number nearest to one of less than 2^22, likewise.
-#[inline(always)]
-fn nearest(x: f32) -> (i32, f32) {
-    const WHOLE: f32 = 12_582_912.0;
-    let sum = x + WHOLE;
-    let last = (sum.to_bits() as i32).wrapping_sub(WHOLE.to_bits() as i32);
-    (last, sum - WHOLE)
-}
-
-impl Lines {
+impl<T: Real> Lines<T> {
     /// With so many `nodes` a pixel, for sources up to `reach` pixels away. `terms` gives, for a pixel so many pixels from the source's own and a
     /// source so far (0..1, px) above that one's lower edge, Taylor's series of its share in that place.
-    pub fn new(nodes: usize, reach: usize, terms: impl Fn(i64, f64) -> [f64; POWERS]) -> Lines {
+    pub fn new(nodes: usize, reach: usize, terms: impl Fn(i64, f64) -> [f64; POWERS]) -> Lines<T> {
         let pixels = 2 * reach + 1;
         let stride = pixels + SIDE;
-        let mut all = vec![0.0; (nodes + 1) * POWERS * stride];
+        let mut all = vec![T::default(); (nodes + 1) * POWERS * stride];
         for (node, lines) in all.chunks_exact_mut(POWERS * stride).enumerate() {
             let above = node as f64 / nodes as f64;
             for i in 0..pixels {
@@ -129,13 +189,13 @@ impl Lines {
                     continue;
                 }
                 for (power, term) in terms.into_iter().enumerate() {
-                    lines[power * stride + i] = term as f32;
+                    lines[power * stride + i] = T::of(term);
                 }
             }
         }
         Lines {
-            nodes: nodes as f32,
-            node_px: 1.0 / nodes as f32,
+            nodes: T::of(nodes as f64),
+            node_px: T::of(1.0 / nodes as f64),
             reach: reach as i32,
             stride,
             terms: all,
@@ -149,20 +209,21 @@ impl Lines {
 
     /// The shares of `L` pixels from `first` on of the light of a source that is `off` (px) from the middle of pixel 0.
     #[inline(always)]
-    fn shares<const L: usize>(&self, off: f32, first: usize) -> [f32; L] {
-        let (pixel, own) = nearest(off);
-        let above = off - own + 0.5;
-        let (node, at) = nearest(above * self.nodes);
-        let off = f32::mul_add(-at, self.node_px, above);
+    fn shares<const L: usize>(&self, off: f64, first: usize) -> [T; L] {
+        let off = T::of(off);
+        let (pixel, own) = off.nearest();
+        let above = off - own + T::of(0.5);
+        let (node, at) = (above * self.nodes).nearest();
+        let off = (-at).fused(self.node_px, above);
         let from = node as u32 as usize * (POWERS * self.stride)
             + (self.reach - pixel) as u32 as usize
             + first;
         let terms = &self.terms[from..from + (POWERS - 1) * self.stride + L];
-        let mut sum = [0.0; L];
+        let mut sum = [T::default(); L];
         for power in (0..POWERS).rev() {
             let terms = &terms[power * self.stride..][..L];
             for i in 0..L {
-                sum[i] = f32::mul_add(sum[i], off, terms[i]);
+                sum[i] = sum[i].fused(off, terms[i]);
             }
         }
         sum
@@ -180,7 +241,8 @@ pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
             let rows = top + row..top + row + ROWS;
             let (mut from, mut to) = ([0; ROWS], [0; ROWS]);
             for i in 0..ROWS {
-                [from[i], to[i]] = columns(dot, dot.off[1] - (row as f32 + i as f32), squared);
+                [from[i], to[i]] =
+                    columns(dot, dot.off[1] as f32 - (row as f32 + i as f32), squared);
             }
             let low = &mut ends.low[rows.clone()];
             for i in 0..ROWS {
@@ -207,11 +269,11 @@ fn columns(dot: &Dot, away: f32, squared: f32) -> [i32; 2] {
     // Roots of all, so that lanes run side by side.
     let none = if rest > 0.0 { 0.0 } else { BEYOND_PX };
     let half = rest.max(0.0).sqrt() - none;
-    let [x, _] = dot.off;
+    let x = dot.off[0] as f32;
     let [column, _] = dot.first;
     [
-        nearest(x - half).0 + column,
-        nearest(x + half).0 + column + 1,
+        (x - half).nearest().0 + column,
+        (x + half).nearest().0 + column + 1,
     ]
 }
 
@@ -222,7 +284,7 @@ pub fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
     for dot in dots {
         let top = (dot.first[1] - ends.first_row) as u32 as usize;
         for row in 0..circle.side.next_multiple_of(ROWS) {
-            let [low, past] = columns(dot, dot.off[1] - row as f32, squared);
+            let [low, past] = columns(dot, dot.off[1] as f32 - row as f32, squared);
             ends.low[top + row] = ends.low[top + row].min(low);
             ends.past[top + row] = ends.past[top + row].max(past);
         }
@@ -231,17 +293,17 @@ pub fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
 
 /// Adds the light of dots, tile by tile.
 #[inline(always)]
-pub fn body(lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>) {
+pub fn body<T: Real>(lines: &Lines<T>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, T>) {
     // (Closures would be compiled without the level's instructions.)
     match circle.wide() {
         8 => {
             for dot in dots {
-                tile::<8>(lines, dot, 0, 0..circle.side, sheet);
+                tile::<T, 8>(lines, dot, 0, 0..circle.side, sheet);
             }
         }
         12 => {
             for dot in dots {
-                tile::<12>(lines, dot, 0, 0..circle.side, sheet);
+                tile::<T, 12>(lines, dot, 0, 0..circle.side, sheet);
             }
         }
         wide => {
@@ -249,7 +311,7 @@ pub fn body(lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>)
                 for row in (0..circle.side).step_by(SIDE) {
                     for column in (0..wide).step_by(SIDE) {
                         let rows = row..(row + SIDE).min(circle.side);
-                        tile::<SIDE>(lines, dot, column, rows, sheet);
+                        tile::<T, SIDE>(lines, dot, column, rows, sheet);
                     }
                 }
             }
@@ -259,16 +321,17 @@ pub fn body(lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>)
 
 /// That of one on `L` columns from `column` on and no more rows.
 #[inline(always)]
-fn tile<const L: usize>(
-    lines: &Lines,
+fn tile<T: Real, const L: usize>(
+    lines: &Lines<T>,
     dot: &Dot,
     column: usize,
     rows: Range<usize>,
-    sheet: &mut Sheet<'_>,
+    sheet: &mut Sheet<'_, T>,
 ) {
     let mut down = lines.shares::<L>(dot.off[1], rows.start);
+    let light = T::of(dot.light);
     for share in &mut down {
-        *share *= dot.light;
+        *share = *share * light;
     }
     let across = lines.shares::<L>(dot.off[0], column);
     let top = (dot.first[1] - sheet.first_row) as u32 as usize;
@@ -278,26 +341,26 @@ fn tile<const L: usize>(
         let from = (origin + first) as u32 as usize;
         let pixels = &mut sheet.light[from..from + L];
         for i in 0..L {
-            pixels[i] = f32::mul_add(across[i], *down, pixels[i]);
+            pixels[i] = across[i].fused(*down, pixels[i]);
         }
     }
 }
 
 /// The same, pixel by pixel.
 #[inline(always)]
-pub fn twin(lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>) {
-    let share = |off: f32, pixel: usize| {
+pub fn twin<T: Real>(lines: &Lines<T>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, T>) {
+    let share = |off: f64, pixel: usize| {
         let [share] = lines.shares::<1>(off, pixel);
         share
     };
     for dot in dots {
         let top = (dot.first[1] - sheet.first_row) as u32 as usize;
         for row in 0..circle.side {
-            let down = share(dot.off[1], row) * dot.light;
+            let down = share(dot.off[1], row) * T::of(dot.light);
             let origin = sheet.origins[top + row] + dot.first[0];
             for column in 0..circle.wide() {
                 let pixel = &mut sheet.light[origin as u32 as usize + column];
-                *pixel = f32::mul_add(share(dot.off[0], column), down, *pixel);
+                *pixel = share(dot.off[0], column).fused(down, *pixel);
             }
         }
     }
@@ -306,7 +369,7 @@ pub fn twin(lines: &Lines, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_>)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::{lay_dots, reach_dots};
+    use crate::kernels::{lay_dots, lay_dots_finely, reach_dots};
     use skyloop_orbit::sgp4_batch::Level;
 
     /// Pixels of a sheet's rows, and how many rows; around the pixels 0..64 and 0..50 there is room for tiles.
@@ -316,7 +379,7 @@ mod tests {
     const FIRST: i32 = -16;
 
     /// Shares that are polynomials of the place: a parabola of 41 pixels, the sums of which are known.
-    fn parabolas() -> Lines {
+    fn parabolas<T: Real>() -> Lines<T> {
         // (1 - (j + 1/2 - f)^2 / 400) / 40 around f.
         Lines::new(7, 20, |j, f| {
             let u = j as f64 + 0.5 - f;
@@ -337,16 +400,21 @@ mod tests {
         (0..40).map(dot).collect()
     }
 
-    fn laid(level: Option<Level>, radius: f64, dots: &[Dot]) -> Vec<f32> {
+    fn laid<T: Real>(
+        kernel: impl Fn(Option<Level>, &Lines<T>, &Circle, &[Dot], &mut Sheet<'_, T>),
+        level: Option<Level>,
+        radius: f64,
+        dots: &[Dot],
+    ) -> Vec<T> {
         let origins: Vec<i32> = (0..HIGH).map(|row| row * WIDE - FIRST).collect();
-        let mut light = vec![0.0; (HIGH * WIDE) as usize];
+        let mut light = vec![T::default(); (HIGH * WIDE) as usize];
         let mut sheet = Sheet {
             first_row: FIRST,
             origins: &origins,
             light: &mut light,
         };
         let circle = Circle::new(radius);
-        lay_dots(level, &parabolas(), &circle, dots, &mut sheet);
+        kernel(level, &parabolas(), &circle, dots, &mut sheet);
         light
     }
 
@@ -367,12 +435,17 @@ mod tests {
         // Of one tile of each width, and of several.
         for radius in [3.1, 4.9, 7.2, 14.3] {
             let dots = dots(radius);
-            let (twin, reached) = (laid(None, radius, &dots), ends(None, radius, &dots));
-            assert!(twin.iter().sum::<f32>() > 10.0);
-            let bits = |light: &[f32]| light.iter().map(|e| e.to_bits()).collect::<Vec<_>>();
+            let bits = |level: Option<Level>| {
+                let single = laid(lay_dots, level, radius, &dots);
+                let double = laid(lay_dots_finely, level, radius, &dots);
+                assert!(single.iter().sum::<f32>() > 10.0);
+                let double = double.into_iter().map(f64::to_bits);
+                let single = single.into_iter().map(|e| u64::from(e.to_bits()));
+                single.chain(double).collect::<Vec<_>>()
+            };
+            let (twin, reached) = (bits(None), ends(None, radius, &dots));
             for level in Level::available() {
-                let light = laid(Some(level), radius, &dots);
-                assert_eq!(bits(&light), bits(&twin), "{level:?} {radius}");
+                assert!(bits(Some(level)) == twin, "{level:?} {radius}");
                 assert_eq!(ends(Some(level), radius, &dots), reached, "{level:?}");
             }
         }
@@ -384,7 +457,8 @@ mod tests {
         for radius in [3.0, 5.2, 14.4] {
             let dot = Dot::new(at, 2.0, radius);
             let (side, wide) = (Circle::new(radius).side, Circle::new(radius).wide());
-            let light = laid(Some(Level::best()), radius, &[dot]);
+            let single = laid(lay_dots, Some(Level::best()), radius, &[dot]);
+            let double = laid(lay_dots_finely, Some(Level::best()), radius, &[dot]);
             for row in 0..50 {
                 for column in 0..64 {
                     // X-Val: the parabola itself, at the pixel's distance from the source.
@@ -396,10 +470,13 @@ mod tests {
                     } else {
                         0.0
                     };
-                    let found = light[((row - FIRST) * WIDE + column - FIRST) as usize];
-                    // What single precision tells of 2 / 40^2.
-                    let off = (f64::from(found) - share).abs();
-                    assert!(off < 1e-9, "{column} {row} {found} {share}");
+                    let place = ((row - FIRST) * WIDE + column - FIRST) as usize;
+                    // What single and double precision tell of 2 / 40^2.
+                    let found = [(f64::from(single[place]), 1e-9), (double[place], 1e-17)];
+                    for (found, most) in found {
+                        let off = (found - share).abs();
+                        assert!(off < most, "{column} {row} {found} {share}");
+                    }
                 }
             }
         }

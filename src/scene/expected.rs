@@ -196,41 +196,48 @@ impl Scene {
     /// The charge (e-) that is expected in `columns`, sorted, one column after the other, of a frame that has only those effects of
     /// this one that `parts` has too: light and dark charge, before wells fill.
     pub fn columns_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
-        let of = |columns: &[usize]| {
-            let mut charge = self.light_e(columns, parts);
-            self.turn(&mut charge, columns, parts);
-            charge
-        };
-        let spilling = &self.spill.columns;
-        let places = columns
-            .iter()
-            .map(|column| spilling.binary_search(column).ok());
-        match places.collect::<Option<Vec<usize>>>() {
-            // Asked for again and again: worked out once.
-            Some(places) if *parts == self.simulated => {
-                let all = self.spilling_e.get_or_init(|| of(spilling));
-                let height = self.view.camera.detector.height;
-                let column = |place: usize| all[place * height..][..height].iter().copied();
-                places.into_iter().flat_map(column).collect()
-            }
-            _ => of(columns),
-        }
+        let mut charge = self.light_e(columns, parts);
+        self.turn(&mut charge, columns, parts);
+        charge
     }
 
     /// The light (e-) on `columns`, sorted, one column after the other, of a frame that has only those effects that `parts` has.
     pub fn light_e(&self, columns: &[usize], parts: &Simulated) -> Vec<f64> {
+        let spilling = &self.spill.columns;
+        let places = columns
+            .iter()
+            .map(|column| spilling.binary_search(column).ok());
+        let Some(places) = places.collect::<Option<Vec<usize>>>() else {
+            return self.light_of(columns, &self.lights(parts).collect::<Vec<_>>());
+        };
+        // Asked for again and again, with this and that left out: all is worked out once, and what is left out is taken away.
+        let all = self.spilling_e.get_or_init(|| {
+            let lights: Vec<Lit<'_>> = self.lights(&self.simulated).collect();
+            self.light_of(spilling, &lights)
+        });
+        let height = self.view.camera.detector.height;
+        let column = |place: usize| all[place * height..][..height].iter().copied();
+        let mut light: Vec<f64> = places.into_iter().flat_map(column).collect();
+        let left: Vec<Lit<'_>> = self.lights_without(parts).collect();
+        if !left.is_empty() {
+            let less = self.light_of(columns, &left);
+            // (Rounding leaves no less than nothing.)
+            let both = light.iter_mut().zip(less);
+            both.for_each(|(e, less)| *e = (*e - less).max(0.0));
+        }
+        light
+    }
+
+    /// The light (e-) of `lights` on `columns`, sorted, one column after the other.
+    fn light_of(&self, columns: &[usize], lights: &[Lit<'_>]) -> Vec<f64> {
         let height = self.view.camera.detector.height;
         let mut light = lanes::blank(columns.len() * height);
-        if columns.is_empty() {
-            return light;
-        }
-        let lights: Vec<Lit<'_>> = self.lights(parts).collect();
         let few = columns.len().div_ceil(GROUPS).max(1);
         let groups = light.par_chunks_mut(few * height);
         groups
             .zip(columns.par_chunks(few))
             .for_each(|(light, columns)| {
-                for lit in &lights {
+                for lit in lights {
                     for (row, first, shares) in lit.footprint.rows(0..height) {
                         let from = columns.partition_point(|column| *column < first);
                         let here = columns[from..].iter().zip(from..);

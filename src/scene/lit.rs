@@ -55,4 +55,15 @@ impl Scene {
             .chain(areas.map(Lit::from));
         sources.map(Lit::from).chain(areas)
     }
+    /// What of its light one has not that has only those effects that `parts` has.
+    pub(super) fn lights_without<'a>(
+        &'a self,
+        parts: &'a Simulated,
+    ) -> impl Iterator<Item = Lit<'a>> {
+        let sources = self.sources.iter();
+        let sources = sources.filter(|source| !source.body.is_in(parts));
+        let areas = self.areas.iter();
+        let areas = areas.filter(|area| !(area.kind.is_in)(parts) && area.electrons > 0.0);
+        sources.map(Lit::from).chain(areas.map(Lit::from))
+    }
 }

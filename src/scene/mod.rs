@@ -254,7 +254,7 @@ pub struct Scene {
     pub particles_left_out: f64,
     /// What fills up and spills.
     pub spill: Spill,
-    /// The charge that is expected in columns that may fill up, before wells do, e-, once it is asked for.
+    /// The light on columns that may fill up, e-, once it is asked for.
     spilling_e: OnceLock<Vec<f64>>,
     /// What its images were made to.
     fidelity: Fidelity,

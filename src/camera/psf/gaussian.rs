@@ -1,6 +1,6 @@
 //! A circular Gaussian. It is the product of one Gaussian a coordinate, and so is its integral over a pixel.
 
-use crate::kernels::Lines;
+use crate::kernels::{Lines, Real};
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::LazyLock;
 
@@ -86,7 +86,7 @@ impl Gaussian {
     /// ```text
     /// S_j(f) = P((j + 1 - f) / sigma) - P((j - f) / sigma),   d^n S_j / df^n = (-1 / sigma)^n (P^(n)((j + 1 - f) / sigma) - P^(n)((j - f) / sigma))
     /// ```
-    pub fn lines(&self) -> Option<Lines> {
+    pub fn lines<T: Real>(&self) -> Option<Lines<T>> {
         const WIDTHS: std::ops::RangeInclusive<f64> = 0.05..=20.0;
         // A standard deviation; what is left out of the series is below (1/32)^4 / 24 times 1.1.
         const NODES: f64 = 16.0;

@@ -48,7 +48,7 @@ pub struct Psf {
     shape: Shape,
     variation: Variation,
     /// Of a Gaussian that is the same everywhere and for all colours.
-    lines: Option<Arc<Lines>>,
+    lines: Option<Arc<(Lines<f32>, Lines<f64>)>>,
 }
 
 /// A shape and its width (px) at the principal point for a source of the band's reference wavelength.
@@ -109,7 +109,10 @@ impl Psf {
     pub fn new(shape: Shape, variation: Variation) -> Psf {
         let is_even = variation.by_field.is_empty() && variation.wavelength_exponent == 0.0;
         let lines = match shape {
-            Shape::Gaussian(sigma_px) if is_even => Gaussian { sigma_px }.lines(),
+            Shape::Gaussian(sigma_px) if is_even => {
+                let gaussian = Gaussian { sigma_px };
+                gaussian.lines().zip(gaussian.lines())
+            }
             _ => None,
         };
         Psf {
@@ -119,8 +122,8 @@ impl Psf {
         }
     }
 
-    /// The shares of lines of pixels of a Gaussian that is the same everywhere and for all colours; none of other spreads.
-    pub fn lines(&self) -> Option<&Lines> {
+    /// The shares of lines of pixels of a Gaussian that is the same everywhere and for all colours, in single and in double precision; none of other spreads.
+    pub fn lines(&self) -> Option<&(Lines<f32>, Lines<f64>)> {
         self.lines.as_deref()
     }
 

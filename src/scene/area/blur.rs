@@ -13,6 +13,7 @@ use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use crate::lanes;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Furthest that light is spread, px.
 const FURTHEST: usize = 24;
@@ -63,25 +64,26 @@ impl<'a> Blur<'a> {
         }
         let near = self.near(sampled, columns);
         let side = 2 * self.reach + 1;
-        let spread = near.par_chunks(columns);
-        let spread = spread.map(|row| row.iter().filter(|near| **near).count());
-        asked.spreads += spread.sum::<usize>() * side * side;
+        let pixels = near.iter().flatten().map(|run| run.len());
+        asked.spreads += pixels.sum::<usize>() * side * side;
         let mut out: Vec<f32> = lanes::blank(width * height);
         out.par_chunks_mut(width * PATCH)
             .enumerate()
             .for_each(|(band, out)| {
                 let top = band * PATCH;
+                let mut kernels = vec![None; width.div_ceil(PATCH)];
                 for (row, out) in out.chunks_exact_mut(width).enumerate() {
-                    let from = (top + row + margin) * columns + margin;
+                    let row = top + row + margin;
+                    let from = row * columns + margin;
                     out.copy_from_slice(&e[from..from + width]);
-                }
-                for left in (0..width).step_by(PATCH) {
-                    let mut kernel = None;
-                    let patch = left..(left + PATCH).min(width);
-                    for (row, out) in out.chunks_exact_mut(width).enumerate() {
-                        let from = (top + row + margin) * columns + margin;
-                        for column in patch.clone().filter(|column| near[from + column]) {
-                            let kernel = kernel.get_or_insert_with(|| self.kernel(left, top));
+                    for run in &near[row] {
+                        // Of the columns of the detector.
+                        let run = run.start.max(margin) - margin
+                            ..run.end.min(margin + width).max(margin) - margin;
+                        for column in run {
+                            let patch = column / PATCH;
+                            let kernel = kernels[patch]
+                                .get_or_insert_with(|| self.kernel(patch * PATCH, top));
                             out[column] = self.spread(&e, from + column, columns, kernel);
                         }
                     }
@@ -107,35 +109,39 @@ impl<'a> Blur<'a> {
         lanes.iter().sum::<f32>().max(0.0)
     }
 
-    /// The pixels that are no further than the reach from one that is marked.
-    fn near(&self, sampled: &[Sampled], columns: usize) -> Vec<bool> {
+    /// Of each row the runs of columns whose pixels are no further than the reach from one that is marked.
+    fn near(&self, sampled: &[Sampled], columns: usize) -> Vec<Vec<Range<usize>>> {
         let reach = self.reach;
-        let rows = sampled.len() / columns;
-        let mut wide: Vec<bool> = lanes::blank(sampled.len());
-        let lines = wide
-            .par_chunks_mut(columns)
-            .zip(sampled.par_chunks(columns));
-        let marked = lines.map(|(wide, row)| {
-            let mut is_marked = false;
-            for (i, _) in row.iter().enumerate().filter(|(_, how)| how.is_marked()) {
-                wide[i.saturating_sub(reach)..(i + reach + 1).min(columns)].fill(true);
-                is_marked = true;
+        let wide = sampled.par_chunks(columns).map(|row| {
+            let mut runs: Vec<Range<usize>> = Vec::new();
+            for (i, part) in row.chunks(PATCH).enumerate() {
+                // Hardly any is: looked at side by side.
+                if !part.iter().fold(false, |any, how| any | how.is_marked()) {
+                    continue;
+                }
+                let marked = part
+                    .iter()
+                    .zip(i * PATCH..)
+                    .filter(|(how, _)| how.is_marked());
+                for (_, at) in marked {
+                    join(
+                        &mut runs,
+                        at.saturating_sub(reach)..(at + reach + 1).min(columns),
+                    );
+                }
             }
-            is_marked
+            runs
         });
-        let marked: Vec<bool> = marked.collect();
-        let mut near: Vec<bool> = lanes::blank(sampled.len());
-        let lines = near.par_chunks_mut(columns).enumerate();
-        lines.for_each(|(row, near)| {
-            let around = row.saturating_sub(reach)..(row + reach + 1).min(rows);
-            for from in around.filter(|from| marked[*from]) {
-                let line = &wide[from * columns..][..columns];
-                near.iter_mut()
-                    .zip(line)
-                    .for_each(|(near, wide)| *near |= wide);
-            }
+        let wide: Vec<Vec<Range<usize>>> = wide.collect();
+        let near = (0..wide.len()).into_par_iter().map(|row| {
+            let around = row.saturating_sub(reach)..(row + reach + 1).min(wide.len());
+            let mut all: Vec<Range<usize>> = wide[around].iter().flatten().cloned().collect();
+            all.sort_unstable_by_key(|run| run.start);
+            let mut runs: Vec<Range<usize>> = Vec::new();
+            all.into_iter().for_each(|run| join(&mut runs, run));
+            runs
         });
-        near
+        near.collect()
     }
 
     /// The spread in the patch from a column and a row on, mirrored (light comes from where it is looked for), row by row.
@@ -177,5 +183,13 @@ impl<'a> Blur<'a> {
             })
         });
         lanes.collect()
+    }
+}
+
+/// Adds a run to others, none of which starts behind it.
+fn join(runs: &mut Vec<Range<usize>>, run: Range<usize>) {
+    match runs.last_mut() {
+        Some(last) if run.start <= last.end => last.end = last.end.max(run.end),
+        _ => runs.push(run),
     }
 }

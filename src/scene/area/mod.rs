@@ -169,6 +169,11 @@ impl AreaLight {
         self.footprint().shares()
     }
 
+    /// Whether it is even all over the detector.
+    pub fn is_even(&self) -> bool {
+        self.even.is_some()
+    }
+
     /// Its light pixel by pixel, as if of one electron each had so many shares; nothing where it is too faint for any.
     pub(super) fn footprint(&self) -> &Footprint {
         let pixels = |lines: &Lines| Footprint::whole(self.width, lines.pixels());
