@@ -92,7 +92,7 @@ pub fn lay(
         margin,
         size,
     };
-    let side = largest(radiance, plane);
+    let side = largest(radiance, plane, blur.size());
     let known = Known::of(&grid, side);
     let [across, down] = size.map(|pixels| pixels.div_ceil(LARGEST));
     let squares = (0..across * down).into_par_iter().map(|i| {
@@ -116,11 +116,12 @@ pub fn lay(
     (Light::Pixels(blur.blurred(e, &how, &mut asked)), asked)
 }
 
-/// The side (px) of the grid's largest squares: no more than the detail of its light.
-fn largest(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
+/// The side (px) of the grid's largest squares: no more than the detail of its light, nor a quarter of the detector, over which optics bend it.
+fn largest(radiance: &dyn Radiance, plane: &Plane<'_>, [columns, rows]: [usize; 2]) -> usize {
     let detail_px = radiance.detail() * plane.scale_px();
+    let most = detail_px.min(columns.min(rows) as f64 / 4.0);
     let mut side = LARGEST;
-    while side > SQUARE && side as f64 > detail_px {
+    while side > SQUARE && side as f64 > most {
         side /= 2;
     }
     side
