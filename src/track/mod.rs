@@ -143,8 +143,11 @@ impl Track {
         let mut samples = Vec::new();
         match knots[..] {
             // Of a short one two pieces are one panel, if that bends little enough; and one where a piece needs no panels.
-            [first, _, last] if walk.length_px <= course.panel_px || walk.even.is_some() => {
-                walk.piece(first, last, DEPTH, &mut samples);
+            [first, mid, last]
+                if mid.0 == (first.0 + last.0) / 2.0
+                    && (walk.length_px <= course.panel_px || walk.even.is_some()) =>
+            {
+                walk.piece_by(first, mid, last, DEPTH, &mut samples);
             }
             _ => {
                 for ends in knots.windows(2) {

@@ -21,6 +21,8 @@ const LONGEST_PX: f64 = 256.0;
 const LEAST_PX: f64 = 1e-9;
 /// A piece of which nothing is seen is cut in two where what its light is uncertain by may move the centre of all by more than this, px.
 const FAR_PX: f64 = 1e-5;
+/// Places that it takes to lay a way through a piece.
+const WAY: usize = 3;
 /// How often a piece is cut in two at most.
 pub const DEPTH: u32 = 24;
 
@@ -106,10 +108,14 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
 
     /// Samples the piece from `a` to `b`.
     pub fn piece(&self, a: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
-        if b.0 <= a.0 {
-            return;
+        if b.0 > a.0 {
+            let mid = self.knot((a.0 + b.0) / 2.0);
+            self.piece_by(a, mid, b, depth, samples);
         }
-        let mid = self.knot((a.0 + b.0) / 2.0);
+    }
+
+    /// Samples the piece from `a` to `b`, halfway between which is `mid`.
+    pub fn piece_by(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
         let (mut panels, mut near) = (1.0, false);
         let split;
         match (a.1, mid.1, b.1) {
@@ -186,7 +192,10 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
         let length = distance(first, middle) + distance(middle, last);
         // Of a parabola the fastest end is faster than the mean by 4 bend / length.
         let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
-        let way = Way::through(known, place, sigma_px * error);
+        // Few points are found as soon as a way.
+        let is_long = rule::count(sigmas, error) > WAY;
+        let way = is_long.then(|| Way::through(known, place, sigma_px * error));
+        let way = way.flatten();
         let weight = (to - from) / self.course.rows.exposure;
         samples.reserve(rule::most(sigmas));
         rule::points(sigmas, error, |part, share| {
