@@ -11,8 +11,11 @@ mod dots;
 
 mod light;
 
-pub use dots::{Circle, Dot, Ends, Lines, ROWS, Real, Sheet};
+mod real;
+
+pub use dots::{Circle, Dot, Ends, Lines, ROWS, Sheet};
 pub use light::{Reading, Span};
+pub use real::Real;
 
 use crate::rng::normal::{self, uniform_of};
 use crate::rng::poisson::{self, SEARCHED, Switch};

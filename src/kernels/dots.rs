@@ -3,7 +3,8 @@
 //! In single precision, which is what footprints keep, or for light so bright that the last digits of its sum are electrons in double. Places are told from a pixel
 //! near them, so that nothing is lost far from the detector's corner.
 
-use std::ops::{Add, Mul, Neg, Range, Sub};
+use super::Real;
+use std::ops::Range;
 
 /// Powers of the series of a share in the place of the source, from 0 on.
 const POWERS: usize = 4;
@@ -15,76 +16,6 @@ pub const ROWS: usize = 16;
 const LEAST: f64 = 1e-15;
 /// Nothing reaches so far, px.
 const BEYOND_PX: f32 = 1e6;
-
-/// A number in single or in double precision.
-pub trait Real:
-    Copy
-    + Default
-    + PartialOrd
-    + Neg<Output = Self>
-    + Mul<Output = Self>
-    + Add<Output = Self>
-    + Sub<Output = Self>
-{
-    /// The nearest to one in double precision.
-    fn of(x: f64) -> Self;
-    /// In single precision.
-    fn single(self) -> f32;
-    /// `self a + b`, rounded once.
-    fn fused(self, a: Self, b: Self) -> Self;
-    /// The whole number nearest to one of less than 2^22: the last digits of a sum with 1.5 times a great power of two, without the calls and jumps that
-    /// `round` and `as` take.
-    fn nearest(self) -> (i32, Self);
-}
-
-impl Real for f32 {
-    #[inline(always)]
-    fn of(x: f64) -> f32 {
-        x as f32
-    }
-
-    #[inline(always)]
-    fn single(self) -> f32 {
-        self
-    }
-
-    #[inline(always)]
-    fn fused(self, a: f32, b: f32) -> f32 {
-        self.mul_add(a, b)
-    }
-
-    #[inline(always)]
-    fn nearest(self) -> (i32, f32) {
-        const WHOLE: f32 = 12_582_912.0;
-        let sum = self + WHOLE;
-        let last = (sum.to_bits() as i32).wrapping_sub(WHOLE.to_bits() as i32);
-        (last, sum - WHOLE)
-    }
-}
-
-impl Real for f64 {
-    #[inline(always)]
-    fn of(x: f64) -> f64 {
-        x
-    }
-
-    #[inline(always)]
-    fn single(self) -> f32 {
-        self as f32
-    }
-
-    #[inline(always)]
-    fn fused(self, a: f64, b: f64) -> f64 {
-        self.mul_add(a, b)
-    }
-
-    #[inline(always)]
-    fn nearest(self) -> (i32, f64) {
-        const WHOLE: f64 = 6_755_399_441_055_744.0;
-        let sum = self + WHOLE;
-        (sum.to_bits() as i32, sum - WHOLE)
-    }
-}
 
 /// The shares of pixels in a line, by where in a pixel the source is: around each of the nodes a series.
 #[derive(Debug, Clone, PartialEq)]

@@ -32,6 +32,9 @@ impl View {
         simulated: &Simulated,
         fidelity: &Fidelity,
     ) -> Option<Source> {
+        if !self.may_hold(candidate) {
+            return None;
+        }
         let camera = &self.camera;
         let track = self.track(candidate, &Vector3::zeros(), simulated, fidelity)?;
         let (start, end) = (track.start, track.end);

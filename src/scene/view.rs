@@ -116,6 +116,8 @@ pub struct View {
     swing: f64,
     /// Where the camera points when tracks ask for it most, by the time from mid-exposure, s.
     pointings: Vec<(f64, Attitude)>,
+    /// What stars stand between whose image may touch the detector: normals, and the least products with them.
+    sides: Vec<(Vector3<f64>, f64)>,
     /// Where light matters that is lost up to that share of a source's (1).
     window: (f64, Window),
 }
@@ -187,6 +189,7 @@ impl View {
             unknown: Unknown::default(),
             swing: 0.0,
             pointings: Vec::new(),
+            sides: Vec::new(),
             window: (fidelity.psf_loss, Footprint::window(camera, fidelity)),
         };
         const EIGHTHS: u8 = 8;
@@ -199,7 +202,7 @@ impl View {
 
         let moon = MoonDisc::seen_by(&shutter[1], &world.corrections);
         view.moon = (moon.direction, libm::cos(moon.angular_radius));
-        let mut stars = world
+        let stars = world
             .stars
             .in_cone(&axis, cone, &shutter[1], &world.corrections);
         let to_icrf = view.pointing(0.0).matrix().transpose();
@@ -218,8 +221,7 @@ impl View {
             .population
             .in_field(&field, &world.corrections, fidelity.orbits);
         let earth = Earth::at(exposure.mid);
-        let may_hold = field.test_still();
-        stars.retain(|star| may_hold(&star.direction));
+        view.sides = field.still_sides();
         // All in their places, and with room for those that follow.
         let mut candidates = Vec::with_capacity(stars.len() + seen.objects.len() + WANDERERS);
         let stars = stars.into_par_iter().with_min_len(FEW);
@@ -261,6 +263,15 @@ impl View {
     fn greatest_swing(&self) -> f64 {
         let swings = self.candidates.iter().map(|candidate| candidate.swing);
         swings.fold(0.0, f64::max)
+    }
+
+    /// Whether the image of a candidate may touch the detector, as far as its direction tells.
+    pub(super) fn may_hold(&self, candidate: &Candidate) -> bool {
+        let Body::Star(star) = &candidate.body else {
+            return true;
+        };
+        let mut sides = self.sides.iter();
+        sides.all(|(inward, least)| star.direction.dot(inward) >= *least)
     }
 
     /// ICRF to camera, `dt_s` after mid-exposure.

@@ -105,18 +105,14 @@ impl Field<'_> {
             })
     }
 
-    /// The test of directions at mid-exposure (unit vectors, ICRF) of what stands still: whether it may come to stand between the field's sides.
-    pub fn test_still(&self) -> impl Fn(&Vector3<f64>) -> bool + Sync + use<> {
+    /// The sides' inward normals, and the least product with them of a direction (unit vector, ICRF, mid-exposure) that may come to stand between the sides
+    /// though it stands still.
+    pub fn still_sides(&self) -> Vec<(Vector3<f64>, f64)> {
         let sides = self.sides.iter().map(|side| {
             let beyond = (side.beyond + WANDER).min(PI / 2.0);
             (side.inward, -libm::sin(beyond))
         });
-        let sides: Vec<(Vector3<f64>, f64)> = sides.collect();
-        move |direction| {
-            sides
-                .iter()
-                .all(|(inward, least)| direction.dot(inward) >= *least)
-        }
+        sides.collect()
     }
 
     /// The test of a catalogue in TEME; `rotation` leads from there to GCRF, `bright` has of each object what bounds its
