@@ -1,4 +1,4 @@
-//! Sums and greatest values of many pixels, in lanes that a processor works out side by side: the same on every one.
+//! Greatest values of many pixels, in lanes that a processor works out side by side: the same on every one.
 
 use rayon::prelude::*;
 
@@ -10,26 +10,6 @@ const TOGETHER: usize = 1 << 16;
 pub fn blank<T: Default + Send>(count: usize) -> Vec<T> {
     let blanks = (0..count).into_par_iter().with_min_len(TOGETHER);
     blanks.map(|_| T::default()).collect()
-}
-
-/// The sum.
-pub fn sum(values: &[f32]) -> f64 {
-    if values.len() <= TOGETHER {
-        return sum_of(values);
-    }
-    let sums: Vec<f64> = values.par_chunks(TOGETHER).map(sum_of).collect();
-    sums.iter().sum()
-}
-
-fn sum_of(values: &[f32]) -> f64 {
-    let (chunks, rest) = values.as_chunks::<LANES>();
-    let mut lanes = [0.0f64; LANES];
-    for chunk in chunks {
-        for (lane, value) in lanes.iter_mut().zip(chunk) {
-            *lane += f64::from(*value);
-        }
-    }
-    lanes.iter().sum::<f64>() + rest.iter().map(|value| f64::from(*value)).sum::<f64>()
 }
 
 /// The greatest; 0 where none is above it.
@@ -80,10 +60,8 @@ mod tests {
         for count in [0, 1, 15, 16, 17, 1000] {
             let values: Vec<f32> = (0..count).map(|i| ((i * 37) % 101) as f32 - 20.0).collect();
             let others: Vec<f32> = values.iter().rev().copied().collect();
-            let all: f64 = values.iter().map(|e| f64::from(*e)).sum();
             let most = values.iter().copied().fold(0.0, f32::max);
             let apart = values.iter().zip(&others).map(|(a, b)| (a - b).abs());
-            assert_eq!(sum(&values), all);
             assert_eq!(greatest(&values), most);
             assert_eq!(furthest_apart(&values, &others), apart.fold(0.0, f32::max));
         }

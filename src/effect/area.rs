@@ -11,7 +11,7 @@
 use super::cause::digits;
 use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
 use super::{Loss, Need, Pass};
-use crate::scene::{AreaLight, Asked, Lit, Scene, Simulated};
+use crate::scene::{AreaLight, Asked, Scene, Simulated};
 
 /// ns of a pixel whose light is worked out for it or blurred, is added up with other areas' and drawn; and of one that straight lines run through.
 const PIXEL_NS: f64 = 3.3;
@@ -40,7 +40,7 @@ pub(super) fn judge<'s>(
         return (Need::none(why.clone()), Pass::idle());
     }
     let pixels = scene.view.camera.detector.pixels() as f64;
-    let pixel_ns = if area.is_even() { EVEN_NS } else { PIXEL_NS };
+    let pixels_ns = pixels * EVEN_NS + area.uneven() as f64 * PIXEL_NS;
     let need = if is_drowned(scene, &leave) {
         Need::none(format!("{}: {DROWNED}", says(area)))
     } else if area.electrons == 0.0 {
@@ -55,11 +55,7 @@ pub(super) fn judge<'s>(
             price_ms: 0.0,
         }
     } else {
-        let cells_e = || {
-            with_trail(scene, scene.area_lit_e(area), || {
-                scene.trail_of(Lit::from(area))
-            })
-        };
+        let cells_e = || with_trail(scene, scene.area_lit_e(area), || scene.trail_of(area));
         Need {
             because: says(area).into(),
             error: Loss {
@@ -67,7 +63,7 @@ pub(super) fn judge<'s>(
                 px: 0.0,
             },
             drawn_e: if area.is_thin { 0.0 } else { area.electrons },
-            price_ms: (asked_ns(&area.asked, ns) + pixels * pixel_ns) * 1e-6,
+            price_ms: (asked_ns(&area.asked, ns) + pixels_ns) * 1e-6,
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {

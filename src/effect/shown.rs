@@ -169,7 +169,7 @@ pub(super) fn changed_e(
 /// scene's the light is laid anew and compared, else it moves by no more than `px`.
 pub(super) fn areas_changed_e(scene: &Scene, other: &Simulated, px: f64) -> f64 {
     let areas = scene.areas_together();
-    if areas.is_none() {
+    if areas.light().is_none() {
         return 0.0;
     }
     if scene.simulated.and_shapes(other) != scene.simulated {

@@ -1,9 +1,10 @@
 //! The charge that pixels expect: bounds of it, and what single pixels and columns expect.
 
+use super::area::Light;
 use super::{AreaLight, Body, Lit, Scene, Simulated, Source, brightest, spill, trail};
+use crate::camera::Detector;
 use crate::lanes;
 use rayon::prelude::*;
-use std::iter;
 
 /// Groups of columns that are worked out side by side.
 const GROUPS: usize = 8;
@@ -34,12 +35,11 @@ impl Scene {
         let mut parts = lit(stars);
         let stars = brightest::greatest_e(detector, &parts);
         parts.extend(lit(others));
-        match (self.areas_light.is_none(), self.turns_all_alike()) {
-            (true, _) => {}
-            (false, true) => parts.push(self.areas_light.most_of_cells(brightest::CELL)),
-            (false, false) => {
-                parts.extend(self.cells_of(iter::once(Lit::from(&self.areas_light))));
-            }
+        let areas = self.areas_light.light();
+        if self.turns_all_alike() {
+            parts.extend(areas.map(|light| light.most_of_cells(brightest::CELL)));
+        } else {
+            parts.extend(self.cells_of(areas.into_iter().map(Lit::from)));
         }
         [stars, brightest::greatest_e(detector, &parts)]
     }
@@ -56,9 +56,10 @@ impl Scene {
 
     /// [`Scene::lit_e`] by an area's light alone.
     pub fn area_lit_e(&self, area: &AreaLight) -> Vec<f64> {
-        match area.most_of_even() {
-            Some(most) if self.turns_all_alike() => most,
-            _ => self.lit_e(iter::once(Lit::from(area))),
+        if self.turns_all_alike() {
+            area.most_of_columns()
+        } else {
+            self.lit_e(area.light().into_iter().map(Lit::from))
         }
     }
 
@@ -119,9 +120,10 @@ impl Scene {
         trail::part(&self.view)
     }
 
-    /// What each pixel of each column gets of the column's light by `lit` alone while it is shifted, e-.
-    pub fn trail_of(&self, lit: Lit<'_>) -> Vec<f64> {
-        let mut columns = spill::columns_e(&self.view.camera.detector, iter::once(lit));
+    /// What each pixel of each column gets of the column's light by an area's alone while it is shifted, e-.
+    pub fn trail_of(&self, area: &AreaLight) -> Vec<f64> {
+        let lights = area.light().into_iter().map(Lit::from);
+        let mut columns = spill::columns_e(&self.view.camera.detector, lights);
         let part = self.trail_part();
         columns.iter_mut().for_each(|e| *e *= part);
         columns
@@ -208,19 +210,21 @@ impl Scene {
             .iter()
             .map(|column| spilling.binary_search(column).ok());
         let Some(places) = places.collect::<Option<Vec<usize>>>() else {
-            return self.light_of(columns, &self.lights(parts).collect::<Vec<_>>());
+            let sources = self.sources_if(|source| source.body.is_in(parts));
+            return self.light_of(columns, &sources, &self.area_lights(parts));
         };
         // Asked for again and again, with this and that left out: all is worked out once, and what is left out is taken away.
         let all = self.spilling_e.get_or_init(|| {
-            let lights: Vec<Lit<'_>> = self.lights(&self.simulated).collect();
-            self.light_of(spilling, &lights)
+            let sources = self.sources_if(|source| source.body.is_in(&self.simulated));
+            self.light_of(spilling, &sources, &self.area_lights(&self.simulated))
         });
         let height = self.view.camera.detector.height;
         let column = |place: usize| all[place * height..][..height].iter().copied();
         let mut light: Vec<f64> = places.into_iter().flat_map(column).collect();
-        let left: Vec<Lit<'_>> = self.lights_without(parts).collect();
-        if !left.is_empty() {
-            let less = self.light_of(columns, &left);
+        let sources = self.sources_if(|source| !source.body.is_in(parts));
+        let areas = self.area_lights_without(parts);
+        if !sources.is_empty() || !areas.is_empty() {
+            let less = self.light_of(columns, &sources, &areas);
             // (Rounding leaves no less than nothing.)
             let both = light.iter_mut().zip(less);
             both.for_each(|(e, less)| *e = (*e - less).max(0.0));
@@ -228,16 +232,21 @@ impl Scene {
         light
     }
 
-    /// The light (e-) of `lights` on `columns`, sorted, one column after the other.
-    fn light_of(&self, columns: &[usize], lights: &[Lit<'_>]) -> Vec<f64> {
-        let height = self.view.camera.detector.height;
+    fn sources_if(&self, is_asked: impl Fn(&Source) -> bool) -> Vec<Lit<'_>> {
+        let sources = self.sources.iter().filter(|source| is_asked(source));
+        sources.map(Lit::from).collect()
+    }
+
+    /// The light (e-) of `sources` and of `areas` on `columns`, sorted, one column after the other.
+    fn light_of(&self, columns: &[usize], sources: &[Lit<'_>], areas: &[&Light]) -> Vec<f64> {
+        let Detector { width, height, .. } = self.view.camera.detector;
         let mut light = lanes::blank(columns.len() * height);
         let few = columns.len().div_ceil(GROUPS).max(1);
         let groups = light.par_chunks_mut(few * height);
         groups
             .zip(columns.par_chunks(few))
             .for_each(|(light, columns)| {
-                for lit in lights {
+                for lit in sources {
                     for (row, first, shares) in lit.footprint.rows(0..height) {
                         let from = columns.partition_point(|column| *column < first);
                         let here = columns[from..].iter().zip(from..);
@@ -248,6 +257,20 @@ impl Scene {
                             light[i * height + row] += lit.electrons * share;
                         }
                     }
+                }
+                let mut done = 0;
+                for run in columns.chunk_by(|a, b| a + 1 == *b) {
+                    let mut e = vec![0.0; run.len()];
+                    for (row, area) in
+                        (0..height).flat_map(|row| areas.iter().map(move |a| (row, a)))
+                    {
+                        e.fill(0.0);
+                        area.add_to_row(row * width + run[0], &mut e);
+                        for (e, i) in e.iter().zip(done..) {
+                            light[i * height + row] += f64::from(*e);
+                        }
+                    }
+                    done += run.len();
                 }
             });
         light

@@ -140,7 +140,8 @@ impl View {
         let lit = self.lit_by(area, simulated, fidelity);
         let whole_e = candidate.electrons() * centre.light;
         let part = 1.0 / whole_e.max(f64::MIN_POSITIVE);
-        let mut footprint = Footprint::sum(&[(part, lit.footprint().clone())]);
+        let drawn = lit.light().map(|light| (part, light.footprint().clone()));
+        let mut footprint = Footprint::sum(drawn.as_slice());
         footprint.wings = centre.footprint.wings;
         Point {
             footprint,

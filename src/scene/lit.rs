@@ -1,6 +1,6 @@
 //! What lights pixels, points and areas alike: electrons, and the share of them on each pixel.
 
-use super::area::Together;
+use super::area::Light;
 use super::{AreaLight, Scene, Simulated, Source};
 use crate::footprint::Footprint;
 
@@ -22,48 +22,38 @@ impl<'a> From<&'a Source> for Lit<'a> {
     }
 }
 
-impl<'a> From<&'a AreaLight> for Lit<'a> {
-    fn from(area: &'a AreaLight) -> Lit<'a> {
+impl<'a> From<&'a Light> for Lit<'a> {
+    fn from(light: &'a Light) -> Lit<'a> {
         Lit {
             electrons: 1.0,
-            footprint: area.footprint(),
-        }
-    }
-}
-
-impl<'a> From<&'a Together> for Lit<'a> {
-    fn from(areas: &'a Together) -> Lit<'a> {
-        Lit {
-            electrons: 1.0,
-            footprint: areas.footprint(),
+            footprint: light.footprint(),
         }
     }
 }
 
 impl Scene {
-    /// All that lights pixels in a frame that has only those effects that `parts` has: all area sources as one, if it has them all.
+    /// All that lights pixels in a frame that has only those effects that `parts` has.
     pub fn lights<'a>(&'a self, parts: &'a Simulated) -> impl Iterator<Item = Lit<'a>> {
         let sources = self.sources.iter();
         let sources = sources.filter(|source| source.body.is_in(parts));
-        let is_in = |area: &AreaLight| (area.kind.is_in)(parts);
-        let all = self.areas.iter().all(is_in);
-        let together = all.then_some(&self.areas_light);
-        let areas = self.areas.iter().filter(move |area| !all && is_in(area));
-        let areas = together
-            .into_iter()
-            .map(Lit::from)
-            .chain(areas.map(Lit::from));
-        sources.map(Lit::from).chain(areas)
-    }
-    /// What of its light one has not that has only those effects that `parts` has.
-    pub(super) fn lights_without<'a>(
-        &'a self,
-        parts: &'a Simulated,
-    ) -> impl Iterator<Item = Lit<'a>> {
-        let sources = self.sources.iter();
-        let sources = sources.filter(|source| !source.body.is_in(parts));
-        let areas = self.areas.iter();
-        let areas = areas.filter(|area| !(area.kind.is_in)(parts) && area.electrons > 0.0);
+        let areas = self.area_lights(parts).into_iter();
         sources.map(Lit::from).chain(areas.map(Lit::from))
+    }
+
+    /// The light of its area sources: of all of them as one, if it has them all.
+    pub(super) fn area_lights(&self, parts: &Simulated) -> Vec<&Light> {
+        let is_in = |area: &&AreaLight| (area.kind.is_in)(parts);
+        if self.areas.iter().all(|area| is_in(&area)) {
+            return self.areas_light.light().into_iter().collect();
+        }
+        let areas = self.areas.iter().filter(is_in);
+        areas.filter_map(AreaLight::light).collect()
+    }
+
+    /// The light of the area sources that it has not.
+    pub(super) fn area_lights_without(&self, parts: &Simulated) -> Vec<&Light> {
+        let areas = self.areas.iter();
+        let areas = areas.filter(|area| !(area.kind.is_in)(parts));
+        areas.filter_map(AreaLight::light).collect()
     }
 }

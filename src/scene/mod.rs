@@ -25,7 +25,7 @@ mod work;
 use signal::{Held, Noise};
 use wanderer::Element;
 
-pub use area::{Area, AreaLight, Asked, Edge, KINDS, Kind, Radiance, Together};
+pub use area::{Area, AreaLight, Asked, Edge, KINDS, Kind, Light, Radiance, Together};
 pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
@@ -52,7 +52,6 @@ use hifitime::Epoch;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::time::seconds;
-use std::iter;
 use std::sync::{Arc, OnceLock};
 
 /// What does not change from frame to frame.
@@ -275,7 +274,7 @@ impl Scene {
             .collect();
         let pixels = sources.iter().map(|source| source.footprint.shares().len());
         let areas_light = Together::of(&areas, &view, pixels.sum());
-        let together = iter::once_with(|| Lit::from(&areas_light));
+        let together = areas_light.light().into_iter().map(Lit::from);
         let lights = sources.iter().map(Lit::from).chain(together);
         let trail_e = trail::trail_e(&view, lights);
         let counted = if simulated.frame_transfer {

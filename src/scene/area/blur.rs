@@ -8,17 +8,19 @@
 //! light stays as it is. Wings are followed as far as they matter, at most [`FURTHEST`] pixels; what is further out is laid evenly over those.
 
 use super::Asked;
-use super::sampled::Sampled;
+use super::lay::SMALLEST;
+use super::lines::Lines;
+use super::near::Near;
+use super::runs::Run;
+use super::sampled::Block;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
-use crate::lanes;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Furthest that light is spread, px.
 const FURTHEST: usize = 24;
-/// Side of the patches that have one spread, px.
-const PATCH: usize = 64;
+/// Side of the patches that have one spread, px: as many as a word has bits.
+pub const PATCH: usize = u64::BITS as usize;
 
 /// Width (px) below which less of the pixel's width is taken out of a spread.
 const NARROW_PX: f64 = 0.5;
@@ -54,45 +56,53 @@ impl<'a> Blur<'a> {
         self.margin
     }
 
-    /// The detector's part of `e`, which has the margin around it and [`LANES`] values at its end; spread near pixels that are `sampled`.
-    pub fn blurred(&self, mut e: Vec<f32>, sampled: &[Sampled], asked: &mut Asked) -> Vec<f32> {
-        let ([width, height], margin) = (self.size(), self.margin);
-        let columns = width + 2 * margin;
-        if margin == 0 {
-            e.truncate(width * height);
-            return e;
+    /// What pixels on and near `sampled` blocks have more than `lines` say, whose grid begins `rim` columns and rows before the detector.
+    pub fn runs(
+        &self,
+        lines: &Lines,
+        rim: usize,
+        sampled: &[Block],
+        asked: &mut Asked,
+    ) -> Vec<Run> {
+        let patches = self.patches(rim, sampled);
+        let places = lines.places();
+        let near = patches.into_par_iter().map(|(at, blocks)| {
+            let near = Near::new(self, at, &blocks, rim);
+            (near.runs(lines, &places), near.count())
+        });
+        let near: Vec<(Vec<Run>, usize)> = near.collect();
+        if self.margin > 0 {
+            let pixels = near.iter().map(|(_, pixels)| pixels);
+            asked.spreads += pixels.sum::<usize>() * (2 * self.reach + 1).pow(2);
         }
-        let near = self.near(sampled, columns);
-        let side = 2 * self.reach + 1;
-        let pixels = near.iter().flatten().map(|run| run.len());
-        asked.spreads += pixels.sum::<usize>() * side * side;
-        let mut out: Vec<f32> = lanes::blank(width * height);
-        out.par_chunks_mut(width * PATCH)
-            .enumerate()
-            .for_each(|(band, out)| {
-                let top = band * PATCH;
-                let mut kernels = vec![None; width.div_ceil(PATCH)];
-                for (row, out) in out.chunks_exact_mut(width).enumerate() {
-                    let row = top + row + margin;
-                    let from = row * columns + margin;
-                    out.copy_from_slice(&e[from..from + width]);
-                    for run in &near[row] {
-                        // Of the columns of the detector.
-                        let run = run.start.max(margin) - margin
-                            ..run.end.min(margin + width).max(margin) - margin;
-                        for column in run {
-                            let patch = column / PATCH;
-                            let kernel = kernels[patch]
-                                .get_or_insert_with(|| self.kernel(patch * PATCH, top));
-                            out[column] = self.spread(&e, from + column, columns, kernel);
-                        }
-                    }
-                }
-            });
-        out
+        near.into_iter().flat_map(|(runs, _)| runs).collect()
     }
 
-    fn spread(&self, e: &[f32], pixel: usize, columns: usize, kernel: &[[f32; LANES]]) -> f32 {
+    /// The patches of the detector that have pixels on or near blocks, each with those.
+    fn patches<'b>(&self, rim: usize, sampled: &'b [Block]) -> Vec<([usize; 2], Vec<&'b Block>)> {
+        let [across, down] = self.size().map(|pixels| pixels.div_ceil(PATCH));
+        let mut blocks = vec![Vec::new(); across * down];
+        for block in sampled {
+            let near = |k: usize, patches: usize| {
+                let past = block.at[k] + SMALLEST + self.margin;
+                let from = (block.at[k] - self.margin).max(rim) - rim;
+                from / PATCH..past.saturating_sub(rim).div_ceil(PATCH).min(patches)
+            };
+            for row in near(1, down) {
+                for column in near(0, across) {
+                    blocks[row * across + column].push(block);
+                }
+            }
+        }
+        let patches = blocks.into_iter().enumerate();
+        let patches = patches.filter(|(_, blocks)| !blocks.is_empty());
+        patches
+            .map(|(i, blocks)| ([i % across, i / across].map(|i| i * PATCH), blocks))
+            .collect()
+    }
+
+    /// The light of a pixel of `e`, rows of so many columns, after its neighbours' is spread by a `kernel`.
+    pub fn spread(&self, e: &[f32], pixel: usize, columns: usize, kernel: &[[f32; LANES]]) -> f32 {
         let side = 2 * self.reach + 1;
         let first = pixel - self.reach * columns - self.reach;
         let mut lanes = [0.0f32; LANES];
@@ -109,47 +119,12 @@ impl<'a> Blur<'a> {
         lanes.iter().sum::<f32>().max(0.0)
     }
 
-    /// Of each row the runs of columns whose pixels are no further than the reach from one that is marked.
-    fn near(&self, sampled: &[Sampled], columns: usize) -> Vec<Vec<Range<usize>>> {
-        let reach = self.reach;
-        let wide = sampled.par_chunks(columns).map(|row| {
-            let mut runs: Vec<Range<usize>> = Vec::new();
-            for (i, part) in row.chunks(PATCH).enumerate() {
-                // Hardly any is: looked at side by side.
-                if !part.iter().fold(false, |any, how| any | how.is_marked()) {
-                    continue;
-                }
-                let marked = part
-                    .iter()
-                    .zip(i * PATCH..)
-                    .filter(|(how, _)| how.is_marked());
-                for (_, at) in marked {
-                    join(
-                        &mut runs,
-                        at.saturating_sub(reach)..(at + reach + 1).min(columns),
-                    );
-                }
-            }
-            runs
-        });
-        let wide: Vec<Vec<Range<usize>>> = wide.collect();
-        let near = (0..wide.len()).into_par_iter().map(|row| {
-            let around = row.saturating_sub(reach)..(row + reach + 1).min(wide.len());
-            let mut all: Vec<Range<usize>> = wide[around].iter().flatten().cloned().collect();
-            all.sort_unstable_by_key(|run| run.start);
-            let mut runs: Vec<Range<usize>> = Vec::new();
-            all.into_iter().for_each(|run| join(&mut runs, run));
-            runs
-        });
-        near.collect()
-    }
-
     /// The spread in the patch from a column and a row on, mirrored (light comes from where it is looked for), row by row.
     ///
     /// A point's share S of each pixel has the pixel's width in it, and so has the light that it is laid over: it is taken out of one of them to
     /// second order, `K = S - S'' / 24` along columns and along rows, which is narrower by a pixel's variance, 1/12 px^2. Each row is filled up with zeros.
-    fn kernel(&self, left: usize, top: usize) -> Vec<[f32; LANES]> {
-        let middle = [left, top].map(|from| from as f64 + PATCH as f64 / 2.0);
+    pub fn kernel(&self, at: [usize; 2]) -> Vec<[f32; LANES]> {
+        let middle = at.map(|from| from as f64 + PATCH as f64 / 2.0);
         let psf = self.camera.optics.psf_at(middle, 1.0);
         let (reach, mut stamp) = (self.reach as i64 + 1, Stamp::default());
         psf.spread(
@@ -183,13 +158,5 @@ impl<'a> Blur<'a> {
             })
         });
         lanes.collect()
-    }
-}
-
-/// Adds a run to others, none of which starts behind it.
-fn join(runs: &mut Vec<Range<usize>>, run: Range<usize>) {
-    match runs.last_mut() {
-        Some(last) if run.start <= last.end => last.end = last.end.max(run.end),
-        _ => runs.push(run),
     }
 }

@@ -12,6 +12,8 @@ const SPARE: f64 = 0.5;
 pub struct Known {
     /// Side of the squares, px.
     pub side: usize,
+    /// Columns and rows of the grid before the first place.
+    before: usize,
     /// Places a row.
     across: usize,
     /// e-, row by row; none where the plane has no direction.
@@ -23,8 +25,10 @@ pub struct Known {
 impl Known {
     /// That of a grid of squares of `side`.
     pub fn of(grid: &Grid<'_, '_>, side: usize) -> Known {
-        let [across, down] = grid.size.map(|pixels| 2 * pixels.div_ceil(side) + 1);
-        let place = |i: usize| (i * side / 2) as f64 - grid.margin as f64;
+        let margin = grid.margin.next_multiple_of(side);
+        let squares = |pixels: usize| (margin + pixels + grid.margin).div_ceil(side);
+        let [across, down] = grid.detector.map(|pixels| 2 * squares(pixels) + 1);
+        let place = |i: usize| (i * side / 2) as f64 - margin as f64;
         let rows = (0..down).into_par_iter().map(|row| {
             let mut asked = Asked::default();
             let places = (0..across).map(|column| grid.at(place(column), place(row), &mut asked));
@@ -35,6 +39,7 @@ impl Known {
         rows.iter().for_each(|(_, of_row)| asked += *of_row);
         Known {
             side,
+            before: grid.rim - margin,
             across,
             e: rows.into_iter().flat_map(|(row, _)| row).collect(),
             asked,
@@ -43,9 +48,14 @@ impl Known {
 
     /// The light at the nine places of a square from a column and row on.
     pub fn nine(&self, [x, y]: [usize; 2], side: usize) -> [Option<f64>; 9] {
-        let [column, row] = [x, y].map(|from| 2 * from / self.side);
+        let [column, row] = self.first_of([x, y]);
         let step = side / self.side;
         std::array::from_fn(|i| self.at(column + i % 3 * step, row + i / 3 * step))
+    }
+
+    /// The place at a square's first column and row.
+    fn first_of(&self, from: [usize; 2]) -> [usize; 2] {
+        from.map(|from| 2 * (from - self.before) / self.side)
     }
 
     fn at(&self, column: usize, row: usize) -> Option<f64> {
@@ -62,7 +72,7 @@ impl Known {
         for (node, known) in nodes.iter_mut().zip(self.nine([x, y], side)) {
             *node = known?;
         }
-        let [first_column, first_row] = [x, y].map(|from| 2 * from / self.side);
+        let [first_column, first_row] = self.first_of([x, y]);
         let (steps, half) = (2 * side / self.side, side / self.side);
         for row in 0..=steps {
             let above = (row / half).min(1);

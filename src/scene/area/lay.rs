@@ -2,14 +2,15 @@
 //!
 //! Where it is even, its value is worked out on a grid that is as fine as it asks for, and runs in straight lines between (`lines`): where it is so
 //! all over the field, no pixel is touched before it is drawn. Where there is an edge, or detail as small as a few pixels, each pixel is the mean over
-//! its area and its time, and the point spread function blurs them (`blur`).
+//! its area and its time (`sampled`), and the point spread function blurs them (`blur`): what they have more than lines say is kept beside those (`runs`).
 
 use super::blur::Blur;
 use super::known::Known;
 use super::lines::{Lines, Square};
 use super::plane::Plane;
+use super::runs::Runs;
 use super::sampled::Sampled;
-use super::{Asked, Radiance};
+use super::{Asked, Light, Radiance};
 use crate::fidelity::Fidelity;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -18,7 +19,7 @@ use rayon::prelude::*;
 const SQUARE: usize = 32;
 const LARGEST: usize = 256;
 /// Squares of this side that straight lines do not fill are sampled.
-const SMALLEST: usize = 4;
+pub const SMALLEST: usize = 4;
 /// Where lines miss no more than this many times what they may, the middle of a pixel stands for all of it: of a bend b (e-/px^2) lines
 /// across [`SMALLEST`] miss 2 b, and the middle b / 24, of two bends together.
 const MIDDLE: f64 = 24.0;
@@ -32,14 +33,6 @@ const PANEL_PX: f64 = 4.0;
 const BEND: f64 = 12.0;
 /// How often a part is halved at most.
 const HALVINGS: u32 = 5;
-/// Light on the pixels of the detector.
-#[derive(Debug)]
-pub enum Light {
-    /// Even all over.
-    Even(Lines),
-    /// Of each, row by row, e-.
-    Pixels(Vec<f32>),
-}
 
 /// Squares of the grid: those that straight lines fill, and those whose pixels are worked out each for itself.
 #[derive(Default)]
@@ -67,10 +60,12 @@ pub struct Grid<'a, 'v> {
     pub scale_e: f64,
     /// How far (rad) the pattern moves while a pixel is open.
     pub motion: f64,
+    /// Columns and rows of the detector.
+    pub detector: [usize; 2],
     /// Pixels that are needed around the detector.
     pub margin: usize,
-    /// Columns and rows, with those.
-    pub size: [usize; 2],
+    /// Columns and rows of the grid before the detector's first: those of whole squares, so that squares on the detector lie alike with any margin.
+    pub rim: usize,
 }
 
 /// Lays `radiance`, of which a pixel takes `scale_e` electrons a steradian; and what was asked for it.
@@ -82,17 +77,19 @@ pub fn lay(
     fidelity: &Fidelity,
 ) -> (Light, Asked) {
     let margin = blur.margin();
-    let size = blur.size().map(|pixels| pixels + 2 * margin);
+    let detector = blur.size();
     let grid = Grid {
         radiance,
         plane,
         fidelity,
         scale_e,
         motion: plane.motion(),
+        detector,
         margin,
-        size,
+        rim: margin.next_multiple_of(LARGEST),
     };
-    let side = largest(radiance, plane, blur.size());
+    let size = detector.map(|pixels| pixels + 2 * grid.rim);
+    let side = largest(radiance, plane, detector);
     let known = Known::of(&grid, side);
     let [across, down] = size.map(|pixels| pixels.div_ceil(LARGEST));
     let squares = (0..across * down).into_par_iter().map(|i| {
@@ -109,11 +106,10 @@ pub fn lay(
         asked += pieces.asked;
     }
     let lines = Lines::new(size, LARGEST, even);
-    if sampled.is_empty() && margin == 0 {
-        return (Light::Even(lines), asked);
-    }
-    let (e, how) = grid.pixels(&lines, &sampled, &mut asked);
-    (Light::Pixels(blur.blurred(e, &how, &mut asked)), asked)
+    let sampled = grid.sampled(sampled, &mut asked);
+    let runs = blur.runs(&lines, grid.rim, &sampled, &mut asked);
+    let light = Light::new(lines.within(grid.rim, detector), Runs::new(detector, runs));
+    (light, asked)
 }
 
 /// The side (px) of the grid's largest squares: no more than the detail of its light, nor a quarter of the detector, over which optics bend it.
@@ -130,7 +126,7 @@ fn largest(radiance: &dyn Radiance, plane: &Plane<'_>, [columns, rows]: [usize; 
 impl Grid<'_, '_> {
     /// The square of the grid from a column and row on: whole, if lines across it meet all that is known there, or its quarters.
     fn lay(&self, [x, y]: [usize; 2], side: usize, known: &Known, pieces: &mut Pieces) {
-        if x >= self.size[0] || y >= self.size[1] {
+        if !self.is_needed([x, y], side) {
             return;
         }
         if side > known.side {
@@ -145,7 +141,7 @@ impl Grid<'_, '_> {
             return;
         }
         let nodes = known.nine([x, y], side);
-        let [x, y] = [x, y].map(|i| i as i64 - self.margin as i64);
+        let [x, y] = [x, y].map(|i| i as i64 - self.rim as i64);
         let part = Part {
             x,
             y,
@@ -154,6 +150,14 @@ impl Grid<'_, '_> {
             missed: 0.0,
         };
         self.refine(part, pieces);
+    }
+
+    /// Whether any pixel is needed of a square from a column and row of the grid on.
+    pub fn is_needed(&self, from: [usize; 2], side: usize) -> bool {
+        from.iter().zip(self.detector).all(|(from, pixels)| {
+            let needed = self.rim - self.margin..self.rim + pixels + self.margin;
+            from + side > needed.start && *from < needed.end
+        })
     }
 
     /// The light (e-) that lines may miss where so much is.
@@ -240,8 +244,8 @@ impl Grid<'_, '_> {
             nodes,
             missed: before,
         } = part;
-        let [dx, dy] = [x, y].map(|i| (i + self.margin as i64) as usize);
-        if dx >= self.size[0] || dy >= self.size[1] {
+        let [dx, dy] = [x, y].map(|i| (i + self.rim as i64) as usize);
+        if !self.is_needed([dx, dy], side) {
             return;
         }
         let half = side / 2;
@@ -255,6 +259,7 @@ impl Grid<'_, '_> {
         };
         // Beyond the projection's end there is no light; on it there is an edge.
         if nodes.iter().all(Option::is_none) {
+            pieces.even.push(square);
             return;
         }
         let ends = [value(a), value(b), value(c), value(d)];

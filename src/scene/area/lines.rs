@@ -1,12 +1,7 @@
 //! Even light: straight lines between nine places of each of some squares, from which pixels get it when they are drawn.
 
 use crate::kernels;
-use crate::lanes;
-use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
-
-/// Pixels that are drawn one after the other.
-const BAND: usize = 1 << 15;
 
 /// A square of pixels whose light runs in straight lines between nine places.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,7 +34,7 @@ pub struct Places {
 }
 
 /// Light that is even all over the detector.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Lines {
     width: usize,
     height: usize,
@@ -156,6 +151,22 @@ impl Lines {
             side,
             strips,
         }
+    }
+
+    /// Columns and rows of the detector.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// Those of a detector in the middle of this one: as many columns and rows before it as some strips have.
+    pub fn within(&self, rim: usize, size: [usize; 2]) -> Lines {
+        let squares = self.strips.iter().flatten();
+        let inside = squares.filter_map(|square| {
+            let [x, y] = [square.x, square.y].map(|at| at.checked_sub(rim));
+            let (x, y) = (x.filter(|x| *x < size[0])?, y?);
+            Some(Square { x, y, ..*square })
+        });
+        Lines::new(size, self.side, inside.collect())
     }
 
     /// The sum of several, of the same detector and strips: squares as small as the smallest of them.
@@ -287,16 +298,6 @@ impl Lines {
         }
     }
 
-    /// On each pixel, row by row, e-.
-    pub fn pixels(&self) -> Vec<f32> {
-        let mut pixels = lanes::blank(self.width * self.height);
-        let bands = pixels.par_chunks_mut(BAND).enumerate();
-        bands.for_each(|(band, pixels)| {
-            self.add_to(Some(Level::best()), band * BAND, pixels);
-        });
-        pixels
-    }
-
     /// All of it, e-.
     ///
     /// ```text
@@ -349,6 +350,12 @@ impl Lines {
 mod tests {
     use super::*;
 
+    fn drawn(lines: &Lines) -> Vec<f32> {
+        let mut pixels = vec![0.0; lines.width * lines.height];
+        lines.add_to(Some(Level::best()), 0, &mut pixels);
+        pixels
+    }
+
     /// Two strips of four squares over 30 columns and 13 rows, one of them cut into quarters: of light that is straight all over.
     fn lines(light: impl Fn(usize, usize) -> f32) -> Lines {
         let square = |x: usize, y: usize, side: usize| {
@@ -372,7 +379,7 @@ mod tests {
         let light = |x: usize, y: usize| 3.0 + 0.5 * x as f32 + 0.25 * y as f32;
         let lines = lines(light);
         let expected: Vec<f32> = (0..30 * 13).map(|i| light(i % 30, i / 30)).collect();
-        assert_eq!(lines.pixels(), expected);
+        assert_eq!(drawn(&lines), expected);
         for run in [1, 7, 30, 64] {
             let mut pixels = vec![0.0; 30 * 13];
             for (i, pixels) in pixels.chunks_mut(run).enumerate() {
@@ -402,8 +409,8 @@ mod tests {
         let sum = Lines::of_all(&[&wide, &bent, &wide]).unwrap();
         // A square of eight and four of four, as in the one that is cut.
         assert_eq!(sum.strips[0].len(), 3 + 4);
-        let each = wide.pixels().into_iter().zip(bent.pixels());
-        for (pixel, (sum, (wide, bent))) in sum.pixels().into_iter().zip(each).enumerate() {
+        let each = drawn(&wide).into_iter().zip(drawn(&bent));
+        for (pixel, (sum, (wide, bent))) in drawn(&sum).into_iter().zip(each).enumerate() {
             assert!((sum - (2.0 * wide + bent)).abs() < 1e-3, "{pixel}: {sum}");
         }
         assert_eq!(Lines::of_all(&[]), None);
@@ -412,7 +419,7 @@ mod tests {
     #[test]
     fn a_part_of_a_row_has_what_its_pixels_have() {
         let lines = lines(|x, y| (x * x) as f32 + 2.0 * y as f32);
-        let (places, pixels) = (lines.places(), lines.pixels());
+        let (places, pixels) = (lines.places(), drawn(&lines));
         for (from, count) in (0..28).flat_map(|from| [1, 3, 30 - from].map(|n| (from, n))) {
             for row in 0..13 {
                 let first = row * 30 + from;
@@ -426,7 +433,7 @@ mod tests {
     #[test]
     fn no_pixel_has_more_than_its_cell() {
         let lines = lines(|x, y| 40.0 - (x as f32 - 14.0).abs() - (y as f32 - 5.0).powi(2));
-        let pixels = lines.pixels();
+        let pixels = drawn(&lines);
         for side in [1, 2, 4, 8] {
             let [across, down] = [30usize, 13].map(|pixels| pixels.div_ceil(side));
             let mut cells = vec![0.0; across * down];
@@ -446,7 +453,7 @@ mod tests {
     fn light_that_is_greatest_within_a_square_is_found_there() {
         // A ridge along column 20, and none of the squares' sides on it.
         let lines = lines(|x, _| 10.0 - (x as f32 - 20.0).abs());
-        let pixels = lines.pixels();
+        let pixels = drawn(&lines);
         for (part, [least, most]) in lines.ends_of(3).into_iter().enumerate() {
             let columns = part * 3..(part * 3 + 3).min(30);
             let here = columns.flat_map(|x| pixels[x..].iter().step_by(30).copied());

@@ -8,20 +8,22 @@ mod horizon;
 mod kinds;
 mod known;
 mod lay;
+mod light;
 mod limb;
 mod lines;
+mod near;
 mod patch;
 mod plane;
+mod runs;
 mod sampled;
 mod together;
 mod veil;
 
 pub use kinds::{KINDS, Kind};
+pub use light::Light;
 pub use together::Together;
 
 use crate::fidelity::Fidelity;
-use crate::footprint::Footprint;
-use crate::lanes;
 use crate::scene::{Simulated, View, World};
 use crate::sky::atmosphere::Limb;
 use crate::sky::shadow::Earth;
@@ -29,15 +31,11 @@ pub(super) use lay::panels;
 pub(super) use sampled::{STEPS_PX, most_steps};
 
 use super::CELL;
-use crate::kernels;
 use blur::Blur;
 use horizon::Horizon;
 use kinds::Found;
-use lay::Light;
-use lines::Lines;
 use nalgebra::Vector3;
 use plane::Plane;
-use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 use std::borrow::Cow;
 use std::cell::OnceCell;
@@ -145,15 +143,11 @@ pub struct AreaLight {
     pub kind: &'static Kind,
     /// Why there is none.
     pub dark: Option<Cow<'static, str>>,
-    /// Where it is even all over the detector.
-    even: Option<Lines>,
-    /// Its light pixel by pixel, as if of one electron each had so many shares; of what is even, once it is asked for. Nothing where it is too faint.
-    pixels: OnceLock<Footprint>,
+    /// On the pixels; none where it is too faint for any.
+    light: Option<Light>,
     /// The least on a pixel of each column, e-, once it is asked for.
     floor_e: OnceLock<Vec<f32>>,
-    /// Columns of the detector.
-    width: usize,
-    /// Electrons on all of them.
+    /// Electrons on all pixels.
     pub electrons: f64,
     /// The most in a pixel, e-.
     pub most_e: f64,
@@ -164,61 +158,44 @@ pub struct AreaLight {
 }
 
 impl AreaLight {
+    /// On the pixels; none where it is too faint for any.
+    pub fn light(&self) -> Option<&Light> {
+        self.light.as_ref()
+    }
+
     /// On each pixel, row by row, e-; empty where it is too faint for any.
     pub fn e(&self) -> &[f32] {
-        self.footprint().shares()
+        let drawn = |light| Light::footprint(light).shares();
+        self.light().map(drawn).unwrap_or_default()
     }
 
-    /// Whether it is even all over the detector.
-    pub fn is_even(&self) -> bool {
-        self.even.is_some()
-    }
-
-    /// Its light pixel by pixel, as if of one electron each had so many shares; nothing where it is too faint for any.
-    pub(super) fn footprint(&self) -> &Footprint {
-        let pixels = |lines: &Lines| Footprint::whole(self.width, lines.pixels());
-        let pixels = || self.even.as_ref().map(pixels).unwrap_or_default();
-        self.pixels.get_or_init(pixels)
+    /// How many pixels straight lines do not fill.
+    pub fn uneven(&self) -> usize {
+        self.light().map_or(0, Light::uneven)
     }
 
     /// Adds its light on the pixels from `first` on, by row-major index, to `electrons`.
     pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
-        match &self.even {
-            Some(lines) => lines.add_to(level, first, electrons),
-            None => kernels::add(level, self.e().get(first..).unwrap_or_default(), electrons),
+        if let Some(light) = &self.light {
+            light.add_to(level, first, electrons);
         }
     }
 
-    /// No pixel gets more than this of light that is even all over, e-, for each column of cells (`brightest`); none of other light.
-    pub(super) fn most_of_even(&self) -> Option<Vec<f64>> {
-        let ends = self.even.as_ref()?.ends_of(CELL).into_iter();
-        Some(ends.map(|[_, most]| f64::from(most)).collect())
+    /// No pixel gets more than this, e-, for each column of cells (`brightest`).
+    pub(super) fn most_of_columns(&self) -> Vec<f64> {
+        let ends = self.light().map(|light| light.ends_of(CELL));
+        let ends = ends.unwrap_or_default().into_iter();
+        ends.map(|[_, most]| f64::from(most)).collect()
     }
 
     /// No pixel of a column gets less than this, e-; nothing where it is too faint for any.
     pub(super) fn floor_e(&self) -> &[f32] {
-        self.floor_e.get_or_init(|| match &self.even {
-            Some(lines) => lines
-                .ends_of(1)
-                .into_iter()
-                .map(|[least, _]| least)
-                .collect(),
-            None => least_of_columns(self.e(), self.width),
+        self.floor_e.get_or_init(|| {
+            let ends = self.light().map(|light| light.ends_of(1));
+            let ends = ends.unwrap_or_default().into_iter();
+            ends.map(|[least, _]| least).collect()
         })
     }
-}
-
-/// The least of each column of values that are given row by row.
-fn least_of_columns(values: &[f32], width: usize) -> Vec<f32> {
-    let lower = |mut least: Vec<f32>, row: &[f32]| {
-        for (least, value) in least.iter_mut().zip(row) {
-            *least = if value < least { *value } else { *least };
-        }
-        least
-    };
-    let rows = values.par_chunks_exact(width.max(1));
-    let none = || vec![f32::INFINITY; if values.is_empty() { 0 } else { width }];
-    rows.fold(none, lower).reduce(none, |a, b| lower(a, &b))
 }
 
 /// How often was asked what it takes to lay light on pixels.
@@ -350,10 +327,8 @@ impl View {
         let none = |dark: Option<Cow<'static, str>>| AreaLight {
             kind: area.kind,
             dark,
-            even: None,
-            pixels: OnceLock::new(),
+            light: None,
             floor_e: OnceLock::new(),
-            width: self.camera.detector.width,
             electrons: 0.0,
             most_e: area.peak_e,
             is_thin: true,
@@ -380,29 +355,17 @@ impl View {
             self.area_scale_e(radiance),
             fidelity,
         );
-        let width = self.camera.detector.width;
-        let (pixels, mut even) = (OnceLock::new(), None);
-        let (electrons, most_e) = match light {
-            Light::Even(lines) => {
-                let ends = lines.ends_of(width).into_iter();
-                let most = ends.map(|[_, most]| most).fold(0.0, f32::max);
-                (even.insert(lines).sum(), f64::from(most))
-            }
-            Light::Pixels(e) => {
-                let pixels = pixels.get_or_init(|| Footprint::whole(width, e)).shares();
-                (lanes::sum(pixels), f64::from(lanes::greatest(pixels)))
-            }
-        };
+        let electrons = light.sum();
         if electrons == 0.0 {
             return none(Some(area.kind.unlit.into()));
         }
+        let ends = light.ends_of(self.camera.detector.width).into_iter();
+        let most_e = f64::from(ends.map(|[_, most]| most).fold(0.0, f32::max));
         AreaLight {
             kind: area.kind,
             dark: None,
-            even,
-            pixels,
+            light: Some(light),
             floor_e: OnceLock::new(),
-            width,
             electrons,
             most_e,
             is_thin: self.is_too_thin(most_e, simulated, fidelity),

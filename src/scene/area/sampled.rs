@@ -1,19 +1,15 @@
 //! Pixels of area light that are worked out each for itself: where there is an edge, or detail as small as a few pixels.
 
 use super::Asked;
-use super::blur::LANES;
-use super::lay::Grid;
-use super::lines::{Lines, Square};
+use super::lay::{Grid, SMALLEST};
+use super::lines::Square;
 use super::patch::Patch;
 use super::{Radiance, plane::Plane};
-use crate::lanes;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
-use skyloop_orbit::sgp4_batch::Level;
-use std::ops::Range;
 
-/// Rows that are worked out together where pixels are.
-const BAND: usize = 32;
+/// Squares that one thread works out at least.
+const FEW: usize = 8;
 /// What moves by less (px) stands still.
 const STILL_PX: f64 = 0.02;
 /// Steps of the time of a pixel for each pixel that the light moves by, and at most.
@@ -26,80 +22,72 @@ const LEAST_STEPS: usize = 64;
 const STRAIGHT: f64 = 8.0;
 const MOST_CELLS: f64 = 16.0;
 
-/// How a pixel gets its light.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+/// How the pixels of a square get their light, each for itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sampled {
-    /// From lines between places around it.
-    #[default]
-    No,
     /// It is that of its middle, over its time.
     Middle,
     /// It is the mean over its area and its time.
     All,
 }
 
-impl Sampled {
-    /// Whether it is worked out for the pixel itself.
-    pub fn is_marked(&self) -> bool {
-        *self != Sampled::No
-    }
+/// A square of pixels that are worked out each for itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Block {
+    /// First column and row of the grid.
+    pub at: [usize; 2],
+    /// The light of each pixel, row by row, e-.
+    pub e: [[f32; SMALLEST]; SMALLEST],
 }
 
 impl Grid<'_, '_> {
-    /// Each pixel's light, e-, with [`LANES`] values more, and how each gets it: even light, or means over its area and its time.
-    pub fn pixels(
-        &self,
-        lines: &Lines,
-        marked: &[(Square, Sampled)],
-        asked: &mut Asked,
-    ) -> (Vec<f32>, Vec<Sampled>) {
-        let [columns, rows] = self.size;
-        let mut e: Vec<f32> = lanes::blank(columns * rows + LANES);
-        let mut sampled: Vec<Sampled> = lanes::blank(columns * rows);
-        let bands = e[..columns * rows].par_chunks_mut(columns * BAND);
-        let bands = bands.zip(sampled.par_chunks_mut(columns * BAND));
-        let sums = bands.enumerate().map(|(band, (e, sampled))| {
-            let rows = band * BAND..band * BAND + e.len() / columns;
-            for (square, how) in marked {
-                let here = square.y.max(rows.start)..(square.y + square.side).min(rows.end);
-                for row in here {
-                    let line = &mut sampled[(row - rows.start) * columns..][..columns];
-                    line[square.x..(square.x + square.side).min(columns)].fill(*how);
-                }
-            }
-            lines.add_to(Some(Level::best()), rows.start * columns, e);
-            self.sample(rows, e, sampled)
+    /// The light of squares whose pixels are worked out each for itself.
+    pub fn sampled(&self, mut marked: Vec<(Square, Sampled)>, asked: &mut Asked) -> Vec<Block> {
+        marked.sort_by_key(|(square, _)| (square.y, square.x));
+        let rows: Vec<&[(Square, Sampled)]> =
+            marked.chunk_by(|(a, _), (b, _)| a.y == b.y).collect();
+        let cells = cells(self.radiance, self.plane);
+        let rows = rows.into_par_iter().flat_map(|squares| {
+            let top = squares[0].0.y as f64 - self.rim as f64;
+            let skies: [Vec<Matrix3<f64>>; SMALLEST] =
+                std::array::from_fn(|row| self.skies(top + row as f64));
+            let squares = squares.par_iter().with_min_len(FEW);
+            squares.map(move |(square, how)| self.block(square, *how, cells, &skies))
         });
-        *asked += sums.reduce(Asked::default, |mut a, b| {
-            a += b;
-            a
-        });
-        (e, sampled)
+        let (blocks, of_blocks): (Vec<Block>, Vec<Asked>) = rows.unzip();
+        of_blocks
+            .into_iter()
+            .for_each(|of_block| *asked += of_block);
+        blocks
     }
 
-    /// Pixels of some rows that are marked become means over their area and their time.
-    fn sample(&self, rows: Range<usize>, e: &mut [f32], sampled: &[Sampled]) -> Asked {
-        let (columns, mut asked) = (self.size[0], Asked::default());
-        let cells = cells(self.radiance, self.plane);
-        let lines = e
-            .chunks_exact_mut(columns)
-            .zip(sampled.chunks_exact(columns));
-        for (row, (e, sampled)) in rows.zip(lines) {
-            if !sampled.iter().any(Sampled::is_marked) {
-                continue;
-            }
-            let y = row as f64 - self.margin as f64;
-            let skies = self.skies(y);
-            for (column, (e, how)) in e.iter_mut().zip(sampled).enumerate() {
-                let x = column as f64 - self.margin as f64;
-                match how {
-                    Sampled::No => {}
-                    Sampled::Middle => *e = self.at(x, y, &mut asked).unwrap_or(0.0) as f32,
-                    Sampled::All => *e = self.mean(x, y, cells, &skies, &mut asked) as f32,
+    /// The light of the pixels of a square that are needed, at those attitudes during the time of each row.
+    fn block(
+        &self,
+        square: &Square,
+        how: Sampled,
+        cells: usize,
+        skies: &[Vec<Matrix3<f64>>; SMALLEST],
+    ) -> (Block, Asked) {
+        let (at, mut asked) = ([square.x, square.y], Asked::default());
+        let mut block = Block {
+            at,
+            e: Default::default(),
+        };
+        for (j, (row, skies)) in block.e.iter_mut().zip(skies).enumerate() {
+            for (i, e) in row.iter_mut().enumerate() {
+                let at = [at[0] + i, at[1] + j];
+                if !self.is_needed(at, 1) {
+                    continue;
                 }
+                let [x, y] = at.map(|from| from as f64 - self.rim as f64);
+                *e = match how {
+                    Sampled::Middle => self.at(x, y, &mut asked).unwrap_or(0.0),
+                    Sampled::All => self.mean(x, y, cells, skies, &mut asked),
+                } as f32;
             }
         }
-        asked
+        (block, asked)
     }
 
     /// Attitudes during the time of a row's pixels: midpoints of even steps.

@@ -1,0 +1,141 @@
+//! Light of area sources on the pixels: straight lines all over the detector, and runs of pixels that differ from them. Nothing is drawn before it
+//! is asked for.
+
+use super::lines::{Lines, Places};
+use super::runs::Runs;
+use crate::footprint::Footprint;
+use crate::lanes;
+use rayon::prelude::*;
+use skyloop_orbit::sgp4_batch::Level;
+use std::sync::OnceLock;
+
+/// Pixels that are drawn one after the other.
+const FEW: usize = 32 * 1024;
+
+/// Light on each pixel.
+#[derive(Debug, Default)]
+pub struct Light {
+    lines: Lines,
+    runs: Runs,
+    places: OnceLock<Places>,
+    drawn: OnceLock<Footprint>,
+}
+
+impl Light {
+    /// That of lines, and of runs on them.
+    pub fn new(lines: Lines, runs: Runs) -> Light {
+        Light {
+            lines,
+            runs,
+            ..Light::default()
+        }
+    }
+
+    /// That of several, of the same detector.
+    pub fn of_all(all: &[&Light]) -> Option<Light> {
+        let lines: Vec<&Lines> = all.iter().map(|light| &light.lines).collect();
+        let lines = Lines::of_all(&lines)?;
+        let runs = all.iter().map(|light| &light.runs);
+        let runs: Vec<&Runs> = runs.filter(|runs| !runs.is_empty()).collect();
+        let runs = Runs::of_all(lines.size(), &runs);
+        Some(Light::new(lines, runs))
+    }
+
+    /// How many pixels differ from lines.
+    pub fn uneven(&self) -> usize {
+        self.runs.pixels()
+    }
+
+    /// All of it, e-.
+    pub fn sum(&self) -> f64 {
+        self.lines.sum() + self.runs.sum()
+    }
+
+    /// Adds the light on the pixels from `first` on, by row-major index, to `electrons`.
+    pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
+        self.lines.add_to(level, first, electrons);
+        self.runs.add_to(level, first, electrons);
+    }
+
+    /// [`Light::add_to`] for a part of a row.
+    pub fn add_to_row(&self, first: usize, electrons: &mut [f32]) {
+        let places = self.places.get_or_init(|| self.lines.places());
+        self.lines.add_to_row(places, first, electrons);
+        self.runs.add_to(None, first, electrons);
+    }
+
+    /// Pixel by pixel, as if of one electron each had so many shares.
+    pub fn footprint(&self) -> &Footprint {
+        self.drawn.get_or_init(|| {
+            let [width, height] = self.lines.size();
+            let mut e = lanes::blank(width * height);
+            let parts = e.par_chunks_mut(FEW).enumerate();
+            parts.for_each(|(part, e)| self.add_to(Some(Level::best()), part * FEW, e));
+            Footprint::whole(width, e)
+        })
+    }
+
+    /// No pixel of so many columns has less than this, nor more, for each such part of the columns, e-.
+    pub fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
+        let mut ends = self.lines.ends_of(columns);
+        let width = self.lines.size()[0];
+        let mut light = Vec::new();
+        for (first, run) in self.runs.iter() {
+            light.clear();
+            light.resize(run.len(), 0.0);
+            self.add_to_row(first, &mut light);
+            for (e, column) in light.iter().zip(first % width..) {
+                let [least, most] = &mut ends[column / columns];
+                (*least, *most) = (least.min(*e), most.max(*e));
+            }
+        }
+        ends
+    }
+
+    /// No pixel of a cell of `side` columns and rows, a power of two, gets more than this, e-, row by row of cells.
+    pub fn most_of_cells(&self, side: usize) -> Vec<f64> {
+        let [width, height] = self.lines.size();
+        let across = width.div_ceil(side);
+        let mut cells = vec![0.0f32; across * height.div_ceil(side)];
+        self.lines.most_of_cells(side, across, &mut cells);
+        let rows = cells.par_chunks_mut(across).enumerate();
+        rows.for_each(|(row, cells)| self.look_at_uneven(row * side, side, cells));
+        cells.into_iter().map(f64::from).collect()
+    }
+
+    /// Cells of `side` columns and rows, from a row on, in which pixels differ from lines, hold what is the most in them.
+    fn look_at_uneven(&self, top: usize, side: usize, cells: &mut [f32]) {
+        let [width, height] = self.lines.size();
+        let rows = top..(top + side).min(height);
+        let mut uneven = vec![false; cells.len()];
+        for (first, run) in rows.clone().flat_map(|row| self.runs.of_row(row)) {
+            let column = first % width;
+            uneven[column / side..(column + run.len()).div_ceil(side)].fill(true);
+        }
+        let mut light = vec![0.0; side];
+        for (i, cell) in cells.iter_mut().enumerate().filter(|(i, _)| uneven[*i]) {
+            let columns = i * side..((i + 1) * side).min(width);
+            *cell = 0.0;
+            for row in rows.clone() {
+                let light = &mut light[..columns.len()];
+                light.fill(0.0);
+                self.add_to_row(row * width + columns.start, light);
+                *cell = light.iter().copied().fold(*cell, f32::max);
+            }
+        }
+    }
+
+    /// Light that is given pixel by pixel, row by row, e-.
+    #[cfg(test)]
+    pub fn each(size: [usize; 2], e: Vec<f32>) -> Light {
+        let rows = e.chunks(size[0]).enumerate();
+        let runs = rows.map(|(row, e)| super::runs::Run {
+            row,
+            column: 0,
+            e: e.to_vec(),
+        });
+        let side = size[0].max(size[1]).next_power_of_two();
+        let none = Lines::new(size, side, Vec::new());
+        Light::new(none, Runs::new(size, runs.collect()))
+    }
+}
