@@ -23,6 +23,9 @@ pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec
 /// Why an effect is not needed where all pixels are full of other light.
 pub(super) const DROWNED: &str = "all pixels are full of other light";
 
+/// Groups of columns that are worked out side by side.
+const GROUPS: usize = 8;
+
 /// Whether all pixels are full, with or without what `leave` leaves out, of one area's light: that itself is not left out for others'.
 pub(super) fn is_drowned(scene: &Scene, leave: impl Fn(&mut Simulated)) -> bool {
     let mut without = scene.simulated;
@@ -59,8 +62,13 @@ pub(super) fn shown_e(
     let columns: Vec<usize> = columns
         .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
         .collect();
-    let [with, without] = [&scene.simulated, &without].map(|parts| held_e(scene, &columns, parts));
-    most.max(apart(&with, &without))
+    // So few at a time that a core's cache holds what is worked out of them.
+    let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).max(1));
+    let groups = groups.map(|columns| {
+        let [with, without] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
+        apart(&with, &without)
+    });
+    most.max(groups.reduce(|| 0.0, f64::max))
 }
 
 /// A bound for each column of the scene's cells with the trail (e-, a value a column) that frame transfer adds.

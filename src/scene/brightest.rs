@@ -17,6 +17,9 @@ const FEW: usize = 256;
 const WIDE: usize = 1 << 16;
 const BAND: usize = 16 * CELL;
 
+/// Rows of cells that one thread adds up at least.
+const ROWS: usize = 32;
+
 /// What a pixel's light is multiplied by, by row-major index.
 pub(super) type Weight<'a> = &'a (dyn Fn(usize) -> f64 + Sync);
 
@@ -59,14 +62,27 @@ pub(super) fn cells_of<'a>(
 /// The greatest cell of each column of cells, of `parts` together.
 pub(super) fn greatest_e(detector: &Detector, parts: &[Vec<f64>]) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
-    let mut greatest = vec![0.0f64; columns];
-    for row in 0..detector.height.div_ceil(CELL) {
-        for (column, greatest) in greatest.iter_mut().enumerate() {
-            let cell = row * columns + column;
-            raise(greatest, parts.iter().map(|cells| cells[cell]).sum());
-        }
-    }
+    let none = || vec![0.0f64; columns];
+    let rows = (0..detector.height.div_ceil(CELL)).into_par_iter();
+    let greatest = rows.with_min_len(ROWS).fold(
+        || [none(), none()],
+        |[mut greatest, mut sum], row| {
+            sum.fill(0.0);
+            for cells in parts {
+                let cells = &cells[row * columns..][..columns];
+                sum.iter_mut().zip(cells).for_each(|(sum, e)| *sum += e);
+            }
+            let both = greatest.iter_mut().zip(&sum);
+            both.for_each(|(greatest, e)| raise(greatest, *e));
+            [greatest, sum]
+        },
+    );
     greatest
+        .map(|[greatest, _]| greatest)
+        .reduce(none, |mut a, b| {
+            a.iter_mut().zip(b).for_each(|(a, b)| raise(a, b));
+            a
+        })
 }
 
 /// In each cell of some rows the sum of what every light gives to its greatest pixel there, e-.

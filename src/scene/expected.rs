@@ -6,8 +6,9 @@ use crate::camera::Detector;
 use crate::lanes;
 use rayon::prelude::*;
 
-/// Groups of columns that are worked out side by side.
+/// Groups of columns that are worked out side by side, and how many of them one has at least.
 const GROUPS: usize = 8;
+const FEW: usize = 32;
 
 impl Scene {
     /// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether
@@ -213,11 +214,8 @@ impl Scene {
             let sources = self.sources_if(|source| source.body.is_in(parts));
             return self.light_of(columns, &sources, &self.area_lights(parts));
         };
-        // Asked for again and again, with this and that left out: all is worked out once, and what is left out is taken away.
-        let all = self.spilling_e.get_or_init(|| {
-            let sources = self.sources_if(|source| source.body.is_in(&self.simulated));
-            self.light_of(spilling, &sources, &self.area_lights(&self.simulated))
-        });
+        // Asked for again and again, with this and that left out: all was worked out once, and what is left out is taken away.
+        let all = &self.spilling_e;
         let height = self.view.camera.detector.height;
         let column = |place: usize| all[place * height..][..height].iter().copied();
         let mut light: Vec<f64> = places.into_iter().flat_map(column).collect();
@@ -232,6 +230,13 @@ impl Scene {
         light
     }
 
+    /// The light on columns that may fill up, one after the other, e-.
+    pub(super) fn spilling_e(&self) -> Vec<f64> {
+        let sources = self.sources_if(|source| source.body.is_in(&self.simulated));
+        let areas = self.area_lights(&self.simulated);
+        self.light_of(&self.spill.columns, &sources, &areas)
+    }
+
     fn sources_if(&self, is_asked: impl Fn(&Source) -> bool) -> Vec<Lit<'_>> {
         let sources = self.sources.iter().filter(|source| is_asked(source));
         sources.map(Lit::from).collect()
@@ -241,7 +246,7 @@ impl Scene {
     fn light_of(&self, columns: &[usize], sources: &[Lit<'_>], areas: &[&Light]) -> Vec<f64> {
         let Detector { width, height, .. } = self.view.camera.detector;
         let mut light = lanes::blank(columns.len() * height);
-        let few = columns.len().div_ceil(GROUPS).max(1);
+        let few = columns.len().div_ceil(GROUPS).max(FEW);
         let groups = light.par_chunks_mut(few * height);
         groups
             .zip(columns.par_chunks(few))

@@ -52,7 +52,7 @@ use hifitime::Epoch;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::time::seconds;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// What does not change from frame to frame.
 #[derive(Debug)]
@@ -253,8 +253,8 @@ pub struct Scene {
     pub particles_left_out: f64,
     /// What fills up and spills.
     pub spill: Spill,
-    /// The light on columns that may fill up, e-, once it is asked for.
-    spilling_e: OnceLock<Vec<f64>>,
+    /// The light on columns that may fill up, e-.
+    spilling_e: Vec<f64>,
     /// What its images were made to.
     fidelity: Fidelity,
 }
@@ -262,16 +262,20 @@ pub struct Scene {
 impl Scene {
     /// The images of all that is in view.
     pub fn new(view: View, simulated: Simulated, fidelity: &Fidelity) -> Scene {
-        let candidates = view.candidates.par_iter();
-        let candidates = candidates.filter(|candidate| candidate.body.is_in(&simulated));
-        let mut sources: Vec<Source> = candidates
-            .filter_map(|candidate| view.image(candidate, &simulated, fidelity))
-            .collect();
-        let areas = view.areas.iter();
-        let areas = areas.filter(|area| (area.kind.is_in)(&simulated));
-        let areas: Vec<AreaLight> = areas
-            .map(|area| view.lit_by(area, &simulated, fidelity))
-            .collect();
+        let images = || -> Vec<Source> {
+            let candidates = view.candidates.par_iter();
+            let candidates = candidates.filter(|candidate| candidate.body.is_in(&simulated));
+            let images =
+                candidates.filter_map(|candidate| view.image(candidate, &simulated, fidelity));
+            images.collect()
+        };
+        let areas = || -> Vec<AreaLight> {
+            let areas = view.areas.par_iter();
+            let areas = areas.filter(|area| (area.kind.is_in)(&simulated));
+            let lights = areas.map(|area| view.lit_by(area, &simulated, fidelity));
+            lights.collect()
+        };
+        let (mut sources, areas) = rayon::join(images, areas);
         let pixels = sources.iter().map(|source| source.footprint.shares().len());
         let areas_light = Together::of(&areas, &view, pixels.sum());
         let together = areas_light.light().into_iter().map(Lit::from);
@@ -307,11 +311,12 @@ impl Scene {
             view,
             sources,
             spill: Spill::default(),
-            spilling_e: OnceLock::new(),
+            spilling_e: Vec::new(),
             fidelity: *fidelity,
         };
         [scene.stars_e, scene.peaks_e] = scene.stars_and_all_lit_e();
         scene.spill = Spill::of(&scene);
+        scene.spilling_e = scene.spilling_e();
         scene
     }
 

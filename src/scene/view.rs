@@ -217,9 +217,13 @@ impl View {
             shutter: &shutter,
             reach_m: view.reach_m(&faint),
         };
-        let seen = world
-            .population
-            .in_field(&field, &world.corrections, fidelity.orbits);
+        let (seen, the_moon) = rayon::join(
+            || {
+                let population = &world.population;
+                population.in_field(&field, &world.corrections, fidelity.orbits)
+            },
+            || view.the_moon(&moon, world, &shutter, &axis, cone),
+        );
         let earth = Earth::at(exposure.mid);
         view.sides = field.still_sides();
         // All in their places, and with room for those that follow.
@@ -231,7 +235,7 @@ impl View {
         let (bright, too_faint) = view.rsos(seen.objects, &faint);
         candidates.extend(bright);
         candidates.extend(view.planets(world, &shutter, &axis, cone));
-        candidates.extend(view.the_moon(&moon, world, &shutter, &axis, cone));
+        candidates.extend(the_moon);
         view.candidates = candidates;
         view.unseen = seen.unseen;
         view.unseen.extend(too_faint);

@@ -1,6 +1,6 @@
 //! By how much area light changes where an effect that shapes images is left out.
 
-use super::{AreaLight, Together};
+use super::{AreaLight, CELL, Together};
 use crate::lanes;
 use crate::scene::{Scene, Simulated};
 
@@ -16,8 +16,8 @@ impl Scene {
         let both = self.areas.iter().filter(|area| (area.kind.is_in)(parts));
         for area in both.filter(|area| area.electrons > 0.0) {
             floors.resize(width, 0.0);
-            for (floor, e) in floors.iter_mut().zip(area.floor_e()) {
-                *floor += f64::from(*e);
+            for (floors, e) in floors.chunks_mut(CELL).zip(area.floor_e()) {
+                floors.iter_mut().for_each(|floor| *floor += f64::from(e));
             }
         }
         let responds = 2.0 - self.responds();
@@ -27,8 +27,7 @@ impl Scene {
 
     /// No pixel turns less of an area's light into charge, e-.
     pub fn least_e(&self, area: &AreaLight) -> f64 {
-        let floor = area.floor_e().iter().copied();
-        let least = floor.reduce(f32::min).unwrap_or(0.0);
+        let least = area.floor_e().reduce(f32::min).unwrap_or(0.0);
         f64::from(least) * (2.0 - self.responds())
     }
 

@@ -77,19 +77,28 @@ impl Light {
 
     /// No pixel of so many columns has less than this, nor more, for each such part of the columns, e-.
     pub fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
-        let mut ends = self.lines.ends_of(columns);
-        let width = self.lines.size()[0];
-        let mut light = Vec::new();
-        for (first, run) in self.runs.iter() {
-            light.clear();
-            light.resize(run.len(), 0.0);
-            self.add_to_row(first, &mut light);
-            for (e, column) in light.iter().zip(first % width..) {
-                let [least, most] = &mut ends[column / columns];
-                (*least, *most) = (least.min(*e), most.max(*e));
-            }
+        let lines = self.lines.ends_of(columns);
+        if self.runs.is_empty() {
+            return lines;
         }
-        ends
+        let [width, height] = self.lines.size();
+        let rows = (0..height).into_par_iter();
+        let uneven = rows.fold(
+            || (lines.clone(), Vec::new()),
+            |(mut ends, mut light), row| {
+                for (first, run) in self.runs.of_row(row) {
+                    light.clear();
+                    light.resize(run.len(), 0.0);
+                    self.add_to_row(first, &mut light);
+                    for (e, column) in light.iter().zip(first % width..) {
+                        ends[column / columns] = wider(ends[column / columns], [*e; 2]);
+                    }
+                }
+                (ends, light)
+            },
+        );
+        let both = |a: Vec<[f32; 2]>, b| a.into_iter().zip(b).map(|(a, b)| wider(a, b)).collect();
+        uneven.map(|(ends, _)| ends).reduce(|| lines.clone(), both)
     }
 
     /// No pixel of a cell of `side` columns and rows, a power of two, gets more than this, e-, row by row of cells.
@@ -97,9 +106,11 @@ impl Light {
         let [width, height] = self.lines.size();
         let across = width.div_ceil(side);
         let mut cells = vec![0.0f32; across * height.div_ceil(side)];
-        self.lines.most_of_cells(side, across, &mut cells);
-        let rows = cells.par_chunks_mut(across).enumerate();
-        rows.for_each(|(row, cells)| self.look_at_uneven(row * side, side, cells));
+        self.lines.most_of_cells(side, &mut cells);
+        if !self.runs.is_empty() {
+            let rows = cells.par_chunks_mut(across).enumerate();
+            rows.for_each(|(row, cells)| self.look_at_uneven(row * side, side, cells));
+        }
         cells.into_iter().map(f64::from).collect()
     }
 
@@ -138,4 +149,13 @@ impl Light {
         let none = Lines::new(size, side, Vec::new());
         Light::new(none, Runs::new(size, runs.collect()))
     }
+}
+
+/// From the lesser to the greater of both.
+fn wider(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    // Not `min` and `max`, whose care for NaN takes longer than all else.
+    [
+        if b[0] < a[0] { b[0] } else { a[0] },
+        if b[1] > a[1] { b[1] } else { a[1] },
+    ]
 }

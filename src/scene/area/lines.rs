@@ -1,6 +1,7 @@
 //! Even light: straight lines between nine places of each of some squares, from which pixels get it when they are drawn.
 
 use crate::kernels;
+use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 
 /// A square of pixels whose light runs in straight lines between nine places.
@@ -176,21 +177,25 @@ impl Lines {
             strips: vec![Vec::new(); first.strips.len()],
             ..**first
         };
-        for (y, strip) in sum.strips.iter_mut().enumerate() {
-            let mut rest: Vec<&[Square]> = all.iter().map(|lines| &lines.strips[y][..]).collect();
-            for x in (0..first.width).step_by(first.side) {
-                let whole = |square: &&Square| square.x < x + first.side;
-                let parts = rest.iter_mut().map(|rest| {
-                    let (here, after) = rest.split_at(rest.iter().take_while(whole).count());
-                    *rest = after;
-                    here
-                });
-                let parts: Vec<&[Square]> = parts.collect();
-                add_up([x, y * first.side], first.side, &parts, strip);
-            }
-            // Quarters of squares that reach beyond the detector.
-            strip.retain(|square| square.x < first.width && square.y < first.height);
-        }
+        sum.strips
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(y, strip)| {
+                let mut rest: Vec<&[Square]> =
+                    all.iter().map(|lines| &lines.strips[y][..]).collect();
+                for x in (0..first.width).step_by(first.side) {
+                    let whole = |square: &&Square| square.x < x + first.side;
+                    let parts = rest.iter_mut().map(|rest| {
+                        let (here, after) = rest.split_at(rest.iter().take_while(whole).count());
+                        *rest = after;
+                        here
+                    });
+                    let parts: Vec<&[Square]> = parts.collect();
+                    add_up([x, y * first.side], first.side, &parts, strip);
+                }
+                // Quarters of squares that reach beyond the detector.
+                strip.retain(|square| square.x < first.width && square.y < first.height);
+            });
         Some(sum)
     }
 
@@ -262,40 +267,45 @@ impl Lines {
         }
     }
 
-    /// Raises each cell of `side` columns and rows, a power of two, to what no pixel there has more than, e-; so many cells are `across`.
-    pub fn most_of_cells(&self, side: usize, across: usize, cells: &mut [f32]) {
-        let (mut above, mut below) = (Vec::new(), Vec::new());
-        for square in self.strips.iter().flatten() {
-            let n = square.side / side;
-            let [column, row] = [square.x / side, square.y / side];
-            let mut raise = |i: usize, j: usize, to: f32| {
-                let cell = cells.get_mut((row + j) * across + column + i);
-                if let Some(cell) = cell.filter(|_| column + i < across) {
-                    *cell = if to > *cell { to } else { *cell };
+    /// Raises each cell of `side` columns and rows, a power of two no greater than strips are high, to what no pixel there has more than, e-.
+    pub fn most_of_cells(&self, side: usize, cells: &mut [f32]) {
+        let across = self.width.div_ceil(side);
+        let strips = cells.par_chunks_mut(across * (self.side / side));
+        let strips = strips.zip(&self.strips).enumerate();
+        strips.for_each(|(i, (cells, squares))| {
+            let (mut above, mut below) = (Vec::new(), Vec::new());
+            for square in squares {
+                let n = square.side / side;
+                let [column, row] = [square.x / side, (square.y - i * self.side) / side];
+                let mut raise = |i: usize, j: usize, to: f32| {
+                    let cell = cells.get_mut((row + j) * across + column + i);
+                    if let Some(cell) = cell.filter(|_| column + i < across) {
+                        *cell = if to > *cell { to } else { *cell };
+                    }
+                };
+                if n < 2 {
+                    raise(0, 0, square.nodes.iter().copied().fold(0.0, f32::max));
+                    continue;
                 }
-            };
-            if n < 2 {
-                raise(0, 0, square.nodes.iter().copied().fold(0.0, f32::max));
-                continue;
-            }
-            // No more than at a cell's corners: none of the nine places lies within it.
-            for j in 0..=n {
-                std::mem::swap(&mut above, &mut below);
-                let line = square.line(j * side);
-                below.clear();
-                below.extend((0..=n).map(|i| {
-                    let left = (2 * i / n).min(1);
-                    let part = (2 * i - left * n) as f32 / n as f32;
-                    line[left] + (line[left + 1] - line[left]) * part
-                }));
-                if j > 0 {
-                    for i in 0..n {
-                        let most = |row: &[f32]| row[i].max(row[i + 1]);
-                        raise(i, j - 1, most(&above).max(most(&below)));
+                // No more than at a cell's corners: none of the nine places lies within it.
+                for j in 0..=n {
+                    std::mem::swap(&mut above, &mut below);
+                    let line = square.line(j * side);
+                    below.clear();
+                    below.extend((0..=n).map(|i| {
+                        let left = (2 * i / n).min(1);
+                        let part = (2 * i - left * n) as f32 / n as f32;
+                        line[left] + (line[left + 1] - line[left]) * part
+                    }));
+                    if j > 0 {
+                        for i in 0..n {
+                            let most = |row: &[f32]| row[i].max(row[i + 1]);
+                            raise(i, j - 1, most(&above).max(most(&below)));
+                        }
                     }
                 }
             }
-        }
+        });
     }
 
     /// All of it, e-.
@@ -437,7 +447,7 @@ mod tests {
         for side in [1, 2, 4, 8] {
             let [across, down] = [30usize, 13].map(|pixels| pixels.div_ceil(side));
             let mut cells = vec![0.0; across * down];
-            lines.most_of_cells(side, across, &mut cells);
+            lines.most_of_cells(side, &mut cells);
             let mut most = vec![0.0f32; across * down];
             for (i, e) in pixels.iter().enumerate() {
                 let cell = &mut most[i / 30 / side * across + i % 30 / side];

@@ -41,7 +41,7 @@ use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::fmt::Debug;
 use std::ops::AddAssign;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// Places along a side of the field at which a radiance is looked at before it is laid on pixels.
 const PLACES: usize = 4;
@@ -145,8 +145,8 @@ pub struct AreaLight {
     pub dark: Option<Cow<'static, str>>,
     /// On the pixels; none where it is too faint for any.
     light: Option<Light>,
-    /// The least on a pixel of each column, e-, once it is asked for.
-    floor_e: OnceLock<Vec<f32>>,
+    /// No pixel of a column of cells (`brightest`) gets less than this, nor more, e-.
+    ends: Vec<[f32; 2]>,
     /// Electrons on all pixels.
     pub electrons: f64,
     /// The most in a pixel, e-.
@@ -183,18 +183,12 @@ impl AreaLight {
 
     /// No pixel gets more than this, e-, for each column of cells (`brightest`).
     pub(super) fn most_of_columns(&self) -> Vec<f64> {
-        let ends = self.light().map(|light| light.ends_of(CELL));
-        let ends = ends.unwrap_or_default().into_iter();
-        ends.map(|[_, most]| f64::from(most)).collect()
+        self.ends.iter().map(|[_, most]| f64::from(*most)).collect()
     }
 
-    /// No pixel of a column gets less than this, e-; nothing where it is too faint for any.
-    pub(super) fn floor_e(&self) -> &[f32] {
-        self.floor_e.get_or_init(|| {
-            let ends = self.light().map(|light| light.ends_of(1));
-            let ends = ends.unwrap_or_default().into_iter();
-            ends.map(|[least, _]| least).collect()
-        })
+    /// No pixel of a column of cells gets less than this, e-; nothing where it is too faint for any.
+    pub(super) fn floor_e(&self) -> impl Iterator<Item = f32> {
+        self.ends.iter().map(|[least, _]| *least)
     }
 }
 
@@ -328,7 +322,7 @@ impl View {
             kind: area.kind,
             dark,
             light: None,
-            floor_e: OnceLock::new(),
+            ends: Vec::new(),
             electrons: 0.0,
             most_e: area.peak_e,
             is_thin: true,
@@ -359,13 +353,14 @@ impl View {
         if electrons == 0.0 {
             return none(Some(area.kind.unlit.into()));
         }
-        let ends = light.ends_of(self.camera.detector.width).into_iter();
-        let most_e = f64::from(ends.map(|[_, most]| most).fold(0.0, f32::max));
+        let ends = light.ends_of(CELL);
+        let most = ends.iter().map(|[_, most]| *most);
+        let most_e = f64::from(most.fold(0.0, f32::max));
         AreaLight {
             kind: area.kind,
             dark: None,
             light: Some(light),
-            floor_e: OnceLock::new(),
+            ends,
             electrons,
             most_e,
             is_thin: self.is_too_thin(most_e, simulated, fidelity),
