@@ -6,10 +6,22 @@
 /// Values over the grid of `x` and `y`.
 #[derive(Debug, Clone)]
 pub(super) struct Bicubic {
-    x: Vec<f64>,
-    y: Vec<f64>,
-    /// Value, derivative by x, by y, by both; `y` runs fastest.
-    nodes: Vec<[f64; 4]>,
+    x: Axis,
+    y: Axis,
+    /// The polynomial of each cell, `y` runs fastest: by powers of the part of the cell along `x`, in each by powers of that along `y`.
+    cells: Vec<[[f64; 4]; 4]>,
+}
+
+/// The places of a side of the grid.
+#[derive(Debug, Clone)]
+struct Axis {
+    places: Vec<f64>,
+    /// Over the width of each interval.
+    per_width: Vec<f64>,
+    /// Over the width of the narrowest.
+    per_bucket: f64,
+    /// The interval in which each bucket, as wide as the narrowest, begins: one place at most lies in a bucket.
+    buckets: Vec<usize>,
 }
 
 impl Bicubic {
@@ -36,53 +48,96 @@ impl Bicubic {
         let along: Vec<Vec<f64>> = (0..y.len()).map(|j| by_x(&columns, j)).collect();
         let twist: Vec<Vec<f64>> = (0..y.len()).map(|j| by_x(&up, j)).collect();
 
-        let mut nodes = Vec::with_capacity(x.len() * y.len());
-        for (i, x) in x.iter().enumerate() {
-            for j in 0..y.len() {
-                let both = if j + 1 == y.len() {
-                    last(*x)[1]
-                } else {
-                    twist[j][i]
-                };
-                nodes.push([columns[i][j], along[j][i], up[i][j], both]);
+        // Value, derivative by x, by y, by both.
+        let node = |i: usize, j: usize| {
+            let both = if j + 1 == y.len() {
+                last(x[i])[1]
+            } else {
+                twist[j][i]
+            };
+            [columns[i][j], along[j][i], up[i][j], both]
+        };
+        let mut cells = Vec::with_capacity((x.len() - 1) * (y.len() - 1));
+        for (i, across) in x.windows(2).enumerate() {
+            for (j, down) in y.windows(2).enumerate() {
+                let size = [across[1] - across[0], down[1] - down[0]];
+                let corners = [[0, 0], [0, 1], [1, 0], [1, 1]];
+                cells.push(powers(size, corners.map(|[k, l]| node(i + k, j + l))));
             }
         }
-        Bicubic { x, y, nodes }
+        let [x, y] = [x, y].map(Axis::of);
+        Bicubic { x, y, cells }
     }
 
     /// The value at `x`, `y`.
+    #[inline]
     pub(super) fn at(&self, x: f64, y: f64) -> f64 {
-        let (i, along) = cell(&self.x, x);
-        let (j, up) = cell(&self.y, y);
-        // Value and slope along x at two neighbours in x, at height y.
-        let side = |i: usize| {
-            let first = i * self.y.len() + j;
-            let ([a, a_x, a_y, a_xy], [b, b_x, b_y, b_xy]) =
-                (self.nodes[first], self.nodes[first + 1]);
-            [
-                up[0] * a + up[1] * b + up[2] * a_y + up[3] * b_y,
-                up[0] * a_x + up[1] * b_x + up[2] * a_xy + up[3] * b_xy,
-            ]
-        };
-        let ([a, a_x], [b, b_x]) = (side(i), side(i + 1));
-        along[0] * a + along[1] * b + along[2] * a_x + along[3] * b_x
+        let (i, x) = self.x.cell(x);
+        let (j, y) = self.y.cell(y);
+        let cell = &self.cells[i * self.y.per_width.len() + j];
+        horner(cell.map(|powers| horner(powers, y)), x)
     }
 }
 
-/// The interval of `places` for `at`, and Hermite's cubics there: for the values at its ends, then for the slopes.
-fn cell(places: &[f64], at: f64) -> (usize, [f64; 4]) {
-    let above = places.partition_point(|place| *place <= at);
-    let k = above.clamp(1, places.len() - 1) - 1;
-    let width = places[k + 1] - places[k];
-    let t = (at - places[k]) / width;
-    let (rise, rest) = (t * t * (3.0 - 2.0 * t), 1.0 - t);
-    let weights = [
-        1.0 - rise,
-        rise,
-        t * rest * rest * width,
-        -t * t * rest * width,
-    ];
-    (k, weights)
+impl Axis {
+    /// Of two places or more, growing.
+    fn of(places: Vec<f64>) -> Axis {
+        let widths = places.windows(2).map(|pair| pair[1] - pair[0]);
+        let least = widths.clone().fold(f64::INFINITY, f64::min);
+        let (first, last) = (places[0], places[places.len() - 1]);
+        let count = ((last - first) / least).ceil() as usize;
+        let starts = (0..count).map(|k| first + k as f64 * least);
+        let below = |at: f64| places.partition_point(|place| *place <= at);
+        Axis {
+            per_width: widths.map(|width| 1.0 / width).collect(),
+            per_bucket: 1.0 / least,
+            buckets: starts
+                .map(|at| below(at).clamp(1, places.len() - 1) - 1)
+                .collect(),
+            places,
+        }
+    }
+
+    /// The interval for `at`, and which part of it lies before.
+    #[inline]
+    fn cell(&self, at: f64) -> (usize, f64) {
+        let bucket = ((at - self.places[0]) * self.per_bucket) as usize;
+        let first = self.buckets[bucket.min(self.buckets.len() - 1)];
+        let is_next = first + 2 < self.places.len() && at >= self.places[first + 1];
+        let k = first + usize::from(is_next);
+        (k, (at - self.places[k]) * self.per_width[k])
+    }
+}
+
+/// The sum of `powers[k] t^k`.
+#[inline]
+fn horner(powers: [f64; 4], t: f64) -> f64 {
+    powers[0] + t * (powers[1] + t * (powers[2] + t * powers[3]))
+}
+
+/// The powers of Hermite's cubic from 0 to 1, of its values and then its slopes at both ends.
+fn hermite([a, b, a_t, b_t]: [f64; 4]) -> [f64; 4] {
+    [
+        a,
+        a_t,
+        3.0 * (b - a) - 2.0 * a_t - b_t,
+        2.0 * (a - b) + a_t + b_t,
+    ]
+}
+
+/// The polynomial of a cell of a `size` along x and y from the nodes at its corners, of which the second is the next along y.
+fn powers([width, height]: [f64; 2], corners: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
+    // By powers of y at both ends along x: the value, and the slope along x.
+    let side = |a: [f64; 4], b: [f64; 4]| {
+        [
+            hermite([a[0], b[0], a[2] * height, b[2] * height]),
+            hermite([a[1], b[1], a[3] * height, b[3] * height]).map(|slope| slope * width),
+        ]
+    };
+    let [a, b, c, d] = corners;
+    let ([near, near_x], [far, far_x]) = (side(a, b), side(c, d));
+    let along = [0, 1, 2, 3].map(|l| hermite([near[l], far[l], near_x[l], far_x[l]]));
+    [0, 1, 2, 3].map(|k| [0, 1, 2, 3].map(|l| along[l][k]))
 }
 
 /// Slopes of `values` at `x`: 0 at the first place, `last` at the last, of parabolas between.

@@ -1,11 +1,11 @@
-//! The sky behind all else: light that is told in magnitudes a square arc second, as far as the Earth does not hide it.
+//! The sky behind all else: light that is told in S10 (stars of V = 10 a square degree), as far as the Earth does not hide it.
 
 use super::horizon::Horizon;
 use super::kinds::{Found, Kind};
 use super::{Edge, Radiance, Surroundings};
 use crate::scene::{View, World};
 use crate::sky::photometry::photon_radiance;
-use crate::sky::zodiacal;
+use crate::sky::zodiacal::{S10_MAG, ZodiacalLight, distance_factor};
 use nalgebra::Vector3;
 use std::fmt;
 use std::sync::Arc;
@@ -29,13 +29,13 @@ pub const STARLIGHT: Kind = Kind {
 const DETAIL_DEG: f64 = 5.0;
 const EARTH_FILLS: &str = "the Earth fills the field";
 
-/// V magnitude a square arc second in a direction (unit vector, ICRF).
+/// S10 in a direction (unit vector, ICRF).
 type Brightness = dyn Fn(&Vector3<f64>) -> f64 + Send + Sync;
 
 struct Background {
-    magnitude: Box<Brightness>,
-    /// ph/s/m^2 of magnitude 0.
-    zero_point: f64,
+    s10: Box<Brightness>,
+    /// Of 1 S10, ph/s/m^2/sr.
+    unit: f64,
     horizon: Option<Horizon>,
 }
 
@@ -47,35 +47,41 @@ impl fmt::Debug for Background {
     }
 }
 
-fn behind_the_earth(view: &View, around: &Surroundings, magnitude: Box<Brightness>) -> Found {
+/// `brighter` times as bright as `s10` tells.
+fn behind_the_earth(
+    view: &View,
+    around: &Surroundings,
+    s10: Box<Brightness>,
+    brighter: f64,
+) -> Found {
     let horizon = around.horizon;
     if horizon.is_some_and(|horizon| horizon.fills()) {
         return Err(EARTH_FILLS.into());
     }
+    let zero_point = view.camera.optics.band.zero_point();
     Ok(Arc::new(Background {
-        magnitude,
-        zero_point: view.camera.optics.band.zero_point(),
+        s10,
+        unit: photon_radiance(zero_point, S10_MAG) * brighter,
         horizon,
     }))
 }
 
 fn zodiacal(world: &World, view: &View, around: &Surroundings) -> Found {
     let sun_m = view.observer.sun_m(&world.corrections);
-    let (sun, distance_m) = (sun_m.normalize(), sun_m.norm());
-    let nearer = 2.5 * libm::log10(zodiacal::distance_factor(distance_m));
-    let magnitude = move |at: &Vector3<f64>| zodiacal::surface_magnitude(at, &sun) - nearer;
-    behind_the_earth(view, around, Box::new(magnitude))
+    let light = ZodiacalLight::new(&sun_m);
+    let s10 = Box::new(move |at: &Vector3<f64>| light.s10(at));
+    behind_the_earth(view, around, s10, distance_factor(sun_m.norm()))
 }
 
 fn starlight(world: &World, view: &View, around: &Surroundings) -> Found {
-    let starlight = world.starlight.clone();
-    let magnitude = move |at: &Vector3<f64>| starlight.surface_magnitude(at);
-    behind_the_earth(view, around, Box::new(magnitude))
+    let light = world.starlight.clone();
+    let s10 = Box::new(move |at: &Vector3<f64>| light.s10(at));
+    behind_the_earth(view, around, s10, 1.0)
 }
 
 impl Radiance for Background {
     fn toward(&self, direction: &Vector3<f64>) -> f64 {
-        photon_radiance(self.zero_point, (self.magnitude)(direction))
+        self.unit * (self.s10)(direction)
     }
 
     /// The smallest step of the tables of both.

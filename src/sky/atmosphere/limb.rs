@@ -36,7 +36,7 @@ pub struct Limb {
     sun: Vector3<f64>,
     /// The observer's distance from the centre of stretched space, m.
     radius: f64,
-    /// The Sun's light over that at 1 au (1).
+    /// The Sun's light over that at 1 au, of which a steradian takes its part (1/sr).
     nearness: f64,
     /// Of lines past the Earth: up to which part of the greatest altitude entries are nearly even, and the logarithm that the greatest has then.
     near: f64,
@@ -90,14 +90,14 @@ impl Limb {
             zenith,
             sun,
             radius,
-            nearness: AU_M * AU_M / sun_m.norm_squared(),
+            nearness: AU_M * AU_M / sun_m.norm_squared() / (4.0 * PI),
             near: 0.0,
             far: 0.0,
             kinds: Default::default(),
         };
         let near_m = if limb.inside() { NEAR_M / 2.0 } else { NEAR_M };
         limb.near = near_m / limb.highest_m();
-        limb.far = libm::log1p(1.0 / limb.near);
+        limb.far = libm::log(1.0 + 1.0 / limb.near);
         Some(limb)
     }
 
@@ -159,7 +159,7 @@ impl Limb {
         let [direct, from_below] = sun_parts(lines, row, at);
         let cos_scattering = direction.dot(&self.to_sun) / direction.norm();
         let sunlit = phase_function(cos_scattering) * direct + from_below;
-        [scattered / (4.0 * PI) * self.nearness * sunlit, airglow]
+        [scattered * self.nearness * sunlit, airglow]
     }
 
     /// The part (0..1) of the light of the Earth's disc in `direction` that remains behind and below the air.
@@ -236,7 +236,7 @@ impl Limb {
         } else {
             at / highest
         };
-        libm::log1p(part / self.near) / self.far
+        libm::log(1.0 + part / self.near) / self.far
     }
 
     /// The inverse of [`Limb::entry`].

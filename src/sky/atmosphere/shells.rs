@@ -40,19 +40,15 @@ impl Shells {
             }
             Sight::Up(_) => 1.0,
         };
-        let chords = |edge: f64| match line.sight {
-            Sight::Up(_) => [0.0, half_chord(edge.max(radius), line.p)],
-            _ => {
-                let far = half_chord(edge, line.p);
-                let inside = edge > radius;
-                [
-                    if inside {
-                        half_chord(radius, line.p)
-                    } else {
-                        far
-                    },
-                    far,
-                ]
+        // Before and behind: a shell around the observer is cut from where he stands on.
+        let own = half_chord(radius, line.p);
+        let is_up = matches!(line.sight, Sight::Up(_));
+        let chords = |edge: f64| {
+            let chord = half_chord(edge, line.p);
+            if is_up {
+                [own, chord.max(own)]
+            } else {
+                [chord.min(own), chord]
             }
         };
         let mut sum = 0.0;

@@ -10,13 +10,21 @@ const TWILIGHT: f64 = 0.15;
 /// The least entry of a table, ph/s/m^2/sr: nothing that a camera sees.
 const LEAST: f64 = 1.0;
 
-/// Light against one kind of line: logarithms of equidistant values, of those that have been asked for.
+/// Values at equidistant places and the cubics between them (Catmull & Rom 1974), of those that have been asked for.
 #[derive(Debug, Clone)]
-pub struct Table {
-    logs: Vec<OnceLock<f64>>,
+struct Cubics<const N: usize> {
+    values: Vec<OnceLock<[f64; N]>>,
+    /// Of each interval by powers of its part.
+    powers: Vec<OnceLock<[[f64; N]; 4]>>,
 }
 
-/// The Sun's part against its height over one line's place, of those heights that have been asked for.
+/// Light against one kind of line: logarithms.
+#[derive(Debug, Clone)]
+pub struct Table {
+    logs: Cubics<1>,
+}
+
+/// The Sun's part against its height over one line's place.
 #[derive(Debug, Clone)]
 pub struct Row {
     /// Weights of the Sun's cosines to the observer's zenith and to the line's horizontal direction in that to the place's zenith.
@@ -25,29 +33,69 @@ pub struct Row {
     from: f64,
     span: f64,
     /// The part of the table's scattered light by the Sun's direct light, and by the day side's.
-    parts: [OnceLock<[f64; 2]>; PLACES],
+    parts: Cubics<2>,
+}
+
+/// So many that have not been asked for.
+fn blank<T>(count: usize) -> Vec<OnceLock<T>> {
+    (0..count).map(|_| OnceLock::new()).collect()
+}
+
+impl<const N: usize> Cubics<N> {
+    /// Of so many values, two or more.
+    fn of(count: usize) -> Cubics<N> {
+        Cubics {
+            values: blank(count),
+            powers: blank(count - 1),
+        }
+    }
+
+    /// What stands at 0..1 of all places; `value` gives it there for the place itself.
+    #[inline]
+    fn at(&self, part: f64, value: impl Fn(f64) -> [f64; N]) -> [f64; N] {
+        let along = part.clamp(0.0, 1.0) * self.powers.len() as f64;
+        let i = (along as usize).min(self.powers.len() - 1);
+        let t = along - i as f64;
+        let [a, b, c, d] = self.powers[i].get_or_init(|| self.between(i, value));
+        let mut sum = *d;
+        for powers in [c, b, a] {
+            for (sum, power) in sum.iter_mut().zip(powers) {
+                *sum = *sum * t + power;
+            }
+        }
+        sum
+    }
+
+    /// The cubic of an interval.
+    fn between(&self, i: usize, value: impl Fn(f64) -> [f64; N]) -> [[f64; N]; 4] {
+        let last = self.powers.len();
+        let place = |k: usize| *self.values[k].get_or_init(|| value(k as f64 / last as f64));
+        let [a, b, c, d] = [i.saturating_sub(1), i, i + 1, (i + 2).min(last)].map(place);
+        let mut powers = [b; 4];
+        for k in 0..N {
+            powers[1][k] = (c[k] - a[k]) / 2.0;
+            powers[2][k] = a[k] - 2.5 * b[k] + 2.0 * c[k] - d[k] / 2.0;
+            powers[3][k] = (d[k] - a[k] + 3.0 * (b[k] - c[k])) / 2.0;
+        }
+        powers
+    }
 }
 
 impl Table {
-    /// Of so many values.
+    /// Of so many values, two or more.
     pub fn of(count: usize) -> Table {
         Table {
-            logs: (0..count).map(|_| OnceLock::new()).collect(),
+            logs: Cubics::of(count),
         }
     }
 
     /// The value at 0..1, by cubics through four of those that `value` gives for 0..1.
+    #[inline]
     pub fn at(&self, part: f64, value: impl Fn(f64) -> f64) -> f64 {
-        let last = self.logs.len().saturating_sub(1);
-        let along = part.clamp(0.0, 1.0) * last as f64;
-        let i = (along as usize).min(last.saturating_sub(1));
-        let log = |k: usize| {
-            let log = || libm::log(value(k as f64 / last as f64).max(LEAST));
-            *self.logs[k].get_or_init(log)
-        };
-        let four = [i.saturating_sub(1), i, (i + 1).min(last), (i + 2).min(last)].map(log);
-        let weights = cubic(along - i as f64);
-        libm::exp((0..4).map(|j| weights[j] * four[j]).sum())
+        let [log] = self
+            .logs
+            .at(part, |part| [libm::log(value(part).max(LEAST))]);
+        libm::exp(log)
     }
 }
 
@@ -59,34 +107,24 @@ impl Row {
             weights,
             from,
             span: to - from,
-            parts: Default::default(),
+            parts: Cubics::of(PLACES),
         }
     }
 
     /// The parts for the Sun's cosines to the observer's zenith and to the line's horizontal direction; `parts` gives them for sines of the Sun's
     /// height.
+    #[inline]
     pub fn at(&self, sun: [f64; 2], parts: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         let height = self.weights[0] * sun[0] + self.weights[1] * sun[1];
-        let last = PLACES - 1;
         let part = if self.span.abs() > 1e-9 {
-            ((crowd(height) - self.from) / self.span).clamp(0.0, 1.0)
+            (crowd(height) - self.from) / self.span
         } else {
             0.0
         };
-        let along = part * last as f64;
-        let i = (along as usize).min(last - 1);
-        let place = |k: usize| {
-            let height = || uncrowd(self.from + self.span * k as f64 / last as f64);
-            *self.parts[k].get_or_init(|| parts(height()))
-        };
-        let four = [i.saturating_sub(1), i, i + 1, (i + 2).min(last)].map(place);
-        let weights = cubic(along - i as f64);
-        [0, 1].map(|k| {
-            (0..4)
-                .map(|j| weights[j] * four[j][k])
-                .sum::<f64>()
-                .max(0.0)
-        })
+        let [direct, from_below] = self
+            .parts
+            .at(part, |part| parts(uncrowd(self.from + self.span * part)));
+        [direct.max(0.0), from_below.max(0.0)]
     }
 
     /// The Sun's cosine to the line's horizontal direction, at the sine `height` of its height, that to the observer's zenith being `along`.
@@ -99,6 +137,7 @@ impl Row {
 }
 
 /// What rows of the lines on either side of `at` give, in proportion; `row` gives that of the i-th line.
+#[inline]
 pub fn sun_parts(lines: &[f64], row: impl Fn(usize) -> [f64; 2], at: f64) -> [f64; 2] {
     let last = lines.len() - 1;
     let next = lines.partition_point(|line| *line < at);
@@ -106,18 +145,10 @@ pub fn sun_parts(lines: &[f64], row: impl Fn(usize) -> [f64; 2], at: f64) -> [f6
         return row(next.min(last));
     }
     let part = (at - lines[next - 1]) / (lines[next] - lines[next - 1]);
-    let (a, b) = (row(next - 1), row(next));
-    [0, 1].map(|k| a[k] + (b[k] - a[k]) * part)
-}
-
-/// Weights of four equidistant values for a place `t` (0..1) between the middle two (Catmull & Rom 1974).
-fn cubic(t: f64) -> [f64; 4] {
-    let (t2, t3) = (t * t, t * t * t);
+    let ([direct, from_below], b) = (row(next - 1), row(next));
     [
-        (2.0 * t2 - t - t3) / 2.0,
-        (2.0 - 5.0 * t2 + 3.0 * t3) / 2.0,
-        (t + 4.0 * t2 - 3.0 * t3) / 2.0,
-        (t3 - t2) / 2.0,
+        direct + (b[0] - direct) * part,
+        from_below + (b[1] - from_below) * part,
     ]
 }
 
