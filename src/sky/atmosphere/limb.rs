@@ -6,7 +6,7 @@
 use super::Atmosphere;
 use super::air::{Density, TOP_M, phase_function};
 use super::sight::{Line, Sight, Step};
-use super::tables::{Row, Table, sun_parts};
+use super::tables::{Row, Table, between};
 use crate::sky::bodies::{AU_M, SUN_RADIUS_M};
 use crate::sky::earth_light::EARTH_ALBEDO;
 use crate::sky::shadow::{EARTH_RADIUS_M, Earth};
@@ -151,12 +151,16 @@ impl Limb {
                 .shells
                 .along(&line(entry), self.radius, &self.atmosphere)
         });
-        let row = |i: usize| {
+        let (first, part) = between(lines, at);
+        let mut sides = [[0.0; 2]; 2];
+        for (i, side) in (first..).zip(&mut sides) {
             let lit = rows[i].get_or_init(|| self.lit(kind, lines[i]));
-            lit.row
-                .at([along, across], |height| self.sun_along(lit, height))
-        };
-        let [direct, from_below] = sun_parts(lines, row, at);
+            let value = |height| self.sun_along(lit, height);
+            *side = lit.row.at([along, across], value);
+        }
+        let [[direct, from_below], there] = sides;
+        let direct = direct + (there[0] - direct) * part;
+        let from_below = from_below + (there[1] - from_below) * part;
         let cos_scattering = direction.dot(&self.to_sun) / direction.norm();
         let sunlit = phase_function(cos_scattering) * direct + from_below;
         [scattered * self.nearness * sunlit, airglow]

@@ -29,34 +29,33 @@ impl Shells {
         }
     }
 
-    /// Airglow along a line from an observer at `radius` (m), ph/s/m^2/sr: each shell's emission times the chords that it cuts before and
-    /// behind the lowest point; what lies behind is dimmed by all the air on the way.
+    /// Airglow along a line from an observer at `radius` (m), ph/s/m^2/sr: before and behind the lowest point; what lies behind is dimmed by all
+    /// the air on the way.
     pub fn along(&self, line: &Line, radius: f64, atmosphere: &Atmosphere) -> f64 {
-        let behind = match line.sight {
-            Sight::Ground(_) | Sight::Away => 0.0,
+        let before = || self.between(line.p, [0.0, radius]);
+        match line.sight {
+            Sight::Ground(_) | Sight::Away => before(),
             Sight::Past(altitude_m) => {
                 let grazing = atmosphere.air.column(altitude_m, 0.0);
-                atmosphere.passed.at(2.0 * grazing)
+                let behind = atmosphere.passed.at(2.0 * grazing);
+                before() + behind * self.between(line.p, [0.0, f64::INFINITY])
             }
-            Sight::Up(_) => 1.0,
-        };
-        // Before and behind: a shell around the observer is cut from where he stands on.
-        let own = half_chord(radius, line.p);
-        let is_up = matches!(line.sight, Sight::Up(_));
-        let chords = |edge: f64| {
-            let chord = half_chord(edge, line.p);
-            if is_up {
-                [own, chord.max(own)]
-            } else {
-                [chord.min(own), chord]
+            Sight::Up(_) => self.between(line.p, [radius, f64::INFINITY]),
+        }
+    }
+
+    /// What shines between two radii (m) on one side of a line that passes the centre at `p` (m): each shell's emission times the chord that it cuts.
+    fn between(&self, p: f64, [from, to]: [f64; 2]) -> f64 {
+        let from = from.max(p).max(self.foot);
+        let first = self.shells.partition_point(|(outer, _)| *outer <= from);
+        let (mut sum, mut inner) = (0.0, half_chord(from, p));
+        for (outer, emission) in &self.shells[first..] {
+            if *outer >= to {
+                return sum + emission * (half_chord(to.max(from), p) - inner);
             }
-        };
-        let mut sum = 0.0;
-        let mut inner = chords(self.foot);
-        for (outer, emission) in &self.shells {
-            let outer = chords(*outer);
-            sum += emission * ((outer[0] - inner[0]) + behind * (outer[1] - inner[1]));
-            inner = outer;
+            let chord = half_chord(*outer, p);
+            sum += emission * (chord - inner);
+            inner = chord;
         }
         sum
     }

@@ -29,9 +29,10 @@ pub struct Table {
 pub struct Row {
     /// Weights of the Sun's cosines to the observer's zenith and to the line's horizontal direction in that to the place's zenith.
     weights: [f64; 2],
-    /// Where the row's places begin, and how far they reach, see [`crowd`].
+    /// Where the row's places begin, how far they reach, and one over that, see [`crowd`]; 0 where they are all one.
     from: f64,
     span: f64,
+    per_span: f64,
     /// The part of the table's scattered light by the Sun's direct light, and by the day side's.
     parts: Cubics<2>,
 }
@@ -53,15 +54,14 @@ impl<const N: usize> Cubics<N> {
     /// What stands at 0..1 of all places; `value` gives it there for the place itself.
     #[inline]
     fn at(&self, part: f64, value: impl Fn(f64) -> [f64; N]) -> [f64; N] {
-        let along = part.clamp(0.0, 1.0) * self.powers.len() as f64;
-        let i = (along as usize).min(self.powers.len() - 1);
+        let count = self.powers.len();
+        let along = part.clamp(0.0, 1.0) * count as f64;
+        let i = (along as u32 as usize).min(count - 1);
         let t = along - i as f64;
         let [a, b, c, d] = self.powers[i].get_or_init(|| self.between(i, value));
         let mut sum = *d;
-        for powers in [c, b, a] {
-            for (sum, power) in sum.iter_mut().zip(powers) {
-                *sum = *sum * t + power;
-            }
+        for k in 0..N {
+            sum[k] = a[k] + t * (b[k] + t * (c[k] + t * sum[k]));
         }
         sum
     }
@@ -103,10 +103,12 @@ impl Row {
     /// Of the sines of the Sun's height from the one of `ends` to the other.
     pub fn of(weights: [f64; 2], ends: [f64; 2]) -> Row {
         let [from, to] = ends.map(crowd);
+        let span = to - from;
         Row {
             weights,
             from,
-            span: to - from,
+            span,
+            per_span: if span.abs() > 1e-9 { 1.0 / span } else { 0.0 },
             parts: Cubics::of(PLACES),
         }
     }
@@ -116,11 +118,7 @@ impl Row {
     #[inline]
     pub fn at(&self, sun: [f64; 2], parts: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         let height = self.weights[0] * sun[0] + self.weights[1] * sun[1];
-        let part = if self.span.abs() > 1e-9 {
-            (crowd(height) - self.from) / self.span
-        } else {
-            0.0
-        };
+        let part = (crowd(height) - self.from) * self.per_span;
         let [direct, from_below] = self
             .parts
             .at(part, |part| parts(uncrowd(self.from + self.span * part)));
@@ -136,20 +134,13 @@ impl Row {
     }
 }
 
-/// What rows of the lines on either side of `at` give, in proportion; `row` gives that of the i-th line.
+/// The first of the two lines on either side of `at`, and which part of the way to the second it lies.
 #[inline]
-pub fn sun_parts(lines: &[f64], row: impl Fn(usize) -> [f64; 2], at: f64) -> [f64; 2] {
-    let last = lines.len() - 1;
-    let next = lines.partition_point(|line| *line < at);
-    if next == 0 || next > last {
-        return row(next.min(last));
-    }
-    let part = (at - lines[next - 1]) / (lines[next] - lines[next - 1]);
-    let ([direct, from_below], b) = (row(next - 1), row(next));
-    [
-        direct + (b[0] - direct) * part,
-        from_below + (b[1] - from_below) * part,
-    ]
+pub fn between(lines: &[f64], at: f64) -> (usize, f64) {
+    let above = lines.partition_point(|line| *line < at);
+    let i = above.clamp(1, lines.len() - 1) - 1;
+    let part = (at - lines[i]) / (lines[i + 1] - lines[i]);
+    (i, part.clamp(0.0, 1.0))
 }
 
 /// A scale of the sine of the Sun's height that is wide in twilight.
