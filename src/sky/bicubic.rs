@@ -101,7 +101,7 @@ impl Axis {
     /// The interval for `at`, and which part of it lies before.
     #[inline]
     fn cell(&self, at: f64) -> (usize, f64) {
-        let bucket = ((at - self.places[0]) * self.per_bucket) as usize;
+        let bucket = ((at - self.places[0]) * self.per_bucket) as u32 as usize;
         let first = self.buckets[bucket.min(self.buckets.len() - 1)];
         let is_next = first + 2 < self.places.len() && at >= self.places[first + 1];
         let k = first + usize::from(is_next);

@@ -41,7 +41,7 @@ const GALACTIC: Matrix3<f64> = Matrix3::new(
 /// The light of the stars below the limit of one selection of the catalogue.
 #[derive(Debug, Clone)]
 pub struct StarLight {
-    /// ln(S10) by galactic longitude and latitude, rad.
+    /// log2(S10) by galactic longitude and latitude, rad.
     log: Bicubic,
 }
 
@@ -56,7 +56,7 @@ impl StarLight {
         let latitudes = rows.iter().map(|row| row[0].to_radians()).collect();
         // A column more on either side: 30 degrees before 0, 360, and 390.
         let longitudes = (0..COLUMNS + 3).map(|i| (i as f64 - 1.0) * STEP).collect();
-        let value = |i: usize, j: usize| libm::log(rows[j][1 + (i + COLUMNS - 1) % COLUMNS]);
+        let value = |i: usize, j: usize| libm::log2(rows[j][1 + (i + COLUMNS - 1) % COLUMNS]);
         StarLight {
             log: Bicubic::new(longitudes, latitudes, value, |_| [0.0, 0.0]),
         }
@@ -72,7 +72,7 @@ impl StarLight {
             longitude
         };
         let latitude = libm::atan(g.z / (g.x * g.x + g.y * g.y).sqrt());
-        libm::exp(self.log.at(longitude, latitude))
+        libm::exp2(self.log.at(longitude, latitude))
     }
 }
 

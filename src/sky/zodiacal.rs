@@ -10,7 +10,7 @@
 //! In between, with `l` the longitude from the Sun, `b` the latitude, both symmetric about the Sun,
 //!
 //! ```text
-//! S10 = e^r(l, b) / (e^2)^(p/2),   e^2 = 2 (1 - cos b cos l) + q sin^2 b
+//! S10 = 2^r(l, b) / (e^2)^(p/2),   e^2 = 2 (1 - cos b cos l) + q sin^2 b
 //! ```
 //!
 //! where `e` is the elongation, stretched toward the poles, `p` = 2.25, `q` = 2.2, and `r` the bicubic Hermite polynomial through the table:
@@ -136,7 +136,7 @@ impl ZodiacalLight {
         // e^p of e^2: p / 2 is one and an eighth.
         let square = elongation_square(toward_sun, v.z);
         let power = square * square.sqrt().sqrt().sqrt();
-        libm::exp(self.residual.at(longitude, latitude)) / power
+        libm::exp2(self.residual.at(longitude, latitude)) / power
     }
 }
 
@@ -163,7 +163,7 @@ fn residual() -> Bicubic {
         };
         let (sin, cos) = libm::sincos(latitudes[j]);
         let square = elongation_square(cos * libm::cos(longitudes[i]), sin);
-        libm::log(TABLE[i][j]) + HALF_POWER * libm::log(square)
+        libm::log2(TABLE[i][j]) + HALF_POWER * libm::log2(square)
     };
     // Over the pole the light goes on at the opposite longitude. It is smooth there if its slope runs as the cosine of longitude.
     let tilt = (value(18, 9) - value(0, 9)) / (2.0 * (latitudes[10] - latitudes[9]));

