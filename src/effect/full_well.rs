@@ -11,7 +11,7 @@
 
 use super::bloom::Bloom;
 use super::cause::digits;
-use super::shown::{apart, held_e};
+use super::shown::{apart, groups_of, held_e};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::camera::{Blooming, Detector};
 use crate::fidelity::Fidelity;
@@ -39,13 +39,6 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             digits(full)
         ))
     } else {
-        let [with, without] = [true, false].map(|full_well| {
-            let parts = Simulated {
-                full_well,
-                ..scene.simulated
-            };
-            held_e(scene, &scene.spill.columns, &parts)
-        });
         let (spilling, ns) = if spills {
             (", and spill along its column", 0.3)
         } else {
@@ -56,15 +49,25 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             digits(most),
             digits(full)
         );
-        let need = Need::of_pixels(scene, because, apart(&with, &without), ns);
         // Column after column spills, of those with a pixel that noise is likely to bring over its well.
         let over = |e: &f64| e + 3.0 * e.sqrt() > full;
         let overfull = |column: &&[f64]| spills && column.iter().any(over);
-        let spilt = without.chunks_exact(detector.height).filter(overfull);
-        let spilt = spilt.count() * detector.height;
+        let groups = groups_of(&scene.spill.columns).map(|columns| {
+            let [with, without] = [true, false].map(|full_well| {
+                let parts = Simulated {
+                    full_well,
+                    ..scene.simulated
+                };
+                held_e(scene, columns, &parts)
+            });
+            let spilt = without.chunks_exact(detector.height).filter(overfull);
+            (apart(&with, &without), spilt.count())
+        });
+        let (shown_e, spilt) = groups.reduce(|| (0.0, 0), |a, b| (a.0.max(b.0), a.1 + b.1));
+        let need = Need::of_pixels(scene, because, shown_e, ns);
         Need {
             drawn_e: most - brightest,
-            price_ms: need.price_ms + spilt as f64 * 8e-6,
+            price_ms: need.price_ms + (spilt * detector.height) as f64 * 8e-6,
             ..need
         }
     };

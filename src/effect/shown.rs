@@ -6,6 +6,7 @@
 use super::full_well::fill;
 use crate::scene::{CELL, Change, Compared, Image, Peak, Scene, Simulated, Source, flooding_e};
 use rayon::prelude::*;
+use rayon::slice::Chunks;
 use std::collections::BTreeMap;
 
 /// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
@@ -18,6 +19,11 @@ pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec
         columns.for_each(|column| fill(column, detector));
     }
     charge
+}
+
+/// Columns side by side, so few at a time that a core's cache holds what is worked out of them.
+pub(super) fn groups_of(columns: &[usize]) -> Chunks<'_, usize> {
+    columns.par_chunks(columns.len().div_ceil(GROUPS).max(1))
 }
 
 /// Why an effect is not needed where all pixels are full of other light.
@@ -62,9 +68,7 @@ pub(super) fn shown_e(
     let columns: Vec<usize> = columns
         .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
         .collect();
-    // So few at a time that a core's cache holds what is worked out of them.
-    let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).max(1));
-    let groups = groups.map(|columns| {
+    let groups = groups_of(&columns).map(|columns| {
         let [with, without] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
         apart(&with, &without)
     });

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// Groups of columns that are worked out side by side, and how many of them one has at least.
 const GROUPS: usize = 8;
-const FEW: usize = 32;
+const FEW: usize = 16;
 
 impl Scene {
     /// What of light the pixels turn into charge, by `lights` alone: a bound (e-) for each column of cells (`brightest`), whether

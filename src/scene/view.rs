@@ -202,9 +202,6 @@ impl View {
 
         let moon = MoonDisc::seen_by(&shutter[1], &world.corrections);
         view.moon = (moon.direction, libm::cos(moon.angular_radius));
-        let stars = world
-            .stars
-            .in_cone(&axis, cone, &shutter[1], &world.corrections);
         let to_icrf = view.pointing(0.0).matrix().transpose();
         let sides = camera.sides(reach_px).into_iter().map(|side| Side {
             inward: to_icrf * side.inward,
@@ -217,13 +214,16 @@ impl View {
             shutter: &shutter,
             reach_m: view.reach_m(&faint),
         };
-        let (seen, the_moon) = rayon::join(
-            || {
-                let population = &world.population;
-                population.in_field(&field, &world.corrections, fidelity.orbits)
-            },
-            || view.the_moon(&moon, world, &shutter, &axis, cone),
-        );
+        let objects = || {
+            let population = &world.population;
+            population.in_field(&field, &world.corrections, fidelity.orbits)
+        };
+        let others = || {
+            let stars = &world.stars;
+            let stars = stars.in_cone(&axis, cone, &shutter[1], &world.corrections);
+            (stars, view.the_moon(&moon, world, &shutter, &axis, cone))
+        };
+        let (seen, (stars, the_moon)) = rayon::join(objects, others);
         let earth = Earth::at(exposure.mid);
         view.sides = field.still_sides();
         // All in their places, and with room for those that follow.

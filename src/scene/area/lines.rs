@@ -74,18 +74,25 @@ impl Square {
 
     /// Its light at the nine places of a square within it.
     fn nodes_in(&self, [x, y]: [usize; 2], side: usize) -> [f32; 9] {
-        let half = (self.side / 2) as f32;
+        if side == self.side {
+            return self.nodes;
+        }
+        let half = self.side / 2;
+        let place = |at: usize| {
+            let i = usize::from(at >= half);
+            (i, at as f32 * (1.0 / half as f32) - i as f32)
+        };
         let between = |from: f32, to: f32, part: f32| from + (to - from) * part;
-        std::array::from_fn(|i| {
-            let [u, v] = [x - self.x + i % 3 * side / 2, y - self.y + i / 3 * side / 2];
-            let [left, above] = [u, v].map(|at| (2 * at / self.side).min(1));
-            let [across, down] = [(u, left), (v, above)].map(|(at, i)| at as f32 / half - i as f32);
-            let line = |row: usize| {
-                let nodes = &self.nodes[3 * row + left..];
-                between(nodes[0], nodes[1], across)
-            };
-            between(line(above), line(above + 1), down)
-        })
+        let mut nodes = [0.0; 9];
+        for (j, nodes) in nodes.chunks_exact_mut(3).enumerate() {
+            let (above, down) = place(y - self.y + j * side / 2);
+            for (i, node) in nodes.iter_mut().enumerate() {
+                let (left, across) = place(x - self.x + i * side / 2);
+                let [a, b, c, d] = [0, 1, 3, 4].map(|k| self.nodes[3 * above + left + k]);
+                *node = between(between(a, b, across), between(c, d, across), down);
+            }
+        }
+        nodes
     }
 
     /// The least and the most light (e-) from one column to another, counted from its first, at the rows of its places.
