@@ -134,48 +134,48 @@ impl Rows {
 
     /// The light of the pixels that are lit and on a detector of such sides (columns and rows).
     fn cut<T: Real>(&self, light: &[T], [width, height]: [i32; 2]) -> Footprint {
-        let rows = self.low.iter().zip(&self.past).skip(1).zip(self.first..);
-        let is_lit = |((low, past), row): &((&i32, &i32), i32)| {
-            (0..height).contains(row) && **low < width && **past > 0 && low < past
-        };
-        let mut first_row = None;
-        let mut spans: Vec<Span> = Vec::with_capacity(self.low.len());
+        // The rows on the detector, and what of each.
+        let [from, to] = [0, height].map(|row| row.saturating_sub(self.first).max(0) as usize);
+        let to = to.min(self.origins.len());
+        let from = from.min(to);
+        let ends = self.low[1..][from..to]
+            .iter()
+            .zip(&self.past[1..][from..to]);
         let mut total = 0;
-        for ((low, past), row) in rows.filter(is_lit) {
-            let first_row = *first_row.get_or_insert(row);
-            // Rows between that no circle touches.
-            let none = Span {
-                column: 0,
-                offset: total,
-                length: 0,
-            };
-            spans.resize((row - first_row) as usize, none);
-            let column = (*low).max(0);
-            let length = ((*past).min(width) - column) as u32;
-            spans.push(Span {
-                column: column as u32,
-                offset: total,
-                length,
-            });
+        let mut spans: Vec<Span> = Vec::with_capacity(to - from);
+        spans.extend(ends.map(|(low, past)| {
+            let column = (*low).clamp(0, width);
+            // Rows between that no circle touches have none.
+            let length = (*past).min(width).saturating_sub(column).max(0) as u32;
+            let offset = total;
             total += length;
-        }
-        let Some(first_row) = first_row else {
+            Span {
+                column: if length > 0 { column as u32 } else { 0 },
+                offset,
+                length,
+            }
+        }));
+        let is_lit = |span: &Span| span.length > 0;
+        let Some(dark) = spans.iter().position(is_lit) else {
             return Footprint::default();
         };
+        spans.truncate(spans.iter().rposition(is_lit).map_or(0, |last| last + 1));
+        spans.drain(..dark);
+        let from = from + dark;
+        let first_row = self.first + from as i32;
         // Pixels are copied so many at a time, those beyond a row's last too: the next row takes their place.
-        let mut shares: Vec<f32> = Vec::with_capacity(total as usize + LANES);
-        let origins = &self.origins[(first_row - self.first) as usize..];
-        for (span, origin) in spans.iter().zip(origins) {
-            let from = (origin + span.column as i32) as usize;
+        let mut shares = vec![0.0f32; total as usize + LANES];
+        for (span, origin) in spans.iter().zip(&self.origins[from..]) {
+            let from = (origin + span.column as i32) as u32 as usize;
             let whole = (span.length as usize).next_multiple_of(LANES);
-            shares.truncate(span.offset as usize);
-            for light in light[from..from + whole].as_chunks::<LANES>().0 {
+            let to = &mut shares[span.offset as usize..][..whole];
+            let to = to.as_chunks_mut::<LANES>().0.iter_mut();
+            for (to, light) in to.zip(light[from..from + whole].as_chunks::<LANES>().0) {
                 // What rounding leaves of no light may be below 0.
-                let light = light.map(|share| {
+                *to = light.map(|share| {
                     let share = share.single();
                     if share > 0.0 { share } else { 0.0 }
                 });
-                shares.extend_from_slice(&light);
             }
         }
         shares.truncate(total as usize);

@@ -36,8 +36,8 @@ impl ObjectLabel {
         object.number::<4>(key!("snr"), self.snr)?;
         object.number::<9>(key!("ra_deg"), of_turn(self.ra_deg))?;
         object.number::<9>(key!("dec_deg"), self.dec_deg)?;
-        object.any(key!("in_frame"), &self.in_frame)?;
-        object.any(key!("visible"), &self.visible)?;
+        object.truth(key!("in_frame"), self.in_frame);
+        object.truth(key!("visible"), self.visible);
         if let Some(reason) = &self.reason {
             object.any(key!("reason"), reason)?;
         }
@@ -91,6 +91,13 @@ impl Members<'_> {
     }
 
     #[inline]
+    fn truth(&mut self, key: &'static str, value: bool) {
+        self.0.extend_from_slice(key.as_bytes());
+        let text: &[u8] = if value { b"true" } else { b"false" };
+        self.0.extend_from_slice(text);
+    }
+
+    #[inline]
     fn any<T: Serialize + ?Sized>(&mut self, key: &'static str, value: &T) -> Result<()> {
         self.0.extend_from_slice(key.as_bytes());
         serde_json::to_writer(&mut *self.0, value)
@@ -102,44 +109,58 @@ impl Members<'_> {
 /// Whole units of the last decimal, of 15 digits or fewer, are such digits once their last zeros are dropped: no two numbers of 15 digits have the same
 /// nearest double. Those of more digits, and what is so small that it has an exponent, is left to that crate.
 fn number<const DECIMALS: u32>(value: f64, text: &mut Vec<u8>) -> Result<()> {
-    const MOST: u64 = 1_000_000_000_000_000;
+    // Below, units have 15 digits at most, of which no more than [`EIGHT`] are whole.
+    let most = 10u64.pow(15.min(8 + DECIMALS));
     let unit = 10u64.pow(DECIMALS);
     // 1e-5.
     let least = 10u64.pow(DECIMALS.saturating_sub(5));
     let (negative, units) = match scaled(value, DECIMALS as i32) {
         Some(units) => (units < 0, units.unsigned_abs()),
-        None => (false, MOST),
+        None => (false, most),
     };
-    if units >= MOST || (units > 0 && units < least) {
+    if units >= most || (units > 0 && units < least) {
         return serde_json::to_writer(text, &rounded(value, DECIMALS as i32));
     }
-    let mut digits = [b'0'; 28];
-    let point = digits.len() - 1 - DECIMALS as usize;
-    let (mut whole, mut part) = (units / unit, (units % unit) as u32);
-    for digit in digits[point + 1..].iter_mut().rev() {
-        *digit += (part % 10) as u8;
-        part /= 10;
-    }
-    digits[point] = b'.';
-    let mut first = point;
-    loop {
-        first -= 1;
-        digits[first] += (whole % 10) as u8;
-        whole /= 10;
-        if whole == 0 {
-            break;
-        }
-    }
-    if negative {
-        first -= 1;
-        digits[first] = b'-';
-    }
-    let mut end = digits.len();
-    while end > point + 2 && digits[end - 1] == b'0' {
-        end -= 1;
-    }
-    text.extend_from_slice(&digits[first..end]);
+    // Sign, whole digits, point, and two times eight decimals.
+    let mut number = [b'-'; 32];
+    let whole = digits(units / unit);
+    let leading = (whole.trailing_zeros() / 8).min(7);
+    let mut at = usize::from(negative);
+    number[at..at + 8].copy_from_slice(&text_of(whole >> (8 * leading)));
+    at += 8 - leading as usize;
+    number[at] = b'.';
+    at += 1;
+    let part = units % unit * 10u64.pow(2 * 8 - DECIMALS);
+    let (first, second) = (digits(part / EIGHT), digits(part % EIGHT));
+    number[at..at + 8].copy_from_slice(&text_of(first));
+    number[at + 8..at + 16].copy_from_slice(&text_of(second));
+    // Without the last zeros, but for that which follows the point.
+    let zeros = match second {
+        0 => 8 + first.leading_zeros() / 8,
+        _ => second.leading_zeros() / 8,
+    };
+    let end = text.len() + at + (16 - zeros as usize).max(1);
+    text.extend_from_slice(&number);
+    text.truncate(end);
     Ok(())
+}
+
+/// Numbers of up to eight digits are below.
+const EIGHT: u64 = 100_000_000;
+
+/// The eight digits of a number below [`EIGHT`], an octet each, the first the lowest: halved three times, all halves side by side. Quotients are products with
+/// 1 / 100 and 1 / 10, rounded up in so many bits that none is off.
+fn digits(number: u64) -> u64 {
+    let fours = number / 10_000 | (number % 10_000) << 32;
+    let hundreds = (fours * 5_243 >> 19) & 0x7f_0000_007f;
+    let pairs = hundreds | (fours - hundreds * 100) << 16;
+    let tens = (pairs * 103 >> 10) & 0x0f_000f_000f_000f;
+    tens | (pairs - tens * 10) << 8
+}
+
+/// Those digits as text.
+fn text_of(digits: u64) -> [u8; 8] {
+    (digits | 0x3030_3030_3030_3030).to_le_bytes()
 }
 
 #[cfg(test)]

@@ -204,16 +204,18 @@ impl View {
             (exposure_s, Rows::together(camera.detector.height))
         };
         let turn = self.vehicle.rates.norm() * open_s + candidate.swing;
+        let [step_px, panel_px, point_px] = self.steps_px(candidate, fidelity);
         let course = Course {
             pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
             even: self.even(candidate, simulated),
-            step_px: self.step_px(candidate, fidelity),
-            panel_px: self.panel_px(candidate, fidelity),
-            point_px: self.point_px(candidate, fidelity),
-            reach_px: camera
-                .optics
-                .psf
-                .drawn_px(fidelity, candidate.shine().electrons),
+            step_px,
+            panel_px,
+            point_px,
+            // It is asked for where rows open in turn.
+            reach_px: match rows.are_together() {
+                true => 0.0,
+                false => optics.psf.drawn_px(fidelity, candidate.shine().electrons),
+            },
             window: self.window(fidelity),
             rows,
         };
@@ -235,28 +237,14 @@ impl View {
         Some(Even { sigma_px, height_e })
     }
 
-    /// How long (px) panels of the candidate's track may be.
-    pub(super) fn step_px(&self, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
+    /// How long (px) panels of the candidate's track may be, how long the track for one panel to be all of it, and how long for one point to stand for it.
+    pub(super) fn steps_px(&self, candidate: &Candidate, fidelity: &Fidelity) -> [f64; 3] {
         let (core_px, height_e) = self.height(candidate);
-        core_px * fidelity.step_sigma(height_e)
-    }
-
-    /// How long (px) its track may be to be one panel.
-    pub(super) fn panel_px(&self, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
-        self.if_smooth(self.step_px(candidate, fidelity))
-    }
-
-    /// How long (px) its track may be for one point to stand for it.
-    pub(super) fn point_px(&self, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
-        let (core_px, height_e) = self.height(candidate);
-        self.if_smooth(core_px * fidelity.point_sigma(height_e))
-    }
-
-    /// That length (px), but nothing of images: they have kinks, which no rule of few points tells.
-    fn if_smooth(&self, length_px: f64) -> f64 {
+        let step_px = core_px * fidelity.step_sigma(height_e);
         match self.camera.optics.psf.at([0.0; 2], 1.0).relief() {
-            None => length_px,
-            Some(_) => 0.0,
+            None => [step_px, step_px, core_px * fidelity.point_sigma(height_e)],
+            // Images have kinks, which no rule of few points tells.
+            Some(_) => [step_px, 0.0, 0.0],
         }
     }
 

@@ -124,34 +124,53 @@ impl<'a> Noise<'a> {
     /// What the pixels of a footprint hold beside its light, as they respond, e-.
     fn beside(&self, footprint: &Footprint, background: &mut Vec<f32>) {
         let (detector, pattern) = (self.detector, &self.detector.pattern);
-        let dark_e_s = pattern.dark_e_s().filter(|_| self.simulated.dark);
-        let even_e = match dark_e_s {
-            None if self.simulated.dark => pattern.dark_mean_e_s() * self.exposure_s,
-            _ => 0.0,
-        };
         background.clear();
         background.resize(footprint.shares().len(), 0.0);
-        let response = self.response().unwrap_or(&[]);
-        let mut rest = &mut background[..];
-        for (row, column, shares) in footprint.rows(0..detector.height) {
-            let pixel = row * detector.width + column;
+        // What there is none of is not looked for in any row.
+        if !self.areas.is_none() {
+            self.row_by_row(footprint, background, |pixel, here| {
+                self.areas.add_to_row(pixel, here);
+            });
+        }
+        if let Some(response) = self.response() {
+            self.row_by_row(footprint, background, |pixel, here| {
+                let response = from(response, pixel);
+                here.iter_mut().zip(response).for_each(|(b, of)| *b *= of);
+            });
+        }
+        match pattern.dark_e_s().filter(|_| self.simulated.dark) {
+            Some(dark_e_s) => self.row_by_row(footprint, background, |pixel, here| {
+                for (b, dark_e_s) in here.iter_mut().zip(from(dark_e_s, pixel)) {
+                    *b += (f64::from(*dark_e_s) * self.exposure_s) as f32;
+                }
+            }),
+            None if self.simulated.dark => {
+                let even_e = (pattern.dark_mean_e_s() * self.exposure_s) as f32;
+                background.iter_mut().for_each(|b| *b += even_e);
+            }
+            None => {}
+        }
+        if !self.trail_e.is_empty() {
+            self.row_by_row(footprint, background, |pixel, here| {
+                let trail_e = from(self.trail_e, pixel % detector.width);
+                let here = here.iter_mut().zip(trail_e);
+                here.for_each(|(b, trail_e)| *b += *trail_e as f32);
+            });
+        }
+    }
+
+    /// Calls `each` with the first pixel of each row of a footprint, by row-major index, and what is kept of that row's pixels.
+    fn row_by_row(
+        &self,
+        footprint: &Footprint,
+        kept: &mut [f32],
+        mut each: impl FnMut(usize, &mut [f32]),
+    ) {
+        let mut rest = kept;
+        for (row, column, shares) in footprint.rows(0..self.detector.height) {
             let (here, after) = rest.split_at_mut(shares.len());
             rest = after;
-            self.areas.add_to_row(pixel, here);
-            for (b, response) in here.iter_mut().zip(from(response, pixel)) {
-                *b *= response;
-            }
-            match dark_e_s {
-                Some(dark_e_s) => {
-                    for (b, dark_e_s) in here.iter_mut().zip(from(dark_e_s, pixel)) {
-                        *b += (f64::from(*dark_e_s) * self.exposure_s) as f32;
-                    }
-                }
-                None => here.iter_mut().for_each(|b| *b += even_e as f32),
-            }
-            for (b, trail_e) in here.iter_mut().zip(from(self.trail_e, column)) {
-                *b += *trail_e as f32;
-            }
+            each(row * self.detector.width + column, here);
         }
     }
 

@@ -17,6 +17,7 @@ use crate::sky::population::SeenObject;
 use crate::sky::shadow::Earth;
 use crate::sky::star_field::SeenStar;
 use crate::track::Window;
+use crate::track::rule::fewest_points;
 use nalgebra::Vector3;
 use rayon::iter::Either;
 use rayon::prelude::*;
@@ -193,8 +194,10 @@ impl View {
             window: (fidelity.psf_loss, Footprint::window(camera, fidelity)),
         };
         const EIGHTHS: u8 = 8;
-        let parts = (0..=EIGHTHS).map(|i| f64::from(i) / f64::from(EIGHTHS));
-        let times = parts.map(|part| (part - 0.5) * open_s);
+        let eighths = (0..=EIGHTHS).map(|i| f64::from(i) / f64::from(EIGHTHS));
+        let times = eighths
+            .chain(fewest_points())
+            .map(|part| (part - 0.5) * open_s);
         view.pointings = times.map(|dt_s| (dt_s, view.pointing(dt_s))).collect();
         let axis = view.pointing(0.0).matrix().transpose() * Vector3::z();
         let reach_px = camera.optics.psf.reach_px(fidelity.psf_loss);

@@ -116,12 +116,13 @@ impl View {
         }
         let [across, rows] = detector.sides().map(|pixels| reach.min(pixels));
         let side = (across * rows).sqrt();
-        let least = match way <= self.panel_px(candidate, fidelity) {
+        let [step_px, panel_px, point_px] = self.steps_px(candidate, fidelity);
+        let least = match way <= panel_px {
             true => 1.0,
             false => 2.0,
         };
-        let panels = (way / self.step_px(candidate, fidelity)).max(least);
-        let points = match way <= self.point_px(candidate, fidelity) {
+        let panels = (way / step_px).max(least);
+        let points = match way <= point_px {
             true => 1.0,
             false => 2.0 * panels,
         };

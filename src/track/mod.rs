@@ -124,22 +124,30 @@ impl Track {
 
         let between = knots.windows(2);
         walk.length_px = between.map(|ends| length(&[ends[0].1, ends[1].1])).sum();
+        let track = |samples: Vec<Sample>| {
+            Some(Track {
+                start,
+                end,
+                samples,
+            })
+        };
+        if walk.length_px <= fidelity.skip_px
+            && let Some(mid) = place(0.5)
+        {
+            return track(Track::still(mid).samples);
+        }
+        if course.rows.are_together()
+            && walk.length_px <= course.point_px
+            && let Some(point) = walk.point(&knots)
+        {
+            return track(vec![point]);
+        }
         let even = course.even.filter(|_| course.rows.are_together());
         walk.even = even.map(|Even { sigma_px, height_e }| {
             // Two pieces err where they meet.
             let error = fidelity.streak_error(walk.length_px / sigma_px, height_e) / 2.0;
             (sigma_px, error)
         });
-        if walk.length_px <= fidelity.skip_px
-            && let Some(mid) = place(0.5)
-        {
-            let samples = Track::still(mid).samples;
-            return Some(Track {
-                start,
-                end,
-                samples,
-            });
-        }
         let mut samples = Vec::new();
         match knots[..] {
             // Of a short one two pieces are one panel, if that bends little enough; and one where a piece needs no panels.
@@ -155,17 +163,7 @@ impl Track {
                 }
             }
         }
-        if let [a, b] = &samples[..]
-            && course.rows.are_together()
-            && walk.length_px <= course.point_px
-        {
-            samples = vec![a.and(b)];
-        }
-        Some(Track {
-            start,
-            end,
-            samples,
-        })
+        track(samples)
     }
 }
 

@@ -64,22 +64,35 @@ fn node(n: usize, i: usize) -> (f64, f64) {
     ((x + 1.0) / 2.0, 1.0 / ((1.0 - x * x) * slope * slope))
 }
 
+impl Gauss {
+    /// Whether it errs by no more than `error` on a piece of `length` standard deviations.
+    fn tells(&self, length: f64, error: f64) -> bool {
+        self.error * length.powi(self.points.len() as i32 * 2 + 1) <= error.max(f64::EPSILON)
+    }
+}
+
+/// Where (0..1) the rule of the fewest points has them: that of most pieces.
+pub fn fewest_points() -> impl Iterator<Item = f64> {
+    GAUSS[0].points.iter().map(|(at, _)| *at)
+}
+
+/// Whether [`points`] gives no more than so `few` (2 to [`MOST`]).
+pub fn are_few(length: f64, error: f64, few: usize) -> bool {
+    let mut rules = GAUSS.iter().take(few - 1);
+    rules.any(|gauss| gauss.tells(length, error))
+}
+
 /// Gives the points of a piece of `length` standard deviations (0..1 of it) and their weights, which sum to 1: what a Gaussian collects of it
 /// then errs by less than `error` of what it collects of a streak without ends. Light, its centre and its width are kept whatever the error.
 pub fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
-    let error = error.max(f64::EPSILON);
-    let tells = |gauss: &&Gauss| {
-        let order = gauss.points.len() as i32 * 2 + 1;
-        gauss.error * length.powi(order) <= error
-    };
-    if let Some(gauss) = GAUSS.iter().find(tells) {
+    if let Some(gauss) = GAUSS.iter().find(|gauss| gauss.tells(length, error)) {
         gauss
             .points
             .iter()
             .for_each(|(at, weight)| point(*at, *weight));
         return;
     }
-    let widest = libm::pow(error / SPACED, 1.0 / 12.0).min(WIDEST);
+    let widest = libm::pow(error.max(f64::EPSILON) / SPACED, 1.0 / 12.0).min(WIDEST);
     let steps = (length / widest).ceil().max(2.0 * SPAN);
     let step = 1.0 / steps;
     for (at, weight) in ENDS {

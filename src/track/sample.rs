@@ -26,22 +26,6 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// One point that stands for both, with their light and its centre; the rows are those of the first.
-    pub fn and(&self, other: &Sample) -> Sample {
-        let weight = self.weight + other.weight;
-        // Where neither has light, in the middle.
-        let part = if weight > 0.0 {
-            other.weight / weight
-        } else {
-            0.5
-        };
-        Sample {
-            at: [0, 1].map(|k| self.at[k] + part * (other.at[k] - self.at[k])),
-            weight,
-            ..self.clone()
-        }
-    }
-
     /// Whether it is anywhere: a place that is no number is none.
     pub fn is_somewhere(&self) -> bool {
         self.at.iter().all(|x| x.is_finite()) && self.weight.is_finite()

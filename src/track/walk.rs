@@ -48,7 +48,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
     /// Whether a row at `y` collects light then; rounding counts as in time.
     pub fn collects(&self, part: f64, y: f64) -> bool {
         let rows = &self.course.rows;
-        part >= rows.opens(y) - 1e-9 && part <= rows.closes(y) + 1e-9
+        rows.are_together() || part >= rows.opens(y) - 1e-9 && part <= rows.closes(y) + 1e-9
     }
 
     /// The ends of the pieces to begin with; with one-after-the-other rows also the instants at which the image's own
@@ -97,13 +97,42 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
     /// Whether a row that its light reaches, less than `bend` away from the rows `ys`, may open or close in that time.
     fn is_cut(&self, [from, to]: [f64; 2], ys: [f64; 3], bend: f64) -> bool {
         let Course { rows, reach_px, .. } = self.course;
+        if rows.are_together() {
+            return false;
+        }
         let reach = reach_px + bend + 1.0;
         let low = ys.iter().copied().fold(f64::MAX, f64::min) - reach;
         let high = ys.iter().copied().fold(f64::MIN, f64::max) + reach;
         let meets = |first: f64, last: f64| first <= to && last >= from;
-        !rows.are_together()
-            && (meets(rows.opens(low), rows.opens(high))
-                || meets(rows.closes(low), rows.closes(high)))
+        meets(rows.opens(low), rows.opens(high)) || meets(rows.closes(low), rows.closes(high))
+    }
+
+    /// One point that stands for all of a track between those knots, with its light and its centre: by Simpson's rule, as exact as two points of Gauss's are. None
+    /// of what is no piece with a middle, or bends.
+    pub fn point(&self, knots: &[Knot]) -> Option<Sample> {
+        let [a, mid, b] = *<&[Knot; 3]>::try_from(knots).ok()?;
+        let [from, middle, to] = places([a, mid, b])?;
+        let bend = distance(middle.at, [0, 1].map(|k| (from.at[k] + to.at[k]) / 2.0));
+        let is_even = mid.0 == (a.0 + b.0) / 2.0;
+        if !is_even || bend > (BEND * self.length_px).max(LEAST_PX) {
+            return None;
+        }
+        let light = (from.light + 4.0 * middle.light + to.light) / 6.0;
+        // Where there is no light, in the middle.
+        let part = |end: &Place| match light > 0.0 {
+            true => end.light / (6.0 * light),
+            false => 0.0,
+        };
+        let [first, last] = [part(&from), part(&to)];
+        Some(Sample {
+            at: [0, 1].map(|k| {
+                let [before, behind] = [from.at[k] - middle.at[k], to.at[k] - middle.at[k]];
+                middle.at[k] + (first * before + last * behind)
+            }),
+            weight: light * (b.0 - a.0) / self.course.rows.exposure,
+            lit: Lit::ALL,
+            parts: Vec::new(),
+        })
     }
 
     /// Samples the piece from `a` to `b`.
@@ -193,8 +222,8 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
         // Of a parabola the fastest end is faster than the mean by 4 bend / length.
         let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
         // Few points are found as soon as a way.
-        let is_long = rule::count(sigmas, error) > WAY;
-        let way = is_long.then(|| Way::through(known, place, sigma_px * error));
+        let is_short = rule::are_few(sigmas, error, WAY);
+        let way = (!is_short).then(|| Way::through(known, place, sigma_px * error));
         let way = way.flatten();
         let weight = (to - from) / self.course.rows.exposure;
         samples.reserve(rule::most(sigmas));
