@@ -41,6 +41,9 @@ impl Optics {
     /// The centre of the light of a source whose image is at a pixel.
     #[inline]
     pub fn lit(&self, pixel: [f64; 2]) -> [f64; 2] {
+        if self.psf.is_symmetric() {
+            return pixel;
+        }
         let [x, y] = self.psf.offset_px(self.offset(pixel));
         [pixel[0] + x, pixel[1] + y]
     }

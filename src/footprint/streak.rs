@@ -40,7 +40,12 @@ impl Footprint {
         if track.samples.len() < 2 || !is_told {
             return None;
         }
-        let sides = camera.detector.sides();
+        // Circles whose middles lie between touch the detector.
+        let [low, high] = [[0.0; 2], camera.detector.sides()];
+        let [low, high] = [
+            low.map(|x| x - 0.5 - radius),
+            high.map(|x| x - 0.5 + radius),
+        ];
         let mut dots = Vec::with_capacity(track.samples.len());
         for Sample {
             at,
@@ -53,7 +58,7 @@ impl Footprint {
                 return None;
             }
             // (No number is nowhere.)
-            let touches = |k: usize| at[k] + radius >= -0.5 && at[k] - radius <= sides[k] - 0.5;
+            let touches = |k: usize| at[k] >= low[k] && at[k] <= high[k];
             if touches(0) && touches(1) && weight.is_finite() {
                 dots.push(Dot::new(*at, *weight, radius));
             }
@@ -91,7 +96,8 @@ impl Rows {
     fn of(dots: &[Dot], circle: &Circle, level: Option<Level>) -> Option<Rows> {
         let tops = dots.iter().map(|dot| dot.first[1]);
         let (first, last) = (tops.clone().min()?, tops.max()?);
-        let count = first.abs_diff(last) as usize + circle.side.next_multiple_of(ROWS);
+        let span = first.abs_diff(last) as usize;
+        let count = span + circle.side.next_multiple_of(ROWS);
         // One more on each side: every row has one before and one behind.
         let (mut low, mut past) = (vec![i32::MAX; count + 2], vec![i32::MIN; count + 2]);
         let mut ends = Ends {
@@ -103,7 +109,8 @@ impl Rows {
         // From where a row's tile begins, its circle is no further, nor is that of a row beside which its circle does not touch.
         let (before, wide) = (circle.radius.ceil() as i32 + 1, circle.wide() as i32 + 1);
         let mut pixels = 0;
-        let near = low.windows(3).zip(past.windows(3));
+        // Rows of which none is reached have no tile either.
+        let near = low.windows(3).zip(past.windows(3)).take(span + circle.side);
         let origins = near.map(|(low, past)| {
             let from = low[0].min(low[1]).min(low[2]).saturating_sub(before);
             let to = past[0].max(past[1]).max(past[2]).saturating_add(wide);

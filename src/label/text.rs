@@ -83,14 +83,15 @@ fn of_turn(degrees: f64) -> f64 {
 /// Members of an object, appended to a text.
 struct Members<'a>(&'a mut Vec<u8>);
 
+// In their callers keys have lengths that the compiler knows.
 impl Members<'_> {
-    #[inline]
+    #[inline(always)]
     fn number<const DECIMALS: u32>(&mut self, key: &'static str, value: f64) -> Result<()> {
         self.0.extend_from_slice(key.as_bytes());
         number::<DECIMALS>(value, self.0)
     }
 
-    #[inline]
+    #[inline(always)]
     fn truth(&mut self, key: &'static str, value: bool) {
         self.0.extend_from_slice(key.as_bytes());
         let text: &[u8] = if value { b"true" } else { b"false" };
@@ -131,13 +132,15 @@ fn number<const DECIMALS: u32>(value: f64, text: &mut Vec<u8>) -> Result<()> {
     number[at] = b'.';
     at += 1;
     let part = units % unit * 10u64.pow(2 * 8 - DECIMALS);
-    let (first, second) = (digits(part / EIGHT), digits(part % EIGHT));
+    let (first, second) = (digits(part / EIGHT), part % EIGHT);
     number[at..at + 8].copy_from_slice(&text_of(first));
-    number[at + 8..at + 16].copy_from_slice(&text_of(second));
     // Without the last zeros, but for that which follows the point.
-    let zeros = match second {
-        0 => 8 + first.leading_zeros() / 8,
-        _ => second.leading_zeros() / 8,
+    let zeros = if DECIMALS <= 8 || second == 0 {
+        8 + first.leading_zeros() / 8
+    } else {
+        let second = digits(second);
+        number[at + 8..at + 16].copy_from_slice(&text_of(second));
+        second.leading_zeros() / 8
     };
     let end = text.len() + at + (16 - zeros as usize).max(1);
     text.extend_from_slice(&number);

@@ -263,11 +263,13 @@ impl Scene {
     /// The images of all that is in view.
     pub fn new(view: View, simulated: Simulated, fidelity: &Fidelity) -> Scene {
         let images = || -> Vec<Source> {
-            let candidates = view.candidates.par_iter();
-            let candidates = candidates.filter(|candidate| candidate.body.is_in(&simulated));
-            let images =
-                candidates.filter_map(|candidate| view.image(candidate, &simulated, fidelity));
-            images.collect()
+            let images = view.candidates.par_iter().map(|candidate| {
+                let is_in = candidate.body.is_in(&simulated);
+                is_in.then(|| view.image(candidate, &simulated, fidelity))?
+            });
+            // In their places first: a source is large to be moved from one growing list to another.
+            let images: Vec<Option<Source>> = images.collect();
+            images.into_iter().flatten().collect()
         };
         let areas = || -> Vec<AreaLight> {
             let areas = view.areas.par_iter();

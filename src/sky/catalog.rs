@@ -32,7 +32,6 @@
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
-use std::fmt::Write;
 
 const STARS: &[u8] = include_bytes!("data/stars.bin");
 const NAMES: &str = include_str!("data/names.tsv");
@@ -113,10 +112,17 @@ impl Catalog {
             0 => ("HR", u32::from(star.hr)),
             hip => ("HIP", hip),
         };
-        // As much as the longest takes: frames have thousands.
+        // Digit by digit, from the last on, and into as much room as the longest takes: frames have thousands.
+        let (mut digits, mut first, mut rest) = ([b'0'; 10], 10, number);
+        while rest > 0 || first == digits.len() {
+            first -= 1;
+            digits[first] += (rest % 10) as u8;
+            rest /= 10;
+        }
         let mut id = String::with_capacity("HIP 120000".len());
-        // Nothing fails that is written to a string.
-        let _ = write!(id, "{catalogue} {number}");
+        id.push_str(catalogue);
+        id.push(' ');
+        id.push_str(str::from_utf8(&digits[first..]).unwrap_or_default());
         id
     }
 

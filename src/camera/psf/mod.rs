@@ -142,6 +142,12 @@ impl Psf {
         self.local(scale, mix)
     }
 
+    /// Whether the centre of all light is where its source is.
+    #[inline]
+    pub fn is_symmetric(&self) -> bool {
+        !matches!(self.shape, Shape::Images(_))
+    }
+
     /// From a source at `field_px` from the principal point to the centre of its light, px: images may be off their middle, other
     /// profiles are symmetric.
     #[inline]
