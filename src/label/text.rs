@@ -154,11 +154,11 @@ const EIGHT: u64 = 100_000_000;
 /// The eight digits of a number below [`EIGHT`], an octet each, the first the lowest: halved three times, all halves side by side. Quotients are products with
 /// 1 / 100 and 1 / 10, rounded up in so many bits that none is off.
 fn digits(number: u64) -> u64 {
-    let fours = number / 10_000 | (number % 10_000) << 32;
-    let hundreds = (fours * 5_243 >> 19) & 0x7f_0000_007f;
-    let pairs = hundreds | (fours - hundreds * 100) << 16;
-    let tens = (pairs * 103 >> 10) & 0x0f_000f_000f_000f;
-    tens | (pairs - tens * 10) << 8
+    let fours = (number / 10_000) | ((number % 10_000) << 32);
+    let hundreds = ((fours * 5_243) >> 19) & 0x7f_0000_007f;
+    let pairs = hundreds | ((fours - hundreds * 100) << 16);
+    let tens = ((pairs * 103) >> 10) & 0x0f_000f_000f_000f;
+    tens | ((pairs - tens * 10) << 8)
 }
 
 /// Those digits as text.
