@@ -16,6 +16,7 @@ use super::{Effect, Judge, Need, Pass, Stage};
 use crate::camera::{Blooming, Detector};
 use crate::fidelity::Fidelity;
 use crate::scene::{Scene, Simulated, drawn_e};
+use rayon::prelude::*;
 
 /// Full well.
 pub const FULL_WELL: Effect = Effect {

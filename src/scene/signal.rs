@@ -127,7 +127,7 @@ impl<'a> Noise<'a> {
         background.clear();
         background.resize(footprint.shares().len(), 0.0);
         // What there is none of is not looked for in any row.
-        if !self.areas.is_none() {
+        if self.areas.light().is_some() {
             self.row_by_row(footprint, background, |pixel, here| {
                 self.areas.add_to_row(pixel, here);
             });
