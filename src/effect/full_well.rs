@@ -11,12 +11,11 @@
 
 use super::bloom::Bloom;
 use super::cause::digits;
-use super::shown::{apart, groups_of, held_e};
+use super::shown::{apart, held_e, in_groups};
 use super::{Effect, Judge, Need, Pass, Stage};
 use crate::camera::{Blooming, Detector};
 use crate::fidelity::Fidelity;
 use crate::scene::{Scene, Simulated, drawn_e};
-use rayon::prelude::*;
 
 /// Full well.
 pub const FULL_WELL: Effect = Effect {
@@ -53,7 +52,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         // Column after column spills, of those with a pixel that noise is likely to bring over its well.
         let over = |e: &f64| e + 3.0 * e.sqrt() > full;
         let overfull = |column: &&[f64]| spills && column.iter().any(over);
-        let groups = groups_of(&scene.spill.columns).map(|columns| {
+        let groups = in_groups(&scene.spill.columns, |columns| {
             let [with, without] = [true, false].map(|full_well| {
                 let parts = Simulated {
                     full_well,
@@ -64,7 +63,11 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             let spilt = without.chunks_exact(detector.height).filter(overfull);
             (apart(&with, &without), spilt.count())
         });
-        let (shown_e, spilt) = groups.reduce(|| (0.0, 0), |a, b| (a.0.max(b.0), a.1 + b.1));
+        let shown_e = groups
+            .iter()
+            .map(|(shown_e, _)| *shown_e)
+            .fold(0.0, f64::max);
+        let spilt: usize = groups.iter().map(|(_, spilt)| spilt).sum();
         let need = Need::of_pixels(scene, because, shown_e, ns);
         Need {
             drawn_e: most - brightest,

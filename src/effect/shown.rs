@@ -6,7 +6,6 @@
 use super::full_well::fill;
 use crate::scene::{CELL, Change, Compared, Image, Peak, Scene, Simulated, Source, flooding_e};
 use rayon::prelude::*;
-use rayon::slice::Chunks;
 use std::collections::BTreeMap;
 
 /// The charge (e-) that is expected in `columns`, column by column, when their wells are full, in a frame that has those effects of the
@@ -21,9 +20,13 @@ pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec
     charge
 }
 
-/// Columns side by side, so few at a time that a core's cache holds what is worked out of them.
-pub(super) fn groups_of(columns: &[usize]) -> Chunks<'_, usize> {
-    columns.par_chunks(columns.len().div_ceil(GROUPS).max(1))
+/// What `work` makes of columns, side by side and so few at a time that a core's cache holds them.
+pub(super) fn in_groups<T: Send>(
+    columns: &[usize],
+    work: impl Fn(&[usize]) -> T + Send + Sync,
+) -> Vec<T> {
+    let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).max(1));
+    groups.map(work).collect()
 }
 
 /// Why an effect is not needed where all pixels are full of other light.
@@ -68,11 +71,11 @@ pub(super) fn shown_e(
     let columns: Vec<usize> = columns
         .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
         .collect();
-    let groups = groups_of(&columns).map(|columns| {
+    let shown_e = in_groups(&columns, |columns| {
         let [with, without] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
         apart(&with, &without)
     });
-    most.max(groups.reduce(|| 0.0, f64::max))
+    shown_e.into_iter().fold(most, f64::max)
 }
 
 /// A bound for each column of the scene's cells with the trail (e-, a value a column) that frame transfer adds.

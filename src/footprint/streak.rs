@@ -178,11 +178,12 @@ impl Rows {
             let to = &mut shares[span.offset as usize..][..whole];
             let to = to.as_chunks_mut::<LANES>().0.iter_mut();
             for (to, light) in to.zip(light[from..from + whole].as_chunks::<LANES>().0) {
-                // What rounding leaves of no light may be below 0.
-                *to = light.map(|share| {
+                // (An array's `map` would be a call each.)
+                for (to, share) in to.iter_mut().zip(light) {
                     let share = share.single();
-                    if share > 0.0 { share } else { 0.0 }
-                });
+                    // What rounding leaves of no light may be below 0.
+                    *to = if share > 0.0 { share } else { 0.0 };
+                }
             }
         }
         shares.truncate(total as usize);

@@ -232,12 +232,14 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
                 Some(way) => Some(way.at(part)),
                 None => place(part),
             };
-            samples.extend(at.map(|place| Sample {
-                at: place.at,
-                weight: weight * share * place.light,
-                lit: Lit::ALL,
-                parts: Vec::new(),
-            }));
+            if let Some(place) = at {
+                samples.push(Sample {
+                    at: place.at,
+                    weight: weight * share * place.light,
+                    lit: Lit::ALL,
+                    parts: Vec::new(),
+                });
+            }
         });
     }
 

@@ -33,12 +33,16 @@ impl Way {
     #[inline]
     pub fn at(&self, part: f64) -> Place {
         let s = 4.0 * part;
-        let [x, y, light] = self.0.map(|d| {
+        let figure = |d: &[f64; 5]| {
             let third = d[3] + (s - 3.0) * d[4];
             let second = d[2] + (s - 2.0) * third;
             d[0] + s * (d[1] + (s - 1.0) * second)
-        });
-        Place { at: [x, y], light }
+        };
+        let [x, y, light] = &self.0;
+        Place {
+            at: [figure(x), figure(y)],
+            light: figure(light),
+        }
     }
 }
 
