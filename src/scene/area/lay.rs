@@ -20,13 +20,16 @@ const SQUARE: usize = 32;
 const LARGEST: usize = 256;
 /// Squares of this side that straight lines do not fill are sampled.
 pub const SMALLEST: usize = 4;
-/// Where lines miss no more than this many times what they may, the middle of a pixel stands for all of it: of a bend b (e-/px^2) lines
-/// across [`SMALLEST`] miss 2 b, and the middle b / 24, of two bends together.
-const MIDDLE: f64 = 24.0;
+/// Where lines miss no more than this many times what they may, the middle of a pixel stands for all of it: at a kink of s (e-/px) lines across
+/// [`SMALLEST`] miss s / 2, and the middle s / 8; where light bends evenly, the middle misses far less.
+const MIDDLE: f64 = 4.0;
 /// Of an even bend lines across a quarter of a square miss a quarter of what they miss across it. Where they seem to miss less than that, a kink or a thin layer lies between
 /// the places at which it is looked: what they miss is believed where it was no more than so many times what it may be before.
 const QUARTERED: f64 = 4.0;
 const LUCK: f64 = 1.5 * QUARTERED;
+/// Places of a square (0..1) at which lines are looked at too, and how many times what they may they miss there at kinks.
+const BETWEEN: [[f64; 2]; 2] = [[0.31, 0.69], [0.69, 0.31]];
+const KINK: f64 = 2.0;
 /// Longest part (px) of the way of what moves that three places are looked at on, and how much its middle may be off the line between its
 /// ends, in units of what lines may miss: what Simpson's rule then errs by is far less.
 const PANEL_PX: f64 = 4.0;
@@ -236,6 +239,27 @@ impl Grid<'_, '_> {
         [a, top, b, left, middle, right, c, bottom, d]
     }
 
+    /// How often lines miss what they may, at kinks, where no other square has its places.
+    fn missed_between(&self, part: &Part, asked: &mut Asked) -> f64 {
+        let missed = BETWEEN.map(|at| {
+            let [u, v] = at.map(|at| 2.0 * at);
+            let [left, above] = [u, v].map(|at| usize::from(at >= 1.0));
+            let node = |i: usize| part.nodes[3 * above + left + i].unwrap_or(0.0);
+            let across = |i: usize| node(i) + (node(i + 1) - node(i)) * (u - left as f64);
+            let line = across(0) + (across(3) - across(0)) * (v - above as f64);
+            let side = part.side as f64;
+            let light = self.at(
+                part.x as f64 + at[0] * side,
+                part.y as f64 + at[1] * side,
+                asked,
+            );
+            light.map_or(f64::INFINITY, |light| {
+                (light - line).abs() / (KINK * self.may_miss(light))
+            })
+        });
+        missed[0].max(missed[1])
+    }
+
     fn refine(&self, part: Part, pieces: &mut Pieces) {
         let Part {
             x,
@@ -280,7 +304,14 @@ impl Grid<'_, '_> {
         let missed = missed.fold(0.0, f64::max);
         let is_whole =
             nodes.iter().all(Option::is_some) && !self.has_edge(&part, &mut pieces.asked);
-        if is_whole && missed <= 1.0 && before <= LUCK {
+        let may_be_even = is_whole && missed <= 1.0 && before <= LUCK;
+        // Of unknown detail, thin layers may lie between all places of a grid, however fine.
+        let missed = if may_be_even && self.radiance.detail() == 0.0 {
+            missed.max(self.missed_between(&part, &mut pieces.asked))
+        } else {
+            missed
+        };
+        if may_be_even && missed <= 1.0 {
             pieces.even.push(square);
         } else if side <= SMALLEST {
             let bent = !is_whole || missed.max(before / QUARTERED) > MIDDLE;
