@@ -76,7 +76,7 @@ pub fn fewest_points() -> impl Iterator<Item = f64> {
     GAUSS[0].points.iter().map(|(at, _)| *at)
 }
 
-/// Whether [`points`] gives no more than so `few` (2 to [`MOST`]).
+/// Whether [`points`] gives no more than so `few` (2 to 11).
 pub fn are_few(length: f64, error: f64, few: usize) -> bool {
     let mut rules = GAUSS.iter().take(few - 1);
     rules.any(|gauss| gauss.tells(length, error))
