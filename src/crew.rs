@@ -24,8 +24,8 @@ pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     })
 }
 
-/// Without work for so long a thread goes to sleep after all: longer than between two parts of frames of 2048 x 2048 pixels.
-const PATIENCE: Duration = Duration::from_millis(3);
+/// Without work for so long a thread goes to sleep after all: longer than between two parts of most frames.
+const PATIENCE: Duration = Duration::from_micros(500);
 
 /// Takes its share until it is done.
 fn stay(done: &AtomicBool) {
