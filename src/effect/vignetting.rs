@@ -39,7 +39,7 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
     }
     let [least, most] = vignetting.range(view.camera.cone_rad(0.0));
     let e = view.brightest_px_e(|seen| (1.0 - vignetting.transmission(seen)).abs())
-        + view.areas_peak_e() * (1.0 - least);
+        + areas_e(view, simulated, 1.0 - least);
     if e == 0.0 {
         return Need::none(why_none(view, simulated));
     }
@@ -61,6 +61,21 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
         drawn_e: 0.0,
         price_ms: looks(view, fidelity) * ns * 1e-6,
     }
+}
+
+/// About the most (e-) that it changes a pixel's area light by, `part` (1) of which does not pass at most. The fourth power of the cosine has the
+/// pixel's solid angle in it, and of area light stands for that: without it pixels take their own again, from which a lens with distortion
+/// is further off than what passes tells.
+fn areas_e(view: &View, simulated: &Simulated, part: f64) -> f64 {
+    if view.camera.optics.vignetting != Vignetting::Cos4 {
+        return view.areas_peak_e() * part;
+    }
+    let [with, without] = [true, false].map(|vignetting| Simulated {
+        distortion: simulated.distortion,
+        vignetting,
+        ..Simulated::default()
+    });
+    view.areas_taken_e(&with, &without)
 }
 
 /// Why it takes no light.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use skyloop::attitude::VehicleState;
-use skyloop::camera::Camera;
+use skyloop::camera::{Camera, Model, Projection, Vignetting};
 use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Choice;
@@ -110,4 +110,52 @@ fn the_bound_of_drift_during_an_exposure_is_near() {
 fn the_bound_of_rows_exposed_in_turn_is_near() {
     let rolling = "shutter = \"rolling\"\nrow_us = 52_600.0";
     bound_is_near("rolling shutter", rolling, 0.02, false);
+}
+
+/// A fisheye whose images are 2 % further out at the sides, 1.2e-3 rad from its axis: pixels take 8 % less of the sky there and 15 % less in the
+/// corners, `1 / ((1 + k a^2) (1 + 3 k a^2))`, but for `cos^4`, which stands for it and is 1 to 3e-6. No star shines.
+#[test]
+fn the_bound_of_vignetting_has_the_solid_angle_that_it_stands_for() {
+    let camera = || {
+        let mut camera = camera("");
+        let optics = &mut camera.optics;
+        optics.transmission = 1.0;
+        optics.vignetting = Vignetting::Cos4;
+        optics.projection = Projection::new(Model::Fisheye {
+            k: [14_000.0, 0.0, 0.0, 0.0],
+        });
+        camera
+    };
+    // Of 5 e- a pixel all that it changes is tolerated, or nothing.
+    let emulator = |skip_e: f64| {
+        let mut config = Config::defaults().unwrap();
+        config.camera = camera();
+        config.sky.selection = Selection::Bsc;
+        config.fidelity.skip_e = skip_e;
+        Emulator::new(&mut config)
+    };
+    let [tolerant, exact] = [5.0, 0.0].map(emulator);
+    let camera = exact.camera();
+    let attitude = towards_sirius(&camera, [47.5, 47.5]);
+    let vehicle = VehicleState::new(7, epoch(), attitude, [0.0; 3], None).unwrap();
+    let bench = |emulator| Bench {
+        emulator,
+        camera: Arc::clone(&camera),
+        vehicle: vehicle.clone(),
+    };
+    let choice = Choice {
+        noise: false,
+        off: vec!["stars", "planets", "moon"],
+        all: false,
+    };
+    let mut verdicts = verdicts(&bench(&tolerant), &choice).into_iter();
+    let (effect, verdict) = verdicts.find(|(of, _)| of.name == "vignetting").unwrap();
+    assert!(!verdict.run, "{}", verdict.why);
+    let measured = bench(&exact).error_e(effect, &choice).unwrap();
+    let declared = verdict.error_e.unwrap();
+    assert!(measured > 0.3, "{measured} e-");
+    assert!(
+        (measured..NEAR * measured).contains(&declared),
+        "declared {declared} e-, measured {measured}"
+    );
 }

@@ -1,11 +1,16 @@
 //! By how much area light changes where an effect that shapes images is left out.
 
+use super::plane::Plane;
 use super::{AreaLight, CELL, Together};
 use crate::lanes;
-use crate::scene::{Scene, Simulated};
+use crate::scene::{Scene, Simulated, View};
+use nalgebra::Vector3;
 
 /// What a slope between neighbouring pixels may be less than that between them.
 const STEEPER: f64 = 1.5;
+/// Places along a side of the detector at which it is looked what pixels take, and how much more that may change by between them.
+const PLACES: usize = 7;
+const BETWEEN: f64 = 1.1;
 
 impl Scene {
     /// No pixel of a column gets less than this of the area light that a frame with the effects `parts` has too, e-, as much as the least
@@ -58,5 +63,32 @@ impl Scene {
         let across = rows.map(|row| steepest(row, 1)).fold(0.0, f32::max);
         let down = steepest(self.areas_light.e(), width);
         STEEPER * px * libm::hypot(f64::from(across), f64::from(down)) * self.responds()
+    }
+}
+
+impl View {
+    /// About the most (e-) that a pixel's area light changes by where pixels take other parts of it with the effects `a` than with `b`, by
+    /// their solid angle and by what passes. Those parts are told in what an ideal pixel takes, of which each area's peak is.
+    pub fn areas_taken_e(&self, a: &Simulated, b: &Simulated) -> f64 {
+        let of_sky = self.areas.iter().filter(|area| {
+            let radiance = area.radiance.as_ref();
+            radiance.is_ok_and(|radiance| !radiance.is_of_pixels())
+        });
+        let peak_e: f64 = of_sky.map(|area| area.peak_e).sum();
+        if peak_e == 0.0 {
+            return 0.0;
+        }
+        let planes = [&Simulated::default(), a, b];
+        let planes = planes.map(|of| Plane::new(self, of, Vector3::zeros()));
+        let place = |i: usize, side: f64| i as f64 / (PLACES - 1) as f64 * side - 0.5;
+        let [columns, rows] = self.camera.detector.sides();
+        let parts = (0..PLACES * PLACES).filter_map(|i| {
+            let at = [place(i % PLACES, columns), place(i / PLACES, rows)];
+            let taken = |plane: &Plane<'_>| Some(plane.taken(at)?.1);
+            let [ideal, a, b] = [&planes[0], &planes[1], &planes[2]].map(taken);
+            let apart = (a.unwrap_or(0.0) - b.unwrap_or(0.0)).abs();
+            Some(apart / ideal.filter(|ideal| *ideal > 0.0)?)
+        });
+        BETWEEN * peak_e * parts.fold(0.0, f64::max)
     }
 }
