@@ -5,7 +5,7 @@
 //! Trans. PAMI 28, 1335), as OpenCV writes them. Validity: to the model's end, beyond which nothing has an image. Without it images are
 //! off by the greatest displacement on the detector, and each one's light changes by what its own displacement d makes of its slope,
 //! `0.86 N d / s` at most, and by what the PSF differs where it then falls; what touches the detector only without it comes with all its
-//! light. Price: a polynomial, for a fisheye an arc tangent too, each time a
+//! light; and pixels take another solid angle of area light. Price: a polynomial, for a fisheye an arc tangent too, each time a
 //! track is looked at.
 
 use super::cause::digits;
@@ -27,7 +27,7 @@ pub const DISTORTION: Effect = Effect {
 /// Places along a side of the detector, and of what images pass beside it, at which the displacement is looked at.
 const PLACES: usize = 13;
 
-fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
+fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
     let (optics, detector) = (&view.camera.optics, &view.camera.detector);
     if optics.projection.is_ideal() {
         return Need::none("the lens has no distortion (optics.projection: k, p, strength)");
@@ -47,6 +47,16 @@ fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
     });
     // Between two places it is no hundredth more.
     let px = 1.01 * off.fold(0.0, f64::max);
+    // Of what moves images by more, nothing else is asked.
+    let e = if px <= fidelity.skip_px {
+        let [with, without] = [true, false].map(|distortion| Simulated {
+            distortion,
+            ..Simulated::default()
+        });
+        view.areas_taken_e(&with, &without)
+    } else {
+        0.0
+    };
     // The arc tangent is the ideal fisheye's too.
     let ns = match optics.projection.model() {
         Model::Fisheye { .. } => 0.6,
@@ -54,7 +64,7 @@ fn judge(view: &View, _: &Simulated, _: &Fidelity) -> Need {
     };
     Need {
         because: format!("it moves images by up to {} px", digits(px)).into(),
-        error: Loss { e: 0.0, px },
+        error: Loss { e, px },
         drawn_e: 0.0,
         price_ms: view.looks() * ns * 1e-6,
     }
@@ -100,5 +110,11 @@ fn change(scene: &Scene, loss: &Loss) -> Loss {
         }
     });
     let e = e + areas_changed_e(scene, &other, loss.px);
+    // Where it runs, area light without it was laid; else that was moved alone.
+    let e = if scene.simulated.distortion {
+        e
+    } else {
+        e + loss.e
+    };
     Loss { e, ..*loss }
 }

@@ -112,29 +112,27 @@ fn the_bound_of_rows_exposed_in_turn_is_near() {
     bound_is_near("rolling shutter", rolling, 0.02, false);
 }
 
-/// A fisheye whose images are 2 % further out at the sides, 1.2e-3 rad from its axis: pixels take 8 % less of the sky there and 15 % less in the
-/// corners, `1 / ((1 + k a^2) (1 + 3 k a^2))`, but for `cos^4`, which stands for it and is 1 to 3e-6. No star shines.
-#[test]
-fn the_bound_of_vignetting_has_the_solid_angle_that_it_stands_for() {
+/// Leaves `name` out of a frame in which no star shines, of a fisheye with this `k1` and vignetting; pixels get 5 e-. All that it changes is tolerated.
+fn bound_of_area_light_is_near(name: &str, vignetting: &Vignetting, k1: f64) {
     let camera = || {
         let mut camera = camera("");
         let optics = &mut camera.optics;
         optics.transmission = 1.0;
-        optics.vignetting = Vignetting::Cos4;
+        optics.vignetting = vignetting.clone();
         optics.projection = Projection::new(Model::Fisheye {
-            k: [14_000.0, 0.0, 0.0, 0.0],
+            k: [k1, 0.0, 0.0, 0.0],
         });
         camera
     };
-    // Of 5 e- a pixel all that it changes is tolerated, or nothing.
-    let emulator = |skip_e: f64| {
+    let emulator = |skip_e: f64, skip_px: f64| {
         let mut config = Config::defaults().unwrap();
         config.camera = camera();
         config.sky.selection = Selection::Bsc;
         config.fidelity.skip_e = skip_e;
+        config.fidelity.skip_px = skip_px;
         Emulator::new(&mut config)
     };
-    let [tolerant, exact] = [5.0, 0.0].map(emulator);
+    let (tolerant, exact) = (emulator(5.0, 0.5), emulator(0.0, 0.0));
     let camera = exact.camera();
     let attitude = towards_sirius(&camera, [47.5, 47.5]);
     let vehicle = VehicleState::new(7, epoch(), attitude, [0.0; 3], None).unwrap();
@@ -149,13 +147,27 @@ fn the_bound_of_vignetting_has_the_solid_angle_that_it_stands_for() {
         all: false,
     };
     let mut verdicts = verdicts(&bench(&tolerant), &choice).into_iter();
-    let (effect, verdict) = verdicts.find(|(of, _)| of.name == "vignetting").unwrap();
-    assert!(!verdict.run, "{}", verdict.why);
+    let (effect, verdict) = verdicts.find(|(of, _)| of.name == name).unwrap();
+    assert!(!verdict.run, "{name} runs: {}", verdict.why);
     let measured = bench(&exact).error_e(effect, &choice).unwrap();
     let declared = verdict.error_e.unwrap();
-    assert!(measured > 0.3, "{measured} e-");
+    println!("{name}: declared {declared} e-, measured {measured}");
+    assert!(measured > 0.1, "{name}: {measured} e-");
     assert!(
         (measured..NEAR * measured).contains(&declared),
-        "declared {declared} e-, measured {measured}"
+        "{name}: declared {declared} e-, measured {measured}"
     );
+}
+
+/// Images are 2 % further out at the sides, 1.2e-3 rad from the axis: pixels take 8 % less of the sky there and 15 % less in the
+/// corners, `1 / ((1 + k a^2) (1 + 3 k a^2))`, but for `cos^4`, which stands for it and is 1 to 3e-6.
+#[test]
+fn the_bound_of_vignetting_has_the_solid_angle_that_it_stands_for() {
+    bound_of_area_light_is_near("vignetting", &Vignetting::Cos4, 14_000.0);
+}
+
+/// Images are 0.4 px further out in the corners: pixels take 2.5 % less of the sky there.
+#[test]
+fn the_bound_of_distortion_has_the_solid_angle_of_pixels() {
+    bound_of_area_light_is_near("distortion", &Vignetting::None, 2_200.0);
 }
