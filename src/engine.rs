@@ -168,18 +168,19 @@ impl Emulator {
         if self.next_frame == 0 {
             plan.log();
         }
-        let frame = render(
-            &plan,
-            &scene,
-            self.level,
-            self.keep_expected,
-            std::mem::take(&mut self.spare),
+        let (number, digits) = (self.next_frame, std::mem::take(&mut self.spare));
+        // The label tells of the scene, never of the frame: both are made side by side.
+        let (frame, label) = rayon::join(
+            || render(&plan, &scene, self.level, self.keep_expected, digits),
+            || {
+                let mut label = Label::new(number, &scene, &plan, &self.world, self.label_snr);
+                label.overrun = self.overrun;
+                let json = label.to_json();
+                (label, json)
+            },
         );
-        let number = self.next_frame;
-        let mut label = Label::new(number, &scene, &plan, &self.world, self.label_snr);
-        label.overrun = self.overrun;
+        let (label, json) = label;
         drop(plan);
-        let json = label.to_json();
         self.next_frame = self.next_frame.wrapping_add(1);
         Ok(Shot {
             number,

@@ -3,6 +3,7 @@
 use crate::effect::{EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict, digits};
 use crate::fidelity::{Choice, Fidelity};
 use crate::scene::{Scene, Simulated, View};
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// One effect's verdict.
@@ -119,7 +120,8 @@ impl<'s> Plan<'s> {
             }
         };
         Plan {
-            steps: EFFECTS.iter().map(step).collect(),
+            // One by one: what the next takes is not known.
+            steps: EFFECTS.par_iter().with_max_len(1).map(step).collect(),
             scene,
         }
     }

@@ -1,12 +1,10 @@
-//! What the code promises about itself: imports point down, dependencies stay in their rooms, the registries are in
-//! order, files are short, nothing panics.
-
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+//! What the code promises about itself: imports point down, dependencies stay in their rooms, the registries are in order, files are short, nothing panics.
 
 use skyloop::effect::EFFECTS;
 use skyloop::link::LINKS;
 use skyloop_protocols::personality::PERSONALITIES;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
 /// The modules of `src/`; each imports from lines above its own only.
 const LAYERS: &[&[&str]] = &[
@@ -79,10 +77,12 @@ const FENCES: &[(&str, &[&str])] = &[
             "cli/plan",
             "crew",
             "effect/shown",
+            "engine",
             "label",
             "lanes",
             "measure",
             "passes",
+            "plan",
             "render",
             "scene",
             "sky",

@@ -4,7 +4,6 @@
 use super::lines::{Lines, Places};
 use super::runs::Runs;
 use crate::footprint::Footprint;
-use crate::lanes;
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 use std::sync::OnceLock;
@@ -68,8 +67,9 @@ impl Light {
     pub fn footprint(&self) -> &Footprint {
         self.drawn.get_or_init(|| {
             let [width, height] = self.lines.size();
-            let mut e = lanes::blank(width * height);
-            let parts = e.par_chunks_mut(FEW).enumerate();
+            // On one thread: one that waits for others here could take up work that asks for the same.
+            let mut e = vec![0.0; width * height];
+            let parts = e.chunks_mut(FEW).enumerate();
             parts.for_each(|(part, e)| self.add_to(Some(Level::best()), part * FEW, e));
             Footprint::whole(width, e)
         })
