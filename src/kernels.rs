@@ -9,18 +9,25 @@
 
 mod dots;
 
+mod ends;
+
 mod light;
+
+mod lines;
 
 mod real;
 
-pub use dots::{Circle, Dot, Ends, Lines, ROWS, Sheet};
+pub use dots::{BESIDE, Circle, Dot, Sheet};
+pub use ends::{Ends, ROWS};
 pub use light::{Reading, Span};
+pub use lines::Lines;
 pub use real::Real;
 
 use crate::rng::normal::{self, uniform_of};
 use crate::rng::poisson::{self, SEARCHED, Switch};
 use crate::rng::{self, NoiseKey};
-use dots::{body as dots_body, ends_body, ends_twin, twin as dots_twin};
+use dots::{body as dots_body, twin as dots_twin};
+use ends::{ends_body, ends_twin};
 use light::{light_body, light_twin, signal_body, signal_twin};
 use skyloop_orbit::sgp4_batch::Level;
 

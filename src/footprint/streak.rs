@@ -3,7 +3,7 @@
 use super::{Footprint, Light, Wings};
 use crate::camera::Camera;
 use crate::fidelity::Fidelity;
-use crate::kernels::{self, Circle, Dot, Ends, ROWS, Real, Sheet, Span};
+use crate::kernels::{self, BESIDE, Circle, Dot, Ends, ROWS, Real, Sheet, Span};
 use crate::track::{Lit, Sample, Track};
 use skyloop_orbit::sgp4_batch::Level;
 
@@ -106,8 +106,10 @@ impl Rows {
             past: &mut past[1..=count],
         };
         kernels::reach_dots(level, circle, dots, &mut ends);
-        // From where a row's tile begins, its circle is no further, nor is that of a row beside which its circle does not touch.
-        let (before, wide) = (circle.radius.ceil() as i32 + 1, circle.wide() as i32 + 1);
+        // From where a row's tile begins, its circle is no further, nor is that of a row beside which its circle does not touch; tiles of dots that are laid together
+        // begin before their own.
+        let before = circle.radius.ceil() as i32 + 1 + BESIDE as i32;
+        let wide = circle.wide() as i32 + 1;
         let mut pixels = 0;
         // Rows of which none is reached have no tile either.
         let near = low.windows(3).zip(past.windows(3)).take(span + circle.side);
@@ -171,22 +173,23 @@ impl Rows {
         let from = from + dark;
         let first_row = self.first + from as i32;
         // Pixels are copied so many at a time, those beyond a row's last too: the next row takes their place.
-        let mut shares = vec![0.0f32; total as usize + LANES];
+        let mut shares: Vec<f32> = Vec::with_capacity(total as usize + LANES);
         for (span, origin) in spans.iter().zip(&self.origins[from..]) {
             let from = (origin + span.column as i32) as u32 as usize;
             let whole = (span.length as usize).next_multiple_of(LANES);
-            let to = &mut shares[span.offset as usize..][..whole];
-            let to = to.as_chunks_mut::<LANES>().0.iter_mut();
-            for (to, light) in to.zip(light[from..from + whole].as_chunks::<LANES>().0) {
+            let light = light[from..from + whole].as_chunks::<LANES>().0;
+            for light in light {
                 // (An array's `map` would be a call each.)
-                for (to, share) in to.iter_mut().zip(light) {
+                let mut lit = [0.0; LANES];
+                for (to, share) in lit.iter_mut().zip(light) {
                     let share = share.single();
                     // What rounding leaves of no light may be below 0.
                     *to = if share > 0.0 { share } else { 0.0 };
                 }
+                shares.extend_from_slice(&lit);
             }
+            shares.truncate((span.offset + span.length) as usize);
         }
-        shares.truncate(total as usize);
         Footprint {
             first_row: first_row as usize,
             spans,

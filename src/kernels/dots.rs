@@ -4,34 +4,13 @@
 //! near them, so that nothing is lost far from the detector's corner.
 
 use super::Real;
+use super::lines::Lines;
 use std::ops::Range;
 
-/// Powers of the series of a share in the place of the source, from 0 on.
-const POWERS: usize = 4;
 /// Pixels of a tile's side: the most that is worked out at a time.
-const SIDE: usize = 16;
-/// Rows whose ends are worked out side by side.
-pub const ROWS: usize = 16;
-/// Shares below are none: products of two stay far from what is too small for single precision.
-const LEAST: f64 = 1e-15;
-/// Nothing reaches so far, px.
-const BEYOND_PX: f32 = 1e6;
-
-/// The shares of pixels in a line, by where in a pixel the source is: around each of the nodes a series.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lines<T> {
-    /// Nodes a pixel.
-    nodes: T,
-    /// How far they are apart, px.
-    node_px: T,
-    /// Pixels on each side of the source's own.
-    reach: i32,
-    /// Terms of a power, one a pixel; so many that a tile may be taken anywhere.
-    stride: usize,
-    /// By node, by power.
-    terms: Vec<T>,
-}
-
+pub const SIDE: usize = 16;
+/// Dots are laid together where their tiles begin no more pixels apart.
+pub const BESIDE: usize = 1;
 /// A point of a streak.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dot {
@@ -50,17 +29,6 @@ pub struct Circle {
     pub radius: f32,
     /// Columns and rows that it may touch.
     pub side: usize,
-}
-
-/// The columns of each row that the dots' circles touch, from `low` up to `past`; where they touch none, `low` is the greater. There are rows for [`ROWS`] at a time.
-#[derive(Debug)]
-pub struct Ends<'a> {
-    /// The first row.
-    pub first_row: i32,
-    /// The first column.
-    pub low: &'a mut [i32],
-    /// The column after the last.
-    pub past: &'a mut [i32],
 }
 
 /// Where light is laid: rows of pixels one after another, each with room for all tiles that begin in it.
@@ -96,129 +64,56 @@ impl Circle {
 impl Dot {
     /// A point at `at` (px) with a circle of `radius` (px), less than 2^31 px from pixel 0.
     pub fn new(at: [f64; 2], light: f64, radius: f64) -> Dot {
-        let near = at.map(|x| (x - radius).nearest());
+        // (Calls of arrays' `map` would take a third of it all.)
+        let (column, first) = (at[0] - radius).nearest();
+        let (row, top) = (at[1] - radius).nearest();
         Dot {
-            first: near.map(|(first, _)| first),
-            off: [0, 1].map(|k| at[k] - near[k].1),
+            first: [column, row],
+            off: [at[0] - first, at[1] - top],
             light,
         }
     }
 }
 
-impl<T: Real> Lines<T> {
-    /// With so many `nodes` a pixel, for sources up to `reach` pixels away. `terms` gives, for a pixel so many pixels from the source's own and a
-    /// source so far (0..1, px) above that one's lower edge, Taylor's series of its share in that place.
-    pub fn new(nodes: usize, reach: usize, terms: impl Fn(i64, f64) -> [f64; POWERS]) -> Lines<T> {
-        let pixels = 2 * reach + 1;
-        let stride = pixels + SIDE;
-        let mut all = vec![T::default(); (nodes + 1) * POWERS * stride];
-        for (node, lines) in all.chunks_exact_mut(POWERS * stride).enumerate() {
-            let above = node as f64 / nodes as f64;
-            for i in 0..pixels {
-                let terms = terms(i as i64 - reach as i64, above);
-                if terms[0] < LEAST {
-                    continue;
-                }
-                for (power, term) in terms.into_iter().enumerate() {
-                    lines[power * stride + i] = T::of(term);
-                }
-            }
-        }
-        Lines {
-            nodes: T::of(nodes as f64),
-            node_px: T::of(1.0 / nodes as f64),
-            reach: reach as i32,
-            stride,
-            terms: all,
-        }
-    }
+/// Dots whose light is laid together: in tiles of the same pixels, each of which is read and written once.
+struct Group<'a> {
+    dots: &'a [Dot],
+    /// The first column and row of their tiles.
+    first: [i32; 2],
+    /// Rows of their tiles.
+    rows: usize,
+}
 
-    /// How far (px) they reach around any source.
-    pub fn reach_px(&self) -> f64 {
-        f64::from(self.reach) - 1.0
-    }
-
-    /// The shares of `L` pixels from `first` on of the light of a source that is `off` (px) from the middle of pixel 0.
+impl<'a> Group<'a> {
+    /// The first of some dots, and the next one too where a tile of `L` columns and no more rows takes both; none of no dots.
     #[inline(always)]
-    fn shares<const L: usize>(&self, off: f64, first: usize) -> [T; L] {
-        let off = T::of(off);
-        let (pixel, own) = off.nearest();
-        let above = off - own + T::of(0.5);
-        let (node, at) = (above * self.nodes).nearest();
-        let off = (-at).fused(self.node_px, above);
-        let from = node as u32 as usize * (POWERS * self.stride)
-            + (self.reach - pixel) as u32 as usize
-            + first;
-        let terms = &self.terms[from..from + (POWERS - 1) * self.stride + L];
-        let mut sum = [T::default(); L];
-        for power in (0..POWERS).rev() {
-            let terms = &terms[power * self.stride..][..L];
-            for i in 0..L {
-                sum[i] = sum[i].fused(off, terms[i]);
-            }
+    fn of<T: Real, const L: usize>(
+        lines: &Lines<T>,
+        circle: &Circle,
+        dots: &'a [Dot],
+    ) -> Option<Group<'a>> {
+        let (one, others) = dots.split_first()?;
+        let group = Group {
+            dots: &dots[..1],
+            first: one.first,
+            rows: circle.side,
+        };
+        let Some(next) = others.first() else {
+            return Some(group);
+        };
+        let (a, b) = (one.first, next.first);
+        let apart = [a[0].abs_diff(b[0]), a[1].abs_diff(b[1])].map(|pixels| pixels as usize);
+        let fits = circle.side + apart[0].max(apart[1]) <= L;
+        // Its tile begins up to so many pixels before a dot's own.
+        let reaches = lines.reach_px() >= f64::from(circle.radius) + 1.0;
+        if !(fits && reaches && apart[0].max(apart[1]) <= BESIDE) {
+            return Some(group);
         }
-        sum
-    }
-}
-
-/// Widens the rows' ends to what the dots' circles touch.
-#[inline(always)]
-pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
-    let squared = circle.radius * circle.radius;
-    for dot in dots {
-        let top = (dot.first[1] - ends.first_row) as u32 as usize;
-        for block in 0..circle.side.div_ceil(ROWS) {
-            let row = block * ROWS;
-            let rows = top + row..top + row + ROWS;
-            let (mut from, mut to) = ([0; ROWS], [0; ROWS]);
-            for i in 0..ROWS {
-                [from[i], to[i]] =
-                    columns(dot, dot.off[1] as f32 - (row as f32 + i as f32), squared);
-            }
-            let low = &mut ends.low[rows.clone()];
-            for i in 0..ROWS {
-                low[i] = low[i].min(from[i]);
-            }
-            let past = &mut ends.past[rows];
-            for i in 0..ROWS {
-                past[i] = past[i].max(to[i]);
-            }
-        }
-    }
-}
-
-/// The columns that the circle of a dot touches in a row whose middle is `away` (px) from it: from the first up to the other; where it touches none, the
-/// first is far beyond.
-///
-/// ```text
-/// x -+ (r^2 - d^2)^(1/2),   d = max(|away| - 1/2, 0)
-/// ```
-#[inline(always)]
-fn columns(dot: &Dot, away: f32, squared: f32) -> [i32; 2] {
-    let d = (away.abs() - 0.5).max(0.0);
-    let rest = f32::mul_add(-d, d, squared);
-    // Roots of all, so that lanes run side by side.
-    let none = if rest > 0.0 { 0.0 } else { BEYOND_PX };
-    let half = rest.max(0.0).sqrt() - none;
-    let x = dot.off[0] as f32;
-    let [column, _] = dot.first;
-    [
-        (x - half).nearest().0 + column,
-        (x + half).nearest().0 + column + 1,
-    ]
-}
-
-/// The same, row by row.
-#[inline(always)]
-pub fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
-    let squared = circle.radius * circle.radius;
-    for dot in dots {
-        let top = (dot.first[1] - ends.first_row) as u32 as usize;
-        for row in 0..circle.side.next_multiple_of(ROWS) {
-            let [low, past] = columns(dot, dot.off[1] as f32 - row as f32, squared);
-            ends.low[top + row] = ends.low[top + row].min(low);
-            ends.past[top + row] = ends.past[top + row].max(past);
-        }
+        Some(Group {
+            dots: &dots[..2],
+            first: [a[0].min(b[0]), a[1].min(b[1])],
+            rows: circle.side + apart[1],
+        })
     }
 }
 
@@ -227,16 +122,8 @@ pub fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
 pub fn body<T: Real>(lines: &Lines<T>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, T>) {
     // (Closures would be compiled without the level's instructions.)
     match circle.wide() {
-        8 => {
-            for dot in dots {
-                tile::<T, 8>(lines, dot, 0, 0..circle.side, sheet);
-            }
-        }
-        12 => {
-            for dot in dots {
-                tile::<T, 12>(lines, dot, 0, 0..circle.side, sheet);
-            }
-        }
+        8 => groups::<T, 8>(lines, circle, dots, sheet),
+        12 => groups::<T, 12>(lines, circle, dots, sheet),
         wide => {
             for dot in dots {
                 for row in (0..circle.side).step_by(SIDE) {
@@ -250,6 +137,64 @@ pub fn body<T: Real>(lines: &Lines<T>, circle: &Circle, dots: &[Dot], sheet: &mu
     }
 }
 
+/// That of dots whose tiles have `L` columns and no more rows.
+#[inline(always)]
+fn groups<T: Real, const L: usize>(
+    lines: &Lines<T>,
+    circle: &Circle,
+    mut dots: &[Dot],
+    sheet: &mut Sheet<'_, T>,
+) {
+    while let Some(group) = Group::of::<T, L>(lines, circle, dots) {
+        dots = &dots[group.dots.len()..];
+        match group.dots {
+            [one, next] => pair::<T, L>(lines, [one, next], &group, sheet),
+            group => {
+                for dot in group {
+                    tile::<T, L>(lines, dot, 0, 0..circle.side, sheet);
+                }
+            }
+        }
+    }
+}
+
+/// The shares of a line of pixels from `first` on, along an axis.
+#[inline(always)]
+fn line<T: Real, const L: usize>(lines: &Lines<T>, dot: &Dot, first: [i32; 2], k: usize) -> [T; L] {
+    lines.shares::<L>(dot.off[k], first[k] - dot.first[k])
+}
+
+/// That of two dots on the same pixels: of one, then of the other.
+#[inline(always)]
+fn pair<T: Real, const L: usize>(
+    lines: &Lines<T>,
+    [one, next]: [&Dot; 2],
+    group: &Group<'_>,
+    sheet: &mut Sheet<'_, T>,
+) {
+    let first = group.first;
+    let (mut down, mut later) = (
+        line::<T, L>(lines, one, first, 1),
+        line::<T, L>(lines, next, first, 1),
+    );
+    let light = [T::of(one.light), T::of(next.light)];
+    for i in 0..L {
+        down[i] = down[i] * light[0];
+        later[i] = later[i] * light[1];
+    }
+    let across = line::<T, L>(lines, one, first, 0);
+    let beside = line::<T, L>(lines, next, first, 0);
+    let top = (first[1] - sheet.first_row) as u32 as usize;
+    let origins = &sheet.origins[top..top + group.rows];
+    for ((origin, down), later) in origins.iter().zip(&down).zip(&later) {
+        let from = (origin + first[0]) as u32 as usize;
+        let pixels = &mut sheet.light[from..from + L];
+        for i in 0..L {
+            pixels[i] = beside[i].fused(*later, across[i].fused(*down, pixels[i]));
+        }
+    }
+}
+
 /// That of one on `L` columns from `column` on and no more rows.
 #[inline(always)]
 fn tile<T: Real, const L: usize>(
@@ -259,12 +204,12 @@ fn tile<T: Real, const L: usize>(
     rows: Range<usize>,
     sheet: &mut Sheet<'_, T>,
 ) {
-    let mut down = lines.shares::<L>(dot.off[1], rows.start);
+    let mut down = lines.shares::<L>(dot.off[1], rows.start as i32);
     let light = T::of(dot.light);
     for share in &mut down {
         *share = *share * light;
     }
-    let across = lines.shares::<L>(dot.off[0], column);
+    let across = lines.shares::<L>(dot.off[0], column as i32);
     let top = (dot.first[1] - sheet.first_row) as u32 as usize;
     let first = dot.first[0] + column as i32;
     let origins = &sheet.origins[top + rows.start..top + rows.end];
@@ -279,19 +224,35 @@ fn tile<T: Real, const L: usize>(
 
 /// The same, pixel by pixel.
 #[inline(always)]
-pub fn twin<T: Real>(lines: &Lines<T>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, T>) {
-    let share = |off: f64, pixel: usize| {
-        let [share] = lines.shares::<1>(off, pixel);
-        share
-    };
-    for dot in dots {
-        let top = (dot.first[1] - sheet.first_row) as u32 as usize;
-        for row in 0..circle.side {
-            let down = share(dot.off[1], row) * T::of(dot.light);
-            let origin = sheet.origins[top + row] + dot.first[0];
-            for column in 0..circle.wide() {
-                let pixel = &mut sheet.light[origin as u32 as usize + column];
-                *pixel = share(dot.off[0], column).fused(down, *pixel);
+pub fn twin<T: Real>(
+    lines: &Lines<T>,
+    circle: &Circle,
+    mut dots: &[Dot],
+    sheet: &mut Sheet<'_, T>,
+) {
+    let wide = circle.wide();
+    loop {
+        let group = match wide {
+            8 => Group::of::<T, 8>(lines, circle, dots),
+            12 => Group::of::<T, 12>(lines, circle, dots),
+            _ => Group::of::<T, 0>(lines, circle, dots),
+        };
+        let Some(group) = group else { return };
+        dots = &dots[group.dots.len()..];
+        let top = (group.first[1] - sheet.first_row) as u32 as usize;
+        for dot in group.dots {
+            let share = |k: usize, pixel: usize| {
+                let [share] =
+                    lines.shares::<1>(dot.off[k], group.first[k] - dot.first[k] + pixel as i32);
+                share
+            };
+            for row in 0..group.rows {
+                let down = share(1, row) * T::of(dot.light);
+                let origin = sheet.origins[top + row] + group.first[0];
+                for column in 0..wide {
+                    let pixel = &mut sheet.light[origin as u32 as usize + column];
+                    *pixel = share(0, column).fused(down, *pixel);
+                }
             }
         }
     }
@@ -300,7 +261,7 @@ pub fn twin<T: Real>(lines: &Lines<T>, circle: &Circle, dots: &[Dot], sheet: &mu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::{lay_dots, lay_dots_finely, reach_dots};
+    use crate::kernels::{lay_dots, lay_dots_finely};
     use skyloop_orbit::sgp4_batch::Level;
 
     /// Pixels of a sheet's rows, and how many rows; around the pixels 0..64 and 0..50 there is room for tiles.
@@ -349,18 +310,6 @@ mod tests {
         light
     }
 
-    fn ends(level: Option<Level>, radius: f64, dots: &[Dot]) -> [Vec<i32>; 2] {
-        let mut ends = [vec![i32::MAX; HIGH as usize], vec![i32::MIN; HIGH as usize]];
-        let [low, past] = &mut ends;
-        let mut all = Ends {
-            first_row: FIRST,
-            low,
-            past,
-        };
-        reach_dots(level, &Circle::new(radius), dots, &mut all);
-        ends
-    }
-
     #[test]
     fn all_levels_lay_the_same_bits() {
         // Of one tile of each width, and of several.
@@ -374,10 +323,9 @@ mod tests {
                 let single = single.into_iter().map(|e| u64::from(e.to_bits()));
                 single.chain(double).collect::<Vec<_>>()
             };
-            let (twin, reached) = (bits(None), ends(None, radius, &dots));
+            let twin = bits(None);
             for level in Level::available() {
                 assert!(bits(Some(level)) == twin, "{level:?} {radius}");
-                assert_eq!(ends(Some(level), radius, &dots), reached, "{level:?}");
             }
         }
     }
@@ -414,26 +362,31 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_of_rows_are_those_of_the_pixels_that_circles_touch() {
-        for radius in [0.2, 3.0, 5.2, 11.7] {
-            for at in [[30.3, 24.9], [29.5, 25.5], [40.07, 17.61]] {
-                let [low, past] = ends(Some(Level::best()), radius, &[Dot::new(at, 1.0, radius)]);
-                for row in FIRST..FIRST + HIGH {
-                    // X-Val: pixel by pixel, the nearest place of its square.
-                    let away = |i: i32, at: f64| ((f64::from(i) - at).abs() - 0.5).max(0.0);
-                    let is_touched =
-                        |i: &i32| away(*i, at[0]).hypot(away(row, at[1])) < radius - 1e-5;
-                    let i = (row - FIRST) as usize;
-                    let found: Vec<i32> = (low[i]..past[i].max(low[i])).collect();
-                    let touched: Vec<i32> = (0..100).filter(is_touched).collect();
-                    // Pixels whose edge or corner it meets may be told as touched.
-                    let more = found.len() - touched.len();
-                    assert!(touched.iter().all(|pixel| found.contains(pixel)));
-                    let meets = [at[0] - radius, at[0] + radius]
-                        .iter()
-                        .any(|x| (x + 0.5).fract() == 0.0);
-                    assert!(more == 0 || meets && more <= 2, "{radius} {at:?} {row}");
-                }
+    fn dots_beside_one_another_are_laid_together_as_they_are_alone() {
+        let radius = 4.9;
+        let circle = Circle::new(radius);
+        for beside in [[0.9, -0.4], [-0.8, 0.7], [0.2, 0.1], [1.9, 0.0]] {
+            let ats = [[30.3, 24.9], [30.3 + beside[0], 24.9 + beside[1]]];
+            let dots = ats.map(|at| Dot::new(at, 2.0, radius));
+            let group = Group::of::<f64, 12>(&parabolas(), &circle, &dots).unwrap();
+            assert_eq!(group.dots.len(), if beside[0] > 1.0 { 1 } else { 2 });
+            let laid = |dots: &[Dot]| laid(lay_dots_finely, Some(Level::best()), radius, dots);
+            let (both, alone) = (laid(&dots), dots.map(|dot| laid(&[dot])));
+            for (i, both) in both.iter().enumerate() {
+                let pixel = [FIRST + i as i32 % WIDE, FIRST + i as i32 / WIDE];
+                // On the squares around their circles; further out tiles begin and end elsewhere.
+                let is_on = |dot: &Dot| {
+                    (0..2).all(|k| (0..circle.side as i32).contains(&(pixel[k] - dot.first[k])))
+                };
+                let [one, next] = alone.each_ref().map(|light| light[i]);
+                // X-Val: what each gives alone, within what double precision tells of 2 / 40^2.
+                let off = match dots.each_ref().map(is_on) {
+                    [true, true] => (both - (one + next)).abs(),
+                    [true, false] => one - both,
+                    [false, true] => next - both,
+                    [false, false] => 0.0,
+                };
+                assert!(off < 1e-17, "{beside:?} {pixel:?} {off}");
             }
         }
     }
