@@ -5,10 +5,20 @@ use clap::{Args as ClapArgs, Subcommand};
 use skyloop::measure::{Report, frames, orbits};
 use skyloop_firmware_sim::console::say;
 
+/// What is measured, and how it is told.
+#[derive(ClapArgs)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Args {
+    #[command(subcommand)]
+    of: Option<Of>,
+    #[command(flatten)]
+    form: Form,
+}
+
 /// What is measured.
 #[derive(Subcommand)]
-pub enum Args {
-    /// Frames: noise against rand_distr, whole frames against their own slow path, two threads
+enum Of {
+    /// Frames (what is measured if nothing is named): noise against rand_distr, whole frames against their own slow path, two threads
     Frame(Form),
     /// A catalogue's orbits: vector instructions against the sgp4 crate, threads, tracks, a camera's whole step
     Orbit(Form),
@@ -16,7 +26,7 @@ pub enum Args {
 
 /// How it is told.
 #[derive(ClapArgs)]
-pub struct Form {
+struct Form {
     /// Print JSON instead of tables
     #[arg(long)]
     json: bool,
@@ -24,9 +34,9 @@ pub struct Form {
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
-    match args {
-        Args::Frame(form) => measure::<frames::Report>(form),
-        Args::Orbit(form) => measure::<orbits::Report>(form),
+    match args.of.unwrap_or(Of::Frame(args.form)) {
+        Of::Frame(form) => measure::<frames::Report>(form),
+        Of::Orbit(form) => measure::<orbits::Report>(form),
     }
 }
 

@@ -61,7 +61,6 @@ enum Command {
     /// Write the magnitude of an object against time, as a table and a plot
     Lightcurve(lightcurve::Args),
     /// What this machine makes of the works that take the time
-    #[command(subcommand)]
     Bench(bench::Args),
     /// Check, count and convert files of orbits
     Catalog(catalog::Args),
