@@ -20,6 +20,9 @@ pub(super) fn held_e(scene: &Scene, columns: &[usize], parts: &Simulated) -> Vec
     charge
 }
 
+/// Groups of columns that are worked out side by side.
+const GROUPS: usize = 8;
+
 /// What `work` makes of columns, side by side and so few at a time that a core's cache holds them.
 pub(super) fn in_groups<T: Send>(
     columns: &[usize],
@@ -31,9 +34,6 @@ pub(super) fn in_groups<T: Send>(
 
 /// Why an effect is not needed where all pixels are full of other light.
 pub(super) const DROWNED: &str = "all pixels are full of other light";
-
-/// Groups of columns that are worked out side by side.
-const GROUPS: usize = 8;
 
 /// Whether all pixels are full, with or without what `leave` leaves out, of one area's light: that itself is not left out for others'.
 pub(super) fn is_drowned(scene: &Scene, leave: impl Fn(&mut Simulated)) -> bool {

@@ -75,6 +75,11 @@ impl Light {
         })
     }
 
+    /// On each pixel, row by row, e-.
+    pub fn e(&self) -> &[f32] {
+        self.footprint().shares()
+    }
+
     /// No pixel of so many columns has less than this, nor more, for each such part of the columns, e-.
     pub fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
         let lines = self.lines.ends_of(columns);

@@ -165,8 +165,7 @@ impl AreaLight {
 
     /// On each pixel, row by row, e-; empty where it is too faint for any.
     pub fn e(&self) -> &[f32] {
-        let drawn = |light| Light::footprint(light).shares();
-        self.light().map(drawn).unwrap_or_default()
+        self.light().map(Light::e).unwrap_or_default()
     }
 
     /// How many pixels straight lines do not fill.

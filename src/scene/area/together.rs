@@ -77,7 +77,6 @@ impl Together {
 
     /// The light on each pixel, row by row, e-; empty where there is none.
     pub fn e(&self) -> &[f32] {
-        let drawn = |light| Light::footprint(light).shares();
-        self.light().map(drawn).unwrap_or_default()
+        self.light().map(Light::e).unwrap_or_default()
     }
 }

@@ -152,3 +152,34 @@ fn crowd(height: f64) -> f64 {
 fn uncrowd(place: f64) -> f64 {
     TWILIGHT * place / ((1.0 - place) * (1.0 + place)).max(1e-12).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    #[test]
+    fn cubics_follow_a_parabola_go_through_their_places_and_ask_for_what_is_near() {
+        let asked = Cell::new(0);
+        let parabola = |x: f64| [3.0 - 2.0 * x + 5.0 * x * x, 1.0 - x];
+        let value = |x: f64| {
+            asked.set(asked.get() + 1);
+            parabola(x)
+        };
+        let cubics = Cubics::<2>::of(11);
+        // X-Val: by hand, the parabola itself: Catmull and Rom's cubics are of its slope at their ends.
+        for part in [0.512, 0.5, 0.58] {
+            let [told, truth] = [cubics.at(part, value), parabola(part)];
+            assert!((0..2).all(|k| (told[k] - truth[k]).abs() < 1e-14), "{part}");
+        }
+        assert_eq!(asked.get(), 4);
+        for i in 0..=10 {
+            let part = f64::from(i) / 10.0;
+            let [told, truth] = [cubics.at(part, value), parabola(part)];
+            assert!((0..2).all(|k| (told[k] - truth[k]).abs() < 1e-14), "{i}");
+        }
+        assert_eq!(asked.get(), 11);
+        // Beyond the ends as at them.
+        assert_eq!(cubics.at(-3.0, value), cubics.at(0.0, value));
+    }
+}
