@@ -15,6 +15,8 @@ mod light;
 
 mod lines;
 
+mod pack;
+
 mod real;
 
 pub use dots::{BESIDE, Circle, Dot, Sheet};
@@ -29,6 +31,7 @@ use crate::rng::{self, NoiseKey};
 use dots::{body as dots_body, twin as dots_twin};
 use ends::{ends_body, ends_twin};
 use light::{light_body, light_twin, signal_body, signal_twin};
+use pack::{body as pack_body, twin as pack_twin};
 use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that a body works on at a time: they stay in the first-level cache.
@@ -89,6 +92,11 @@ kernel! {
 kernel! {
     /// Turns pixels' electrons into digits.
     digitise = digits_body, digits_twin (converter: &Converter, electrons: &[f32], digits: &mut [u16])
+}
+
+kernel! {
+    /// Packs pixels of 12 bits each for the wire, first bit first, an odd last one into two octets.
+    pack_12 = pack_body, pack_twin (pixels: &[u16], octets: &mut [u8])
 }
 
 kernel! {

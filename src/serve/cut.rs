@@ -1,5 +1,6 @@
 //! A shot cut into the packets that a client asked for.
 
+use super::packed::packed;
 use super::select::{brightest_objects, windows};
 use crate::engine::Shot;
 use crate::link::Roles;
@@ -7,7 +8,7 @@ use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::pixels::{
     COMPRESSED_DATA, LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_PER_PART, label_parts,
-    object_parts, pack, packed_length, pixels_per_block, windows_per_block,
+    object_parts, packed_length, pixels_per_block, windows_per_block,
 };
 use skyloop_protocols::reply::window_length;
 use skyloop_protocols::{
@@ -157,9 +158,9 @@ impl<'a> Cut<'a> {
                 let size = pixels_per_block(packing);
                 let pixels = self.shot.frame.digits.chunks(size).nth(index as usize);
                 let pixels = pixels.ok_or(NO_SUCH_PACKET)?;
-                let mut packed = [0; MAX_PACKET];
-                let data = &mut packed[..packed_length(packing, pixels.len())];
-                pack(packing, pixels, data)?;
+                let mut octets = [0; MAX_PACKET];
+                let data = &mut octets[..packed_length(packing, pixels.len())];
+                packed(packing, pixels, data)?;
                 encode(&Reply::PixelBlock(PixelBlock {
                     frame: self.header.frame,
                     index,
@@ -195,7 +196,7 @@ impl<'a> Cut<'a> {
             }
             let at = data.len();
             data.resize(at + packed_length(packing, pixels.len()), 0);
-            pack(packing, &pixels, &mut data[at..])?;
+            packed(packing, &pixels, &mut data[at..])?;
         }
         encode(&Reply::Windows(WindowBlock {
             frame: self.header.frame,

@@ -12,6 +12,7 @@ mod deliver;
 mod latch;
 mod obey;
 mod overrun;
+mod packed;
 mod receive;
 mod select;
 
