@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::config::Config;
 use crate::crew;
 use crate::fidelity::{Choice, Fidelity};
-use crate::frame::Frame;
+use crate::frame::{Frame, Memory};
 use crate::label::Label;
 use crate::plan::{Plan, simulated};
 use crate::render::render;
@@ -36,8 +36,8 @@ pub struct Emulator {
     pub keep_expected: bool,
     /// The vector instructions that pixels are worked out with; none: one by one, pass by pass. All give the same.
     pub level: Option<Level>,
-    /// Memory of an earlier frame.
-    spare: Vec<u16>,
+    /// Memory of earlier frames.
+    memory: Memory,
     /// What labels say was done because a frame would have been late.
     pub overrun: Option<&'static str>,
     next_frame: u32,
@@ -95,7 +95,7 @@ impl Emulator {
             choice: config.choice.clone(),
             keep_expected: false,
             level: Some(Level::best()),
-            spare: Vec::new(),
+            memory: Memory::default(),
             overrun: None,
             next_frame: 0,
             rejected_records: config.rejected.len() as u32,
@@ -168,10 +168,10 @@ impl Emulator {
         if self.next_frame == 0 {
             plan.log();
         }
-        let (number, digits) = (self.next_frame, std::mem::take(&mut self.spare));
+        let (number, memory) = (self.next_frame, &mut self.memory);
         // The label tells of the scene, never of the frame: both are made side by side.
         let (frame, label) = rayon::join(
-            || render(&plan, &scene, self.level, self.keep_expected, digits),
+            || render(&plan, &scene, self.level, self.keep_expected, memory),
             || {
                 let mut label = Label::new(number, &scene, &plan, &self.world, self.label_snr);
                 label.overrun = self.overrun;
@@ -199,7 +199,7 @@ impl Emulator {
 
     /// Takes a frame back that is not needed any more: the next is made in its memory.
     pub fn recycle(&mut self, frame: Frame) {
-        self.spare = frame.digits;
+        self.memory.recycle(frame);
     }
 
     /// The ages of element sets, where most are of another time: told once, and asked again after each day of the scene's

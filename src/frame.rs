@@ -19,6 +19,25 @@ pub struct Frame {
     pub charge_e: Option<Vec<f32>>,
 }
 
+/// Memory that frames are made in, and the next of the same shape without asking for more.
+#[derive(Debug, Clone, Default)]
+pub struct Memory {
+    /// That of an earlier frame's digits.
+    pub digits: Vec<u16>,
+    /// That of a charge that is needed all at once.
+    pub electrons: Vec<f32>,
+}
+
+impl Memory {
+    /// Takes back what a frame was given that is not needed any more.
+    pub fn recycle(&mut self, frame: Frame) {
+        self.digits = frame.digits;
+        if let Some(electrons) = frame.charge_e {
+            self.electrons = electrons;
+        }
+    }
+}
+
 /// A part of a frame while it is being rendered: a band of whole rows, or a run of pixels.
 pub struct Tile<'a> {
     /// First pixel, row-major, on the whole detector.

@@ -14,7 +14,7 @@ use crate::camera::Camera;
 use crate::effect::{EFFECTS, Effect, Judge, Loss, Pass, Stage, Verdict};
 use crate::engine::Emulator;
 use crate::fidelity::Choice;
-use crate::frame::{Charge, Frame};
+use crate::frame::{Charge, Frame, Memory};
 use crate::label::EffectLabel;
 use crate::plan::{Plan, Step};
 use crate::render::{render, tiles};
@@ -56,7 +56,13 @@ impl Bench<'_> {
     pub fn frame(&self, choice: &Choice, repeat: u32) -> Result<Frame, Unobservable> {
         let scene = self.scene(choice, repeat)?;
         let plan = Plan::new(&scene, self.emulator.fidelity(), choice);
-        Ok(render(&plan, &scene, Some(Level::best()), true, Vec::new()))
+        Ok(render(
+            &plan,
+            &scene,
+            Some(Level::best()),
+            true,
+            &mut Memory::default(),
+        ))
     }
 
     fn scene(&self, choice: &Choice, repeat: u32) -> Result<Scene, Unobservable> {

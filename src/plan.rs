@@ -20,6 +20,8 @@ pub struct Step<'s> {
 pub struct Plan<'s> {
     /// One step an effect, in the order of [`EFFECTS`].
     pub steps: Vec<Step<'s>>,
+    /// In place of those of area sources, where all of them run.
+    pub together: Pass<'s>,
     scene: &'s Scene,
 }
 
@@ -120,6 +122,10 @@ impl<'s> Plan<'s> {
             }
         };
         Plan {
+            together: Pass::Tile(Box::new(|tile| {
+                let areas = scene.areas_together();
+                areas.add_to(tile.level, tile.first, tile.electrons);
+            })),
             // One by one: what the next takes is not known.
             steps: EFFECTS.par_iter().with_max_len(1).map(step).collect(),
             scene,

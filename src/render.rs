@@ -2,69 +2,82 @@
 //!
 //! A band's charge stays in a core's second-level cache from the first light to the digits, and passes that work on single pixels go
 //! over it together, run by run, each in the first-level cache. Only a pass that needs the whole frame, or a caller who wants to
-//! keep the charge, has it written out.
+//! keep the charge, has it written out. A frame in the memory of one of its shape asks for none.
 
-use crate::effect::{Pass, Stage, Verdict};
-use crate::frame::{Charge, Frame, Tile};
+use crate::effect::{EFFECTS, Pass, Stage, Verdict};
+use crate::frame::{Charge, Frame, Memory, Tile};
 use crate::plan::{Plan, Step};
 use crate::scene::Scene;
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
+use std::cell::Cell;
+use std::mem;
 
 /// Rows of a band.
 const BAND_ROWS: usize = 32;
 /// Pixels of a run.
 const RUN: usize = 2048;
 
+thread_local! {
+    /// What a thread has a band's charge in, e-.
+    static CHARGE: Cell<Vec<f32>> = const { Cell::new(Vec::new()) };
+}
+
 /// Renders `scene` with the vector instructions of `level`; with none pixel by pixel, pass by pass over the whole frame, on one thread. Pixels
-/// depend neither on that nor on bands, runs and the number of threads. `keep` keeps the expected electrons and the charge too; `digits` is
-/// memory to use again, such as an earlier frame's.
+/// depend neither on that nor on bands, runs and the number of threads. `keep` keeps the expected electrons and the charge too; The frame
+/// is made in `memory`.
 pub fn render(
     plan: &Plan<'_>,
     scene: &Scene,
     level: Option<Level>,
     keep: bool,
-    mut digits: Vec<u16>,
+    memory: &mut Memory,
 ) -> Frame {
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
+    let mut digits = mem::take(&mut memory.digits);
     digits.resize(width * height, 0);
-    let together = Pass::Tile(Box::new(|tile| {
-        let areas = scene.areas_together();
-        areas.add_to(tile.level, tile.first, tile.electrons);
-    }));
-    let passes = running(&plan.steps, scene, &together);
+    let together = &plan.together;
+    let mut room = [together; EFFECTS.len()];
+    let passes = running(&plan.steps, scene, together, &mut room);
     let mut frame = Frame {
         width,
         height,
         ..Frame::default()
     };
     if level.is_some() && !keep && !passes.iter().any(|pass| is_whole(pass)) {
-        bands(scene, &mut digits, level, &passes);
+        bands(scene, &mut digits, level, passes);
     } else {
         digits.fill(0);
-        let mut electrons = vec![0.0f32; width * height];
+        let mut electrons = mem::take(&mut memory.electrons);
+        electrons.clear();
+        electrons.resize(width * height, 0.0);
         let light = plan
             .steps
             .partition_point(|step| step.effect.stage <= Stage::Light);
         let (light, later) = plan.steps.split_at(light);
-        let light = running(light, scene, &together);
-        run(&light, scene, level, &mut electrons, &mut digits);
+        let light = running(light, scene, together, &mut room);
+        run(light, scene, level, &mut electrons, &mut digits);
         frame.expected_e = keep.then(|| electrons.clone());
-        let later = running(later, scene, &together);
-        run(&later, scene, level, &mut electrons, &mut digits);
-        frame.charge_e = keep.then_some(electrons);
+        let later = running(later, scene, together, &mut room);
+        run(later, scene, level, &mut electrons, &mut digits);
+        if keep {
+            frame.charge_e = Some(electrons);
+        } else {
+            memory.electrons = electrons;
+        }
     }
     frame.digits = digits;
     frame
 }
 
-/// The passes of `steps` that run: of area sources one, `together`, where they all do.
-fn running<'a, 's>(
+/// The passes of `steps` that run, in `room`: of area sources one, `together`, where they all do.
+fn running<'r, 'a, 's>(
     steps: &'a [Step<'s>],
     scene: &Scene,
     together: &'a Pass<'s>,
-) -> Vec<&'a Pass<'s>> {
+    room: &'r mut [&'a Pass<'s>],
+) -> &'r [&'a Pass<'s>] {
     let lit = || scene.areas.iter().filter(|area| area.electrons > 0.0);
     let is_area = |step: &Step<'_>| lit().any(|area| area.kind.effect == step.effect.name);
     let running = steps.iter().filter_map(|step| match &step.verdict {
@@ -72,15 +85,17 @@ fn running<'a, 's>(
         Verdict::Off { .. } | Verdict::Skip { .. } => None,
     });
     let areas = running.clone().filter(|(_, is_area)| *is_area).count();
-    if areas < 2 || areas < lit().count() {
-        return running.map(|(pass, _)| pass).collect();
-    }
+    let is_one = areas >= 2 && areas >= lit().count();
     let mut first = Some(together);
-    let passes = running.filter_map(|(pass, is_area)| match is_area {
+    let passes = running.filter_map(|(pass, is_area)| match is_one && is_area {
         true => first.take(),
         false => Some(pass),
     });
-    passes.collect()
+    let count = room.iter_mut().zip(passes).fold(0, |count, (place, pass)| {
+        *place = pass;
+        count + 1
+    });
+    &room[..count]
 }
 
 /// All passes, band by band, each on charge of its own.
@@ -88,26 +103,22 @@ fn bands(scene: &Scene, digits: &mut [u16], level: Option<Level>, passes: &[&Pas
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     let band = width * BAND_ROWS;
     let work = digits.par_chunks_mut(band).enumerate();
-    work.for_each_init(
-        || vec![0.0f32; band],
-        |charge, (index, digits)| {
-            let electrons = &mut charge[..digits.len()];
-            electrons.fill(0.0);
-            digits.fill(0);
-            let first = index * band;
-            go_over(
-                &mut Tile {
-                    first,
-                    width,
-                    electrons,
-                    digits,
-                    key,
-                    level,
-                },
-                passes,
-            );
-        },
-    );
+    work.for_each(|(index, digits)| {
+        let mut electrons = CHARGE.take();
+        electrons.clear();
+        electrons.resize(digits.len(), 0.0);
+        digits.fill(0);
+        let mut tile = Tile {
+            first: index * band,
+            width,
+            electrons: &mut electrons,
+            digits,
+            key,
+            level,
+        };
+        go_over(&mut tile, passes);
+        CHARGE.set(electrons);
+    });
 }
 
 /// Passes over bands go together, band by band, up to a pass that needs the whole frame.

@@ -16,6 +16,22 @@ use super::{Effect, Judge, Need, Pass, Stage};
 use crate::camera::{Blooming, Detector};
 use crate::fidelity::Fidelity;
 use crate::scene::{Scene, Simulated, drawn_e};
+use std::cell::Cell;
+
+thread_local! {
+    /// What columns spill in, kept from frame to frame.
+    static ROOM: Cell<Room> = Cell::default();
+}
+
+/// What columns spill in.
+#[derive(Default)]
+struct Room {
+    /// Of each column, whether it has an overfull pixel.
+    overfull: Vec<bool>,
+    /// One column, e-.
+    column: Vec<f32>,
+    bloom: Bloom,
+}
 
 /// Full well.
 pub const FULL_WELL: Effect = Effect {
@@ -105,21 +121,29 @@ pub(super) fn fill(column: &mut [f64], detector: &Detector) {
 
 /// Spills every column with an overfull pixel. Returns the charge that left at the columns' ends, e-.
 pub(super) fn spill(electrons: &mut [f32], width: usize, full: f64) -> f64 {
-    let mut overfull = vec![false; width];
+    let mut room = ROOM.take();
+    let Room {
+        overfull,
+        column,
+        bloom,
+    } = &mut room;
+    overfull.clear();
+    overfull.resize(width, false);
     for row in electrons.chunks(width) {
         for (over, e) in overfull.iter_mut().zip(row) {
             *over |= f64::from(*e) > full;
         }
     }
-    let (mut bloom, mut column, mut left) = (Bloom::default(), Vec::new(), 0.0);
+    let mut left = 0.0;
     for x in (0..width).filter(|x| overfull[*x]) {
         column.clear();
         column.extend(electrons[x..].iter().step_by(width));
-        left += bloom.spill(&mut column, full).iter().sum::<f64>();
-        for (to, e) in electrons[x..].iter_mut().step_by(width).zip(&column) {
+        left += bloom.spill(column, full).iter().sum::<f64>();
+        for (to, e) in electrons[x..].iter_mut().step_by(width).zip(&*column) {
             *to = *e;
         }
     }
+    ROOM.set(room);
     left
 }
 

@@ -7,7 +7,7 @@ use skyloop::camera::Camera;
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::{Choice, Fidelity};
-use skyloop::frame::Frame;
+use skyloop::frame::{Frame, Memory};
 use skyloop::load::{ConfigError, Folder};
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop::plan::{Plan, simulated};
@@ -197,7 +197,13 @@ pub fn light(emulator: &Emulator, vehicle: &VehicleState, lights: &[Light]) -> L
 
 /// The frame of a plan, its expected electrons kept.
 pub fn drawn(plan: &Plan<'_>, scene: &Scene) -> Frame {
-    render(plan, scene, Some(Level::best()), true, Vec::new())
+    render(
+        plan,
+        scene,
+        Some(Level::best()),
+        true,
+        &mut Memory::default(),
+    )
 }
 
 /// The direction (ICRF) whose image is at `pixel` of a camera with that attitude.

@@ -4,7 +4,7 @@ use super::Setting;
 use crate::attitude::VehicleState;
 use crate::engine::Emulator;
 use crate::fidelity::{Choice, Fidelity};
-use crate::frame::Frame;
+use crate::frame::{Frame, Memory};
 use crate::label::VISIBLE_SNR;
 use crate::plan::Plan;
 use crate::render::render;
@@ -87,7 +87,13 @@ fn frame(
         ..emulator.choice.clone()
     };
     let plan = Plan::new(&scene, &fidelity, &quiet);
-    let frame = render(&plan, &scene, Some(Level::best()), true, Vec::new());
+    let frame = render(
+        &plan,
+        &scene,
+        Some(Level::best()),
+        true,
+        &mut Memory::default(),
+    );
     drop(plan);
     Ok((scene, frame))
 }

@@ -1,0 +1,145 @@
+//! What a frame allocates: its pixels nothing from the second one on; its scene, plan and label no more than is written down here.
+//!
+//! Counted on one thread, which then makes all of the frame.
+
+use allocation_counter::measure;
+use skyloop::attitude::VehicleState;
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::effect::{Pass, Verdict};
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::frame::Memory;
+use skyloop::load::Folder;
+use skyloop::orbit::sgp4_batch::Level;
+use skyloop::orbit::synth::population;
+use skyloop::plan::Plan;
+use skyloop::render::render;
+use skyloop_protocols::pixels::{pack, packed_length, pixels_per_block};
+use skyloop_protocols::{MAX_PACKET, Packing};
+
+/// Objects beside the built-in scene's, as `skyloop bench frame` has.
+const OBJECTS: usize = 20_000;
+/// More than was measured it may be by so much, on other machines and in other builds.
+const MARGIN: f64 = 1.2;
+
+/// A camera, what its pixels hold (e-) if not what its file says, and what scene, plan and label of a frame allocate: calls and bytes, as measured
+/// on x86-64.
+struct Case {
+    camera: &'static str,
+    full_well_e: Option<f64>,
+    calls: u64,
+    bytes: u64,
+}
+
+const CASES: [Case; 3] = [
+    Case {
+        camera: "rigel-l",
+        full_well_e: None,
+        calls: 11_900,
+        bytes: 9_670_000,
+    },
+    Case {
+        camera: "fai-nir",
+        full_well_e: None,
+        calls: 19_200,
+        bytes: 11_030_000,
+    },
+    // Charge spills along columns: all of it is needed at once.
+    Case {
+        camera: "ccd-transfer",
+        full_well_e: Some(5000.0),
+        calls: 1,
+        bytes: 1,
+    },
+];
+
+/// The built-in scene with many objects, and its first vehicle.
+fn before(case: &Case) -> (Emulator, VehicleState) {
+    let mut config = Config::builtin().unwrap();
+    let vehicle = flight::vehicle(&flight::mission(&config).unwrap(), 0).unwrap();
+    let synthetic = population(OBJECTS, 1, vehicle.epoch);
+    config
+        .objects
+        .extend(synthetic.iter().map(|one| one.object()));
+    config.camera = Camera::load(case.camera, &Folder::current()).unwrap();
+    let detector = &mut config.camera.detector;
+    detector.full_well_e = case.full_well_e.unwrap_or(detector.full_well_e);
+    (Emulator::new(&mut config), vehicle)
+}
+
+fn on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1);
+    pool.build().unwrap().install(work)
+}
+
+#[test]
+fn pixels_allocate_nothing_from_the_second_frame_on() {
+    for case in &CASES {
+        let (emulator, vehicle) = before(case);
+        let (camera, choice) = (emulator.camera(), &emulator.choice);
+        let scene = emulator.scene(&camera, &vehicle, 0, choice).unwrap();
+        on_one_thread(|| {
+            let plan = Plan::new(&scene, emulator.fidelity(), choice);
+            let runs = |name: &str| {
+                let mut steps = plan.steps.iter().filter(|step| step.effect.name == name);
+                steps.any(|step| matches!(step.verdict, Verdict::Run { .. }))
+            };
+            for name in [
+                "stars",
+                "rsos",
+                "zodiacal light",
+                "shot noise",
+                "read noise",
+            ] {
+                assert!(runs(name), "{}: {name}", case.camera);
+            }
+            let is_whole = plan.steps.iter().any(|step| match &step.verdict {
+                Verdict::Run { pass, .. } => matches!(pass, Pass::Frame(_)),
+                _ => false,
+            });
+            assert_eq!(is_whole, case.full_well_e.is_some(), "{}", case.camera);
+            let packing = Packing::for_bits(camera.detector.bits);
+            let level = Some(Level::best());
+            let (mut memory, mut packed) = (Memory::default(), [0; MAX_PACKET]);
+            let mut frame = || {
+                let frame = render(&plan, &scene, level, false, &mut memory);
+                for pixels in frame.digits.chunks(pixels_per_block(packing)) {
+                    let data = &mut packed[..packed_length(packing, pixels.len())];
+                    pack(packing, pixels, data).unwrap();
+                }
+                memory.recycle(frame);
+            };
+            // The first has none of what it needs.
+            assert!(measure(&mut frame).count_total > 0);
+            for number in 1..4 {
+                let asked = measure(&mut frame);
+                assert_eq!(asked.count_total, 0, "{}, {number}: {asked:?}", case.camera);
+            }
+        });
+    }
+}
+
+#[test]
+fn scene_plan_and_label_allocate_no_more_than_they_did() {
+    for case in &CASES {
+        let (mut emulator, vehicle) = before(case);
+        let (first, second) = on_one_thread(|| {
+            let mut frame = || {
+                let shot = emulator.shoot(&vehicle, 0).unwrap();
+                emulator.recycle(shot.frame);
+            };
+            (measure(&mut frame), measure(&mut frame))
+        });
+        let (calls, bytes) = (second.count_total, second.bytes_total);
+        let told = format!("{}: {calls} calls, {bytes} bytes", case.camera);
+        println!("{told}");
+        assert!(calls as f64 <= MARGIN * case.calls as f64, "{told}");
+        assert!(bytes as f64 <= MARGIN * case.bytes as f64, "{told}");
+        // None of it stays, but what the first frame's pixels are in.
+        assert!(
+            first.bytes_current > 0 && second.bytes_current == 0,
+            "{told}"
+        );
+    }
+}
