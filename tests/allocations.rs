@@ -43,14 +43,14 @@ const CASES: [Case; 3] = [
         camera: "fai-nir",
         full_well_e: None,
         calls: 19_200,
-        bytes: 11_030_000,
+        bytes: 11_040_000,
     },
     // Charge spills along columns: all of it is needed at once.
     Case {
         camera: "ccd-transfer",
         full_well_e: Some(5000.0),
-        calls: 1,
-        bytes: 1,
+        calls: 21_600,
+        bytes: 61_900_000,
     },
 ];
 
