@@ -24,8 +24,8 @@ thread_local! {
 }
 
 /// Renders `scene` with the vector instructions of `level`; with none pixel by pixel, pass by pass over the whole frame, on one thread. Pixels
-/// depend neither on that nor on bands, runs and the number of threads. `keep` keeps the expected electrons and the charge too; The frame
-/// is made in `memory`.
+/// depend neither on that nor on bands, runs and the number of threads. `keep` keeps the expected electrons and the charge too. The frame
+/// is made in `memory`, which keeps what the frame is not given.
 pub fn render(
     plan: &Plan<'_>,
     scene: &Scene,
