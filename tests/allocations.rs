@@ -10,6 +10,7 @@ use skyloop::effect::{Pass, Verdict};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::frame::Memory;
+use skyloop::kernels::pack_12;
 use skyloop::load::Folder;
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop::orbit::synth::population;
@@ -106,7 +107,10 @@ fn pixels_allocate_nothing_from_the_second_frame_on() {
                 let frame = render(&plan, &scene, level, false, &mut memory);
                 for pixels in frame.digits.chunks(pixels_per_block(packing)) {
                     let data = &mut packed[..packed_length(packing, pixels.len())];
-                    pack(packing, pixels, data).unwrap();
+                    match packing {
+                        Packing::Bits12 => pack_12(level, pixels, data),
+                        Packing::Bits16 => pack(packing, pixels, data).unwrap(),
+                    }
                 }
                 memory.recycle(frame);
             };

@@ -31,7 +31,10 @@ impl Level {
 
     /// The fastest of this processor.
     pub fn best() -> Level {
-        Level::available().pop().unwrap_or(Level::Portable)
+        let mut fastest_first = Level::ALL.into_iter().rev();
+        fastest_first
+            .find(|level| level.is_available())
+            .unwrap_or_default()
     }
 
     /// Whether this processor has it.
