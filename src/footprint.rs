@@ -197,7 +197,7 @@ impl Footprint {
         }
         let (spans, total) = spans_of(&reached, width);
         let mut shares = vec![0.0f32; total as usize];
-        let mut stamp = Stamp::default();
+        let mut stamp = Stamp::of(level);
         let (mut evaluated, mut wings) = (0, Wings::default());
         let mut collected = Vec::new();
         for (sample, drawn, columns, rows) in boxes {

@@ -7,6 +7,8 @@
 
 #![allow(unsafe_code)]
 
+mod corners;
+
 mod dots;
 
 mod ends;
@@ -19,6 +21,7 @@ mod pack;
 
 mod real;
 
+pub use corners::{Nodes, Place};
 pub use dots::{BESIDE, Circle, Dot, Sheet};
 pub use ends::{Ends, ROWS};
 pub use light::{Reading, Span};
@@ -28,6 +31,7 @@ pub use real::Real;
 use crate::rng::normal::{self, uniform_of};
 use crate::rng::poisson::{self, SEARCHED, Switch};
 use crate::rng::{self, NoiseKey};
+use corners::{body as corners_body, twin as corners_twin};
 use dots::{body as dots_body, twin as dots_twin};
 use ends::{ends_body, ends_twin};
 use light::{light_body, light_twin, signal_body, signal_twin};
@@ -122,6 +126,11 @@ kernel! {
 kernel! {
     /// The same in double precision.
     lay_dots_finely = dots_body, dots_twin (lines: &Lines<f64>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, f64>)
+}
+
+kernel! {
+    /// What a table tells at each place of a line.
+    table_line = corners_body, corners_twin (nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64])
 }
 
 kernel! {

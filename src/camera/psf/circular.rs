@@ -8,6 +8,9 @@
 //! `F` is tabulated once, in units of the profile's own width, at equal steps of `u = a / (c + a)`: fine steps in
 //! the core, coarse ones in the wings, and the last node is infinity. Any width is a scale of the same table.
 
+use super::Stamp;
+use crate::kernels::{self, Nodes, Place};
+use skyloop_orbit::sgp4_batch::Level;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::ops::Range;
 
@@ -20,14 +23,6 @@ pub struct Quadrant {
     steps: usize,
     /// `steps + 1` nodes each way, row by row; symmetric.
     light: Vec<f64>,
-}
-
-/// Where a coordinate stands between the nodes.
-#[derive(Debug, Clone, Copy)]
-pub struct Place {
-    first: usize,
-    /// Of the four nodes from `first`; with the sign of the coordinate, for `F` is odd.
-    weights: [f64; 4],
 }
 
 /// Points (-1..1) and weights of Gauss's rule with three points.
@@ -92,36 +87,27 @@ impl Quadrant {
     }
 
     /// `F` at each of `across` and one other coordinate.
-    fn line<'a>(&'a self, across: &'a [Place], down: &Place) -> impl Iterator<Item = f64> + 'a {
-        let nodes = self.steps + 1;
-        let rows = [0, 1, 2, 3].map(|k| {
-            let from = (down.first + k) * nodes;
-            (&self.light[from..from + nodes], down.weights[k])
-        });
-        across.iter().map(move |a| {
-            // Four columns side by side, for vector units.
-            let mut mixed = [0.0; 4];
-            for (row, weight) in rows {
-                for (mixed, f) in mixed.iter_mut().zip(&row[a.first..a.first + 4]) {
-                    *mixed += weight * f;
-                }
-            }
-            mixed.iter().zip(a.weights).map(|(f, w)| f * w).sum::<f64>()
-        })
+    fn line(&self, level: Option<Level>, across: &[Place], down: &Place, line: &mut [f64]) {
+        let nodes = Nodes {
+            values: &self.light,
+            side: self.steps + 1,
+        };
+        kernels::table_line(level, &nodes, across, down, line);
     }
 
     /// The light in the rectangle between two coordinates across and two down, in units of the width from the centre.
     pub fn inside(&self, across: [f64; 2], down: [f64; 2]) -> f64 {
         let across = across.map(|a| self.place(a));
         let [above, below] = down.map(|a| {
-            let line = self.line(&across, &self.place(a));
-            line.fold(0.0, |before, f| f - before)
+            let mut line = [0.0; 2];
+            self.line(Some(Level::best()), &across, &self.place(a), &mut line);
+            line[1] - line[0]
         });
         below - above
     }
 
     /// Spreads `light` around `at` (px), of width `width_px`, over the rectangles between the left edges of the columns
-    /// `edges` on `rows`, row by row into `out`.
+    /// `edges` on `rows`, row by row.
     pub fn spread(
         &self,
         width_px: f64,
@@ -129,21 +115,26 @@ impl Quadrant {
         at: [f64; 2],
         edges: impl Iterator<Item = i64>,
         rows: Range<i64>,
-        out: &mut Vec<f64>,
+        stamp: &mut Stamp,
     ) {
+        let Stamp {
+            light: out,
+            level,
+            across: above,
+            down: below,
+            places,
+        } = stamp;
         let edge = |i: i64, at: f64| self.place((i as f64 - 0.5 - at) / width_px);
-        let across: Vec<Place> = edges.map(|i| edge(i, at[0])).collect();
-        let corners = |row: i64, line: &mut Vec<f64>| {
-            line.clear();
-            line.extend(self.line(&across, &edge(row, at[1])));
-        };
-        let (mut above, mut below) = (Vec::new(), Vec::new());
-        corners(rows.start, &mut above);
+        places.clear();
+        places.extend(edges.map(|i| edge(i, at[0])));
+        above.resize(places.len(), 0.0);
+        below.resize(places.len(), 0.0);
+        self.line(*level, places, &edge(rows.start, at[1]), above);
         for row in rows {
-            corners(row + 1, &mut below);
+            self.line(*level, places, &edge(row + 1, at[1]), below);
             let pixel = |(a, b): (&[f64], &[f64])| light * ((b[1] - b[0]) - (a[1] - a[0])).max(0.0);
             out.extend(above.windows(2).zip(below.windows(2)).map(pixel));
-            std::mem::swap(&mut above, &mut below);
+            std::mem::swap(above, below);
         }
     }
 }
