@@ -88,9 +88,9 @@ knobs! {
     /// this part of it (1).
     area_part: f64, "1", Numbers([1e-7, 0.1]), [5e-3, 5e-4, 1e-6], true, at_kinks,
         "a part of that light, likewise";
-    /// Draws of shot noise are within this total-variation distance of Poisson's (1).
+    /// Draws of shot noise are within this total-variation distance of Poisson's (1), up to 2^20 e- a pixel.
     poisson_tv: f64, "1", Numbers([1e-6, 0.01]), [5e-4, 1e-4, 1e-6], true, itself,
-        "total-variation distance of draws of shot noise from Poisson's distribution";
+        "total-variation distance of draws of shot noise from Poisson's distribution, up to 10^6 e- a pixel";
     /// An effect without which no pixel's expected electrons change by more than this (e-) is skipped.
     skip_e: f64, "e-", Numbers([0.0, 1e6]), [0.5, 0.05, 0.0], true, itself,
         "a pixel's expected electrons that an effect which is skipped would change";

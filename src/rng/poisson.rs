@@ -8,8 +8,9 @@
 //! k = floor(m + sqrt(m) z + 1/3 + z^2/6 - (z/36 + z^3/72) / sqrt(m) + (-8/405 + 7 z^2/810 + z^4/270) / m)
 //! ```
 //!
-//! Its total-variation distance from Poisson is worked out in the tests, from the words at which the draw steps; beyond a mean of 30 it is 1e-5
-//! to 4e-5, what the normal draw errs by and single precision. Between 16 and the switch the search begins 9 sigma below the mean.
+//! Its total-variation distance from Poisson is worked out in the tests, from the words at which the draw steps; from a mean of 30 to 2^20 it is
+//! 1e-5 to 5e-5, what the normal draw errs by and single precision. Single precision is all that counts beyond: 1e-4 at 5 million, 2e-4 at 2^24,
+//! from where draws are multiples of 2 e-, 4 e- and so on, as a frame's electrons are. Between 16 and the switch the search begins 9 sigma below the mean.
 
 use super::normal::{normal, uniform_of};
 
@@ -26,8 +27,8 @@ impl Switch {
     /// Switches, and what the draws' total-variation distance from Poisson is below (1).
     const KNOWN: [(f32, f64); 4] = [(WHOLE, 1e-6), (SEARCHED, 6e-5), (12.0, 1e-4), (6.0, 5e-4)];
 
-    /// The least mean from which on draws are within `variation` (1) of Poisson's. At best they are exact but for the word's 32 bits (1e-6,
-    /// thousands of draws together), up to 2^20 e-.
+    /// The least mean from which on draws are within `variation` (1) of Poisson's, up to 2^20 e- (1e-4 up to 5 million): beyond, single precision
+    /// is what bounds them. At best they are exact but for the word's 32 bits (1e-6, thousands of draws together).
     pub fn within(variation: f64) -> Switch {
         let known = Self::KNOWN.iter().rev();
         let mut within = known.filter(|(_, of)| *of <= variation);
