@@ -95,7 +95,7 @@ fn over(scheme: &str, camera: &str) -> (Vec<Seen>, u64) {
             ControlFlow::Continue(())
         });
         stop.store(true, Ordering::Relaxed);
-        serving.join().unwrap().unwrap();
+        serving.join().unwrap();
         let report = report.unwrap();
         assert_eq!(report.frames, FRAMES, "{scheme}");
         again = report.recovery.attitudes;

@@ -99,13 +99,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let bar = progress(frames, "frames");
     let (report, served, written) = std::thread::scope(|scope| {
         let emulator = scope.spawn(|| {
-            let served = server.run(&stop, None, |shot| {
+            // The flight computer hangs up when it has its frames, and tells of all other ends.
+            server.run(&stop, None, |shot| {
                 // A writer that has failed has dropped its end; its error is reported below.
                 let _ = shots.send(shot.clone());
             });
             drop(shots);
-            // The flight computer hangs up when it has its frames: both ways to end are good.
-            served.map(|_| server.stats)
+            server.stats
         });
         let writing = scope.spawn(|| write(writer, to_write));
         let report = FlightComputer::new(port, mission).run(|event| {
@@ -127,11 +127,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         (report, emulator.join(), writing.join())
     });
     bar.finish_and_clear();
-    let (Ok(served), Ok(written)) = (served, written) else {
+    let (Ok(stats), Ok(written)) = (served, written) else {
         bail!("a thread of the run has panicked: please report it with the command you gave");
     };
     written.context("writing the frames")?;
-    let stats = served?;
     let (report, cut_short) = match report {
         Ok(report) => (report, None),
         Err(error) => blamed(error, instruments.faults())?,

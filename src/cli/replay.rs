@@ -85,14 +85,13 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     // Not scoped: a frame that takes too long cannot be stopped, only left alone.
     let serving = std::thread::spawn({
         let replay = replay.clone();
-        move || server.run(replay.over(), None, |_| {}).map(|_| ())
+        move || server.run(replay.over(), None, |_| {})
     });
     while !replay.over().load(Ordering::Relaxed) {
         if serving.is_finished() {
-            let Ok(served) = serving.join() else {
+            if serving.join().is_err() {
                 bail!("a thread of the replay has panicked: please report it with the recording");
-            };
-            served.context("replaying")?;
+            }
             break;
         }
         std::thread::sleep(Duration::from_millis(5));

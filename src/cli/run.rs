@@ -125,7 +125,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     rows.extend(instruments.rows());
     say(format_args!("\n{}", table(&rows)))?;
     instruments.finish()?;
-    match served? {
+    match served {
         Ended::AsAsked => Ok(()),
         Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),
     }

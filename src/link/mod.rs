@@ -148,7 +148,7 @@ const NO_FAULTS: &str =
 
 /// The queue to a link.
 pub trait Outbox: Send {
-    /// Queues `what`; gives it back if the queue is full.
+    /// Queues `what`; gives it back if the queue is full. Fails only by [`LinkError::Closed`].
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError>;
 
     /// Whether faults of this kind can be switched live; else why not, and the remedy.

@@ -24,6 +24,8 @@ pub(super) struct Channel {
     pub lost: u32,
     /// Whether the log says that nobody is there.
     pub told: bool,
+    /// Whether the link has ended.
+    pub gone: bool,
     /// Packets that the link got after the last frame packet.
     behind: u32,
 }
@@ -74,6 +76,7 @@ impl Channel {
             exchange,
             lost: 0,
             told: false,
+            gone: false,
             behind: 0,
         }
     }
@@ -133,10 +136,7 @@ impl Channel {
         }
         if let Some(asked) = self.exchange.release {
             let exchange = self.exchange.number;
-            let back = self
-                .wire
-                .outbox
-                .offer(Outbound::Release { exchange, asked })?;
+            let back = self.give(Outbound::Release { exchange, asked })?;
             if back.is_some() {
                 return Ok(false);
             }
@@ -150,15 +150,18 @@ impl Channel {
         let exchange = self.exchange.number;
         let paid = identify(packet).is_some_and(|(apid, _)| PAID.contains(&apid));
         let packet = packet.clone();
-        let back = self
-            .wire
-            .outbox
-            .offer(Outbound::Packet { exchange, packet })?;
+        let back = self.give(Outbound::Packet { exchange, packet })?;
         let Some(Outbound::Packet { .. }) = back else {
             self.behind = if paid { 0 } else { self.behind.wrapping_add(1) };
             return Ok(true);
         };
         Ok(false)
+    }
+
+    fn give(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
+        let given = self.wire.outbox.offer(what);
+        self.gone |= given.is_err();
+        given
     }
 
     /// Whether frame packets, sent again or not, have been given to the link and have not left it: the client cannot

@@ -76,8 +76,6 @@ pub struct Server {
     overrun: Overrun,
     truth: Truth,
     counters: Counters,
-    /// The link that has ended.
-    gone: Option<usize>,
     /// What the run measured.
     pub stats: RunStats,
     /// Objects that could not be shown.
@@ -124,7 +122,6 @@ impl Server {
             wall,
             truth: Truth::default(),
             counters: Counters::default(),
-            gone: None,
             stats: RunStats::default(),
             absent: Absent::default(),
         }
@@ -170,7 +167,8 @@ impl Server {
 
     /// The address of the link that has ended.
     pub fn gone(&self) -> Option<&str> {
-        Some(&self.channels.get(self.gone?)?.wire.address)
+        let gone = self.channels.iter().find(|channel| channel.gone);
+        Some(&gone?.wire.address)
     }
 
     /// Serves until `stop` is set or `limit` frames are made; `on_shot` sees each after its delivery. The next is made in its memory.
@@ -179,11 +177,15 @@ impl Server {
         stop: &AtomicBool,
         limit: Option<u32>,
         on_shot: impl FnMut(&Shot),
-    ) -> Result<Ended, LinkError> {
+    ) -> Ended {
         let ended = self.serve(stop, limit, on_shot);
         self.abandon_waiting();
         self.wall.end(Instant::now());
-        ended
+        // That a link has ended is noticed by whoever uses it first: what receives, or what sends.
+        ended.unwrap_or_else(|error| {
+            tracing::debug!(%error, "nothing can be sent any more");
+            Ended::LinkGone
+        })
     }
 
     fn serve(

@@ -60,7 +60,7 @@ impl Server {
                 }
                 Err(TryRecvError::Empty) => {}
                 Err(TryRecvError::Disconnected) => {
-                    self.gone = Some(at);
+                    self.channels[at].gone = true;
                     return Ok(None);
                 }
             }

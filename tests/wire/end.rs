@@ -1,9 +1,15 @@
 //! The end of a run: what is under way is sent or counted.
 
 use crate::support::client::Client;
-use crate::support::{attitude, await_that, on_memory, on_serial, scene};
+use crate::support::line::MemoryLine;
+use crate::support::{attitude, await_that, on_memory, on_serial, options, scene};
 use skyloop::config::Clock;
+use skyloop::engine::Emulator;
+use skyloop::link::{self, LinkError, Outbound, Outbox, Roles};
+use skyloop::serve::{Ended, Server};
 use skyloop_protocols::Command;
+use skyloop_protocols::personality::NATIVE;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 #[test]
@@ -60,4 +66,37 @@ fn what_a_client_reads_at_last_is_not_lost() {
     std::thread::sleep(Duration::from_millis(300));
     client.frame();
     assert_eq!(ending.join().unwrap().lost_outbound, 0);
+}
+
+/// A way out that takes so many packets, and then has ended; the way in never says so.
+struct EndsAfter(usize);
+
+impl Outbox for EndsAfter {
+    fn offer(&mut self, _: Outbound) -> Result<Option<Outbound>, LinkError> {
+        let left = self.0.checked_sub(1);
+        self.0 = left.ok_or_else(|| LinkError::Closed("memory".to_string()))?;
+        Ok(None)
+    }
+}
+
+#[test]
+fn a_link_that_ends_while_something_is_sent_ends_the_run_like_any_other() {
+    // The acknowledgement of the credit, the frame's header, a packet in its middle.
+    for packets in [0, 1, 20] {
+        let mut config = scene();
+        let (mut wire, port) = link::loopback("memory", &options(5.0)).unwrap();
+        wire.outbox = Box::new(EndsAfter(packets));
+        let (links, output) = ([(wire, Roles::ALL)], config.run.output);
+        let emulator = Emulator::new(&mut config);
+        let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
+        let mut client = Client::new(MemoryLine(port));
+        client.send(Command::Credit { packets: 100 });
+        client.send(Command::Attitude(attitude(1)));
+        let ended = server.run(&AtomicBool::new(false), None, |_| ());
+        assert_eq!(ended, Ended::LinkGone, "after {packets} packets");
+        assert_eq!(server.gone(), Some("memory"));
+        let counters = server.counters();
+        assert_eq!(counters.frames_delivered, 0);
+        assert_eq!(counters.frames_abandoned, counters.frames_rendered);
+    }
 }

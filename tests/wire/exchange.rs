@@ -10,7 +10,7 @@ use skyloop::engine::Emulator;
 use skyloop::frame::Frame;
 use skyloop::link::fault::{Book, Plan, wrap};
 use skyloop::link::{self, Roles};
-use skyloop::serve::Server;
+use skyloop::serve::{Ended, Server};
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Command, Output, Reply, apid};
 use std::sync::atomic::AtomicBool;
@@ -168,7 +168,7 @@ fn frames_are_made_in_the_memory_of_those_before() {
         });
         let mut client = Client::new(MemoryLine(port));
         (1..=3).for_each(|sequence| drop(client.good_frame(sequence)));
-        serving.join().unwrap().unwrap();
+        assert_eq!(serving.join().unwrap(), Ended::AsAsked);
     });
     assert!(rooms.iter().all(|room| *room >= ROOM), "{rooms:?}");
     assert_eq!(rooms.len(), 3);
