@@ -8,7 +8,7 @@ use skyloop::attitude::VehicleState;
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::measure::cost::{Effort, ROUNDS, Report, Row};
-use skyloop::output::{Dot, Scatter, write_scatter, write_text};
+use skyloop::output::{Dot, Scatter, make_folder, write_scatter, write_text};
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_firmware_sim::text::whole;
@@ -67,6 +67,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = scene(args.scene.as_deref())?;
     args.records.settle(&config)?;
     let mission = mission(&config, args.scene.as_deref())?;
+    if let Some(dir) = &args.out {
+        make_folder(dir)?;
+    }
     let vehicles = spread(&mission, args.frames)?;
     let mut emulator = Emulator::new(&mut config);
     if let Some(first) = vehicles.first() {

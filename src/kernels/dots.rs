@@ -246,12 +246,13 @@ pub fn twin<T: Real>(
                     lines.shares::<1>(dot.off[k], group.first[k] - dot.first[k] + pixel as i32);
                 share
             };
+            let across: Vec<T> = (0..wide).map(|column| share(0, column)).collect();
             for row in 0..group.rows {
                 let down = share(1, row) * T::of(dot.light);
                 let origin = sheet.origins[top + row] + group.first[0];
-                for column in 0..wide {
+                for (column, across) in across.iter().enumerate() {
                     let pixel = &mut sheet.light[origin as u32 as usize + column];
-                    *pixel = share(0, column).fused(down, *pixel);
+                    *pixel = across.fused(down, *pixel);
                 }
             }
         }

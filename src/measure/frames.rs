@@ -73,7 +73,7 @@ impl super::Report for Report {
             let mut plain = Work::new(camera, None, None)?;
             let turns = || {
                 let work = format!("whole frame, {name}");
-                let against = "pixel by pixel, unfused";
+                let against = "each object and pixel alone";
                 let least = Some(8.0);
                 row(
                     work,

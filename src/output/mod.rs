@@ -30,7 +30,7 @@ mod wcs;
 pub use folder::OutputError;
 pub use light_curve::write_light_curve;
 pub use scatter::{Dot, Scatter, write_scatter};
-pub use text::{remove_file, write_text};
+pub use text::{make_folder, remove_file, write_text};
 
 use crate::camera::Camera;
 use crate::frame::Frame;

@@ -9,9 +9,16 @@ use std::path::Path;
 /// Errors: the folder or the file cannot be written.
 pub fn write_text(path: &Path, text: &str) -> Result<(), OutputError> {
     if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(|e| fail("create the folder", folder, e))?;
+        make_folder(folder)?;
     }
     fs::write(path, text).map_err(|e| fail("write", path, e))
+}
+
+/// Makes a folder, if it is not there: before long work whose outcome it is to hold.
+///
+/// Errors: it cannot be made.
+pub fn make_folder(folder: &Path) -> Result<(), OutputError> {
+    fs::create_dir_all(folder).map_err(|e| fail("create the folder", folder, e))
 }
 
 /// Removes a file.

@@ -2,6 +2,7 @@
 
 mod beside;
 mod catalog;
+mod cost;
 mod folders;
 mod ground;
 mod inputs;
