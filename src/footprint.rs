@@ -59,6 +59,9 @@ impl Default for Light {
     }
 }
 
+/// Light (e-) that counts for nothing: its shares are near what is too small for single precision, where processors are slow.
+const LEAST_E: f64 = 1e-20;
+
 /// How the light of a point is drawn.
 struct Drawn<'a> {
     psf: LocalPsf<'a>,
@@ -337,7 +340,7 @@ impl Footprint {
         let spans = self.within(&rows);
         let first = (self.first_row + spans.start).saturating_sub(rows.start);
         let spans = &self.spans[spans];
-        if !spans.is_empty() {
+        if !spans.is_empty() && electrons.abs() >= LEAST_E {
             // What is added nowhere is 0 times that.
             let electrons = (electrons as f32).min(f32::MAX);
             kernels::add_light(level, electrons, spans, &self.shares, first, width, pixels);

@@ -2,7 +2,7 @@
 //! and a million sources.
 
 use crate::stage::{
-    Light, behind, camera, check_numbers, drawn, emulator, falling, light, moments, noon, oem,
+    Light, Lit, behind, camera, check_numbers, drawn, emulator, falling, light, moments, noon, oem,
     orbiter, towards, vehicle,
 };
 use nalgebra::Vector3;
@@ -11,7 +11,10 @@ use skyloop::camera::Stamp;
 use skyloop::camera::psf::{Psf, Shape, Variation};
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Fidelity;
+use skyloop::kernels::{Reading, add_signal};
+use skyloop::orbit::sgp4_batch::Level;
 use skyloop::plan::Plan;
+use skyloop::scene::Scene;
 use skyloop::sky::photometry::{Sphere, diffuse_phase, photon_irradiance};
 use std::f64::consts::PI;
 use std::time::{Duration, Instant};
@@ -144,38 +147,83 @@ fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
     assert_eq!(shot.label.objects.len(), 1, "{:?}", shot.label.unseen);
 }
 
-/// Numbers so small that processors slow down (below 1e-38 in f32) take no longer than others: ten times, at most, as chance has it on a shared machine.
+/// Numbers so small that processors slow down (below 1e-38 in f32; their roots, where light is squared) take no longer than others: images, pixels, and what signal-to-noise ratios are summed of, two million shares.
+/// Twice, at most, as chance has it on a shared machine, of the best of rounds by turns, 200 if need be; of squares without a guard it is more than that on one processor and far more on others. As not all slow down where others do, no such number may
+/// be in a frame, either.
 #[test]
 fn light_below_the_smallest_number_does_not_slow_a_frame() {
-    let camera = camera(&[]);
+    let camera = camera(&[
+        ("optics.psf.sigma_px", "5.0"),
+        ("detector.width_px", "256"),
+        ("detector.height_px", "256"),
+    ]);
     let mut emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
     emulator.choice.all = true;
     let attitude = Attitude::identity();
-    let time = |electrons: f64| {
-        let places =
-            (0..400).map(|i| [f64::from(i % 20) * 3.1 + 1.2, f64::from(i / 20) * 3.1 + 1.4]);
+    let of = |electrons: f64| {
+        let places = (0..400).map(|i| {
+            let (column, row) = (f64::from(i % 20), f64::from(i / 20));
+            [column * 9.1 + 41.2, row * 9.1 + 41.4]
+        });
         let lights = places.map(|at| Light {
             direction: behind(&camera, &attitude, at),
             electrons,
         });
         let lights: Vec<Light> = lights.collect();
-        let lit = light(&emulator, &vehicle(&attitude, [0.0; 3]), &lights);
-        assert!(lit.expected_e.iter().all(|e| e.is_finite()));
-        let plan = Plan::new(&lit.scene, emulator.fidelity(), &lit.choice);
-        let once = || {
-            let started = Instant::now();
-            drawn(&plan, &lit.scene);
-            started.elapsed()
-        };
-        (0..20).map(|_| once()).min().unwrap_or(Duration::MAX)
+        light(&emulator, &vehicle(&attitude, [0.0; 3]), &lights)
     };
-    let usual = time(1.0);
-    for electrons in [1e-30, 1e-38, 1e-40, 1e-44, 1e-310] {
-        let small = time(electrons);
-        assert!(
-            small < 10 * usual + Duration::from_millis(2),
-            "{electrons:e}: {small:?}, of others {usual:?}"
+    let reading = Reading {
+        bend: 0.0,
+        part_of_full: 1e-5,
+        shot: 1.0,
+        floor: 20.0,
+        full_e: 1e5,
+    };
+    let shares: Vec<f32> = (1..=4096).map(|i| i as f32 / 4096.0).collect();
+    let (dark, level) = (vec![0.0; shares.len()], Some(Level::best()));
+    let once = |electrons: f64, lit: &Lit| -> [Duration; 3] {
+        let view = lit.scene.view.clone();
+        let started = Instant::now();
+        let scene = Scene::new(view, lit.scene.simulated, emulator.fidelity());
+        let imaged = started.elapsed();
+        let plan = Plan::new(&scene, emulator.fidelity(), &lit.choice);
+        let started = Instant::now();
+        drawn(&plan, &scene);
+        let rendered = started.elapsed();
+        let (started, mut sum) = (Instant::now(), 0.0);
+        for _ in 0..500 {
+            add_signal(level, &reading, electrons, &shares, &dark, &mut sum);
+        }
+        assert!(sum.is_finite());
+        [imaged, rendered, started.elapsed()]
+    };
+    let usual = of(1.0);
+    for electrons in [1e-18, 1e-20, 1e-22, 1e-30, 1e-38, 1e-40, 1e-44, 1e-310] {
+        let small = of(electrons);
+        let pixels = small.expected_e.iter().map(|e| *e as f32);
+        assert!(pixels.clone().all(f32::is_finite));
+        assert_eq!(
+            pixels.filter(|e| e.is_subnormal()).count(),
+            0,
+            "{electrons:e}"
         );
+        let mut best = [[Duration::MAX; 3]; 2];
+        let is_slow = |[usual, small]: [[Duration; 3]; 2]| {
+            let mut pairs = usual.into_iter().zip(small);
+            pairs.any(|(usual, small)| small >= 2 * usual)
+        };
+        for round in 0..200 {
+            if round >= 5 && !is_slow(best) {
+                break;
+            }
+            let both = [(1.0, &usual), (electrons, &small)];
+            for (best, (electrons, lit)) in best.iter_mut().zip(both) {
+                let taken = once(electrons, lit);
+                *best = [0, 1, 2].map(|i| best[i].min(taken[i]));
+            }
+        }
+        println!("{electrons:e} e-: {:?}, of 1 e-: {:?}", best[1], best[0]);
+        assert!(!is_slow(best), "{electrons:e} e-: {best:?}");
     }
 }
 
