@@ -190,6 +190,34 @@ fn fields_of_a_tenth_of_a_degree_to_half_the_sky_image_as_their_formula() {
     }
 }
 
+/// At the very edge of the field an image stands on the detector's edge, which has half of its light. Reference: the same closed forms, and a half; `psf_loss` and f32.
+#[test]
+fn at_half_the_field_an_image_stands_on_the_detectors_edge() {
+    for (deg, camera) in cameras() {
+        let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+        let angle = (deg / 2.0_f64).to_radians();
+        for (x, y) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)] {
+            let direction = Vector3::new(angle.sin() * x, angle.sin() * y, angle.cos());
+            let lit = light(
+                &emulator,
+                &vehicle(&Attitude::identity(), [0.0; 3]),
+                &[Light {
+                    direction,
+                    electrons: 1e5,
+                }],
+            );
+            let [column, row] = lit.scene.sources[0].centroid;
+            let miss = (column - 255.5 - 256.0 * x).hypot(row - 255.5 - 256.0 * y);
+            assert!(
+                miss < 1e-9 + 4e-16 * camera.optics.focal_px,
+                "{deg} deg: {miss:e} px"
+            );
+            let sum: f64 = lit.expected_e.iter().sum();
+            assert!((sum / 1e5 - 0.5).abs() < 2e-6, "{deg} deg: {sum}");
+        }
+    }
+}
+
 /// The scale decides whether images move: what it is wrong by, smear is. Reference: a pinhole's scale in the middle is f, and at its corners `f (1 + tan^2)`; 1e-6.
 #[test]
 fn the_scale_of_a_narrow_field_is_its_focal_length() {

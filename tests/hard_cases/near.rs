@@ -28,7 +28,7 @@ fn shot(off_m: Vector3<f64>, orbits: Orbits) -> Shot {
 #[test]
 fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
     for orbits in [Orbits::Tracked, Orbits::Exact, Orbits::Scalar] {
-        for range_m in [1.001, 2.0, 10.0, 1e3, 1e6, 3.5e7, 1e9] {
+        for range_m in [1.0, 1.000_001, 1.001, 2.0, 10.0, 1e3, 1e6, 3.5e7, 1e9] {
             let shot = shot(Vector3::new(range_m, 0.0, 0.0), orbits);
             let object = &shot.label.objects[0];
             let rso = object.rso.as_ref().unwrap();
@@ -64,7 +64,7 @@ fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
 fn an_object_at_the_sensors_own_place_is_the_sensor() {
     let far = shot(Vector3::new(-1e6, 0.0, 0.0), Orbits::Tracked);
     for orbits in [Orbits::Tracked, Orbits::Exact, Orbits::Scalar] {
-        for off_m in [0.0, 1e-6, 0.5, 0.999] {
+        for off_m in [0.0, 1e-6, 0.5, 0.999, 0.999_999] {
             for axis in [Vector3::x(), -Vector3::x(), Vector3::z()] {
                 let own = shot(axis * off_m, orbits);
                 assert!(own.label.objects.is_empty(), "{off_m}");

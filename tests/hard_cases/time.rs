@@ -1,14 +1,19 @@
 //! Leap seconds to the nanosecond, years from 1950 to 2100, and the clock of long missions.
 
-use crate::stage::{camera, check_numbers, epoch, noon, starry, vehicle};
+use crate::stage::{
+    camera, check_numbers, emulator, epoch, falling, noon, oem, orbiter, starry, towards, vehicle,
+};
 use hifitime::{Duration, Epoch, Unit};
+use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
 use skyloop::fidelity::Fidelity;
 use skyloop::orbit::time::{parse_utc, seconds, utc_text};
 use skyloop::scene::Unobservable;
+use skyloop::sky::bodies::Bodies;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::time::{to_epoch, to_wire};
+use std::collections::BTreeSet;
 
 /// The days that ended with a leap second.
 // X-Val: IERS Bulletin C 52 and its predecessors; 10 s on 1 January 1972.
@@ -87,6 +92,15 @@ fn text_is_exact_to_the_nanosecond_around_every_leap_second() {
     }
 }
 
+/// Before 1972 UTC counts as TAI: no leap seconds were there to tell them apart by. Reference: TAI - UTC was 10 s on 1 January 1972.
+#[test]
+fn before_1972_utc_is_tai() {
+    let last = epoch("1971-12-31T23:59:59");
+    assert_eq!(epoch("1972-01-01T00:00:00") - last, Unit::Second * 11);
+    assert_eq!(last, Epoch::from_gregorian_tai(1971, 12, 31, 23, 59, 59, 0));
+    assert_eq!(utc_text(last), "1971-12-31T23:59:59.000Z");
+}
+
 /// Any nanosecond of three centuries, on either side of nothing in particular, comes back from its text.
 #[test]
 fn text_is_exact_from_1900_to_2199() {
@@ -98,7 +112,7 @@ fn text_is_exact_from_1900_to_2199() {
     }
 }
 
-/// Frames from 1950 to 2099, and on leap seconds: the same stars stand in the field but for their own ways, and all numbers are numbers; beyond the series they are refused.
+/// Frames from 1950 to 2100, and on leap seconds: the same stars stand in the field but for their own ways, and all numbers are numbers; beyond the series they are refused.
 #[test]
 fn frames_of_the_years_1950_to_2100() {
     let attitude = Attitude::towards(1.4, -0.1, 0.0);
@@ -120,6 +134,9 @@ fn frames_of_the_years_1950_to_2100() {
         "2016-12-31T23:59:60.999999999",
         "2050-06-15T12:00:00",
         "2099-12-31T23:59:59",
+        "2100-01-01T00:00:00",
+        // A Julian century, 36,525 days of TT, from J2000.0; UTC is 69.184 s behind as long as no leap second comes.
+        "2100-01-01T11:58:50",
     ] {
         let shot = shoot(epoch(text)).unwrap();
         check_numbers(&shot, text);
@@ -137,6 +154,7 @@ fn frames_of_the_years_1950_to_2100() {
     assert!(*least > 10 && most - least <= 3, "{counts:?}");
     for text in [
         "1899-06-01T00:00:00",
+        "2100-01-01T11:58:51",
         "2100-06-01T00:00:00",
         "0001-01-01T00:00:00",
         "9999-12-31T23:59:59",
@@ -151,6 +169,78 @@ fn frames_of_the_years_1950_to_2100() {
     ] {
         assert!(utc_text(at).len() > 20);
         assert!(shoot(at).is_err());
+    }
+}
+
+/// The whole sky, in two halves, of those years: an object 300 km over the vehicle, the Moon and all planets are in it, and stand where they may. Reference: the geometry, for the object; a Moon within 5.3 deg of
+/// the ecliptic, by a degree more from low orbit, 356,000 to 407,000 km from the Earth's centre; Mercury within 28.4 deg and Venus within 47.9 of the Sun; planets within 9 deg of the ecliptic (Venus at its nearest).
+// X-Val: J. Meeus, Astronomical Algorithms, 2nd ed., 1998, chapters 36 and 50 (elongations, perigees and apogees).
+#[test]
+fn objects_the_moon_and_planets_of_the_years_1950_to_2100() {
+    let size = [("detector.width_px", "512"), ("detector.height_px", "512")];
+    let fisheye = camera(&[
+        size[0],
+        size[1],
+        ("optics.focal_length_mm", "1.6"),
+        ("optics.aperture_mm", "1.0"),
+        ("optics.projection.model", "\"fisheye\""),
+        ("optics.projection.k", "[0.0]"),
+    ]);
+    // X-Val: obliquity of J2000.0, 84381.406 arcsec (IAU 2006).
+    let (sin, cos) = (84_381.406 / 3600.0f64).to_radians().sin_cos();
+    let pole = Vector3::new(0.0, -sin, cos);
+    for text in [
+        "1950-01-01T00:00:00",
+        "1971-12-31T23:59:40",
+        "2016-12-31T23:59:60",
+        "2050-06-15T12:00:00",
+        "2100-01-01T00:00:00",
+    ] {
+        let bodies = Bodies::at(epoch(text)).unwrap();
+        let sun = bodies.sun_geocentric_m.normalize();
+        let mut found = BTreeSet::new();
+        for up in [pole, -pole] {
+            let (r, v) = (up * 7000.0, up.cross(&sun).normalize() * 7.5);
+            let mut emulator = emulator(fisheye.clone(), Fidelity::REALTIME, |config| {
+                config
+                    .choice
+                    .off
+                    .retain(|name| !["moon", "planets"].contains(name));
+                config.objects = oem("ABOVE", epoch(text), falling(r + up * 300.0, v));
+            });
+            let mut vehicle = orbiter(&towards(&up), r * 1e3, v * 1e3);
+            vehicle.epoch = epoch(text);
+            let shot = emulator.shoot(&vehicle, 0).unwrap();
+            check_numbers(&shot, text);
+            for object in &shot.label.objects {
+                let seen = fisheye.optics.direction([object.x_px, object.y_px]);
+                let seen = vehicle.attitude.inverse().rotate(&seen);
+                let off_ecliptic = (90.0 - seen.angle(&pole).to_degrees()).abs();
+                let elongation = seen.angle(&sun).to_degrees();
+                let is_there = match object.id.as_str() {
+                    "ABOVE" => {
+                        let rso = object.rso.as_ref().unwrap();
+                        (rso.range_km - 300.0).abs() < 1e-6 && seen.angle(&up) < 1e-5
+                    }
+                    "Moon" => off_ecliptic < 6.3,
+                    "Mercury" => off_ecliptic < 9.0 && elongation < 28.4,
+                    "Venus" => off_ecliptic < 9.0 && elongation < 47.9,
+                    _ => off_ecliptic < 9.0,
+                };
+                assert!(
+                    is_there,
+                    "{text}: {} {off_ecliptic} {elongation}",
+                    object.id
+                );
+                found.insert(object.id.clone());
+            }
+        }
+        let moon_km = bodies.moon_geocentric_m.norm() / 1e3;
+        assert!(
+            (356_000.0..407_000.0).contains(&moon_km),
+            "{text}: {moon_km}"
+        );
+        assert_eq!(found.len(), 9, "{text}: {found:?}");
     }
 }
 
