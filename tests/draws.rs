@@ -1,10 +1,20 @@
 //! The draws of noise: Philox's words, the normal distribution, Poisson's, and the kernels that draw them for many pixels.
 
+#[path = "draws/drawn.rs"]
+mod drawn;
+#[path = "draws/runs.rs"]
+mod runs;
+#[path = "draws/theory.rs"]
+mod theory;
+#[path = "draws/words.rs"]
+mod words;
+
 use skyloop::kernels;
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop::rng::normal::{normal, uniform_of};
 use skyloop::rng::poisson::{Switch, poisson};
 use skyloop::rng::{NoiseKey, word};
+use theory::Theory;
 
 const KEY: NoiseKey = NoiseKey {
     seed: 0x1234_5678_9ABC,
@@ -43,36 +53,6 @@ fn normals(each: impl FnMut(usize, f64)) {
         kernels::read_noise(level, KEY, 2, first, 1.0, pixels);
     };
     draws(kernel, each);
-}
-
-/// Poisson's probabilities of `first` on, up to where less than 10^-17 lies beyond.
-struct Theory {
-    first: usize,
-    probability: Vec<f64>,
-}
-
-impl Theory {
-    fn of(mean: f32) -> Theory {
-        let mean = f64::from(mean);
-        let reach = 9.0 * mean.sqrt() + 40.0;
-        let (first, last) = ((mean - reach).max(0.0) as usize, (mean + reach) as usize);
-        // P(k) = exp(k ln m - m - ln k!), scaled to 1: of large means the exponent's last digits are lost.
-        let log = |k: usize| k as f64 * mean.ln() - mean - libm::lgamma(k as f64 + 1.0);
-        let mut probability: Vec<f64> = (first..=last).map(|k| log(k).exp()).collect();
-        let all: f64 = probability.iter().sum();
-        let lost = 4.0 * f64::EPSILON * mean * (mean + 3.0).ln();
-        assert!((all - 1.0).abs() < 1e-12 + lost, "{mean}: {all}");
-        probability.iter_mut().for_each(|p| *p /= all);
-        Theory { first, probability }
-    }
-
-    /// The probability of `k`; 0 where it is not worth a number.
-    fn of_draw(&self, k: f64) -> f64 {
-        let at = (k as usize).checked_sub(self.first);
-        at.and_then(|at| self.probability.get(at))
-            .copied()
-            .unwrap_or(0.0)
-    }
 }
 
 /// How many standard deviations chi-square of `counts` lies above its mean; bins that expect fewer than 5 are joined.
@@ -164,6 +144,7 @@ fn poisson_draws_are_poissons() {
         if mean < 10.0 {
             continue;
         }
+        // Three draws are due beyond 5 sigma, too few to miss: `words` counts those of all words.
         for sigmas in [3.0, 4.0, 5.0] {
             for side in [-1.0, 1.0] {
                 let edge = f64::from(mean) + side * sigmas * f64::from(mean).sqrt();
@@ -219,134 +200,6 @@ fn normal_draws_are_normal() {
                 n * p
             );
         }
-    }
-}
-
-/// Reference: the normal distribution by `erfc`. The 2e-5 that `rng::normal` says, as a part of the tail beyond the draw: times the density there.
-#[test]
-fn every_normal_draw_is_its_words_quantile() {
-    // Words all over (by the golden ratio), those at both ends and those around where the polynomial changes.
-    let spread = (0..1_000_000_u32).map(|i| i.wrapping_mul(0x9E37_79B1));
-    let ends = (0..2000).chain(978_349..980_349);
-    let mut worst = 0.0f64;
-    for word in spread.chain(ends.flat_map(|at| [at, at | 1 << 31])) {
-        let z = f64::from(normal(word));
-        let tail = (f64::from(word & 0x7FFF_FFFF) + 0.5) / 4_294_967_296.0;
-        assert_eq!(z > 0.0, word >> 31 == 1, "{word:x}: {z}");
-        let density = (-z * z / 2.0).exp() / std::f64::consts::TAU.sqrt();
-        let off = (0.5 * libm::erfc(z.abs() / std::f64::consts::SQRT_2) - tail).abs() / density;
-        worst = worst.max(off);
-        assert!(off < 2e-5, "{word:x}: {z} is off by {off:e}");
-    }
-    println!("at most {worst:.1e}");
-}
-
-/// The word at a place in (0, 1), counted in parts of 2^-32.
-fn word_at(place: u64) -> u32 {
-    const HALF: u64 = 1 << 31;
-    if place < HALF {
-        place as u32
-    } else {
-        1 << 31 | (2 * HALF - 1 - place) as u32
-    }
-}
-
-#[test]
-fn words_have_places() {
-    for place in [0, 1, 12_345, (1 << 31) - 1, 1 << 31, (1 << 32) - 1] {
-        let expected = (place as f64 + 0.5) / 4_294_967_296.0;
-        assert_eq!(uniform_of(word_at(place)), expected);
-    }
-}
-
-/// The total-variation distance between Poisson's distribution and what all 2^32 words draw, by the places at which the draw steps.
-fn variation(mean: f32, switch: Switch) -> f64 {
-    const ALL: u64 = 1 << 32;
-    let theory = Theory::of(mean);
-    // How many words draw less than k; draws rise with the place.
-    let less = |k: f64| {
-        let (mut low, mut high) = (0, ALL);
-        while low < high {
-            let middle = low + (high - low) / 2;
-            if f64::from(poisson(mean, word_at(middle), switch)) < k {
-                low = middle + 1;
-            } else {
-                high = middle;
-            }
-        }
-        low as f64 / ALL as f64
-    };
-    let last = theory.first + theory.probability.len();
-    let (mut before, mut apart) = (less(theory.first as f64), 0.0);
-    assert_eq!(before, 0.0, "{mean}");
-    for k in theory.first..last {
-        let up_to = less(k as f64 + 1.0);
-        apart += (up_to - before - theory.of_draw(k as f64)).abs();
-        before = up_to;
-    }
-    assert_eq!(before, 1.0, "{mean}");
-    apart / 2.0
-}
-
-#[test]
-fn draws_are_as_near_poisson_as_the_switch_says() {
-    // The expansion is the worst where it begins.
-    for (variation_is, begins) in [(1e-4, 12.0), (6e-5, 16.0), (5e-4, 6.0)] {
-        let switch = Switch::within(variation_is);
-        let below = f32::from_bits(f32::to_bits(begins) - 1);
-        assert!(variation(below, switch) < 5e-9);
-        let mut worst = 0.0f64;
-        for mean in [
-            begins, 6.2, 7.7, 9.4, 12.3, 16.3, 17.5, 20.0, 23.7, 30.0, 50.0, 77.7, 100.0, 300.0,
-            1e3, 4321.5, 1e4, 1e5, 1e6,
-        ] {
-            let apart = variation(mean, switch);
-            println!("within {variation_is}, mean {mean}: {apart:.2e}");
-            worst = worst.max(apart);
-            assert!(apart < variation_is, "{mean}: {apart:e}");
-        }
-        assert!(worst > 0.5 * variation_is, "{variation_is}: {worst:e}");
-    }
-    assert_eq!(Switch::within(2e-4), Switch::within(1e-4));
-}
-
-/// Reference: the same expansion in double precision, where a number has more digits than a mean has electrons.
-#[test]
-fn single_precision_bounds_draws_of_large_means() {
-    let switch = Switch::within(1e-6);
-    // Below 2^24 e- (9 sigma above the last mean) each whole number is one of single precision; beyond, draws are multiples of 2, 4, ... e-.
-    for (mean, within) in [(1_048_576.0, 6e-5), (5e6, 1e-4), (16_740_000.0, 2e-4)] {
-        let apart = variation(mean, switch);
-        println!("mean {mean}: {apart:.2e}");
-        assert!(apart < within, "{mean}: {apart:e}");
-        assert!(apart > 0.5 * within, "{mean}: {apart:e}");
-    }
-    for mean in [1.6e7_f32, 1e8, 1e9, 1e12, 1e20] {
-        let spacing = f64::from(f32::from_bits(mean.to_bits() + 1) - mean);
-        let m = f64::from(mean);
-        for i in 0..100_000_u32 {
-            let word = i.wrapping_mul(0x9E37_79B1);
-            let z = f64::from(normal(word));
-            let due = m + m.sqrt() * z + 1.0 / 3.0 + z * z / 6.0;
-            let off = (f64::from(poisson(mean, word, switch)) - due).abs();
-            // The floor, the sum's last digit (a draw may lie beyond the next power of two), and 5e-6 of the root, which is of two factors.
-            assert!(
-                off < 1.0 + spacing + 6e-6 * (m.sqrt() * z).abs(),
-                "{mean}, {word:x}: {off}"
-            );
-        }
-    }
-}
-
-#[test]
-fn searches_are_exact() {
-    // Of all probabilities that are worth a word each is within 2^-32.
-    for mean in [
-        1e-6, 0.01, 0.3, 1.0, 4.7, 12.0, 15.999, 16.0, 50.0, 1e3, 1e4, 1e5,
-    ] {
-        let exact = variation(mean, Switch::within(0.0));
-        let draws = 13.0 * f64::from(mean).sqrt() + 20.0;
-        assert!(exact < draws / 8_589_934_592.0, "{mean}: {exact:e}");
     }
 }
 
