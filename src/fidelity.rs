@@ -99,7 +99,7 @@ knobs! {
         "signal-to-noise ratio of all of an area's light that is skipped, and of an object that has no image";
     /// A star has no image where its light has no more than this signal-to-noise ratio (1), were there no noise but that of reading; nor do labels list it.
     star_snr: f64, "1", Numbers([0.0, 10.0]), [0.5, 0.0, 0.0], true, itself,
-        "signal-to-noise ratio of a star that has no image, of those that labels do not list";
+        "signal-to-noise ratio, were reading the only noise, of a star that has no image; those that labels list have one";
     /// An effect without which no image moves by more than this (px) is skipped; so is a source's own motion.
     skip_px: f64, "px", Numbers([0.0, 1.0]), [0.01, 1e-3, 0.0], true, itself,
         "what an image, or an end of its track, is off by";

@@ -1,6 +1,7 @@
 //! What a frame allocates: its pixels nothing from the second one on; its scene, plan and label no more than is written down here.
 //!
-//! Counted on one thread, which then makes all of the frame.
+//! Counted on one thread, which then makes all of the frame. Of several each has a band's charge of its own, and asks for it in the first frame of which
+//! it gets a band.
 
 use allocation_counter::measure;
 use skyloop::attitude::VehicleState;

@@ -49,6 +49,8 @@ fn names<'a>(names: impl IntoIterator<Item = &'a str>) -> Names {
     names.into_iter().map(str::to_string).collect()
 }
 
+#[path = "documents/accuracy.rs"]
+mod accuracy;
 #[path = "documents/command_line.rs"]
 mod command_line;
 #[path = "../examples/effect_pictures/draw.rs"]
