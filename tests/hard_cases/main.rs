@@ -24,7 +24,7 @@
 //! | the same: commands on the wire | `tests/wire/bad_packets.rs`, `wall_clock.rs`; any octets: `protocols/tests/fuzz` |
 //! | the same: element sets, OMM and OEM | `src/orbit/tests/` (`element_files`, `omm_files`, `ephemeris_messages`) |
 //! | the same: populations, attitude lists, the command line | `tests/rso/population.rs`, `firmware-sim/src/attitude_list.rs`, `tests/cli/inputs.rs` |
-//! | properties of random scenes | `properties`; the whole sky turned, area light and objects too: `turned` |
+//! | properties of random scenes | `properties`, labels' centroids: `centroids`; those of the whole sky, area light and objects too: `whole_sky` |
 
 #[path = "../support/oem.rs"]
 mod oem;
@@ -32,6 +32,7 @@ mod oem;
 mod sky;
 
 mod brightness;
+mod centroids;
 mod charge;
 mod entrances;
 mod field;
@@ -41,4 +42,4 @@ mod pointing;
 mod properties;
 mod stage;
 mod time;
-mod turned;
+mod whole_sky;

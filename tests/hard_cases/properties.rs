@@ -1,13 +1,12 @@
-//! What holds for any scene: turning camera and sky together changes nothing, an exposure is the sum of its halves, light scales, and labels' centroids are those of the light.
+//! What holds for any scene: turning camera and sky together changes nothing, an exposure is the sum of its halves, and light scales.
 
 use crate::stage::{Light, Lit, behind, camera, emulator, light, starry, vehicle};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use skyloop::attitude::Attitude;
 use skyloop::camera::Camera;
 use skyloop::fidelity::Fidelity;
-use skyloop::scene::Source;
 use std::cell::Cell;
 use std::sync::OnceLock;
 
@@ -49,12 +48,12 @@ fn rates() -> impl Strategy<Value = [f64; 3]> {
 
 /// Places on and around a detector of 128 px, and their light.
 fn lights() -> impl Strategy<Value = Vec<([f64; 2], f64)>> {
-    let one = (prop::array::uniform2(-6.0..134.0_f64), -1.0..5.0_f64);
+    let one = (prop::array::uniform2(-6.0..134.0_f64), -3.0..5.0_f64);
     prop::collection::vec(one.prop_map(|(at, power)| (at, 10f64.powf(power))), 1..24)
 }
 
 /// Cameras of all kinds of optics and shutters, 128 x 128 px.
-fn cameras() -> &'static [Camera] {
+pub fn cameras() -> &'static [Camera] {
     static CAMERAS: OnceLock<Vec<Camera>> = OnceLock::new();
     CAMERAS.get_or_init(|| {
         let of = |keys: &[(&str, &str)]| {
@@ -102,34 +101,18 @@ fn cameras() -> &'static [Camera] {
 }
 
 /// What one shot of a scene takes: camera, attitude, rates (deg/s), places (px) of lights and their electrons.
-type Taken = (usize, Attitude, [f64; 3], Vec<([f64; 2], f64)>);
+pub type Taken = (usize, Attitude, [f64; 3], Vec<([f64; 2], f64)>);
 
-fn scenes() -> impl Strategy<Value = Taken> {
+pub fn scenes() -> impl Strategy<Value = Taken> {
     (0..cameras().len(), rotations(), rates(), lights())
 }
 
-fn put(camera: &Camera, attitude: &Attitude, places: &[([f64; 2], f64)]) -> Vec<Light> {
+pub fn put(camera: &Camera, attitude: &Attitude, places: &[([f64; 2], f64)]) -> Vec<Light> {
     let light = |(at, electrons): &([f64; 2], f64)| Light {
         direction: behind(camera, attitude, *at),
         electrons: *electrons,
     };
     places.iter().map(light).collect()
-}
-
-/// Light, and its centre (px), of a source's own image on the detector.
-fn image(source: &Source) -> (f64, [f64; 2]) {
-    let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
-    for (row, column, shares) in source.footprint.rows(0..usize::MAX) {
-        for (i, share) in shares.iter().enumerate() {
-            let share = f64::from(*share);
-            (sum, x, y) = (
-                sum + share,
-                x + share * (column + i) as f64,
-                y + share * row as f64,
-            );
-        }
-    }
-    (sum, [x / sum, y / sum])
 }
 
 /// What was found worst of some cases.
@@ -141,6 +124,11 @@ impl Worst {
     pub fn of(&self, found: f64) -> f64 {
         self.0.set(self.0.get().max(found));
         found
+    }
+
+    /// What was found.
+    pub fn get(&self) -> f64 {
+        self.0.get()
     }
 }
 
@@ -196,7 +184,7 @@ fn turning_camera_and_sky_together_changes_nothing() {
     println!("places {way}, ratios {ratio}, pixels {pixel} of their own light");
 }
 
-/// The frame of an exposure is the sum of those of its two halves, with all that stars do in it. Of `reference` within 0.02 e- a pixel and 2e-6 of it: what the sums of three frames lose in
+/// The frame of an exposure is the sum of those of its two halves, with all that stars do in it (objects and area light: `whole_sky`). Of `reference` within 0.02 e- a pixel and 2e-6 of it: what the sums of three frames lose in
 /// f32; of `realtime` within three times what a track, a wing and an effect that is skipped may leave out (0.01, 0.02 and 0.05 e-) and three times its 2e-5 of the brightest.
 #[test]
 fn an_exposure_in_two_adds_up() {
@@ -205,6 +193,7 @@ fn an_exposure_in_two_adds_up() {
         (Fidelity::REFERENCE, 24, 0.02, 2e-6),
         (Fidelity::REALTIME, 40, 0.24, 6e-5),
     ] {
+        let [worst, off] = [(); 2].map(|()| Worst::default());
         check(
             cases,
             (0..2_usize, rotations(), rates(), exposures.clone()),
@@ -245,8 +234,10 @@ fn an_exposure_in_two_adds_up() {
                 let brightest = f64::from(whole.iter().copied().fold(0.0, f32::max));
                 for (whole, (a, b)) in whole.iter().zip(first.iter().zip(&second)) {
                     let miss = (f64::from(*whole) - f64::from(*a) - f64::from(*b)).abs();
+                    let bound = most_e + part * brightest;
+                    off.of(miss);
                     prop_assert!(
-                        miss <= most_e + part * brightest,
+                        worst.of(miss / bound) <= 1.0,
                         "{} e-, of {}",
                         miss,
                         brightest
@@ -255,6 +246,7 @@ fn an_exposure_in_two_adds_up() {
                 Ok(())
             },
         );
+        println!("{off} e-, {worst} of what is allowed");
     }
 }
 
@@ -347,93 +339,4 @@ fn scaling_all_fluxes_alone_changes_what_tolerances_allow() {
         },
     );
     println!("{worst} of what is allowed");
-}
-
-/// Labels' centroids are those of the noise-free image, to 0.005 px, of all whose light is on the detector but for a ten thousandth: of any optics, shutter and rate. Of cores narrower than half a pixel's sigma
-/// the pixels have a centre of their own, for an image as for a camera (0.0023 px a coordinate at 0.5, by `exp(-2 pi^2 sigma^2) / pi`); and of less than a tenth of an electron
-/// wide wings are laid evenly over too few pixels to be centred.
-#[test]
-fn labels_centroids_are_those_of_the_light() {
-    let compared = Cell::new(0);
-    let worst = Cell::new(0.0);
-    check(160, scenes(), |(which, attitude, rates, places)| {
-        let camera = &cameras()[which];
-        let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
-        let lit = light(
-            &emulator,
-            &vehicle(&attitude, rates),
-            &put(camera, &attitude, &places),
-        );
-        for source in &lit.scene.sources {
-            let (sum, centre) = image(source);
-            if sum < 0.9999 || source.electrons < 0.1 {
-                continue;
-            }
-            let miss = (centre[0] - source.centroid[0]).hypot(centre[1] - source.centroid[1]);
-            prop_assert!(
-                miss < 0.005,
-                "camera {which}: {miss} px, of {} e-",
-                source.electrons
-            );
-            compared.set(compared.get() + 1);
-            worst.set(miss.max(worst.get()));
-        }
-        Ok(())
-    });
-    println!("{} images, at most {:.1e} px", compared.get(), worst.get());
-    assert!(compared.get() > 500, "{}", compared.get());
-}
-
-/// The same through the emulator itself: stars of the catalogue in the frame's own pixels, one at a time.
-#[test]
-fn a_stars_label_is_the_centroid_of_its_frame() {
-    let mut emulator = starry(
-        camera(&[
-            ("optics.focal_length_mm", "60.0"),
-            ("detector.width_px", "128"),
-            ("detector.height_px", "128"),
-        ]),
-        Fidelity::REALTIME,
-    );
-    let stars: Vec<Vector3<f64>> = emulator
-        .world()
-        .stars
-        .catalog()
-        .stars()
-        .iter()
-        .step_by(400)
-        .map(|star| {
-            let ((sin_ra, cos_ra), (sin_dec, cos_dec)) =
-                (star.ra_rad.sin_cos(), star.dec_rad.sin_cos());
-            Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
-        })
-        .collect();
-    let mut compared = 0;
-    for star in stars {
-        let attitude = crate::stage::towards(&star);
-        let shot = emulator
-            .shoot(&vehicle(&attitude, [0.2, -0.3, 1.0]), 0)
-            .unwrap();
-        let [only] = &shot.label.objects[..] else {
-            continue;
-        };
-        let expected: Vec<f64> = shot
-            .frame
-            .expected_e
-            .unwrap()
-            .into_iter()
-            .map(f64::from)
-            .collect();
-        let (sum, [x, y]) = crate::stage::moments(&expected, 128);
-        if sum < 0.9999 * only.electrons || only.electrons < 10.0 {
-            continue;
-        }
-        assert!(
-            (x - only.x_px).hypot(y - only.y_px) < 0.005,
-            "{}: {x} {y}",
-            only.id
-        );
-        compared += 1;
-    }
-    assert!(compared > 10, "{compared}");
 }

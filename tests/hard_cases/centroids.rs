@@ -1,0 +1,173 @@
+//! Labels' centroids are those of the light.
+
+use crate::properties::{Worst, cameras, check, put, scenes};
+use crate::stage::{Light, behind, camera, emulator, light, moments, starry, towards, vehicle};
+use nalgebra::Vector3;
+use proptest::prelude::*;
+use skyloop::attitude::Attitude;
+use skyloop::fidelity::Fidelity;
+use skyloop::scene::Source;
+use std::cell::Cell;
+use std::f64::consts::{PI, TAU};
+
+/// Light, and its centre (px), of a source's own image on the detector.
+fn image(source: &Source) -> (f64, [f64; 2]) {
+    let (mut sum, mut x, mut y) = (0.0, 0.0, 0.0);
+    for (row, column, shares) in source.footprint.rows(0..usize::MAX) {
+        for (i, share) in shares.iter().enumerate() {
+            let share = f64::from(*share);
+            (sum, x, y) = (
+                sum + share,
+                x + share * (column + i) as f64,
+                y + share * row as f64,
+            );
+        }
+    }
+    (sum, [x / sum, y / sum])
+}
+
+/// Labels' centroids are those of the noise-free image, to 0.005 px, of all whose light is on the detector but for a ten thousandth: of any optics, shutter and rate. Of cores narrower than half a pixel's sigma
+/// the pixels have a centre of their own (below); and of less than a tenth of an electron
+/// wide wings (Moffat's) are laid evenly over too few pixels to be centred: a tenth of a pixel.
+#[test]
+fn labels_centroids_are_those_of_the_light() {
+    let faintest = Worst::default();
+    let compared = Cell::new(0);
+    let worst = Cell::new(0.0);
+    check(160, scenes(), |(which, attitude, rates, places)| {
+        let camera = &cameras()[which];
+        let emulator = emulator(camera.clone(), Fidelity::REALTIME, |_| {});
+        let lit = light(
+            &emulator,
+            &vehicle(&attitude, rates),
+            &put(camera, &attitude, &places),
+        );
+        for source in &lit.scene.sources {
+            let (sum, centre) = image(source);
+            if sum < 0.9999 {
+                continue;
+            }
+            let miss = (centre[0] - source.centroid[0]).hypot(centre[1] - source.centroid[1]);
+            if source.electrons < 0.1 && which == 3 {
+                faintest.of(miss);
+                continue;
+            }
+            prop_assert!(
+                miss < 0.005,
+                "camera {which}: {miss} px, of {} e-",
+                source.electrons
+            );
+            compared.set(compared.get() + 1);
+            worst.set(miss.max(worst.get()));
+        }
+        Ok(())
+    });
+    let faintest_px = faintest.get();
+    println!(
+        "{} images, at most {:.1e} px; of the faintest {faintest_px:.1e} px",
+        compared.get(),
+        worst.get()
+    );
+    assert!(faintest_px < 0.1, "{faintest_px}");
+    assert!(compared.get() > 500, "{}", compared.get());
+}
+
+/// Pixels of a narrow core have a centre of their own, for a camera as for an image. Reference: Poisson's summation of the Gaussian that a pixel integrates, `P(k) = exp(-2 pi^2 sigma^2 k^2) sin(pi k) / (pi k)`, of
+/// which only the slope is left at whole k: `sum (n - x) p(n - x) = sum over k > 0 of (-1)^k exp(-2 pi^2 sigma^2 k^2) sin(2 pi k x) / (pi k)`, a coordinate; its first term is what the README tells.
+#[test]
+fn centroids_of_narrow_cores_miss_by_what_sampling_leaves() {
+    let attitude = Attitude::identity();
+    for sigma in [0.1, 0.2, 0.3, 0.4, 0.5, 0.6] {
+        let text = sigma.to_string();
+        let camera = camera(&[("optics.psf.sigma_px", text.as_str())]);
+        let emulator = emulator(camera.clone(), Fidelity::REFERENCE, |_| {});
+        let of = |k: f64, x: f64| {
+            let sign = if k % 2.0 == 0.0 { 1.0 } else { -1.0 };
+            sign * (-2.0 * (PI * sigma * k).powi(2)).exp() * (TAU * k * x).sin() / (PI * k)
+        };
+        let series = |x: f64| (1..40).map(|k| of(f64::from(k), x)).sum::<f64>();
+        let mut most = 0.0_f64;
+        for i in 0..24 {
+            let off = [
+                f64::from(i) / 24.0 - 0.5,
+                f64::from(7 * i % 24) / 24.0 - 0.5,
+            ];
+            let at = off.map(|off| 30.0 + off);
+            let one = Light {
+                direction: behind(&camera, &attitude, at),
+                electrons: 1e5,
+            };
+            let lit = light(&emulator, &vehicle(&attitude, [0.0; 3]), &[one]);
+            let (_, centre) = moments(&lit.expected_e, 64);
+            let label = lit.scene.sources[0].centroid;
+            for axis in 0..2 {
+                let miss = centre[axis] - label[axis];
+                assert!(
+                    (miss - series(off[axis])).abs() < 1e-6,
+                    "{sigma} {off:?}: {miss}"
+                );
+                most = most.max(miss.abs());
+            }
+        }
+        let told = (-2.0 * (PI * sigma).powi(2)).exp() / PI;
+        println!("{sigma} px: {most:.4} px, {told:.4} by the first term");
+        assert!(
+            sigma < 0.2 || (most / told - 1.0).abs() < 0.02,
+            "{sigma}: {most} {told}"
+        );
+    }
+}
+
+/// The same through the emulator itself: stars of the catalogue in the frame's own pixels, one at a time.
+#[test]
+fn a_stars_label_is_the_centroid_of_its_frame() {
+    let mut emulator = starry(
+        camera(&[
+            ("optics.focal_length_mm", "60.0"),
+            ("detector.width_px", "128"),
+            ("detector.height_px", "128"),
+        ]),
+        Fidelity::REALTIME,
+    );
+    let stars: Vec<Vector3<f64>> = emulator
+        .world()
+        .stars
+        .catalog()
+        .stars()
+        .iter()
+        .step_by(400)
+        .map(|star| {
+            let ((sin_ra, cos_ra), (sin_dec, cos_dec)) =
+                (star.ra_rad.sin_cos(), star.dec_rad.sin_cos());
+            Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec)
+        })
+        .collect();
+    let mut compared = 0;
+    for star in stars {
+        let attitude = towards(&star);
+        let shot = emulator
+            .shoot(&vehicle(&attitude, [0.2, -0.3, 1.0]), 0)
+            .unwrap();
+        let [only] = &shot.label.objects[..] else {
+            continue;
+        };
+        let expected: Vec<f64> = shot
+            .frame
+            .expected_e
+            .unwrap()
+            .into_iter()
+            .map(f64::from)
+            .collect();
+        let (sum, [x, y]) = moments(&expected, 128);
+        if sum < 0.9999 * only.electrons || only.electrons < 10.0 {
+            continue;
+        }
+        assert!(
+            (x - only.x_px).hypot(y - only.y_px) < 0.005,
+            "{}: {x} {y}",
+            only.id
+        );
+        compared += 1;
+    }
+    assert!(compared > 10, "{compared}");
+}
