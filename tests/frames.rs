@@ -1,5 +1,5 @@
-//! Frames are the same bytes, whatever works them out: vector instructions or none, fused or pass by pass, one thread or several; and
-//! the same as when their checksums were written down.
+//! Frames and their labels are the same bytes, whatever works them out: vector instructions or none, fused or pass by pass, one thread or
+//! several; and frames are the same as when their checksums were written down.
 
 #[path = "support/scenes.rs"]
 mod scenes;
@@ -7,9 +7,8 @@ mod scenes;
 use std::path::Path;
 
 use skyloop::config::Config;
-use skyloop::engine::Emulator;
+use skyloop::engine::{Emulator, Shot};
 use skyloop::flight;
-use skyloop::frame::Frame;
 use skyloop::orbit::sgp4_batch::Level;
 use skyloop_protocols::crc::Crc32;
 
@@ -18,8 +17,8 @@ const CHECKSUMS: &str = include_str!("reference/frames.csv");
 /// Of each scene its first frame, and the last of at most so many.
 const MOST_FRAMES: u32 = 5;
 
-/// Those frames, with their numbers.
-fn frames(scene: &Path, level: Option<Level>, keep: bool) -> Vec<(u32, Frame)> {
+/// Those frames with their labels, and their numbers.
+fn shots(scene: &Path, level: Option<Level>, keep: bool) -> Vec<(u32, Shot)> {
     let mut config = Config::load(scene).unwrap();
     let mission = flight::mission(&config).unwrap();
     let mut emulator = Emulator::new(&mut config);
@@ -33,7 +32,7 @@ fn frames(scene: &Path, level: Option<Level>, keep: bool) -> Vec<(u32, Frame)> {
         let again = emulator.shoot(&vehicle, 0).unwrap().frame;
         assert!(again.digits == shot.frame.digits);
         emulator.recycle(again);
-        (number, shot.frame)
+        (number, shot)
     });
     shots.collect()
 }
@@ -48,27 +47,37 @@ fn in_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     pool.build().unwrap().install(work)
 }
 
+/// What each of two labels has from the first character on in which they differ; none where they do not.
+fn differing(a: &str, b: &str) -> Option<[String; 2]> {
+    const TOLD: usize = 80;
+    let alike = a.chars().zip(b.chars()).take_while(|(a, b)| a == b).count();
+    let rest = [a, b].map(|text| text.chars().skip(alike).take(TOLD).collect());
+    (a != b).then_some(rest)
+}
+
 #[test]
 fn levels_threads_and_fusing_give_the_same_bytes_and_those_written_down() {
     let mut table = String::from("scene,frame,pixels_crc32\n");
     for scene in scenes::scenes() {
-        let plain = in_threads(1, || frames(&scene, None, false));
+        let plain = in_threads(1, || shots(&scene, None, false));
         let ways = Level::available().into_iter().map(Some);
         for (level, keep, threads) in ways.map(|level| (level, false, 1)).chain([
             (Some(Level::best()), true, 1),
             (Some(Level::best()), false, 3),
         ]) {
-            let others = in_threads(threads, || frames(&scene, level, keep));
+            let others = in_threads(threads, || shots(&scene, level, keep));
             for ((number, a), (_, b)) in plain.iter().zip(&others) {
                 let what = format!(
                     "{}, frame {number}, {level:?}, {threads} threads",
                     name(&scene)
                 );
-                assert!(a.digits == b.digits, "{what}");
+                assert!(a.frame.digits == b.frame.digits, "{what}");
+                // Labels tell no time that was measured: their prices are of the scene.
+                assert_eq!(differing(&a.json, &b.json), None, "{what}");
             }
         }
-        for (number, frame) in plain {
-            let crc = Crc32::new().update_pixels(&frame.digits).finish();
+        for (number, shot) in plain {
+            let crc = Crc32::new().update_pixels(&shot.frame.digits).finish();
             table += &format!("{},{number},{crc:08x}\n", name(&scene));
         }
     }
