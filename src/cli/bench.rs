@@ -47,9 +47,147 @@ fn measure<R: Report>(form: Form) -> anyhow::Result<()> {
         bar.inc(1);
     })?;
     bar.finish_and_clear();
-    match form.json {
-        true => say(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?,
-        false => say(format_args!("{report}"))?,
-    }
+    say(format_args!("{}", form.text(&report)?))?;
     Ok(())
+}
+
+impl Form {
+    /// A report as it is printed.
+    fn text<R: Report>(&self, report: &R) -> serde_json::Result<String> {
+        Ok(match self.json {
+            true => format!("{}\n", serde_json::to_string_pretty(report)?),
+            false => report.to_string(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+    use skyloop::measure::{Machine, Row};
+
+    fn row(work: &str, [least, most]: [Option<f64>; 2]) -> Row {
+        Row {
+            work: work.to_string(),
+            against: "another",
+            time: 2.0,
+            against_time: 20.5,
+            ratio: 10.25,
+            spread: [10.0, 11.0],
+            least,
+            most,
+        }
+    }
+
+    fn machine() -> Machine {
+        Machine {
+            cpu: "made up".to_string(),
+            threads: 2,
+            load: Some(0.5),
+            level: "portable".to_string(),
+        }
+    }
+
+    fn parsed<R: Report>(report: &R) -> Value {
+        let text = Form { json: true }.text(report).unwrap();
+        assert!(text.ends_with("}\n"), "{text}");
+        serde_json::from_str(&text).unwrap()
+    }
+
+    fn frame_report() -> frames::Report {
+        frames::Report {
+            machine: machine(),
+            noise: vec![row("noise", [Some(10.0), None])],
+            frames: vec![row("frame", [None, None]), row("smear", [None, Some(4.0)])],
+        }
+    }
+
+    #[test]
+    fn json_of_frames_has_the_machine_and_all_of_each_row() {
+        let row = |work, least: Value, most: Value| {
+            json!({
+                "work": work, "against": "another", "time": 2.0, "against_time": 20.5,
+                "ratio": 10.25, "spread": [10.0, 11.0], "least": least, "most": most
+            })
+        };
+        assert_eq!(
+            parsed(&frame_report()),
+            json!({
+                "cpu": "made up", "threads": 2, "load": 0.5, "level": "portable",
+                "noise": [row("noise", json!(10.0), Value::Null)],
+                "frames": [
+                    row("frame", Value::Null, Value::Null),
+                    row("smear", Value::Null, json!(4.0))
+                ]
+            })
+        );
+        let unknown = frames::Report {
+            machine: Machine {
+                load: None,
+                ..machine()
+            },
+            ..frame_report()
+        };
+        assert_eq!(parsed(&unknown)["load"], Value::Null);
+    }
+
+    #[test]
+    fn json_of_orbits_has_rows_the_whole_step_and_the_scale() {
+        let report = orbits::Report {
+            machine: machine(),
+            rows: vec![row("batch", [None, None])],
+            step: orbits::Step {
+                objects: 1,
+                frames: 2,
+                p50_ms: 3.0,
+                p99_ms: 4.0,
+                first_ms: 5.0,
+                exact_p50_ms: 6.0,
+                found: [7.0, 8.0, 9.0],
+                octets: 10.0,
+            },
+            scale: vec![orbits::Scale {
+                objects: 11,
+                exact_ns: 12.0,
+                tracked_ns: 13.0,
+            }],
+        };
+        let json = parsed(&report);
+        assert_eq!(json["cpu"], "made up");
+        assert_eq!(json["rows"][0]["work"], "batch");
+        assert_eq!(
+            json["step"],
+            json!({
+                "objects": 1, "frames": 2, "p50_ms": 3.0, "p99_ms": 4.0, "first_ms": 5.0,
+                "exact_p50_ms": 6.0, "found": [7.0, 8.0, 9.0], "octets": 10.0
+            })
+        );
+        assert_eq!(
+            json["scale"],
+            json!([{"objects": 11, "exact_ns": 12.0, "tracked_ns": 13.0}])
+        );
+    }
+
+    #[test]
+    fn the_table_has_the_same_and_marks_what_is_not_kept() {
+        let text = Form { json: false }.text(&frame_report()).unwrap();
+        for words in [
+            "made up, 2 threads, load 0.50, portable",
+            "ns a pixel",
+            "noise",
+            "10.2 x",
+        ] {
+            assert!(text.contains(words), "no {words:?} in\n{text}");
+        }
+        let broken: Vec<&str> = text
+            .lines()
+            .filter(|line| line.ends_with("NOT kept"))
+            .collect();
+        assert!(
+            broken.len() == 1 && broken[0].starts_with("smear"),
+            "{text}"
+        );
+        assert_eq!(frame_report().broken().len(), 1);
+    }
 }

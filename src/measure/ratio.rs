@@ -217,3 +217,105 @@ pub(super) fn quantiles(mut values: Vec<f64>) -> impl Fn(f64) -> f64 {
             .unwrap_or(f64::NAN)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(ratio: f64, least: Option<f64>, most: Option<f64>) -> Row {
+        Row {
+            work: "stars".to_string(),
+            against: "sand",
+            time: 3.0,
+            against_time: 3.0 * ratio,
+            ratio,
+            spread: [ratio / 2.0, ratio * 2.0],
+            least,
+            most,
+        }
+    }
+
+    #[test]
+    fn a_promise_is_kept_up_to_its_bound_on_either_side() {
+        for (ratio, least, most, kept) in [
+            (8.0, Some(8.0), None, true),
+            (7.99, Some(8.0), None, false),
+            (800.0, Some(8.0), None, true),
+            (4.0, None, Some(4.0), true),
+            (4.01, None, Some(4.0), false),
+            (0.1, None, Some(4.0), true),
+            (0.1, None, None, true),
+            (f64::NAN, Some(8.0), None, false),
+            (f64::NAN, None, Some(4.0), false),
+        ] {
+            let row = of(ratio, least, most);
+            assert_eq!(row.is_kept(), kept, "{ratio} {least:?} {most:?}");
+            assert_eq!(row.broken().is_none(), kept, "{ratio} {least:?} {most:?}");
+            assert_eq!(row.to_string().ends_with("NOT kept"), !kept);
+        }
+    }
+
+    #[test]
+    fn what_is_broken_names_the_work_its_ratio_and_the_promise() {
+        let broken = |least, most| of(5.0, least, most).broken();
+        assert_eq!(
+            broken(Some(8.0), None).as_deref(),
+            Some("stars: 5.0 x is not >= 8 x")
+        );
+        assert_eq!(
+            broken(None, Some(4.0)).as_deref(),
+            Some("stars: 5.0 x is not <= 4 x")
+        );
+    }
+
+    #[test]
+    fn at_most_turns_the_ratio_and_its_quartiles_round() {
+        let row = of(0.5, Some(9.0), None).at_most(4.0);
+        // X-Val: by hand, of 0.5 with quartiles 0.25 and 1.
+        assert_eq!((row.ratio, row.spread), (2.0, [1.0, 4.0]));
+        assert_eq!((row.least, row.most), (None, Some(4.0)));
+        // What was timed stays what it was.
+        assert_eq!((row.time, row.against_time), (3.0, 1.5));
+        assert!(row.is_kept());
+        assert!(!of(0.2, None, None).at_most(4.0).is_kept());
+    }
+
+    #[test]
+    fn quantiles_are_those_of_values_in_any_order() {
+        let of = quantiles(vec![30.0, 10.0, 50.0, 20.0, 40.0]);
+        // X-Val: by hand.
+        let parts = [0.0, 0.25, 0.5, 0.75, 1.0].map(of);
+        assert_eq!(parts, [10.0, 20.0, 30.0, 40.0, 50.0]);
+        assert_eq!(quantiles(vec![7.0])(0.75), 7.0);
+        assert!(quantiles(Vec::new())(0.5).is_nan());
+    }
+
+    #[test]
+    fn a_row_has_medians_of_what_each_work_takes_and_how_often_the_other_takes_as_long() {
+        // What is done is counted, and what it takes is slept.
+        let (mut ours, mut theirs) = (0, 0);
+        let sleep = |ms| std::thread::sleep(std::time::Duration::from_millis(ms));
+        let row = row(
+            "stars".to_string(),
+            "sand",
+            Some(1.5),
+            10,
+            [1_000_000, 500_000],
+            |_| {
+                ours += 1;
+                sleep(2);
+            },
+            |_| {
+                theirs += 1;
+                sleep(4);
+            },
+        );
+        assert_eq!((ours, theirs), (10, 10));
+        // X-Val: sleeps are never shorter; 4 ms for half as many objects against 2 ms are 4 times as much for each. A shared machine wakes late.
+        assert!(row.time >= 2.0 && row.against_time >= 8.0, "{row}");
+        let [low, high] = row.spread;
+        assert!(low <= row.ratio && row.ratio <= high, "{row}");
+        assert!(row.ratio > 1.0, "{row}");
+        assert_eq!((row.least, row.most), (Some(1.5), None));
+    }
+}

@@ -4,6 +4,7 @@ use super::Setting;
 use crate::attitude::VehicleState;
 use crate::engine::Emulator;
 use crate::fidelity::{Choice, Fidelity};
+use crate::footprint::Footprint;
 use crate::frame::{Frame, Memory};
 use crate::label::VISIBLE_SNR;
 use crate::plan::Plan;
@@ -57,9 +58,9 @@ struct Drawn {
 }
 
 impl Drawn {
-    fn of(source: &Source, rows: usize) -> Drawn {
+    fn of(footprint: &Footprint, electrons: f64, rows: usize) -> Drawn {
         let (mut light, mut moments) = (0.0, [0.0; 2]);
-        for (row, column, shares) in source.footprint.rows(0..rows) {
+        for (row, column, shares) in footprint.rows(0..rows) {
             for (column, share) in (column..).zip(shares) {
                 let share = f64::from(*share);
                 light += share;
@@ -68,7 +69,7 @@ impl Drawn {
             }
         }
         Drawn {
-            electrons: light * source.electrons,
+            electrons: light * electrons,
             centre: moments.map(|moment| moment / light),
         }
     }
@@ -113,7 +114,8 @@ pub fn add(
         .sources
         .iter()
         .filter(|source| source.snr >= VISIBLE_SNR);
-    let drawn = seen.map(|source| (source, Drawn::of(source, rows)));
+    let drawn_of = |source: &Source| Drawn::of(&source.footprint, source.electrons, rows);
+    let drawn = seen.map(|source| (source, drawn_of(source)));
     let whole = drawn.filter(|(source, drawn)| drawn.electrons >= WHOLE * source.electrons);
     let images: HashMap<_, Drawn> = whole
         .map(|(source, drawn)| (source.body.identity(), drawn))
@@ -123,26 +125,17 @@ pub fn add(
         let sources = scene.sources.iter();
         let known = sources.filter_map(|source| {
             let truth = images.get(&source.body.identity())?;
-            Some((truth, Drawn::of(source, rows)))
+            Some((truth, drawn_of(source)))
         });
         let found = known.fold(0, |found, (truth, drawn)| {
             sums.image(truth, &drawn);
             found + 1
         });
-        // All light of the others is lost.
-        let lost = images.len().saturating_sub(found) as f64;
-        sums.images += lost;
-        sums.light_squared += lost;
-        sums.frames += 1.0;
-        sums.background_e += scene.background_e() - truth.background_e();
+        sums.lost(images.len().saturating_sub(found));
+        sums.background(scene.background_e() - truth.background_e());
         let [charge, true_charge] =
             [&frame, &true_frame].map(|frame| frame.charge_e.as_deref().unwrap_or_default());
-        for (e, true_e) in charge.iter().zip(true_charge) {
-            let off = f64::from(*e) - f64::from(*true_e);
-            sums.pixels += 1.0;
-            sums.pixels_squared += off * off;
-            sums.worst_e = sums.worst_e.max(off.abs());
-        }
+        sums.pixels(true_charge, charge);
     }
     Ok(())
 }
@@ -158,6 +151,29 @@ impl Sums {
             self.moved += 1.0;
             self.moves = [0, 1].map(|axis| self.moves[axis] + moves[axis]);
             self.moves_squared += moves[0] * moves[0] + moves[1] * moves[1];
+        }
+    }
+
+    /// All light of so many images.
+    fn lost(&mut self, images: usize) {
+        let images = images as f64;
+        self.images += images;
+        self.light_squared += images;
+    }
+
+    /// What a frame's background is off by, e-.
+    fn background(&mut self, off_e: f64) {
+        self.frames += 1.0;
+        self.background_e += off_e;
+    }
+
+    /// What pixels hold, e-.
+    fn pixels(&mut self, truth_e: &[f32], drawn_e: &[f32]) {
+        for (e, true_e) in drawn_e.iter().zip(truth_e) {
+            let off = f64::from(*e) - f64::from(*true_e);
+            self.pixels += 1.0;
+            self.pixels_squared += off * off;
+            self.worst_e = self.worst_e.max(off.abs());
         }
     }
 
@@ -184,5 +200,143 @@ impl Sums {
             frame_rms_e: mean(self.pixels_squared, self.pixels).sqrt(),
             worst_e: self.worst_e,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::flight;
+
+    /// An image of so many electrons on a detector of 4 x 4 pixels: its shares by column and row.
+    fn image(electrons: f64, shares: &[([usize; 2], f32)]) -> Drawn {
+        const SIDE: usize = 4;
+        let mut all = vec![0.0; SIDE * SIDE];
+        for ([column, row], share) in shares {
+            all[row * SIDE + column] = *share;
+        }
+        Drawn::of(&Footprint::whole(SIDE, all), electrons, SIDE)
+    }
+
+    fn assert_near(value: f64, wanted: f64) {
+        assert!((value - wanted).abs() <= 1e-12 * wanted, "{value} {wanted}");
+    }
+
+    /// One image that moves by (0.5, 0) px, and one by (-0.5, 0.25) px with three quarters of its light left.
+    fn two_images() -> Sums {
+        let mut sums = Sums::default();
+        sums.image(
+            &image(1000.0, &[([1, 1], 0.5), ([2, 1], 0.5)]),
+            &image(1000.0, &[([2, 1], 1.0)]),
+        );
+        sums.image(
+            &image(200.0, &[([2, 2], 1.0)]),
+            &image(
+                200.0,
+                &[([1, 2], 0.1875), ([1, 3], 0.1875), ([2, 2], 0.375)],
+            ),
+        );
+        sums
+    }
+
+    #[test]
+    fn an_image_is_its_light_on_the_detector_and_the_centre_of_that() {
+        let drawn = image(80.0, &[([1, 2], 0.25), ([3, 2], 0.125), ([3, 0], 0.125)]);
+        // X-Val: by hand, half of 80 e-; columns (1 + 3) / 2, rows (2 + 2 / 2 + 0) / 2.
+        assert_eq!((drawn.electrons, drawn.centre), (40.0, [2.0, 1.5]));
+    }
+
+    #[test]
+    fn moves_that_cancel_are_no_bias_and_all_of_them_are_in_the_rms() {
+        let errors = two_images().errors();
+        // X-Val: by hand, the second image's centre is 1/2 (2, 2) + 1/4 (1, 2) + 1/4 (1, 3) = (1.5, 2.25). The mean of the moves is (0, 0.125), the rms
+        // (1/2 (0.5^2 + 0.5^2 + 0.25^2))^(1/2); of the light 0 and -1/4 it is (1/2 (1/4)^2)^(1/2).
+        assert_near(errors.centroid_bias_mpx, 125.0);
+        assert_near(errors.centroid_rms_mpx, 1e3 * 0.28125f64.sqrt());
+        assert_near(errors.photometry_ppm, 1e6 * 0.03125f64.sqrt());
+        let others = [errors.background_e, errors.frame_rms_e, errors.worst_e];
+        assert_eq!(others, [0.0; 3]);
+    }
+
+    #[test]
+    fn a_lost_image_is_off_by_all_its_light_and_moves_nothing() {
+        let (mut lost, mut dark) = (two_images(), two_images());
+        lost.lost(1);
+        // Found again, but with no light on the detector.
+        dark.image(&image(9.0, &[([1, 1], 1.0)]), &image(9.0, &[]));
+        for sums in [lost, dark] {
+            let (errors, before) = (sums.errors(), two_images().errors());
+            // X-Val: by hand, (1/3 ((1/4)^2 + 1))^(1/2).
+            assert_near(errors.photometry_ppm, 1e6 * (1.0625f64 / 3.0).sqrt());
+            assert_eq!(errors.centroid_bias_mpx, before.centroid_bias_mpx);
+            assert_eq!(errors.centroid_rms_mpx, before.centroid_rms_mpx);
+        }
+    }
+
+    #[test]
+    fn background_is_a_mean_of_frames_and_pixels_are_an_rms_and_the_worst() {
+        let mut sums = Sums::default();
+        sums.background(0.5);
+        sums.pixels(&[10.0, 20.0, 7.0], &[13.0, 20.0, 7.0]);
+        sums.background(-0.125);
+        sums.pixels(&[0.0, 5.0, 7.0], &[0.0, 1.0, 12.0]);
+        sums.background(0.0);
+        sums.pixels(&[2.0; 3], &[2.0; 3]);
+        sums.background(0.0);
+        sums.pixels(&[2.0; 3], &[0.0, 2.0, 2.0]);
+        // X-Val: by hand, off by 3, -4, 5 and -2 of twelve.
+        let errors = Errors {
+            background_e: 0.09375,
+            frame_rms_e: 4.5f64.sqrt(),
+            worst_e: 5.0,
+            ..Errors::default()
+        };
+        assert_eq!(sums.errors(), errors);
+        sums.pixels(&[9.0], &[1.0]);
+        assert_eq!(sums.errors().worst_e, 8.0, "too little is off too");
+        assert_eq!(Sums::default().errors(), Errors::default());
+    }
+
+    #[test]
+    fn the_reference_is_off_by_nothing_and_stars_that_are_left_out_by_their_light() {
+        let mut config = Config::builtin().unwrap();
+        // Stars that labels list have images: those of a higher ratio alone are.
+        config.label_snr = 100.0;
+        let mission = flight::mission(&config).unwrap();
+        let vehicle = flight::vehicle(&mission, 0).unwrap();
+        let mut emulator = Emulator::new(&mut config);
+        let reference = Fidelity::REFERENCE;
+        let star_snr = 10.0;
+        let settings = [
+            reference,
+            Fidelity {
+                star_snr,
+                ..reference
+            },
+        ]
+        .map(|fidelity| Setting {
+            name: String::new(),
+            moved: None,
+            fidelity,
+        });
+        let mut sums = [Sums::default(); 2];
+        add(&mut emulator, &vehicle, &settings, &mut sums).unwrap();
+        let [same, fewer] = sums.map(|sums| (sums, sums.errors()));
+        assert_eq!(same.1, Errors::default());
+        assert_eq!(same.0.images, fewer.0.images);
+        assert_eq!(same.0.images, same.0.moved);
+        let lost = fewer.0.images - fewer.0.moved;
+        assert!(lost > 0.0 && fewer.0.moved > 0.0, "{lost}");
+        let Errors {
+            centroid_rms_mpx,
+            photometry_ppm,
+            background_e,
+            worst_e,
+            ..
+        } = fewer.1;
+        assert_eq!((centroid_rms_mpx, background_e), (0.0, 0.0));
+        assert_near(photometry_ppm, 1e6 * (lost / fewer.0.images).sqrt());
+        assert!(worst_e > 1.0, "{worst_e}");
     }
 }
