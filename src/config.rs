@@ -7,7 +7,7 @@ mod shapes;
 use crate::attitude::Attitude;
 use crate::camera::Camera;
 use crate::effect::EFFECTS;
-use crate::fidelity::{Choice, Fidelity};
+use crate::fidelity::{Choice, Coarser, Fidelity};
 use crate::load::{
     Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, advice, orbits, parse,
 };
@@ -116,8 +116,8 @@ pub struct Run {
     pub idle_s: f64,
     /// What is done where a frame would be late.
     pub on_overrun: OnOverrun,
-    /// What is rendered by then, coarser and coarser.
-    pub coarsen: Vec<Fidelity>,
+    /// What is made coarser then, one after another.
+    pub coarsen: Vec<Coarser>,
 }
 
 /// What is done where a frame would not be there a period after its exposure's end, by the wall clock.
@@ -339,7 +339,7 @@ impl Config {
             looks,
             observer,
             sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
-            run: raw.run.validate(fidelity, &check)?,
+            run: raw.run.validate(&check)?,
         })
     }
 }
@@ -406,7 +406,7 @@ impl RawSky {
 }
 
 impl RawRun {
-    fn validate(self, fidelity: Fidelity, check: &Check) -> Result<Run, ConfigError> {
+    fn validate(self, check: &Check) -> Result<Run, ConfigError> {
         let links = match self.link {
             OneOrMore::One(link) => vec![link],
             OneOrMore::More(links) if links.is_empty() => {
@@ -435,7 +435,7 @@ impl RawRun {
             clock: self.clock,
             idle_s: check.range("run.idle_s", self.idle_s, 0.0..=1e6)?,
             on_overrun: self.on_overrun,
-            coarsen: fidelity::steps(fidelity, &self.coarsen, check)?,
+            coarsen: fidelity::steps(&self.coarsen, check)?,
         })
     }
 }

@@ -1,7 +1,9 @@
 //! What accuracy is asked for, as bounds of errors in field units; never a "quality" from 1 to 10.
 
+mod coarser;
 mod knobs;
 
+pub use coarser::Coarser;
 pub use knobs::{Allowed, Knob, Setting, Value};
 
 use Allowed::{Numbers, Words};

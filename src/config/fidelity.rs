@@ -1,6 +1,6 @@
 //! The key `fidelity`: the name of a preset, or a table of a preset and the knobs that differ from it.
 
-use crate::fidelity::{Allowed, Fidelity, KNOBS, Knob, PRESETS, Value};
+use crate::fidelity::{Allowed, Coarser, Fidelity, KNOBS, Knob, PRESETS, Value};
 use crate::load::{Check, ConfigError, advice};
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
 use std::fmt;
@@ -57,47 +57,38 @@ impl RawFidelity {
     }
 }
 
-/// What each of `run.coarsen` comes to: a preset, or a knob of what stands before it, of `fidelity` first.
-pub fn steps(
-    fidelity: Fidelity,
-    texts: &[String],
-    check: &Check,
-) -> Result<Vec<Fidelity>, ConfigError> {
+/// What each of `run.coarsen` asks for: a preset, or a knob.
+pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigError> {
     if texts.is_empty() {
         let allowed = "at least one preset or knob, such as [\"fast\"]";
         return Err(check.refuse("run.coarsen", "[]", allowed));
     }
-    let (mut step, mut steps) = (fidelity, Vec::new());
-    for (i, text) in texts.iter().enumerate() {
+    let step = |(i, text): (usize, &String)| {
         let key = format!("run.coarsen[{i}]");
-        step = match (Fidelity::preset(text), text.split_once('=')) {
-            (Some(preset), _) => preset,
-            (None, Some((name, given))) => {
-                let (name, given) = (name.trim(), given.trim());
-                let names: Vec<&str> = KNOBS.iter().map(|knob| knob.name).collect();
-                let knob = Knob::named(name).ok_or_else(|| {
-                    let reason = format!("unknown knob `{name}`{}", advice(name, &names));
-                    check.explain(&key, reason)
-                })?;
-                let raw = match given.parse() {
-                    Ok(number) => Raw::Number(number),
-                    Err(_) => Raw::Word(given.trim_matches('"').to_string()),
-                };
-                (knob.set)(&mut step, value(&key, knob, raw, check)?);
-                step
-            }
-            (None, None) => {
-                let names: Vec<_> = PRESETS.iter().map(|(name, _)| *name).collect();
-                let allowed = format!(
-                    "one of {}, or a knob such as \"wing_e = 0.5\"",
-                    names.join(", ")
-                );
-                return Err(check.refuse(&key, format!("{text:?}"), allowed));
-            }
+        if let Some((name, preset)) = PRESETS.iter().find(|(name, _)| name == text) {
+            return Ok(Coarser::Preset(name, *preset));
+        }
+        let Some((name, given)) = text.split_once('=') else {
+            let names: Vec<_> = PRESETS.iter().map(|(name, _)| *name).collect();
+            let allowed = format!(
+                "one of {}, or a knob such as \"wing_e = 0.5\"",
+                names.join(", ")
+            );
+            return Err(check.refuse(&key, format!("{text:?}"), allowed));
         };
-        steps.push(step);
-    }
-    Ok(steps)
+        let (name, given) = (name.trim(), given.trim());
+        let knob = Knob::named(name).ok_or_else(|| {
+            let names: Vec<&str> = KNOBS.iter().map(|knob| knob.name).collect();
+            let reason = format!("unknown knob `{name}`{}", advice(name, &names));
+            check.explain(&key, reason)
+        })?;
+        let raw = match given.parse() {
+            Ok(number) => Raw::Number(number),
+            Err(_) => Raw::Word(given.trim_matches('"').to_string()),
+        };
+        Ok(Coarser::Knob(knob, value(&key, knob, raw, check)?))
+    };
+    texts.iter().enumerate().map(step).collect()
 }
 
 /// What `knob` is set to by `key`.

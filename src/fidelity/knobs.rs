@@ -30,7 +30,7 @@ pub struct Knob {
 pub enum Allowed {
     /// From the least to the greatest.
     Numbers([f64; 2]),
-    /// One of several methods.
+    /// One of several methods, the fastest first.
     Words(&'static [&'static str]),
 }
 
@@ -89,6 +89,18 @@ impl Knob {
     /// The knob called `name`.
     pub fn named(name: &str) -> Option<&'static Knob> {
         super::KNOBS.iter().find(|knob| knob.name == name)
+    }
+
+    /// Whether a frame by the one value is coarser or faster than by the other: a greater tolerance, or a method that stands before.
+    pub fn is_coarser(&self, one: Value, other: Value) -> bool {
+        match (one, other, self.allowed) {
+            (Value::Number(one), Value::Number(other), _) => one > other,
+            (Value::Word(one), Value::Word(other), Allowed::Words(words)) => {
+                let place = |word| words.iter().position(|other| *other == word);
+                place(one) < place(other)
+            }
+            _ => false,
+        }
     }
 
     /// Whether two settings have it in common.

@@ -111,7 +111,7 @@ impl Server {
         let wall = WallClock::new(emulator.camera().rate_hz);
         let links = links.into_iter();
         Server {
-            overrun: Overrun::new(OnOverrun::Late, *emulator.fidelity(), &[]),
+            overrun: Overrun::new(OnOverrun::Late, *emulator.fidelity(), &[]).0,
             emulator,
             channels: links
                 .map(|(wire, roles)| Channel::new(wire, roles, output))
@@ -127,9 +127,21 @@ impl Server {
         }
     }
 
-    /// Does what `run` says where a frame would be late by the wall clock.
+    /// Does what `run` says where a frame would be late by the wall clock; by the tolerances that the emulator has now, and coarser ones.
     pub fn set_overrun(&mut self, run: &Run) {
-        self.overrun = Overrun::new(run.on_overrun, *self.emulator.fidelity(), &run.coarsen);
+        let fidelity = *self.emulator.fidelity();
+        let (overrun, idle) = Overrun::new(run.on_overrun, fidelity, &run.coarsen);
+        self.overrun = overrun;
+        for step in idle {
+            tracing::warn!(
+                "run.coarsen: {step} makes nothing coarser than what stands before it, the run's `fidelity` first, and is passed over; leave it out, or name what is coarser"
+            );
+        }
+        if run.on_overrun == OnOverrun::Coarsen && self.overrun.fidelity(1).is_none() {
+            tracing::warn!(
+                "run.on_overrun = \"coarsen\": none of `run.coarsen` makes frames coarser, so that those which would be late come late; name knobs such as \"wing_e = 1\""
+            );
+        }
     }
 
     /// Where the emulator listens, link by link.

@@ -4,7 +4,7 @@
 //! than it did, so that it is tried again: a frame that takes twice too long every 11th exposure.
 
 use crate::config::OnOverrun;
-use crate::fidelity::Fidelity;
+use crate::fidelity::{Coarser, Fidelity};
 use std::time::Duration;
 
 /// What is left of an estimate at each frame that does not renew it.
@@ -29,6 +29,15 @@ struct Level {
     took_s: Option<f64>,
 }
 
+impl Level {
+    fn untried(fidelity: Fidelity) -> Level {
+        Level {
+            fidelity,
+            took_s: None,
+        }
+    }
+}
+
 /// What is to be done with an exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
@@ -44,24 +53,34 @@ pub enum Verdict {
 }
 
 impl Overrun {
-    /// Renders by `fidelity`, and where that would be late and so it is configured by what is `coarser`, in this order.
-    pub fn new(policy: OnOverrun, fidelity: Fidelity, coarser: &[Fidelity]) -> Overrun {
-        let coarser = match policy {
-            OnOverrun::Coarsen => coarser,
+    /// Renders by `fidelity`, and where that would be late and so it is configured by what each of `steps` makes of what stands before it. Those that make nothing
+    /// coarser are no levels: they are told of.
+    pub fn new(
+        policy: OnOverrun,
+        fidelity: Fidelity,
+        steps: &[Coarser],
+    ) -> (Overrun, Vec<Coarser>) {
+        let steps = match policy {
+            OnOverrun::Coarsen => steps,
             OnOverrun::Late | OnOverrun::Drop => &[],
         };
-        let levels = [&fidelity].into_iter().chain(coarser);
-        Overrun {
+        let (mut last, mut idle) = (fidelity, Vec::new());
+        let mut levels = vec![Level::untried(fidelity)];
+        for step in steps {
+            let coarser = step.than(&last);
+            match coarser == last {
+                true => idle.push(*step),
+                false => levels.push(Level::untried(coarser)),
+            }
+            last = coarser;
+        }
+        let overrun = Overrun {
             policy,
-            levels: levels
-                .map(|fidelity| Level {
-                    fidelity: *fidelity,
-                    took_s: None,
-                })
-                .collect(),
+            levels,
             dropped: 0,
             newly_dropped: false,
-        }
+        };
+        (overrun, idle)
     }
 
     /// What is to be done with an exposure whose frame is late after this time; none: never.
@@ -119,20 +138,22 @@ impl Overrun {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fidelity::{Knob, Value};
 
     fn ms(ms: u64) -> Duration {
         Duration::from_millis(ms)
     }
 
     fn of(policy: OnOverrun) -> Overrun {
-        let coarser = [
-            Fidelity::FAST,
-            Fidelity {
-                wing_e: 1.0,
-                ..Fidelity::FAST
-            },
-        ];
-        Overrun::new(policy, Fidelity::REALTIME, &coarser)
+        Overrun::new(policy, Fidelity::REALTIME, &[fast(), wing_e(1.0)]).0
+    }
+
+    fn fast() -> Coarser {
+        Coarser::Preset("fast", Fidelity::FAST)
+    }
+
+    fn wing_e(wing_e: f64) -> Coarser {
+        Coarser::Knob(Knob::named("wing_e").unwrap(), Value::Number(wing_e))
     }
 
     fn shoot(level: usize, overrun: impl Into<Option<&'static str>>) -> Verdict {
@@ -203,5 +224,54 @@ mod tests {
         let next: Vec<Verdict> = (0..12).map(|_| overrun.decide(Some(ms(100)))).collect();
         assert!(next.contains(&shoot(0, None)), "{next:?}");
         assert_eq!(overrun.dropped, 0);
+    }
+
+    /// The settings of all levels, and the steps that are none, from `fidelity` on.
+    fn levels(fidelity: Fidelity, steps: &[Coarser]) -> (Vec<Fidelity>, Vec<String>) {
+        let (overrun, idle) = Overrun::new(OnOverrun::Coarsen, fidelity, steps);
+        let levels = (0..).map_while(|level| overrun.fidelity(level)).collect();
+        (levels, idle.iter().map(|step| step.to_string()).collect())
+    }
+
+    #[test]
+    fn steps_are_of_the_setting_that_the_run_has() {
+        for fidelity in [Fidelity::FAST, Fidelity::REALTIME, Fidelity::REFERENCE] {
+            let coarser = Fidelity {
+                wing_e: 0.5,
+                ..fidelity
+            };
+            let (levels, idle) = levels(fidelity, &[wing_e(0.5)]);
+            assert_eq!(levels, [fidelity, coarser]);
+            assert_eq!(idle.len(), 0);
+        }
+    }
+
+    #[test]
+    fn what_makes_nothing_coarser_is_no_level_and_is_told() {
+        let fastest = Fidelity {
+            wing_e: 0.5,
+            ..Fidelity::FAST
+        };
+        let reference = Coarser::Preset("reference", Fidelity::REFERENCE);
+        let steps = [reference, fast(), wing_e(0.1), wing_e(0.5), fast()];
+        assert_eq!(
+            levels(Fidelity::FAST, &steps),
+            (
+                vec![Fidelity::FAST, fastest],
+                ["\"reference\"", "\"fast\"", "\"wing_e = 0.1\"", "\"fast\""]
+                    .map(str::to_string)
+                    .to_vec()
+            )
+        );
+        // With no step left a late frame is late.
+        let (mut overrun, idle) = Overrun::new(OnOverrun::Coarsen, Fidelity::FAST, &[fast()]);
+        assert_eq!(idle.len(), 1);
+        overrun.learn(0, ms(200));
+        assert_eq!(overrun.decide(Some(ms(100))), shoot(0, "late"));
+        // Nobody asks for steps that are not taken.
+        for policy in [OnOverrun::Late, OnOverrun::Drop] {
+            let (overrun, idle) = Overrun::new(policy, Fidelity::FAST, &[fast()]);
+            assert_eq!((overrun.levels.len(), idle.len()), (1, 0));
+        }
     }
 }

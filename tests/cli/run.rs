@@ -1,10 +1,10 @@
 //! `skyloop run`: a process of its own, a client, and the signal that ends it.
 #![cfg(unix)]
 
-use crate::repository;
 use crate::support::client::Client;
 use crate::support::line::{Line, PtyLine, UdpLine};
 use crate::support::{PATIENCE, await_that};
+use crate::{repository, skyloop};
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStdout, Command, Stdio};
 
@@ -143,4 +143,44 @@ fn a_serial_client_that_reads_late_still_gets_the_last_frame() {
     let mut client = Client::new(line);
     assert_eq!(client.good_frame(1).header.frame, 0);
     assert_eq!(process.end().0, Some(0));
+}
+
+#[test]
+fn steps_that_make_nothing_coarser_are_warned_of() {
+    let here = tempfile::tempdir().unwrap();
+    // Nothing fits a link so slow: the run ends before it waits for a client.
+    let warned = |keys: &str| {
+        let text = format!(
+            "fidelity = \"fast\"\n[run]\nclock = \"wall\"\nlink = \"udp://127.0.0.1:0?rate_mbit=0.01\"\n{keys}"
+        );
+        std::fs::write(here.path().join("run.toml"), text).unwrap();
+        let run = ["run", "--config", "run.toml"];
+        let output = skyloop(here.path()).args(run).output().unwrap();
+        let log = String::from_utf8(output.stderr).unwrap();
+        assert!(log.contains("at most"), "{log}");
+        let lines = log.lines().filter(|line| line.contains("WARN"));
+        let warned: Vec<String> = lines.map(str::to_string).collect();
+        warned
+    };
+    let coarsen = |steps: &str| warned(&format!("on_overrun = \"coarsen\"\n{steps}"));
+    let [passed, late] = &coarsen("")[..] else {
+        panic!("two warnings");
+    };
+    assert!(
+        passed.contains("run.coarsen: \"fast\" makes nothing coarser"),
+        "{passed}"
+    );
+    assert!(
+        late.contains("none of `run.coarsen`") && late.contains("wing_e = 1"),
+        "{late}"
+    );
+    let [passed] = &coarsen("coarsen = [\"wing_e = 0.5\", \"wing_e = 0.1\"]")[..] else {
+        panic!("one warning");
+    };
+    assert!(passed.contains("\"wing_e = 0.1\""), "{passed}");
+    assert!(coarsen("coarsen = [\"wing_e = 0.5\"]").is_empty());
+    assert!(
+        warned("").is_empty(),
+        "frames come late, and nobody asked for more"
+    );
 }

@@ -1,6 +1,6 @@
 //! The key `fidelity` of a configuration: a preset, or single knobs of it.
 
-use skyloop::config::{Config, OnOverrun};
+use skyloop::config::{Config, OnOverrun, Run};
 use skyloop::fidelity::{Allowed, Fidelity, KNOBS, Orbits, PRESETS};
 use skyloop::load::Folder;
 
@@ -118,6 +118,15 @@ fn what_cannot_be_meant_is_refused() {
     }
 }
 
+/// What the steps of `run.coarsen` come to, one after another.
+fn coarsened(run: &Run, fidelity: Fidelity) -> Vec<Fidelity> {
+    let steps = run.coarsen.iter().scan(fidelity, |before, step| {
+        *before = step.than(before);
+        Some(*before)
+    });
+    steps.collect()
+}
+
 #[test]
 fn what_is_done_about_late_frames_is_read_in_its_order() {
     let read = |text: &str| {
@@ -128,7 +137,7 @@ fn what_is_done_about_late_frames_is_read_in_its_order() {
     };
     let usual = read("").unwrap();
     assert_eq!(usual.on_overrun, OnOverrun::Late);
-    assert_eq!(usual.coarsen, [Fidelity::FAST]);
+    assert_eq!(coarsened(&usual, Fidelity::REALTIME), [Fidelity::FAST]);
     let text = "fidelity = \"reference\"\n[run]\non_overrun = \"coarsen\"\n\
                 coarsen = [\"orbits = tracked\", \"realtime\", \"wing_e = 0.5\", \"skip_px=0.1\"]";
     let run = read(text).unwrap();
@@ -150,7 +159,7 @@ fn what_is_done_about_late_frames_is_read_in_its_order() {
             ..Fidelity::REALTIME
         },
     ];
-    assert_eq!(run.coarsen, wanted);
+    assert_eq!(coarsened(&run, Fidelity::REFERENCE), wanted);
     for (value, words) in [
         ("[]", ["run.coarsen = []", "at least one"]),
         (

@@ -4,8 +4,9 @@ use crate::support::client::Client;
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, on_memory, scene};
 use serde_json::{Value, json};
-use skyloop::config::{Clock, OnOverrun};
-use skyloop::fidelity::Fidelity;
+use skyloop::config::{Clock, Config, OnOverrun};
+use skyloop::fidelity::{Coarser, Fidelity};
+use skyloop::load::Folder;
 use skyloop::stats::RunStats;
 use skyloop_protocols::{Command, Counters};
 
@@ -16,19 +17,35 @@ const PATIENT_HZ: f64 = 1.0;
 /// Frames that are looked at.
 const FRAMES: usize = 6;
 
+/// The steps that a file with this key has.
+fn steps(coarsen: &str) -> Vec<Coarser> {
+    let text = format!("[run]\ncoarsen = {coarsen}");
+    let config = Config::parse("run.toml", &text, &Folder::current());
+    config.unwrap().run.coarsen
+}
+
 /// An emulator of the built-in scene with 64 x 64 pixels, and a client that has sent its attitude.
 fn flown(policy: OnOverrun, rate_hz: f64) -> (Running, Client<MemoryLine>) {
+    let steps = steps("[\"fast\", \"wing_e = 1\"]");
+    flown_by(Fidelity::REALTIME, steps, policy, rate_hz)
+}
+
+/// Likewise with these tolerances and steps of coarsening.
+fn flown_by(
+    fidelity: Fidelity,
+    steps: Vec<Coarser>,
+    policy: OnOverrun,
+    rate_hz: f64,
+) -> (Running, Client<MemoryLine>) {
     let mut config = scene();
+    // After the file was read, as a budget chooses them.
+    config.fidelity = fidelity;
     config.camera.detector.width = 64;
     config.camera.detector.height = 64;
     config.camera.exposure_s = 5e-6;
     config.camera.rate_hz = rate_hz;
     config.run.on_overrun = policy;
-    let coarsest = Fidelity {
-        wing_e: 1.0,
-        ..Fidelity::FAST
-    };
-    config.run.coarsen = vec![Fidelity::FAST, coarsest];
+    config.run.coarsen = steps;
     let (emulator, line) = on_memory(config, Clock::Wall);
     let mut client = Client::new(line);
     // The cadence starts with the attitude: the emulator must be there by then.
@@ -37,11 +54,15 @@ fn flown(policy: OnOverrun, rate_hz: f64) -> (Running, Client<MemoryLine>) {
     (emulator, client)
 }
 
+/// Why a frame is not as configured, and by what it was rendered.
+fn told(label: &Value) -> (Value, Value) {
+    (label["overrun"].clone(), label["fidelity"].clone())
+}
+
 /// What the labels of the first frames at a hurried cadence say: why they are not as configured, and by what they were rendered.
 /// Then time is no longer short, and a frame comes as configured; what was measured and counted.
 fn hurried(policy: OnOverrun) -> (Vec<(Value, Value)>, RunStats, Counters) {
     let (emulator, mut client) = flown(policy, HURRIED_HZ);
-    let told = |label: &Value| (label["overrun"].clone(), label["fidelity"].clone());
     let first: Vec<_> = (0..FRAMES).map(|_| told(&client.frame().label())).collect();
     client.done(Command::FrameRate { hz: PATIENT_HZ });
     let configured = (Value::Null, json!({"preset": "realtime"}));
@@ -100,6 +121,34 @@ fn frames_are_coarsened_step_by_step_and_told() {
     assert!(stats.coarsened >= 2);
     assert_eq!(row(&stats, "frames coarsened"), stats.coarsened);
     assert_eq!(stats.dropped, 0);
+}
+
+/// What the first frames say that are all late, of a run by `fast`.
+fn hurried_by_fast(coarsen: &str) -> (Vec<(Value, Value)>, RunStats) {
+    let steps = steps(coarsen);
+    let (emulator, mut client) = flown_by(Fidelity::FAST, steps, OnOverrun::Coarsen, HURRIED_HZ);
+    let first = (0..FRAMES).map(|_| told(&client.frame().label())).collect();
+    (first, emulator.measured().0)
+}
+
+#[test]
+fn what_is_coarsened_is_the_setting_that_the_run_has() {
+    let (first, _) = hurried_by_fast("[\"wing_e = 0.5\"]");
+    let coarser = json!({"preset": "fast", "wing_e": 0.5});
+    assert_eq!(first[0], (Value::Null, json!({"preset": "fast"})));
+    assert_eq!(first[1], (json!("coarsen"), coarser.clone()));
+    assert_eq!(first[2], (json!("late"), coarser));
+}
+
+#[test]
+fn what_makes_nothing_coarser_is_not_told_as_coarsened() {
+    for coarsen in ["[\"fast\"]", "[\"reference\", \"wing_e = 0.1\"]"] {
+        let (first, stats) = hurried_by_fast(coarsen);
+        for told in &first[1..] {
+            assert_eq!(*told, (json!("late"), json!({"preset": "fast"})));
+        }
+        assert_eq!(stats.coarsened, 0);
+    }
 }
 
 #[test]
