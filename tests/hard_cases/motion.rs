@@ -1,7 +1,8 @@
 //! Rates from nothing to 100 deg/s, on which the still and the smeared image meet, and exposures from nothing to hours.
 
 use crate::stage::{
-    Light, behind, camera, check_numbers, emulator, epoch, light, noon, orbiter, starry, vehicle,
+    Light, behind, camera, check_numbers, emulator, epoch, light, noon, orbiter, starry, towards,
+    vehicle,
 };
 use nalgebra::Vector3;
 use skyloop::attitude::{Attitude, VehicleState};
@@ -174,6 +175,20 @@ fn observer(from: From, rate: f64) -> VehicleState {
     vehicle
 }
 
+/// A geostationary object's elements, at [`noon`].
+const STATIONARY: &str = "\
+1 90001U 20001A   26060.50000000  .00000000  00000-0  00000-0 0  9992
+2 90001   0.0100   0.0000 0000100   0.0000   0.0000  1.00273790    14
+";
+
+/// Where it is then, m.
+fn stationary_m() -> Vector3<f64> {
+    let objects = skyloop::orbit::parse(STATIONARY, "stationary.tle")
+        .unwrap()
+        .objects;
+    objects[0].state(noon()).unwrap().position_m
+}
+
 /// That observer at another time, at rest.
 fn still(vehicle: &VehicleState, off_s: f64) -> VehicleState {
     let mut still = vehicle.at(vehicle.epoch + skyloop::orbit::time::seconds(off_s));
@@ -310,6 +325,101 @@ fn exposures_from_nothing_to_hours_give_light_by_their_time() {
             }
         }
     }
+}
+
+/// 10^4 s of what is no star: each frame is numbers, with and without noise, and its light that of a second by the time. Reference: the law of dark current, `d t`; else the second's own frame, to the tolerances of
+/// `reference`: 8 times `area_e` and `area_part` of area light, and 1e-6. The Earth's disc (51 px wide) moves by half a pixel meanwhile, and its sum by less than a five-hundredth. An object is as bright all the time as in the middle.
+#[test]
+fn hours_of_dark_current_area_light_rows_in_turn_and_objects_go_by_their_time() {
+    let attitude = Attitude::towards(1.4, -0.1, 0.0);
+    let at_rest = vehicle(&attitude, [0.0; 3]);
+    let shot = |keys: &[(&str, &str)], vehicle: &VehicleState, lights: &[&str], exposure_s: f64| {
+        let mut camera = camera(keys);
+        camera.exposure_s = exposure_s;
+        let mut emulator = emulator(camera, Fidelity::REFERENCE, |config| {
+            config.choice.off.retain(|name| !lights.contains(name));
+            config.choice.off.retain(|name| *name != "shot noise");
+            if lights.contains(&"rsos") {
+                config.objects = skyloop::orbit::parse(STATIONARY, "stationary.tle")
+                    .unwrap()
+                    .objects;
+            }
+        });
+        for noise in [true, false] {
+            emulator.choice.noise = noise;
+            let shot = emulator.shoot(vehicle, 0).unwrap();
+            check_numbers(&shot, &format!("{lights:?} {exposure_s} s"));
+            assert!(shot.frame.digits.iter().all(|digit| *digit <= 60_100));
+            if !noise {
+                return shot;
+            }
+        }
+        unreachable!()
+    };
+    let expected = |shot: Shot| -> Vec<f64> {
+        let pixels = shot.frame.expected_e.unwrap();
+        pixels.into_iter().map(f64::from).collect()
+    };
+
+    let dark = expected(shot(&[("detector.dark_e_s", "0.3")], &at_rest, &[], 1e4));
+    assert!(dark.iter().all(|e| (e / 3e3 - 1.0).abs() < 1e-6));
+
+    let rolling = [
+        ("timing.shutter", "\"rolling\""),
+        ("timing.row_us", "100.0"),
+    ];
+    for (keys, lights, still_e) in [
+        (
+            &rolling[..0],
+            &["zodiacal light", "starlight"][..],
+            8.0 * Fidelity::REFERENCE.area_e,
+        ),
+        (&rolling[..], &["stars"][..], 0.0),
+    ] {
+        let [one, hours] = [1.0, 1e4].map(|s| expected(shot(keys, &at_rest, lights, s)));
+        assert!(one.iter().sum::<f64>() > 1.0, "{lights:?}");
+        let mut worst = 0.0_f64;
+        for (one, hours) in one.iter().zip(&hours) {
+            let bound = still_e + 9e-6 * one;
+            worst = worst.max((hours / 1e4 - one).abs() / bound.max(f64::MIN_POSITIVE));
+        }
+        println!("{lights:?}: {worst:.2} of the bound");
+        assert!(worst <= 1.0, "{lights:?}: {worst}");
+    }
+
+    let far = Vector3::new(5e8, 0.0, 0.0);
+    let earth = orbiter(&towards(&-far), far, Vector3::y() * 10.0);
+    let lights = [
+        "earth",
+        "limb",
+        "earthshine",
+        "moonglow",
+        "zodiacal light",
+        "starlight",
+    ];
+    let [one, hours] =
+        [1.0, 1e4].map(|s| expected(shot(&[], &earth, &lights, s)).iter().sum::<f64>());
+    println!("Earth: {:.1e}", hours / one / 1e4 - 1.0);
+    assert!((hours / one / 1e4 - 1.0).abs() < 2e-3, "{one} {hours}");
+
+    // 1,000 km over the ring.
+    let mut over = at_rest.clone();
+    let place = stationary_m();
+    over.orbit = orbiter(
+        &attitude,
+        place * (43.2 / 42.2),
+        Vector3::z().cross(&place).normalize() * 3e3,
+    )
+    .orbit;
+    over.attitude = towards(&-place);
+    let [one, hours] = [1.0, 1e4].map(|s| shot(&[], &over, &["rsos"], s).label.objects[0].clone());
+    assert!(
+        (hours.electrons / one.electrons / 1e4 - 1.0).abs() < 1e-12,
+        "{}",
+        hours.electrons
+    );
+    let sum: f64 = expected(shot(&[], &over, &["rsos"], 1e4)).iter().sum();
+    assert!(sum <= hours.electrons * (1.0 + 1e-6), "{sum}");
 }
 
 /// Reference: the contract; the ends are whole nanoseconds, to the nearest.

@@ -24,6 +24,16 @@ fn shot(off_m: Vector3<f64>, orbits: Orbits) -> Shot {
     shot
 }
 
+/// Where the Sun stands in the sky from the Earth's centre at [`noon`], km.
+// X-Val: pyerfa 2.0.1.5: epv00 of TT (UTC and 69.184 s), and ab by the barycentric velocity.
+const SUN_KM: [f64; 3] = [139_759_283.114_9, -45_306_996.999_3, -19_640_426.505_6];
+/// The Sun's magnitude.
+// X-Val: Clark et al. 2021, Eq. (9).
+const SUN_MAG: f64 = -26.73;
+/// An astronomical unit, km.
+// X-Val: IAU 2012, Resolution B2.
+const AU_KM: f64 = 149_597_870.7;
+
 /// Reference: Eq. (9) of Clark et al. 2021 by hand from the label's own phase angle; 1e-7 mag. In frames all numbers are numbers, whatever fills up.
 #[test]
 fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
@@ -41,12 +51,9 @@ fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
             let phase = rso.phase_deg.to_radians();
             let area = 0.2 * PI * 25.0 * 2.0 / (3.0 * PI * PI)
                 * ((PI - phase) * phase.cos() + phase.sin());
-            let sun = skyloop::sky::bodies::Bodies::at(noon())
-                .unwrap()
-                .sun_apparent_m();
-            let to_sun = (sun * 1e-3 - Vector3::from(rso.position_gcrf_km)).norm() / 149_597_870.7;
-            let mag =
-                -26.73 - 2.5 * (area / (rso.range_km * 1e3).powi(2)).log10() + 5.0 * to_sun.log10();
+            let to_sun = (Vector3::from(SUN_KM) - Vector3::from(rso.position_gcrf_km)).norm();
+            let mag = SUN_MAG - 2.5 * (area / (rso.range_km * 1e3).powi(2)).log10()
+                + 5.0 * (to_sun / AU_KM).log10();
             assert!(
                 (object.mag - mag).abs() < 1e-7 + 2e-16 * range_m,
                 "{range_m} m: {} {mag}",
