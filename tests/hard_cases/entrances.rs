@@ -9,7 +9,7 @@ use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::camera::psf::{Psf, Shape, Variation};
 use skyloop::camera::{Camera, Model, Projection, Stamp};
 use skyloop::config::Config;
-use skyloop::fidelity::Fidelity;
+use skyloop::fidelity::{Fidelity, KNOBS};
 use skyloop::flight::Flight;
 use skyloop::footprint::{self, Footprint};
 use skyloop::load::Folder;
@@ -65,6 +65,14 @@ fn spoilt(text: &str) -> Vec<(String, String)> {
     places.iter().flat_map(spoil).collect()
 }
 
+/// The last name of a path of names and places in lists.
+fn last_name(path: &str) -> &str {
+    let mut parts = path.rsplit('.');
+    parts
+        .find(|part| part.parse::<usize>().is_err())
+        .unwrap_or(path)
+}
+
 fn shipped(path: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
 }
@@ -101,28 +109,60 @@ fn no_key_of_a_camera_takes_what_is_no_number() {
                 .err()
                 .unwrap_or_else(|| panic!("{name}: {key} takes it"))
                 .to_string();
-            let last = key
-                .rsplit('.')
-                .find(|part| part.parse::<usize>().is_err())
-                .unwrap();
-            assert!(error.contains(last), "{name}: {key}: {error}");
+            assert!(error.contains(last_name(&key)), "{name}: {key}: {error}");
             keys += 1;
         }
     }
     assert!(keys > 200, "{keys}");
 }
 
-/// Every numeric key of a scene and of its run.
+/// The shipped scene with all of its keys, but for those that name files of the user's: keys that are comments are keys.
+fn scene_of_all_keys() -> String {
+    const FILES: [&str; 2] = ["population", "orbit"];
+    let bare = |line: &str| -> Option<String> {
+        let text = line.strip_prefix("# ")?;
+        let (key, value) = text.split_once('=').unwrap_or((text, ""));
+        let is_key = !value.is_empty() && !key.trim().contains(' ');
+        let names_file = FILES.contains(&key.trim());
+        (text.starts_with('[') || is_key && !names_file).then(|| text.to_string())
+    };
+    let text = shipped("configs/default.toml");
+    let lines = text
+        .lines()
+        .map(|line| bare(line).unwrap_or_else(|| line.to_string()));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// Every numeric key of a scene and of its run. Reference: an error that names the key.
 #[test]
 fn no_key_of_a_scene_takes_what_is_no_number() {
-    let text = "label_snr = 1.0\n[run]\nidle_s = 5.0\nwindows = 3\nwindow_px = 11\nobjects = 7\n[objects]\nreflectance = 0.2\ndiameter_m = 10.0\n\
-        [sequence]\nepoch = \"2026-01-01T00:00:00\"\nframes = 3\nperiod_s = 0.1\nattitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]\nrates_deg_s = [0.1, 0.2, 0.3]\n";
-    if let Err(error) = Config::parse("scene", text, &Folder::current()) {
+    let text = scene_of_all_keys();
+    if let Err(error) = Config::parse("scene", &text, &Folder::current()) {
         panic!("{error}");
     }
-    for (key, text) in spoilt(text) {
+    let mut keys = Vec::new();
+    for (key, text) in spoilt(&text) {
         let refused = Config::parse("scene", &text, &Folder::current());
-        assert!(refused.is_err(), "{key} takes it");
+        let error = refused
+            .err()
+            .unwrap_or_else(|| panic!("{key} takes it"))
+            .to_string();
+        assert!(error.contains(last_name(&key)), "{key}: {error}");
+        keys.push(key);
+    }
+    // Those of the tolerances, of objects, of a sequence and of a run, and the seed.
+    let tolerances = KNOBS.iter().filter(|knob| knob.name != "orbits");
+    let tolerances = tolerances.map(|knob| format!("fidelity.{}", knob.name));
+    let others = [
+        "seed",
+        "label_snr",
+        "objects.diameter_m",
+        "sequence.attitudes.0.q.3",
+        "sequence.rates_deg_s.2",
+        "run.idle_s",
+    ];
+    for key in tolerances.chain(others.map(String::from)) {
+        assert!(keys.contains(&key), "{key} was not tried");
     }
 }
 
