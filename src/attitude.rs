@@ -78,10 +78,10 @@ impl Attitude {
     }
 
     /// The attitude of a camera whose boresight (+Z) has this right ascension and declination, rad, ICRF. `roll` (rad) is the position
-    /// angle of what is up in the image (-Y): from north through east.
+    /// angle of what is up in the image (-Y): from north through east. An angle that is no number or infinite is taken for 0.
     pub fn towards(ra: f64, dec: f64, roll: f64) -> Attitude {
         let [(sin_ra, cos_ra), (sin_dec, cos_dec), (sin_roll, cos_roll)] =
-            [ra, dec, roll].map(libm::sincos);
+            [ra, dec, roll].map(|angle| libm::sincos(if angle.is_finite() { angle } else { 0.0 }));
         let z = Vector3::new(cos_dec * cos_ra, cos_dec * sin_ra, sin_dec);
         let east = Vector3::new(-sin_ra, cos_ra, 0.0);
         let up = z.cross(&east) * cos_roll + east * sin_roll;
@@ -121,14 +121,18 @@ impl Attitude {
     }
 
     /// The attitude `dt_s` seconds later under constant body rates (rad/s):
-    /// `dR/dt = -[w x] R`, so `R(t) = exp(-[w x] dt) R(0)`.
+    /// `dR/dt = -[w x] R`, so `R(t) = exp(-[w x] dt) R(0)`. What is no angle does not turn it.
     pub fn turned(&self, rates: &Vector3<f64>, dt_s: f64) -> Attitude {
-        self.then(&Attitude(UnitQuaternion::from_scaled_axis(-rates * dt_s)))
+        let turn = -rates * dt_s;
+        if !turn.norm_squared().is_finite() {
+            return *self;
+        }
+        self.then(&Attitude(UnitQuaternion::from_scaled_axis(turn)))
     }
 }
 
 /// The angle (rad) between two vectors of any length, by its tangent: as precise near 0 and near pi as between, where an arc cosine loses half of its
-/// digits. 0 where one of them is zero.
+/// digits. 0 where one of them is zero, no number where one has a component that is none.
 pub fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     libm::atan2(a.cross(b).norm(), a.dot(b))
 }

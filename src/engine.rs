@@ -74,7 +74,8 @@ pub struct Shot {
 }
 
 impl Emulator {
-    /// The emulator that `config` describes; takes its objects out of it.
+    /// The emulator that `config` describes; takes its objects out of it. Tolerances are brought into their ranges
+    /// ([`Fidelity::within_ranges`]); of a `label_snr` that is no number or below 0 labels list all objects.
     pub fn new(config: &mut Config) -> Emulator {
         let camera = Arc::new(config.camera.clone());
         let catalog = Catalog::embedded(config.sky.selection);
@@ -89,9 +90,9 @@ impl Emulator {
             world,
             configured: camera.clone(),
             camera,
-            fidelity: config.fidelity,
+            fidelity: config.fidelity.within_ranges(),
             seed: config.seed,
-            label_snr: config.label_snr,
+            label_snr: config.label_snr.max(0.0),
             choice: config.choice.clone(),
             keep_expected: false,
             level: Some(Level::best()),
@@ -113,7 +114,7 @@ impl Emulator {
         self.camera.clone()
     }
 
-    /// The camera's settings, to be commanded.
+    /// The camera's settings, to be commanded. What a camera file may not have makes frames without meaning, or [`Unobservable`], but no panic.
     pub fn camera_mut(&mut self) -> &mut Camera {
         Arc::make_mut(&mut self.camera)
     }
@@ -261,8 +262,8 @@ impl Emulator {
         &self.fidelity
     }
 
-    /// Renders by other tolerances from the next frame on.
+    /// Renders by other tolerances from the next frame on, each brought into its range ([`Fidelity::within_ranges`]).
     pub fn set_fidelity(&mut self, fidelity: Fidelity) {
-        self.fidelity = fidelity;
+        self.fidelity = fidelity.within_ranges();
     }
 }

@@ -6,6 +6,7 @@ mod knobs;
 pub use coarser::Coarser;
 pub use knobs::{Allowed, Knob, Setting, Value};
 
+use crate::range::nearest;
 use Allowed::{Numbers, Words};
 use std::f64::consts::TAU;
 
@@ -196,6 +197,18 @@ impl Fidelity {
             .iter()
             .map(|(name, preset)| (*name, differing(preset)));
         all.min_by_key(|(_, knobs)| knobs.len()).unwrap_or_default()
+    }
+
+    /// With every tolerance brought into the range of its [`Knob`]; what is no number becomes the least.
+    pub fn within_ranges(mut self) -> Fidelity {
+        for knob in KNOBS {
+            if let (Numbers([least, most]), Value::Number(given)) =
+                (knob.allowed, (knob.get)(&self))
+            {
+                (knob.set)(&mut self, Value::Number(nearest(given, least..=most)));
+            }
+        }
+        self
     }
 
     /// The preset called `name`.

@@ -33,6 +33,7 @@ pub mod measure;
 pub mod output;
 pub mod passes;
 pub mod plan;
+mod range;
 pub mod render;
 pub mod rng;
 pub mod scene;

@@ -1,5 +1,6 @@
 //! The band a camera sees, its photometric zero point and the colour of stars in it.
 
+use crate::range::nearest;
 use std::f64::consts::LN_10;
 
 /// Apparent magnitude of the Sun in every band of this system (Clark et al. 2021, below Eq. (11)).
@@ -30,6 +31,10 @@ pub struct Band {
 const B_V: [f64; 2] = [-0.4, 2.0];
 const B_V_STEPS: usize = 48;
 
+/// Where the Sun's spectrum is known, and a little more, since nanometres do not come out even; and the width of the narrowest band, m.
+const SPECTRUM_M: [f64; 2] = [299.9e-9, 1200.1e-9];
+const NARROWEST_M: f64 = 1e-12;
+
 /// Johnson V, energy response as Bessell 1990 (PASP 102, 1181, Table 2), 470 to 700 nm each 10 nm.
 const V: &[f64] = &[
     0.000, 0.030, 0.163, 0.458, 0.780, 0.967, 1.000, 0.973, 0.898, 0.792, 0.684, 0.574, 0.461,
@@ -41,8 +46,11 @@ const SILICON: &[f64] = &[
 ];
 
 impl Band {
-    /// Full response between two wavelengths (m).
+    /// Full response between two wavelengths (m), of which what lies outside of 300 to 1200 nm counts for nothing; at least a picometre.
     pub fn top_hat(from_m: f64, to_m: f64) -> Band {
+        let [first_m, last_m] = SPECTRUM_M;
+        let from_m = nearest(from_m, first_m..=last_m - NARROWEST_M);
+        let to_m = nearest(to_m, from_m + NARROWEST_M..=last_m);
         let name = format!("{:.0}-{:.0} nm", from_m * 1e9, to_m * 1e9);
         Band::sampled(name, from_m, to_m, |_| 1.0)
     }

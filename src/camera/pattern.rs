@@ -12,6 +12,7 @@
 //! the excess that displacement damage adds to a pixel is taken as exponential (assumed, after the tails of irradiated sensors:
 //! Virmontois et al. 2010, IEEE TNS 57, 3101).
 
+use crate::range::nearest;
 use crate::rng::{NoiseKey, PixelStream};
 use std::fmt;
 
@@ -71,9 +72,28 @@ const HOT: u8 = 242;
 const DEAD: u8 = 243;
 const STUCK: u8 = 244;
 
+impl PatternFigures {
+    /// With every real figure from 0 up to what single precision holds.
+    fn bounded(&self) -> PatternFigures {
+        const MOST: f64 = 1e30;
+        let bounded = |figure: f64| nearest(figure, 0.0..=MOST);
+        PatternFigures {
+            prnu: bounded(self.prnu),
+            dark_e_s: bounded(self.dark_e_s),
+            dark_nonuniformity: bounded(self.dark_nonuniformity),
+            hot_fraction: bounded(self.hot_fraction),
+            hot_e_s: bounded(self.hot_e_s),
+            dead_fraction: bounded(self.dead_fraction),
+            stuck_fraction: bounded(self.stuck_fraction),
+            ..self.clone()
+        }
+    }
+}
+
 impl Pattern {
-    /// Draws the pattern.
+    /// Draws the pattern. Figures below 0 and what is no number count as 0, more than 1e30 as that.
     pub fn new(figures: &PatternFigures) -> Pattern {
+        let figures = &figures.bounded();
         let pixels = (figures.width * figures.height) as u32;
         let key = NoiseKey {
             seed: figures.serial,

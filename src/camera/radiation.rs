@@ -18,6 +18,7 @@
 //! the file's energy here: at 100 MeV they would leave 2.7 times the charge. Secondaries, showers and stopping particles are left out.
 
 use super::Detector;
+use crate::range::nearest;
 use crate::rng::{NoiseKey, PixelStream};
 
 /// Most events that one exposure may be expected to hold.
@@ -98,7 +99,7 @@ impl Radiation {
     /// The particles of one exposure: a Poisson number about `expected`, each keyed by its own index. No more
     /// are drawn than [`Radiation::most_events`]: the anomaly reaches that in exposures of hours.
     pub fn events(&self, detector: &Detector, expected: f64, key: NoiseKey) -> Vec<Event> {
-        let expected = expected.min(self.most_events(detector));
+        let expected = nearest(expected, 0.0..=self.most_events(detector));
         let count = PixelStream::new(key, STREAM, 0).poisson(expected) as u32;
         let events = (1..=count).map(|index| self.event(detector, key, index));
         events.filter(|event| !event.pixels.is_empty()).collect()
@@ -237,7 +238,7 @@ fn diffused(detector: &Detector, at: [f64; 2], sigma: f64, mut each: impl FnMut(
         |edge: f64, k: usize| 0.5 * libm::erfc((at[k] - edge) / (sigma * std::f64::consts::SQRT_2));
     let range = |k: usize, size: usize| {
         let first = (at[k] - reach).max(0.0) as usize;
-        first..((at[k] + reach) as usize + 1).min(size)
+        first..((at[k] + reach) as usize).saturating_add(1).min(size)
     };
     for row in range(1, detector.height) {
         let down = below(row as f64 + 1.0, 1) - below(row as f64, 1);

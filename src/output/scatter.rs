@@ -4,6 +4,7 @@ use super::axes::{FRAME, GROUND, SIZE, frame, line, mark_across, mark_upwards};
 use super::canvas::{Canvas, text_size};
 use super::folder::{Folder, OutputError};
 use super::png;
+use crate::range::nearest;
 use embedded_graphics::mono_font::ascii::FONT_6X10;
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::*;
@@ -65,7 +66,8 @@ impl Axis {
         let ends = if low > high {
             [0.1, 10.0]
         } else {
-            [low / room, high * room]
+            // Powers of ten are counted between them.
+            [low / room, high * room].map(|end| nearest(end, f64::MIN_POSITIVE..=f64::MAX))
         };
         Axis { ends, px }
     }
@@ -134,7 +136,7 @@ impl Scatter {
             [across.place(x), y]
         };
         if let Some((value, name)) = &self.limit {
-            let at = across.place(*value).round() as i32;
+            let [at, _] = pixel([across.place(*value), 0.0]);
             line(&mut canvas, [at, top], [at, bottom], LIMIT, 1);
             canvas.text(name, Point::new(at + 4, top + 4), &FONT_6X10, LIMIT);
         }

@@ -1,5 +1,7 @@
 //! The camera's own cadence by the wall clock.
 
+use crate::camera::{EXPOSURE_S, RATE_HZ};
+use crate::range::nearest;
 use hifitime::Epoch;
 use skyloop_orbit::time::seconds;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -29,7 +31,7 @@ pub struct WallClock {
 }
 
 impl WallClock {
-    /// A clock that ticks `rate_hz` times a second once it is set.
+    /// A clock that ticks `rate_hz` times a second once it is set; a rate outside of [`RATE_HZ`] is brought into it, here and below.
     pub fn new(rate_hz: f64) -> WallClock {
         WallClock {
             period: period(rate_hz),
@@ -98,10 +100,10 @@ impl WallClock {
         };
     }
 
-    /// One frame whose exposure starts at `arrived`, then none until a rate is set.
+    /// One frame whose exposure starts at `arrived`, then none until a rate is set; the exposure is brought into [`EXPOSURE_S`].
     pub fn single_shot(&mut self, exposure_s: f64, arrived: Instant) {
         self.advance(arrived);
-        self.next = Some(arrived + Duration::from_secs_f64(exposure_s));
+        self.next = Some(arrived + Duration::from_secs_f64(nearest(exposure_s, EXPOSURE_S)));
         self.shot = self.next;
         self.rests = true;
     }
@@ -161,7 +163,7 @@ impl WallClock {
 }
 
 fn period(rate_hz: f64) -> Duration {
-    Duration::from_secs_f64(1.0 / rate_hz)
+    Duration::from_secs_f64(1.0 / nearest(rate_hz, RATE_HZ))
 }
 
 fn system_time() -> Epoch {
@@ -239,6 +241,23 @@ mod tests {
         assert_eq!(clock.missed, 3);
         assert_eq!(taken(&mut clock, zero + ms(1906)), Some(1900));
         assert_eq!(taken(&mut clock, zero + ms(2900)), Some(2900));
+    }
+
+    #[test]
+    fn rates_and_exposures_that_are_no_numbers_are_brought_into_their_ranges() {
+        // X-Val: the slowest rate of all, 1e-4 Hz, has a period of 1e4 s.
+        for slow in [f64::NAN, 0.0, -1.0, f64::NEG_INFINITY, 1e-300] {
+            let (mut clock, zero) = set(slow);
+            assert_eq!(clock.until_due(zero), Duration::from_secs(10_000));
+            clock.set_rate(f64::INFINITY, zero);
+            assert_eq!(clock.until_due(zero), Duration::from_micros(100));
+        }
+        for [exposure_s, ended_s] in [[f64::NAN, 1e-9], [-1.0, 1e-9], [f64::INFINITY, 1e4]] {
+            let (mut clock, zero) = set(10.0);
+            clock.single_shot(exposure_s, zero);
+            assert_eq!(clock.until_due(zero), Duration::from_secs_f64(ended_s));
+            clock.take_due(exposure_s, zero + Duration::from_secs(20_000));
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@
 
 use super::bodies::AU_M;
 use super::shadow::{EARTH_RADIUS_M, Earth};
+use crate::range::nearest;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
@@ -57,13 +58,14 @@ impl EarthDisc {
         })
     }
 
-    /// The same with another albedo (0..1).
+    /// The same with another albedo (0..1); of what is no number 0.
     pub fn with_albedo(self, albedo: f64) -> Self {
+        let albedo = nearest(albedo, 0.0..=1.0);
         EarthDisc { albedo, ..self }
     }
 
     /// Radiance along `direction` (GCRF axes, any length) over the Sun's irradiance at 1 au, 1/sr; 0 where the line misses the Earth or
-    /// ends on its night side.
+    /// ends on its night side, and of places and directions that are no numbers.
     pub fn reflectance(&self, direction: &Vector3<f64>) -> f64 {
         let Some(point_m) = self.earth.meets(self.observer_m, *direction) else {
             return 0.0;
@@ -71,7 +73,7 @@ impl EarthDisc {
         let to_sun = self.sun_m - point_m;
         let distance2 = to_sun.norm_squared();
         let cos_i = self.earth.normal(point_m).dot(&to_sun) / distance2.sqrt();
-        self.albedo * cos_i.max(0.0) / PI * (AU_M * AU_M / distance2)
+        (self.albedo * cos_i / PI * (AU_M * AU_M / distance2)).max(0.0)
     }
 
     /// The least and the greatest angle (rad) of the limb from the direction of the Earth's centre, see [`Earth::outline`].

@@ -5,6 +5,7 @@ use super::bodies::{LIGHT_M_S, SUN_RADIUS_M};
 use super::body_attitude::BodyAttitude;
 use super::shape::Shape;
 use crate::attitude::angle_between;
+use crate::range::nearest;
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop_orbit::StateVector;
@@ -47,7 +48,7 @@ impl Body {
         let turn = self.attitude.rate(&passage.seen[1].state) * duration_s + passage.swing();
         let needed = (turn / self.shape.detail(passage.at(0.5).sun_radius()) * INSTANTS).ceil();
         let most = (MOST_WORK / self.shape.facets() as f64).max(1.0);
-        let instants = needed.clamp(1.0, most) as usize;
+        let instants = nearest(needed, 1.0..=most) as usize;
         let parts = (0..instants).map(|i| (i as f64 + 0.5) / instants as f64);
         let sum: f64 = parts
             .map(|part| self.reflective_area(&passage.at(part)))

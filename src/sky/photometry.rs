@@ -7,17 +7,18 @@
 use super::bodies::AU_M;
 use crate::attitude::angle_between;
 use crate::camera::SUN_MAGNITUDE;
+use crate::range::nearest;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
 /// Photon irradiance (ph/s/m^2) of magnitude `m` in a band with zero point `e_zero`: Eqs. (1), (10),
-/// `E = E_zero 10^(-0.4 m)`.
+/// `E = E_zero 10^(-0.4 m)`; no number where one of them is none.
 pub fn photon_irradiance(e_zero: f64, m: f64) -> f64 {
     e_zero * libm::exp10(-0.4 * m)
 }
 
 /// Photon radiance (ph/s/m^2/sr) of `m` magnitudes a square arc second: Eq. (3), its exponent mended,
-/// `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`.
+/// `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`; no number where one of them is none.
 pub fn photon_radiance(e_zero: f64, m: f64) -> f64 {
     const ARCSEC: f64 = PI / 648_000.0;
     e_zero * libm::exp10(-0.4 * m) / (ARCSEC * ARCSEC)
@@ -55,7 +56,7 @@ impl Sphere {
         diffuse * diffuse_phase(phase) + specular
     }
 
-    /// What stands before [`diffuse_phase`] in it, m^2, and what is the same at all phases, m^2/sr.
+    /// What stands before [`diffuse_phase`] in it, m^2, and what is the same at all phases, m^2/sr; 0 of what would be negative or no number.
     pub fn parts(&self) -> [f64; 2] {
         let area = PI * self.diameter_m * self.diameter_m / 4.0;
         let reflective = self.reflectance * area;
@@ -63,6 +64,7 @@ impl Sphere {
             reflective * self.diffuse,
             reflective * self.specular * SPECULAR_PHASE,
         ]
+        .map(|part| part.max(0.0))
     }
 
     /// [`magnitude`] at phase angle `phase` (rad).
@@ -72,19 +74,21 @@ impl Sphere {
 }
 
 /// Apparent magnitude: Eq. (9), `m = m_sun - 2.5 log10(rho A F / a^2) + 5 log10(d_rso,sun d_rso,sensor / a^2)`, of the reflective
-/// area `rho A F` (m^2/sr), distances in m. Infinite where nothing is reflected.
+/// area `rho A F` (m^2/sr), distances in m. Infinite where nothing is reflected, or less
+/// than nothing, or no number; no number where a distance is none.
 pub fn magnitude(reflective_area: f64, to_sun_m: f64, to_sensor_m: f64) -> f64 {
     let a2 = AU_M * AU_M;
-    SUN_MAGNITUDE - 2.5 * libm::log10(reflective_area / a2)
+    SUN_MAGNITUDE - 2.5 * libm::log10(reflective_area.max(0.0) / a2)
         + 5.0 * libm::log10(to_sun_m * to_sensor_m / a2)
 }
 
-/// Eq. (7): `F_diff = 2 / (3 pi^2) [(pi - phi) cos phi + sin phi]`, 1/sr.
+/// Eq. (7): `F_diff = 2 / (3 pi^2) [(pi - phi) cos phi + sin phi]`, 1/sr, for phase angles from 0 to pi: beyond them as at the nearer end, and 0 of
+/// what is no angle.
 ///
 /// Near `phi = pi` the bracket is the difference of two equal numbers; with `d = pi - phi` it is
 /// `sin d - d cos d`, whose series starts with `d^3 / 3`.
 pub fn diffuse_phase(phase: f64) -> f64 {
-    let d = PI - phase;
+    let d = nearest(PI - phase, 0.0..=PI);
     let bracket = if d.abs() < 1e-2 {
         d * d * d * (1.0 / 3.0 - d * d / 30.0)
     } else {

@@ -43,10 +43,11 @@ pub const FREE_SPACE: f64 = 1.8;
 /// Mean radius of the Earth, m.
 const EARTH_M: f64 = 6_371_200.0;
 
-/// Particles a second through a square centimetre of a detector, both ways, at a GCRF position (m).
+/// Particles a second through a square centimetre of a detector, both ways, at a GCRF position (m); [`FREE_SPACE`] at what is no place.
 pub fn flux(position_m: &Vector3<f64>, epoch: Epoch) -> f64 {
     let place = Place::of(position_m, epoch);
-    cosmic_rays(place.cutoff_gv()) + anomaly(&place)
+    // Where there is no direction from the Earth's centre there is no anomaly.
+    cosmic_rays(place.cutoff_gv()) + anomaly(&place).max(0.0)
 }
 
 /// Where an observer is over the turning Earth. The pole of date is the GCRF's but for 0.14 deg in 25 years, and

@@ -62,7 +62,7 @@ impl StarLight {
         }
     }
 
-    /// Surface brightness in `direction` (unit vector, ICRF), S10. Costs some 50 ns.
+    /// Surface brightness in `direction` (unit vector, ICRF), S10; no number of what is no direction. Costs some 50 ns.
     pub fn s10(&self, direction: &Vector3<f64>) -> f64 {
         let g = GALACTIC * direction;
         let longitude = libm::atan2(g.y, g.x);

@@ -116,17 +116,19 @@ pub struct ZodiacalLight {
 }
 
 impl ZodiacalLight {
-    /// With the Sun in direction `sun` (any length, ICRF).
+    /// With the Sun in direction `sun` (any length, ICRF); over the ecliptic's pole, and of what is no direction, at longitude 0.
     pub fn new(sun: &Vector3<f64>) -> ZodiacalLight {
         let sun = ecliptic::from_icrf(sun);
         let length = (sun.x * sun.x + sun.y * sun.y).sqrt();
+        let sun = [sun.x / length, sun.y / length];
+        let is_somewhere = length > 0.0 && sun.iter().all(|part| part.is_finite());
         ZodiacalLight {
-            sun: [sun.x / length, sun.y / length],
+            sun: if is_somewhere { sun } else { [1.0, 0.0] },
             residual: &RESIDUAL,
         }
     }
 
-    /// Surface brightness in `direction` (unit vector, ICRF), S10. Costs some 50 ns.
+    /// Surface brightness in `direction` (unit vector, ICRF), S10; no number of what is no direction. Costs some 50 ns.
     pub fn s10(&self, direction: &Vector3<f64>) -> f64 {
         let v = ecliptic::from_icrf(direction);
         let [cos, sin] = self.sun;
@@ -141,7 +143,7 @@ impl ZodiacalLight {
 }
 
 /// What the light is multiplied by for an observer at `sun_distance_m` (m) from the Sun: the power -2.3 that Helios measured from 0.3
-/// to 1 au (Leinert et al. 1981, A&A 103, 177).
+/// to 1 au (Leinert et al. 1981, A&A 103, 177). No number of a distance below 0.
 pub fn distance_factor(sun_distance_m: f64) -> f64 {
     libm::pow(sun_distance_m / AU_M, -2.3)
 }

@@ -3,10 +3,10 @@
 //! A track is cut into pieces that are nearly straight and nearly even, and these into panels a fraction of the
 //! point spread function long. A panel stands for a stretch of time, not of length, and so carries the light of that
 //! time wherever the image hurries or lingers; it is integrated by the two-point Gauss rule. Where light is spread by a Gaussian that is the same everywhere,
-//! and rows collect it together, a whole piece has a rule of higher order instead ([`rule`]).
+//! and rows collect it together, a whole piece has a rule of higher order instead (`rule`).
 
 mod rows;
-pub mod rule;
+pub(crate) mod rule;
 mod sample;
 mod walk;
 mod way;
@@ -15,7 +15,7 @@ pub use rows::{Lit, Rows, Turns};
 pub use sample::{Place, Sample};
 
 use crate::fidelity::Fidelity;
-use walk::{DEPTH, Walk, length};
+use walk::{DEPTH, LEAST_SIGMA_PX, Walk, length};
 
 /// The path of a source's image on the unbounded detector plane.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,7 +35,7 @@ pub struct Course {
     pub pieces: usize,
     /// For a Gaussian that is the same everywhere.
     pub even: Option<Even>,
-    /// Longest panel, px.
+    /// Longest panel, px; of less than 1e-3, or of what is no number, 1e-3.
     pub step_px: f64,
     /// Longest track that is one panel from its start to its end, px.
     pub panel_px: f64,
@@ -52,7 +52,7 @@ pub struct Course {
 /// What tracks are sampled for where a Gaussian spreads their light that is the same everywhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Even {
-    /// Its standard deviation, px.
+    /// Its standard deviation, px; of less than 0.01, or of what is no number, 0.01.
     pub sigma_px: f64,
     /// What the brightest pixel would get if the image stood still, e-.
     pub height_e: f64,
@@ -144,6 +144,7 @@ impl Track {
         }
         let even = course.even.filter(|_| course.rows.are_together());
         walk.even = even.map(|Even { sigma_px, height_e }| {
+            let sigma_px = sigma_px.max(LEAST_SIGMA_PX);
             // Two pieces err where they meet.
             let error = fidelity.streak_error(walk.length_px / sigma_px, height_e) / 2.0;
             (sigma_px, error)

@@ -1,5 +1,6 @@
 //! Points and weights that integrate what a Gaussian collects of a piece of a streak: few on a short piece, equally spaced ones on a long.
 
+use crate::range::nearest;
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 
@@ -17,6 +18,8 @@ const SPAN: f64 = 5.0;
 /// The error of a spacing of h standard deviations is below `SPACED h^12`, of what a streak without ends collects, up to [`WIDEST`].
 const SPACED: f64 = 4.5e-6;
 const WIDEST: f64 = 1.5;
+/// Equally spaced points are no more than some so many: a longer piece is cut before.
+const MOST_SPACED: f64 = 1e6;
 /// Gauss's rules have at most so many points; more cost more than equally spaced ones.
 const MOST: usize = 11;
 
@@ -78,22 +81,32 @@ pub fn fewest_points() -> impl Iterator<Item = f64> {
 
 /// Whether [`points`] gives no more than so `few` (2 to 11).
 pub fn are_few(length: f64, error: f64, few: usize) -> bool {
-    let mut rules = GAUSS.iter().take(few - 1);
+    let mut rules = GAUSS.iter().take(few.saturating_sub(1));
     rules.any(|gauss| gauss.tells(length, error))
+}
+
+/// The Gauss rule of the fewest points that tells as much.
+fn gauss(length: f64, error: f64) -> Option<&'static Gauss> {
+    GAUSS.iter().find(|gauss| gauss.tells(length, error))
+}
+
+/// How many times the spacing of equally spaced points goes into a piece.
+fn steps(length: f64, error: f64) -> f64 {
+    let widest = libm::pow(error.max(f64::EPSILON) / SPACED, 1.0 / 12.0).min(WIDEST);
+    nearest((length / widest).ceil(), 2.0 * SPAN..=MOST_SPACED)
 }
 
 /// Gives the points of a piece of `length` standard deviations (0..1 of it) and their weights, which sum to 1: what a Gaussian collects of it
 /// then errs by less than `error` of what it collects of a streak without ends. Light, its centre and its width are kept whatever the error.
 pub fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
-    if let Some(gauss) = GAUSS.iter().find(|gauss| gauss.tells(length, error)) {
+    if let Some(gauss) = gauss(length, error) {
         gauss
             .points
             .iter()
             .for_each(|(at, weight)| point(*at, *weight));
         return;
     }
-    let widest = libm::pow(error.max(f64::EPSILON) / SPACED, 1.0 / 12.0).min(WIDEST);
-    let steps = (length / widest).ceil().max(2.0 * SPAN);
+    let steps = steps(length, error);
     let step = 1.0 / steps;
     for (at, weight) in ENDS {
         point(at * step, weight * step);
@@ -111,11 +124,13 @@ pub fn most(length: f64) -> usize {
     MOST + length.clamp(0.0, 1e3) as usize
 }
 
-/// How many points [`points`] gives, about.
+/// How many points [`points`] gives.
 pub fn count(length: f64, error: f64) -> usize {
-    let mut count = 0;
-    points(length, error, |_, _| count += 1);
-    count
+    match gauss(length, error) {
+        Some(gauss) => gauss.points.len(),
+        // What is equally spaced begins and ends SPAN from the ends.
+        None => 2 * ENDS.len() + (steps(length, error) - 2.0 * SPAN) as usize + 1,
+    }
 }
 
 #[cfg(test)]
@@ -148,6 +163,24 @@ mod tests {
                 }
             }
             assert!(greatest > error / 4.0, "{error} {greatest}");
+        }
+    }
+
+    /// Of no length and of any: bounded, numbered as told, of weights that sum to 1.
+    #[test]
+    fn lengths_that_are_no_numbers_have_points_too() {
+        let lengths = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0];
+        for length in lengths.into_iter().chain([1e300, 1e-300, 40.0]) {
+            for error in [f64::NAN, f64::INFINITY, 0.0, -1.0, 1e-5] {
+                let rule = laid(length, error);
+                assert_eq!(rule.len(), count(length, error), "{length} {error}");
+                let light: f64 = rule.iter().map(|(_, weight)| weight).sum();
+                // A million weights round to a few 1e-11.
+                assert!((light - 1.0).abs() < 1e-10, "{length} {error} {light}");
+            }
+            for few in [0, 1] {
+                assert!(!are_few(length, 1e-5, few));
+            }
         }
     }
 

@@ -19,6 +19,10 @@ const BEND: f64 = 0.02;
 const LONGEST_PX: f64 = 256.0;
 /// What bends by no more than this (px) is straight: below lies what rounding makes of images that stand still.
 const LEAST_PX: f64 = 1e-9;
+/// Panels are no shorter than this (px): pixels hardly tell of what is narrower how its light is spread over them.
+const LEAST_STEP_PX: f64 = 1e-3;
+/// Nor is a Gaussian narrower (px): what is, of whatever width, lies on one pixel or on its edge.
+pub const LEAST_SIGMA_PX: f64 = 0.01;
 /// A piece of which nothing is seen is cut in two where what its light is uncertain by may move the centre of all by more than this, px.
 const FAR_PX: f64 = 1e-5;
 /// Places that it takes to lay a way through a piece.
@@ -43,6 +47,11 @@ pub struct Walk<'a, F> {
 impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
     fn knot(&self, part: f64) -> Knot {
         (part, (self.place)(part))
+    }
+
+    /// Longest panel, px.
+    fn step_px(&self) -> f64 {
+        self.course.step_px.max(LEAST_STEP_PX)
     }
 
     /// Whether a row at `y` collects light then; rounding counts as in time.
@@ -158,7 +167,9 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
                     .course
                     .window
                     .is_near(&ends, bend.max(BEND * length / 2.0));
-                near = seen || self.is_cut([a.0, b.0], ends.map(|at| at[1]), bend);
+                // Next to the greatest numbers nothing is.
+                near = bend.is_finite()
+                    && (seen || self.is_cut([a.0, b.0], ends.map(|at| at[1]), bend));
                 let longest = if seen {
                     LONGEST_PX
                 } else {
@@ -166,7 +177,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
                 };
                 split = near && (bend > (BEND * length).max(LEAST_PX) || length > longest);
                 // Of a parabola the fastest end is faster than the mean by 4 bend / length.
-                panels = (length + 4.0 * bend) / self.course.step_px;
+                panels = (length + 4.0 * bend) / self.step_px();
             }
             // The source comes from behind the camera or goes there.
             _ => split = true,
@@ -200,7 +211,7 @@ impl<F: Fn(f64) -> Option<Place>> Walk<'_, F> {
                 continue;
             }
             // One more step for the bend inside of a panel.
-            let reach = self.course.reach_px + 1.0 + self.course.step_px;
+            let reach = self.course.reach_px + 1.0 + self.step_px();
             let ys = ends.map(|part| (self.place)(part).map_or(f64::NAN, |p| p.at[1]));
             let near = [ys[0].min(ys[1]) - reach, ys[0].max(ys[1]) + reach];
             self.cut_panel(ends, &self.course.rows.turns(ends, near), samples);

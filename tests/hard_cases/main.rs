@@ -21,6 +21,8 @@
 //! | distortion's inverse near its fold | `field`; everywhere else: `src/camera/projection.rs`, against OpenCV: `tests/optics/projection.rs` |
 //! | accumulation order over 10^6 sources | `brightness` |
 //! | NaN and infinity: cameras, scenes, states, lenses, tracks, shadows, orbits, searches | `entrances` |
+//! | the same: every other public function of real numbers, with what is left out and why | `functions` |
+//! | the same: settings that callers make and files refuse | `settings`; the wall clock: `src/serve/clock.rs`, points of streaks: `src/track/rule.rs` |
 //! | the same: commands on the wire | `tests/wire/bad_packets.rs`, `wall_clock.rs`; any octets: `protocols/tests/fuzz` |
 //! | the same: element sets, OMM and OEM | `src/orbit/tests/` (`element_files`, `omm_files`, `ephemeris_messages`) |
 //! | the same: populations, attitude lists, the command line | `tests/rso/population.rs`, `firmware-sim/src/attitude_list.rs`, `tests/cli/inputs.rs` |
@@ -32,14 +34,18 @@ mod oem;
 mod sky;
 
 mod brightness;
+mod camera_functions;
 mod centroids;
 mod charge;
 mod entrances;
 mod field;
+mod functions;
 mod motion;
 mod near;
 mod pointing;
 mod properties;
+mod settings;
+mod sky_functions;
 mod stage;
 mod time;
 mod whole_sky;

@@ -6,6 +6,7 @@
 //! Unit of width: `lambda N` at the band's reference wavelength.
 
 use super::circular::Quadrant;
+use crate::range::nearest;
 use std::f64::consts::PI;
 
 /// Shape and table of a band's diffraction.
@@ -29,11 +30,18 @@ const STEP: f64 = 0.05;
 const WAVELENGTHS: usize = 48;
 
 impl Airy {
-    /// `band`: wavelengths in units of the reference and the light of each (any unit).
+    /// `band`: wavelengths in units of the reference and the light of each (any unit); what of it is no light is left out. The obscuration is brought
+    /// into 0 to 0.9.
     pub fn new(obscuration: f64, band: &[(f64, f64)]) -> Airy {
+        let obscuration = nearest(obscuration, 0.0..=0.9);
+
+        let is_light = |(ratio, light): &&(f64, f64)| {
+            *ratio > 0.0 && *light >= 0.0 && ratio.is_finite() && light.is_finite()
+        };
+        let band: Vec<(f64, f64)> = band.iter().filter(is_light).copied().collect();
         let rings = rings(obscuration);
         let mono = Energy::new(obscuration, PI * rings);
-        let colours = thinned(band);
+        let colours = thinned(&band);
         let energy = |r: f64| -> f64 {
             let part = |&(ratio, light): &(f64, f64)| light * mono.at(PI * r / ratio);
             colours.iter().map(part).sum()

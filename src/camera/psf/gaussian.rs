@@ -1,12 +1,16 @@
 //! A circular Gaussian. It is the product of one Gaussian a coordinate, and so is its integral over a pixel.
 
 use crate::kernels::{Lines, Real};
+use crate::range::nearest;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::LazyLock;
 
 /// Nodes of the table a standard deviation, and how far it reaches: what lies beyond is below 1e-16.
 const NODES: f64 = 32.0;
 const REACH: f64 = 8.5;
+
+/// Light that is lost is no less than this part of it, 37 standard deviations out.
+const LEAST_LOSS: f64 = 1e-300;
 
 /// Taylor's series, from the power 0 on.
 type Series = [f64; 6];
@@ -64,6 +68,8 @@ impl Gaussian {
     ///
     /// f falls: from a k that is too great, the first's, it leads to one that is too small, and from there to one that is hardly too great.
     pub fn reach_px(&self, loss: f64) -> f64 {
+        // Of no loss at all there would be no end.
+        let loss = nearest(loss, LEAST_LOSS..=1.0);
         let far = (-2.0 * libm::log(loss / 2.0)).sqrt();
         let nearer = |k: f64| (-2.0 * libm::log(k * TAU.sqrt() * loss / 4.0)).sqrt();
         // Of more than a hundredth the tail is not that far out.
@@ -77,7 +83,7 @@ impl Gaussian {
 
     /// The radius (px) of the circle outside of which `loss` of the light falls, `exp(-r^2 / (2 sigma^2))`.
     pub fn circle_px(&self, loss: f64) -> f64 {
-        self.sigma_px * (-2.0 * libm::log(loss)).max(0.0).sqrt()
+        self.sigma_px * (-2.0 * libm::log(nearest(loss, LEAST_LOSS..=1.0))).sqrt()
     }
 
     /// The shares of pixels as [`Lines`], within 1e-7; none where it is so narrow or so wide that the table would be large. With a source `f` above the

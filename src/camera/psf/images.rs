@@ -204,9 +204,10 @@ impl Relief {
 
 impl Images {
     /// `images`, row by row, stand at the crossings of `places` (columns, rows; px from the principal point, rising).
-    /// None if there are not as many as crossings.
+    /// None if there are not as many as crossings, or less than one cell or more than a thousand a pixel.
     pub fn new(oversampling: f64, places: [Vec<f64>; 2], images: Vec<Image>) -> Option<Images> {
-        if images.is_empty() || images.len() != places[0].len() * places[1].len() {
+        let is_whole = images.len() == places[0].len() * places[1].len();
+        if images.is_empty() || !is_whole || !(1.0..=1e3).contains(&oversampling) {
             return None;
         }
         let cells = images

@@ -20,10 +20,11 @@ pub use moffat::Moffat;
 
 use crate::fidelity::Fidelity;
 use crate::kernels::{Lines, Place};
+use crate::range::nearest;
 use circular::Quadrant;
 use gaussian::Gaussian;
 use skyloop_orbit::sgp4_batch::Level;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
 /// Greatest width (px) that the tables of circular profiles are made for, before it varies over the field.
@@ -31,6 +32,10 @@ pub const WIDEST_PX: f64 = 20.0;
 /// Furthest (px) that light is drawn from a source: wide wings end there, but for a Gaussian's, which has none. Beyond it lie 2 % of a diffraction pattern
 /// whose `lambda N` is 25 px, and a thousandth of one of 1 px.
 pub const FURTHEST_PX: f64 = 256.0;
+
+/// Widths (px) that a shape may have; and by what factors the field and colours may change them.
+const WIDTHS_PX: RangeInclusive<f64> = 1e-6..=1e3;
+const SCALES: RangeInclusive<f64> = 1e-3..=1e3;
 
 /// The columns and rows of the unbounded plane whose pixels lie within `reach_px` of `at` (px), each way.
 pub fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
@@ -128,9 +133,24 @@ impl Default for Stamp {
     }
 }
 
+impl Shape {
+    /// With its width brought into [`WIDTHS_PX`].
+    fn bounded(self) -> Shape {
+        let bounded = |width_px: f64| nearest(width_px, WIDTHS_PX);
+        match self {
+            Shape::Gaussian(sigma_px) => Shape::Gaussian(bounded(sigma_px)),
+            Shape::Airy(airy, width_px) => Shape::Airy(airy, bounded(width_px)),
+            Shape::Moffat(moffat, width_px) => Shape::Moffat(moffat, bounded(width_px)),
+            Shape::Images(images) => Shape::Images(images),
+        }
+    }
+}
+
 impl Psf {
-    /// A shape whose width varies.
+    /// A shape whose width varies. Widths are brought into 1e-6 to 1e3 px, and what the field and colours make of them into a thousandth to a
+    /// thousand times; what is no number becomes the least.
     pub fn new(shape: Shape, variation: Variation) -> Psf {
+        let shape = shape.bounded();
         let is_even = variation.by_field.is_empty() && variation.wavelength_exponent == 0.0;
         let lines = match shape {
             Shape::Gaussian(sigma_px) if is_even => {
@@ -185,7 +205,7 @@ impl Psf {
     fn local(&self, scale: f64, mix: images::Mix) -> LocalPsf<'_> {
         LocalPsf {
             shape: &self.shape,
-            scale,
+            scale: nearest(scale, SCALES),
             mix,
         }
     }
@@ -258,7 +278,11 @@ impl Psf {
         // Symmetric profiles are sharpest in the middle of a pixel. What lies further out has no share in squares.
         let narrowest = self.narrowest();
         let mut stamp = Stamp::default();
-        let reach = (4.0 * narrowest.core_px()).ceil() as i64 + 1;
+        let reach_px = 4.0 * narrowest.core_px();
+        if reach_px > FURTHEST_PX {
+            return self.peak();
+        }
+        let reach = reach_px.ceil() as i64 + 1;
         let around = -reach..reach + 1;
         narrowest.spread(1.0, [0.0; 2], around.clone(), around, &mut stamp);
         let squares: f64 = stamp.light.iter().map(|share| share * share).sum();
@@ -294,7 +318,7 @@ impl LocalPsf<'_> {
             Shape::Moffat(moffat, width_px) => self.scale * width_px * moffat.reach(loss),
             Shape::Images(images) => images.reach_px(),
         };
-        reach.min(FURTHEST_PX)
+        nearest(reach, 0.0..=FURTHEST_PX)
     }
 
     /// Half the side (px) of the square to draw for a source of so many `electrons`: all of its light but [`Fidelity::loss`] is in
@@ -313,7 +337,8 @@ impl LocalPsf<'_> {
             Shape::Gaussian(_) => return self.reach_px(fidelity.loss(electrons)),
             Shape::Images(_) => return self.reach_px(fidelity.psf_loss),
         };
-        self.reach_px(fidelity.psf_loss).min(faint_px + 1.0)
+        self.reach_px(fidelity.psf_loss)
+            .min(faint_px.max(0.0) + 1.0)
     }
 
     /// The table of its light and its width (px), if it has one.

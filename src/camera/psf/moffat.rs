@@ -4,6 +4,7 @@
 //! `2 alpha sqrt(2^(1/beta) - 1)`.
 
 use super::circular::Quadrant;
+use crate::range::nearest;
 use std::f64::consts::PI;
 
 /// Shape and table of a Moffat profile.
@@ -22,8 +23,9 @@ const STEPS: usize = 320;
 const KNEE: f64 = 4.0;
 
 impl Moffat {
-    /// The profile of exponent `beta`.
+    /// The profile of exponent `beta`, which is brought into 1.1 to 100: that of 1 has no end to its light.
     pub fn new(beta: f64) -> Moffat {
+        let beta = nearest(beta, 1.1..=100.0);
         let alpha = 0.5 / (libm::pow(2.0, 1.0 / beta) - 1.0).sqrt();
         Moffat {
             beta,

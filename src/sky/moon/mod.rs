@@ -76,7 +76,8 @@ impl MoonDisc {
         Self::new(observer.moon_m(corrections), observer.sun_m(corrections))
     }
 
-    /// The disc with the Moon's centre at `moon_m` and the Sun at `sun_m` from the observer, who is not in the Moon (m, ICRF).
+    /// The disc with the Moon's centre at `moon_m` and the Sun at `sun_m` from the observer, who is not in the Moon (m, ICRF). Of places
+    /// that are no numbers it is dark, and its magnitude no number.
     pub fn new(moon_m: Vector3<f64>, sun_m: Vector3<f64>) -> Self {
         let (distance_m, from_moon) = (moon_m.norm(), sun_m - moon_m);
         let sun_distance_m = from_moon.norm();
@@ -116,21 +117,22 @@ impl MoonDisc {
     }
 
     /// The share of the disc's light that comes from direction `at` (unit vector, ICRF), per steradian: its integral over the disc is
-    /// 1. It is 0 beside the disc and on the night side.
+    /// 1. It is 0 beside the disc, on the night side, and where a direction is no number.
     pub fn brightness(&self, at: &Vector3<f64>) -> f64 {
         // The place on the unit sphere: across the line of sight by the angle from the centre, then up to the surface.
         let toward_us = -self.direction;
         let across = (at - self.direction * at.dot(&self.direction)) / self.angular_radius;
         let square = across.norm_squared();
-        if square >= 1.0 || at.dot(&self.direction) <= 0.0 {
+        let is_before = square < 1.0 && at.dot(&self.direction) > 0.0;
+        if !is_before {
             return 0.0;
         }
         let mu = (1.0 - square).sqrt();
         let mu0 = (across + toward_us * mu).dot(&self.to_sun);
-        if mu0 <= 0.0 {
-            return 0.0;
+        match mu0 > 0.0 {
+            true => self.scale * mu0 / (mu0 + mu),
+            false => 0.0,
         }
-        self.scale * mu0 / (mu0 + mu)
     }
 }
 

@@ -114,7 +114,7 @@ impl Shape {
     /// Eq. (6): `rho A F` (m^2/sr), summed over the facets, for the unit vectors to the Sun and to the sensor in axes of the body,
     /// where the Sun's disc has an angular radius of `sun_radius` (rad).
     ///
-    /// Plates and spheres are exact, sides of cylinders and cones within 1e-4.
+    /// Plates and spheres are exact, sides of cylinders and cones within 1e-4. A facet whose light would be negative or no number has none.
     pub fn reflective_area(
         &self,
         to_sun: &Vector3<f64>,
@@ -124,6 +124,7 @@ impl Shape {
         let facets = self.facets.iter();
         facets
             .map(|facet| facet.reflective_area(to_sun, to_sensor, sun_radius))
+            .map(|area| area.max(0.0))
             .sum()
     }
 
