@@ -231,6 +231,48 @@ impl VehicleState {
     }
 }
 
+/// The vehicle at `epoch` between two messages, each carried there as [`VehicleState::at`] does, the nearer one counting more: at either message
+/// it is that message, attitude, rates, position and velocity, and nothing jumps in between. With rates that tell how the body turned it is exact.
+/// What it says of itself besides (`sequence`) is the earlier one's.
+///
+/// The weight is Hermite's `s = u^2 (3 - 2 u)`, `u` the share of the time between them that has passed: its slope is 0 at both ends.
+pub fn between(before: &VehicleState, after: &VehicleState, epoch: Epoch) -> VehicleState {
+    let whole_s = (after.epoch - before.epoch).to_unit(Unit::Second);
+    let passed_s = (epoch - before.epoch).to_unit(Unit::Second);
+    if whole_s <= 0.0 {
+        return after.at(epoch);
+    }
+    let u = (passed_s / whole_s).clamp(0.0, 1.0);
+    let s = u * u * (3.0 - 2.0 * u);
+    let (a, b) = (before.at(epoch), after.at(epoch));
+    let turn = b.attitude.0 * a.attitude.0.inverse();
+    let attitude = UnitQuaternion::from_scaled_axis(turn.scaled_axis() * s) * a.attitude.0;
+    let orbit = match (a.orbit, b.orbit) {
+        (Some(a), Some(b)) => Some(StateVector {
+            position_m: a.position_m.lerp(&b.position_m, s),
+            velocity_m_s: a.velocity_m_s.lerp(&b.velocity_m_s, s),
+        }),
+        (a, b) => a.or(b),
+    };
+    VehicleState {
+        attitude: Attitude(attitude),
+        rates: a.rates.lerp(&b.rates, s),
+        orbit,
+        ..a
+    }
+}
+
+/// The constant body rates (rad/s) that take one attitude to another in `dt_s`: the shorter way. `q(t) = exp(-w t / 2) q(0)`, convention 4.
+pub fn rates_between(before: &Attitude, after: &Attitude, dt_s: f64) -> Vector3<f64> {
+    let turn = after.0 * before.0.inverse();
+    let rates = -turn.scaled_axis() / dt_s;
+    if rates.norm_squared().is_finite() {
+        rates
+    } else {
+        Vector3::zeros()
+    }
+}
+
 fn finite(what: &'static str, value: &[f64]) -> Result<(), AttitudeError> {
     if value.iter().all(|v| v.is_finite()) {
         return Ok(());
@@ -332,5 +374,55 @@ mod tests {
             let refused = Attitude::from_xyzw([0.0, bad, 0.0, 1.0]).unwrap_err();
             assert!(matches!(refused, AttitudeError::NotFinite { .. }));
         }
+    }
+
+    #[test]
+    fn between_two_messages_of_a_steady_turn_it_is_that_turn() {
+        let start = Epoch::from_gregorian_utc_hms(2019, 6, 15, 23, 35, 50);
+        let orbit = ([7e6, 0.0, 0.0], [0.0, 7546.0, 0.0]);
+        let rates = [0.02, -0.3, 0.1];
+        let first = VehicleState::new(1, start, TOUCHSTONE, rates, Some(orbit)).unwrap();
+        let at = |s: f64| first.at(start + hifitime::Duration::from_seconds(s));
+        let second = VehicleState {
+            sequence: 2,
+            ..at(0.5)
+        };
+        for s in [0.0, 0.1, 0.25, 0.4999, 0.5] {
+            let (found, exact) = (between(&first, &second, at(s).epoch), at(s));
+            let off = rates_between(&found.attitude, &exact.attitude, 1.0).norm();
+            assert!(off < 1e-9, "{s}: {off} rad");
+            let moved = found.orbit.unwrap().position_m - exact.orbit.unwrap().position_m;
+            assert!(moved.norm() < 1e-3, "{s}: {} m", moved.norm());
+        }
+        let turned = rates_between(&first.attitude, &second.attitude, 0.5);
+        assert!((turned - Vector3::from(rates)).norm() < 1e-12, "{turned}");
+    }
+
+    #[test]
+    fn between_messages_that_tell_no_rates_nothing_jumps() {
+        let start = Epoch::from_gregorian_utc_hms(2019, 6, 15, 23, 35, 50);
+        let first = VehicleState::new(1, start, TOUCHSTONE, [0.0; 3], None).unwrap();
+        let turned = first.attitude.turned(&Vector3::new(0.0, 0.01, 0.0), 1.0);
+        let later = start + Unit::Second * 1;
+        let second = VehicleState::new(2, later, turned.xyzw(), [0.0; 3], None).unwrap();
+        let angle = |u: f64| {
+            let epoch = start + hifitime::Duration::from_seconds(u);
+            rates_between(
+                &first.attitude,
+                &between(&first, &second, epoch).attitude,
+                1.0,
+            )
+            .norm()
+        };
+        // X-Val: u^2 (3 - 2 u) of 0.01 rad.
+        for (u, share) in [(0.0, 0.0), (0.25, 0.15625), (0.5, 0.5), (1.0, 1.0)] {
+            assert!((angle(u) - 0.01 * share).abs() < 1e-12, "{u}");
+        }
+        // Two messages of one moment: the later one counts.
+        let same = VehicleState {
+            epoch: start,
+            ..second.clone()
+        };
+        assert_eq!(between(&first, &same, start).attitude, second.attitude);
     }
 }

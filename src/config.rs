@@ -2,12 +2,13 @@
 
 mod fidelity;
 mod objects;
+mod run;
 mod shapes;
 
 use crate::attitude::Attitude;
 use crate::camera::Camera;
 use crate::effect::EFFECTS;
-use crate::fidelity::{Choice, Coarser, Fidelity};
+use crate::fidelity::{Choice, Fidelity};
 use crate::load::{
     Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, advice, orbits, parse,
 };
@@ -18,11 +19,11 @@ use crate::sky::population::{Looks, Population};
 use fidelity::RawFidelity;
 use hifitime::Epoch;
 use objects::{Objects, RawObjects};
+use run::RawRun;
+pub use run::{Clock, Delay, OnOverrun, OnStale, OutOfOrder, Run, Staleness, Trigger};
 use serde::Deserialize;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Object, StateVector};
-use skyloop_protocols::Output;
-use skyloop_protocols::output::MAX_WINDOW;
 use std::path::Path;
 
 /// A validated configuration.
@@ -103,46 +104,6 @@ pub struct TimedAttitude {
     pub attitude: Attitude,
 }
 
-/// How a live run listens and keeps time.
-#[derive(Debug, Clone)]
-pub struct Run {
-    /// Links, as URLs.
-    pub links: Vec<String>,
-    /// What frames bring until a client says otherwise.
-    pub output: Output,
-    /// Who gives the time.
-    pub clock: Clock,
-    /// After this silence (s) of its client an exchange may be taken over by another.
-    pub idle_s: f64,
-    /// What is done where a frame would be late.
-    pub on_overrun: OnOverrun,
-    /// What is made coarser then, one after another.
-    pub coarsen: Vec<Coarser>,
-}
-
-/// What is done where a frame would not be there a period after its exposure's end, by the wall clock.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum OnOverrun {
-    /// It comes late.
-    #[default]
-    Late,
-    /// Its exposure has no frame.
-    Drop,
-    /// It is rendered more coarsely.
-    Coarsen,
-}
-
-/// Who gives the time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Clock {
-    /// Each attitude gives one frame, of the attitude's own time.
-    Stepped,
-    /// Frames at the camera's rate, the latest attitude extrapolated by its rates.
-    Wall,
-}
-
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Raw {
@@ -209,31 +170,6 @@ struct RawAttitude {
     q: Fixed<f64, 4>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct RawRun {
-    link: OneOrMore,
-    output: String,
-    windows: u8,
-    window_px: u8,
-    objects: u16,
-    clock: Clock,
-    idle_s: f64,
-    on_overrun: OnOverrun,
-    coarsen: Vec<String>,
-}
-
-/// One text, or an array of them.
-#[derive(Deserialize)]
-#[serde(
-    untagged,
-    expecting = "must be a link or a list of links, such as \"udp://127.0.0.1:4810\""
-)]
-enum OneOrMore {
-    One(String),
-    More(Vec<String>),
-}
-
 fn one() -> u64 {
     1
 }
@@ -256,23 +192,6 @@ impl Default for RawSky {
             deflection: true,
             aberration: true,
             light_time: true,
-        }
-    }
-}
-
-impl Default for RawRun {
-    fn default() -> Self {
-        let output = Output::default();
-        RawRun {
-            link: OneOrMore::One("udp://127.0.0.1:4810".to_string()),
-            output: "frame".to_string(),
-            windows: output.windows,
-            window_px: output.window_size,
-            objects: output.objects,
-            clock: Clock::Stepped,
-            idle_s: 5.0,
-            on_overrun: OnOverrun::default(),
-            coarsen: vec!["fast".to_string()],
         }
     }
 }
@@ -401,41 +320,6 @@ impl RawSky {
             selection,
             corrections,
             colour: self.colour,
-        })
-    }
-}
-
-impl RawRun {
-    fn validate(self, check: &Check) -> Result<Run, ConfigError> {
-        let links = match self.link {
-            OneOrMore::One(link) => vec![link],
-            OneOrMore::More(links) if links.is_empty() => {
-                return Err(check.refuse("run.link", "[]", "at least one link"));
-            }
-            OneOrMore::More(links) => links,
-        };
-        let preset = Output::preset(&self.output).ok_or_else(|| {
-            let names = Output::PRESETS.map(|(name, ..)| name).join(", ");
-            check.refuse(
-                "run.output",
-                format!("{:?}", self.output),
-                format!("one of {names}"),
-            )
-        })?;
-        let most = f64::from(MAX_WINDOW);
-        check.range("run.window_px", f64::from(self.window_px), 1.0..=most)?;
-        Ok(Run {
-            links,
-            output: Output {
-                windows: self.windows,
-                window_size: self.window_px,
-                objects: self.objects,
-                ..preset
-            },
-            clock: self.clock,
-            idle_s: check.range("run.idle_s", self.idle_s, 0.0..=1e6)?,
-            on_overrun: self.on_overrun,
-            coarsen: fidelity::steps(&self.coarsen, check)?,
         })
     }
 }

@@ -56,7 +56,7 @@ pub struct Shot {
     /// What is in them.
     pub label: Label,
     /// The label as one line of JSON.
-    pub json: String,
+    pub json: Arc<String>,
     /// When it was exposed.
     pub exposure: Exposure,
     /// The camera, as it was set.
@@ -72,6 +72,46 @@ pub struct Shot {
     /// From the vehicle's state to pixels and label.
     pub render_time: Duration,
 }
+
+/// What is known of a frame before its pixels are.
+#[derive(Debug, Clone)]
+pub struct Opening {
+    /// Number of the frame in the run, from 0.
+    pub number: u32,
+    /// The label as one line of JSON.
+    pub json: Arc<String>,
+    /// When it is exposed.
+    pub exposure: Exposure,
+    /// The camera, as it is set.
+    pub camera: Arc<Camera>,
+    /// What its noise is keyed by.
+    pub key: NoiseKey,
+}
+
+impl Shot {
+    /// What was known of it first.
+    pub fn opening(&self) -> Opening {
+        Opening {
+            number: self.number,
+            json: self.json.clone(),
+            exposure: self.exposure,
+            camera: self.camera.clone(),
+            key: self.key,
+        }
+    }
+}
+
+/// Sees a frame while it is made, on whatever thread makes it.
+pub trait Witness: Sync {
+    /// The label is done.
+    fn labelled(&self, _: Opening) {}
+
+    /// Rows are done: the first pixel, row-major, and the digits from there on. Not called where nothing is done before all is.
+    fn developed(&self, _first: usize, _digits: &[u16]) {}
+}
+
+/// Nobody.
+impl Witness for () {}
 
 impl Emulator {
     /// The emulator that `config` describes; takes its objects out of it. Tolerances are brought into their ranges
@@ -154,11 +194,23 @@ impl Emulator {
         vehicle: &VehicleState,
         repeat: u32,
     ) -> Result<Shot, Unobservable> {
-        crew::together(|| self.made(camera, vehicle, repeat))
+        self.shoot_before(&(), camera, vehicle, repeat)
+    }
+
+    /// [`Emulator::shoot_with`], seen by `witness`.
+    pub fn shoot_before(
+        &mut self,
+        witness: &dyn Witness,
+        camera: &Arc<Camera>,
+        vehicle: &VehicleState,
+        repeat: u32,
+    ) -> Result<Shot, Unobservable> {
+        crew::together(|| self.made(witness, camera, vehicle, repeat))
     }
 
     fn made(
         &mut self,
+        witness: &dyn Witness,
         camera: &Arc<Camera>,
         vehicle: &VehicleState,
         repeat: u32,
@@ -172,11 +224,21 @@ impl Emulator {
         let (number, memory) = (self.next_frame, &mut self.memory);
         // The label tells of the scene, never of the frame: both are made side by side.
         let (frame, label) = rayon::join(
-            || render(&plan, &scene, self.level, self.keep_expected, memory),
+            || {
+                let done = |first, digits: &[u16]| witness.developed(first, digits);
+                render(&plan, &scene, self.level, self.keep_expected, memory, &done)
+            },
             || {
                 let mut label = Label::new(number, &scene, &plan, &self.world, self.label_snr);
                 label.overrun = self.overrun;
-                let json = label.to_json();
+                let json = Arc::new(label.to_json());
+                witness.labelled(Opening {
+                    number,
+                    json: json.clone(),
+                    exposure: scene.view.exposure,
+                    camera: camera.clone(),
+                    key: scene.view.key,
+                });
                 (label, json)
             },
         );

@@ -62,6 +62,7 @@ impl Bench<'_> {
             Some(Level::best()),
             true,
             &mut Memory::default(),
+            &|_, _| {},
         ))
     }
 

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 use std::cell::Cell;
 use std::mem;
+use std::sync::{Mutex, PoisonError};
 
 /// Rows of a band.
 const BAND_ROWS: usize = 32;
@@ -25,13 +26,15 @@ thread_local! {
 
 /// Renders `scene` with the vector instructions of `level`; with none pixel by pixel, pass by pass over the whole frame, on one thread. Pixels
 /// depend neither on that nor on bands, runs and the number of threads. `keep` keeps the expected electrons and the charge too. The frame
-/// is made in `memory`, which keeps what the frame is not given.
+/// is made in `memory`, which keeps what the frame is not given. `done` sees the digits of each band and its first pixel, on the thread that
+/// made it, from the top row on but for what several threads have under way; where nothing is done before all is, it sees nothing.
 pub fn render(
     plan: &Plan<'_>,
     scene: &Scene,
     level: Option<Level>,
     keep: bool,
     memory: &mut Memory,
+    done: &(dyn Fn(usize, &[u16]) + Sync),
 ) -> Frame {
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);
@@ -46,7 +49,7 @@ pub fn render(
         ..Frame::default()
     };
     if level.is_some() && !keep && !passes.iter().any(|pass| is_whole(pass)) {
-        bands(scene, &mut digits, level, passes);
+        bands(scene, &mut digits, level, passes, done);
     } else {
         digits.fill(0);
         let mut electrons = mem::take(&mut memory.electrons);
@@ -99,26 +102,39 @@ fn running<'r, 'a, 's>(
 }
 
 /// All passes, band by band, each on charge of its own.
-fn bands(scene: &Scene, digits: &mut [u16], level: Option<Level>, passes: &[&Pass<'_>]) {
+fn bands(
+    scene: &Scene,
+    digits: &mut [u16],
+    level: Option<Level>,
+    passes: &[&Pass<'_>],
+    done: &(dyn Fn(usize, &[u16]) + Sync),
+) {
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     let band = width * BAND_ROWS;
-    let work = digits.par_chunks_mut(band).enumerate();
-    work.for_each(|(index, digits)| {
-        let mut electrons = CHARGE.take();
-        electrons.clear();
-        electrons.resize(digits.len(), 0.0);
-        digits.fill(0);
-        let mut tile = Tile {
-            first: index * band,
-            width,
-            electrons: &mut electrons,
-            digits,
-            key,
-            level,
-        };
-        go_over(&mut tile, passes);
-        CHARGE.set(electrons);
-    });
+    // Each thread takes the next band from the top: what is done is a whole upper part of the frame, which can leave.
+    let left = Mutex::new(digits.chunks_mut(band).enumerate());
+    let next = || left.lock().unwrap_or_else(PoisonError::into_inner).next();
+    (0..rayon::current_num_threads())
+        .into_par_iter()
+        .for_each(|_| {
+            while let Some((index, digits)) = next() {
+                let mut electrons = CHARGE.take();
+                electrons.clear();
+                electrons.resize(digits.len(), 0.0);
+                digits.fill(0);
+                let mut tile = Tile {
+                    first: index * band,
+                    width,
+                    electrons: &mut electrons,
+                    digits,
+                    key,
+                    level,
+                };
+                go_over(&mut tile, passes);
+                CHARGE.set(electrons);
+                done(index * band, digits);
+            }
+        });
 }
 
 /// Passes over bands go together, band by band, up to a pass that needs the whole frame.

@@ -105,7 +105,7 @@ fn pixels_allocate_nothing_from_the_second_frame_on() {
             let level = Some(Level::best());
             let (mut memory, mut packed) = (Memory::default(), [0; MAX_PACKET]);
             let mut frame = || {
-                let frame = render(&plan, &scene, level, false, &mut memory);
+                let frame = render(&plan, &scene, level, false, &mut memory, &|_, _| {});
                 for pixels in frame.digits.chunks(pixels_per_block(packing)) {
                     let data = &mut packed[..packed_length(packing, pixels.len())];
                     match packing {

@@ -40,7 +40,7 @@ fn offline(camera: &str) -> Vec<Seen> {
             let shot = emulator
                 .shoot(&flight::vehicle(&mission, number).unwrap(), 0)
                 .unwrap();
-            (shot.frame.digits, shot.json)
+            (shot.frame.digits, shot.json.to_string())
         })
         .collect()
 }

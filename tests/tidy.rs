@@ -27,8 +27,8 @@ const LAYERS: &[&[&str]] = &[
 /// The modules of `firmware-sim/src/`, likewise.
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
-        "console", "datagram", "image", "pacing", "pointing", "port", "reader", "roles", "text",
-        "time", "times",
+        "burst", "console", "datagram", "image", "pacing", "pointing", "port", "reader", "roles",
+        "text", "time", "times",
     ],
     &[
         "attitude_list",

@@ -18,6 +18,7 @@
 pub mod attitude_list;
 mod background;
 mod blobs;
+pub mod burst;
 pub mod can;
 pub mod cause;
 pub mod console;

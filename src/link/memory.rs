@@ -63,7 +63,14 @@ impl Outbox for MemoryOutbox {
             Outbound::Release { .. } => 0,
         };
         match self.queue.try_send(what) {
-            Ok(()) => self.tally.moved(octets),
+            // What the other end can take has left.
+            Ok(()) => {
+                self.tally.moved(octets);
+                if octets > 0 {
+                    self.tally.queued();
+                    self.tally.done();
+                }
+            }
             Err(TrySendError::Full(what)) => return Ok(Some(what)),
             // The client has left, as it may; the inbox says so too.
             Err(TrySendError::Disconnected(Outbound::Packet { .. })) => count(&self.tally.lost),

@@ -4,6 +4,7 @@
 mod bus;
 mod can;
 pub mod capture;
+mod departed;
 pub mod fault;
 mod inbox;
 mod line;
@@ -25,6 +26,7 @@ mod tally;
 mod udp;
 mod url;
 
+pub(crate) use departed::Mark;
 pub use inbox::{Inbox, Intake};
 #[cfg(target_os = "linux")]
 pub use pty::Pair;

@@ -1,5 +1,6 @@
 //! What a link counts, and whether it moves.
 
+use super::departed::Departed;
 use skyloop_protocols::Counters;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -8,8 +9,8 @@ use std::time::{Duration, Instant};
 /// What a link counts.
 #[derive(Debug, Default)]
 pub struct Tally {
-    /// Packets in the outbound queue, or on their way out of it.
-    waiting: AtomicU32,
+    /// Packets that went into the outbound queue, and that have left it for good.
+    pub(crate) departed: Departed,
     /// Octets that have left, modulo 2^32.
     moved: AtomicU32,
     /// Whether nobody waits any more for what has not left.
@@ -67,7 +68,7 @@ impl Tally {
 
     /// Books a packet put into the outbound queue.
     pub(super) fn queued(&self) {
-        count(&self.waiting);
+        self.departed.queued();
     }
 
     /// Puts a packet into the outbound queue. It is booked first: it may have left the queue before `try_send` is back.
@@ -78,7 +79,7 @@ impl Tally {
 
     /// Books a packet that has left the queue for good.
     pub(super) fn done(&self) {
-        self.waiting.fetch_sub(1, Ordering::Relaxed);
+        self.departed.done();
     }
 
     /// Books all that waits as lost; how much that is.
@@ -96,7 +97,7 @@ impl Tally {
 
     /// Packets that have not left yet.
     pub(crate) fn waiting(&self) -> u32 {
-        self.waiting.load(Ordering::Relaxed)
+        self.departed.waiting()
     }
 
     /// Octets that have left, modulo 2^32.

@@ -203,6 +203,7 @@ pub fn drawn(plan: &Plan<'_>, scene: &Scene) -> Frame {
         Some(Level::best()),
         true,
         &mut Memory::default(),
+        &|_, _| {},
     )
 }
 

@@ -233,7 +233,7 @@ fn the_kernel_puts_whole_frames_together() {
     let mut client = Client::new(KernelLine::new(VCAN0, Settings { fd: true, ..PLAIN }));
     let frame = client.good_frame(7);
     let shot = emulator.shot();
-    assert!(frame.pixels == shot.frame.digits && frame.labels == shot.json);
+    assert!(frame.pixels == shot.frame.digits && frame.labels == *shot.json);
     println!(
         "{} packets of a frame by the kernel's ISO-TP",
         frame.packets

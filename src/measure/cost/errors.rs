@@ -94,6 +94,7 @@ fn frame(
         Some(Level::best()),
         true,
         &mut Memory::default(),
+        &|_, _| {},
     );
     drop(plan);
     Ok((scene, frame))

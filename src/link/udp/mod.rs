@@ -1,11 +1,15 @@
 //! UDP: one packet a datagram, answers only to the client of the exchange. One thread with its own runtime.
 
+mod exchange;
+
 use super::pace::Pace;
 use super::{
     Airtime, BothEnds, Inbound, Intake, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE,
     Tally, Wire, count, inbox::inbox, thread,
 };
 use bytes::Bytes;
+use exchange::Exchange;
+use skyloop_firmware_sim::burst::Burst;
 use skyloop_firmware_sim::datagram::{Datagram, Datagrams};
 use skyloop_firmware_sim::udp::UdpPort;
 use std::net::{SocketAddr, UdpSocket as SystemSocket};
@@ -101,13 +105,7 @@ fn start(
     let tally = Arc::new(Tally::default());
     let (arrivals, inbox) = inbox(tally.clone());
     let (outbox, departures) = channel(QUEUE);
-    let exchange = Exchange {
-        number: 0,
-        client: None,
-        told: false,
-        options: options.clone(),
-        tally: tally.clone(),
-    };
+    let exchange = Exchange::new(options.clone(), tally.clone());
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_io()
         .enable_time()
@@ -171,6 +169,9 @@ async fn until(next: Option<Instant>) {
     }
 }
 
+/// Packets that are taken from the queue at a time.
+const TOGETHER: usize = 64;
+
 /// Carries packets until the emulator drops its end.
 async fn carry(
     socket: SystemSocket,
@@ -181,8 +182,11 @@ async fn carry(
     limit: Option<f64>,
 ) -> std::io::Result<()> {
     let mut pace = limit.map(|octets_per_s| Pace::new(octets_per_s, BURST));
-    // When the next packet may leave.
+    // Where a limit says when the next may leave, they go one by one.
+    let most = if pace.is_some() { 1 } else { TOGETHER };
     let mut next = None;
+    let (mut burst, sending) = (Burst::default(), socket.try_clone()?);
+    let mut taken = Vec::with_capacity(most);
     let socket = UdpSocket::from_std(socket)?;
     // Longer than any packet: a longer datagram is refused for its length.
     let mut buffer = vec![0; 1 << 16];
@@ -204,99 +208,78 @@ async fn carry(
                 }
             }
             () = until(next), if next.is_some() => next = None,
-            departure = departures.recv(), if next.is_none() => match departure {
-                None => return Ok(()),
-                Some(Outbound::Release { exchange: number, asked }) => exchange.release(number, asked),
-                Some(Outbound::Packet { exchange: number, packet }) => {
-                    let sent = match exchange.client_of(number) {
-                        Some(client) => socket.send_to(&packet, client).await.is_ok(),
-                        None => false,
-                    };
-                    if sent {
-                        let now = Instant::now();
-                        let free = pace.as_mut().map(|pace| pace.pass(packet.len(), now));
-                        next = free.filter(|free| *free > now);
-                        exchange.tally.moved(packet.len());
-                    } else {
-                        count(&exchange.tally.lost);
-                    }
-                    exchange.tally.done();
+            count = departures.recv_many(&mut taken, most), if next.is_none() => {
+                if count == 0 {
+                    return Ok(());
                 }
+                let mut batch = Batch::default();
+                for departure in taken.drain(..) {
+                    match departure {
+                        Outbound::Release { exchange: number, asked } => {
+                            batch.send(&mut exchange, &socket, &sending, &mut burst).await;
+                            exchange.release(number, asked);
+                        }
+                        Outbound::Packet { exchange: number, packet } => {
+                            if batch.exchange != number {
+                                batch.send(&mut exchange, &socket, &sending, &mut burst).await;
+                            }
+                            batch.exchange = number;
+                            batch.packets.push(packet);
+                        }
+                    }
+                }
+                let octets = batch.send(&mut exchange, &socket, &sending, &mut burst).await;
+                let now = Instant::now();
+                let free = pace.as_mut().filter(|_| octets > 0).map(|pace| pace.pass(octets, now));
+                next = free.filter(|free| *free > now);
             }
         }
     }
 }
 
-/// Who the emulator talks with.
-struct Exchange {
-    number: u32,
-    client: Option<Client>,
-    /// Whether the log names a stranger already.
-    told: bool,
-    options: Options,
-    tally: Arc<Tally>,
+/// Packets of one exchange, in order.
+#[derive(Default)]
+struct Batch {
+    exchange: u32,
+    packets: Vec<Bytes>,
 }
 
-struct Client {
-    address: SocketAddr,
-    /// Whether it has sent a valid packet, and no Reset since. Without, anybody may take its place.
-    proven: bool,
-    heard: Instant,
-}
-
-impl Exchange {
-    /// Whether a packet from `from` belongs to the exchange; opens a new one if it may.
-    fn admit(&mut self, from: SocketAddr, packet: &[u8]) -> bool {
-        let valid = (self.options.personality.decode_command)(packet).is_ok();
-        if let Some(client) = &mut self.client {
-            if client.address == from {
-                client.proven |= valid;
-                client.heard = Instant::now();
-                return true;
+impl Batch {
+    /// Sends what there is, if its exchange still stands; what the system refuses is lost, and counted. The octets that have left.
+    async fn send(
+        &mut self,
+        exchange: &mut Exchange,
+        socket: &UdpSocket,
+        sending: &SystemSocket,
+        burst: &mut Burst,
+    ) -> usize {
+        let tally = exchange.tally.clone();
+        let client = exchange.client_of(self.exchange);
+        let (mut at, mut octets) = (0, 0);
+        while let Some(rest) = self.packets.get(at..).filter(|rest| !rest.is_empty()) {
+            let sent = match client {
+                Some(to) => {
+                    let sent = socket
+                        .async_io(Interest::WRITABLE, || burst.send(sending, rest, to))
+                        .await;
+                    sent.ok()
+                }
+                None => None,
+            };
+            let gone = rest.iter().take(sent.unwrap_or(1).max(1));
+            for packet in gone {
+                at += 1;
+                if sent.is_some() {
+                    octets += packet.len();
+                    tally.moved(packet.len());
+                } else {
+                    count(&tally.lost);
+                }
+                tally.done();
             }
-            let idle = client.heard.elapsed() >= self.options.idle;
-            if client.proven && !(idle && valid) {
-                return false;
-            }
         }
-        self.number = self.number.wrapping_add(1);
-        self.told = false;
-        self.client = Some(Client {
-            address: from,
-            proven: valid,
-            heard: Instant::now(),
-        });
-        true
-    }
-
-    /// Counts a packet of a stranger, and says why it is not answered.
-    fn ignore(&mut self, from: SocketAddr) {
-        count(&self.tally.foreign);
-        if let Some(client) = &self.client
-            && !std::mem::replace(&mut self.told, true)
-        {
-            tracing::warn!(
-                "packets from {from} are ignored: {} is the client until it sends Reset or nothing for {} s",
-                client.address,
-                self.options.idle.as_secs_f64()
-            );
-        }
-    }
-
-    fn release(&mut self, number: u32, asked: Instant) {
-        if let Some(client) = &mut self.client
-            && number == self.number
-            && client.heard <= asked
-        {
-            client.proven = false;
-        }
-    }
-
-    fn client_of(&self, number: u32) -> Option<SocketAddr> {
-        self.client
-            .as_ref()
-            .filter(|_| number == self.number)
-            .map(|client| client.address)
+        self.packets.clear();
+        octets
     }
 }
 
@@ -304,9 +287,7 @@ impl Exchange {
 mod tests {
     use super::*;
     use crate::link::Standstill;
-    use skyloop_protocols::MAX_PACKET;
     use skyloop_protocols::personality::NATIVE;
-    use skyloop_protocols::{Command, WireTime};
 
     fn at(port: u16) -> SocketAddr {
         SocketAddr::from(([127, 0, 0, 1], port))
@@ -420,53 +401,5 @@ mod tests {
         assert_eq!(airtime(1250), Duration::from_millis(4));
         let url = LinkUrl::parse("udp://127.0.0.1:0?rate_mbit=0").unwrap();
         assert!(limit(&url).is_err());
-    }
-
-    #[test]
-    fn an_exchange_stands_until_it_is_idle_or_released() {
-        let options = Options {
-            idle: Duration::from_millis(40),
-            personality: &NATIVE,
-            bus: None,
-        };
-        let mut buffer = [0; MAX_PACKET];
-        let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();
-        let (good, bad) = (&buffer[..length], &buffer[..length - 1]);
-        let tally = Arc::new(Tally::default());
-        let mut exchange = Exchange {
-            number: 0,
-            client: None,
-            told: false,
-            options,
-            tally,
-        };
-        assert!(
-            exchange.admit(at(1), bad),
-            "anybody may be told that a first packet is bad"
-        );
-        assert!(exchange.admit(at(2), bad), "and the next one too");
-        assert!(exchange.admit(at(2), good));
-        assert_eq!(
-            (exchange.client_of(1), exchange.client_of(2)),
-            (None, Some(at(2)))
-        );
-        assert!(!exchange.admit(at(1), good), "a good one makes it stand");
-        assert!(exchange.admit(at(2), bad));
-        std::thread::sleep(Duration::from_millis(60));
-        assert!(!exchange.admit(at(1), bad));
-        assert!(exchange.admit(at(1), good), "until it is idle");
-        let asked = Instant::now();
-        exchange.release(2, asked);
-        assert!(!exchange.admit(at(2), good), "another's release is none");
-        assert!(exchange.admit(at(1), good));
-        exchange.release(3, asked);
-        assert!(
-            !exchange.admit(at(2), good),
-            "nor one that its client has gone on from"
-        );
-        exchange.release(3, Instant::now());
-        assert!(exchange.admit(at(2), bad), "or released");
-        assert!(exchange.admit(at(3), good));
-        assert_eq!(exchange.client_of(5), Some(at(3)));
     }
 }

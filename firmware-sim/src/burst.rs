@@ -1,0 +1,175 @@
+//! Datagrams that leave together: one call of the system for as many as follow each other to the same address.
+//!
+//! Linux cuts one buffer into datagrams of equal length (`UDP_SEGMENT`, udp(7)); elsewhere, and where the way does not allow it, each has a call
+//! of its own. What arrives is the same.
+
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+
+/// Sends datagrams, and knows whether the system cuts buffers.
+#[derive(Debug)]
+pub struct Burst {
+    cuts: bool,
+}
+
+impl Default for Burst {
+    fn default() -> Self {
+        Self { cuts: true }
+    }
+}
+
+/// Datagrams that one buffer is cut into at most, and octets that it has at most (udp(7), and what an IPv4 datagram holds).
+const MOST: usize = 64;
+const OCTETS: usize = 65_000;
+
+impl Burst {
+    /// Sends the first of `packets` to one address, as many as one call takes; how many those were.
+    ///
+    /// # Errors
+    /// The system's, for the first of them: none was sent.
+    pub fn send<P: AsRef<[u8]>>(
+        &mut self,
+        socket: &UdpSocket,
+        packets: &[P],
+        to: SocketAddr,
+    ) -> io::Result<usize> {
+        let count = if self.cuts { together(packets) } else { 1 };
+        if count > 1 {
+            let length = packets.first().map_or(0, |first| first.as_ref().len());
+            match system::send_cut(socket, packets.get(..count).unwrap_or_default(), length, to) {
+                Ok(()) => return Ok(count),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Err(error),
+                // An old system, a device that cannot, or a way that takes no datagrams of this length whole.
+                Err(_) => self.cuts = false,
+            }
+        }
+        let Some(first) = packets.first() else {
+            return Ok(0);
+        };
+        socket.send_to(first.as_ref(), to).map(|_| 1)
+    }
+}
+
+/// How many of `packets` one buffer may be cut into: all of the first one's length, but the last, which may be shorter.
+fn together<P: AsRef<[u8]>>(packets: &[P]) -> usize {
+    let length = packets.first().map_or(0, |first| first.as_ref().len());
+    if length == 0 {
+        return 1;
+    }
+    let most = MOST.min(OCTETS / length);
+    let lengths = packets.iter().map(|packet| packet.as_ref().len());
+    let equal = lengths
+        .clone()
+        .take(most)
+        .take_while(|one| *one == length)
+        .count();
+    let shorter = lengths
+        .skip(equal)
+        .take(most - equal)
+        .take(1)
+        .filter(|last| (1..length).contains(last));
+    equal + shorter.count()
+}
+
+#[cfg(target_os = "linux")]
+mod system {
+    use nix::sys::socket::{ControlMessage, MsgFlags, SockaddrStorage, sendmsg};
+    use std::io::{self, IoSlice};
+    use std::net::{SocketAddr, UdpSocket};
+    use std::os::fd::AsRawFd;
+
+    pub(super) fn send_cut<P: AsRef<[u8]>>(
+        socket: &UdpSocket,
+        packets: &[P],
+        length: usize,
+        to: SocketAddr,
+    ) -> io::Result<()> {
+        let length = u16::try_from(length).map_err(io::Error::other)?;
+        let parts: Vec<IoSlice<'_>> = packets
+            .iter()
+            .map(|packet| IoSlice::new(packet.as_ref()))
+            .collect();
+        let cut = [ControlMessage::UdpGsoSegments(&length)];
+        let to = SockaddrStorage::from(to);
+        sendmsg(
+            socket.as_raw_fd(),
+            &parts,
+            &cut,
+            MsgFlags::empty(),
+            Some(&to),
+        )?;
+        Ok(())
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+mod system {
+    use std::io;
+    use std::net::{SocketAddr, UdpSocket};
+
+    pub(super) fn send_cut<P: AsRef<[u8]>>(
+        _: &UdpSocket,
+        _: &[P],
+        _: usize,
+        _: SocketAddr,
+    ) -> io::Result<()> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn equal_ones_go_together_and_a_shorter_last_one() {
+        let of = |lengths: &[usize]| -> usize {
+            let packets: Vec<Vec<u8>> = lengths.iter().map(|length| vec![0; *length]).collect();
+            together(&packets)
+        };
+        assert_eq!(of(&[100, 100, 100, 40, 100]), 4);
+        assert_eq!(of(&[100, 100, 100, 140]), 3);
+        assert_eq!(of(&[40, 100, 100]), 1);
+        assert_eq!((of(&[]), of(&[0, 0]), of(&[100, 0])), (1, 1, 1));
+        // X-Val: 65,000 / 1400 = 46.4.
+        assert_eq!(of(&[1400; 100]), 46);
+        assert_eq!(of(&[10; 100]), 64);
+        assert_eq!(of(&[&[10; 64][..], &[5]].concat()), 64);
+    }
+
+    #[test]
+    fn what_leaves_together_arrives_one_by_one() {
+        let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let patience = Duration::from_secs(20);
+        receiver.set_read_timeout(Some(patience)).unwrap();
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let to = receiver.local_addr().unwrap();
+        let packets: Vec<Vec<u8>> = (0..20u8)
+            .map(|n| vec![n; if n % 7 == 6 { 300 } else { 1400 }])
+            .collect();
+        for mut burst in [Burst::default(), Burst { cuts: false }] {
+            let mut sent = 0;
+            while sent < packets.len() {
+                sent += burst.send(&sender, &packets[sent..], to).unwrap();
+            }
+            for packet in &packets {
+                let mut buffer = [0; 2000];
+                let length = receiver.recv(&mut buffer).unwrap();
+                assert_eq!(&buffer[..length], packet);
+            }
+        }
+    }
+
+    #[test]
+    fn what_the_system_refuses_is_told_and_nothing_else_is_lost() {
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let to = receiver.local_addr().unwrap();
+        let mut burst = Burst::default();
+        // Longer than any datagram.
+        assert!(burst.send(&sender, &[vec![0; 70_000]], to).is_err());
+        assert_eq!(burst.send(&sender, &[b"after"], to).unwrap(), 1);
+        assert_eq!(burst.send(&sender, &[b""; 0], to).unwrap(), 0);
+    }
+}

@@ -1,0 +1,228 @@
+//! How a live run listens and keeps time: the table `[run]`.
+
+use super::fidelity;
+use crate::fidelity::Coarser;
+use crate::load::{Check, ConfigError};
+use serde::Deserialize;
+use skyloop_protocols::Output;
+use skyloop_protocols::output::MAX_WINDOW;
+
+/// How a live run listens and keeps time.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// Links, as URLs.
+    pub links: Vec<String>,
+    /// What frames bring until a client says otherwise.
+    pub output: Output,
+    /// Who gives the time.
+    pub clock: Clock,
+    /// What asks for a frame.
+    pub trigger: Trigger,
+    /// After this silence (s) of its client an exchange may be taken over by another.
+    pub idle_s: f64,
+    /// Time (s) after its exposure's end by which a frame must have left; none: one period of the camera.
+    pub latency_s: Option<f64>,
+    /// How much later the device gives its frames out.
+    pub delay: Delay,
+    /// What is done where a frame would be late.
+    pub on_overrun: OnOverrun,
+    /// What is made coarser then, one after another.
+    pub coarsen: Vec<Coarser>,
+    /// What is made of an attitude that is too old.
+    pub staleness: Staleness,
+    /// What is done with an attitude that is older than one before it.
+    pub out_of_order: OutOfOrder,
+    /// After this silence (s) of the client's time it is no longer followed, by the external clock.
+    pub holdover_s: f64,
+}
+
+/// What is done where a frame would not have left by its deadline, by the wall clock and the external one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OnOverrun {
+    /// It comes late.
+    #[default]
+    Late,
+    /// Its exposure has no frame.
+    Drop,
+    /// It is rendered more coarsely.
+    Coarsen,
+}
+
+/// Who gives the time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Clock {
+    /// Each attitude, or each trigger, gives one frame, of its own time.
+    Stepped,
+    /// Frames at the camera's rate by this machine's clock.
+    Wall,
+    /// Frames at the camera's rate, or at triggers, by the client's clock.
+    External,
+}
+
+/// What asks for a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Trigger {
+    /// An attitude (stepped) or the camera's own rate.
+    #[default]
+    Own,
+    /// A Trigger packet.
+    Packet,
+}
+
+/// How much later than it could the device gives a frame out.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Delay {
+    /// From the exposure's end to the first packet at the earliest, s.
+    pub delay_s: f64,
+    /// Up to so much more (s), another time for each frame, all equally likely.
+    pub jitter_s: f64,
+}
+
+/// When an attitude is too old, and what is made of it then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Staleness {
+    /// Older than this (s) in the middle of an exposure it is stale.
+    pub limit_s: f64,
+    /// What is done then.
+    pub then: OnStale,
+}
+
+/// What is made of a stale attitude. Labels and packets say so in any case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OnStale {
+    /// It is carried on by its rates all the same.
+    #[default]
+    Extrapolate,
+    /// The body stands still where it was carried to at the limit.
+    Hold,
+    /// Likewise, and the frame is marked as invalid.
+    Invalid,
+}
+
+/// What is done with an attitude whose time lies before that of one that came earlier.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OutOfOrder {
+    /// It is refused.
+    #[default]
+    Refuse,
+    /// It takes its place among the others, for exposures between them.
+    Use,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct RawRun {
+    link: OneOrMore,
+    output: String,
+    windows: u8,
+    window_px: u8,
+    objects: u16,
+    clock: Clock,
+    trigger: Trigger,
+    idle_s: f64,
+    latency_s: Option<f64>,
+    delay_s: f64,
+    jitter_s: f64,
+    on_overrun: OnOverrun,
+    coarsen: Vec<String>,
+    stale_s: f64,
+    on_stale: OnStale,
+    out_of_order: OutOfOrder,
+    holdover_s: f64,
+}
+
+/// One text, or an array of them.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "must be a link or a list of links, such as \"udp://127.0.0.1:4810\""
+)]
+enum OneOrMore {
+    One(String),
+    More(Vec<String>),
+}
+
+impl Default for RawRun {
+    fn default() -> Self {
+        let output = Output::default();
+        RawRun {
+            link: OneOrMore::One("udp://127.0.0.1:4810".to_string()),
+            output: "frame".to_string(),
+            windows: output.windows,
+            window_px: output.window_size,
+            objects: output.objects,
+            clock: Clock::Stepped,
+            trigger: Trigger::default(),
+            idle_s: 5.0,
+            latency_s: None,
+            delay_s: 0.0,
+            jitter_s: 0.0,
+            on_overrun: OnOverrun::default(),
+            coarsen: vec!["fast".to_string()],
+            stale_s: 1.0,
+            on_stale: OnStale::default(),
+            out_of_order: OutOfOrder::default(),
+            holdover_s: 2.0,
+        }
+    }
+}
+
+impl RawRun {
+    pub(super) fn validate(self, check: &Check) -> Result<Run, ConfigError> {
+        let links = match self.link {
+            OneOrMore::One(link) => vec![link],
+            OneOrMore::More(links) if links.is_empty() => {
+                return Err(check.refuse("run.link", "[]", "at least one link"));
+            }
+            OneOrMore::More(links) => links,
+        };
+        let preset = Output::preset(&self.output).ok_or_else(|| {
+            let names = Output::PRESETS.map(|(name, ..)| name).join(", ");
+            check.refuse(
+                "run.output",
+                format!("{:?}", self.output),
+                format!("one of {names}"),
+            )
+        })?;
+        let most = f64::from(MAX_WINDOW);
+        check.range("run.window_px", f64::from(self.window_px), 1.0..=most)?;
+        if (self.clock, self.trigger) == (Clock::Wall, Trigger::Packet) {
+            let reason = "\"packet\" needs the client's time, and run.clock is \"wall\": make that \"external\" or \"stepped\", or leave run.trigger \
+                          out and send SingleShot";
+            return Err(check.explain("run.trigger", reason));
+        }
+        let latency_s = self
+            .latency_s
+            .map(|latency_s| check.range("run.latency_s", latency_s, 1e-6..=1e6));
+        Ok(Run {
+            links,
+            output: Output {
+                windows: self.windows,
+                window_size: self.window_px,
+                objects: self.objects,
+                ..preset
+            },
+            clock: self.clock,
+            trigger: self.trigger,
+            idle_s: check.range("run.idle_s", self.idle_s, 0.0..=1e6)?,
+            latency_s: latency_s.transpose()?,
+            delay: Delay {
+                delay_s: check.range("run.delay_s", self.delay_s, 0.0..=60.0)?,
+                jitter_s: check.range("run.jitter_s", self.jitter_s, 0.0..=60.0)?,
+            },
+            on_overrun: self.on_overrun,
+            coarsen: fidelity::steps(&self.coarsen, check)?,
+            staleness: Staleness {
+                limit_s: check.range("run.stale_s", self.stale_s, 0.0..=1e6)?,
+                then: self.on_stale,
+            },
+            out_of_order: self.out_of_order,
+            holdover_s: check.range("run.holdover_s", self.holdover_s, 1e-3..=1e6)?,
+        })
+    }
+}

@@ -1,0 +1,143 @@
+//! When what was queued has left: the end of a frame's way, which the link's own thread alone sees.
+
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// Packets that were queued and have left, and the moments that somebody wants to know.
+#[derive(Debug, Default)]
+pub struct Departed {
+    /// Packets put into the queue so far, modulo 2^32.
+    queued: AtomicU32,
+    /// Packets that have left it for good, sent or lost, likewise.
+    done: AtomicU32,
+    /// How many marks have not been reached.
+    open: AtomicUsize,
+    marks: Mutex<Vec<Marked>>,
+}
+
+/// A place in the queue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mark(u32);
+
+#[derive(Debug)]
+struct Marked {
+    mark: Mark,
+    left: Option<Instant>,
+}
+
+impl Departed {
+    pub(super) fn queued(&self) {
+        self.queued.fetch_add(1, Ordering::SeqCst);
+    }
+
+    pub(super) fn done(&self) {
+        let done = self.done.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
+        if self.open.load(Ordering::SeqCst) == 0 {
+            return;
+        }
+        let now = Instant::now();
+        for marked in self.lock().iter_mut() {
+            if marked.left.is_none() && is_reached(marked.mark, done) {
+                marked.left = Some(now);
+                self.open.fetch_sub(1, Ordering::SeqCst);
+            }
+        }
+    }
+
+    /// Packets that have not left.
+    pub(super) fn waiting(&self) -> u32 {
+        // In this order: what is queued meanwhile is counted, and none is taken for less than none.
+        let done = self.done.load(Ordering::SeqCst);
+        self.queued.load(Ordering::SeqCst).wrapping_sub(done)
+    }
+
+    /// Marks the packet that was queued last: when it, and all before it, has left is kept until it is asked for.
+    pub(crate) fn mark(&self) -> Mark {
+        let mark = Mark(self.queued.load(Ordering::SeqCst));
+        let mut marks = self.lock();
+        // Before the look at what has left: a packet that leaves meanwhile finds the mark, or the look finds the packet.
+        self.open.fetch_add(1, Ordering::SeqCst);
+        let reached = is_reached(mark, self.done.load(Ordering::SeqCst));
+        if reached {
+            self.open.fetch_sub(1, Ordering::SeqCst);
+        }
+        let left = reached.then(Instant::now);
+        marks.push(Marked { mark, left });
+        mark
+    }
+
+    /// When the marked packet left; none if it has not. It is told once, and then forgotten.
+    pub(crate) fn left(&self, mark: Mark) -> Option<Instant> {
+        let mut marks = self.lock();
+        let at = marks.iter().position(|marked| marked.mark == mark)?;
+        let left = marks.get(at)?.left?;
+        marks.swap_remove(at);
+        Some(left)
+    }
+
+    /// Nobody wants to know any more.
+    pub(crate) fn forget(&self, mark: Mark) {
+        let mut marks = self.lock();
+        if let Some(at) = marks.iter().position(|marked| marked.mark == mark)
+            && marks.swap_remove(at).left.is_none()
+        {
+            self.open.fetch_sub(1, Ordering::SeqCst);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<Marked>> {
+        // What a thread that panicked leaves behind is a list like any other.
+        self.marks.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn is_reached(mark: Mark, done: u32) -> bool {
+    done.wrapping_sub(mark.0) as i32 >= 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mark_is_reached_when_all_before_it_has_left() {
+        let departed = Departed::default();
+        // Over the wrap of the counts.
+        for count in [&departed.queued, &departed.done] {
+            count.store(u32::MAX - 1, Ordering::SeqCst);
+        }
+        (0..3).for_each(|_| departed.queued());
+        let mark = departed.mark();
+        departed.queued();
+        let later = departed.mark();
+        assert_eq!((departed.waiting(), departed.left(mark)), (4, None));
+        (0..2).for_each(|_| departed.done());
+        assert_eq!(departed.left(mark), None);
+        let before = Instant::now();
+        departed.done();
+        let after = Instant::now();
+        departed.done();
+        let left = departed.left(mark).unwrap();
+        assert!((before..=after).contains(&left));
+        assert_eq!(departed.left(mark), None, "told once");
+        assert!(departed.left(later).unwrap() >= after);
+        assert_eq!(departed.open.load(Ordering::SeqCst), 0);
+    }
+
+    #[test]
+    fn what_has_left_already_is_reached_at_once_and_what_is_forgotten_never() {
+        let departed = Departed::default();
+        departed.queued();
+        departed.done();
+        let mark = departed.mark();
+        assert!(departed.left(mark).is_some());
+        departed.queued();
+        let mark = departed.mark();
+        departed.forget(mark);
+        departed.done();
+        assert_eq!(departed.left(mark), None);
+        assert_eq!(departed.open.load(Ordering::SeqCst), 0);
+        assert_eq!(departed.lock().len(), 0);
+    }
+}

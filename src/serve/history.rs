@@ -1,0 +1,154 @@
+//! The attitudes that have come, and what they make of an exposure.
+
+use super::Latched;
+use crate::attitude::{VehicleState, between, rates_between};
+use crate::config::{OnStale, Staleness};
+use crate::scene::Exposure;
+use hifitime::Epoch;
+use skyloop_orbit::time::seconds;
+use skyloop_protocols::AttitudeSource;
+use std::collections::VecDeque;
+
+/// Messages that are kept: some exposures of any client's rate, since of those that follow each other closely not all are.
+const KEPT: usize = 512;
+/// Of messages that are nearer to each other than this share of an exposure only the newest is kept.
+const GRAIN: f64 = 1.0 / 64.0;
+
+/// The attitudes of one exchange, in the order of their times.
+#[derive(Debug, Default)]
+pub(super) struct History {
+    messages: VecDeque<Latched>,
+}
+
+/// What an exposure is made with.
+#[derive(Debug, Clone)]
+pub(super) struct Pointing {
+    /// Attitude in the middle of the exposure, rates that take it from its start to its end, and the orbit.
+    pub vehicle: VehicleState,
+    /// The message that it goes by: the last one before the middle, else the first.
+    pub message: Latched,
+    /// How it was got.
+    pub source: AttitudeSource,
+    /// Middle of the exposure minus the time of that message, s.
+    pub age_s: f64,
+}
+
+impl History {
+    /// Takes a message in its place by time.
+    pub fn add(&mut self, latched: Latched, exposure_s: f64) {
+        let epoch = latched.vehicle.epoch;
+        let at = self
+            .messages
+            .partition_point(|message| message.vehicle.epoch <= epoch);
+        let is_last = at == self.messages.len();
+        self.messages.insert(at, latched);
+        let grain = seconds(exposure_s * GRAIN);
+        // The one before it is between two that are nearer to each other than the grain.
+        if is_last
+            && let Some(before) = at.checked_sub(2).and_then(|before| self.messages.get(before))
+            && epoch - before.vehicle.epoch < grain
+        {
+            self.messages.remove(at - 1);
+        }
+        if self.messages.len() > KEPT {
+            self.messages.pop_front();
+        }
+    }
+
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.messages.clear();
+    }
+
+    /// The newest message.
+    pub fn latest(&self) -> Option<&Latched> {
+        self.messages.back()
+    }
+
+    /// What an exposure is made with; none before the first message.
+    pub fn over(&self, exposure: &Exposure, staleness: &Staleness) -> Option<Pointing> {
+        let (first, last) = (self.messages.front()?, self.messages.back()?);
+        let after = self
+            .messages
+            .partition_point(|message| message.vehicle.epoch <= exposure.mid);
+        let message = after.checked_sub(1).and_then(|at| self.messages.get(at));
+        let is_future = message.is_none();
+        let message = message.unwrap_or(first).clone();
+        let age_s = (exposure.mid - message.vehicle.epoch).to_seconds();
+        let spans = exposure.start < last.vehicle.epoch;
+        let vehicle = match spans && !is_future {
+            true => self.turning(exposure, &message)?,
+            false => message.vehicle.at(exposure.mid),
+        };
+        let source = match () {
+            () if is_future => AttitudeSource::Future,
+            () if message.vehicle.epoch == exposure.mid => AttitudeSource::Exact,
+            () if after < self.messages.len() => AttitudeSource::Interpolated,
+            () if age_s <= staleness.limit_s => AttitudeSource::Extrapolated,
+            () => return Some(stale(message, exposure, staleness)),
+        };
+        Some(Pointing {
+            vehicle,
+            message,
+            source,
+            age_s,
+        })
+    }
+
+    /// The attitude in the middle, with the constant rates that take it from that at the start to that at the end.
+    fn turning(&self, exposure: &Exposure, message: &Latched) -> Option<VehicleState> {
+        let [start, mid, end] =
+            [exposure.start, exposure.mid, exposure.end].map(|epoch| self.at(epoch));
+        let (start, mid, end) = (start?, mid?, end?);
+        let open_s = (exposure.end - exposure.start).to_seconds();
+        let rates = match open_s > 0.0 {
+            true => rates_between(&start.attitude, &end.attitude, open_s),
+            false => mid.rates,
+        };
+        Some(VehicleState {
+            sequence: message.vehicle.sequence,
+            rates,
+            ..mid
+        })
+    }
+
+    /// The vehicle at one instant.
+    fn at(&self, epoch: Epoch) -> Option<VehicleState> {
+        let after = self
+            .messages
+            .partition_point(|message| message.vehicle.epoch <= epoch);
+        let before = after.checked_sub(1).and_then(|at| self.messages.get(at));
+        match (before, self.messages.get(after)) {
+            (Some(a), Some(b)) => Some(between(&a.vehicle, &b.vehicle, epoch)),
+            (Some(one), None) | (None, Some(one)) => Some(one.vehicle.at(epoch)),
+            (None, None) => None,
+        }
+    }
+}
+
+/// What is made of an attitude that is too old.
+fn stale(message: Latched, exposure: &Exposure, staleness: &Staleness) -> Pointing {
+    let carried = message.vehicle.at(exposure.mid);
+    let (vehicle, source) = match staleness.then {
+        OnStale::Extrapolate => (carried, AttitudeSource::Stale),
+        OnStale::Hold | OnStale::Invalid => {
+            let limit = message.vehicle.epoch + seconds(staleness.limit_s);
+            let held = VehicleState {
+                attitude: message.vehicle.at(limit).attitude,
+                rates: Default::default(),
+                ..carried
+            };
+            let source = match staleness.then {
+                OnStale::Invalid => AttitudeSource::Invalid,
+                _ => AttitudeSource::Held,
+            };
+            (held, source)
+        }
+    };
+    Pointing {
+        age_s: (exposure.mid - message.vehicle.epoch).to_seconds(),
+        vehicle,
+        message,
+        source,
+    }
+}
