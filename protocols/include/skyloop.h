@@ -1,6 +1,6 @@
 /* Generated from protocols/schema by `cargo run -p skyloop-schema`: do not edit.
  *
- * The native packets of skyloop, format version 2: docs/icd.md describes every octet. C99, no allocation, no state.
+ * The native packets of skyloop, format version 3: docs/icd.md describes every octet. C99, no allocation, no state.
  *
  * Towards the emulator: skyloop_encode_uplink, skyloop_decode_uplink; from it: skyloop_decode_downlink,
  * skyloop_encode_downlink. On serial lines skyloop_slip_*, on CAN skyloop_can_*. What decoders hand over as a pointer
@@ -14,7 +14,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#define SKYLOOP_VERSION 2U
+#define SKYLOOP_VERSION 3U
 #define SKYLOOP_MAX_PACKET 1400U
 #define SKYLOOP_HEADER_LENGTH 15U
 #define SKYLOOP_MAX_PAYLOAD (SKYLOOP_MAX_PACKET - SKYLOOP_HEADER_LENGTH - 2U)
@@ -31,6 +31,7 @@
 #define SKYLOOP_APID_WINDOWS 0x207U /* Square windows cut out of a frame. */
 #define SKYLOOP_APID_OBJECTS 0x208U /* Records of the brightest objects in a frame, brightest first. */
 #define SKYLOOP_APID_COMPRESSED 0x209U /* A run of pixels, losslessly compressed. */
+#define SKYLOOP_APID_FRAME_END 0x20AU /* Closes a frame: what is known only when all of it has been rendered and sent. */
 
 /* ---- errors ------------------------------------------------------------------------------------------------------ */
 
@@ -538,11 +539,13 @@ static inline bool skyloop_slip_push(skyloop_slip_t *slip, uint8_t octet, size_t
 /* What makes the emulator take a frame. */
 #define SKYLOOP_MODE_STEPPED 0U /* One frame for every attitude. */
 #define SKYLOOP_MODE_WALL 1U /* The camera's cadence by the wall clock, with the latest attitude. */
+#define SKYLOOP_MODE_EXTERNAL 2U /* Exposures by the client's time. */
 
 static inline bool skyloop_is_mode(uint8_t code)
 {
     return (code == SKYLOOP_MODE_STEPPED) ||
-           (code == SKYLOOP_MODE_WALL);
+           (code == SKYLOOP_MODE_WALL) ||
+           (code == SKYLOOP_MODE_EXTERNAL);
 }
 
 /* Which pixels of a frame are sent. */
@@ -579,6 +582,54 @@ static inline bool skyloop_is_packing(uint8_t code)
 {
     return (code == SKYLOOP_PACKING_BITS12) ||
            (code == SKYLOOP_PACKING_BITS16);
+}
+
+/* What the attitude that a frame shows was made of. */
+#define SKYLOOP_ATTITUDE_SOURCE_EXACT 0U /* An attitude whose own time is the middle of the exposure. */
+#define SKYLOOP_ATTITUDE_SOURCE_INTERPOLATED 1U /* Two attitudes, between them. */
+#define SKYLOOP_ATTITUDE_SOURCE_EXTRAPOLATED 2U /* One attitude, carried on by its rates. */
+#define SKYLOOP_ATTITUDE_SOURCE_HELD 3U /* A stale one: carried on to the limit of its age, and held there. */
+#define SKYLOOP_ATTITUDE_SOURCE_STALE 4U /* One older than the limit, carried on all the same. */
+#define SKYLOOP_ATTITUDE_SOURCE_INVALID 5U /* A stale one, and marked so: what is shown means nothing. */
+#define SKYLOOP_ATTITUDE_SOURCE_FUTURE 6U /* One whose time lies after the exposure, carried back. */
+
+static inline bool skyloop_is_attitude_source(uint8_t code)
+{
+    return (code == SKYLOOP_ATTITUDE_SOURCE_EXACT) ||
+           (code == SKYLOOP_ATTITUDE_SOURCE_INTERPOLATED) ||
+           (code == SKYLOOP_ATTITUDE_SOURCE_EXTRAPOLATED) ||
+           (code == SKYLOOP_ATTITUDE_SOURCE_HELD) ||
+           (code == SKYLOOP_ATTITUDE_SOURCE_STALE) ||
+           (code == SKYLOOP_ATTITUDE_SOURCE_INVALID) ||
+           (code == SKYLOOP_ATTITUDE_SOURCE_FUTURE);
+}
+
+/* What was done about a frame that would be late. */
+#define SKYLOOP_OVERRUN_NONE 0U /* Nothing: it was not expected to be. */
+#define SKYLOOP_OVERRUN_LATE 1U /* It was left to be late. */
+#define SKYLOOP_OVERRUN_DROP 2U /* The first frame after exposures that were left out. */
+#define SKYLOOP_OVERRUN_COARSEN 3U /* It was rendered by coarser tolerances. */
+
+static inline bool skyloop_is_overrun(uint8_t code)
+{
+    return (code == SKYLOOP_OVERRUN_NONE) ||
+           (code == SKYLOOP_OVERRUN_LATE) ||
+           (code == SKYLOOP_OVERRUN_DROP) ||
+           (code == SKYLOOP_OVERRUN_COARSEN);
+}
+
+/* What the emulator goes by for the client's time. */
+#define SKYLOOP_SYNC_STATE_FREE 0U /* Nothing: it keeps its own time. */
+#define SKYLOOP_SYNC_STATE_WAITING 1U /* Nothing heard of the client's time yet. */
+#define SKYLOOP_SYNC_STATE_LOCKED 2U /* Follows the client's time. */
+#define SKYLOOP_SYNC_STATE_HOLDOVER 3U /* Nothing heard for a while: runs on by its own. */
+
+static inline bool skyloop_is_sync_state(uint8_t code)
+{
+    return (code == SKYLOOP_SYNC_STATE_FREE) ||
+           (code == SKYLOOP_SYNC_STATE_WAITING) ||
+           (code == SKYLOOP_SYNC_STATE_LOCKED) ||
+           (code == SKYLOOP_SYNC_STATE_HOLDOVER);
 }
 
 /* What goes wrong on the link. */
@@ -621,7 +672,7 @@ static inline bool skyloop_is_direction(uint8_t code)
 
 /* Why the emulator refuses a packet: the reason octet of a `Nack`. */
 #define SKYLOOP_REASON_BAD_CRC 1U /* The CRC does not fit the octets before it. */
-#define SKYLOOP_REASON_BAD_VERSION 2U /* Packet version number not 0, or format version not 2. */
+#define SKYLOOP_REASON_BAD_VERSION 2U /* Packet version number not 0, or format version not 3. */
 #define SKYLOOP_REASON_BAD_LENGTH 3U /* Octets, data length and layout do not agree. */
 #define SKYLOOP_REASON_UNKNOWN_TYPE 4U /* Unknown APID, opcode or header flag, or the type bit of the other direction. */
 #define SKYLOOP_REASON_QUATERNION_NOT_UNIT 5U /* The norm is more than 0.001 off 1. */
@@ -657,6 +708,7 @@ static inline bool skyloop_is_reason(uint8_t code)
 #define SKYLOOP_OPCODE_POSITIONS 9U /* Where the windows are from now on. */
 #define SKYLOOP_OPCODE_RESEND 10U /* Packets of one of the last frames once more, as they were; they take no credit. */
 #define SKYLOOP_OPCODE_FAULT 11U /* Something goes wrong on this link, on purpose. */
+#define SKYLOOP_OPCODE_TRIGGER 12U /* One exposure at a time that the client chooses; answered by its frame. */
 
 /* ---- messages ---------------------------------------------------------------------------------------------------- */
 
@@ -701,6 +753,17 @@ typedef struct {
 } skyloop_object_record_t;
 #define SKYLOOP_OBJECT_RECORD_LENGTH 54U
 
+/* When a frame's attitude held, its pixels were ready and its packets left; by the stepped clock all but the attitude's age is 0. */
+typedef struct {
+    float attitude_age_s; /* Middle of the exposure minus the time of the attitude; below 0: it is of the future [s] */
+    float first_pixel_s; /* From the trigger (the exposure's end, or the attitude's arrival if that is later) until the first pixel was ready [s] */
+    float last_pixel_s; /* From the trigger until the last pixel was ready [s] */
+    float first_octet_s; /* From the trigger until the FrameHeader was handed to the link [s] */
+    float last_octet_s; /* From the trigger until the packet before FrameEnd was handed to the link [s] */
+    float spare_s; /* Time left until the deadline when FrameEnd was handed to the link; below 0: late by so much [s] */
+} skyloop_timing_t;
+#define SKYLOOP_TIMING_LENGTH 24U
+
 /* Attitude of the body at the time in the header; in stepped mode that is the middle of the exposure. */
 typedef struct {
     uint32_t sequence; /* The client's number of this attitude; keys the noise of its frame and returns in FrameHeader */
@@ -735,6 +798,10 @@ typedef struct {
             uint32_t count; /* How many packets [packets] */
         } resend;
         skyloop_fault_t fault;
+        struct {
+            uint32_t number; /* The client's number of this trigger; returns in FrameEnd */
+            uint64_t start; /* First instant of the exposure */
+        } trigger;
     } as; /* by opcode; those that are not here have no argument */
 } skyloop_command_t;
 
@@ -758,7 +825,6 @@ typedef struct {
     uint64_t seed; /* Seed of the noise */
     double gain_e_per_dn; /* Conversion gain [e-/DN] */
     double offset_dn; /* Digital number of a pixel without any electrons [DN] */
-    uint32_t pixels_crc32; /* CRC-32 of all pixels of the frame in order, each as u16, whatever is sent of them */
 } skyloop_frame_header_t;
 
 /* A run of pixels. */
@@ -794,6 +860,12 @@ typedef struct {
     double frame_rate_hz; /* Cadence of the wall mode [Hz] */
     uint32_t next_frame; /* Number that the next frame will have */
     uint32_t packets_sent; /* Frame packets sent in this exchange, modulo 2^32 [packets] */
+    uint8_t sync; /* What it goes by for the client's time */
+    double clock_offset_s; /* As in FrameEnd, at present [s] */
+    skyloop_timing_t timing; /* Of the last frame that was delivered; all 0 before */
+    float latency_p50_s; /* From the trigger until a frame's last octet left, half of the run's frames in this time; 0 before the first [s] */
+    float latency_p99_s; /* The same for 99 of 100 frames [s] */
+    float latency_max_s; /* The same for all [s] */
     uint32_t attitudes; /* Attitudes accepted */
     uint32_t commands; /* Commands accepted, Credit included */
     uint32_t frames_rendered; /* Frames rendered */
@@ -822,6 +894,13 @@ typedef struct {
     uint32_t incomplete; /* Messages of several CAN frames that were never completed */
     uint32_t bus_errors; /* CAN error frames */
     uint32_t bus_off; /* Times that the CAN controller left the bus */
+    uint32_t deadlines_missed; /* Frames that had not left whole by their deadline */
+    uint32_t frames_coarsened; /* Frames rendered by coarser tolerances, so as to be in time */
+    uint32_t frames_dropped; /* Frames that a slow client did not get, since a newer one was there */
+    uint32_t attitudes_stale; /* Frames whose attitude was older than the limit */
+    uint32_t attitudes_future; /* Frames whose only attitude was of the future */
+    uint32_t triggers; /* Triggers accepted */
+    uint32_t triggers_missed; /* Triggers that gave no frame: they came while too many waited */
 } skyloop_status_t;
 
 /* A command was carried out. */
@@ -870,6 +949,19 @@ typedef struct {
     size_t data_length; /* its octets */
 } skyloop_compressed_block_t;
 
+/* Closes a frame: what is known only when all of it has been rendered and sent. */
+typedef struct {
+    uint32_t frame; /* The frame that it belongs to */
+    uint32_t pixels_crc32; /* CRC-32 of all pixels of the frame in order, each as u16, whatever is sent of them */
+    uint32_t trigger; /* Number of the Trigger that asked for it; 0: none did */
+    uint8_t attitude_source; /* What its attitude was made of */
+    uint8_t overrun; /* What was done about its being late */
+    uint8_t sync; /* What the emulator went by for the client's time */
+    bool in_time; /* 1: it left before its deadline */
+    skyloop_timing_t timing; /* Its times */
+    double clock_offset_s; /* What the client's clock is ahead of the emulator's own, counted from when it was first heard; 0 where the emulator keeps its own time [s] */
+} skyloop_frame_end_t;
+
 /* Any packet towards the emulator; header.apid says which. */
 typedef struct {
     skyloop_header_t header;
@@ -892,6 +984,7 @@ typedef struct {
         skyloop_window_block_t window_block;
         skyloop_object_part_t object_part;
         skyloop_compressed_block_t compressed_block;
+        skyloop_frame_end_t frame_end;
     } as;
 } skyloop_downlink_t;
 
@@ -1069,7 +1162,8 @@ static inline bool skyloop_is_known(uint16_t apid)
            (apid == SKYLOOP_APID_NACK) ||
            (apid == SKYLOOP_APID_WINDOWS) ||
            (apid == SKYLOOP_APID_OBJECTS) ||
-           (apid == SKYLOOP_APID_COMPRESSED);
+           (apid == SKYLOOP_APID_COMPRESSED) ||
+           (apid == SKYLOOP_APID_FRAME_END);
 }
 
 /* ---- packets ----------------------------------------------------------------------------------------------------- */
@@ -1281,6 +1375,49 @@ static inline void skyloop_write_object_record(skyloop_writer_t *writer, const s
     skyloop_write_f32(writer, in->electrons);
 }
 
+static inline skyloop_error_t skyloop_valid_timing(const skyloop_timing_t *in)
+{
+    if (!skyloop_is_finite(in->attitude_age_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    if (!skyloop_is_finite(in->first_pixel_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    if (!skyloop_is_finite(in->last_pixel_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    if (!skyloop_is_finite(in->first_octet_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    if (!skyloop_is_finite(in->last_octet_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    if (!skyloop_is_finite(in->spare_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    return SKYLOOP_OK;
+}
+
+static inline void skyloop_read_timing(skyloop_reader_t *reader, skyloop_timing_t *out)
+{
+    out->attitude_age_s = skyloop_read_f32(reader);
+    out->first_pixel_s = skyloop_read_f32(reader);
+    out->last_pixel_s = skyloop_read_f32(reader);
+    out->first_octet_s = skyloop_read_f32(reader);
+    out->last_octet_s = skyloop_read_f32(reader);
+    out->spare_s = skyloop_read_f32(reader);
+}
+
+static inline void skyloop_write_timing(skyloop_writer_t *writer, const skyloop_timing_t *in)
+{
+    skyloop_write_f32(writer, in->attitude_age_s);
+    skyloop_write_f32(writer, in->first_pixel_s);
+    skyloop_write_f32(writer, in->last_pixel_s);
+    skyloop_write_f32(writer, in->first_octet_s);
+    skyloop_write_f32(writer, in->last_octet_s);
+    skyloop_write_f32(writer, in->spare_s);
+}
+
 static inline skyloop_error_t skyloop_valid_attitude(const skyloop_attitude_t *in)
 {
     for (size_t n = 0U; n < 4U; n++) {
@@ -1387,6 +1524,11 @@ static inline skyloop_error_t skyloop_valid_command(const skyloop_command_t *in)
     case SKYLOOP_OPCODE_FAULT:
         error = skyloop_valid_fault(&in->as.fault);
         break;
+    case SKYLOOP_OPCODE_TRIGGER:
+        if (in->as.trigger.number < 1U) {
+            return SKYLOOP_BAD_VALUE;
+        }
+        break;
     default:
         break;
     }
@@ -1429,6 +1571,10 @@ static inline void skyloop_read_command(skyloop_reader_t *reader, skyloop_comman
     case SKYLOOP_OPCODE_FAULT:
         skyloop_read_fault(reader, &out->as.fault);
         break;
+    case SKYLOOP_OPCODE_TRIGGER:
+        out->as.trigger.number = skyloop_read_u32(reader);
+        out->as.trigger.start = skyloop_read_u64(reader);
+        break;
     default:
         skyloop_fail(reader, SKYLOOP_UNKNOWN_OPCODE);
         break;
@@ -1470,6 +1616,10 @@ static inline void skyloop_write_command(skyloop_writer_t *writer, const skyloop
         break;
     case SKYLOOP_OPCODE_FAULT:
         skyloop_write_fault(writer, &in->as.fault);
+        break;
+    case SKYLOOP_OPCODE_TRIGGER:
+        skyloop_write_u32(writer, in->as.trigger.number);
+        skyloop_write_u64(writer, in->as.trigger.start);
         break;
     default:
         writer->error = SKYLOOP_UNKNOWN_OPCODE;
@@ -1529,7 +1679,6 @@ static inline void skyloop_read_frame_header(skyloop_reader_t *reader, skyloop_f
     out->seed = skyloop_read_u64(reader);
     out->gain_e_per_dn = skyloop_read_f64(reader);
     out->offset_dn = skyloop_read_f64(reader);
-    out->pixels_crc32 = skyloop_read_u32(reader);
 }
 
 static inline void skyloop_write_frame_header(skyloop_writer_t *writer, const skyloop_frame_header_t *in)
@@ -1552,7 +1701,6 @@ static inline void skyloop_write_frame_header(skyloop_writer_t *writer, const sk
     skyloop_write_u64(writer, in->seed);
     skyloop_write_f64(writer, in->gain_e_per_dn);
     skyloop_write_f64(writer, in->offset_dn);
-    skyloop_write_u32(writer, in->pixels_crc32);
 }
 
 static inline skyloop_error_t skyloop_valid_pixel_block(const skyloop_pixel_block_t *in)
@@ -1651,6 +1799,22 @@ static inline skyloop_error_t skyloop_valid_status(const skyloop_status_t *in)
     if (!skyloop_is_positive(in->frame_rate_hz)) {
         return SKYLOOP_BAD_VALUE;
     }
+    if (!skyloop_is_finite(in->clock_offset_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    const skyloop_error_t timing = skyloop_valid_timing(&in->timing);
+    if (timing != SKYLOOP_OK) {
+        return timing;
+    }
+    if (!skyloop_is_finite(in->latency_p50_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    if (!skyloop_is_finite(in->latency_p99_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    if (!skyloop_is_finite(in->latency_max_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
     return skyloop_check_status(in);
 }
 
@@ -1673,6 +1837,15 @@ static inline void skyloop_read_status(skyloop_reader_t *reader, skyloop_status_
     out->frame_rate_hz = skyloop_read_f64(reader);
     out->next_frame = skyloop_read_u32(reader);
     out->packets_sent = skyloop_read_u32(reader);
+    out->sync = skyloop_read_u8(reader);
+    if (!skyloop_is_sync_state(out->sync)) {
+        skyloop_fail(reader, SKYLOOP_BAD_VALUE);
+    }
+    out->clock_offset_s = skyloop_read_f64(reader);
+    skyloop_read_timing(reader, &out->timing);
+    out->latency_p50_s = skyloop_read_f32(reader);
+    out->latency_p99_s = skyloop_read_f32(reader);
+    out->latency_max_s = skyloop_read_f32(reader);
     out->attitudes = skyloop_read_u32(reader);
     out->commands = skyloop_read_u32(reader);
     out->frames_rendered = skyloop_read_u32(reader);
@@ -1701,6 +1874,13 @@ static inline void skyloop_read_status(skyloop_reader_t *reader, skyloop_status_
     out->incomplete = skyloop_read_u32(reader);
     out->bus_errors = skyloop_read_u32(reader);
     out->bus_off = skyloop_read_u32(reader);
+    out->deadlines_missed = skyloop_read_u32(reader);
+    out->frames_coarsened = skyloop_read_u32(reader);
+    out->frames_dropped = skyloop_read_u32(reader);
+    out->attitudes_stale = skyloop_read_u32(reader);
+    out->attitudes_future = skyloop_read_u32(reader);
+    out->triggers = skyloop_read_u32(reader);
+    out->triggers_missed = skyloop_read_u32(reader);
 }
 
 static inline void skyloop_write_status(skyloop_writer_t *writer, const skyloop_status_t *in)
@@ -1716,6 +1896,12 @@ static inline void skyloop_write_status(skyloop_writer_t *writer, const skyloop_
     skyloop_write_f64(writer, in->frame_rate_hz);
     skyloop_write_u32(writer, in->next_frame);
     skyloop_write_u32(writer, in->packets_sent);
+    skyloop_write_u8(writer, in->sync);
+    skyloop_write_f64(writer, in->clock_offset_s);
+    skyloop_write_timing(writer, &in->timing);
+    skyloop_write_f32(writer, in->latency_p50_s);
+    skyloop_write_f32(writer, in->latency_p99_s);
+    skyloop_write_f32(writer, in->latency_max_s);
     skyloop_write_u32(writer, in->attitudes);
     skyloop_write_u32(writer, in->commands);
     skyloop_write_u32(writer, in->frames_rendered);
@@ -1744,6 +1930,13 @@ static inline void skyloop_write_status(skyloop_writer_t *writer, const skyloop_
     skyloop_write_u32(writer, in->incomplete);
     skyloop_write_u32(writer, in->bus_errors);
     skyloop_write_u32(writer, in->bus_off);
+    skyloop_write_u32(writer, in->deadlines_missed);
+    skyloop_write_u32(writer, in->frames_coarsened);
+    skyloop_write_u32(writer, in->frames_dropped);
+    skyloop_write_u32(writer, in->attitudes_stale);
+    skyloop_write_u32(writer, in->attitudes_future);
+    skyloop_write_u32(writer, in->triggers);
+    skyloop_write_u32(writer, in->triggers_missed);
 }
 
 static inline skyloop_error_t skyloop_valid_ack(const skyloop_ack_t *in)
@@ -1916,6 +2109,57 @@ static inline void skyloop_write_compressed_block(skyloop_writer_t *writer, cons
     skyloop_write_octets(writer, in->data, in->data_length);
 }
 
+static inline skyloop_error_t skyloop_valid_frame_end(const skyloop_frame_end_t *in)
+{
+    const skyloop_error_t timing = skyloop_valid_timing(&in->timing);
+    if (timing != SKYLOOP_OK) {
+        return timing;
+    }
+    if (!skyloop_is_finite(in->clock_offset_s)) {
+        return SKYLOOP_BAD_VALUE;
+    }
+    return SKYLOOP_OK;
+}
+
+static inline void skyloop_read_frame_end(skyloop_reader_t *reader, skyloop_frame_end_t *out)
+{
+    out->frame = skyloop_read_u32(reader);
+    out->pixels_crc32 = skyloop_read_u32(reader);
+    out->trigger = skyloop_read_u32(reader);
+    out->attitude_source = skyloop_read_u8(reader);
+    if (!skyloop_is_attitude_source(out->attitude_source)) {
+        skyloop_fail(reader, SKYLOOP_BAD_VALUE);
+    }
+    out->overrun = skyloop_read_u8(reader);
+    if (!skyloop_is_overrun(out->overrun)) {
+        skyloop_fail(reader, SKYLOOP_BAD_VALUE);
+    }
+    out->sync = skyloop_read_u8(reader);
+    if (!skyloop_is_sync_state(out->sync)) {
+        skyloop_fail(reader, SKYLOOP_BAD_VALUE);
+    }
+    const uint8_t flags = skyloop_read_u8(reader);
+    if (flags > 1U) {
+        skyloop_fail(reader, SKYLOOP_BAD_VALUE);
+    }
+    out->in_time = (flags & 1U) != 0U;
+    skyloop_read_timing(reader, &out->timing);
+    out->clock_offset_s = skyloop_read_f64(reader);
+}
+
+static inline void skyloop_write_frame_end(skyloop_writer_t *writer, const skyloop_frame_end_t *in)
+{
+    skyloop_write_u32(writer, in->frame);
+    skyloop_write_u32(writer, in->pixels_crc32);
+    skyloop_write_u32(writer, in->trigger);
+    skyloop_write_u8(writer, in->attitude_source);
+    skyloop_write_u8(writer, in->overrun);
+    skyloop_write_u8(writer, in->sync);
+    skyloop_write_u8(writer, (uint8_t)((in->in_time ? 1U : 0U)));
+    skyloop_write_timing(writer, &in->timing);
+    skyloop_write_f64(writer, in->clock_offset_s);
+}
+
 /* Reads exactly one packet. */
 static inline skyloop_error_t skyloop_decode_uplink(const uint8_t *packet, size_t length, skyloop_uplink_t *out)
 {
@@ -2037,6 +2281,13 @@ static inline skyloop_error_t skyloop_decode_downlink(const uint8_t *packet, siz
             error = skyloop_valid_compressed_block(&out->as.compressed_block);
         }
         break;
+    case SKYLOOP_APID_FRAME_END:
+        skyloop_read_frame_end(&reader, &out->as.frame_end);
+        error = skyloop_read_end(&reader);
+        if (error == SKYLOOP_OK) {
+            error = skyloop_valid_frame_end(&out->as.frame_end);
+        }
+        break;
     default:
         error = SKYLOOP_UNKNOWN_APID;
         break;
@@ -2076,6 +2327,9 @@ static inline skyloop_error_t skyloop_encode_downlink(const skyloop_downlink_t *
         break;
     case SKYLOOP_APID_COMPRESSED:
         skyloop_write_compressed_block(&writer, &in->as.compressed_block);
+        break;
+    case SKYLOOP_APID_FRAME_END:
+        skyloop_write_frame_end(&writer, &in->as.frame_end);
         break;
     default:
         writer.error = SKYLOOP_UNKNOWN_APID;

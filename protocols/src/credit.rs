@@ -5,13 +5,14 @@
 use crate::packet::apid;
 
 /// The APIDs of frame packets: those that credit pays for.
-pub const PAID: [u16; 6] = [
+pub const PAID: [u16; 7] = [
     apid::FRAME_HEADER,
     apid::PIXEL_BLOCK,
     apid::LABELS,
     apid::WINDOWS,
     apid::OBJECTS,
     apid::COMPRESSED,
+    apid::FRAME_END,
 ];
 
 /// The emulator's account of frame packets ([`PAID`]) in one exchange.

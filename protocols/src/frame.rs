@@ -1,8 +1,8 @@
-//! The packets of one frame: its header, its pixels, its labels. What their fields must be to each other.
+//! The packets of one frame: its header, its pixels, its labels, its end. What their fields must be to each other.
 
 use crate::error::{DecodeError, EncodeError};
-pub use crate::generated::codes::Packing;
-pub use crate::generated::frames::{FrameHeader, LabelPart, PixelBlock};
+pub use crate::generated::codes::{AttitudeSource, Overrun, Packing, SyncState};
+pub use crate::generated::frames::{FrameEnd, FrameHeader, LabelPart, PixelBlock, Timing};
 use crate::output::{LabelLevel, MAX_WINDOW, PixelLevel};
 use crate::packet::{CRC_LENGTH, HEADER_LENGTH};
 use crate::pixels::{self, LABEL_TEXT_PER_PART, packed_length, pixels_per_block, unpack};
@@ -39,6 +39,13 @@ impl FrameHeader {
             PixelLevel::Frame => Some(pixels::blocks_in_frame(self.pixels(), self.packing)),
             PixelLevel::Compressed => None,
         }
+    }
+
+    /// All its packets: itself, those with pixels, those with labels, and [`FrameEnd`].
+    pub const fn packets(&self) -> u32 {
+        self.blocks
+            .saturating_add(self.label_parts as u32)
+            .saturating_add(2)
     }
 
     /// Refuses fields that contradict each other. Every decoded header has passed this.
@@ -88,6 +95,23 @@ impl FrameHeader {
             "FrameHeader.exposure_end",
             "must not be earlier than exposure_start",
         )
+    }
+}
+
+impl Default for FrameEnd {
+    /// Of a frame by the emulator's own time, with the attitude of its middle, in time.
+    fn default() -> Self {
+        Self {
+            frame: 0,
+            pixels_crc32: 0,
+            trigger: 0,
+            attitude_source: AttitudeSource::Exact,
+            overrun: Overrun::None,
+            sync: SyncState::Free,
+            in_time: true,
+            timing: Timing::default(),
+            clock_offset_s: 0.0,
+        }
     }
 }
 

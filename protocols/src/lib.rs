@@ -58,7 +58,7 @@ pub use output::{LabelLevel, Output, PixelLevel, Positions};
 pub use packet::{Header, MAX_PACKET, apid};
 pub use personality::{PERSONALITIES, Personality};
 pub use reply::{
-    Ack, CompressedBlock, FrameHeader, LabelPart, Mode, Nack, ObjectPart, ObjectRecord, Packing,
-    PixelBlock, Reply, Status, WindowBlock,
+    Ack, AttitudeSource, CompressedBlock, FrameEnd, FrameHeader, LabelPart, Mode, Nack, ObjectPart,
+    ObjectRecord, Overrun, Packing, PixelBlock, Reply, Status, SyncState, Timing, WindowBlock,
 };
 pub use time::WireTime;

@@ -4,7 +4,10 @@ use crate::credit::PAID;
 use crate::error::Reason;
 use crate::error::{DecodeError, EncodeError};
 use crate::frame::fits_packing;
-pub use crate::frame::{FrameHeader, LabelPart, Packing, PixelBlock};
+pub use crate::frame::{
+    AttitudeSource, FrameEnd, FrameHeader, LabelPart, Overrun, Packing, PixelBlock, SyncState,
+    Timing,
+};
 pub use crate::generated::answers::{Ack, Nack, Reply, Status};
 pub use crate::generated::codes::Mode;
 use crate::packet::{self, Header};

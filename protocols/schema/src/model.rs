@@ -59,6 +59,9 @@ pub struct Struct {
     /// Its fields are seen in its crate only.
     #[serde(default)]
     pub private: bool,
+    /// There is one whose fields are all 0.
+    #[serde(default)]
+    pub default: bool,
     /// Some rules between its fields are written by hand.
     #[serde(default)]
     pub check: bool,

@@ -262,7 +262,8 @@ fn scalar(of: &str, schema: &Schema, field: &Field) -> (String, String) {
         _ => Number::Unsigned(1),
     };
     match number {
-        Number::Time => ("time_code".to_owned(), unsigned(of, 64, "")),
+        Number::Time if of == "Argument" => ("u64".to_owned(), unsigned(of, 64, "")),
+        Number::Time => ("time_code".to_owned(), String::new()),
         Number::Unsigned(octets) => {
             let text = unsigned(of, 8 * octets, &field.unit);
             (named(&format!("u{}", 8 * octets), &field.unit), text)

@@ -1,10 +1,10 @@
 // Generated from protocols/schema by `cargo run -p skyloop-schema`: do not edit.
 //! The answers of the emulator, and all of its packets.
 
-use super::codes::{Mode, Packing, Reason, apid};
+use super::codes::{Mode, Packing, Reason, SyncState, apid};
 use super::commands::Output;
 use super::counters::Counters;
-use super::frames::{FrameHeader, PixelBlock, LabelPart, WindowBlock, ObjectPart, CompressedBlock};
+use super::frames::{FrameHeader, PixelBlock, LabelPart, WindowBlock, ObjectPart, CompressedBlock, FrameEnd, Timing};
 use crate::error::{DecodeError, EncodeError};
 use crate::rules::{positive, rule};
 use crate::wire::{Reader, Writer};
@@ -34,13 +34,25 @@ pub struct Status {
     pub next_frame: u32,
     /// Frame packets sent in this exchange, modulo 2^32. Unit: packets.
     pub packets_sent: u32,
+    /// What it goes by for the client's time.
+    pub sync: SyncState,
+    /// As in FrameEnd, at present. Unit: s.
+    pub clock_offset_s: f64,
+    /// Of the last frame that was delivered; all 0 before.
+    pub timing: Timing,
+    /// From the trigger until a frame's last octet left, half of the run's frames in this time; 0 before the first. Unit: s.
+    pub latency_p50_s: f32,
+    /// The same for 99 of 100 frames. Unit: s.
+    pub latency_p99_s: f32,
+    /// The same for all. Unit: s.
+    pub latency_max_s: f32,
     /// Counts since the emulator started.
     pub counters: Counters,
 }
 
 impl Status {
     pub(crate) fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
-        let mode = reader.code(Mode::from_code, "Status.mode", "must be 0 or 1")?;
+        let mode = reader.code(Mode::from_code, "Status.mode", "must be 0 to 2")?;
         let width = reader.u16()?;
         let height = reader.u16()?;
         let bits = reader.u8()?;
@@ -51,6 +63,12 @@ impl Status {
         let frame_rate_hz = reader.f64()?;
         let next_frame = reader.u32()?;
         let packets_sent = reader.u32()?;
+        let sync = reader.code(SyncState::from_code, "Status.sync", "must be 0 to 3")?;
+        let clock_offset_s = reader.f64()?;
+        let timing = Timing::read(reader)?;
+        let latency_p50_s = reader.f32()?;
+        let latency_p99_s = reader.f32()?;
+        let latency_max_s = reader.f32()?;
         let mut counters = Counters::default();
         for counter in counters.iter_mut() {
             *counter = reader.u32()?;
@@ -67,6 +85,12 @@ impl Status {
             frame_rate_hz,
             next_frame,
             packets_sent,
+            sync,
+            clock_offset_s,
+            timing,
+            latency_p50_s,
+            latency_p99_s,
+            latency_max_s,
             counters,
         })
     }
@@ -83,6 +107,12 @@ impl Status {
         writer.f64(self.frame_rate_hz)?;
         writer.u32(self.next_frame)?;
         writer.u32(self.packets_sent)?;
+        writer.u8(self.sync.code())?;
+        writer.f64(self.clock_offset_s)?;
+        self.timing.write(writer)?;
+        writer.f32(self.latency_p50_s)?;
+        writer.f32(self.latency_p99_s)?;
+        writer.f32(self.latency_max_s)?;
         for (_, value) in self.counters.iter() {
             writer.u32(value)?;
         }
@@ -98,6 +128,11 @@ impl Status {
         positive("Status.exposure_s", self.exposure_s)?;
         positive("Status.gain_e_per_dn", self.gain_e_per_dn)?;
         positive("Status.frame_rate_hz", self.frame_rate_hz)?;
+        rule(self.clock_offset_s.is_finite(), "Status.clock_offset_s", "must be finite")?;
+        self.timing.check()?;
+        rule(self.latency_p50_s.is_finite(), "Status.latency_p50_s", "must be finite")?;
+        rule(self.latency_p99_s.is_finite(), "Status.latency_p99_s", "must be finite")?;
+        rule(self.latency_max_s.is_finite(), "Status.latency_max_s", "must be finite")?;
         Ok(())
     }
 }
@@ -200,6 +235,8 @@ pub enum Reply<'a> {
     Objects(ObjectPart<'a>),
     /// A run of pixels, losslessly compressed.
     Compressed(CompressedBlock<'a>),
+    /// Closes a frame: what is known only when all of it has been rendered and sent.
+    FrameEnd(FrameEnd),
 }
 
 impl<'a> Reply<'a> {
@@ -215,6 +252,7 @@ impl<'a> Reply<'a> {
             Self::Windows(_) => apid::WINDOWS,
             Self::Objects(_) => apid::OBJECTS,
             Self::Compressed(_) => apid::COMPRESSED,
+            Self::FrameEnd(_) => apid::FRAME_END,
         }
     }
 
@@ -230,6 +268,7 @@ impl<'a> Reply<'a> {
             Self::Windows(inner) => inner.check(),
             Self::Objects(inner) => inner.check(),
             Self::Compressed(inner) => inner.check(),
+            Self::FrameEnd(inner) => inner.check(),
         }
     }
 
@@ -244,6 +283,7 @@ impl<'a> Reply<'a> {
             apid::WINDOWS => Self::Windows(WindowBlock::read(reader)?),
             apid::OBJECTS => Self::Objects(ObjectPart::read(reader)?),
             apid::COMPRESSED => Self::Compressed(CompressedBlock::read(reader)?),
+            apid::FRAME_END => Self::FrameEnd(FrameEnd::read(reader)?),
             apid => return Err(DecodeError::UnknownApid { apid }),
         })
     }
@@ -259,6 +299,7 @@ impl<'a> Reply<'a> {
             Self::Windows(inner) => inner.write(writer),
             Self::Objects(inner) => inner.write(writer),
             Self::Compressed(inner) => inner.write(writer),
+            Self::FrameEnd(inner) => inner.write(writer),
         }
     }
 }

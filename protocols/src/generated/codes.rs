@@ -4,7 +4,7 @@
 use crate::wire::wire_enum;
 
 /// Version of these formats, in the secondary header.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 /// Longest packet in octets, headers and CRC included: fits a UDP datagram on Ethernet unfragmented.
 pub const MAX_PACKET: usize = 1400;
 
@@ -15,6 +15,8 @@ wire_enum! {
         Stepped = 0,
         /// The camera's cadence by the wall clock, with the latest attitude.
         Wall = 1,
+        /// Exposures by the client's time.
+        External = 2,
     }
 }
 
@@ -51,6 +53,54 @@ wire_enum! {
         Bits12 = 12,
         /// Two octets a pixel, big-endian.
         Bits16 = 16,
+    }
+}
+
+wire_enum! {
+    /// What the attitude that a frame shows was made of.
+    pub enum AttitudeSource: u8 {
+        /// An attitude whose own time is the middle of the exposure.
+        Exact = 0,
+        /// Two attitudes, between them.
+        Interpolated = 1,
+        /// One attitude, carried on by its rates.
+        Extrapolated = 2,
+        /// A stale one: carried on to the limit of its age, and held there.
+        Held = 3,
+        /// One older than the limit, carried on all the same.
+        Stale = 4,
+        /// A stale one, and marked so: what is shown means nothing.
+        Invalid = 5,
+        /// One whose time lies after the exposure, carried back.
+        Future = 6,
+    }
+}
+
+wire_enum! {
+    /// What was done about a frame that would be late.
+    pub enum Overrun: u8 {
+        /// Nothing: it was not expected to be.
+        None = 0,
+        /// It was left to be late.
+        Late = 1,
+        /// The first frame after exposures that were left out.
+        Drop = 2,
+        /// It was rendered by coarser tolerances.
+        Coarsen = 3,
+    }
+}
+
+wire_enum! {
+    /// What the emulator goes by for the client's time.
+    pub enum SyncState: u8 {
+        /// Nothing: it keeps its own time.
+        Free = 0,
+        /// Nothing heard of the client's time yet.
+        Waiting = 1,
+        /// Follows the client's time.
+        Locked = 2,
+        /// Nothing heard for a while: runs on by its own.
+        Holdover = 3,
     }
 }
 
@@ -97,7 +147,7 @@ wire_enum! {
     pub enum Reason: u8 {
         /// The CRC does not fit the octets before it.
         BadCrc = 1,
-        /// Packet version number not 0, or format version not 2.
+        /// Packet version number not 0, or format version not 3.
         BadVersion = 2,
         /// Octets, data length and layout do not agree.
         BadLength = 3,
@@ -143,6 +193,8 @@ wire_enum! {
         Resend = 10,
         /// Something goes wrong on this link, on purpose.
         Fault = 11,
+        /// One exposure at a time that the client chooses; answered by its frame.
+        Trigger = 12,
     }
 }
 
@@ -170,9 +222,11 @@ pub mod apid {
     pub const OBJECTS: u16 = 0x208;
     /// From the emulator: a run of pixels, losslessly compressed.
     pub const COMPRESSED: u16 = 0x209;
+    /// From the emulator: closes a frame: what is known only when all of it has been rendered and sent.
+    pub const FRAME_END: u16 = 0x20a;
 
     /// All of them with their names in the ICD.
-    pub const ALL: [(u16, &str); 11] = [
+    pub const ALL: [(u16, &str); 12] = [
         (ATTITUDE, "Attitude"),
         (COMMAND, "Command"),
         (FRAME_HEADER, "FrameHeader"),
@@ -184,6 +238,7 @@ pub mod apid {
         (WINDOWS, "Windows"),
         (OBJECTS, "Objects"),
         (COMPRESSED, "Compressed"),
+        (FRAME_END, "FrameEnd"),
     ];
 
     /// Whether packets with this APID go towards the emulator (type bit 1).

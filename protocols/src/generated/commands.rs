@@ -4,6 +4,7 @@
 use super::codes::{Direction, FaultKind, LabelLevel, Opcode, PixelLevel, apid};
 use crate::error::{DecodeError, EncodeError};
 use crate::rules::{finite, positive, rule};
+use crate::time::WireTime;
 use crate::wire::{Reader, Writer};
 
 /// Attitude of the body at the time in the header; in stepped mode that is the middle of the exposure.
@@ -250,6 +251,13 @@ pub enum Command {
     },
     /// Something goes wrong on this link, on purpose.
     Fault(Fault),
+    /// One exposure at a time that the client chooses; answered by its frame.
+    Trigger {
+        /// The client's number of this trigger; returns in FrameEnd.
+        number: u32,
+        /// First instant of the exposure.
+        start: WireTime,
+    },
 }
 
 impl Command {
@@ -276,6 +284,7 @@ impl Command {
             Self::Positions(_) => Some(Opcode::Positions),
             Self::Resend { .. } => Some(Opcode::Resend),
             Self::Fault(_) => Some(Opcode::Fault),
+            Self::Trigger { .. } => Some(Opcode::Trigger),
         }
     }
 
@@ -289,6 +298,7 @@ impl Command {
             Self::Output(inner) => inner.check()?,
             Self::Positions(inner) => inner.check()?,
             Self::Fault(inner) => inner.check()?,
+            Self::Trigger { number, .. } => rule((1..).contains(number), "Trigger.number", "must be 1 to 4294967295")?,
             _ => {}
         }
         Ok(())
@@ -321,6 +331,10 @@ impl Command {
                 count: reader.u32()?,
             },
             Opcode::Fault => Self::Fault(Fault::read(reader)?),
+            Opcode::Trigger => Self::Trigger {
+                number: reader.u32()?,
+                start: reader.time()?,
+            },
         })
     }
 
@@ -353,6 +367,10 @@ impl Command {
                 writer.u32(*count)?;
             }
             Self::Fault(inner) => inner.write(writer)?,
+            Self::Trigger { number, start } => {
+                writer.u32(*number)?;
+                writer.u64(start.0)?;
+            }
         }
         Ok(())
     }

@@ -61,6 +61,20 @@ counters! {
     bus_errors,
     /// Times that the CAN controller left the bus.
     bus_off,
+    /// Frames that had not left whole by their deadline.
+    deadlines_missed,
+    /// Frames rendered by coarser tolerances, so as to be in time.
+    frames_coarsened,
+    /// Frames that a slow client did not get, since a newer one was there.
+    frames_dropped,
+    /// Frames whose attitude was older than the limit.
+    attitudes_stale,
+    /// Frames whose only attitude was of the future.
+    attitudes_future,
+    /// Triggers accepted.
+    triggers,
+    /// Triggers that gave no frame: they came while too many waited.
+    triggers_missed,
 }
 
 impl Counters {

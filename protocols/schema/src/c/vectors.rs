@@ -122,12 +122,12 @@ fn good(schema: &Schema, vector: &Good, number: usize) -> Result<String, String>
         same += &format!("    SAME(got.{base}.has_{}, {present});\n", optional.name);
     }
     let nested = |name: &str| {
-        let inner = message.fields.iter().find_map(|field| match &field.kind {
+        let mut inner = message.fields.iter().filter_map(|field| match &field.kind {
             Kind::Struct(kind) => schema.structure(kind).map(|structure| (field, structure)),
             _ => None,
         });
         inner
-            .filter(|(_, structure)| structure.fields.iter().any(|field| field.name == name))
+            .find(|(_, structure)| structure.fields.iter().any(|field| field.name == name))
             .map(|(field, _)| field.name.clone())
     };
     let fixed: usize = vector
@@ -204,6 +204,19 @@ fn numbers_of(
         })
     };
     match &field.kind {
+        _ if !field.bits.is_empty() => {
+            let flags = unsigned(value)?;
+            let outer = path.strip_suffix(&field.name).unwrap_or_default();
+            let bits = field.bits.iter().enumerate();
+            let flag = |(bit, name): (usize, &String)| {
+                (
+                    format!("{outer}{name}"),
+                    (flags >> bit & 1 == 1).to_string(),
+                    false,
+                )
+            };
+            Ok(bits.map(flag).collect())
+        }
         Kind::One(number) => {
             let (literal, is_float) = literal(*number, value)?;
             Ok(vec![(path.to_owned(), literal, is_float)])

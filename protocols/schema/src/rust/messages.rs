@@ -1,7 +1,7 @@
 //! The messages in Rust: commands, the packets of a frame, answers; and the two enums over them.
 
 use super::doc;
-use super::structures::{Structure, field_range, write_value};
+use super::structures::{Structure, field_range, read_number, rust_type, write_value};
 use crate::c::upper;
 use crate::model::{Field, Kind, Message, Opcode, Receiver, Schema};
 
@@ -9,7 +9,7 @@ use crate::model::{Field, Kind, Message, Opcode, Receiver, Schema};
 pub(super) fn commands(schema: &Schema) -> String {
     let mut out = "use super::codes::{Direction, FaultKind, LabelLevel, Opcode, PixelLevel, apid};\n\
                    use crate::error::{DecodeError, EncodeError};\nuse crate::rules::{finite, positive, rule};\n\
-                   use crate::wire::{Reader, Writer};\n"
+                   use crate::time::WireTime;\nuse crate::wire::{Reader, Writer};\n"
         .to_owned();
     for message in to(schema, Receiver::Emulator).filter(|message| message.opcodes.is_empty()) {
         out += &of_message(message).text(schema);
@@ -26,20 +26,24 @@ pub(super) fn commands(schema: &Schema) -> String {
 
 /// The packets that take credit.
 pub(super) fn frames(schema: &Schema) -> String {
-    let mut out = "use super::codes::{LabelLevel, Packing, PixelLevel};\nuse crate::error::{DecodeError, EncodeError};\n\
+    let mut out = "use super::codes::{AttitudeSource, LabelLevel, Overrun, Packing, PixelLevel, SyncState};\nuse crate::error::{DecodeError, EncodeError};\n\
                    use crate::rules::{positive, rule};\nuse crate::time::WireTime;\nuse crate::wire::{Reader, Writer};\n"
         .to_owned();
     for message in to(schema, Receiver::Client).filter(|message| is_of_frame(message)) {
         out += &of_message(message).text(schema);
-        out += &length(message.type_name(), message.borrows, &message.fields);
-        for record in message
-            .fields
-            .iter()
-            .filter_map(|field| field.record.as_deref())
-        {
+        out += &length(
+            schema,
+            message.type_name(),
+            message.borrows,
+            &message.fields,
+        );
+        for record in message.fields.iter().filter_map(|field| match &field.kind {
+            Kind::Struct(name) => Some(name.as_str()),
+            _ => field.record.as_deref(),
+        }) {
             out += &of_structure(schema, record);
             if let Some(structure) = schema.structure(record) {
-                out += &length(record, false, &structure.fields);
+                out += &length(schema, record, false, &structure.fields);
             }
         }
     }
@@ -47,8 +51,8 @@ pub(super) fn frames(schema: &Schema) -> String {
 }
 
 /// How long the fields are that are always the same.
-fn length(name: &str, borrows: bool, fields: &[Field]) -> String {
-    let octets: usize = fields.iter().filter_map(Field::octets).sum();
+fn length(schema: &Schema, name: &str, borrows: bool, fields: &[Field]) -> String {
+    let octets: usize = schema.flat(fields).iter().filter_map(Field::octets).sum();
     let lifetime = if borrows { "<'_>" } else { "" };
     format!(
         "\nimpl {name}{lifetime} {{\n    /// Octets of its fields, the rest of variable length aside.\n    pub const FIELDS_LENGTH: usize = {octets};\n}}\n"
@@ -57,12 +61,13 @@ fn length(name: &str, borrows: bool, fields: &[Field]) -> String {
 
 /// The other packets, and the enum over all.
 pub(super) fn answers(schema: &Schema) -> String {
-    let names: Vec<&str> = to(schema, Receiver::Client)
+    let mut names: Vec<&str> = to(schema, Receiver::Client)
         .filter(|message| is_of_frame(message))
         .map(Message::type_name)
         .collect();
+    names.push("Timing");
     let mut out = format!(
-        "use super::codes::{{Mode, Packing, Reason, apid}};\nuse super::commands::Output;\nuse super::counters::Counters;\nuse super::frames::{{{}}};\n\
+        "use super::codes::{{Mode, Packing, Reason, SyncState, apid}};\nuse super::commands::Output;\nuse super::counters::Counters;\nuse super::frames::{{{}}};\n\
          use crate::error::{{DecodeError, EncodeError}};\nuse crate::rules::{{positive, rule}};\nuse crate::wire::{{Reader, Writer}};\n",
         names.join(", ")
     );
@@ -101,6 +106,7 @@ fn of_message(message: &Message) -> Structure<'_> {
         borrows: message.borrows,
         counters: message.counters,
         private: false,
+        default: false,
         check: message.check,
         encode_check: message.encode_check,
     }
@@ -116,6 +122,7 @@ fn of_structure(schema: &Schema, name: &str) -> String {
             borrows: false,
             counters: false,
             private: structure.private,
+            default: structure.default,
             check: structure.check,
             encode_check: false,
         };
@@ -138,6 +145,19 @@ fn pattern(opcode: &Opcode) -> String {
             format!(" {{ {} }}", names.join(", "))
         }
     }
+}
+
+/// The same with the fields that have a range.
+fn judged(schema: &Schema, opcode: &Opcode) -> String {
+    let has_range = |field: &&Field| !field_range(schema, &opcode.name, field, "*").is_empty();
+    let ranged = opcode.fields.iter().filter(has_range);
+    let names: Vec<&str> = ranged.map(|field| field.name.as_str()).collect();
+    let rest = if names.len() < opcode.fields.len() {
+        ", .."
+    } else {
+        ""
+    };
+    format!(" {{ {}{rest} }}", names.join(", "))
 }
 
 /// The enum of everything that a client can say.
@@ -181,19 +201,15 @@ fn command(schema: &Schema) -> String {
                 ""
             }
             None => {
-                let members = opcode.fields.iter().map(|field| match &field.kind {
-                    Kind::One(number) => {
-                        doc(&field.doc, 2)
-                            + &format!("        {}: {},\n", field.name, number.name())
-                    }
-                    _ => String::new(),
+                let members = opcode.fields.iter().map(|field| {
+                    doc(&field.doc, 2) + &format!("        {}: {},\n", field.name, rust_type(field))
                 });
                 variants += &format!("    {name} {{\n{}    }},\n", members.collect::<String>());
                 let read = opcode.fields.iter().map(|field| match &field.kind {
                     Kind::One(number) => format!(
-                        "                {}: reader.{}()?,\n",
+                        "                {}: {},\n",
                         field.name,
-                        number.name()
+                        read_number(*number)
                     ),
                     _ => String::new(),
                 });
@@ -219,7 +235,8 @@ fn command(schema: &Schema) -> String {
                     .collect();
                 if !check.is_empty() {
                     let check = check.trim().trim_end_matches(';').to_owned();
-                    checks += &format!("            Self::{name}{} => {check},\n", pattern(opcode));
+                    let judged = judged(schema, opcode);
+                    checks += &format!("            Self::{name}{judged} => {check},\n");
                 }
                 " { .. }"
             }

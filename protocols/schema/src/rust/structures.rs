@@ -15,6 +15,8 @@ pub(super) struct Structure<'a> {
     pub counters: bool,
     /// Its fields are for its crate only.
     pub private: bool,
+    /// All its fields may be 0.
+    pub default: bool,
     /// Rules between its fields are written by hand.
     pub check: bool,
     /// Encoders keep such rules.
@@ -132,13 +134,14 @@ impl Structure<'_> {
         } else {
             ", Eq"
         };
+        let default = if self.default { ", Default" } else { "" };
         let lifetime = if self.borrows { "<'a>" } else { "" };
         let seen = if self.private { "pub(crate)" } else { "pub" };
         let members = members
             .iter()
             .map(|(name, kind, about)| doc(about, 1) + &format!("    {seen} {name}: {kind},\n"));
         format!(
-            "\n{}#[derive(Debug, Clone, Copy, PartialEq{eq})]\npub struct {name}{lifetime} {{\n{}}}\n",
+            "\n{}#[derive(Debug, Clone, Copy{default}, PartialEq{eq})]\npub struct {name}{lifetime} {{\n{}}}\n",
             doc(about, 0),
             members.collect::<String>()
         )
@@ -227,8 +230,7 @@ impl Structure<'_> {
                 let text = field.limits(schema).unwrap_or_default();
                 format!("reader.code({codes}::from_code, {name}, \"must be {text}\")?")
             }
-            Kind::One(Number::Time) => "reader.time()?".to_owned(),
-            Kind::One(number) => format!("reader.{}()?", number.name()),
+            Kind::One(number) => read_number(*number),
             Kind::Array(number, _) => format!("reader.{}s()?", number.name()),
             Kind::Ascii(_) => "reader.array()?".to_owned(),
             Kind::Struct(kind) => format!("{kind}::read(reader)?"),
@@ -321,6 +323,11 @@ pub(super) fn field_range(schema: &Schema, owner: &str, field: &Field, of: &str)
         format!("\"{owner}.{}\"", field.name),
         format!("{of}{}", field.name),
     );
+    // What stands behind a reference is one already.
+    let borrowed = match of {
+        "*" => field.name.clone(),
+        _ => format!("&{place}"),
+    };
     let mut out = String::new();
     // Codes are checked as they are read, counts with what they count.
     let limits = field
@@ -340,7 +347,8 @@ pub(super) fn field_range(schema: &Schema, owner: &str, field: &Field, of: &str)
             (Some(min), None) => format!("({}..)", number(min)),
             (_, max) => format!("(..={})", max.map(number).unwrap_or_default()),
         };
-        out += &format!("        rule({range}.contains(&{place}), {name}, \"must be {text}\")?;\n");
+        out +=
+            &format!("        rule({range}.contains({borrowed}), {name}, \"must be {text}\")?;\n");
     }
     match (field.rule, field.error.as_deref()) {
         (Some(Rule::Positive), _) => out += &format!("        positive({name}, {place})?;\n"),
@@ -365,7 +373,16 @@ pub(super) fn field_range(schema: &Schema, owner: &str, field: &Field, of: &str)
     out
 }
 
-fn rust_type(field: &Field) -> String {
+/// The expression that reads a number.
+pub(super) fn read_number(number: Number) -> String {
+    match number {
+        Number::Time => "reader.time()?".to_owned(),
+        number => format!("reader.{}()?", number.name()),
+    }
+}
+
+/// Its type.
+pub(super) fn rust_type(field: &Field) -> String {
     let number = |number: Number| match number {
         Number::Time => "WireTime".to_owned(),
         number => number.name(),
@@ -387,7 +404,7 @@ fn rust_type(field: &Field) -> String {
 pub(super) fn write_value(field: &Field, place: &str) -> String {
     match &field.kind {
         _ if field.codes.is_some() => format!("writer.u8({place}.code())"),
-        Kind::One(Number::Time) => format!("writer.u64({place}.0)"),
+        Kind::One(Number::Time) => format!("writer.u64({}.0)", place.trim_start_matches('*')),
         Kind::One(number) => format!("writer.{}({place})", number.name()),
         Kind::Array(number, _) => format!("writer.{}s(&{place})", number.name()),
         Kind::Ascii(_) => format!("writer.bytes(&{place})"),
