@@ -1,5 +1,6 @@
 //! One link, and what its client has agreed with the emulator.
 
+use super::deliver::Delivery;
 use crate::link::{LinkError, Outbound, Roles, Wire};
 use bytes::Bytes;
 use skyloop_protocols::credit::{CreditAccount, PAID};
@@ -20,6 +21,8 @@ pub(super) struct Channel {
     pub roles: Roles,
     pub counts: SequenceCounts,
     pub exchange: Exchange,
+    /// Frames on their way, the first to be sent first.
+    pub deliveries: VecDeque<Delivery>,
     /// Packets that never got into the link's queue.
     pub lost: u32,
     /// Whether the log says that nobody is there.
@@ -74,6 +77,7 @@ impl Channel {
             roles,
             counts: SequenceCounts::new(),
             exchange,
+            deliveries: VecDeque::new(),
             lost: 0,
             told: false,
             gone: false,
@@ -174,6 +178,18 @@ impl Channel {
     pub fn lose_answers(&mut self) {
         let waiting = self.exchange.answers.drain(..).count() as u32;
         self.lost = self.lost.wrapping_add(waiting);
+    }
+
+    /// Takes the oldest frame out that waits behind others, where more than `most` are on their way.
+    pub fn make_way(&mut self, most: usize) -> Option<u32> {
+        if self.deliveries.len() <= most {
+            return None;
+        }
+        let at = self
+            .deliveries
+            .iter()
+            .position(|delivery| !delivery.has_begun())?;
+        self.deliveries.remove(at).map(|delivery| delivery.frame)
     }
 
     /// Makes room for the packets of another frame.

@@ -1,11 +1,10 @@
 //! A shot cut into the packets that a client asked for.
 
 use super::packed::packed;
+use super::picture::Picture;
 use super::select::{brightest_objects, windows};
-use crate::engine::Shot;
 use crate::link::Roles;
 use skyloop_firmware_sim::time::to_wire;
-use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::pixels::{
     COMPRESSED_DATA, LABEL_TEXT_PER_PART, OBJECT_LENGTH, OBJECTS_PER_PART, label_parts,
     object_parts, packed_length, pixels_per_block, windows_per_block,
@@ -15,10 +14,11 @@ use skyloop_protocols::{
     CompressedBlock, EncodeError, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, ObjectPart,
     Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime, rice,
 };
+use std::time::Instant;
 
-/// The packets of one shot, one after the other.
-pub(super) struct Cut<'a> {
-    shot: &'a Shot,
+/// The packets of one frame, one after the other. What the pixels themselves decide (windows, compressed blocks, object records) is worked out as the
+/// frame is opened, which then waits for all of it; all pixels and label text open it as soon as the label is done.
+pub(super) struct Cut {
     header: FrameHeader,
     /// Of all its packets.
     pub time: WireTime,
@@ -32,18 +32,27 @@ pub(super) struct Cut<'a> {
     given: u32,
 }
 
-impl<'a> Cut<'a> {
-    /// Of `shot`, what `output` asks for and `roles` allow; or why there are no words for it.
-    pub fn new(
-        shot: &'a Shot,
+/// The next packet.
+pub(super) enum Next<T> {
+    /// As it was encoded.
+    Packet(Result<T, EncodeError>),
+    /// What it holds is not there yet.
+    NotYet,
+    /// All have been given.
+    Over,
+}
+
+impl Cut {
+    /// Of `picture`, what `output` asks for and `roles` allow; none while too little of it is known, or why there are no words for it.
+    pub fn open(
+        picture: &Picture,
         output: &Output,
         positions: Option<&Positions>,
         roles: Roles,
-    ) -> Result<Cut<'a>, String> {
-        let detector = &shot.camera.detector;
-        let instant = |epoch| to_wire(epoch).ok_or("a time beyond the time code");
-        let (width, height) = (detector.width as u16, detector.height as u16);
-        let packing = Packing::for_bits(detector.bits);
+    ) -> Result<Option<Cut>, String> {
+        let Some(opening) = &picture.opening else {
+            return Ok(None);
+        };
         let pixel_level = match roles.pixels {
             true => output.pixels,
             false => PixelLevel::None,
@@ -52,29 +61,39 @@ impl<'a> Cut<'a> {
             true => output.labels,
             false => LabelLevel::None,
         };
+        let decided = matches!(pixel_level, PixelLevel::None | PixelLevel::Frame)
+            && label_level != LabelLevel::Objects;
+        let shot = picture.shot.as_deref();
+        if shot.is_none() && !decided {
+            return Ok(None);
+        }
+        let detector = &opening.camera.detector;
+        let instant = |epoch| to_wire(epoch).ok_or("a time beyond the time code");
+        let (width, height) = (detector.width as u16, detector.height as u16);
+        let packing = Packing::for_bits(detector.bits);
         let size = u16::from(output.window_size).min(width).min(height) as u8;
-        let windows = match pixel_level {
-            PixelLevel::Windows => windows(shot, size, output.windows, positions),
+        let windows = match (pixel_level, shot) {
+            (PixelLevel::Windows, Some(shot)) => windows(shot, size, output.windows, positions),
             _ => Vec::new(),
         };
-        let compressed = match pixel_level {
-            PixelLevel::Compressed => compress(&shot.frame.digits, detector.bits),
+        let compressed = match (pixel_level, shot) {
+            (PixelLevel::Compressed, Some(shot)) => compress(&shot.frame.digits, detector.bits),
             _ => Vec::new(),
         };
-        let records = match label_level {
-            LabelLevel::Objects => brightest_objects(shot, output.objects),
+        let records = match (label_level, shot) {
+            (LabelLevel::Objects, Some(shot)) => brightest_objects(shot, output.objects),
             _ => Vec::new(),
         };
         let objects = (records.len() / OBJECT_LENGTH) as u16;
-        let text = shot.json.len();
+        let text = picture.text_length().unwrap_or_default();
         let (label_bytes, parts) = match label_level {
             LabelLevel::None => (0, Some(0)),
             LabelLevel::Objects => (records.len(), Some(object_parts(objects))),
             LabelLevel::Text => (text, u32::try_from(text).ok().and_then(label_parts)),
         };
         let mut header = FrameHeader {
-            frame: shot.number,
-            attitude_sequence: shot.key.sequence,
+            frame: opening.number,
+            attitude_sequence: opening.key.sequence,
             width,
             height,
             bits: detector.bits,
@@ -90,91 +109,113 @@ impl<'a> Cut<'a> {
             blocks: compressed.len() as u32,
             label_parts: parts.ok_or("more labels than packets can number")?,
             label_bytes: label_bytes as u32,
-            exposure_start: instant(shot.exposure.start)?,
-            exposure_end: instant(shot.exposure.end)?,
-            seed: shot.key.seed,
+            exposure_start: instant(opening.exposure.start)?,
+            exposure_end: instant(opening.exposure.end)?,
+            seed: opening.key.seed,
             gain_e_per_dn: detector.gain_e_per_dn,
             offset_dn: detector.offset_dn,
-            pixels_crc32: Crc32::new().update_pixels(&shot.frame.digits).finish(),
         };
         if let Some(blocks) = header.blocks_due() {
             header.blocks = blocks;
         }
-        Ok(Cut {
-            time: instant(shot.exposure.mid)?,
-            shot,
+        Ok(Some(Cut {
+            time: instant(opening.exposure.mid)?,
             header,
             windows,
             compressed,
             records,
             given: 0,
-        })
+        }))
     }
 
     /// Whether all packets have been given.
     pub fn is_over(&self) -> bool {
-        self.given > self.header.blocks + u32::from(self.header.label_parts)
+        self.given > self.header.blocks + u32::from(self.header.label_parts) + 1
     }
 
-    /// Gives the next packet to `encode`; none is left where it answers none.
+    /// Gives the next packet to `encode`, if what it holds is there.
     pub fn next<T>(
         &mut self,
+        picture: &Picture,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
-    ) -> Option<Result<T, EncodeError>> {
+    ) -> Next<T> {
+        if self.is_over() {
+            return Next::Over;
+        }
         let number = self.given;
-        self.given += 1;
-        let Some(place) = number.checked_sub(1) else {
-            return Some(encode(&Reply::FrameHeader(self.header)));
+        let packet = match number.checked_sub(1) {
+            None => Some(encode(&Reply::FrameHeader(self.header))),
+            Some(place) => match place.checked_sub(self.header.blocks) {
+                None => self.pixels(picture, place, encode),
+                // What follows the pixels waits until all of them are there.
+                Some(_) if picture.shot.is_none() => None,
+                Some(part) if part < u32::from(self.header.label_parts) => {
+                    Some(self.labels(picture, part as u16, encode))
+                }
+                Some(_) => Some(encode(&Reply::FrameEnd(picture.closing(Instant::now())))),
+            },
         };
-        match place.checked_sub(self.header.blocks) {
-            None => Some(self.pixels(place, encode)),
-            Some(part) if part < u32::from(self.header.label_parts) => {
-                Some(self.labels(part as u16, encode))
+        match packet {
+            None => Next::NotYet,
+            Some(packet) => {
+                self.given += 1;
+                Next::Packet(packet)
             }
-            Some(_) => None,
         }
     }
 
+    /// None while its pixels are not there.
     fn pixels<T>(
+        &self,
+        picture: &Picture,
+        index: u32,
+        encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
+    ) -> Option<Result<T, EncodeError>> {
+        match self.header.pixel_level {
+            PixelLevel::Windows => Some(self.window_block(picture, index, encode)),
+            PixelLevel::Compressed => Some(self.compressed_block(index, encode)),
+            _ => {
+                let packing = self.header.packing;
+                let size = pixels_per_block(packing);
+                let first = index as usize * size;
+                let end = (first + size).min(self.header.pixels() as usize);
+                let pixels = picture.digits().get(first..end)?;
+                let mut octets = [0; MAX_PACKET];
+                let data = &mut octets[..packed_length(packing, pixels.len())];
+                let block = packed(packing, pixels, data).and_then(|()| {
+                    encode(&Reply::PixelBlock(PixelBlock {
+                        frame: self.header.frame,
+                        index,
+                        first_pixel: first as u32,
+                        count: pixels.len() as u16,
+                        packing,
+                        data,
+                    }))
+                });
+                Some(block)
+            }
+        }
+    }
+
+    fn compressed_block<T>(
         &self,
         index: u32,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Result<T, EncodeError> {
-        match self.header.pixel_level {
-            PixelLevel::Windows => self.window_block(index, encode),
-            PixelLevel::Compressed => {
-                let block = self.compressed.get(index as usize);
-                let (first_pixel, count, data) = block.ok_or(NO_SUCH_PACKET)?;
-                encode(&Reply::Compressed(CompressedBlock {
-                    frame: self.header.frame,
-                    index,
-                    first_pixel: *first_pixel,
-                    count: *count,
-                    data,
-                }))
-            }
-            _ => {
-                let packing = self.header.packing;
-                let size = pixels_per_block(packing);
-                let pixels = self.shot.frame.digits.chunks(size).nth(index as usize);
-                let pixels = pixels.ok_or(NO_SUCH_PACKET)?;
-                let mut octets = [0; MAX_PACKET];
-                let data = &mut octets[..packed_length(packing, pixels.len())];
-                packed(packing, pixels, data)?;
-                encode(&Reply::PixelBlock(PixelBlock {
-                    frame: self.header.frame,
-                    index,
-                    first_pixel: index * size as u32,
-                    count: pixels.len() as u16,
-                    packing,
-                    data,
-                }))
-            }
-        }
+        let block = self.compressed.get(index as usize);
+        let (first_pixel, count, data) = block.ok_or(NO_SUCH_PACKET)?;
+        encode(&Reply::Compressed(CompressedBlock {
+            frame: self.header.frame,
+            index,
+            first_pixel: *first_pixel,
+            count: *count,
+            data,
+        }))
     }
 
     fn window_block<T>(
         &self,
+        picture: &Picture,
         index: u32,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Result<T, EncodeError> {
@@ -189,7 +230,7 @@ impl<'a> Cut<'a> {
             data.extend(column.to_be_bytes());
             data.extend(row.to_be_bytes());
             pixels.clear();
-            let rows = self.shot.frame.digits.chunks(width).skip(usize::from(*row));
+            let rows = picture.digits().chunks(width).skip(usize::from(*row));
             for digits in rows.take(side) {
                 let digits = digits.get(usize::from(*column)..).unwrap_or_default();
                 pixels.extend(digits.iter().take(side));
@@ -211,13 +252,17 @@ impl<'a> Cut<'a> {
 
     fn labels<T>(
         &self,
+        picture: &Picture,
         part: u16,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Result<T, EncodeError> {
         let (frame, parts) = (self.header.frame, self.header.label_parts);
         let (all, most) = match self.header.label_level {
             LabelLevel::Objects => (&self.records[..], OBJECTS_PER_PART * OBJECT_LENGTH),
-            _ => (self.shot.json.as_bytes(), LABEL_TEXT_PER_PART),
+            _ => {
+                let text = picture.text(Instant::now()).ok_or(NO_SUCH_PACKET)?;
+                (text.as_bytes(), LABEL_TEXT_PER_PART)
+            }
         };
         let octets = all.chunks(most).nth(part.into()).ok_or(NO_SUCH_PACKET)?;
         match self.header.label_level {

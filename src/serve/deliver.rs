@@ -1,14 +1,12 @@
-//! To the wire: a shot as its packets, on every link that brings frames, paced by each client's credit.
+//! To the wire: pictures as their packets, on every link that brings frames, paced by each client's credit.
 
+use super::Server;
 use super::channel::Channel;
-use super::cut::Cut;
-use super::{Server, Undelivered};
-use crate::engine::Shot;
+use super::cut::{Cut, Next};
 use crate::link::LinkError;
 use bytes::Bytes;
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::{MAX_PACKET, Reply};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// A client that takes nothing, and grants nothing for what it has got, for this long has gone: its frame is abandoned.
@@ -19,10 +17,10 @@ pub(super) const LISTEN: Duration = Duration::from_millis(5);
 const BREATH: Duration = Duration::from_micros(200);
 
 /// A frame on its way over one link.
-struct Delivery<'a> {
-    /// Which link.
-    at: usize,
-    cut: Cut<'a>,
+pub(super) struct Delivery {
+    pub frame: u32,
+    /// None while too little is known of the frame.
+    cut: Option<Cut>,
     /// What has to stay as it is for the frame to be delivered.
     exchange: u32,
     resets: u32,
@@ -60,114 +58,138 @@ impl Watch {
     }
 }
 
+impl Delivery {
+    /// Of a frame, over this link, to its present client.
+    pub fn new(frame: u32, channel: &Channel) -> Delivery {
+        Delivery {
+            frame,
+            cut: None,
+            exchange: channel.exchange.number,
+            resets: channel.exchange.resets,
+            waiting: None,
+            watch: Watch::of(channel),
+        }
+    }
+
+    /// Whether some of it has left.
+    pub fn has_begun(&self) -> bool {
+        self.cut.is_some()
+    }
+}
+
 /// What became of an attempt to send.
 enum Step {
     Moved,
     NoCredit,
     NoRoom,
+    /// Nothing is there to be sent until the renderer tells, or for so long.
+    NotYet(Option<Duration>),
     Done,
+    /// It cannot be sent any more.
+    Hopeless,
+}
+
+/// What a round over all links came to.
+#[derive(Default)]
+pub(super) struct Round {
+    pub moved: bool,
+    /// How soon another may come to more, where that is known.
+    pub pause: Option<Duration>,
+}
+
+impl Round {
+    fn soon(&mut self, pause: Duration) {
+        self.pause = Some(self.pause.map_or(pause, |other| other.min(pause)));
+    }
 }
 
 impl Server {
-    /// Sends what each client wants of a shot; complete only if all of them got all of it.
-    pub(super) fn deliver(&mut self, shot: &Shot, stop: &AtomicBool) -> Result<(), Undelivered> {
-        let mut under_way = self.cut(shot)?;
-        let mut whole = !under_way.is_empty();
-        while !under_way.is_empty() {
-            let mut pause = Some(LISTEN);
-            let mut at = 0;
-            while let Some(delivery) = under_way.get_mut(at) {
-                match self.step(delivery)? {
-                    Step::Done => {
-                        under_way.remove(at);
-                        continue;
-                    }
-                    Step::Moved => pause = None,
-                    Step::NoRoom => pause = pause.map(|pause| pause.min(BREATH)),
-                    Step::NoCredit => {}
-                }
-                at += 1;
-            }
-            let Some(pause) = pause.filter(|_| !under_way.is_empty()) else {
+    /// Sends one packet over each link, where there is one, and room and credit for it.
+    pub(super) fn deliver(&mut self) -> Result<Round, LinkError> {
+        let mut round = Round::default();
+        for at in 0..self.channels.len() {
+            let Some(mut delivery) = self.channels[at].deliveries.pop_front() else {
                 continue;
             };
-            let alive = self.receive(pause).map_err(Undelivered::Link)?;
-            under_way.retain_mut(|delivery| {
-                let stands = alive && !stop.load(Ordering::Relaxed) && self.stands(delivery);
-                if !stands {
-                    whole = false;
-                    self.give_up(delivery);
+            let step = self.step(at, &mut delivery)?;
+            match step {
+                Step::Done | Step::Hopeless => {
+                    let whole = matches!(step, Step::Done);
+                    round.moved = true;
+                    self.lose_refused(at, &delivery);
+                    self.end(at, delivery.frame, whole);
+                    continue;
                 }
-                stands
-            });
+                Step::Moved => round.moved = true,
+                Step::NotYet(pause) => {
+                    delivery.watch = Watch::of(&self.channels[at]);
+                    pause.into_iter().for_each(|pause| round.soon(pause));
+                }
+                Step::NoCredit | Step::NoRoom => {
+                    let is_full = matches!(step, Step::NoRoom);
+                    round.soon(if is_full { BREATH } else { LISTEN });
+                    let blocked = delivery.waiting.is_some();
+                    let standstill = delivery.watch.standstill(&self.channels[at], blocked);
+                    if standstill >= STALL {
+                        self.give_up(at, &delivery);
+                        continue;
+                    }
+                }
+            }
+            self.channels[at].deliveries.push_front(delivery);
         }
-        if whole {
-            Ok(())
-        } else {
-            Err(Undelivered::Abandoned)
-        }
+        Ok(round)
     }
 
-    /// The frame for each link that brings frames and whose client has said something.
-    fn cut<'a>(&mut self, shot: &'a Shot) -> Result<Vec<Delivery<'a>>, Undelivered> {
-        let mut under_way = Vec::new();
-        for (at, channel) in self.channels.iter_mut().enumerate() {
-            let exchange = &channel.exchange;
-            if !channel.roles.bring_frames() || exchange.deaf {
-                continue;
-            }
-            if !exchange.heard {
-                if !std::mem::replace(&mut channel.told, true) {
-                    tracing::warn!(
-                        "{} has no client yet, and gets nothing of frame {}: a client says Ping or Credit first",
-                        channel.wire.address,
-                        shot.number
-                    );
-                }
-                continue;
-            }
-            let positions = exchange.positions.as_ref();
-            let cut = Cut::new(shot, &exchange.output, positions, channel.roles);
-            under_way.push(Delivery {
-                at,
-                cut: cut.map_err(unencodable)?,
-                exchange: exchange.number,
-                resets: exchange.resets,
-                waiting: None,
-                watch: Watch::of(channel),
-            });
-            channel.keep(shot.number);
-        }
-        Ok(under_way)
-    }
-
-    /// Sends one packet, if its link and its client let it.
-    fn step(&mut self, delivery: &mut Delivery<'_>) -> Result<Step, Undelivered> {
-        let channel = &mut self.channels[delivery.at];
+    /// Sends one packet, if link, client and renderer let it.
+    fn step(&mut self, at: usize, delivery: &mut Delivery) -> Result<Step, LinkError> {
+        let channel = &mut self.channels[at];
         if channel.exchange.number != delivery.exchange
             || channel.exchange.resets != delivery.resets
         {
-            // The pause notices, and gives the frame up.
-            return Ok(Step::NoCredit);
+            return Ok(Step::Hopeless);
         }
+        let mut pictures = self.pictures.iter_mut();
+        let Some(picture) = pictures.find(|picture| picture.number == delivery.frame) else {
+            return Ok(Step::Hopeless);
+        };
+        if delivery.cut.is_none() {
+            let wait = picture.asked.release.checked_duration_since(Instant::now());
+            if let Some(wait) = wait.filter(|wait| !wait.is_zero()) {
+                return Ok(Step::NotYet(Some(wait)));
+            }
+            let exchange = &channel.exchange;
+            let positions = exchange.positions.as_ref();
+            match Cut::open(picture, &exchange.output, positions, channel.roles) {
+                Ok(None) => return Ok(Step::NotYet(None)),
+                Ok(cut) => delivery.cut = cut,
+                Err(why) => return Ok(unencodable(why)),
+            }
+            channel.keep(delivery.frame);
+        }
+        let Some(cut) = &mut delivery.cut else {
+            return Ok(Step::NotYet(None));
+        };
         if delivery.waiting.is_none() {
+            if cut.is_over() {
+                return Ok(Step::Done);
+            }
             if !channel.exchange.credit.may_send() {
-                if delivery.cut.is_over() {
-                    return Ok(Step::Done);
-                }
                 return Ok(Step::NoCredit);
             }
             let (personality, counts) = (self.personality, &channel.counts);
-            let time = delivery.cut.time;
+            let time = cut.time;
             let mut buffer = [0; MAX_PACKET];
-            let packet = delivery.cut.next(|reply: &Reply<'_>| {
+            let packet = cut.next(picture, |reply: &Reply<'_>| {
                 let count = counts.peek(reply.apid());
                 let length = (personality.encode_reply)(reply, count, time, &mut buffer)?;
                 Ok(Bytes::copy_from_slice(&buffer[..length]))
             });
             match packet {
-                None => return Ok(Step::Done),
-                Some(packet) => delivery.waiting = Some((packet.map_err(unencodable)?, false)),
+                Next::Over => return Ok(Step::Done),
+                Next::NotYet => return Ok(Step::NotYet(None)),
+                Next::Packet(Ok(packet)) => delivery.waiting = Some((packet, false)),
+                Next::Packet(Err(error)) => return Ok(unencodable(error)),
             }
         }
         let Some((packet, refused)) = &mut delivery.waiting else {
@@ -177,49 +199,104 @@ impl Server {
             Ok(true) => channel.offer(packet),
             other => other,
         };
-        if !sent.map_err(Undelivered::Link)? {
+        if !sent? {
             *refused = true;
             return Ok(Step::NoRoom);
         }
+        picture.first_octet.get_or_insert_with(Instant::now);
         // What is given up before it leaves takes no count.
         if let Some((apid, _)) = identify(packet) {
             channel.counts.next(apid);
         }
         channel.exchange.credit.spend();
+        let packet = delivery.waiting.take().map(|(packet, _)| packet);
         if let Some(kept) = channel.exchange.kept.back_mut() {
-            kept.packets
-                .extend(delivery.waiting.take().map(|(packet, _)| packet));
+            kept.packets.extend(packet);
         }
         delivery.watch = Watch::of(channel);
         Ok(Step::Moved)
     }
 
-    /// Whether the client is still there and takes what it gets.
-    fn stands(&self, delivery: &mut Delivery<'_>) -> bool {
-        let channel = &self.channels[delivery.at];
-        let blocked = delivery.waiting.is_some();
-        channel.exchange.number == delivery.exchange
-            && channel.exchange.resets == delivery.resets
-            && delivery.watch.standstill(channel, blocked) < STALL
+    /// Puts a frame on its way over each link that brings frames and whose client has said something.
+    pub(super) fn begin(&mut self, frame: u32) {
+        let mut pictures = self.pictures.iter_mut();
+        let Some(picture) = pictures.find(|picture| picture.number == frame && !picture.begun)
+        else {
+            return;
+        };
+        picture.begun = true;
+        let mut passed_over = Vec::new();
+        for (at, channel) in self.channels.iter_mut().enumerate() {
+            if !channel.roles.bring_frames() || channel.exchange.deaf {
+                continue;
+            }
+            if !channel.exchange.heard {
+                if !std::mem::replace(&mut channel.told, true) {
+                    tracing::warn!(
+                        "{} has no client yet, and gets nothing of frame {frame}: a client says Ping or Credit first",
+                        channel.wire.address,
+                    );
+                }
+                continue;
+            }
+            let delivery = Delivery::new(frame, channel);
+            channel.deliveries.push_back(delivery);
+            picture.open += 1;
+            let older = channel.make_way(self.most_under_way);
+            passed_over.extend(older.map(|frame| (at, frame)));
+        }
+        // Where nobody wants it nobody has all of it.
+        picture.whole = picture.open > 0;
+        for (at, frame) in passed_over {
+            self.counters.frames_dropped = self.counters.frames_dropped.wrapping_add(1);
+            self.end(at, frame, false);
+        }
     }
 
-    /// A packet that the link has refused is lost with its frame. A client that takes nothing must not hold up the frames
-    /// of others again.
-    fn give_up(&mut self, delivery: &Delivery<'_>) {
+    /// A frame's way over a link is over.
+    fn end(&mut self, at: usize, frame: u32, whole: bool) {
+        let tally = &self.channels[at].wire.tally;
+        let mark = whole.then(|| tally.departed.mark());
+        let mut pictures = self.pictures.iter_mut();
+        if let Some(picture) = pictures.find(|picture| picture.number == frame) {
+            picture.open = picture.open.saturating_sub(1);
+            picture.whole &= whole;
+            picture.marks.extend(mark.map(|mark| (at, mark)));
+        }
+    }
+
+    /// A client that takes nothing gets nothing more of this frame, and where there are others of none.
+    fn give_up(&mut self, at: usize, delivery: &Delivery) {
         let others = self.channels.iter().enumerate();
         let mut others =
-            others.filter(|(at, channel)| *at != delivery.at && channel.roles.bring_frames());
-        if delivery.watch.since.elapsed() >= STALL && others.next().is_some() {
-            let channel = &mut self.channels[delivery.at];
+            others.filter(|(other, channel)| *other != at && channel.roles.bring_frames());
+        if others.next().is_some() {
+            let channel = &mut self.channels[at];
             channel.exchange.deaf = true;
             tracing::warn!(
                 "the client at {} takes nothing: it gets no frames until it says something",
                 channel.wire.address
             );
         }
+        self.lose_refused(at, delivery);
+        self.end(at, delivery.frame, false);
+    }
+
+    /// A packet that the link has refused is lost with its frame.
+    fn lose_refused(&mut self, at: usize, delivery: &Delivery) {
         if let Some((_, true)) = delivery.waiting {
-            let channel = &mut self.channels[delivery.at];
+            let channel = &mut self.channels[at];
             channel.lost = channel.lost.wrapping_add(1);
+        }
+    }
+
+    /// The run's end: nothing is sent any more.
+    pub(super) fn give_all_up(&mut self) {
+        for at in 0..self.channels.len() {
+            while let Some(delivery) = self.channels[at].deliveries.pop_front() {
+                self.lose_refused(at, &delivery);
+                self.end(at, delivery.frame, false);
+            }
         }
     }
 
@@ -254,7 +331,7 @@ impl Server {
 }
 
 /// A packet that the wire language cannot hold: the frame is given up, and the log says why.
-fn unencodable(error: impl std::fmt::Display) -> Undelivered {
+fn unencodable(error: impl std::fmt::Display) -> Step {
     tracing::error!(%error, "a packet of a frame could not be encoded");
-    Undelivered::Abandoned
+    Step::Hopeless
 }

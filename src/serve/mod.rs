@@ -1,7 +1,8 @@
 //! The live run: packets from the wire become vehicle states, shots become packets.
 //!
-//! One thread: receive, latch, shoot, deliver. While a frame waits for credit or room in the link's queue,
-//! packets are still received, so commands and attitudes are never left lying.
+//! One thread takes turns: receive, latch, deliver, expose. Another makes the frames (`shooter`), and the links have theirs: so packets come and go
+//! while a frame is made, its upper rows leave while the lower ones are made, and the next is made while the last one leaves. In step one
+//! frame is made and sent after the other, whatever that takes: a run is a function of what comes.
 
 mod answer;
 mod budget;
@@ -9,73 +10,107 @@ mod channel;
 mod clock;
 mod cut;
 mod deliver;
+mod expose;
+mod history;
 mod latch;
+mod leaving;
 mod obey;
 mod overrun;
 mod packed;
+mod picture;
 mod receive;
 mod select;
+mod shooter;
+mod told;
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
-use crate::config::{Clock, OnOverrun, Run};
+use crate::config::{Clock as Kind, Delay, OnOverrun, OutOfOrder, Run, Staleness};
 use crate::engine::{Emulator, Shot};
+use crate::fidelity::Fidelity;
 use crate::link::{LinkError, Roles, Standstill, Wire};
-use crate::scene::Exposure;
 use crate::stats::{Absent, RunStats};
 use channel::Channel;
-use clock::WallClock;
-use latch::tellable;
-use overrun::{Overrun, Verdict};
+use clock::Clock;
+use history::History;
+use leaving::Leaving;
+use overrun::Overrun;
+use picture::Picture;
+use shooter::{Shooter, shooter};
 use skyloop_protocols::{Counters, Header, Output, Personality};
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Attitudes that may wait for their frame in stepped mode; more are refused as busy.
-const MAX_WAITING: usize = 64;
 /// How long a pause lasts in which nothing is due but a packet may come.
 const POLL: Duration = Duration::from_millis(50);
 /// How long the end of a run waits for a client that takes nothing. A pseudo-terminal lets 4 KiB pass at once:
 /// 4.3 s for a client that reads at the pace of 9600 baud.
 const GIVE_UP: Duration = Duration::from_secs(5);
+/// Frames that are on their way over a link at most: one that is sent, and one that waits, the newest.
+const UNDER_WAY: usize = 2;
+/// Frames that a device may hold back besides, by its delay.
+const HELD_BACK: usize = 16;
 
 /// An attitude that has been accepted.
 #[derive(Debug, Clone)]
 struct Latched {
     vehicle: VehicleState,
-    /// As it was set when the attitude came (stepped), or as it is now (wall clock).
-    camera: Arc<Camera>,
     header: Header,
     arrived: Instant,
+    /// Its number among all that were accepted.
+    number: u64,
 }
 
 /// What the link of the truth has brought.
 #[derive(Debug, Default)]
 struct Truth {
-    /// Attitudes that wait for their frame (stepped).
-    waiting: VecDeque<Latched>,
-    /// The last attitude accepted.
-    latest: Option<Latched>,
-    /// Frames made of it so far (wall clock).
-    repeat: u32,
-    /// Whether it has been refused since (wall clock).
-    refused: bool,
+    history: History,
+    /// The attitude that the last frame went by, and frames made of it so far (not in step).
+    shown: Option<(u64, u32)>,
+    /// The attitude that was refused after it had been accepted (likewise).
+    refused: Option<u64>,
+}
+
+/// The camera, as it is configured and as it was commanded.
+struct Settings {
+    configured: Arc<Camera>,
+    camera: Arc<Camera>,
 }
 
 /// The emulator at its links.
 pub struct Server {
-    emulator: Emulator,
+    /// None while its thread has it.
+    emulator: Option<Emulator>,
+    settings: Settings,
+    fidelity: Fidelity,
+    has_objects: bool,
+    rejected_records: u32,
     channels: Vec<Channel>,
     /// What frames bring until a client says otherwise.
     output: Output,
     personality: &'static Personality,
-    clock: Clock,
-    wall: WallClock,
+    kind: Kind,
+    clock: Box<dyn Clock>,
+    staleness: Staleness,
+    out_of_order: OutOfOrder,
+    delay: Delay,
     overrun: Overrun,
     truth: Truth,
+    /// Attitudes accepted so far.
+    accepted: u64,
+    /// Frames that are made or sent.
+    pictures: Vec<Picture>,
+    /// Frames whose last packet is in a link's queue.
+    leaving: Vec<Leaving>,
+    /// The frame that is being made.
+    making: Option<u32>,
+    next_frame: u32,
+    /// Frames that are on their way over a link at most.
+    most_under_way: usize,
     counters: Counters,
+    /// Exposures without a frame, besides those that the clock passed over.
+    missed: u32,
     /// What the run measured.
     pub stats: RunStats,
     /// Objects that could not be shown.
@@ -91,46 +126,62 @@ pub enum Ended {
     LinkGone,
 }
 
-/// Why a frame did not reach its client whole.
-enum Undelivered {
-    /// Reset, another client, the run's end, or a client that takes nothing any more.
-    Abandoned,
-    /// The link is gone.
-    Link(LinkError),
-}
-
 impl Server {
     /// Puts `emulator` at its links; frames bring `output` until a client says otherwise.
     pub fn new(
         emulator: Emulator,
         links: impl IntoIterator<Item = (Wire, Roles)>,
         output: Output,
-        clock: Clock,
+        clock: Kind,
         personality: &'static Personality,
     ) -> Server {
-        let wall = WallClock::new(emulator.camera().rate_hz);
+        let run = Run::default();
+        let (camera, fidelity) = (emulator.camera(), *emulator.fidelity());
         let links = links.into_iter();
         Server {
-            overrun: Overrun::new(OnOverrun::Late, *emulator.fidelity(), &[]).0,
-            emulator,
+            overrun: Overrun::new(OnOverrun::Late, fidelity, &[]).0,
+            settings: Settings {
+                configured: camera.clone(),
+                camera: camera.clone(),
+            },
+            fidelity,
+            has_objects: emulator.has_objects(),
+            rejected_records: emulator.rejected_records(),
+            next_frame: emulator.next_frame(),
+            emulator: Some(emulator),
             channels: links
                 .map(|(wire, roles)| Channel::new(wire, roles, output))
                 .collect(),
             output,
             personality,
-            clock,
-            wall,
+            kind: clock,
+            clock: clock::of(clock, &run, camera.rate_hz),
+            staleness: run.staleness,
+            out_of_order: run.out_of_order,
+            delay: run.delay,
             truth: Truth::default(),
+            accepted: 0,
+            pictures: Vec::new(),
+            leaving: Vec::new(),
+            making: None,
+            most_under_way: UNDER_WAY,
             counters: Counters::default(),
+            missed: 0,
             stats: RunStats::default(),
             absent: Absent::default(),
         }
     }
 
-    /// Does what `run` says where a frame would be late by the wall clock; by the tolerances that the emulator has now, and coarser ones.
-    pub fn set_overrun(&mut self, run: &Run) {
-        let fidelity = *self.emulator.fidelity();
-        let (overrun, idle) = Overrun::new(run.on_overrun, fidelity, &run.coarsen);
+    /// Keeps time and deals with attitudes as `run` says, and does what it says where a frame would be late: by the tolerances that the
+    /// emulator has now, and coarser ones.
+    pub fn set_run(&mut self, run: &Run) {
+        let rate_hz = self.settings.camera.rate_hz;
+        self.clock = clock::of(self.kind, run, rate_hz);
+        (self.staleness, self.out_of_order, self.delay) =
+            (run.staleness, run.out_of_order, run.delay);
+        let held_back = ((run.delay.delay_s + run.delay.jitter_s) * rate_hz).ceil();
+        self.most_under_way = UNDER_WAY + (held_back as usize).min(HELD_BACK);
+        let (overrun, idle) = Overrun::new(run.on_overrun, self.fidelity, &run.coarsen);
         self.overrun = overrun;
         for step in idle {
             tracing::warn!(
@@ -154,10 +205,10 @@ impl Server {
 
     /// How long each level of output takes, of each link that limits it.
     pub fn levels(&self) -> String {
-        let camera = self.emulator.camera();
+        let camera = &self.settings.camera;
         let mut text = String::new();
         for Channel { wire, roles, .. } in &self.channels {
-            let table = budget::table(wire, *roles, &camera, &self.output);
+            let table = budget::table(wire, *roles, camera, &self.output);
             if !table.is_empty() {
                 text += &format!("a frame over {} takes\n{table}", wire.address);
             }
@@ -165,12 +216,21 @@ impl Server {
         text
     }
 
-    /// Whether the configured output leaves at the camera's rate, by the wall clock; else which link is too slow.
+    /// Whether the configured output leaves at the camera's rate, and the device's delay holds no more frames back than it may; else what is
+    /// too slow. In step there is time.
     pub fn fits(&self) -> Result<(), String> {
-        let camera = self.emulator.camera();
+        let camera = &self.settings.camera;
+        let held_s = self.delay.delay_s + self.delay.jitter_s;
+        if self.kind != Kind::Stepped && held_s * camera.rate_hz > HELD_BACK as f64 {
+            return Err(format!(
+                "run.delay_s and run.jitter_s: {held_s} s at {} Hz hold back {:.0} frames: at most {HELD_BACK}; shorten them, or lower timing.rate_hz",
+                camera.rate_hz,
+                held_s * camera.rate_hz
+            ));
+        }
         for Channel { wire, roles, .. } in &self.channels {
-            if self.clock == Clock::Wall {
-                budget::fits(wire, *roles, &camera, &self.output, camera.rate_hz)
+            if self.kind != Kind::Stepped {
+                budget::fits(wire, *roles, camera, &self.output, camera.rate_hz)
                     .map_err(|why| format!("link {}: {why}", wire.address))?;
             }
         }
@@ -183,16 +243,26 @@ impl Server {
         Some(&gone?.wire.address)
     }
 
-    /// Serves until `stop` is set or `limit` frames are made; `on_shot` sees each after its delivery. The next is made in its memory.
+    /// Serves until `stop` is set or `limit` frames are made; `on_shot` sees each when it has been given to its links, or given up. A later one
+    /// is made in its memory.
     pub fn run(
         &mut self,
         stop: &AtomicBool,
         limit: Option<u32>,
         on_shot: impl FnMut(&Shot),
     ) -> Ended {
-        let ended = self.serve(stop, limit, on_shot);
-        self.abandon_waiting();
-        self.wall.end(Instant::now());
+        let Some(mut emulator) = self.emulator.take() else {
+            return Ended::AsAsked;
+        };
+        let ended = std::thread::scope(|scope| {
+            let (shooter, darkroom) = shooter(std::thread::current());
+            let emulator = &mut emulator;
+            scope.spawn(move || darkroom.work(emulator));
+            self.serve(shooter, stop, limit, on_shot)
+        });
+        self.emulator = Some(emulator);
+        let waited = self.clock.end(Instant::now());
+        self.abandon(waited);
         // That a link has ended is noticed by whoever uses it first: what receives, or what sends.
         ended.unwrap_or_else(|error| {
             tracing::debug!(%error, "nothing can be sent any more");
@@ -202,6 +272,7 @@ impl Server {
 
     fn serve(
         &mut self,
+        shooter: Shooter,
         stop: &AtomicBool,
         limit: Option<u32>,
         mut on_shot: impl FnMut(&Shot),
@@ -209,99 +280,69 @@ impl Server {
         for channel in &self.channels {
             channel.wire.inbox.unparks(std::thread::current());
         }
-        while !stop.load(Ordering::Relaxed) && limit.is_none_or(|n| self.stats.frames < n) {
-            // Frames may fall due without a pause: commands and attitudes still come first.
+        let ended = self.turn(&shooter, stop, limit, &mut on_shot);
+        self.give_all_up();
+        while self.making.is_some()
+            && let Ok(news) = shooter.await_news()
+        {
+            // What cannot be shown any more is refused over a link that may have gone.
+            let _ = self.learn(news);
+        }
+        self.give_all_up();
+        self.settle(&shooter, &mut on_shot);
+        ended
+    }
+
+    /// Packets, pixels and exposures in turns, until the end.
+    fn turn(
+        &mut self,
+        shooter: &Shooter,
+        stop: &AtomicBool,
+        limit: Option<u32>,
+        on_shot: &mut impl FnMut(&Shot),
+    ) -> Result<Ended, LinkError> {
+        while !stop.load(Ordering::Relaxed) {
+            // Whatever else there is to do: commands and attitudes come first.
             if !self.receive_waiting()? {
                 return Ok(Ended::LinkGone);
             }
-            let due = match self.clock {
-                Clock::Stepped => self
-                    .truth
-                    .waiting
-                    .pop_front()
-                    .map(|latched| (latched.vehicle.clone(), latched, 0, 0)),
-                Clock::Wall => self.due_on_the_wall(),
-            };
-            let Some((vehicle, latched, repeat, level)) = due else {
-                let pause = match self.clock {
-                    Clock::Stepped => POLL,
-                    Clock::Wall => self.wall.until_due(Instant::now()).min(POLL),
-                };
-                if !self.receive(pause)? {
-                    return Ok(Ended::LinkGone);
-                }
+            while let Ok(Some(news)) = shooter.news() {
+                self.learn(news)?;
+            }
+            let round = self.deliver()?;
+            let settled = self.settle(shooter, on_shot);
+            if limit.is_some_and(|most| self.stats.frames >= most) && self.pictures.is_empty() {
+                break;
+            }
+            let exposed = self.expose(shooter, limit)?;
+            if round.moved || settled || exposed {
                 continue;
-            };
-            let shot = match self.shoot(&latched, &vehicle, repeat) {
-                Ok(shot) => shot,
-                Err(why) => {
-                    self.refuse_later(self.truth_channel(), &latched.header, &why)?;
-                    continue;
-                }
-            };
-            self.overrun.learn(level, shot.render_time);
-            let late = self.clock == Clock::Wall && self.wall.is_late(Instant::now());
-            self.stats.late += u32::from(late);
-            self.counters.frames_rendered = self.counters.frames_rendered.wrapping_add(1);
-            self.stats.add(&shot);
-            self.absent.report(&shot);
-            let counter = match self.deliver(&shot, stop) {
-                Ok(()) => {
-                    // Later frames of one attitude answer the clock.
-                    if repeat == 0 {
-                        self.stats.answer.add(latched.arrived.elapsed());
-                    }
-                    &mut self.counters.frames_delivered
-                }
-                Err(Undelivered::Abandoned) => &mut self.counters.frames_abandoned,
-                Err(Undelivered::Link(error)) => {
-                    let counter = &mut self.counters.frames_abandoned;
-                    *counter = counter.wrapping_add(1);
-                    return Err(error);
-                }
-            };
-            *counter = counter.wrapping_add(1);
-            on_shot(&shot);
-            self.emulator.recycle(shot.frame);
+            }
+            let pause = round.pause.unwrap_or(POLL).min(self.until_due(limit));
+            if !self.receive(pause)? {
+                return Ok(Ended::LinkGone);
+            }
         }
         Ok(Ended::AsAsked)
-    }
-
-    fn shoot(&mut self, latched: &Latched, vehicle: &VehicleState, n: u32) -> Result<Shot, String> {
-        // By the wall clock the vehicle has been carried on since it was latched.
-        tellable(&Exposure::around(vehicle.epoch, latched.camera.exposure_s))?;
-        let shot = self.emulator.shoot_with(&latched.camera, vehicle, n);
-        shot.map_err(|error| error.to_string())
-    }
-
-    /// The vehicle carried to the exposure whose end has come, how many frames its attitude made before, and by which level of tolerances it is
-    /// rendered; none where it is left out.
-    fn due_on_the_wall(&mut self) -> Option<(VehicleState, Latched, u32, usize)> {
-        let mut latched = self.truth.latest.clone()?;
-        latched.camera = self.emulator.camera();
-        let mid = self
-            .wall
-            .take_due(latched.camera.exposure_s, Instant::now())?;
-        let Verdict::Shoot { level, overrun } =
-            self.overrun.decide(self.wall.spare(Instant::now()))
-        else {
-            self.wall.missed = self.wall.missed.wrapping_add(1);
-            self.stats.dropped = self.overrun.dropped;
-            return None;
-        };
-        if let Some(fidelity) = self.overrun.fidelity(level) {
-            self.emulator.set_fidelity(fidelity);
-        }
-        self.emulator.overrun = overrun;
-        let repeat = self.truth.repeat;
-        self.truth.repeat = repeat.wrapping_add(1);
-        Some((latched.vehicle.at(mid), latched, repeat, level))
     }
 
     /// The link that brings the truth.
     fn truth_channel(&self) -> usize {
         let truth = self.channels.iter().position(|channel| channel.roles.truth);
         truth.unwrap_or(0)
+    }
+
+    /// All begins anew: another client, or a Reset of the one that brings the truth.
+    fn clear_truth(&mut self, now: Instant) {
+        self.truth = Truth::default();
+        self.settings.camera = self.settings.configured.clone();
+        let waited = self.clock.clear(self.settings.camera.rate_hz, now);
+        self.abandon(waited);
+    }
+
+    /// Counts exposures that will have no frame.
+    fn abandon(&mut self, waited: u32) {
+        self.counters.frames_abandoned = self.counters.frames_abandoned.wrapping_add(waited);
     }
 
     /// Ends the links when everything queued has left, or nothing moves for 5 s; then tells what the run measured
@@ -315,6 +356,7 @@ impl Server {
             channel.lose_answers();
             channel.wire.close(standstill);
         }
+        self.see_leave();
         let counters = self.counters();
         (self.stats, counters)
     }
@@ -322,9 +364,9 @@ impl Server {
     /// All counts, the links' among them.
     pub fn counters(&self) -> Counters {
         let mut counters = Counters {
-            exposures_missed: self.wall.missed,
+            exposures_missed: self.clock.missed().wrapping_add(self.missed),
             objects_without_state: self.absent.count,
-            rejected_records: self.emulator.rejected_records(),
+            rejected_records: self.rejected_records,
             ..self.counters
         };
         for channel in &self.channels {

@@ -1,0 +1,363 @@
+//! The camera's own cadence: which exposure ends when, and what time it then is in the scene.
+
+use super::Due;
+use crate::camera::{EXPOSURE_S, RATE_HZ};
+use crate::range::nearest;
+use hifitime::Epoch;
+use skyloop_orbit::time::seconds;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// A client whose first attitude differs from this machine's clock by more than this plays a scene of another
+/// time; frames then carry its time, running at the wall's pace.
+const SAME_CLOCK_S: f64 = 10.0;
+
+/// Which exposure ends when, and what time it then is in the scene.
+#[derive(Debug)]
+pub struct Cadence {
+    period: Duration,
+    /// After an exposure's end its frame is late by this time; none: a period.
+    latency: Option<Duration>,
+    /// End of the exposure under way; none while the cadence rests.
+    next: Option<Instant>,
+    /// Whether the cadence rests after it.
+    rests: bool,
+    /// End of an exposure that waits for its frame.
+    ended: Option<Instant>,
+    /// End of the single shot that was commanded, until its frame is taken.
+    shot: Option<Instant>,
+    /// Scene time and the instant that it was read at.
+    zero: Option<(Epoch, Instant)>,
+    /// Exposures without a frame.
+    pub missed: u32,
+}
+
+impl Cadence {
+    /// A clock that ticks `rate_hz` times a second once it is set; a rate outside of [`RATE_HZ`] is brought into it, here and below.
+    pub fn new(rate_hz: f64, latency: Option<Duration>) -> Cadence {
+        Cadence {
+            period: period(rate_hz),
+            latency,
+            next: None,
+            rests: false,
+            ended: None,
+            shot: None,
+            zero: None,
+            missed: 0,
+        }
+    }
+
+    /// Learns the scene's time from a client's first attitude; the first exposure ends a period later. If that time is near this machine's, the
+    /// scene has this machine's.
+    pub fn set(&mut self, attitude: Epoch, arrived: Instant) {
+        if self.zero.is_some() {
+            return;
+        }
+        let since = hifitime::Duration::from(arrived.elapsed());
+        let system = system_time() - since;
+        let apart_s = (attitude - system).to_seconds().abs();
+        let scene = if apart_s <= SAME_CLOCK_S {
+            system
+        } else {
+            attitude
+        };
+        self.start(scene, arrived);
+    }
+
+    /// From now on it is `scene` at `at`; the first exposure ends a period later, unless the cadence rests.
+    pub fn start(&mut self, scene: Epoch, at: Instant) {
+        self.advance(at);
+        self.zero = Some((scene, at));
+        if !self.rests {
+            self.next = Some(at + self.period);
+        }
+    }
+
+    /// After an exposure's end its frame is late by this time.
+    pub fn latency(&self) -> Duration {
+        self.latency.unwrap_or(self.period)
+    }
+
+    /// The scene's time at an instant, once it is known.
+    pub fn scene_at(&self, at: Instant) -> Option<Epoch> {
+        let (scene, zero) = self.zero?;
+        let since = match at.checked_duration_since(zero) {
+            Some(since) => since.as_secs_f64(),
+            None => -zero.duration_since(at).as_secs_f64(),
+        };
+        Some(scene + seconds(since))
+    }
+
+    /// When it is or was that time in the scene, once that is known.
+    pub fn instant_of(&self, epoch: Epoch) -> Option<Instant> {
+        let (scene, zero) = self.zero?;
+        let since_s = (epoch - scene).to_seconds();
+        let since = Duration::try_from_secs_f64(since_s.abs()).ok()?;
+        match since_s < 0.0 {
+            true => zero.checked_sub(since),
+            false => zero.checked_add(since),
+        }
+    }
+
+    /// Sets the scene's time ahead by so much (s); exposures end when it is the time that they were to end at.
+    pub fn set_ahead(&mut self, ahead_s: f64) {
+        let earlier = |at: Instant| {
+            let by = Duration::from_secs_f64(ahead_s.abs().min(1.0));
+            match ahead_s < 0.0 {
+                true => at + by,
+                false => at.checked_sub(by).unwrap_or(at),
+            }
+        };
+        if let Some((_, zero)) = &mut self.zero {
+            *zero = earlier(*zero);
+        }
+        for end in [&mut self.next, &mut self.ended, &mut self.shot] {
+            *end = end.map(earlier);
+        }
+    }
+
+    /// Forgets the scene's time: the next client sets it anew.
+    pub fn clear(&mut self, rate_hz: f64, now: Instant) {
+        self.end(now);
+        *self = Cadence {
+            missed: self.missed,
+            ..Cadence::new(rate_hz, self.latency)
+        };
+    }
+
+    /// Counts what has ended by `now` and gets no frame any more.
+    pub fn end(&mut self, now: Instant) {
+        self.advance(now);
+        let waited = u32::from(self.ended.take().is_some());
+        self.missed = self.missed.wrapping_add(waited);
+        self.shot = None;
+    }
+
+    /// Lets frames run at another rate: a period after the last exposure, or after `arrived` where that is past
+    /// or the cadence rests. A single shot under way is that last exposure.
+    pub fn set_rate(&mut self, rate_hz: f64, arrived: Instant) {
+        self.advance(arrived);
+        let before = std::mem::replace(&mut self.period, period(rate_hz));
+        self.rests = false;
+        self.next = match self.next {
+            None => self.zero.map(|_| arrived + self.period),
+            shot if shot == self.shot => shot,
+            Some(end) => {
+                let last = end.checked_sub(before).unwrap_or(arrived);
+                let next = last + self.period;
+                Some(if next < arrived {
+                    arrived + self.period
+                } else {
+                    next
+                })
+            }
+        };
+    }
+
+    /// One frame whose exposure starts at `arrived`, then none until a rate is set; the exposure is brought into [`EXPOSURE_S`].
+    pub fn single_shot(&mut self, exposure_s: f64, arrived: Instant) {
+        self.advance(arrived);
+        self.next = Some(arrived + Duration::from_secs_f64(nearest(exposure_s, EXPOSURE_S)));
+        self.shot = self.next;
+        self.rests = true;
+    }
+
+    /// Whether a single shot is being exposed, or waits for its frame.
+    pub fn single_shot_is_open(&self) -> bool {
+        self.shot.is_some()
+    }
+
+    /// Time until the next exposure has ended; long while the cadence rests.
+    pub fn until_due(&self, now: Instant) -> Duration {
+        const RESTING: Duration = Duration::from_secs(3600);
+        let due = self.ended.or(self.next);
+        due.map_or(RESTING, |due| due.saturating_duration_since(now))
+    }
+
+    /// If an exposure has ended: its middle in the scene's time, when it ended, and when its frame is late: a single shot's, which no other
+    /// waits for, never unless a latency is set.
+    pub fn take_due(&mut self, exposure_s: f64, now: Instant) -> Option<Due> {
+        self.zero?;
+        self.advance(now);
+        let end = self.ended.take()?;
+        let own = (self.shot != Some(end)).then_some(self.period);
+        self.shot = self.shot.filter(|shot| *shot != end);
+        let mid = self.scene_at(end)? - seconds(exposure_s / 2.0);
+        Some(Due {
+            mid,
+            end,
+            deadline: self.latency.or(own).map(|latency| end + latency),
+            trigger: 0,
+            latched: None,
+        })
+    }
+
+    /// Ends the exposures whose end has come by `now`. One of them waits for its frame: a single shot before
+    /// all, else the newest. The others are missed.
+    pub fn advance(&mut self, now: Instant) {
+        let Some(end) = self.next.filter(|end| *end <= now) else {
+            return;
+        };
+        let more = if self.rests {
+            0
+        } else {
+            let periods = now.duration_since(end).as_nanos() / self.period.as_nanos().max(1);
+            u32::try_from(periods).unwrap_or(u32::MAX)
+        };
+        let newest = end + self.period.saturating_mul(more);
+        self.next = (!self.rests).then(|| newest + self.period);
+        let waited = u32::from(self.ended.is_some());
+        self.missed = self.missed.wrapping_add(more).wrapping_add(waited);
+        self.ended = self.shot.or(Some(newest));
+    }
+}
+
+fn period(rate_hz: f64) -> Duration {
+    Duration::from_secs_f64(1.0 / nearest(rate_hz, RATE_HZ))
+}
+
+fn system_time() -> Epoch {
+    let since = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    Epoch::from_unix_duration(hifitime::Duration::from(since))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A clock of `rate_hz` set at some instant, and that instant.
+    fn set(rate_hz: f64) -> (Cadence, Instant) {
+        let (mut clock, zero) = (Cadence::new(rate_hz, None), Instant::now());
+        clock.set(scene(), zero);
+        (clock, zero)
+    }
+
+    fn scene() -> Epoch {
+        Epoch::from_gregorian_utc_hms(2019, 6, 15, 23, 35, 50)
+    }
+
+    fn ms(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    /// When the exposure that is taken at `now` has ended, ms after the first attitude.
+    fn taken(clock: &mut Cadence, now: Instant) -> Option<i64> {
+        let due = clock.take_due(0.0, now)?;
+        Some(((due.mid - scene()).to_seconds() * 1e3).round() as i64)
+    }
+
+    #[test]
+    fn exposures_end_at_the_period_and_carry_the_scenes_time() {
+        assert!(
+            Cadence::new(50.0, None)
+                .take_due(0.01, Instant::now())
+                .is_none()
+        );
+        let (mut clock, zero) = set(50.0);
+        assert!(clock.take_due(0.01, zero + ms(19)).is_none());
+        let due = clock.take_due(0.01, zero + ms(25)).unwrap();
+        let mid = due.mid;
+        // End of the first exposure: one period of 20 ms after the attitude; its middle 5 ms earlier.
+        assert!(((mid - scene()).to_seconds() - 0.015).abs() < 1e-9);
+        assert_eq!(clock.until_due(zero + ms(25)), ms(15));
+        // The frame is late from 40 ms on.
+        assert_eq!((due.end, due.deadline), (zero + ms(20), Some(zero + ms(40))));
+        assert_eq!(taken(&mut clock, zero + ms(95)), Some(80), "the newest");
+        assert_eq!(clock.missed, 2, "those that ended at 40 and at 60 ms");
+        clock.clear(50.0, zero + ms(145));
+        // And those that ended at 100, 120 and 140 ms.
+        assert_eq!((clock.missed, taken(&mut clock, zero + ms(200))), (5, None));
+    }
+
+    #[test]
+    fn another_rate_counts_from_the_last_exposure_and_invents_no_missed_ones() {
+        let (mut clock, zero) = set(10.0);
+        assert_eq!(taken(&mut clock, zero + ms(100)), Some(100));
+        clock.set_rate(20.0, zero + ms(130));
+        assert_eq!(taken(&mut clock, zero + ms(150)), Some(150));
+        clock.set_rate(1.0, zero + ms(160));
+        assert_eq!(taken(&mut clock, zero + ms(1150)), Some(1150));
+        clock.set_rate(100.0, zero + ms(1850));
+        assert_eq!(
+            taken(&mut clock, zero + ms(1860)),
+            Some(1860),
+            "from the command"
+        );
+        assert_eq!(clock.missed, 0);
+        // Those of 1870 to 1890 ms; that of 1900 still waits for its frame.
+        clock.set_rate(1.0, zero + ms(1905));
+        assert_eq!(clock.missed, 3);
+        assert_eq!(taken(&mut clock, zero + ms(1906)), Some(1900));
+        assert_eq!(taken(&mut clock, zero + ms(2900)), Some(2900));
+    }
+
+    #[test]
+    fn rates_and_exposures_that_are_no_numbers_are_brought_into_their_ranges() {
+        // X-Val: the slowest rate of all, 1e-4 Hz, has a period of 1e4 s.
+        for slow in [f64::NAN, 0.0, -1.0, f64::NEG_INFINITY, 1e-300] {
+            let (mut clock, zero) = set(slow);
+            assert_eq!(clock.until_due(zero), Duration::from_secs(10_000));
+            clock.set_rate(f64::INFINITY, zero);
+            assert_eq!(clock.until_due(zero), Duration::from_micros(100));
+        }
+        for [exposure_s, ended_s] in [[f64::NAN, 1e-9], [-1.0, 1e-9], [f64::INFINITY, 1e4]] {
+            let (mut clock, zero) = set(10.0);
+            clock.single_shot(exposure_s, zero);
+            assert_eq!(clock.until_due(zero), Duration::from_secs_f64(ended_s));
+            clock.take_due(exposure_s, zero + Duration::from_secs(20_000));
+        }
+    }
+
+    #[test]
+    fn a_single_shot_is_passed_over_for_nothing() {
+        let (mut clock, zero) = set(10.0);
+        clock.single_shot(0.25, zero + ms(350));
+        assert_eq!(clock.missed, 2, "those that ended at 100 and at 200 ms");
+        assert_eq!(taken(&mut clock, zero + ms(360)), Some(300));
+        assert!(clock.single_shot_is_open() && taken(&mut clock, zero + ms(599)).is_none());
+        clock.set_rate(20.0, zero + ms(500));
+        assert!(clock.single_shot_is_open(), "a rate does not end it");
+        let due = clock.take_due(0.0, zero + ms(725)).unwrap();
+        assert_eq!((due.end, due.deadline), (zero + ms(600), None));
+        assert!(!clock.single_shot_is_open());
+        assert_eq!(clock.missed, 4, "and those that ended at 650 and at 700 ms");
+        assert_eq!(taken(&mut clock, zero + ms(750)), Some(750));
+        clock.single_shot(0.1, zero + ms(760));
+        assert_eq!(taken(&mut clock, zero + ms(5000)), Some(860));
+        assert_eq!(
+            taken(&mut clock, zero + ms(9000)),
+            None,
+            "the cadence rests"
+        );
+        clock.set_rate(10.0, zero + ms(9000));
+        assert_eq!(taken(&mut clock, zero + ms(9100)), Some(9100));
+        assert_eq!(clock.missed, 4);
+    }
+
+    #[test]
+    fn a_time_that_is_set_ahead_keeps_exposures_at_their_times() {
+        for ahead_s in [0.03, -0.03] {
+            let (mut clock, zero) = set(10.0);
+            clock.set_ahead(ahead_s);
+            let off = (clock.scene_at(zero).unwrap() - scene()).to_seconds() - ahead_s;
+            assert!(off.abs() < 1e-9, "{off}");
+            // X-Val: 100 ms after the first attitude by the scene's time.
+            let end = zero + Duration::from_secs_f64(0.1 - ahead_s);
+            assert!(clock.take_due(0.0, end - ms(1)).is_none());
+            let due = clock.take_due(0.0, end + ms(1)).unwrap();
+            assert!(((due.mid - scene()).to_seconds() - 0.1).abs() < 1e-8);
+            let back = clock.instant_of(due.mid).unwrap();
+            assert!(back.max(due.end) - back.min(due.end) < Duration::from_micros(1));
+        }
+    }
+
+    #[test]
+    fn a_latency_that_is_set_is_the_deadline() {
+        let mut clock = Cadence::new(10.0, Some(ms(30)));
+        let zero = Instant::now();
+        clock.set(scene(), zero);
+        let due = clock.take_due(0.01, zero + ms(105)).unwrap();
+        assert_eq!(due.deadline, Some(zero + ms(130)));
+    }
+}

@@ -1,0 +1,134 @@
+//! By the client's clock: its attitudes and triggers tell the time, and exposures are made at the camera's cadence of that time, or at triggers.
+
+use super::discipline::{Correction, Discipline};
+use super::{Asked, Cadence, Clock, Due, MAX_WAITING, Sync, full};
+use crate::camera::Camera;
+use crate::serve::Latched;
+use crate::serve::receive::Refusal;
+use hifitime::Epoch;
+use skyloop_orbit::time::seconds;
+use skyloop_protocols::{Mode, SyncState};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A cadence by the client's time.
+pub(super) struct External {
+    cadence: Cadence,
+    discipline: Discipline,
+    /// When the client's time was last heard.
+    heard: Option<Instant>,
+    /// After this silence it is no longer followed.
+    holdover: Duration,
+    /// Triggers that wait for the end of their exposures, the first to end first; none where they ask for nothing.
+    triggers: Option<Vec<Asked>>,
+}
+
+impl External {
+    pub fn new(cadence: Cadence, packets: bool, holdover: Duration) -> External {
+        External {
+            cadence,
+            discipline: Discipline::default(),
+            heard: None,
+            holdover,
+            triggers: packets.then(Vec::new),
+        }
+    }
+
+    /// When the exposure of a trigger has ended.
+    fn end(&self, asked: &Asked) -> Option<Instant> {
+        let end = asked.start + seconds(asked.camera.exposure_s);
+        self.cadence.instant_of(end)
+    }
+}
+
+impl Clock for External {
+    fn mode(&self) -> Mode {
+        Mode::External
+    }
+
+    fn cadence(&mut self) -> Option<&mut Cadence> {
+        Some(&mut self.cadence)
+    }
+
+    fn latched(&mut self, _: &Latched, _: &Arc<Camera>) {}
+
+    fn hear(&mut self, told: Epoch, arrived: Instant) -> bool {
+        self.heard = Some(arrived);
+        let Some(own) = self.cadence.scene_at(arrived) else {
+            self.cadence.start(told, arrived);
+            return false;
+        };
+        match self.discipline.hear(told, own) {
+            Correction::Slew(ahead_s) => {
+                self.cadence.set_ahead(ahead_s);
+                false
+            }
+            Correction::Jump => {
+                self.cadence.start(told, arrived);
+                true
+            }
+        }
+    }
+
+    fn triggered(&mut self, asked: Asked) -> Result<(), Refusal> {
+        let Some(waiting) = &mut self.triggers else {
+            return Err(super::no_triggers());
+        };
+        if waiting.len() >= MAX_WAITING {
+            return Err(full("triggers"));
+        }
+        let ends = |asked: &Asked| asked.start + seconds(asked.camera.exposure_s);
+        let end = ends(&asked);
+        let at = waiting.partition_point(|other| ends(other) <= end);
+        waiting.insert(at, asked);
+        Ok(())
+    }
+
+    fn until_due(&self, now: Instant) -> Option<Duration> {
+        match &self.triggers {
+            None => Some(self.cadence.until_due(now)),
+            Some(waiting) => {
+                let end = self.end(waiting.first()?)?;
+                Some(end.saturating_duration_since(now))
+            }
+        }
+    }
+
+    fn take_due(&mut self, camera: &Camera, now: Instant) -> Option<Due> {
+        let Some(waiting) = &self.triggers else {
+            return self.cadence.take_due(camera.exposure_s, now);
+        };
+        let first = waiting.first()?;
+        let end = self.end(first).filter(|end| *end <= now)?;
+        // A trigger that comes after the end of its exposure could be answered from then on.
+        let end = end.max(first.arrived);
+        let latency = self.cadence.latency();
+        let asked = self.triggers.as_mut()?.remove(0);
+        Some(Due {
+            mid: asked.start + seconds(asked.camera.exposure_s / 2.0),
+            end,
+            deadline: Some(end + latency),
+            trigger: asked.number,
+            latched: None,
+        })
+    }
+
+    fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {
+        self.cadence.clear(rate_hz, now);
+        (self.discipline, self.heard) = (Discipline::default(), None);
+        let waiting = self.triggers.as_mut().map(|waiting| waiting.drain(..).count());
+        waiting.unwrap_or(0) as u32
+    }
+
+    fn sync(&self, now: Instant) -> Sync {
+        let state = match self.heard {
+            None => SyncState::Waiting,
+            Some(heard) if now.saturating_duration_since(heard) <= self.holdover => SyncState::Locked,
+            Some(_) => SyncState::Holdover,
+        };
+        Sync {
+            state,
+            offset_s: self.discipline.offset_s(),
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Who gives the time: three clocks behind one trait.
+
+mod cadence;
+mod discipline;
+mod external;
+mod stepped;
+mod wall;
+
+pub use cadence::Cadence;
+
+use super::Latched;
+use super::receive::Refusal;
+use crate::camera::Camera;
+use crate::config::{Clock as Kind, Run, Trigger};
+use external::External;
+use hifitime::Epoch;
+use skyloop_protocols::{Mode, Reason, SyncState};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use stepped::Stepped;
+use wall::Wall;
+
+/// Exposures that may wait for their frame; more are refused as busy.
+pub(super) const MAX_WAITING: usize = 64;
+
+/// An exposure whose frame is due.
+#[derive(Debug, Clone)]
+pub struct Due {
+    /// Its middle, in the scene's time.
+    pub mid: Epoch,
+    /// When it ended, or what asked for it came: where latencies begin.
+    pub end: Instant,
+    /// When its frame is late; none: never.
+    pub deadline: Option<Instant>,
+    /// Number of the Trigger that asked for it; 0 without.
+    pub trigger: u32,
+    /// The attitude that asked for it, and the camera as it was set then; none: whatever attitudes there are, the camera as it is.
+    pub latched: Option<(Latched, Arc<Camera>)>,
+}
+
+/// A Trigger as it came.
+#[derive(Debug, Clone)]
+pub struct Asked {
+    /// The client's number.
+    pub number: u32,
+    /// First instant of the exposure.
+    pub start: Epoch,
+    /// The camera as it is set.
+    pub camera: Arc<Camera>,
+    /// When it came.
+    pub arrived: Instant,
+}
+
+/// What a clock goes by for the client's time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sync {
+    /// Whether it is followed.
+    pub state: SyncState,
+    /// What it is ahead of this machine's, s, counted from when it was first heard.
+    pub offset_s: f64,
+}
+
+impl Default for Sync {
+    fn default() -> Sync {
+        Sync {
+            state: SyncState::Free,
+            offset_s: 0.0,
+        }
+    }
+}
+
+/// Says which exposure's frame is due.
+pub trait Clock: Send {
+    /// Its name on the wire.
+    fn mode(&self) -> Mode;
+
+    /// The camera's cadence, where there is one.
+    fn cadence(&mut self) -> Option<&mut Cadence>;
+
+    /// An attitude was accepted.
+    fn latched(&mut self, latched: &Latched, camera: &Arc<Camera>);
+
+    /// A Trigger came.
+    fn triggered(&mut self, _: Asked) -> Result<(), Refusal> {
+        Err(no_triggers())
+    }
+
+    /// Whether as many attitudes wait for their frames as may.
+    fn is_full(&self) -> bool {
+        false
+    }
+
+    /// A time that the client told, and when that came: true where its clock has jumped, and what came before has no meaning any more.
+    fn hear(&mut self, _: Epoch, _: Instant) -> bool {
+        false
+    }
+
+    /// Time until something is due; none: until something comes.
+    fn until_due(&self, now: Instant) -> Option<Duration>;
+
+    /// Takes the exposure that is due by `now`.
+    fn take_due(&mut self, camera: &Camera, now: Instant) -> Option<Due>;
+
+    /// Another client, or a Reset: all begins anew. How many exposures waited, which get no frame.
+    fn clear(&mut self, rate_hz: f64, now: Instant) -> u32;
+
+    /// What it goes by for the client's time.
+    fn sync(&self, _: Instant) -> Sync {
+        Sync::default()
+    }
+}
+
+/// The clock that a run has.
+pub(super) fn of(run: &Run, rate_hz: f64) -> Box<dyn Clock> {
+    let latency = run.latency_s.map(Duration::from_secs_f64);
+    let packets = run.trigger == Trigger::Packet;
+    match run.clock {
+        Kind::Stepped => Box::new(Stepped::new(packets)),
+        Kind::Wall => Box::new(Wall::new(Cadence::new(rate_hz, latency))),
+        Kind::External => {
+            let holdover = Duration::from_secs_f64(run.holdover_s);
+            let cadence = Cadence::new(rate_hz, latency);
+            Box::new(External::new(cadence, packets, holdover))
+        }
+    }
+}
+
+fn full(what: &str) -> Refusal {
+    Refusal {
+        reason: Reason::Busy,
+        detail: format!("{MAX_WAITING} {what} already wait for their frames; wait for a frame"),
+    }
+}
+
+fn no_triggers() -> Refusal {
+    Refusal {
+        reason: Reason::NotSupported,
+        detail: "Trigger: frames come of themselves here; set run.trigger = \"packet\", with run.clock \"stepped\" or \"external\"".to_string(),
+    }
+}

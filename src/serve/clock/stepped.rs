@@ -1,0 +1,83 @@
+//! In step: each attitude, or each trigger, gives its frame, as fast as that can be made.
+
+use super::{Asked, Cadence, Clock, Due, MAX_WAITING, full};
+use crate::camera::Camera;
+use crate::serve::Latched;
+use crate::serve::receive::Refusal;
+use skyloop_orbit::time::seconds;
+use skyloop_protocols::Mode;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Exposures in the order in which they were asked for.
+pub(super) struct Stepped {
+    /// Whether triggers ask for frames, and not attitudes.
+    packets: bool,
+    waiting: VecDeque<Due>,
+}
+
+impl Stepped {
+    pub fn new(packets: bool) -> Stepped {
+        Stepped {
+            packets,
+            waiting: VecDeque::new(),
+        }
+    }
+}
+
+impl Clock for Stepped {
+    fn mode(&self) -> Mode {
+        Mode::Stepped
+    }
+
+    fn cadence(&mut self) -> Option<&mut Cadence> {
+        None
+    }
+
+    fn latched(&mut self, latched: &Latched, camera: &Arc<Camera>) {
+        if self.packets {
+            return;
+        }
+        self.waiting.push_back(Due {
+            mid: latched.vehicle.epoch,
+            end: latched.arrived,
+            deadline: None,
+            trigger: 0,
+            latched: Some((latched.clone(), camera.clone())),
+        });
+    }
+
+    fn triggered(&mut self, asked: Asked) -> Result<(), Refusal> {
+        if !self.packets {
+            return Err(super::no_triggers());
+        }
+        if self.waiting.len() >= MAX_WAITING {
+            return Err(full("triggers"));
+        }
+        self.waiting.push_back(Due {
+            mid: asked.start + seconds(asked.camera.exposure_s / 2.0),
+            end: asked.arrived,
+            deadline: None,
+            trigger: asked.number,
+            latched: None,
+        });
+        Ok(())
+    }
+
+    fn is_full(&self) -> bool {
+        !self.packets && self.waiting.len() >= MAX_WAITING
+    }
+
+    fn until_due(&self, _: Instant) -> Option<Duration> {
+        (!self.waiting.is_empty()).then_some(Duration::ZERO)
+    }
+
+    fn take_due(&mut self, _: &Camera, _: Instant) -> Option<Due> {
+        self.waiting.pop_front()
+    }
+
+    fn clear(&mut self, _: f64, _: Instant) -> u32 {
+        self.waiting.drain(..).count() as u32
+    }
+}

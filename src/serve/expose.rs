@@ -1,0 +1,236 @@
+//! An exposure that is due becomes a frame that is asked for, and what is told of that becomes a picture.
+
+use super::clock::Due;
+use super::history::Pointing;
+use super::latch::tellable;
+use super::leaving::Leaving;
+use super::overrun::Verdict;
+use super::picture::{Asked, Picture};
+use super::shooter::{Order, Progress, Shooter, Task};
+use super::{POLL, Server};
+use crate::camera::Camera;
+use crate::config::Clock as Kind;
+use crate::engine::Shot;
+use crate::link::LinkError;
+use crate::scene::Exposure;
+use skyloop_protocols::{AttitudeSource, PixelLevel};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+impl Server {
+    /// Time until an exposure is due that can be made, or somewhat less.
+    pub(super) fn until_due(&self, limit: Option<u32>) -> Duration {
+        if !self.is_free(limit) {
+            return POLL;
+        }
+        let due = self.clock.until_due(Instant::now());
+        due.map_or(POLL, |due| due.min(POLL))
+    }
+
+    /// Whether another frame may be asked for.
+    fn is_free(&self, limit: Option<u32>) -> bool {
+        let making = u32::from(self.making.is_some());
+        // In step one frame is made and sent after the other.
+        let in_step = self.kind != Kind::Stepped || self.pictures.is_empty();
+        making == 0 && in_step && limit.is_none_or(|most| self.stats.frames < most)
+    }
+
+    /// Asks for the frame of an exposure that is due; whether there was one.
+    pub(super) fn expose(
+        &mut self,
+        shooter: &Shooter,
+        limit: Option<u32>,
+    ) -> Result<bool, LinkError> {
+        if !self.is_free(limit) {
+            return Ok(false);
+        }
+        let now = Instant::now();
+        let camera = self.settings.camera.clone();
+        let Some(due) = self.clock.take_due(&camera, now) else {
+            return Ok(false);
+        };
+        let (pointing, camera) = match &due.latched {
+            Some((latched, camera)) => {
+                let pointing = Pointing {
+                    vehicle: latched.vehicle.clone(),
+                    message: latched.clone(),
+                    source: AttitudeSource::Exact,
+                    age_s: 0.0,
+                };
+                (Some(pointing), camera.clone())
+            }
+            None => {
+                let exposure = Exposure::around(due.mid, camera.exposure_s);
+                let history = &self.truth.history;
+                (history.over(&exposure, &self.staleness), camera)
+            }
+        };
+        let Some(pointing) = pointing else {
+            self.miss(&due);
+            return Ok(true);
+        };
+        if let Err(why) = tellable(&Exposure::around(due.mid, camera.exposure_s)) {
+            self.refuse_later(&pointing.message, &due, &why)?;
+            return Ok(true);
+        }
+        let spare = due
+            .deadline
+            .map(|deadline| deadline.saturating_duration_since(now));
+        let Verdict::Shoot { level, overrun } = self.overrun.decide(spare) else {
+            self.miss(&due);
+            self.stats.dropped = self.overrun.dropped;
+            return Ok(true);
+        };
+        self.ask(shooter, due, pointing, camera, level, overrun, now);
+        // In step nothing is heard until it is made.
+        while self.kind == Kind::Stepped && self.making.is_some() {
+            match shooter.await_news() {
+                Ok(news) => self.learn(news)?,
+                Err(()) => return Err(LinkError::Closed("of the renderer".to_string())),
+            }
+        }
+        Ok(true)
+    }
+
+    /// An exposure has no frame.
+    fn miss(&mut self, due: &Due) {
+        self.missed = self.missed.wrapping_add(1);
+        let triggers = &mut self.counters.triggers_missed;
+        *triggers = triggers.wrapping_add(u32::from(due.trigger > 0));
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn ask(
+        &mut self,
+        shooter: &Shooter,
+        due: Due,
+        pointing: Pointing,
+        camera: Arc<Camera>,
+        level: usize,
+        overrun: Option<&'static str>,
+        now: Instant,
+    ) {
+        let in_step = self.kind == Kind::Stepped;
+        let shown = &mut self.truth.shown;
+        let repeat = match shown {
+            Some((number, frames)) if *number == pointing.message.number && due.latched.is_none() => {
+                *frames = frames.wrapping_add(1);
+                *frames
+            }
+            _ => {
+                *shown = Some((pointing.message.number, 0));
+                0
+            }
+        };
+        let (stale, future) = match pointing.source {
+            AttitudeSource::Stale | AttitudeSource::Held | AttitudeSource::Invalid => (1, 0),
+            AttitudeSource::Future => (0, 1),
+            _ => (0, 0),
+        };
+        let counters = &mut self.counters;
+        counters.attitudes_stale = counters.attitudes_stale.wrapping_add(stale);
+        counters.attitudes_future = counters.attitudes_future.wrapping_add(future);
+        let number = self.next_frame;
+        let streams = !in_step && self.wants_rows();
+        let order = Order {
+            camera,
+            vehicle: pointing.vehicle,
+            repeat,
+            fidelity: self.overrun.fidelity(level),
+            overrun,
+            streams,
+        };
+        let asked = Asked {
+            release: due.end + self.delay.of(number),
+            due,
+            header: pointing.message.header,
+            arrived: pointing.message.arrived,
+            message: pointing.message.number,
+            source: pointing.source,
+            age_s: pointing.age_s,
+            sync: self.clock.sync(now),
+            level,
+            overrun,
+            is_timed: !in_step,
+        };
+        self.pictures.push(Picture::new(number, asked));
+        self.making = Some(number);
+        if !shooter.give(Task::Make(Box::new(order))) {
+            tracing::error!("the renderer's thread has ended");
+        }
+    }
+
+    /// Whether somebody gets rows of pixels as they are.
+    fn wants_rows(&self) -> bool {
+        self.channels.iter().any(|channel| {
+            let output = &channel.exchange.output;
+            channel.roles.pixels && output.pixels == PixelLevel::Frame
+        })
+    }
+
+    /// What the renderer tells.
+    pub(super) fn learn(&mut self, news: Progress) -> Result<(), LinkError> {
+        let Some(number) = self.making else {
+            return Ok(());
+        };
+        let Some(at) = self.pictures.iter().position(|picture| picture.number == number) else {
+            return Ok(());
+        };
+        let picture = &mut self.pictures[at];
+        match news {
+            Progress::Labelled(opening) => {
+                picture.opening = Some(opening);
+                self.begin(number);
+            }
+            Progress::Developed(first, digits, at) => picture.develop(first, digits, at),
+            Progress::Made(shot, at) => {
+                self.overrun.learn(picture.asked.level, shot.render_time);
+                let coarsened = u32::from(shot.label.overrun == Some("coarsen"));
+                let counters = &mut self.counters;
+                counters.frames_rendered = counters.frames_rendered.wrapping_add(1);
+                counters.frames_coarsened = counters.frames_coarsened.wrapping_add(coarsened);
+                self.stats.add(&shot);
+                self.absent.report(&shot);
+                picture.complete(shot, at);
+                self.making = None;
+                self.next_frame = self.next_frame.wrapping_add(1);
+                self.begin(number);
+            }
+            Progress::Failed(why) => {
+                let picture = self.pictures.remove(at);
+                self.making = None;
+                let message = (picture.asked.message, picture.asked.header);
+                self.refuse_shown(message, &picture.asked.due, &why)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Frames that are on their way nowhere any more are done with; whether there was one.
+    pub(super) fn settle(&mut self, shooter: &Shooter, on_shot: &mut impl FnMut(&Shot)) -> bool {
+        self.see_leave();
+        let mut any = false;
+        while let Some(at) = self
+            .pictures
+            .iter()
+            .position(|picture| picture.begun && picture.open == 0 && picture.shot.is_some())
+        {
+            any = true;
+            let picture = self.pictures.remove(at);
+            let counters = &mut self.counters;
+            let counter = match picture.whole {
+                true => &mut counters.frames_delivered,
+                false => &mut counters.frames_abandoned,
+            };
+            *counter = counter.wrapping_add(1);
+            self.leaving.push(Leaving::of(&picture));
+            let Some(shot) = picture.into_shot() else {
+                continue;
+            };
+            on_shot(&shot);
+            // A thread that has ended needs no memory.
+            let _ = shooter.give(Task::Recycle(shot.frame));
+        }
+        any
+    }
+}

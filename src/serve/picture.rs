@@ -1,0 +1,197 @@
+//! A frame from the moment that it is asked for until all have it: what is there of it, and when what came.
+
+use super::clock::{Due, Sync};
+use crate::engine::{Opening, Shot};
+use crate::link::Mark;
+use skyloop_protocols::crc::Crc32;
+use skyloop_protocols::{AttitudeSource, FrameEnd, Header, Overrun, Timing};
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+/// Why and of what a frame is made.
+pub(super) struct Asked {
+    pub due: Due,
+    /// Of the attitude's packet.
+    pub header: Header,
+    /// When that came.
+    pub arrived: Instant,
+    /// Its number.
+    pub message: u64,
+    pub source: AttitudeSource,
+    pub age_s: f64,
+    pub sync: Sync,
+    /// By which level of tolerances, and what is said of it.
+    pub level: usize,
+    pub overrun: Option<&'static str>,
+    /// Whether its times are told: not in step, where frames are the same every time.
+    pub is_timed: bool,
+    /// Before this moment the device gives nothing out.
+    pub release: Instant,
+}
+
+/// A frame that is being made or sent.
+pub(super) struct Picture {
+    pub number: u32,
+    pub asked: Asked,
+    pub opening: Option<Opening>,
+    pub shot: Option<Box<Shot>>,
+    /// Digits from the first pixel on, while the shot is not there.
+    digits: Vec<u16>,
+    /// Digits that lie beyond them, by their first pixel.
+    ahead: BTreeMap<usize, Vec<u16>>,
+    pub first_pixel: Option<Instant>,
+    pub last_pixel: Option<Instant>,
+    pub first_octet: Option<Instant>,
+    /// The label as clients get it.
+    text: OnceLock<Arc<String>>,
+    crc: OnceLock<u32>,
+    /// Links that it has not left yet.
+    pub open: usize,
+    /// Links that have got its last packet, and the place of that in their queues.
+    pub marks: Vec<(usize, Mark)>,
+    /// Whether it was put on the way.
+    pub begun: bool,
+    /// Whether all who wanted it have all of it.
+    pub whole: bool,
+}
+
+impl Picture {
+    pub fn new(number: u32, asked: Asked) -> Picture {
+        Picture {
+            number,
+            asked,
+            opening: None,
+            shot: None,
+            digits: Vec::new(),
+            ahead: BTreeMap::new(),
+            first_pixel: None,
+            last_pixel: None,
+            first_octet: None,
+            text: OnceLock::new(),
+            crc: OnceLock::new(),
+            open: 0,
+            marks: Vec::new(),
+            begun: false,
+            whole: true,
+        }
+    }
+
+    /// Takes rows that are done.
+    pub fn develop(&mut self, first: usize, digits: Vec<u16>, at: Instant) {
+        self.first_pixel.get_or_insert(at);
+        self.ahead.insert(first, digits);
+        while let Some(next) = self.ahead.remove(&self.digits.len()) {
+            self.digits.extend_from_slice(&next);
+        }
+    }
+
+    /// Takes all of it.
+    pub fn complete(&mut self, shot: Box<Shot>, at: Instant) {
+        self.first_pixel.get_or_insert(at);
+        self.last_pixel = Some(at);
+        self.opening.get_or_insert_with(|| shot.opening());
+        self.shot = Some(shot);
+        (self.digits, self.ahead) = Default::default();
+    }
+
+    /// The digits that are there, from the first pixel on.
+    pub fn digits(&self) -> &[u16] {
+        match &self.shot {
+            Some(shot) => &shot.frame.digits,
+            None => &self.digits,
+        }
+    }
+
+    /// CRC-32 of all pixels.
+    fn crc32(&self) -> u32 {
+        *self
+            .crc
+            .get_or_init(|| Crc32::new().update_pixels(self.digits()).finish())
+    }
+
+    /// From the trigger, the exposure's end or the attitude's arrival if that is later, to a moment, s.
+    pub fn since_trigger(&self, moment: Option<Instant>) -> Duration {
+        let trigger = self.trigger();
+        moment.map_or(Duration::ZERO, |moment| {
+            moment.saturating_duration_since(trigger)
+        })
+    }
+
+    /// When its latency begins.
+    pub fn trigger(&self) -> Instant {
+        self.asked.due.end.max(self.asked.arrived)
+    }
+
+    /// Time left at a moment, s; below 0: late by so much. 0 where there is no deadline.
+    pub fn spare_s(&self, at: Instant) -> f64 {
+        let Some(deadline) = self.asked.due.deadline else {
+            return 0.0;
+        };
+        match deadline.checked_duration_since(at) {
+            Some(left) => left.as_secs_f64(),
+            None => -at.duration_since(deadline).as_secs_f64(),
+        }
+    }
+
+    /// Its times as the wire has them, at a moment.
+    pub fn timing(&self, now: Instant) -> Timing {
+        let since = |moment| self.since_trigger(moment).as_secs_f32();
+        let attitude_age_s = self.asked.age_s as f32;
+        if !self.asked.is_timed {
+            return Timing {
+                attitude_age_s,
+                ..Timing::default()
+            };
+        }
+        Timing {
+            attitude_age_s,
+            first_pixel_s: since(self.first_pixel),
+            last_pixel_s: since(self.last_pixel),
+            first_octet_s: since(self.first_octet),
+            last_octet_s: since(Some(now)),
+            spare_s: self.spare_s(now) as f32,
+        }
+    }
+
+    /// The packet that closes it.
+    pub fn closing(&self, now: Instant) -> FrameEnd {
+        FrameEnd {
+            frame: self.number,
+            pixels_crc32: self.crc32(),
+            trigger: self.asked.due.trigger,
+            attitude_source: self.asked.source,
+            overrun: match self.asked.overrun {
+                Some("late") => Overrun::Late,
+                Some("drop") => Overrun::Drop,
+                Some("coarsen") => Overrun::Coarsen,
+                _ => Overrun::None,
+            },
+            sync: self.asked.sync.state,
+            in_time: !self.asked.is_timed || self.spare_s(now) >= 0.0,
+            timing: self.timing(now),
+            clock_offset_s: self.asked.sync.offset_s,
+        }
+    }
+
+    /// The label as clients get it: made once, when the first of them gets its first part.
+    pub fn text(&self, now: Instant) -> Option<&Arc<String>> {
+        let opening = self.opening.as_ref()?;
+        Some(self.text.get_or_init(|| super::told::label(self, opening, now)))
+    }
+
+    /// Octets of that label, before it is made.
+    pub fn text_length(&self) -> Option<usize> {
+        let opening = self.opening.as_ref()?;
+        Some(super::told::length(self, opening))
+    }
+
+    /// The shot, its label as clients have it.
+    pub fn into_shot(self) -> Option<Box<Shot>> {
+        let mut shot = self.shot?;
+        if let Some(text) = self.text.into_inner() {
+            shot.json = text;
+        }
+        Some(shot)
+    }
+}

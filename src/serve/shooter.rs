@@ -1,0 +1,152 @@
+//! The thread that makes frames, so that packets come and go meanwhile.
+
+use crate::attitude::VehicleState;
+use crate::camera::Camera;
+use crate::engine::{Emulator, Opening, Shot, Witness};
+use crate::fidelity::Fidelity;
+use crate::frame::Frame;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::thread::Thread;
+use std::time::Instant;
+
+/// What the thread is to do.
+pub(super) enum Task {
+    /// A frame is made.
+    Make(Box<Order>),
+    /// A frame's memory is for the next.
+    Recycle(Frame),
+}
+
+/// A frame to make.
+pub(super) struct Order {
+    pub camera: Arc<Camera>,
+    pub vehicle: VehicleState,
+    /// How many frames were made of the same attitude before.
+    pub repeat: u32,
+    /// Other tolerances from now on.
+    pub fidelity: Option<Fidelity>,
+    /// What its label says was done because it would have been late.
+    pub overrun: Option<&'static str>,
+    /// Whether rows are wanted before all are there.
+    pub streams: bool,
+}
+
+/// How far a frame is.
+pub(super) enum Progress {
+    /// Its label is done.
+    Labelled(Opening),
+    /// Digits from a first pixel on, and when they were done.
+    Developed(usize, Vec<u16>, Instant),
+    /// All of it, and when.
+    Made(Box<Shot>, Instant),
+    /// It cannot be made.
+    Failed(String),
+}
+
+/// The server's end. Frames are made one after another, and a frame has a bounded number of parts: so the queues are bounded, too.
+pub(super) struct Shooter {
+    tasks: Sender<Task>,
+    progress: Receiver<Progress>,
+}
+
+/// The thread's end.
+pub(super) struct Darkroom {
+    tasks: Receiver<Task>,
+    seen: Seen,
+}
+
+/// Tells the server, and wakes it.
+struct Seen {
+    progress: Sender<Progress>,
+    server: Thread,
+    streams: bool,
+}
+
+/// Both ends; `server` is the thread that asks for frames.
+pub(super) fn shooter(server: Thread) -> (Shooter, Darkroom) {
+    let (to_make, tasks) = channel();
+    let (told, progress) = channel();
+    let seen = Seen {
+        progress: told,
+        server,
+        streams: false,
+    };
+    let shooter = Shooter {
+        tasks: to_make,
+        progress,
+    };
+    (shooter, Darkroom { tasks, seen })
+}
+
+impl Shooter {
+    /// Gives the thread a task; false if it has ended.
+    pub fn give(&self, task: Task) -> bool {
+        self.tasks.send(task).is_ok()
+    }
+
+    /// What is new, without waiting; an error if the thread has ended.
+    pub fn news(&self) -> Result<Option<Progress>, ()> {
+        match self.progress.try_recv() {
+            Ok(progress) => Ok(Some(progress)),
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Err(()),
+        }
+    }
+
+    /// What is new, waiting for it; an error if the thread has ended.
+    pub fn await_news(&self) -> Result<Progress, ()> {
+        self.progress.recv().map_err(|_| ())
+    }
+}
+
+impl Darkroom {
+    /// Makes frames until the server drops its end.
+    pub fn work(mut self, emulator: &mut Emulator) {
+        for task in &self.tasks {
+            match task {
+                Task::Recycle(frame) => emulator.recycle(frame),
+                Task::Make(order) => {
+                    if let Some(fidelity) = order.fidelity {
+                        emulator.set_fidelity(fidelity);
+                    }
+                    emulator.overrun = order.overrun;
+                    self.seen.streams = order.streams;
+                    let Order {
+                        camera,
+                        vehicle,
+                        repeat,
+                        ..
+                    } = &*order;
+                    let shot = emulator.shoot_before(&self.seen, camera, vehicle, *repeat);
+                    self.seen.tell(match shot {
+                        Ok(shot) => Progress::Made(Box::new(shot), Instant::now()),
+                        Err(error) => Progress::Failed(error.to_string()),
+                    });
+                }
+            }
+        }
+    }
+}
+
+impl Seen {
+    fn tell(&self, progress: Progress) {
+        // A server that has gone wants to know nothing.
+        let _ = self.progress.send(progress);
+        self.server.unpark();
+    }
+}
+
+impl Witness for Seen {
+    fn labelled(&self, opening: Opening) {
+        if self.streams {
+            self.tell(Progress::Labelled(opening));
+        }
+    }
+
+    fn developed(&self, first: usize, digits: &[u16]) {
+        if self.streams {
+            self.tell(Progress::Developed(first, digits.to_vec(), Instant::now()));
+        }
+    }
+}

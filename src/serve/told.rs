@@ -1,0 +1,82 @@
+//! What a label tells of its frame's times. A label's length stands in the frame's first packet, and some of its times come later: each
+//! number has its columns, filled up with spaces, which JSON allows between a name and its number.
+
+use super::picture::Picture;
+use crate::engine::Opening;
+use skyloop_protocols::{AttitudeSource, SyncState};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The label's text with its times at a moment.
+pub(super) fn label(picture: &Picture, opening: &Opening, now: Instant) -> Arc<String> {
+    match (says_more(picture), opening.json.strip_suffix('}')) {
+        (true, Some(open)) => Arc::new(format!("{open},\"timing\":{}}}", timing(picture, now))),
+        _ => opening.json.clone(),
+    }
+}
+
+/// Octets of that text.
+pub(super) fn length(picture: &Picture, opening: &Opening) -> usize {
+    match says_more(picture) {
+        true => opening.json.len() + ",\"timing\":".len() + timing(picture, Instant::now()).len(),
+        false => opening.json.len(),
+    }
+}
+
+/// In step with attitudes there is nothing to say: a frame is that of the attitude's own moment.
+fn says_more(picture: &Picture) -> bool {
+    picture.asked.is_timed || picture.asked.due.trigger > 0
+}
+
+fn timing(picture: &Picture, now: Instant) -> String {
+    let asked = &picture.asked;
+    let mut text = format!(
+        "{{\"attitude\":{:?},\"attitude_age_s\":{},\"trigger\":{}",
+        source(asked.source),
+        columns(asked.age_s),
+        asked.due.trigger,
+    );
+    if asked.is_timed {
+        let ms = |moment| columns(picture.since_trigger(moment).as_secs_f64() * 1e3);
+        text += &format!(
+            ",\"sync\":{:?},\"clock_offset_s\":{},\"first_pixel_ms\":{},\"last_pixel_ms\":{},\"first_octet_ms\":{},\"pixels_sent_ms\":{},\
+             \"spare_ms\":{}",
+            sync(asked.sync.state),
+            columns(asked.sync.offset_s),
+            ms(picture.first_pixel),
+            ms(picture.last_pixel),
+            ms(picture.first_octet),
+            ms(Some(now)),
+            columns(picture.spare_s(now) * 1e3),
+        );
+    }
+    text + "}"
+}
+
+/// A number to the microsecond or millionth in 16 columns: up to 1e8, either way.
+fn columns(number: f64) -> String {
+    const MOST: f64 = 99_999_999.0;
+    format!("{:>16.6}", number.clamp(-MOST, MOST) + 0.0)
+}
+
+/// How an attitude was got, as labels say it.
+pub(super) fn source(source: AttitudeSource) -> &'static str {
+    match source {
+        AttitudeSource::Exact => "exact",
+        AttitudeSource::Interpolated => "interpolated",
+        AttitudeSource::Extrapolated => "extrapolated",
+        AttitudeSource::Held => "held",
+        AttitudeSource::Stale => "stale",
+        AttitudeSource::Invalid => "invalid",
+        AttitudeSource::Future => "future",
+    }
+}
+
+fn sync(state: SyncState) -> &'static str {
+    match state {
+        SyncState::Free => "free",
+        SyncState::Waiting => "waiting",
+        SyncState::Locked => "locked",
+        SyncState::Holdover => "holdover",
+    }
+}
