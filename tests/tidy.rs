@@ -28,7 +28,7 @@ const LAYERS: &[&[&str]] = &[
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
         "console", "datagram", "image", "pacing", "pointing", "port", "reader", "roles", "text",
-        "time", "times",
+        "time", "times", "timings",
     ],
     &[
         "attitude_list",

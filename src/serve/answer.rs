@@ -6,7 +6,8 @@ use crate::link::LinkError;
 use bytes::Bytes;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::{
-    Ack, Header, MAX_PACKET, Mode, Nack, Packing, Reason, Reply, Status, WireTime,
+    Ack, Header, MAX_PACKET, Mode, Nack, Packing, Reason, Reply, Status, SyncState, Timing,
+    WireTime,
 };
 
 impl Server {
@@ -81,6 +82,12 @@ impl Server {
             frame_rate_hz: camera.rate_hz,
             next_frame: self.emulator.next_frame(),
             packets_sent: exchange.credit.sent(),
+            sync: SyncState::Free,
+            clock_offset_s: 0.0,
+            timing: Timing::default(),
+            latency_p50_s: 0.0,
+            latency_p99_s: 0.0,
+            latency_max_s: 0.0,
             counters: self.counters(),
         }
     }

@@ -9,8 +9,8 @@ use skyloop_protocols::pixels::{
 };
 use skyloop_protocols::reply::window_length;
 use skyloop_protocols::{
-    CompressedBlock, FrameHeader, LabelLevel, LabelPart, ObjectPart, Output, Packing, PixelBlock,
-    PixelLevel, WindowBlock,
+    CompressedBlock, FrameEnd, FrameHeader, LabelLevel, LabelPart, ObjectPart, Output, Packing,
+    PixelBlock, PixelLevel, WindowBlock,
 };
 use std::time::Duration;
 
@@ -22,6 +22,7 @@ const TEXT_PER_STAR: f64 = 350.0;
 const STARS_PER_SQUARE_DEGREE: f64 = 1.9;
 
 /// Equal packets.
+#[derive(Clone)]
 struct Packets {
     count: usize,
     octets: usize,
@@ -29,10 +30,12 @@ struct Packets {
 
 /// The packets of a frame. Of compressed pixels and of label text their number is an estimate.
 fn packets(camera: &Camera, output: &Output, roles: Roles) -> Vec<Packets> {
-    let mut all = vec![Packets {
-        count: 1,
-        octets: AROUND + FrameHeader::FIELDS_LENGTH,
-    }];
+    let mut all = [FrameHeader::FIELDS_LENGTH, FrameEnd::FIELDS_LENGTH]
+        .map(|octets| Packets {
+            count: 1,
+            octets: AROUND + octets,
+        })
+        .to_vec();
     let mut cut = |items: usize, most: usize, octets: &dyn Fn(usize) -> usize| {
         for (count, items) in [(items / most, most), (1, items % most)] {
             if count > 0 && items > 0 {

@@ -12,14 +12,30 @@ use skyloop_protocols::pixels::{
 };
 use skyloop_protocols::reply::window_length;
 use skyloop_protocols::{
-    CompressedBlock, EncodeError, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, ObjectPart,
-    Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime, rice,
+    CompressedBlock, EncodeError, FrameEnd, FrameHeader, LabelLevel, LabelPart, MAX_PACKET,
+    ObjectPart, Output, Overrun, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock,
+    WireTime, rice,
 };
+
+/// What closes a shot of the emulator's own time, with the attitude of its middle, in time.
+pub(super) fn closing(shot: &Shot) -> FrameEnd {
+    FrameEnd {
+        overrun: match shot.label.overrun {
+            Some("late") => Overrun::Late,
+            Some("drop") => Overrun::Drop,
+            Some("coarsen") => Overrun::Coarsen,
+            _ => Overrun::None,
+        },
+        ..FrameEnd::default()
+    }
+}
 
 /// The packets of one shot, one after the other.
 pub(super) struct Cut<'a> {
     shot: &'a Shot,
     header: FrameHeader,
+    /// What its last packet says, but for its frame and the CRC; it may be changed until that is given.
+    pub closing: FrameEnd,
     /// Of all its packets.
     pub time: WireTime,
     /// First pixel of each window.
@@ -33,12 +49,13 @@ pub(super) struct Cut<'a> {
 }
 
 impl<'a> Cut<'a> {
-    /// Of `shot`, what `output` asks for and `roles` allow; or why there are no words for it.
+    /// Of `shot`, what `output` asks for and `roles` allow, closed by `closing`; or why there are no words for it.
     pub fn new(
         shot: &'a Shot,
         output: &Output,
         positions: Option<&Positions>,
         roles: Roles,
+        closing: FrameEnd,
     ) -> Result<Cut<'a>, String> {
         let detector = &shot.camera.detector;
         let instant = |epoch| to_wire(epoch).ok_or("a time beyond the time code");
@@ -95,7 +112,6 @@ impl<'a> Cut<'a> {
             seed: shot.key.seed,
             gain_e_per_dn: detector.gain_e_per_dn,
             offset_dn: detector.offset_dn,
-            pixels_crc32: Crc32::new().update_pixels(&shot.frame.digits).finish(),
         };
         if let Some(blocks) = header.blocks_due() {
             header.blocks = blocks;
@@ -104,6 +120,7 @@ impl<'a> Cut<'a> {
             time: instant(shot.exposure.mid)?,
             shot,
             header,
+            closing,
             windows,
             compressed,
             records,
@@ -113,7 +130,7 @@ impl<'a> Cut<'a> {
 
     /// Whether all packets have been given.
     pub fn is_over(&self) -> bool {
-        self.given > self.header.blocks + u32::from(self.header.label_parts)
+        self.given >= self.header.packets()
     }
 
     /// Gives the next packet to `encode`; none is left where it answers none.
@@ -130,6 +147,14 @@ impl<'a> Cut<'a> {
             None => Some(self.pixels(place, encode)),
             Some(part) if part < u32::from(self.header.label_parts) => {
                 Some(self.labels(part as u16, encode))
+            }
+            Some(part) if part == u32::from(self.header.label_parts) => {
+                let pixels = Crc32::new().update_pixels(&self.shot.frame.digits);
+                Some(encode(&Reply::FrameEnd(FrameEnd {
+                    frame: self.header.frame,
+                    pixels_crc32: pixels.finish(),
+                    ..self.closing
+                })))
             }
             Some(_) => None,
         }

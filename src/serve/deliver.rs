@@ -1,7 +1,7 @@
 //! To the wire: a shot as its packets, on every link that brings frames, paced by each client's credit.
 
 use super::channel::Channel;
-use super::cut::Cut;
+use super::cut::{Cut, closing};
 use super::{Server, Undelivered};
 use crate::engine::Shot;
 use crate::link::LinkError;
@@ -127,7 +127,8 @@ impl Server {
                 continue;
             }
             let positions = exchange.positions.as_ref();
-            let cut = Cut::new(shot, &exchange.output, positions, channel.roles);
+            let closing = closing(shot);
+            let cut = Cut::new(shot, &exchange.output, positions, channel.roles, closing);
             under_way.push(Delivery {
                 at,
                 cut: cut.map_err(unencodable)?,

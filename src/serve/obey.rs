@@ -143,6 +143,13 @@ impl Server {
                     });
                 }
             }
+            Command::Trigger { .. } => {
+                return Err(Refusal {
+                    reason: Reason::NotSupported,
+                    detail: "Trigger: frames come of themselves here; set run.trigger = \"packet\""
+                        .to_string(),
+                });
+            }
             // The link has done it as the packet passed.
             Command::Fault(fault) => {
                 let refused = |why: Cow<'_, str>| Refusal {
