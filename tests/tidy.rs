@@ -28,7 +28,7 @@ const LAYERS: &[&[&str]] = &[
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
         "burst", "console", "datagram", "image", "pacing", "pointing", "port", "reader", "roles",
-        "text", "time", "times",
+        "text", "time", "times", "timings",
     ],
     &[
         "attitude_list",

@@ -135,7 +135,7 @@ fn octets(header: &FrameHeader) -> usize {
         // The last block may hold little.
         PixelLevel::Compressed => blocks.saturating_sub(1) * COMPRESSED_DATA,
     };
-    let packets = 1 + blocks + usize::from(header.label_parts);
+    let packets = header.packets() as usize;
     pixels + header.label_bytes as usize + packets * (MAX_PACKET - MAX_PAYLOAD)
 }
 

@@ -36,10 +36,16 @@ impl fmt::Display for Loss {
                         frame,
                         blocks: (b, of_b),
                         label_parts: (l, of_l),
-                    }) => write!(
-                        f,
-                        "frame {frame} was not whole in time: {b} of {of_b} pixel blocks, {l} of {of_l} label parts"
-                    )?,
+                        end,
+                    }) => {
+                        write!(
+                            f,
+                            "frame {frame} was not whole in time: {b} of {of_b} pixel blocks, {l} of {of_l} label parts"
+                        )?;
+                        if !end {
+                            write!(f, ", no FrameEnd")?;
+                        }
+                    }
                 }
                 match cause {
                     None => Ok(()),

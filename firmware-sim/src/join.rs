@@ -107,13 +107,12 @@ impl Joiner {
         frame: ReceivedFrame,
         brought: Roles,
     ) -> Result<Half, AssemblyError> {
-        let (ours, theirs) = (&half.frame.header, &frame.header);
-        if (ours.attitude_sequence, ours.pixels_crc32)
-            != (theirs.attitude_sequence, theirs.pixels_crc32)
-        {
+        let shows =
+            |frame: &ReceivedFrame| (frame.header.attitude_sequence, frame.end.pixels_crc32);
+        if shows(&half.frame) != shows(&frame) {
             return Err(AssemblyError::Contradiction {
-                frame: ours.frame,
-                what: "the header of another link",
+                frame: frame.header.frame,
+                what: "what came over another link",
                 number: 0,
             });
         }
@@ -180,6 +179,7 @@ impl Half {
             frame: header.frame,
             blocks: (header.blocks, header.blocks),
             label_parts: (header.label_parts, header.label_parts),
+            end: true,
         }
     }
 }

@@ -49,4 +49,5 @@ mod signal;
 pub mod text;
 pub mod time;
 pub mod times;
+pub mod timings;
 pub mod udp;

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use skyloop_protocols::{FrameHeader, LabelLevel, ObjectPart, ObjectRecord, WireTime};
+use skyloop_protocols::{FrameEnd, FrameHeader, LabelLevel, ObjectPart, ObjectRecord, WireTime};
 use thiserror::Error;
 
 use crate::detector::{Detections, DetectorSettings, detect, detect_windows};
@@ -16,7 +16,7 @@ pub enum Content {
     None,
     /// Windows.
     Windows(Vec<Cutout>),
-    /// All, DN, row by row from pixel (0, 0): `width * height` of them, checked against the header's CRC-32.
+    /// All, DN, row by row from pixel (0, 0): `width * height` of them, checked against the CRC-32 of its FrameEnd.
     Frame(Vec<u16>),
 }
 
@@ -38,6 +38,8 @@ pub struct Cutout {
 pub struct ReceivedFrame {
     /// The header as it came.
     pub header: FrameHeader,
+    /// Its end as it came: CRC-32 of its pixels, its times.
+    pub end: FrameEnd,
     /// Middle of the exposure.
     pub mid_exposure: WireTime,
     /// Its pixels.

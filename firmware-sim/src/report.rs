@@ -8,6 +8,7 @@ use crate::contents::Contents;
 use crate::reassembly::AssemblyCounts;
 use crate::score::Score;
 use crate::times::Times;
+use crate::timings::{Timings, quantile};
 
 /// Nacks kept with their details; the count goes on.
 const NACKS_KEPT: usize = 100;
@@ -52,6 +53,8 @@ pub struct Report {
     pub late: u32,
     /// Attitude sent to last pixel block received.
     pub latencies: Times,
+    /// What the emulator says of its frames' times.
+    pub timings: Timings,
     /// What the frames brought.
     pub contents: Contents,
     /// Octets of all packets that came.
@@ -102,12 +105,6 @@ impl Report {
             self.nacks.push(nack);
         }
     }
-}
-
-/// The nearest-rank quantile of sorted values.
-fn quantile<T: Copy>(sorted: &[T], fraction: f64) -> Option<T> {
-    let rank = (fraction.clamp(0.0, 1.0) * sorted.len() as f64).ceil() as usize;
-    sorted.get(rank.saturating_sub(1)).copied()
 }
 
 /// Scores of many frames added up.
@@ -203,6 +200,7 @@ impl fmt::Display for Report {
                 "last block after p50 {p50:.2} ms, p99 {p99:.2} ms, max {max:.2} ms"
             )?;
         }
+        write!(f, "{}", self.timings)?;
         writeln!(
             f,
             "received         {} octets{}",

@@ -115,7 +115,8 @@ fn a_lost_packet_of_any_kind_leaves_the_frame_open_and_the_next_one_whole() {
         let given_up = assembler.abandon();
         if let Some(progress) = given_up.first() {
             let missing = progress.blocks.1 - progress.blocks.0
-                + u32::from(progress.label_parts.1 - progress.label_parts.0);
+                + u32::from(progress.label_parts.1 - progress.label_parts.0)
+                + u32::from(!progress.end);
             assert_eq!((progress.frame, missing), (0, 1), "packet {lost}");
         } else {
             assert_eq!(lost, 0, "only a lost header leaves no trace");
@@ -152,8 +153,11 @@ fn frames_may_interleave_and_the_oldest_gives_way() {
 #[test]
 fn wrong_pixels_are_noticed() {
     let (header, mut pixels, text) = material(0);
+    let mut sender = Sender::default();
+    let end = sender.end(0, &pixels, WireTime(7));
     pixels[77] ^= 1;
-    let packets = Sender::default().frame(&header, &pixels, &text, WireTime(7));
+    let mut packets = sender.opened(&header, &pixels, &text, WireTime(7));
+    packets.push(end);
     let mut assembler = Assembler::new(Limits::default());
     let (frames, errors) = feed(&mut assembler, &packets);
     assert!(
@@ -213,11 +217,16 @@ fn packets_that_contradict_the_header_are_refused_and_do_no_harm() {
     let lies = [block(100, 2, 3), block(1_000_000, 2, 3), block(0, 2, 3)];
     let other = FrameHeader { seed: 99, ..header };
     let second = Sender::default().reply(&Reply::FrameHeader(other), WireTime(7));
-    let (frames, errors) = feed(&mut assembler, &[&lies[..], &[second]].concat());
+    // The end, and another one.
+    let ends = [
+        whole[whole.len() - 1].clone(),
+        Sender::default().end(0, &[1], WireTime(7)),
+    ];
+    let (frames, errors) = feed(&mut assembler, &[&lies[..], &[second], &ends].concat());
     assert!(frames.is_empty());
     assert_eq!(
         (errors.len(), assembler.counts().refused),
-        (4, 4),
+        (5, 5),
         "{errors:?}"
     );
     let (frames, errors) = feed(&mut assembler, &whole[1..]);

@@ -6,10 +6,10 @@ use common::{Vector, golden, hex};
 use skyloop_protocols::command::Opcode;
 use skyloop_protocols::pixels::{pack, packed_length, unpack};
 use skyloop_protocols::{
-    Ack, Attitude, Command, CompressedBlock, Counters, DecodeError, Direction, Fault, FaultKind,
-    FrameHeader, Header, LabelLevel, LabelPart, MAX_PACKET, Mode, Nack, ObjectPart, ObjectRecord,
-    OrbitState, Output, PERSONALITIES, Packing, PixelBlock, PixelLevel, Positions, Reason, Reply,
-    Status, WindowBlock, WireTime, apid,
+    Ack, Attitude, AttitudeSource, Command, CompressedBlock, Counters, DecodeError, Direction,
+    Fault, FaultKind, FrameEnd, FrameHeader, Header, LabelLevel, LabelPart, MAX_PACKET, Mode, Nack,
+    ObjectPart, ObjectRecord, OrbitState, Output, Overrun, PERSONALITIES, Packing, PixelBlock,
+    PixelLevel, Positions, Reason, Reply, Status, SyncState, Timing, WindowBlock, WireTime, apid,
 };
 use std::collections::BTreeSet;
 
@@ -64,6 +64,10 @@ fn command(v: &Vector) -> Command {
             value: v.float("value"),
             seconds: v.float("seconds"),
         }),
+        Opcode::Trigger => Command::Trigger {
+            number: v.integer("number"),
+            start: WireTime(v.integer("start")),
+        },
     }
 }
 
@@ -138,7 +142,37 @@ fn frame_header(v: &Vector) -> FrameHeader {
         seed: v.integer("seed"),
         gain_e_per_dn: v.float("gain_e_per_dn"),
         offset_dn: v.float("offset_dn"),
+    }
+}
+
+/// All of these are written so that an f32 holds them.
+fn timing(v: &Vector) -> Timing {
+    let seconds = |name| v.float(name) as f32;
+    Timing {
+        attitude_age_s: seconds("attitude_age_s"),
+        first_pixel_s: seconds("first_pixel_s"),
+        last_pixel_s: seconds("last_pixel_s"),
+        first_octet_s: seconds("first_octet_s"),
+        last_octet_s: seconds("last_octet_s"),
+        spare_s: seconds("spare_s"),
+    }
+}
+
+fn sync(v: &Vector) -> SyncState {
+    SyncState::from_code(v.integer("sync")).expect("sync")
+}
+
+fn frame_end(v: &Vector) -> FrameEnd {
+    FrameEnd {
+        frame: v.integer("frame"),
         pixels_crc32: v.integer("pixels_crc32"),
+        trigger: v.integer("trigger"),
+        attitude_source: AttitudeSource::from_code(v.integer("attitude_source")).expect("source"),
+        overrun: Overrun::from_code(v.integer("overrun")).expect("overrun"),
+        sync: sync(v),
+        in_time: v.integer::<u8>("flags") == 1,
+        timing: timing(v),
+        clock_offset_s: v.float("clock_offset_s"),
     }
 }
 
@@ -173,6 +207,13 @@ fn counters(v: &Vector) -> Counters {
         incomplete: n("incomplete"),
         bus_errors: n("bus_errors"),
         bus_off: n("bus_off"),
+        deadlines_missed: n("deadlines_missed"),
+        frames_coarsened: n("frames_coarsened"),
+        frames_dropped: n("frames_dropped"),
+        attitudes_stale: n("attitudes_stale"),
+        attitudes_future: n("attitudes_future"),
+        triggers: n("triggers"),
+        triggers_missed: n("triggers_missed"),
     }
 }
 
@@ -189,6 +230,12 @@ fn status(v: &Vector) -> Status {
         frame_rate_hz: v.float("frame_rate_hz"),
         next_frame: v.integer("next_frame"),
         packets_sent: v.integer("packets_sent"),
+        sync: sync(v),
+        clock_offset_s: v.float("clock_offset_s"),
+        timing: timing(v),
+        latency_p50_s: v.float("latency_p50_s") as f32,
+        latency_p99_s: v.float("latency_p99_s") as f32,
+        latency_max_s: v.float("latency_max_s") as f32,
         counters: counters(v),
     }
 }
@@ -196,6 +243,7 @@ fn status(v: &Vector) -> Status {
 fn reply<'a>(v: &'a Vector, data: &'a [u8]) -> Reply<'a> {
     match v.text("message") {
         "FrameHeader" => Reply::FrameHeader(frame_header(v)),
+        "FrameEnd" => Reply::FrameEnd(frame_end(v)),
         "PixelBlock" => Reply::PixelBlock(PixelBlock {
             frame: v.integer("frame"),
             index: v.integer("index"),

@@ -12,9 +12,10 @@ use skyloop_protocols::pixels::{
     pixels_per_block, unpack,
 };
 use skyloop_protocols::{
-    Ack, Attitude, Command, Counters, DecodeError, Direction, Fault, FaultKind, FrameHeader,
-    LabelLevel, LabelPart, MAX_PACKET, Mode, Nack, OrbitState, Output, Packing, PixelBlock,
-    PixelLevel, Positions, Reason, Reply, Status, WireTime, apid, slip,
+    Ack, Attitude, AttitudeSource, Command, Counters, DecodeError, Direction, Fault, FaultKind,
+    FrameEnd, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, Mode, Nack, OrbitState, Output,
+    Overrun, Packing, PixelBlock, PixelLevel, Positions, Reason, Reply, Status, SyncState, Timing,
+    WireTime, apid, slip,
 };
 use std::sync::LazyLock;
 
@@ -148,6 +149,10 @@ fn command() -> impl Strategy<Value = Command> {
             first,
             count
         }),
+        (1..=u32::MAX, any::<u64>()).prop_map(|(number, start)| Command::Trigger {
+            number,
+            start: WireTime(start),
+        }),
         (1..=11_u8, 0..2_u8, 0.0..=1.0, 0.0..1e6).prop_map(|(kind, direction, value, seconds)| {
             let kind = FaultKind::from_code(kind).expect("kind");
             Command::Fault(Fault {
@@ -169,7 +174,6 @@ fn frame_header() -> impl Strategy<Value = FrameHeader> {
         any::<u32>(),
         any::<u32>(),
         any::<u64>(),
-        any::<u32>(),
         finite(),
         positive(),
     );
@@ -181,7 +185,7 @@ fn frame_header() -> impl Strategy<Value = FrameHeader> {
         0..10_000_000_u32,
     );
     (numbers, shape, any::<u64>(), any::<u64>()).prop_map(|(numbers, shape, a, b)| {
-        let (frame, attitude_sequence, seed, pixels_crc32, offset_dn, gain_e_per_dn) = numbers;
+        let (frame, attitude_sequence, seed, offset_dn, gain_e_per_dn) = numbers;
         let (width, height, packing, bits, label_bytes) = shape;
         FrameHeader {
             frame,
@@ -202,9 +206,50 @@ fn frame_header() -> impl Strategy<Value = FrameHeader> {
             seed,
             gain_e_per_dn,
             offset_dn,
-            pixels_crc32,
         }
     })
+}
+
+fn timing() -> impl Strategy<Value = Timing> {
+    let seconds = prop::array::uniform6(prop::num::f32::NORMAL | prop::num::f32::ZERO);
+    seconds.prop_map(|[a, b, c, d, e, f]| Timing {
+        attitude_age_s: a,
+        first_pixel_s: b,
+        last_pixel_s: c,
+        first_octet_s: d,
+        last_octet_s: e,
+        spare_s: f,
+    })
+}
+
+fn frame_end() -> impl Strategy<Value = FrameEnd> {
+    let codes = (
+        prop::sample::select(AttitudeSource::ALL),
+        prop::sample::select(Overrun::ALL),
+        prop::sample::select(SyncState::ALL),
+    );
+    let numbers = prop::array::uniform3(any::<u32>());
+    (codes, numbers, any::<bool>(), timing(), finite()).prop_map(
+        |(
+            (attitude_source, overrun, sync),
+            [frame, pixels_crc32, trigger],
+            in_time,
+            timing,
+            offset,
+        )| {
+            FrameEnd {
+                frame,
+                pixels_crc32,
+                trigger,
+                attitude_source,
+                overrun,
+                sync,
+                in_time,
+                timing,
+                clock_offset_s: offset,
+            }
+        },
+    )
 }
 
 fn status() -> impl Strategy<Value = Status> {
@@ -222,8 +267,13 @@ fn status() -> impl Strategy<Value = Status> {
         any::<u32>(),
         any::<u32>(),
     );
-    (shape, numbers).prop_map(
-        |((wall, width, height, packing, bits), (settings, next_frame, packets_sent, c, d))| {
+    (shape, numbers, timing(), finite()).prop_map(
+        |(
+            (wall, width, height, packing, bits),
+            (settings, next_frame, packets_sent, c, d),
+            timing,
+            clock_offset_s,
+        )| {
             let [exposure_s, gain_e_per_dn, frame_rate_hz] = settings;
             let mode = if wall { Mode::Wall } else { Mode::Stepped };
             let counters = Counters {
@@ -247,6 +297,12 @@ fn status() -> impl Strategy<Value = Status> {
                 frame_rate_hz,
                 next_frame,
                 packets_sent,
+                sync: SyncState::Holdover,
+                clock_offset_s,
+                timing,
+                latency_p50_s: timing.spare_s,
+                latency_p99_s: timing.first_octet_s,
+                latency_max_s: timing.last_octet_s,
                 counters,
             }
         },
@@ -318,8 +374,8 @@ proptest! {
     }
 
     #[test]
-    fn frame_headers_and_status_come_back(frame in frame_header(), status in status(), count in any::<u16>(), time in any::<u64>()) {
-        for reply in [Reply::FrameHeader(frame), Reply::Status(status)] {
+    fn both_ends_of_frames_and_status_come_back(frame in frame_header(), end in frame_end(), status in status(), count in any::<u16>(), time in any::<u64>()) {
+        for reply in [Reply::FrameHeader(frame), Reply::FrameEnd(end), Reply::Status(status)] {
             let mut buffer = [0; MAX_PACKET];
             let length = reply.encode(count, WireTime(time), &mut buffer).expect("encodes");
             prop_assert_eq!(Reply::decode(&buffer[..length]).expect("decodes").1, reply);

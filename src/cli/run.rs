@@ -5,7 +5,7 @@ use super::cost::spread;
 use super::{Orbits, Records, instruments, levels, mission, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
-use skyloop::config::{Clock, Config};
+use skyloop::config::{Clock, Config, Trigger};
 use skyloop::effect::counted;
 use skyloop::engine::Emulator;
 use skyloop::link;
@@ -77,20 +77,16 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         None => around(),
     })?;
     let mut server = Server::new(emulator, links, output, clock, &NATIVE);
-    server.set_overrun(&config.run);
+    server.set_run(&config.run);
     server.fits().map_err(anyhow::Error::msg)?;
 
-    let pace = match clock {
-        Clock::Stepped => "a frame for each attitude".to_string(),
-        Clock::Wall => format!(
-            "{} frame{} a second by the wall clock",
-            config.camera.rate_hz,
-            if config.camera.rate_hz == 1.0 {
-                ""
-            } else {
-                "s"
-            }
-        ),
+    let rate_hz = config.camera.rate_hz;
+    let frames = if rate_hz == 1.0 { "frame" } else { "frames" };
+    let pace = match (clock, config.run.trigger) {
+        (Clock::Stepped, Trigger::Own) => "a frame for each attitude".to_string(),
+        (_, Trigger::Packet) => "a frame for each Trigger".to_string(),
+        (Clock::Wall, _) => format!("{rate_hz} {frames} a second by the wall clock"),
+        (Clock::External, _) => format!("{rate_hz} {frames} a second by the client's clock"),
     };
     let camera = &config.camera;
     say(format_args!(

@@ -6,6 +6,7 @@ use crate::load::{Check, ConfigError};
 use serde::Deserialize;
 use skyloop_protocols::Output;
 use skyloop_protocols::output::MAX_WINDOW;
+use std::time::Duration;
 
 /// How a live run listens and keeps time.
 #[derive(Debug, Clone)]
@@ -114,6 +115,45 @@ pub enum OutOfOrder {
     Use,
 }
 
+impl Default for Run {
+    fn default() -> Run {
+        let raw = RawRun::default();
+        Run {
+            links: vec![DEFAULT_LINK.to_string()],
+            output: Output::default(),
+            clock: raw.clock,
+            trigger: raw.trigger,
+            idle_s: raw.idle_s,
+            latency_s: raw.latency_s,
+            delay: Delay::default(),
+            on_overrun: raw.on_overrun,
+            coarsen: Vec::new(),
+            staleness: Staleness {
+                limit_s: raw.stale_s,
+                then: raw.on_stale,
+            },
+            out_of_order: raw.out_of_order,
+            holdover_s: raw.holdover_s,
+        }
+    }
+}
+
+impl Delay {
+    /// How much later than its exposure's end a frame leaves at the earliest: the same for the same frame in every run.
+    pub fn of(&self, frame: u32) -> Duration {
+        // SplitMix64 (Steele, Lea and Flood 2014) of the frame's number.
+        let mut word = u64::from(frame)
+            .wrapping_add(1)
+            .wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        word = (word ^ word >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        word = (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        let share = ((word ^ word >> 31) >> 11) as f64 / (1u64 << 53) as f64;
+        Duration::from_secs_f64(self.delay_s + self.jitter_s * share)
+    }
+}
+
+const DEFAULT_LINK: &str = "udp://127.0.0.1:4810";
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RawRun {
@@ -151,7 +191,7 @@ impl Default for RawRun {
     fn default() -> Self {
         let output = Output::default();
         RawRun {
-            link: OneOrMore::One("udp://127.0.0.1:4810".to_string()),
+            link: OneOrMore::One(DEFAULT_LINK.to_string()),
             output: "frame".to_string(),
             windows: output.windows,
             window_px: output.window_size,

@@ -1,13 +1,11 @@
 //! To the wire: answers (`Ack`, `Nack`, `Status`). They take no credit and go before the next packet of a frame.
 
 use super::Server;
-use crate::config::Clock;
 use crate::link::LinkError;
 use bytes::Bytes;
 use skyloop_firmware_sim::time::to_wire;
-use skyloop_protocols::{
-    Ack, Header, MAX_PACKET, Mode, Nack, Packing, Reason, Reply, Status, WireTime,
-};
+use skyloop_protocols::{Ack, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, WireTime};
+use std::time::Instant;
 
 impl Server {
     pub(super) fn ack(&mut self, at: usize, header: &Header) -> Result<(), LinkError> {
@@ -64,13 +62,15 @@ impl Server {
 
     pub(super) fn status(&self, at: usize) -> Status {
         let exchange = &self.channels[at].exchange;
-        let camera = self.emulator.camera();
+        let camera = &self.settings.camera;
         let detector = &camera.detector;
+        let sync = self.clock.sync(Instant::now());
+        let latency_s = |fraction| {
+            let latency = self.stats.answer.quantile(fraction);
+            latency.map_or(0.0, |latency| latency.as_secs_f32())
+        };
         Status {
-            mode: match self.clock {
-                Clock::Stepped => Mode::Stepped,
-                Clock::Wall => Mode::Wall,
-            },
+            mode: self.clock.mode(),
             width: detector.width as u16,
             height: detector.height as u16,
             bits: detector.bits,
@@ -79,8 +79,14 @@ impl Server {
             exposure_s: camera.exposure_s,
             gain_e_per_dn: detector.gain_e_per_dn,
             frame_rate_hz: camera.rate_hz,
-            next_frame: self.emulator.next_frame(),
+            next_frame: self.next_frame,
             packets_sent: exchange.credit.sent(),
+            sync: sync.state,
+            clock_offset_s: sync.offset_s,
+            timing: self.last_timing,
+            latency_p50_s: latency_s(0.5),
+            latency_p99_s: latency_s(0.99),
+            latency_max_s: latency_s(1.0),
             counters: self.counters(),
         }
     }
@@ -88,8 +94,8 @@ impl Server {
     /// The emulator's present time: that of the last attitude.
     pub(super) fn now(&self) -> WireTime {
         self.truth
-            .latest
-            .as_ref()
+            .history
+            .latest()
             .and_then(|latched| to_wire(latched.vehicle.epoch))
             .unwrap_or_default()
     }

@@ -70,7 +70,8 @@ impl Server {
             return Ok(true);
         };
         if let Err(why) = tellable(&Exposure::around(due.mid, camera.exposure_s)) {
-            self.refuse_later(&pointing.message, &due, &why)?;
+            let message = (pointing.message.number, pointing.message.header);
+            self.refuse_later(message, &due, &why)?;
             return Ok(true);
         }
         let spare = due
@@ -93,7 +94,7 @@ impl Server {
     }
 
     /// An exposure has no frame.
-    fn miss(&mut self, due: &Due) {
+    pub(super) fn miss(&mut self, due: &Due) {
         self.missed = self.missed.wrapping_add(1);
         let triggers = &mut self.counters.triggers_missed;
         *triggers = triggers.wrapping_add(u32::from(due.trigger > 0));
@@ -113,7 +114,9 @@ impl Server {
         let in_step = self.kind == Kind::Stepped;
         let shown = &mut self.truth.shown;
         let repeat = match shown {
-            Some((number, frames)) if *number == pointing.message.number && due.latched.is_none() => {
+            Some((number, frames))
+                if *number == pointing.message.number && due.latched.is_none() =>
+            {
                 *frames = frames.wrapping_add(1);
                 *frames
             }
@@ -173,7 +176,11 @@ impl Server {
         let Some(number) = self.making else {
             return Ok(());
         };
-        let Some(at) = self.pictures.iter().position(|picture| picture.number == number) else {
+        let Some(at) = self
+            .pictures
+            .iter()
+            .position(|picture| picture.number == number)
+        else {
             return Ok(());
         };
         let picture = &mut self.pictures[at];
@@ -200,7 +207,7 @@ impl Server {
                 let picture = self.pictures.remove(at);
                 self.making = None;
                 let message = (picture.asked.message, picture.asked.header);
-                self.refuse_shown(message, &picture.asked.due, &why)?;
+                self.refuse_later(message, &picture.asked.due, &why)?;
             }
         }
         Ok(())

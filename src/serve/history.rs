@@ -5,6 +5,7 @@ use crate::attitude::{VehicleState, between, rates_between};
 use crate::config::{OnStale, Staleness};
 use crate::scene::Exposure;
 use hifitime::Epoch;
+use nalgebra::Vector3;
 use skyloop_orbit::time::seconds;
 use skyloop_protocols::AttitudeSource;
 use std::collections::VecDeque;
@@ -45,7 +46,9 @@ impl History {
         let grain = seconds(exposure_s * GRAIN);
         // The one before it is between two that are nearer to each other than the grain.
         if is_last
-            && let Some(before) = at.checked_sub(2).and_then(|before| self.messages.get(before))
+            && let Some(before) = at
+                .checked_sub(2)
+                .and_then(|before| self.messages.get(before))
             && epoch - before.vehicle.epoch < grain
         {
             self.messages.remove(at - 1);
@@ -65,31 +68,33 @@ impl History {
         self.messages.back()
     }
 
-    /// What an exposure is made with; none before the first message.
+    /// What an exposure is made with; none before the first message. What the client said last counts, even if its time lies after the exposure.
     pub fn over(&self, exposure: &Exposure, staleness: &Staleness) -> Option<Pointing> {
         let (first, last) = (self.messages.front()?, self.messages.back()?);
+        let limit = seconds(staleness.limit_s);
+        if last.vehicle.epoch > exposure.end + limit {
+            return Some(out_of_reach(last, exposure, staleness, true));
+        }
         let after = self
             .messages
             .partition_point(|message| message.vehicle.epoch <= exposure.mid);
-        let message = after.checked_sub(1).and_then(|at| self.messages.get(at));
-        let is_future = message.is_none();
-        let message = message.unwrap_or(first).clone();
+        let before = after.checked_sub(1).and_then(|at| self.messages.get(at));
+        let message = before.unwrap_or(first);
         let age_s = (exposure.mid - message.vehicle.epoch).to_seconds();
-        let spans = exposure.start < last.vehicle.epoch;
-        let vehicle = match spans && !is_future {
-            true => self.turning(exposure, &message)?,
-            false => message.vehicle.at(exposure.mid),
+        let source = match before {
+            None => AttitudeSource::Future,
+            Some(_) if age_s == 0.0 => AttitudeSource::Exact,
+            Some(_) if after < self.messages.len() => AttitudeSource::Interpolated,
+            Some(_) if age_s <= staleness.limit_s => AttitudeSource::Extrapolated,
+            Some(last) => return Some(out_of_reach(last, exposure, staleness, false)),
         };
-        let source = match () {
-            () if is_future => AttitudeSource::Future,
-            () if message.vehicle.epoch == exposure.mid => AttitudeSource::Exact,
-            () if after < self.messages.len() => AttitudeSource::Interpolated,
-            () if age_s <= staleness.limit_s => AttitudeSource::Extrapolated,
-            () => return Some(stale(message, exposure, staleness)),
+        let vehicle = match exposure.start < last.vehicle.epoch {
+            true => self.turning(exposure, message)?,
+            false => message.vehicle.at(exposure.mid),
         };
         Some(Pointing {
             vehicle,
-            message,
+            message: message.clone(),
             source,
             age_s,
         })
@@ -126,29 +131,35 @@ impl History {
     }
 }
 
-/// What is made of an attitude that is too old.
-fn stale(message: Latched, exposure: &Exposure, staleness: &Staleness) -> Pointing {
+/// What is made of an attitude that is too old, or of a future too far.
+fn out_of_reach(
+    message: &Latched,
+    exposure: &Exposure,
+    staleness: &Staleness,
+    is_future: bool,
+) -> Pointing {
     let carried = message.vehicle.at(exposure.mid);
+    let told = &message.vehicle;
+    let limit_s = if is_future {
+        -staleness.limit_s
+    } else {
+        staleness.limit_s
+    };
+    let held = || VehicleState {
+        attitude: told.at(told.epoch + seconds(limit_s)).attitude,
+        rates: Vector3::zeros(),
+        ..carried.clone()
+    };
     let (vehicle, source) = match staleness.then {
+        OnStale::Extrapolate if is_future => (carried, AttitudeSource::Future),
         OnStale::Extrapolate => (carried, AttitudeSource::Stale),
-        OnStale::Hold | OnStale::Invalid => {
-            let limit = message.vehicle.epoch + seconds(staleness.limit_s);
-            let held = VehicleState {
-                attitude: message.vehicle.at(limit).attitude,
-                rates: Default::default(),
-                ..carried
-            };
-            let source = match staleness.then {
-                OnStale::Invalid => AttitudeSource::Invalid,
-                _ => AttitudeSource::Held,
-            };
-            (held, source)
-        }
+        OnStale::Hold => (held(), AttitudeSource::Held),
+        OnStale::Invalid => (held(), AttitudeSource::Invalid),
     };
     Pointing {
-        age_s: (exposure.mid - message.vehicle.epoch).to_seconds(),
         vehicle,
-        message,
+        message: message.clone(),
         source,
+        age_s: (exposure.mid - told.epoch).to_seconds(),
     }
 }

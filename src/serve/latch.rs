@@ -1,13 +1,17 @@
 //! An attitude from the wire becomes the latched vehicle state, or is refused.
 
+use super::clock::{Due, MAX_WAITING};
 use super::receive::Refusal;
-use super::{Latched, MAX_WAITING, Server};
+use super::{Latched, Server};
 use crate::attitude::{AttitudeError, VehicleState};
-use crate::config::Clock;
+use crate::config::OutOfOrder;
 use crate::link::{Inbound, LinkError};
 use crate::scene::{Exposure, shutter, turn_at};
+use hifitime::Epoch;
 use skyloop_firmware_sim::time::{to_epoch, to_wire};
+use skyloop_orbit::time::utc_text;
 use skyloop_protocols::{Attitude, Header, Reason};
+use std::time::Instant;
 
 impl Server {
     /// Latches a vehicle state.
@@ -18,19 +22,7 @@ impl Server {
         inbound: &Inbound,
     ) -> Result<(), Refusal> {
         let epoch = to_epoch(header.time);
-        if let Some(last) = &self.truth.latest
-            && epoch < last.vehicle.epoch
-        {
-            let back_s = (last.vehicle.epoch - epoch).to_seconds();
-            return Err(Refusal {
-                reason: Reason::TimeBackwards,
-                detail: format!(
-                    "time of attitude {} lies {back_s:.6} s before the last one; send them in order, or Reset",
-                    attitude.sequence
-                ),
-            });
-        }
-        if self.clock == Clock::Stepped && self.truth.waiting.len() >= MAX_WAITING {
+        if self.clock.is_full() {
             return Err(Refusal {
                 reason: Reason::Busy,
                 detail: format!(
@@ -38,7 +30,7 @@ impl Server {
                 ),
             });
         }
-        if attitude.state.is_none() && self.emulator.has_objects() {
+        if attitude.state.is_none() && self.has_objects {
             return Err(Refusal {
                 reason: Reason::ValueOutOfRange,
                 detail: format!(
@@ -65,40 +57,68 @@ impl Server {
             },
             detail: format!("attitude {}: {error}", attitude.sequence),
         })?;
-        let camera = self.emulator.camera();
+        let camera = self.settings.camera.clone();
         exposable(&vehicle, camera.exposure_s + camera.readout_s()).map_err(|why| Refusal {
             reason: Reason::ValueOutOfRange,
             detail: format!("attitude {}: {why}", attitude.sequence),
         })?;
+        self.hear(epoch, inbound.arrived);
+        self.in_order(epoch, attitude.sequence)?;
+        self.accepted += 1;
         let latched = Latched {
             vehicle,
-            camera,
             header,
             arrived: inbound.arrived,
+            number: self.accepted,
         };
-        match self.clock {
-            Clock::Stepped => self.truth.waiting.push_back(latched.clone()),
-            Clock::Wall => self.wall.set(epoch, inbound.arrived),
-        }
-        self.truth.latest = Some(latched);
-        self.truth.repeat = 0;
-        self.truth.refused = false;
+        self.clock.latched(&latched, &camera);
+        self.truth.history.add(latched, camera.exposure_s);
         Ok(())
     }
 
-    /// By the wall clock an accepted attitude may be carried to where nothing can be shown: it is refused once,
-    /// and each later exposure of it is missed.
-    pub(super) fn refuse_later(
-        &mut self,
-        at: usize,
-        header: &Header,
-        why: &str,
-    ) -> Result<(), LinkError> {
-        if std::mem::replace(&mut self.truth.refused, true) {
-            self.wall.missed = self.wall.missed.wrapping_add(1);
+    /// A time that the client told. Where its clock has jumped, what came before has no meaning any more.
+    pub(super) fn hear(&mut self, told: Epoch, arrived: Instant) {
+        if self.clock.hear(told, arrived) {
+            tracing::warn!(
+                "the client's clock has jumped to {}: it is followed, and attitudes that came before are forgotten",
+                utc_text(told)
+            );
+            self.truth.history.clear();
+        }
+    }
+
+    /// Refuses an attitude that is earlier than one before it, unless such ones are used.
+    fn in_order(&self, epoch: Epoch, sequence: u32) -> Result<(), Refusal> {
+        let Some(last) = self.truth.history.latest() else {
+            return Ok(());
+        };
+        if epoch >= last.vehicle.epoch || self.out_of_order == OutOfOrder::Use {
             return Ok(());
         }
+        let back_s = (last.vehicle.epoch - epoch).to_seconds();
+        Err(Refusal {
+            reason: Reason::TimeBackwards,
+            detail: format!(
+                "time of attitude {sequence} lies {back_s:.6} s before the last one; send them in order, or Reset"
+            ),
+        })
+    }
+
+    /// An attitude that had been accepted may be carried to where nothing can be shown: it is refused once, and each later exposure of it is
+    /// missed.
+    pub(super) fn refuse_later(
+        &mut self,
+        (number, header): (u64, Header),
+        due: &Due,
+        why: &str,
+    ) -> Result<(), LinkError> {
+        if self.truth.refused == Some(number) {
+            self.miss(due);
+            return Ok(());
+        }
+        self.truth.refused = Some(number);
         self.counters.refuse(Reason::ValueOutOfRange);
+        let at = self.truth_channel();
         self.nack(
             at,
             header.apid,

@@ -3,7 +3,8 @@
 use super::Server;
 use super::picture::Picture;
 use crate::link::Mark;
-use std::time::{Duration, Instant};
+use skyloop_protocols::Timing;
+use std::time::Instant;
 
 /// Frames whose times are waited for at most: as many as links' queues may hold, and some.
 const MOST: usize = 64;
@@ -14,10 +15,7 @@ pub(super) struct Leaving {
     whole: bool,
     deadline: Option<Instant>,
     trigger: Instant,
-    attitude_age_s: f64,
-    first_pixel: Duration,
-    last_pixel: Duration,
-    first_octet: Duration,
+    timing: Timing,
     /// Links in whose queues it is, with the place of its last packet.
     marks: Vec<(usize, Mark)>,
     /// When it had left those that it has left.
@@ -31,10 +29,7 @@ impl Leaving {
             whole: picture.whole,
             deadline: picture.asked.due.deadline,
             trigger: picture.trigger(),
-            attitude_age_s: picture.asked.age_s,
-            first_pixel: picture.since_trigger(picture.first_pixel),
-            last_pixel: picture.since_trigger(picture.last_pixel),
-            first_octet: picture.since_trigger(picture.first_octet),
+            timing: picture.timing(Instant::now()),
             marks: picture.marks.clone(),
             last: None,
         }
@@ -62,7 +57,11 @@ impl Server {
                 }
             }
         }
-        while let Some(at) = self.leaving.iter().position(|leaving| leaving.marks.is_empty()) {
+        while let Some(at) = self
+            .leaving
+            .iter()
+            .position(|leaving| leaving.marks.is_empty())
+        {
             let left = self.leaving.remove(at);
             self.book(&left);
         }
@@ -73,11 +72,15 @@ impl Server {
         let missed = left
             .deadline
             .is_some_and(|deadline| last.is_none_or(|last| last > deadline));
-        self.counters.deadlines_missed = self.counters.deadlines_missed.wrapping_add(u32::from(missed));
+        self.counters.deadlines_missed = self
+            .counters
+            .deadlines_missed
+            .wrapping_add(u32::from(missed));
         self.stats.late += u32::from(missed);
         if let Some(last) = last {
             let latency = last.saturating_duration_since(left.trigger);
             self.stats.answer.add(latency);
+            self.last_timing = left.timing;
         }
     }
 }

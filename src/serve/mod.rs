@@ -37,7 +37,7 @@ use leaving::Leaving;
 use overrun::Overrun;
 use picture::Picture;
 use shooter::{Shooter, shooter};
-use skyloop_protocols::{Counters, Header, Output, Personality};
+use skyloop_protocols::{Counters, Header, Output, Personality, Timing};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -78,6 +78,13 @@ struct Settings {
     camera: Arc<Camera>,
 }
 
+impl Settings {
+    /// The camera, to be commanded; frames under way keep theirs.
+    fn change(&mut self) -> &mut Camera {
+        Arc::make_mut(&mut self.camera)
+    }
+}
+
 /// The emulator at its links.
 pub struct Server {
     /// None while its thread has it.
@@ -113,6 +120,8 @@ pub struct Server {
     missed: u32,
     /// What the run measured.
     pub stats: RunStats,
+    /// Of the frame that left last.
+    last_timing: Timing,
     /// Objects that could not be shown.
     absent: Absent,
 }
@@ -168,6 +177,7 @@ impl Server {
             counters: Counters::default(),
             missed: 0,
             stats: RunStats::default(),
+            last_timing: Timing::default(),
             absent: Absent::default(),
         }
     }

@@ -1,13 +1,15 @@
 //! Commands change the camera's settings and the exchange, or are refused.
 
+use super::Server;
 use super::budget;
+use super::clock::Asked;
 use super::receive::Refusal;
-use super::{Server, Truth};
 use crate::camera::{EXPOSURE_S, GAIN_E_PER_DN, RATE_HZ};
-use crate::config::Clock;
+use crate::config::Clock as Kind;
 use crate::link::FAULT_REFUSED;
 use crate::scene::turn_at;
-use skyloop_protocols::{Command, Header, Output, Reason};
+use skyloop_firmware_sim::time::to_epoch;
+use skyloop_protocols::{Command, Header, Output, Reason, WireTime};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 use std::time::Instant;
@@ -24,55 +26,58 @@ impl Server {
         match command {
             Command::Exposure { seconds } => {
                 within("Exposure.seconds", seconds, EXPOSURE_S)?;
-                let camera = self.emulator.camera();
+                let camera = self.settings.camera.clone();
                 // What reading the frame out takes of its period is not for the exposure.
                 let most = 1.0 / camera.rate_hz - (camera.period_s(seconds) - seconds);
                 self.do_not_overlap("Exposure.seconds", seconds, most, "lower FrameRate")?;
                 self.must_rest("Exposure")?;
-                if let (Clock::Wall, Some(latest)) = (self.clock, &self.truth.latest) {
+                if let Some(latest) = self.truth.history.latest()
+                    && self.kind != Kind::Stepped
+                {
                     let open_s = seconds + camera.readout_s();
                     turn_at(latest.vehicle.rates, open_s).map_err(|error| Refusal {
                         reason: Reason::ValueOutOfRange,
                         detail: format!("Exposure.seconds = {seconds}: {error}"),
                     })?;
                 }
-                self.emulator.camera_mut().exposure_s = seconds;
+                self.settings.change().exposure_s = seconds;
             }
             Command::Gain { e_per_dn } => {
                 within("Gain.e_per_dn", e_per_dn, GAIN_E_PER_DN)?;
-                self.emulator.camera_mut().detector.gain_e_per_dn = e_per_dn;
+                self.settings.change().detector.gain_e_per_dn = e_per_dn;
             }
             Command::FrameRate { hz } => {
                 self.on_the_wall_only("FrameRate", "each attitude gives its frame")?;
                 within("FrameRate.hz", hz, RATE_HZ)?;
-                let camera = self.emulator.camera();
+                let camera = self.settings.camera.clone();
                 let most = 1.0 / camera.period_s(camera.exposure_s);
                 self.do_not_overlap("FrameRate.hz", hz, most, "shorten Exposure")?;
                 for at in 0..self.channels.len() {
                     let output = self.channels[at].exchange.output;
                     self.must_fit(at, &output, hz, "FrameRate")?;
                 }
-                self.emulator.camera_mut().rate_hz = hz;
-                self.wall.set_rate(hz, arrived);
+                self.settings.change().rate_hz = hz;
+                if let Some(cadence) = self.clock.cadence() {
+                    cadence.set_rate(hz, arrived);
+                }
             }
             Command::SingleShot => {
                 self.on_the_wall_only("SingleShot", "send an Attitude for each frame")?;
-                if self.truth.latest.is_none() {
+                if self.truth.history.latest().is_none() {
                     return Err(Refusal {
                         reason: Reason::Busy,
                         detail: "SingleShot: no attitude yet; send one first".to_string(),
                     });
                 }
                 self.must_rest("SingleShot")?;
-                let exposure_s = self.emulator.camera().exposure_s;
-                self.wall.single_shot(exposure_s, arrived);
+                let exposure_s = self.settings.camera.exposure_s;
+                if let Some(cadence) = self.clock.cadence() {
+                    cadence.single_shot(exposure_s, arrived);
+                }
             }
             Command::Reset => {
                 if self.channels[at].roles.truth {
-                    self.abandon_waiting();
-                    self.truth = Truth::default();
-                    self.emulator.reset_camera();
-                    self.wall.clear(self.emulator.camera().rate_hz, arrived);
+                    self.clear_truth(arrived);
                 }
                 let channel = &mut self.channels[at];
                 channel.reset(self.output, arrived);
@@ -92,7 +97,7 @@ impl Server {
                 }
             }
             Command::Output(output) => {
-                let detector = &self.emulator.camera().detector;
+                let detector = &self.settings.camera.detector;
                 let most = detector.width.min(detector.height);
                 if usize::from(output.window_size) > most {
                     return Err(Refusal {
@@ -103,11 +108,11 @@ impl Server {
                         ),
                     });
                 }
-                self.must_fit(at, &output, self.emulator.camera().rate_hz, "Output")?;
+                self.must_fit(at, &output, self.settings.camera.rate_hz, "Output")?;
                 self.channels[at].exchange.output = output;
             }
             Command::Positions(positions) => {
-                let detector = &self.emulator.camera().detector;
+                let detector = &self.settings.camera.detector;
                 let outside = positions.centres().iter().find(|[column, row]| {
                     usize::from(*column) >= detector.width || usize::from(*row) >= detector.height
                 });
@@ -123,7 +128,7 @@ impl Server {
                 let listed = (!positions.centres().is_empty()).then_some(positions);
                 let before = std::mem::replace(&mut self.channels[at].exchange.positions, listed);
                 let output = self.channels[at].exchange.output;
-                let rate_hz = self.emulator.camera().rate_hz;
+                let rate_hz = self.settings.camera.rate_hz;
                 self.must_fit(at, &output, rate_hz, "Positions")
                     .inspect_err(|_| self.channels[at].exchange.positions = before)?;
             }
@@ -142,6 +147,19 @@ impl Server {
                         ),
                     });
                 }
+            }
+            Command::Trigger { number, start } => {
+                let start = to_epoch(start);
+                if header.time != WireTime::default() {
+                    self.hear(to_epoch(header.time), arrived);
+                }
+                self.clock.triggered(Asked {
+                    number,
+                    start,
+                    camera: self.settings.camera.clone(),
+                    arrived,
+                })?;
+                self.counters.triggers = self.counters.triggers.wrapping_add(1);
             }
             // The link has done it as the packet passed.
             Command::Fault(fault) => {
@@ -165,11 +183,11 @@ impl Server {
         rate_hz: f64,
         command: &str,
     ) -> Result<(), Refusal> {
-        if self.clock == Clock::Stepped {
+        if self.kind == Kind::Stepped {
             return Ok(());
         }
         let channel = &self.channels[at];
-        let camera = self.emulator.camera();
+        let camera = self.settings.camera.clone();
         let listed = channel.exchange.positions.as_ref();
         let output = &Output {
             windows: listed.map_or(output.windows, |listed| listed.centres().len() as u8),
@@ -183,8 +201,9 @@ impl Server {
     }
 
     /// Refuses `command` while a single shot is exposed.
-    fn must_rest(&self, command: &str) -> Result<(), Refusal> {
-        if !self.wall.single_shot_is_open() {
+    fn must_rest(&mut self, command: &str) -> Result<(), Refusal> {
+        let cadence = self.clock.cadence();
+        if cadence.is_none_or(|cadence| !cadence.single_shot_is_open()) {
             return Ok(());
         }
         Err(Refusal {
@@ -201,7 +220,7 @@ impl Server {
         most: f64,
         remedy: &str,
     ) -> Result<(), Refusal> {
-        if self.clock == Clock::Stepped || value <= most {
+        if self.kind == Kind::Stepped || value <= most {
             return Ok(());
         }
         Err(Refusal {
@@ -213,7 +232,7 @@ impl Server {
     }
 
     fn on_the_wall_only(&self, command: &str, instead: &str) -> Result<(), Refusal> {
-        if self.clock == Clock::Wall {
+        if self.kind != Kind::Stepped {
             return Ok(());
         }
         Err(Refusal {

@@ -177,7 +177,10 @@ impl Picture {
     /// The label as clients get it: made once, when the first of them gets its first part.
     pub fn text(&self, now: Instant) -> Option<&Arc<String>> {
         let opening = self.opening.as_ref()?;
-        Some(self.text.get_or_init(|| super::told::label(self, opening, now)))
+        Some(
+            self.text
+                .get_or_init(|| super::told::label(self, opening, now)),
+        )
     }
 
     /// Octets of that label, before it is made.

@@ -1,7 +1,7 @@
 //! From the wire: packets to commands to the emulator's settings and the latched vehicle state.
 
+use super::Server;
 use super::deliver::LISTEN;
-use super::{Server, Truth};
 use crate::link::{Inbound, LinkError, QUEUE};
 use skyloop_protocols::{Command, Reason, Reply, packet};
 use std::sync::mpsc::TryRecvError;
@@ -14,25 +14,21 @@ pub(super) struct Refusal {
 }
 
 impl Server {
-    /// Waits up to `timeout` for packets and acts on them; false when a link has ended.
+    /// Waits up to `timeout` for a packet or news of the renderer; acts on a packet that is there; false when a link has ended.
     pub(super) fn receive(&mut self, timeout: Duration) -> Result<bool, LinkError> {
         let timeout = if self.flush()? {
             timeout
         } else {
             timeout.min(LISTEN)
         };
-        let deadline = Instant::now() + timeout;
-        loop {
-            let Some(took) = self.take_one_each()? else {
-                return Ok(false);
-            };
-            let left = deadline.saturating_duration_since(Instant::now());
-            if took || left.is_zero() {
-                return Ok(true);
-            }
-            // Each queue unparks this thread: see `Server::serve`.
-            std::thread::park_timeout(left);
+        match self.take_one_each()? {
+            None => return Ok(false),
+            Some(true) => return Ok(true),
+            Some(false) => {}
         }
+        // Each queue unparks this thread, and so does the renderer: see `Server::serve`.
+        std::thread::park_timeout(timeout);
+        Ok(true)
     }
 
     /// Acts on the packets that have come; false when a link has ended. As many as a full queue holds: a
@@ -118,10 +114,15 @@ impl Server {
             _ => self.counters.commands = self.counters.commands.wrapping_add(1),
         }
         match command {
-            Command::Attitude(_) | Command::Credit { .. } | Command::Resend { .. } => Ok(()),
+            Command::Attitude(_)
+            | Command::Trigger { .. }
+            | Command::Credit { .. }
+            | Command::Resend { .. } => Ok(()),
             Command::Ping => {
                 self.ack(at, &header)?;
-                self.wall.advance(Instant::now());
+                if let Some(cadence) = self.clock.cadence() {
+                    cadence.advance(Instant::now());
+                }
                 self.send(at, &Reply::Status(self.status(at)), self.now())
             }
             _ => self.ack(at, &header),
@@ -142,11 +143,7 @@ impl Server {
     fn open_exchange(&mut self, at: usize, number: u32) {
         self.channels[at].open_exchange(number, self.output);
         if self.channels[at].roles.truth {
-            self.abandon_waiting();
-            self.truth = Truth::default();
-            self.emulator.reset_camera();
-            self.wall
-                .clear(self.emulator.camera().rate_hz, Instant::now());
+            self.clear_truth(Instant::now());
         }
     }
 
@@ -160,12 +157,6 @@ impl Server {
             ),
         }
     }
-
-    /// Counts the attitudes that will have no frame.
-    pub(super) fn abandon_waiting(&mut self) {
-        let waiting = self.truth.waiting.drain(..).count() as u32;
-        self.counters.frames_abandoned = self.counters.frames_abandoned.wrapping_add(waiting);
-    }
 }
 
 /// Whether a command is for the link that brings the truth.
@@ -177,5 +168,6 @@ fn is_truth(command: &Command) -> bool {
             | Command::Gain { .. }
             | Command::FrameRate { .. }
             | Command::SingleShot
+            | Command::Trigger { .. }
     )
 }

@@ -5,7 +5,8 @@ use super::{EPOCH, PATIENCE, attitude};
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
 use skyloop_protocols::{
-    Attitude, Command, Counters, FrameHeader, Header, MAX_PACKET, Reason, Reply, Status, WireTime,
+    Attitude, Command, Counters, FrameEnd, FrameHeader, Header, MAX_PACKET, Reason, Reply, Status,
+    WireTime,
 };
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -30,6 +31,7 @@ pub struct Client<L> {
 pub struct Received {
     pub time: WireTime,
     pub header: FrameHeader,
+    pub end: FrameEnd,
     pub pixels: Vec<u16>,
     pub labels: String,
     /// Packets that it came in.
@@ -242,29 +244,43 @@ impl<L: Line> Client<L> {
             grant(self, packets);
         }
         assert_eq!(labels.len(), header.label_bytes as usize);
+        let end = self.end_of(&header);
+        packets += 1;
+        grant(self, packets);
         assert_eq!(
             Crc32::new().update_pixels(&pixels).finish(),
-            header.pixels_crc32
+            end.pixels_crc32
         );
         let labels = String::from_utf8(labels).expect("labels are UTF-8");
         Received {
             time,
             header,
+            end,
             pixels,
             labels,
             packets,
         }
     }
 
-    /// The next frame of any level: its header, and its other packets as they came.
-    pub fn parcel(&mut self) -> (FrameHeader, Vec<Vec<u8>>) {
+    /// The next packet, which closes this frame.
+    fn end_of(&mut self, header: &FrameHeader) -> FrameEnd {
+        let packet = self.next(true);
+        let (_, Reply::FrameEnd(end)) = Reply::decode(&packet).unwrap() else {
+            panic!("a frame ends with its FrameEnd");
+        };
+        assert_eq!(end.frame, header.frame);
+        end
+    }
+
+    /// The next frame of any level: its header, its packets with pixels and labels as they came, and its end.
+    pub fn parcel(&mut self) -> (FrameHeader, Vec<Vec<u8>>, FrameEnd) {
         let first = self.next(true);
         let (_, Reply::FrameHeader(header)) = Reply::decode(&first).unwrap() else {
             panic!("a frame starts with its header");
         };
         let more = header.blocks + u32::from(header.label_parts);
         let packets = (0..more).map(|_| self.next(true)).collect();
-        (header, packets)
+        (header, packets, self.end_of(&header))
     }
 
     /// A frame of the usual attitude, in stepped mode.

@@ -144,7 +144,7 @@ pub fn fly_between(
             {
                 times.push(Instant::now());
                 let delivered = Delivered {
-                    pixels_crc32: frame.header.pixels_crc32,
+                    pixels_crc32: frame.end.pixels_crc32,
                     pixels: frame.pixels().to_vec(),
                     windows: frame.windows().to_vec(),
                     objects: frame.objects(detections).unwrap(),

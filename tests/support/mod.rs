@@ -72,7 +72,7 @@ impl Running {
             let output = config.run.output;
             let emulator = Emulator::new(&mut config);
             let mut server = Server::new(emulator, links, output, clock, &NATIVE);
-            server.set_overrun(&config.run);
+            server.set_run(&config.run);
             // A client may have hung up before it is told to end.
             server.run(&stopped, None, |shot| {
                 let _ = to_test.send(shot.clone());

@@ -5,12 +5,12 @@ use crate::support::line::Line;
 use crate::support::{EPOCH, attitude, on_memory, scene};
 use crate::{CLASSIC, FD, VCAN0, VCAN1, client, emulator};
 use skyloop::config::Clock;
-use skyloop_protocols::{Command, FrameHeader, LabelLevel, Output, PixelLevel};
+use skyloop_protocols::{Command, FrameEnd, FrameHeader, LabelLevel, Output, PixelLevel};
 use std::time::{Duration, Instant};
 
-type Parcel = (FrameHeader, Vec<Vec<u8>>);
+type Parcel = (FrameHeader, Vec<Vec<u8>>, FrameEnd);
 
-/// Headers and packets of a few frames, and the shortest time from the first packet to the last.
+/// Headers, packets and ends of a few frames, and the shortest time from the first packet to the last.
 fn frames(mut client: Client<impl Line>) -> (Vec<Parcel>, Duration) {
     let output = Output {
         pixels: PixelLevel::Windows,
@@ -38,7 +38,7 @@ fn a_frame_over_can_fd_takes_the_time_of_its_bits() {
     let mut client = client(VCAN0, FD);
     let begin = Instant::now();
     client.point(attitude(0), EPOCH);
-    let (_, packets) = client.parcel();
+    let (_, packets, _) = client.parcel();
     let took = begin.elapsed().as_secs_f64();
     // X-Val: by hand as in src/serve/budget.rs: 62 octets and then 63 in each full frame, of 97.75 us without any stuff bit.
     let full = packets.iter().map(|packet| 1 + (packet.len() - 62) / 63);

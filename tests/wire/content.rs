@@ -32,7 +32,7 @@ fn labels_over_the_wire_are_the_json_of_the_frame_split_over_packets() {
         let mut client = Client::new(line);
         let frame = client.good_frame(1);
         let shot = emulator.shot();
-        assert!(frame.labels == shot.json, "{link}: byte for byte");
+        assert!(frame.labels == *shot.json, "{link}: byte for byte");
         assert!(frame.pixels == shot.frame.digits, "{link}");
         assert!(
             frame.header.label_parts > 1,

@@ -447,10 +447,10 @@ fn the_end_of_a_run_is_read_through_a_link_with_faults_too() {
             packets += chunk[..count].iter().filter(|octet| whole(octet)).count();
         }
         let counters = ending.join().unwrap();
-        // A FrameHeader and 12 objects.
+        // A FrameHeader, 12 objects, a FrameEnd.
         assert_eq!(
             (packets, counters.lost_outbound),
-            (2, 0),
+            (3, 0),
             "faults: {faults}"
         );
     }

@@ -7,25 +7,34 @@ use serde_json::Value;
 use skyloop::config::Clock;
 use skyloop_protocols::pixels::unpack;
 use skyloop_protocols::{
-    Command, FrameHeader, LabelLevel, ObjectRecord, Output, PixelLevel, Positions, Reason, Reply,
-    rice,
+    Command, FrameEnd, FrameHeader, LabelLevel, ObjectRecord, Output, PixelLevel, Positions,
+    Reason, Reply, rice,
 };
 
-/// What `output` brings of the usual attitude.
+/// What `output` brings of the usual attitude, and the CRC-32 of all its pixels.
 fn frame_at(
     client: &mut Client<impl Line>,
     output: Output,
     sequence: u32,
-) -> (FrameHeader, Vec<Vec<u8>>) {
+) -> (FrameHeader, Vec<Vec<u8>>, u32) {
     client.done(Command::Output(output));
     client.point(attitude(sequence), EPOCH);
-    let (header, packets) = client.parcel();
+    let (header, packets, end) = client.parcel();
+    // The same whatever is sent, and by the stepped clock without times.
+    assert_eq!(
+        end,
+        FrameEnd {
+            frame: header.frame,
+            pixels_crc32: end.pixels_crc32,
+            ..FrameEnd::default()
+        }
+    );
     assert_eq!(header.attitude_sequence, sequence);
     assert_eq!(
         (header.pixel_level, header.label_level),
         (output.pixels, output.labels)
     );
-    (header, packets)
+    (header, packets, end.pixels_crc32)
 }
 
 fn only(pixels: PixelLevel, labels: LabelLevel) -> Output {
@@ -91,11 +100,8 @@ fn labels_alone_are_the_brightest_objects_of_the_label_text() {
             objects: count,
             ..only(PixelLevel::None, LabelLevel::Objects)
         };
-        let (header, packets) = frame_at(&mut client, output, 7);
-        assert_eq!(
-            (header.blocks, header.pixels_crc32),
-            (0, whole.header.pixels_crc32)
-        );
+        let (header, packets, crc32) = frame_at(&mut client, output, 7);
+        assert_eq!((header.blocks, crc32), (0, whole.end.pixels_crc32));
         let mut records: Vec<ObjectRecord> = Vec::new();
         for packet in &packets {
             let Ok((_, Reply::Objects(part))) = Reply::decode(packet) else {
@@ -142,7 +148,7 @@ fn windows_are_cut_from_the_frame_around_its_brightest_stars() {
             windows: count,
             ..only(PixelLevel::Windows, LabelLevel::Objects)
         };
-        let (header, packets) = frame_at(&mut client, output, 7);
+        let (header, packets, _) = frame_at(&mut client, output, 7);
         assert_eq!(
             (header.window_size, header.windows),
             (size, u16::from(count))
@@ -171,7 +177,7 @@ fn windows_lie_around_listed_positions_and_inside_the_frame() {
     let centres = [[0, 0], [100, 50], [255, 255], [250, 3]];
     client.done(Command::Positions(Positions::new(&centres).unwrap()));
     let output = only(PixelLevel::Windows, LabelLevel::None);
-    let (header, packets) = frame_at(&mut client, output, 7);
+    let (header, packets, _) = frame_at(&mut client, output, 7);
     let windows = windows_of(&header, &packets);
     let places: Vec<[u16; 2]> = windows.iter().map(|(place, _)| *place).collect();
     // By hand: 11 columns centred at 100 begin at 95; near an edge they are shifted to 0 or 256 - 11.
@@ -188,7 +194,7 @@ fn windows_lie_around_listed_positions_and_inside_the_frame() {
         nack.detail
     );
     client.done(Command::Positions(Positions::new(&[]).unwrap()));
-    let (header, _) = frame_at(&mut client, output, 7);
+    let (header, ..) = frame_at(&mut client, output, 7);
     assert_eq!(header.windows, 20, "the brightest stars again");
 }
 
@@ -198,7 +204,7 @@ fn a_compressed_frame_is_the_frame_in_fewer_octets() {
     let mut client = Client::new(line);
     let whole = client.good_frame(7);
     let output = only(PixelLevel::Compressed, LabelLevel::None);
-    let (header, packets) = frame_at(&mut client, output, 7);
+    let (header, packets, _) = frame_at(&mut client, output, 7);
     let mut pixels: Vec<u16> = Vec::new();
     for packet in &packets {
         let Ok((_, Reply::Compressed(block))) = Reply::decode(packet) else {
@@ -220,9 +226,9 @@ fn packets_of_the_last_two_frames_come_again_as_they_were() {
     let mut client = Client::new(line);
     client.window = None;
     client.point(attitude(1), EPOCH);
-    let (first, packets) = client.parcel();
+    let (first, packets, end) = client.parcel();
     client.point(attitude(2), EPOCH);
-    let (second, _) = client.parcel();
+    let (second, ..) = client.parcel();
     let before = client.status();
     let resend = |frame, first, count| Command::Resend {
         frame,
@@ -231,12 +237,11 @@ fn packets_of_the_last_two_frames_come_again_as_they_were() {
     };
     client.send(resend(first.frame, 3, 2));
     assert_eq!([client.next(true), client.next(true)], packets[2..4]);
+    // The last one with labels, the frame's end, and no more than there are.
     client.send(resend(first.frame, packets.len() as u32, 1000));
-    assert_eq!(
-        client.next(true),
-        packets[packets.len() - 1],
-        "and no more than there are"
-    );
+    assert_eq!(client.next(true), packets[packets.len() - 1]);
+    let again = client.next(true);
+    assert!(matches!(Reply::decode(&again), Ok((_, Reply::FrameEnd(again))) if again == end));
     client.send(resend(second.frame, 0, 1));
     let header = client.next(true);
     assert!(
@@ -246,7 +251,7 @@ fn packets_of_the_last_two_frames_come_again_as_they_were() {
     let after = client.status();
     assert_eq!(
         moved(&before.counters, &after.counters),
-        [("resent_blocks", 4)]
+        [("resent_blocks", 5)]
     );
     assert_eq!(
         after.packets_sent, before.packets_sent,

@@ -85,11 +85,7 @@ fn exchange() -> Exchange {
         let Ok((_, Reply::FrameHeader(header))) = Reply::decode(last) else {
             panic!("a frame begins with its header");
         };
-        hear(
-            &mut line,
-            &mut exchange,
-            header.blocks + u32::from(header.label_parts),
-        );
+        hear(&mut line, &mut exchange, header.packets() - 1);
         say(&mut line, &mut exchange, again, i as u16);
         hear(&mut line, &mut exchange, 3);
     }
@@ -171,7 +167,7 @@ fn frames_of_which_packets_are_missing_are_compared_as_far_as_they_are_there() {
         else {
             panic!("a frame begins with its header");
         };
-        let more = header.blocks + u32::from(header.label_parts);
+        let more = header.packets() - 1;
         hear(line, exchange, more);
         emulator.shot();
         1 + more

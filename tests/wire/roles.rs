@@ -29,7 +29,7 @@ fn at(roles: &[&str]) -> (Running, Vec<Client<UdpLine>>) {
 fn truth_pixels_and_labels_each_have_their_link() {
     let (_one, mut all) = at(&["truth+pixels+labels"]);
     all[0].point(attitude(7), EPOCH);
-    let (whole, packets) = all[0].parcel();
+    let (_, packets, whole) = all[0].parcel();
     let (_three, mut clients) = at(&["truth", "pixels", "labels"]);
     let [truth, pixels, labels] = &mut clients[..] else {
         panic!("three clients");
@@ -41,18 +41,19 @@ fn truth_pixels_and_labels_each_have_their_link() {
         client.next(false);
     }
     truth.point(attitude(7), EPOCH);
-    let (header, blocks) = pixels.parcel();
+    let (header, blocks, end) = pixels.parcel();
     assert_eq!(
         (header.pixel_level, header.label_level),
         (PixelLevel::Windows, LabelLevel::None)
     );
-    assert_eq!(header.pixels_crc32, whole.pixels_crc32);
+    assert_eq!(end, whole);
     assert_eq!(payloads(&blocks), payloads(&packets[..4]));
-    let (header, parts) = labels.parcel();
+    let (header, parts, end) = labels.parcel();
     assert_eq!(
         (header.pixel_level, header.label_level),
         (PixelLevel::None, LabelLevel::Objects)
     );
+    assert_eq!(end, whole);
     assert_eq!(payloads(&parts), payloads(&packets[4..]));
     assert!(
         truth.has_nothing_left(),
@@ -124,7 +125,7 @@ fn a_client_that_stops_reading_costs_the_others_no_frame() {
     pixels.send(Command::Credit { packets: 1 });
     pixels.status();
     truth.point(attitude(1), EPOCH);
-    let (_, parts) = truth.parcel();
+    let (_, parts, _) = truth.parcel();
     assert!(!parts.is_empty());
     pixels.next(true);
     // Its frame is given up after 2 s; it holds up none of the next ones, and gets none until it says something.

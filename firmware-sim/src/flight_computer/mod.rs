@@ -284,6 +284,7 @@ impl<P: Port> FlightComputer<P> {
             watch(Event::Problem(cause.to_string()))?;
         }
         self.report.contents.add(frame, &detections);
+        self.report.timings.add(&frame.end.timing);
         if let Some(latency) = latency {
             self.report.latencies.add(latency);
         }

@@ -52,7 +52,7 @@ pub struct AssemblyCounts {
     pub out_of_order: u64,
     /// Packets that contradict their frame's header, or ask for more than the limits.
     pub refused: u64,
-    /// Whole frames whose pixels leave gaps or do not have the header's CRC-32.
+    /// Whole frames whose pixels leave gaps or do not have their FrameEnd's CRC-32.
     pub bad_pixels: u64,
     /// Frames given up incomplete.
     pub incomplete: u64,
@@ -80,7 +80,7 @@ impl AssemblyCounts {
     }
 }
 
-/// Packets of a frame by their numbers: 0 is its header, then come its pixels, then its labels.
+/// Packets of a frame by their numbers: 0 is its header, then come its pixels, its labels, its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
     /// The frame's number.
@@ -142,13 +142,15 @@ pub enum AssemblyError {
         number: u32,
     },
     /// All blocks came, but they are not the pixels that were sent.
-    #[error("frame {frame}: the pixels' CRC-32 is {found:#010x}, the header says {expected:#010x}")]
+    #[error(
+        "frame {frame}: the pixels' CRC-32 is {found:#010x}, its FrameEnd says {expected:#010x}"
+    )]
     BadPixels {
         /// The frame's number.
         frame: u32,
         /// CRC-32 of the received pixels.
         found: u32,
-        /// CRC-32 in the header.
+        /// CRC-32 in the FrameEnd.
         expected: u32,
     },
     /// All compressed blocks came, but they leave pixels out or overlap.
@@ -174,6 +176,8 @@ pub struct Progress {
     pub blocks: (u32, u32),
     /// Label parts that came, and how many there are.
     pub label_parts: (u16, u16),
+    /// Whether its FrameEnd came.
+    pub end: bool,
 }
 
 /// Puts frames together.
@@ -222,6 +226,7 @@ impl Assembler {
             Reply::Compressed(block) => block.frame,
             Reply::Labels(part) => part.frame,
             Reply::Objects(part) => part.frame,
+            Reply::FrameEnd(end) => end.frame,
             _ => return Ok(None),
         };
         if self.done.contains(&(frame, header.time)) {

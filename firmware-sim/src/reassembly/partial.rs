@@ -1,4 +1,6 @@
 //! A frame under way: its header, and what came of it so far.
+//!
+//! Its packets are numbered: the header is 0, then come those with pixels, those with labels, and its end.
 
 use std::ops::Range;
 use std::time::Instant;
@@ -8,8 +10,8 @@ use skyloop_protocols::pixels::{
     OBJECT_LENGTH, OBJECTS_PER_PART, pixels_per_block, unpack, windows_per_block,
 };
 use skyloop_protocols::{
-    CompressedBlock, FrameHeader, LabelLevel, PixelBlock, PixelLevel, Reply, WindowBlock, WireTime,
-    rice,
+    CompressedBlock, FrameEnd, FrameHeader, LabelLevel, PixelBlock, PixelLevel, Reply, WindowBlock,
+    WireTime, rice,
 };
 
 use super::arrivals::{Arrival, Arrivals};
@@ -30,6 +32,9 @@ pub(super) struct Partial {
     labels: Vec<u8>,
     blocks: Arrivals,
     parts: Arrivals,
+    /// What closes it.
+    end: Option<FrameEnd>,
+    ends: Arrivals,
     pixel_octets: u64,
     header_at: Instant,
     last_block: Instant,
@@ -72,6 +77,8 @@ impl Partial {
             labels: vec![0; header.label_bytes as usize],
             blocks: Arrivals::of(blocks),
             parts: Arrivals::of(usize::from(header.label_parts)),
+            end: None,
+            ends: Arrivals::of(1),
             pixel_octets: 0,
             header_at: Instant::now(),
             last_block: Instant::now(),
@@ -131,6 +138,7 @@ impl Partial {
                 };
                 self.take_labels(&part, counts)
             }
+            Reply::FrameEnd(end) => self.take_end(end, counts),
             // Not of a frame.
             _ => Ok(()),
         }
@@ -248,18 +256,36 @@ impl Partial {
         Ok(())
     }
 
+    fn take_end(
+        &mut self,
+        end: &FrameEnd,
+        counts: &mut AssemblyCounts,
+    ) -> Result<(), AssemblyError> {
+        match self.end {
+            Some(before) if before != *end => return Err(self.contradiction("a second end", 0)),
+            Some(_) => counts.duplicates += 1,
+            None => {
+                self.end = Some(*end);
+                counts.add(&self.ends.book(0));
+            }
+        }
+        Ok(())
+    }
+
     /// The missing packets to ask for now.
     pub(super) fn ask(&mut self, now: Instant, demand: &Demand) -> Vec<Run> {
         if self.forsaken {
             return Vec::new();
         }
         let blocks = self.header.blocks as usize;
+        let before_end = blocks + usize::from(self.header.label_parts);
+        let all = before_end + 1;
         // One after the highest packet that came, without the header.
-        let next = match self.parts.next() {
-            0 => self.blocks.next(),
-            parts => blocks + parts,
+        let next = match (self.parts.next(), self.ends.next()) {
+            (_, 1) => all,
+            (0, _) => self.blocks.next(),
+            (parts, _) => blocks + parts,
         };
-        let all = blocks + usize::from(self.header.label_parts);
         let end = match self.gap {
             _ if demand.silent => all,
             _ if demand.again => next,
@@ -291,9 +317,14 @@ impl Partial {
             1,
         );
         let labels = end.saturating_sub(blocks);
-        collect(
+        let (most_runs, most) = collect(
             self.parts.ask(labels, demand.again, most_runs, most),
             1 + blocks,
+        );
+        let ends = end.saturating_sub(before_end);
+        collect(
+            self.ends.ask(ends, demand.again, most_runs, most),
+            1 + before_end,
         );
         runs
     }
@@ -305,7 +336,7 @@ impl Partial {
     }
 
     pub(super) fn is_whole(&self) -> bool {
-        self.blocks.missing() == 0 && self.parts.missing() == 0
+        self.blocks.missing() == 0 && self.parts.missing() == 0 && self.end.is_some()
     }
 
     pub(super) fn progress(&self) -> Progress {
@@ -315,6 +346,7 @@ impl Partial {
             frame: self.header.frame,
             blocks: (blocks - self.blocks.missing() as u32, blocks),
             label_parts: (parts - self.parts.missing() as u16, parts),
+            end: self.end.is_some(),
         }
     }
 
@@ -324,6 +356,7 @@ impl Partial {
     /// The pixels are not those that were sent.
     pub(super) fn finish(self) -> Result<ReceivedFrame, AssemblyError> {
         let frame = self.header.frame;
+        let end = self.end.unwrap_or_default();
         let content = match self.header.pixel_level {
             PixelLevel::None => Content::None,
             PixelLevel::Windows => Content::Windows(self.windows),
@@ -349,7 +382,7 @@ impl Partial {
                         expected,
                     });
                 }
-                let crc32 = self.header.pixels_crc32;
+                let crc32 = end.pixels_crc32;
                 let found = Crc32::new().update_pixels(&self.pixels).finish();
                 if found != crc32 {
                     return Err(AssemblyError::BadPixels {
@@ -363,6 +396,7 @@ impl Partial {
         };
         Ok(ReceivedFrame {
             header: self.header,
+            end,
             mid_exposure: self.mid_exposure,
             content,
             pixel_octets: self.pixel_octets,

@@ -8,7 +8,7 @@ use skyloop_protocols::packet::identify;
 use skyloop_protocols::reply::Mode;
 use skyloop_protocols::{
     Ack, Command, Counters, DecodeError, Fault, Header, LabelLevel, Nack, Output, Packing,
-    PixelLevel, Reason, Reply, Status, WireTime,
+    PixelLevel, Reason, Reply, Status, SyncState, Timing, WireTime,
 };
 
 use super::levels::Exposed;
@@ -251,6 +251,12 @@ impl Emulator {
             frame_rate_hz: 2.0,
             next_frame: self.frames,
             packets_sent: self.credit.sent(),
+            sync: SyncState::Free,
+            clock_offset_s: 0.0,
+            timing: Timing::default(),
+            latency_p50_s: 0.0,
+            latency_p99_s: 0.0,
+            latency_max_s: 0.0,
             counters: Counters {
                 attitudes: self.attitudes.len() as u32,
                 ..Counters::default()

@@ -68,7 +68,7 @@ impl Exposed<'_> {
             PixelLevel::Frame => self.pixels,
             _ => &[],
         };
-        let mut packets = sender.frame(&opening, whole, "", time);
+        let mut packets = sender.opened(&opening, whole, "", time);
         if output.pixels == PixelLevel::Windows {
             self.windows(&opening, &places, |windows| {
                 packets.push(sender.reply(&Reply::Windows(windows), time));
@@ -101,6 +101,7 @@ impl Exposed<'_> {
             }
             LabelLevel::Text => packets.extend(sender.texts(&opening, &text, time)),
         }
+        packets.push(sender.end(self.frame, self.pixels, time));
         packets
     }
 

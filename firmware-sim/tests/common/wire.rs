@@ -7,8 +7,8 @@ use skyloop_protocols::pixels::{
 };
 use skyloop_protocols::sequence::SequenceCounts;
 use skyloop_protocols::{
-    FrameHeader, LabelLevel, LabelPart, MAX_PACKET, Packing, PixelBlock, PixelLevel, Reply,
-    WireTime,
+    FrameEnd, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, Packing, PixelBlock, PixelLevel,
+    Reply, WireTime,
 };
 
 use super::{Field, Star};
@@ -28,8 +28,31 @@ impl Sender {
         buffer[..length].to_vec()
     }
 
-    /// Header, pixel blocks and label parts of one frame, in order.
+    /// All packets of one frame, in order.
     pub fn frame(
+        &mut self,
+        header: &FrameHeader,
+        pixels: &[u16],
+        labels: &str,
+        time: WireTime,
+    ) -> Vec<Vec<u8>> {
+        let mut packets = self.opened(header, pixels, labels, time);
+        packets.push(self.end(header.frame, pixels, time));
+        packets
+    }
+
+    /// What closes a frame of these pixels.
+    pub fn end(&mut self, frame: u32, pixels: &[u16], time: WireTime) -> Vec<u8> {
+        let end = FrameEnd {
+            frame,
+            pixels_crc32: Crc32::new().update_pixels(pixels).finish(),
+            ..FrameEnd::default()
+        };
+        self.reply(&Reply::FrameEnd(end), time)
+    }
+
+    /// Header, pixel blocks and label parts of one frame, in order.
+    pub fn opened(
         &mut self,
         header: &FrameHeader,
         pixels: &[u16],
@@ -99,7 +122,6 @@ pub fn header(
         seed: 1,
         gain_e_per_dn: field.gain_e_per_dn,
         offset_dn: field.offset_dn,
-        pixels_crc32: Crc32::new().update_pixels(pixels).finish(),
     }
 }
 

@@ -4,13 +4,15 @@ use skyloop_protocols::packet::{HEADER_LENGTH, identify, reseal};
 use skyloop_protocols::pixels::{OBJECTS_PER_PART, unpack};
 use skyloop_protocols::reply::Window;
 use skyloop_protocols::{
-    Counters, MAX_PACKET, Nack, ObjectPart, Personality, PixelBlock, Reply, Status, WindowBlock,
+    Counters, MAX_PACKET, Nack, ObjectPart, Personality, PixelBlock, Reply, Status, Timing,
+    WindowBlock,
 };
 
 /// What a packet is called.
 pub fn called(personality: &Personality, packet: &[u8]) -> String {
     match (personality.decode_reply)(&sealed(packet)) {
         Ok((_, Reply::FrameHeader(header))) => format!("the FrameHeader of frame {}", header.frame),
+        Ok((_, Reply::FrameEnd(end))) => format!("the FrameEnd of frame {}", end.frame),
         Ok((_, Reply::PixelBlock(block))) => {
             format!("PixelBlock {} of frame {}", block.index, block.frame)
         }
@@ -36,7 +38,7 @@ pub fn called(personality: &Personality, packet: &[u8]) -> String {
 }
 
 /// The first difference of a replayed packet from the recorded one; none if there is none that counts. A Status may
-/// differ in its counters: those of the link depend on the link.
+/// differ in its counters, those of the link depend on the link, and in its times.
 pub fn first(
     personality: &Personality,
     width: u16,
@@ -65,6 +67,10 @@ pub fn first(
         (Ok((_, Reply::Status(was))), Ok((_, Reply::Status(is)))) => {
             let blind = |status: Status| Status {
                 counters: Counters::default(),
+                timing: Timing::default(),
+                latency_p50_s: 0.0,
+                latency_p99_s: 0.0,
+                latency_max_s: 0.0,
                 ..status
             };
             if blind(was) == blind(is) {

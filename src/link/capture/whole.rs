@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Packets of a frame.
 pub fn due(header: &FrameHeader) -> u32 {
-    1 + header.blocks + u32::from(header.label_parts)
+    header.packets()
 }
 
 /// Where a packet belongs: in order of frames, and of the packets of each.
@@ -19,7 +19,7 @@ pub fn due(header: &FrameHeader) -> u32 {
 pub struct Place {
     /// Its frame.
     pub frame: u32,
-    /// Header, pixels, labels.
+    /// Header, pixels, labels, end.
     part: u8,
     /// Its number among those.
     number: u32,
@@ -45,6 +45,7 @@ pub fn place_of(personality: &Personality, packet: &[u8]) -> Option<Place> {
         Reply::Compressed(block) => (1, block.index),
         Reply::Labels(labels) => (2, labels.part.into()),
         Reply::Objects(objects) => (2, objects.part.into()),
+        Reply::FrameEnd(_) => (3, 0),
         Reply::Status(_) | Reply::Ack(_) | Reply::Nack(_) => return None,
     };
     // The first field of all packets of frames.
@@ -210,7 +211,6 @@ mod tests {
             seed: 1,
             gain_e_per_dn: 1.0,
             offset_dn: 0.0,
-            pixels_crc32: 0,
         };
         out(&Reply::FrameHeader(golden))
     }

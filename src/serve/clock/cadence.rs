@@ -262,7 +262,10 @@ mod tests {
         assert!(((mid - scene()).to_seconds() - 0.015).abs() < 1e-9);
         assert_eq!(clock.until_due(zero + ms(25)), ms(15));
         // The frame is late from 40 ms on.
-        assert_eq!((due.end, due.deadline), (zero + ms(20), Some(zero + ms(40))));
+        assert_eq!(
+            (due.end, due.deadline),
+            (zero + ms(20), Some(zero + ms(40)))
+        );
         assert_eq!(taken(&mut clock, zero + ms(95)), Some(80), "the newest");
         assert_eq!(clock.missed, 2, "those that ended at 40 and at 60 ms");
         clock.clear(50.0, zero + ms(145));

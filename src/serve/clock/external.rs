@@ -35,7 +35,7 @@ impl External {
     }
 
     /// When the exposure of a trigger has ended.
-    fn end(&self, asked: &Asked) -> Option<Instant> {
+    fn end_of(&self, asked: &Asked) -> Option<Instant> {
         let end = asked.start + seconds(asked.camera.exposure_s);
         self.cadence.instant_of(end)
     }
@@ -88,7 +88,7 @@ impl Clock for External {
         match &self.triggers {
             None => Some(self.cadence.until_due(now)),
             Some(waiting) => {
-                let end = self.end(waiting.first()?)?;
+                let end = self.end_of(waiting.first()?)?;
                 Some(end.saturating_duration_since(now))
             }
         }
@@ -99,7 +99,7 @@ impl Clock for External {
             return self.cadence.take_due(camera.exposure_s, now);
         };
         let first = waiting.first()?;
-        let end = self.end(first).filter(|end| *end <= now)?;
+        let end = self.end_of(first).filter(|end| *end <= now)?;
         // A trigger that comes after the end of its exposure could be answered from then on.
         let end = end.max(first.arrived);
         let latency = self.cadence.latency();
@@ -113,17 +113,31 @@ impl Clock for External {
         })
     }
 
+    fn end(&mut self, now: Instant) -> u32 {
+        if self.triggers.is_none() {
+            self.cadence.end(now);
+        }
+        let waiting = self.triggers.as_mut();
+        waiting.map_or(0, |waiting| waiting.drain(..).count() as u32)
+    }
+
+    fn missed(&self) -> u32 {
+        self.cadence.missed
+    }
+
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {
+        let waited = self.end(now);
         self.cadence.clear(rate_hz, now);
         (self.discipline, self.heard) = (Discipline::default(), None);
-        let waiting = self.triggers.as_mut().map(|waiting| waiting.drain(..).count());
-        waiting.unwrap_or(0) as u32
+        waited
     }
 
     fn sync(&self, now: Instant) -> Sync {
         let state = match self.heard {
             None => SyncState::Waiting,
-            Some(heard) if now.saturating_duration_since(heard) <= self.holdover => SyncState::Locked,
+            Some(heard) if now.saturating_duration_since(heard) <= self.holdover => {
+                SyncState::Locked
+            }
             Some(_) => SyncState::Holdover,
         };
         Sync {

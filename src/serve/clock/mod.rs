@@ -101,6 +101,14 @@ pub trait Clock: Send {
     /// Takes the exposure that is due by `now`.
     fn take_due(&mut self, camera: &Camera, now: Instant) -> Option<Due>;
 
+    /// The run's end: how many exposures waited, which get no frame.
+    fn end(&mut self, now: Instant) -> u32;
+
+    /// Exposures that were passed over.
+    fn missed(&self) -> u32 {
+        0
+    }
+
     /// Another client, or a Reset: all begins anew. How many exposures waited, which get no frame.
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32;
 
@@ -110,11 +118,11 @@ pub trait Clock: Send {
     }
 }
 
-/// The clock that a run has.
-pub(super) fn of(run: &Run, rate_hz: f64) -> Box<dyn Clock> {
+/// The clock of a kind, as `run` has it otherwise.
+pub(super) fn of(kind: Kind, run: &Run, rate_hz: f64) -> Box<dyn Clock> {
     let latency = run.latency_s.map(Duration::from_secs_f64);
     let packets = run.trigger == Trigger::Packet;
-    match run.clock {
+    match kind {
         Kind::Stepped => Box::new(Stepped::new(packets)),
         Kind::Wall => Box::new(Wall::new(Cadence::new(rate_hz, latency))),
         Kind::External => {

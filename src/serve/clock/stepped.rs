@@ -77,7 +77,11 @@ impl Clock for Stepped {
         self.waiting.pop_front()
     }
 
-    fn clear(&mut self, _: f64, _: Instant) -> u32 {
+    fn end(&mut self, _: Instant) -> u32 {
         self.waiting.drain(..).count() as u32
+    }
+
+    fn clear(&mut self, _: f64, now: Instant) -> u32 {
+        self.end(now)
     }
 }

@@ -39,6 +39,15 @@ impl Clock for Wall {
         self.cadence.take_due(camera.exposure_s, now)
     }
 
+    fn end(&mut self, now: Instant) -> u32 {
+        self.cadence.end(now);
+        0
+    }
+
+    fn missed(&self) -> u32 {
+        self.cadence.missed
+    }
+
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {
         self.cadence.clear(rate_hz, now);
         0
