@@ -290,7 +290,7 @@ pub fn cases() -> Vec<Case> {
             },
             BadVersion,
             "bad_version",
-            &["format version", "9", "2"],
+            &["format version", "9", "3"],
         ),
         spoilt(
             "wrong packet version",

@@ -176,7 +176,7 @@ fn moments(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use skyloop_protocols::{LabelPart, MAX_PACKET, WireTime, personality::NATIVE};
+    use skyloop_protocols::{FrameEnd, LabelPart, MAX_PACKET, WireTime, personality::NATIVE};
     use std::time::Duration;
 
     fn event(direction: Direction, item: &[u8]) -> Record<Bytes> {
@@ -225,6 +225,13 @@ mod tests {
         }))
     }
 
+    fn end(frame: u32) -> Record<Bytes> {
+        out(&Reply::FrameEnd(FrameEnd {
+            frame,
+            ..FrameEnd::default()
+        }))
+    }
+
     fn out(reply: &Reply<'_>) -> Record<Bytes> {
         let mut buffer = [0; MAX_PACKET];
         let length = reply.encode(0, WireTime::default(), &mut buffer).unwrap();
@@ -255,9 +262,10 @@ mod tests {
             part(2, 0, 1, b'a'),
             header(3, 1),
             part(3, 0, 1, b'a'),
+            end(3),
         ];
         let found = sorted_out(&NATIVE, events.clone());
-        let left = [0, 4, 5].map(|at: usize| events[at].clone());
+        let left = [0, 4, 5, 6].map(|at: usize| events[at].clone());
         assert_eq!(
             (found.torn, found.doubled, &found.events[..]),
             (1, 1, &left[..])
@@ -276,9 +284,10 @@ mod tests {
             command(&Command::Ping),
             header(2, 1),
             part(2, 0, 1, b'a'),
+            end(2),
         ];
         let found = sorted_out(&NATIVE, events.clone());
-        let order = [0, 3, 4, 1, 2, 5, 6, 7].map(|at: usize| events[at].clone());
+        let order = [0, 3, 4, 1, 2, 5, 6, 7, 8].map(|at: usize| events[at].clone());
         assert_eq!((found.events, found.torn), (order.to_vec(), 1));
     }
 
@@ -289,13 +298,15 @@ mod tests {
             header(1, 3),
             part(1, 0, 3, b'a'),
             part(1, 2, 3, b'c'),
+            end(1),
             resend(1),
             header(2, 0),
+            end(2),
             part(1, 0, 3, b'a'),
             part(1, 1, 3, b'b'),
         ];
         let found = sorted_out(&NATIVE, events.clone());
-        let order = [0, 1, 6, 2, 3, 4].map(|at: usize| events[at].clone());
+        let order = [0, 1, 8, 2, 3, 4, 5, 6].map(|at: usize| events[at].clone());
         assert_eq!(found.events, order);
         assert_eq!((found.torn, found.altered.len()), (0, 0));
     }
