@@ -111,7 +111,13 @@ impl Server {
             let Some(mut delivery) = self.channels[at].deliveries.pop_front() else {
                 continue;
             };
-            let step = self.step(at, &mut delivery)?;
+            let step = match self.step(at, &mut delivery) {
+                Ok(step) => step,
+                Err(error) => {
+                    self.channels[at].deliveries.push_front(delivery);
+                    return Err(error);
+                }
+            };
             match step {
                 Step::Done | Step::Hopeless => {
                     let whole = matches!(step, Step::Done);
@@ -214,7 +220,12 @@ impl Server {
             kept.packets.extend(packet);
         }
         delivery.watch = Watch::of(channel);
-        Ok(Step::Moved)
+        // Who has got the last packet may ask at once what was delivered.
+        Ok(if cut.is_over() {
+            Step::Done
+        } else {
+            Step::Moved
+        })
     }
 
     /// Puts a frame on its way over each link that brings frames and whose client has said something.

@@ -254,7 +254,8 @@ fn an_attitude_that_is_carried_below_the_ground_is_refused_once() {
     client.point(falling, later(EPOCH, 0.5));
     assert_eq!(client.nack().reason, Reason::ValueOutOfRange);
     client.forget();
-    client.point(attitude(2), later(EPOCH, 1.0));
+    // So far ahead that no exposure lies between it and the one before.
+    client.point(attitude(2), later(EPOCH, 1000.0));
     assert_eq!(client.frame().header.attitude_sequence, 2);
 }
 
@@ -313,7 +314,7 @@ fn another_client_finds_the_configured_cadence_and_sets_the_time_anew() {
 }
 
 #[test]
-fn every_exposure_has_a_frame_or_is_missed() {
+fn every_exposure_has_a_frame_or_is_missed_and_a_slow_client_gets_the_newest() {
     let (_emulator, line) = on_memory(quick(50.0), Clock::Wall);
     let mut client = Client::new(line);
     // Room for the first packet: the first frame stands still.
@@ -322,12 +323,25 @@ fn every_exposure_has_a_frame_or_is_missed() {
     client.point(attitude(1), EPOCH);
     let asked = Instant::now();
     std::thread::sleep(Duration::from_millis(500));
-    let missed = client.status().counters.exposures_missed;
+    let counters = client.status().counters;
     let ended = (asked.elapsed().as_secs_f64() * 50.0) as u32;
-    // One is being delivered, one waits for its frame, and one ends meanwhile.
+    let told = counters.exposures_missed + counters.frames_rendered;
+    // One may be in the making, and one ends meanwhile.
+    assert!((told..=told + 3).contains(&ended), "{told} of {ended}");
+    // The first is being sent and the newest waits; all others had to make way.
+    assert_eq!(
+        (counters.frames_delivered, counters.frames_abandoned),
+        (0, counters.frames_dropped)
+    );
     assert!(
-        missed >= 20 && (missed + 1..=missed + 3).contains(&ended),
-        "{missed} of {ended}"
+        counters.frames_dropped + 3 >= counters.frames_rendered && counters.frames_dropped > 3,
+        "{counters:?}"
+    );
+    client.send(Command::Credit { packets: 1 << 20 });
+    let frames = [client.frame().header.frame, client.frame().header.frame];
+    assert!(
+        frames[0] == 0 && frames[1] > counters.frames_dropped,
+        "{frames:?}"
     );
 }
 
