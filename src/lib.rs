@@ -23,6 +23,7 @@ pub mod fidelity;
 pub mod flight;
 pub mod footprint;
 pub mod frame;
+pub mod host;
 pub mod kernels;
 pub mod label;
 mod lanes;
