@@ -35,6 +35,7 @@ pub mod output;
 pub mod passes;
 pub mod plan;
 mod range;
+pub mod realtime;
 pub mod render;
 pub mod rng;
 pub mod scene;
