@@ -42,6 +42,7 @@ pub mod scene;
 pub mod serve;
 pub mod sky;
 pub mod stats;
+pub mod timing;
 pub mod track;
 
 pub use skyloop_orbit as orbit;
