@@ -31,6 +31,7 @@ pub mod light_curve;
 pub mod link;
 pub mod load;
 pub mod measure;
+pub mod metrics;
 pub mod output;
 pub mod passes;
 pub mod plan;
