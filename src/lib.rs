@@ -24,6 +24,7 @@ pub mod flight;
 pub mod footprint;
 pub mod frame;
 pub mod host;
+pub mod junit;
 pub mod kernels;
 pub mod label;
 mod lanes;
