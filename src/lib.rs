@@ -43,6 +43,7 @@ pub mod rng;
 pub mod scene;
 pub mod serve;
 pub mod sky;
+pub mod soak;
 pub mod stats;
 pub mod timing;
 pub mod track;
