@@ -2,6 +2,7 @@
 
 use crate::effect::counted;
 use crate::engine::Shot;
+pub use crate::timing::text as times;
 use skyloop_firmware_sim::times::Times;
 use std::collections::BTreeMap;
 
@@ -201,15 +202,6 @@ fn beside(shot: &Shot) -> Option<String> {
 /// A row of a table.
 pub fn row(name: &str, value: String) -> (String, String) {
     (name.to_string(), value)
-}
-
-/// Quantiles as text: `1.23 / 4.56 ms`.
-pub fn times(times: &Times, quantiles: &[f64]) -> String {
-    let ms = |p: &f64| Some(format!("{:.2}", times.quantile(*p)?.as_secs_f64() * 1e3));
-    let values: Option<Vec<String>> = quantiles.iter().map(ms).collect();
-    values.map_or("none".to_string(), |values| {
-        format!("{} ms", values.join(" / "))
-    })
 }
 
 /// Rows as text, the names in one column.

@@ -14,6 +14,7 @@ const BINS: usize = 2083;
 pub struct Times {
     bins: Box<[u64; BINS]>,
     count: u64,
+    sum: Duration,
     min: Duration,
     max: Duration,
 }
@@ -23,6 +24,7 @@ impl Default for Times {
         Self {
             bins: Box::new([0; BINS]),
             count: 0,
+            sum: Duration::ZERO,
             min: Duration::MAX,
             max: Duration::ZERO,
         }
@@ -32,10 +34,10 @@ impl Default for Times {
 impl Times {
     /// Adds one.
     pub fn add(&mut self, time: Duration) {
-        let bin = libm::log(time.as_secs_f64() / FIRST_S) / libm::log(STEP);
         // The cast turns what is below the first bin into 0.
-        self.bins[(bin as usize).min(BINS - 1)] += 1;
+        self.bins[(place(time) as usize).min(BINS - 1)] += 1;
         self.count += 1;
+        self.sum = self.sum.saturating_add(time);
         self.min = self.min.min(time);
         self.max = self.max.max(time);
     }
@@ -44,6 +46,30 @@ impl Times {
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
+    }
+
+    /// All of them together; no more than a `Duration` holds.
+    #[must_use]
+    pub fn sum(&self) -> Duration {
+        self.sum
+    }
+
+    /// How many are not longer than `bound`. It rises with the bound.
+    ///
+    /// From the longest on it is all, below the shortest none; between them those that lie in the bound's own bin are taken to be in its middle, as by
+    /// [`Times::quantile`].
+    #[must_use]
+    pub fn within(&self, bound: Duration) -> u64 {
+        if bound >= self.max {
+            return self.count;
+        }
+        if bound < self.min {
+            return 0;
+        }
+        // Bins whose middle lies below; the shortest is within, the longest is not.
+        let bins = (place(bound) + 0.5).floor() as usize;
+        let within: u64 = self.bins.iter().take(bins).sum();
+        within.clamp(1, self.count - 1)
     }
 
     /// The duration that a fraction (0 to 1) of them stay within, by nearest rank; `None` without any.
@@ -70,6 +96,11 @@ impl Times {
         let middle_s = FIRST_S * libm::pow(STEP, bin as f64 + 0.5);
         Some(Duration::from_secs_f64(middle_s).clamp(self.min, self.max))
     }
+}
+
+/// Where a duration lies among the bins, in bins from the lower edge of the first.
+fn place(time: Duration) -> f64 {
+    libm::log(time.as_secs_f64() / FIRST_S) / libm::log(STEP)
 }
 
 #[cfg(test)]
@@ -131,5 +162,58 @@ mod tests {
         assert_eq!(times.quantile(1.0), Some(long));
         let short = of(&[Duration::from_nanos(3); 3]);
         assert_eq!(short.quantile(0.5), Some(Duration::from_nanos(3)));
+    }
+
+    #[test]
+    fn how_many_are_within_a_bound_is_what_the_list_says_to_half_a_percent() {
+        for (count, low, decades) in [(9999, 1e-6, 9.0), (1000, 5e-3, 1.0), (3, 0.1, 0.1)] {
+            let list = spread(count, low, decades);
+            let times = of(&list);
+            let exact = |bound_s: f64| {
+                list.iter()
+                    .filter(|time| time.as_secs_f64() <= bound_s)
+                    .count() as u64
+            };
+            let mut before = 0;
+            for step in 0..=200 {
+                let bound_s = 1e-7 * 10_f64.powf(f64::from(step) * 0.055);
+                let within = times.within(Duration::from_secs_f64(bound_s));
+                let range = exact(bound_s * 0.995 - 1e-9)..=exact(bound_s * 1.005 + 1e-9);
+                assert!(
+                    range.contains(&within),
+                    "{bound_s}: {within}, not {range:?}"
+                );
+                assert!(within >= before, "{bound_s}: {within} after {before}");
+                before = within;
+            }
+            assert_eq!(before, count);
+        }
+    }
+
+    #[test]
+    fn the_ends_of_the_bounds_are_exact() {
+        assert_eq!(Times::default().within(Duration::MAX), 0);
+        let ms = Duration::from_millis;
+        let times = of(&[ms(3), ms(5), ms(5), ms(8)]);
+        // X-Val: by hand.
+        let bounds = [(2, 0), (3, 1), (4, 1), (6, 3), (7, 3), (8, 4), (9, 4)];
+        for (bound, count) in bounds {
+            assert_eq!(times.within(ms(bound)), count, "{bound} ms");
+        }
+        assert_eq!(of(&[Duration::ZERO; 2]).within(Duration::ZERO), 2);
+        // Both in one bin, whatever its middle is.
+        for start in (1..200).map(|n| Duration::from_micros(1000 * n)) {
+            let next = start + Duration::from_nanos(10);
+            assert_eq!(of(&[start, next]).within(start), 1, "{start:?}");
+        }
+    }
+
+    #[test]
+    fn the_sum_is_that_of_all_and_stops_at_what_can_be_told() {
+        assert_eq!(Times::default().sum(), Duration::ZERO);
+        let ms = Duration::from_millis;
+        // X-Val: by hand.
+        assert_eq!(of(&[ms(3), ms(5), ms(8)]).sum(), ms(16));
+        assert_eq!(of(&[Duration::MAX, ms(1)]).sum(), Duration::MAX);
     }
 }

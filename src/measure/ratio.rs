@@ -1,5 +1,6 @@
 //! One work against another: both are done in turns, so that what else the machine does falls on both alike.
 
+use crate::host;
 use crate::load::ConfigError;
 use serde::Serialize;
 use skyloop_orbit::sgp4_batch::Level;
@@ -36,11 +37,10 @@ pub struct Machine {
 impl Machine {
     /// This one, now.
     pub fn this() -> Machine {
-        let load = std::fs::read_to_string("/proc/loadavg").ok();
         Machine {
-            cpu: cpu(),
+            cpu: host::processor(),
             threads: rayon::current_num_threads(),
-            load: load.and_then(|text| text.split(' ').next()?.parse().ok()),
+            load: host::load().map(|[minute, _]| minute),
             level: Level::best().to_string(),
         }
     }
@@ -145,15 +145,6 @@ impl fmt::Display for Row {
 /// What stands behind a promise.
 pub(super) fn mark(kept: bool) -> &'static str {
     if kept { "" } else { "  NOT kept" }
-}
-
-/// The processor's name.
-fn cpu() -> String {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let line = text.lines().find(|line| line.starts_with("model name"));
-    let name = line.and_then(|line| line.split_once(':'));
-    name.map_or(std::env::consts::ARCH, |(_, name)| name.trim())
-        .to_string()
 }
 
 /// On so many threads.

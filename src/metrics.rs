@@ -1,0 +1,253 @@
+//! The figures of a run for Prometheus, over HTTP on a thread of its own.
+//!
+//! The run hands over a copy of its figures once a frame and never waits; whoever asks for them gets the last. The address is one
+//! of this machine unless another is given: there is no password, and nothing can be changed through it.
+
+mod http;
+mod text;
+
+use crate::timing::Latencies;
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// The figures of a run at one moment.
+#[derive(Debug, Clone, Default)]
+pub struct Snapshot {
+    frames: u64,
+    missed: u64,
+    incomplete: u64,
+    stages: Vec<Stage>,
+    /// Counters of the run by name, as its `Status` has them: modulo 2^32.
+    pub counters: Vec<(&'static str, u32)>,
+    /// Age of the last frame's attitude at its trigger, s.
+    pub attitude_age_s: Option<f64>,
+    /// The client's clock less ours, s.
+    pub clock_offset_s: Option<f64>,
+    /// What was left of the last frame's deadline, s; less than 0: missed by so much.
+    pub deadline_spare_s: Option<f64>,
+}
+
+/// The times of one stage: how many are within each of [`BOUNDS`], how many there are, and their sum.
+#[derive(Debug, Clone)]
+struct Stage {
+    name: &'static str,
+    within: [u64; BOUNDS.len()],
+    count: u64,
+    sum: Duration,
+}
+
+/// Upper bounds of the buckets, and how they are written (s).
+const BOUNDS: [(Duration, &str); 16] = [
+    (Duration::from_micros(100), "0.0001"),
+    (Duration::from_micros(200), "0.0002"),
+    (Duration::from_micros(500), "0.0005"),
+    (Duration::from_millis(1), "0.001"),
+    (Duration::from_millis(2), "0.002"),
+    (Duration::from_millis(5), "0.005"),
+    (Duration::from_millis(10), "0.01"),
+    (Duration::from_millis(20), "0.02"),
+    (Duration::from_millis(50), "0.05"),
+    (Duration::from_millis(100), "0.1"),
+    (Duration::from_millis(200), "0.2"),
+    (Duration::from_millis(500), "0.5"),
+    (Duration::from_secs(1), "1"),
+    (Duration::from_secs(2), "2"),
+    (Duration::from_secs(5), "5"),
+    (Duration::from_secs(10), "10"),
+];
+
+impl Snapshot {
+    /// What the frames so far say; counters and what is of the last frame are for the caller to add.
+    #[must_use]
+    pub fn of(latencies: &Latencies) -> Self {
+        let stages = latencies.stages().map(|(name, times)| Stage {
+            name,
+            within: BOUNDS.map(|(bound, _)| times.within(bound)),
+            count: times.count(),
+            sum: times.sum(),
+        });
+        Self {
+            frames: latencies.frames,
+            missed: latencies.missed,
+            incomplete: latencies.incomplete,
+            stages: stages.into(),
+            ..Self::default()
+        }
+    }
+}
+
+/// Where a run leaves its figures; clones are the same place.
+#[derive(Debug, Clone, Default)]
+pub struct Metrics(Arc<Mutex<Arc<Snapshot>>>);
+
+impl Metrics {
+    /// Leaves the figures of now. Where somebody fetches those before at this very moment they stay: the next frame's have it all.
+    pub fn publish(&self, snapshot: Snapshot) {
+        let snapshot = Arc::new(snapshot);
+        // A thread in real time does not wait for one that is not.
+        if let Ok(mut place) = self.0.try_lock() {
+            *place = snapshot;
+        }
+    }
+
+    /// The last ones.
+    fn last(&self) -> Arc<Snapshot> {
+        match self.0.lock() {
+            Ok(place) => Arc::clone(&place),
+            // Nothing can go wrong halfway through an assignment.
+            Err(poisoned) => Arc::clone(&poisoned.into_inner()),
+        }
+    }
+}
+
+/// How often the thread looks for a connection, and whether it is to end.
+const POLL: Duration = Duration::from_millis(50);
+
+/// The thread that answers; it ends with this.
+#[derive(Debug)]
+pub struct Server {
+    address: SocketAddr,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Where it listens: the port that the system has chosen if 0 was asked for.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // It does not panic; if it did, it has ended too.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Serves `metrics` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9810`, `[::1]:9810`, or a port alone, on 127.0.0.1.
+///
+/// One connection is answered at a time, the next ones wait in the system's queue. Errors: `address` is none, or the system refuses
+/// it; they name it and the remedy.
+pub fn serve(address: &str, metrics: Metrics) -> io::Result<Server> {
+    let refused =
+        |kind, why: String| Err(io::Error::new(kind, format!("metrics at {address}: {why}")));
+    let Some(wanted) = parsed(address) else {
+        let why = "not an address: write for example 127.0.0.1:9810, or a port alone";
+        return refused(io::ErrorKind::InvalidInput, why.to_string());
+    };
+    let listener = match TcpListener::bind(wanted) {
+        Ok(listener) => listener,
+        Err(error) => return refused(error.kind(), format!("{error}; {}", remedy(error.kind()))),
+    };
+    // So that the thread looks up now and then.
+    listener.set_nonblocking(true)?;
+    let address = listener.local_addr()?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let stopped = Arc::clone(&stop);
+    let thread = std::thread::Builder::new().name("metrics".to_string());
+    let thread = thread.spawn(move || answer_all(&listener, &metrics, &stopped))?;
+    Ok(Server {
+        address,
+        stop,
+        thread: Some(thread),
+    })
+}
+
+fn parsed(address: &str) -> Option<SocketAddr> {
+    let port = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+    let given = address.parse::<u16>().map(port);
+    given.or_else(|_| address.parse()).ok()
+}
+
+fn remedy(kind: io::ErrorKind) -> &'static str {
+    match kind {
+        io::ErrorKind::AddrInUse => "choose another port, or 0 for a free one",
+        io::ErrorKind::PermissionDenied => "choose a port from 1024 on",
+        _ => "choose an address of this machine, such as 127.0.0.1:9810",
+    }
+}
+
+/// Answers one connection after another until it is told to stop.
+fn answer_all(listener: &TcpListener, metrics: &Metrics, stop: &AtomicBool) {
+    while !stop.load(Ordering::Relaxed) {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                let page = || text::page(&metrics.last());
+                // Whoever hangs up early has had his answer.
+                let _ = http::answer(stream, page, stop);
+            }
+            // None is there; or one has gone already, or the system is out of something for now.
+            Err(_) => std::thread::sleep(POLL),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_of_this_machine_unless_they_say_otherwise() {
+        for (text, expected) in [
+            ("9810", Some("127.0.0.1:9810")),
+            ("0.0.0.0:80", Some("0.0.0.0:80")),
+            ("[::1]:9", Some("[::1]:9")),
+            ("65536", None),
+            ("", None),
+            ("localhost:9810", None),
+            ("127.0.0.1", None),
+        ] {
+            let found = parsed(text).map(|address| address.to_string());
+            assert_eq!(found.as_deref(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn an_address_that_cannot_be_had_is_told_with_the_remedy() {
+        let first = serve("0", Metrics::default()).unwrap();
+        let address = first.address().to_string();
+        let error = serve(&address, Metrics::default()).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::AddrInUse);
+        let text = error.to_string();
+        assert!(
+            text.contains(&address) && text.contains("another port"),
+            "{text}"
+        );
+        // X-Val: RFC 5737: addresses for documentation, which no machine has.
+        for (wrong, word) in [
+            ("nowhere", "not an address"),
+            ("192.0.2.1:80", "of this machine"),
+        ] {
+            let text = serve(wrong, Metrics::default()).unwrap_err().to_string();
+            assert!(text.contains(wrong) && text.contains(word), "{text}");
+        }
+        // Gone with its handle: the address is free again.
+        drop(first);
+        assert!(serve(&address, Metrics::default()).is_ok());
+    }
+
+    #[test]
+    fn the_run_does_not_wait_for_who_fetches() {
+        let metrics = Metrics::default();
+        let snapshot = |frames| Snapshot {
+            frames,
+            ..Snapshot::default()
+        };
+        metrics.publish(snapshot(1));
+        let fetching = metrics.0.lock().unwrap();
+        metrics.publish(snapshot(2));
+        drop(fetching);
+        assert_eq!(metrics.last().frames, 1);
+        metrics.clone().publish(snapshot(3));
+        assert_eq!(metrics.last().frames, 3);
+    }
+}

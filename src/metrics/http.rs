@@ -1,0 +1,324 @@
+//! As much of HTTP as an answer needs: one request a connection, `GET /metrics`, everything bounded in time and size.
+
+use std::io::{self, Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How long a request may take to come, and an answer to go.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// How long a client has to take leave, who may still be sending when its answer is there.
+const LEAVE: Duration = Duration::from_millis(200);
+/// How long one read or write waits, before it is asked whether to stop.
+const STEP: Duration = Duration::from_millis(50);
+/// Octets of a request's line and headers.
+const MOST: usize = 8192;
+/// What Prometheus' text is called.
+const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
+
+/// What a request comes to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Verdict {
+    Page,
+    BadRequest,
+    NotFound,
+    NotAllowed,
+    TimedOut,
+    TooLong,
+}
+
+/// Answers a connection's one request; `page` makes what it may have asked for. Ends soon when it is to `stop`.
+pub(super) fn answer(
+    mut stream: TcpStream,
+    page: impl Fn() -> String,
+    stop: &AtomicBool,
+) -> io::Result<()> {
+    // Some systems hand on the listener's mode.
+    stream.set_nonblocking(false)?;
+    stream.set_read_timeout(Some(STEP))?;
+    stream.set_write_timeout(Some(STEP))?;
+    let Some(verdict) = receive(&mut stream, stop)? else {
+        return Ok(());
+    };
+    send(&mut stream, response(verdict, page).as_bytes(), stop)?;
+    stream.shutdown(Shutdown::Write)?;
+    take_leave(&mut stream, stop)
+}
+
+/// Whether an error only says that the time of a step is over.
+fn is_pause(error: &io::Error) -> bool {
+    use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
+    matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
+}
+
+/// The request's line and headers, judged; `None` where the client hung up or it is time to stop.
+fn receive(stream: &mut impl Read, stop: &AtomicBool) -> io::Result<Option<Verdict>> {
+    let end = Instant::now() + PATIENCE;
+    let mut head = Vec::new();
+    let mut piece = [0; 1024];
+    while !stop.load(Ordering::Relaxed) {
+        let before = head.len();
+        match stream.read(&mut piece) {
+            Ok(0) => return Ok(None),
+            Ok(count) => head.extend(piece.iter().take(count)),
+            Err(error) if is_pause(&error) => {}
+            Err(error) => return Err(error),
+        }
+        if is_whole(&head, before) {
+            return Ok(Some(judge(&head)));
+        }
+        if head.len() > MOST {
+            return Ok(Some(Verdict::TooLong));
+        }
+        if Instant::now() >= end {
+            return Ok(Some(Verdict::TimedOut));
+        }
+    }
+    Ok(None)
+}
+
+/// Whether the empty line behind the headers is there, within what they may have; it was not in the octets up to `before`.
+fn is_whole(head: &[u8], before: usize) -> bool {
+    let head = head.get(..MOST).unwrap_or(head);
+    let news = head.get(before.saturating_sub(3)..).unwrap_or_default();
+    let ends = |end: &[u8]| news.windows(end.len()).any(|piece| piece == end);
+    ends(b"\r\n\r\n") || ends(b"\n\n")
+}
+
+/// What the first line asks for. Headers change nothing.
+fn judge(head: &[u8]) -> Verdict {
+    let line = head.split(|octet| *octet == b'\n').next().unwrap_or(head);
+    let line = line.strip_suffix(b"\r").unwrap_or(line);
+    let Ok(line) = std::str::from_utf8(line) else {
+        return Verdict::BadRequest;
+    };
+    let [method, target, version] = line.split(' ').collect::<Vec<_>>()[..] else {
+        return Verdict::BadRequest;
+    };
+    let path = target.split('?').next();
+    if !version.starts_with("HTTP/1.") || method.is_empty() || !target.starts_with('/') {
+        Verdict::BadRequest
+    } else if path != Some("/metrics") {
+        Verdict::NotFound
+    } else if method != "GET" {
+        Verdict::NotAllowed
+    } else {
+        Verdict::Page
+    }
+}
+
+fn response(verdict: Verdict, page: impl Fn() -> String) -> String {
+    let (status, more, body) = match verdict {
+        Verdict::Page => ("200 OK", "", page()),
+        Verdict::BadRequest => ("400 Bad Request", "", "not a request of HTTP/1.1\n".into()),
+        Verdict::NotFound => ("404 Not Found", "", "ask for /metrics\n".into()),
+        Verdict::NotAllowed => (
+            "405 Method Not Allowed",
+            "Allow: GET\r\n",
+            "ask with GET\n".into(),
+        ),
+        Verdict::TimedOut => ("408 Request Timeout", "", "ask within 2 s\n".into()),
+        Verdict::TooLong => (
+            "431 Request Header Fields Too Large",
+            "",
+            "ask in 8 KiB\n".into(),
+        ),
+    };
+    let kind = match verdict {
+        Verdict::Page => FORMAT,
+        _ => "text/plain; charset=utf-8",
+    };
+    format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\n{more}Connection: close\r\n\r\n{body}",
+        body.len()
+    )
+}
+
+/// Sends all, as long as the client takes some.
+fn send(stream: &mut impl Write, mut rest: &[u8], stop: &AtomicBool) -> io::Result<()> {
+    let end = Instant::now() + PATIENCE;
+    while !rest.is_empty() && !stop.load(Ordering::Relaxed) {
+        match stream.write(rest) {
+            Ok(count) => rest = rest.get(count..).unwrap_or_default(),
+            Err(error) if is_pause(&error) => {}
+            Err(error) => return Err(error),
+        }
+        if Instant::now() >= end {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+    }
+    Ok(())
+}
+
+/// Takes what still comes: a connection that is closed on octets unread is reset, and the answer with it.
+fn take_leave(stream: &mut impl Read, stop: &AtomicBool) -> io::Result<()> {
+    let end = Instant::now() + LEAVE;
+    let mut piece = [0; 1024];
+    while Instant::now() < end && !stop.load(Ordering::Relaxed) {
+        match stream.read(&mut piece) {
+            Ok(0) => break,
+            Err(error) if !is_pause(&error) => return Err(error),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::metrics::{Metrics, Server, serve};
+
+    fn server() -> Server {
+        serve("0", Metrics::default()).unwrap()
+    }
+
+    fn connect(server: &Server) -> TcpStream {
+        let stream = TcpStream::connect(server.address()).unwrap();
+        // The test ends, whatever the server does.
+        stream
+            .set_read_timeout(Some(Duration::from_secs(20)))
+            .unwrap();
+        stream
+    }
+
+    fn ask(server: &Server, request: &[u8]) -> String {
+        let mut stream = connect(server);
+        stream.write_all(request).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+
+    #[test]
+    fn the_metrics_come_as_prometheus_text() {
+        let server = server();
+        let request = b"GET /metrics HTTP/1.1\r\nHost: x\r\nAccept: */*\r\n\r\n";
+        // Many in turn.
+        for _ in 0..20 {
+            let answer = ask(&server, request);
+            let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+            let mut lines = head.split("\r\n");
+            assert_eq!(lines.next(), Some("HTTP/1.1 200 OK"));
+            let lines: Vec<&str> = lines.collect();
+            let length = format!("Content-Length: {}", body.len());
+            assert!(lines.contains(&length.as_str()), "{head}");
+            // X-Val: https://prometheus.io/docs/instrumenting/exposition_formats: the type of version 0.0.4.
+            let kind = "Content-Type: text/plain; version=0.0.4; charset=utf-8";
+            assert!(lines.contains(&kind), "{head}");
+            assert!(lines.contains(&"Connection: close"), "{head}");
+            assert!(body.starts_with("# HELP "), "{body}");
+        }
+    }
+
+    #[test]
+    fn what_else_is_asked_for_is_refused() {
+        let server = server();
+        for (request, status) in [
+            ("GET / HTTP/1.1\r\n\r\n", "404"),
+            ("GET /metrics/ HTTP/1.1\r\n\r\n", "404"),
+            ("POST / HTTP/1.1\r\n\r\n", "404"),
+            (
+                "POST /metrics HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc",
+                "405",
+            ),
+            ("HEAD /metrics HTTP/1.1\r\n\r\n", "405"),
+            ("GET /metrics?a=b HTTP/1.0\r\n\r\n", "200"),
+            ("GET /metrics HTTP/1.1\n\n", "200"),
+            ("GET /metrics\r\n\r\n", "400"),
+            ("GET  /metrics HTTP/1.1\r\n\r\n", "400"),
+            ("GET /metrics HTTP/2\r\n\r\n", "400"),
+            ("\r\n\r\n", "400"),
+        ] {
+            let answer = ask(&server, request.as_bytes());
+            let begins = format!("HTTP/1.1 {status} ");
+            assert!(answer.starts_with(&begins), "{request:?}: {answer}");
+        }
+        let answer = ask(&server, b"\xFF\xFE /metrics HTTP/1.1\r\n\r\n");
+        assert!(answer.starts_with("HTTP/1.1 400 "), "{answer}");
+        let answer = ask(&server, b"PUT /metrics HTTP/1.1\r\n\r\n");
+        assert!(answer.contains("\r\nAllow: GET\r\n"), "{answer}");
+    }
+
+    #[test]
+    fn a_request_that_is_too_long_is_cut_off() {
+        let server = server();
+        let long = "a".repeat(2 * MOST);
+        for request in [
+            format!("GET /{long}"),
+            format!("GET /metrics HTTP/1.1\r\nX: {long}"),
+        ] {
+            let answer = ask(&server, request.as_bytes());
+            assert!(answer.starts_with("HTTP/1.1 431 "), "{answer}");
+        }
+    }
+
+    #[test]
+    fn a_request_that_never_ends_is_cut_off_and_the_next_is_answered() {
+        let server = server();
+        let mut slow = connect(&server);
+        slow.write_all(b"GET /metrics HTTP/1.1\r\nHost:").unwrap();
+        // Its turn comes when the slow one's is over.
+        let answer = ask(&server, b"GET /metrics HTTP/1.1\r\n\r\n");
+        assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+        let mut answer = String::new();
+        slow.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 408 "), "{answer}");
+    }
+
+    #[test]
+    fn it_ends_with_its_handle_and_clients_that_say_nothing() {
+        let server = server();
+        let mut silent = connect(&server);
+        silent.write_all(b"GET").unwrap();
+        let _second = connect(&server);
+        // Within what a request may take; how fast depends on what else the machine does.
+        let started = Instant::now();
+        drop(server);
+        assert!(started.elapsed() < Duration::from_secs(60));
+        let mut answer = Vec::new();
+        // Closed or reset, without an answer.
+        let _ = silent.read_to_end(&mut answer);
+        assert!(answer.is_empty());
+    }
+
+    /// What a client takes: so many octets at a time, or none.
+    struct Client(usize);
+
+    impl Write for Client {
+        fn write(&mut self, octets: &[u8]) -> io::Result<usize> {
+            match self.0 {
+                0 => Err(io::ErrorKind::WouldBlock.into()),
+                most => Ok(most.min(octets.len())),
+            }
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn an_answer_is_not_waited_for_without_end() {
+        let (go, stop) = (AtomicBool::new(false), AtomicBool::new(true));
+        assert!(send(&mut Client(3), &[0; 100], &go).is_ok());
+        let error = send(&mut Client(0), &[0; 100], &go).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::TimedOut);
+        assert!(send(&mut Client(0), &[0; 100], &stop).is_ok());
+    }
+
+    #[test]
+    fn the_headers_end_within_what_they_may_have() {
+        let mut head = vec![b'a'; MOST - 4];
+        head.extend(b"\r\n\r\n");
+        // However the octets come.
+        for before in [0, MOST - 4, MOST - 1] {
+            assert!(is_whole(&head, before), "{before}");
+        }
+        head.insert(0, b'a');
+        assert!(!is_whole(&head, 0));
+        for (head, whole) in [("", false), ("\r\n\r", false), ("\n\n", true)] {
+            assert_eq!(is_whole(head.as_bytes(), 0), whole, "{head:?}");
+        }
+    }
+}

@@ -1,0 +1,391 @@
+//! The figures as Prometheus' text, version 0.0.4.
+
+use super::{BOUNDS, Snapshot, Stage};
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+/// A page under way, and the metrics that are on it.
+#[derive(Default)]
+struct Page {
+    text: String,
+    names: BTreeSet<String>,
+}
+
+impl Page {
+    /// Begins a metric; false if it is there already.
+    fn begin(&mut self, name: &str, kind: &str, help: &str) -> bool {
+        let is_new = self.names.insert(name.to_string());
+        if is_new {
+            // Writing to a string cannot fail.
+            let _ = writeln!(self.text, "# HELP {name} {help}\n# TYPE {name} {kind}");
+        }
+        is_new
+    }
+
+    fn sample(&mut self, name: &str, value: impl std::fmt::Display) {
+        let _ = writeln!(self.text, "{name} {value}");
+    }
+
+    fn counter(&mut self, name: &str, help: &str, count: u64) {
+        if self.begin(name, "counter", help) {
+            self.sample(name, count);
+        }
+    }
+
+    fn gauge(&mut self, name: &str, help: &str, value: Option<f64>) {
+        if let Some(value) = value
+            && self.begin(name, "gauge", help)
+        {
+            self.sample(name, number(value));
+        }
+    }
+
+    fn histogram(&mut self, name: &str, stage: &Stage) {
+        let Stage {
+            name: of,
+            within,
+            count,
+            sum,
+        } = stage;
+        let bounds = BOUNDS.iter().map(|(_, le)| *le).zip(within.iter());
+        for (le, within) in bounds.chain([("+Inf", count)]) {
+            self.sample(
+                &format!("{name}_bucket{{stage=\"{of}\",le=\"{le}\"}}"),
+                within,
+            );
+        }
+        let sum = number(sum.as_secs_f64());
+        self.sample(&format!("{name}_sum{{stage=\"{of}\"}}"), sum);
+        self.sample(&format!("{name}_count{{stage=\"{of}\"}}"), count);
+    }
+}
+
+/// All of it. What is not known is left out; where a counter has the name of a metric of ours, it is that one.
+pub(super) fn page(snapshot: &Snapshot) -> String {
+    let mut page = Page::default();
+    for (name, help, count) in [
+        ("frames", "Frames that were due.", snapshot.frames),
+        (
+            "deadlines_missed",
+            "Frames that were late or did not leave whole.",
+            snapshot.missed,
+        ),
+        (
+            "frames_incomplete",
+            "Frames that did not leave whole.",
+            snapshot.incomplete,
+        ),
+    ] {
+        page.counter(&format!("skyloop_{name}_total"), help, count);
+    }
+    let latency = "skyloop_latency_seconds";
+    let help = "From a frame's trigger to a stage, of whole frames; counts of buckets are right to half a percent of their bound.";
+    if !snapshot.stages.is_empty() && page.begin(latency, "histogram", help) {
+        let stages = snapshot.stages.iter();
+        stages.for_each(|stage| page.histogram(latency, stage));
+    }
+    for (name, help, value) in [
+        (
+            "attitude_age",
+            "Age of the last frame's attitude at its trigger.",
+            snapshot.attitude_age_s,
+        ),
+        (
+            "clock_offset",
+            "The client's clock less the emulator's.",
+            snapshot.clock_offset_s,
+        ),
+        (
+            "deadline_spare",
+            "What was left of the last frame's deadline; less than 0: missed.",
+            snapshot.deadline_spare_s,
+        ),
+    ] {
+        page.gauge(&format!("skyloop_{name}_seconds"), help, value);
+    }
+    for (name, count) in &snapshot.counters {
+        let help = format!("The counter {name} of Status, modulo 2^32.");
+        page.counter(&format!("skyloop_{name}_total"), &help, u64::from(*count));
+    }
+    if page.begin("skyloop_build_info", "gauge", "What is running.") {
+        let version = env!("CARGO_PKG_VERSION");
+        page.sample(&format!("skyloop_build_info{{version=\"{version}\"}}"), 1);
+    }
+    page.text
+}
+
+/// A number as the format has it.
+fn number(value: f64) -> String {
+    if value == f64::INFINITY {
+        "+Inf".to_string()
+    } else if value == f64::NEG_INFINITY {
+        "-Inf".to_string()
+    } else {
+        value.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::timing::{FrameTimes, Latencies};
+    use std::collections::BTreeMap;
+    use std::time::Duration;
+
+    type Labels = BTreeMap<String, String>;
+
+    /// A metric as it is read back: its type, and its samples by name and labels.
+    #[derive(Debug, Default)]
+    struct Family {
+        kind: String,
+        samples: Vec<(String, Labels, f64)>,
+    }
+
+    /// Reads a page as strictly as the format allows: what is not said to be allowed panics.
+    fn read(text: &str) -> BTreeMap<String, Family> {
+        assert!(text.ends_with('\n'));
+        let mut families: BTreeMap<String, Family> = BTreeMap::new();
+        let (mut current, mut helped) = (String::new(), String::new());
+        for line in text.lines() {
+            if let Some(help) = line.strip_prefix("# HELP ") {
+                let (name, help) = help.split_once(' ').unwrap();
+                assert!(is_name(name) && !help.is_empty() && !help.contains('\\'));
+                helped = name.to_string();
+            } else if let Some(kind) = line.strip_prefix("# TYPE ") {
+                let (name, kind) = kind.split_once(' ').unwrap();
+                assert_eq!(name, helped);
+                assert!(["counter", "gauge", "histogram"].contains(&kind), "{line}");
+                current = name.to_string();
+                let family = Family {
+                    kind: kind.to_string(),
+                    ..Family::default()
+                };
+                assert!(
+                    families.insert(current.clone(), family).is_none(),
+                    "{name} twice"
+                );
+            } else {
+                let (name, labels, value) = sample(line);
+                let family = families.get_mut(&current).unwrap();
+                let rest = name
+                    .strip_prefix(&current)
+                    .unwrap_or_else(|| panic!("{line}"));
+                let suffixes: &[&str] = match family.kind.as_str() {
+                    "histogram" => &["_bucket", "_sum", "_count"],
+                    _ => &[""],
+                };
+                assert!(suffixes.contains(&rest), "{line}");
+                let twice = family
+                    .samples
+                    .iter()
+                    .any(|(n, l, _)| (n, l) == (&name, &labels));
+                assert!(!twice, "{line} twice");
+                family.samples.push((name, labels, value));
+            }
+        }
+        families.iter().for_each(check);
+        families
+    }
+
+    fn is_name(name: &str) -> bool {
+        let mut letters = name.chars();
+        let first = letters.next().unwrap();
+        let letter = |c: char| c.is_ascii_alphabetic() || c == '_';
+        (letter(first) || first == ':')
+            && letters.all(|c| letter(c) || c == ':' || c.is_ascii_digit())
+    }
+
+    fn sample(line: &str) -> (String, Labels, f64) {
+        let (name, value) = line.rsplit_once(' ').unwrap();
+        let (name, labels) = match name.split_once('{') {
+            None => (name, ""),
+            Some((name, labels)) => (name, labels.strip_suffix('}').unwrap()),
+        };
+        assert!(is_name(name), "{line}");
+        let label = |label: &str| {
+            let (key, value) = label.split_once('=').unwrap();
+            let value = value.strip_prefix('"').unwrap().strip_suffix('"').unwrap();
+            assert!(is_name(key) && !key.contains(':'));
+            assert!(!value.contains(['"', '\\']));
+            (key.to_string(), value.to_string())
+        };
+        let labels = labels.split(',').filter(|text| !text.is_empty()).map(label);
+        (name.to_string(), labels.collect(), figure(value))
+    }
+
+    fn figure(text: &str) -> f64 {
+        match text {
+            "+Inf" => f64::INFINITY,
+            "-Inf" => f64::NEG_INFINITY,
+            "NaN" => f64::NAN,
+            _ => {
+                let plain = |c: char| c.is_ascii_digit() || "+-.e".contains(c);
+                assert!(text.chars().all(plain), "{text}");
+                text.parse().unwrap()
+            }
+        }
+    }
+
+    /// Counters end in `_total` and do not fall below 0; buckets rise with their bounds to the count.
+    fn check((name, family): (&String, &Family)) {
+        assert!(!family.samples.is_empty(), "{name}");
+        if family.kind == "counter" {
+            assert!(name.ends_with("_total"), "{name}");
+            assert!(family.samples.iter().all(|(_, _, value)| *value >= 0.0));
+        }
+        if family.kind != "histogram" {
+            return;
+        }
+        let mut series: BTreeMap<Labels, Vec<(f64, f64)>> = BTreeMap::new();
+        for (sample, labels, value) in &family.samples {
+            let mut labels = labels.clone();
+            let le = labels.remove("le");
+            assert_eq!(le.is_some(), sample.ends_with("_bucket"), "{sample}");
+            let buckets = series.entry(labels).or_default();
+            buckets.extend(le.map(|le| (figure(&le), *value)));
+        }
+        for (labels, buckets) in series {
+            let rising = |pair: &[(f64, f64)]| pair[0].0 < pair[1].0 && pair[0].1 <= pair[1].1;
+            assert!(buckets.windows(2).all(rising), "{labels:?} {buckets:?}");
+            let (last, all) = *buckets.last().unwrap();
+            assert_eq!(last, f64::INFINITY);
+            let value = |suffix: &str| {
+                let name = format!("{name}{suffix}");
+                let found = family
+                    .samples
+                    .iter()
+                    .find(|(n, l, _)| *n == name && *l == labels);
+                found.unwrap().2
+            };
+            assert_eq!(value("_count"), all);
+            assert!(value("_sum") >= 0.0);
+        }
+    }
+
+    fn value(families: &BTreeMap<String, Family>, name: &str) -> f64 {
+        let [(_, labels, value)] = &families[name].samples[..] else {
+            panic!("{name}: {:?}", families[name]);
+        };
+        assert!(labels.is_empty());
+        *value
+    }
+
+    /// A hundred frames whose last octets leave after 1 to 100 ms, one that is not whole.
+    fn run() -> Latencies {
+        let mut all = Latencies::default();
+        for number in 0..=100 {
+            all.add(&FrameTimes {
+                frame: number,
+                attitude_age_s: 0.01,
+                first_pixel: Duration::from_micros(150),
+                last_pixel: Duration::from_micros(700),
+                first_octet: Duration::from_micros(900),
+                last_octet: number * Duration::from_millis(1),
+                spare_s: 0.0905 - f64::from(number) * 1e-3,
+                whole: number > 0,
+            });
+        }
+        all
+    }
+
+    #[test]
+    fn a_run_reads_back() {
+        let snapshot = Snapshot {
+            counters: vec![("attitudes", 7), ("bad_crc", u32::MAX)],
+            attitude_age_s: Some(0.0125),
+            clock_offset_s: Some(-1e-9),
+            deadline_spare_s: Some(-0.5),
+            ..Snapshot::of(&run())
+        };
+        let families = read(&page(&snapshot));
+        for (name, expected) in [
+            ("skyloop_frames_total", 101.0),
+            // X-Val: by hand: 91 to 100 ms are late, and one is not whole.
+            ("skyloop_deadlines_missed_total", 11.0),
+            ("skyloop_frames_incomplete_total", 1.0),
+            ("skyloop_attitudes_total", 7.0),
+            ("skyloop_bad_crc_total", 4_294_967_295.0),
+            ("skyloop_attitude_age_seconds", 0.0125),
+            ("skyloop_clock_offset_seconds", -1e-9),
+            ("skyloop_deadline_spare_seconds", -0.5),
+        ] {
+            assert_eq!(value(&families, name), expected, "{name}");
+        }
+        let latency = &families["skyloop_latency_seconds"].samples;
+        let find = |suffix: &str, stage: &str, le: Option<&str>| {
+            let name = format!("skyloop_latency_seconds_{suffix}");
+            let le = le.map(str::to_string);
+            let is = |(n, l, _): &&(String, Labels, f64)| {
+                *n == name && l["stage"] == stage && l.get("le") == le.as_ref()
+            };
+            latency.iter().find(is).unwrap().2
+        };
+        for stage in ["first_pixel", "last_pixel", "first_octet", "last_octet"] {
+            assert_eq!(find("count", stage, None), 100.0);
+        }
+        // X-Val: by hand: the sum of 1 to 100 ms, and how many are within each bound; one on a bound may be counted with the next.
+        assert!((find("sum", "last_octet", None) - 5.05).abs() < 1e-9);
+        for (le, exact) in [
+            ("0.0005", 0.0),
+            ("0.01", 10.0),
+            ("0.05", 50.0),
+            ("0.1", 100.0),
+        ] {
+            let found = find("bucket", "last_octet", Some(le));
+            assert!((exact - 1.0..=exact).contains(&found), "{le}: {found}");
+        }
+        assert_eq!(find("bucket", "first_pixel", Some("0.0001")), 0.0);
+        assert_eq!(find("bucket", "first_pixel", Some("0.0002")), 100.0);
+        let build = &families["skyloop_build_info"].samples[0];
+        assert_eq!(build.1["version"], env!("CARGO_PKG_VERSION"));
+        assert_eq!(build.2, 1.0);
+    }
+
+    #[test]
+    fn what_is_not_known_is_left_out_and_no_name_stands_twice() {
+        let families = read(&page(&Snapshot::default()));
+        assert!(!families.contains_key("skyloop_clock_offset_seconds"));
+        assert!(!families.contains_key("skyloop_latency_seconds"));
+        let snapshot = Snapshot {
+            counters: vec![("frames", 9), ("attitudes", 1), ("attitudes", 2)],
+            ..Snapshot::of(&run())
+        };
+        let families = read(&page(&snapshot));
+        assert_eq!(value(&families, "skyloop_frames_total"), 101.0);
+        assert_eq!(value(&families, "skyloop_attitudes_total"), 1.0);
+    }
+
+    #[test]
+    fn any_number_can_be_written() {
+        for hard in [
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::MAX,
+            5e-324,
+            -0.0,
+        ] {
+            let snapshot = Snapshot {
+                clock_offset_s: Some(hard),
+                ..Snapshot::default()
+            };
+            let found = value(&read(&page(&snapshot)), "skyloop_clock_offset_seconds");
+            assert!(found == hard || (found.is_nan() && hard.is_nan()), "{hard}");
+        }
+        let mut longest = Latencies::default();
+        longest.add(&FrameTimes {
+            last_octet: Duration::MAX,
+            ..FrameTimes {
+                frame: 1,
+                attitude_age_s: 0.0,
+                first_pixel: Duration::ZERO,
+                last_pixel: Duration::ZERO,
+                first_octet: Duration::ZERO,
+                last_octet: Duration::ZERO,
+                spare_s: 0.0,
+                whole: true,
+            }
+        });
+        read(&page(&Snapshot::of(&longest)));
+    }
+}

@@ -1,0 +1,260 @@
+//! What the system can do for a run that must keep time: a thread that others do not interrupt, memory that is not swapped out,
+//! processors of its own.
+//!
+//! All of it is optional and none of it fails a run: what is not granted is told with the reason and the remedy. A thread hands
+//! on its scheduling and its processors to those that it starts afterwards; memory is locked for the whole process. Threads of a pool
+//! that is there already ask for themselves ([`Asked::of_thread`]); a thread that only watches, such as that of the metrics, is best
+//! started before.
+//!
+//! Where real-time threads leave no processor to others, the kernel takes 5 % of the time from them (`sched_rt_runtime_us`).
+
+#[cfg(target_os = "linux")]
+mod linux;
+
+use serde::Serialize;
+use std::fmt;
+
+/// What is asked for.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Asked {
+    /// Scheduling first in, first out with this priority (1 to 99; more goes first) instead of a share of the time.
+    pub priority: Option<u8>,
+    /// Memory that stays where it is once it has been touched.
+    pub lock_memory: bool,
+    /// The processors to run on, numbered as the system does from 0; empty: all.
+    pub cpus: Vec<usize>,
+}
+
+impl Asked {
+    /// Whether nothing is.
+    #[must_use]
+    pub fn is_nothing(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// What each thread asks for itself: all but the memory, which is that of the process.
+    #[must_use]
+    pub fn of_thread(&self) -> Self {
+        Self {
+            lock_memory: false,
+            ..self.clone()
+        }
+    }
+}
+
+/// One thing that was asked for.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Help {
+    /// The priority, 1 to 99.
+    Priority(u8),
+    /// Locked memory.
+    Memory,
+    /// Processors, in rising order.
+    Cpus(Vec<usize>),
+}
+
+/// What became of it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Grant {
+    /// What was asked for.
+    pub help: Help,
+    /// Why it was not granted, and the remedy; `None` if it was.
+    pub refused: Option<String>,
+}
+
+impl fmt::Display for Grant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let granted = self.refused.is_none();
+        match (&self.help, granted) {
+            (Help::Priority(priority), true) => write!(f, "SCHED_FIFO {priority} granted"),
+            (Help::Priority(priority), false) => write!(f, "SCHED_FIFO {priority} not granted"),
+            (Help::Memory, true) => f.write_str("memory locked"),
+            (Help::Memory, false) => f.write_str("memory not locked"),
+            (Help::Cpus(cpus), true) => f.write_str(&named(cpus)),
+            (Help::Cpus(cpus), false) => write!(f, "{} not granted", named(cpus)),
+        }?;
+        self.refused
+            .as_ref()
+            .map_or(Ok(()), |why| write!(f, " ({why})"))
+    }
+}
+
+/// What became of all that was asked for; one short line as text.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct Granted {
+    /// In the order of [`Asked`]. Processors that are there and those that are not have one each.
+    pub grants: Vec<Grant>,
+}
+
+impl Granted {
+    /// Whether nothing was refused.
+    #[must_use]
+    pub fn is_all(&self) -> bool {
+        self.grants.iter().all(|grant| grant.refused.is_none())
+    }
+}
+
+impl fmt::Display for Granted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.grants.is_empty() {
+            return f.write_str("none asked for");
+        }
+        let grants: Vec<String> = self.grants.iter().map(Grant::to_string).collect();
+        f.write_str(&grants.join("; "))
+    }
+}
+
+/// Asks the system: scheduling and processors for the thread that calls, memory for the process.
+///
+/// A thread that is told to run on processors of which some are not there runs on those that are.
+#[must_use]
+pub fn ask(asked: &Asked) -> Granted {
+    let mut grants = Vec::new();
+    if let Some(priority) = asked.priority {
+        let refused = match priority {
+            1..=99 => system::schedule(priority).err(),
+            _ => Some("not a priority: 1 to 99 are".to_string()),
+        };
+        let help = Help::Priority(priority);
+        grants.push(Grant { help, refused });
+    }
+    if asked.lock_memory {
+        let refused = system::lock_memory().err();
+        let help = Help::Memory;
+        grants.push(Grant { help, refused });
+    }
+    let mut cpus = asked.cpus.clone();
+    cpus.sort_unstable();
+    cpus.dedup();
+    if !cpus.is_empty() {
+        grants.extend(processors(cpus));
+    }
+    Granted { grants }
+}
+
+/// Asks for processors: those that are granted, and those that are not.
+fn processors(cpus: Vec<usize>) -> Vec<Grant> {
+    let of = |cpus, refused| Grant {
+        help: Help::Cpus(cpus),
+        refused,
+    };
+    match system::run_on(&cpus) {
+        Err(why) => vec![of(cpus, Some(why))],
+        Ok(granted) => {
+            let (there, missing): (Vec<_>, Vec<_>) =
+                cpus.into_iter().partition(|cpu| granted.contains(cpu));
+            let mut grants = vec![of(there, None)];
+            if !missing.is_empty() {
+                let why = "not there, or not for this process: see nproc and taskset -p";
+                grants.push(of(missing, Some(why.to_string())));
+            }
+            grants
+        }
+    }
+}
+
+/// `CPU 0` or `CPUs 0, 1`.
+fn named(cpus: &[usize]) -> String {
+    let plural = if cpus.len() == 1 { "" } else { "s" };
+    let numbers: Vec<String> = cpus.iter().map(usize::to_string).collect();
+    format!("CPU{plural} {}", numbers.join(", "))
+}
+
+#[cfg(target_os = "linux")]
+use linux as system;
+
+/// Systems that are not asked.
+#[cfg(not(target_os = "linux"))]
+mod system {
+    const WHY: &str = "this system is not asked: run on Linux";
+
+    pub(super) fn schedule(_priority: u8) -> Result<(), String> {
+        Err(WHY.to_string())
+    }
+
+    pub(super) fn lock_memory() -> Result<(), String> {
+        Err(WHY.to_string())
+    }
+
+    pub(super) fn run_on(_cpus: &[usize]) -> Result<Vec<usize>, String> {
+        Err(WHY.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(help: Help, refused: Option<&str>) -> Grant {
+        let refused = refused.map(str::to_string);
+        Grant { help, refused }
+    }
+
+    #[test]
+    fn what_was_granted_is_one_line() {
+        let all = Granted {
+            grants: vec![
+                of(Help::Priority(50), None),
+                of(Help::Memory, None),
+                of(Help::Cpus(vec![0, 1]), None),
+            ],
+        };
+        assert!(all.is_all());
+        assert_eq!(
+            all.to_string(),
+            "SCHED_FIFO 50 granted; memory locked; CPUs 0, 1"
+        );
+        let some = Granted {
+            grants: vec![
+                of(Help::Priority(99), Some("why")),
+                of(Help::Memory, Some("limit")),
+                of(Help::Cpus(vec![3]), None),
+                of(Help::Cpus(vec![7]), Some("not there")),
+            ],
+        };
+        assert!(!some.is_all());
+        assert_eq!(
+            some.to_string(),
+            "SCHED_FIFO 99 not granted (why); memory not locked (limit); CPU 3; CPU 7 not granted (not there)"
+        );
+        assert_eq!(
+            serde_json::to_string(&some).unwrap(),
+            r#"[{"help":{"priority":99},"refused":"why"},{"help":"memory","refused":"limit"},{"help":{"cpus":[3]},"refused":null},{"help":{"cpus":[7]},"refused":"not there"}]"#
+        );
+    }
+
+    #[test]
+    fn nothing_is_asked_of_the_system_unless_it_is_asked_for() {
+        assert!(Asked::default().is_nothing());
+        let none = ask(&Asked::default());
+        assert!(none.grants.is_empty() && none.is_all());
+        assert_eq!(none.to_string(), "none asked for");
+    }
+
+    #[test]
+    fn a_priority_that_is_none_is_refused_without_asking() {
+        for priority in [0, 100, 255] {
+            let granted = ask(&Asked {
+                priority: Some(priority),
+                ..Asked::default()
+            });
+            let text = granted.to_string();
+            assert!(!granted.is_all() && text.contains("1 to 99"), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_thread_of_a_pool_asks_for_all_but_the_memory() {
+        let asked = Asked {
+            priority: Some(10),
+            lock_memory: true,
+            cpus: vec![1],
+        };
+        let of_thread = asked.of_thread();
+        assert!(!of_thread.lock_memory && !of_thread.is_nothing());
+        assert_eq!(of_thread.priority, asked.priority);
+        assert_eq!(of_thread.cpus, asked.cpus);
+    }
+}

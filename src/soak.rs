@@ -1,0 +1,366 @@
+//! What a long run must keep, whether it did, and its report.
+
+use crate::host::HostReport;
+use crate::junit::Case;
+use crate::realtime::Granted;
+use crate::timing::Latencies;
+use serde::{Serialize, Serializer};
+use std::time::Duration;
+
+/// What a run must keep.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Limits {
+    /// The most deadlines that may be missed, of all frames (0 to 1).
+    pub max_miss_rate: f64,
+    /// The longest time from the trigger to the last octet that 99 of 100 whole frames must keep, ms.
+    pub max_p99_ms: Option<f64>,
+}
+
+/// Whether one of them was kept.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// Of what: `deadlines` or `p99`.
+    pub name: &'static str,
+    /// Whether it was.
+    pub passed: bool,
+    /// What was found, against what; where it was not kept, the first frame that did not.
+    pub text: String,
+    /// That frame.
+    pub frame: Option<u32>,
+}
+
+impl Limits {
+    /// What is to be measured so that the first frame that breaks a limit can be named.
+    #[must_use]
+    pub fn latencies(&self) -> Latencies {
+        let most = |most_ms| bound(most_ms).unwrap_or(Duration::ZERO);
+        Latencies::watching(self.max_p99_ms.map(most))
+    }
+
+    /// A verdict for each limit. A run without frames keeps none.
+    #[must_use]
+    pub fn judge(&self, found: &Latencies) -> Vec<Verdict> {
+        let mut verdicts = vec![self.deadlines(found)];
+        verdicts.extend(self.max_p99_ms.map(|most_ms| p99(most_ms, found)));
+        verdicts
+    }
+
+    fn deadlines(&self, found: &Latencies) -> Verdict {
+        let Latencies { frames, missed, .. } = found;
+        let rate = *missed as f64 / *frames as f64;
+        let most = self.max_miss_rate;
+        let passed = rate <= most;
+        let told = format!("deadlines missed: {missed} of {frames} ({})", short(rate));
+        let first = found.first_miss.filter(|_| !passed);
+        let text = match (passed, first) {
+            _ if *frames == 0 => "deadlines: there was no frame".to_string(),
+            (true, _) => format!("{told} within {}", short(most)),
+            (false, None) => format!("{told} is not within {}", short(most)),
+            (false, Some(miss)) => format!(
+                "{told} is above {}: frame {} was the first ({})",
+                short(most),
+                miss.frame,
+                miss.told()
+            ),
+        };
+        Verdict {
+            name: "deadlines",
+            passed,
+            text,
+            frame: first.map(|miss| miss.frame),
+        }
+    }
+}
+
+/// A limit as a duration; beyond all durations it is the longest, and `None` is what no duration keeps.
+fn bound(most_ms: f64) -> Option<Duration> {
+    let most = Duration::try_from_secs_f64(most_ms * 1e-3).unwrap_or(Duration::MAX);
+    (most_ms >= 0.0).then_some(most)
+}
+
+fn p99(most_ms: f64, found: &Latencies) -> Verdict {
+    let p99 = found.last_octet.quantile(0.99);
+    let ms = |time: Duration| time.as_secs_f64() * 1e3;
+    let within = |p99: Duration| bound(most_ms).is_some_and(|most| p99 <= most);
+    let passed = p99.is_some_and(within);
+    let first = found.first_above.filter(|_| !passed);
+    let text = match (p99, first) {
+        (None, _) => "p99 is not known: no frame was whole".to_string(),
+        (Some(p99), _) if passed => format!("p99 {:.1} ms within {most_ms} ms", ms(p99)),
+        (Some(p99), None) => format!("p99 {:.1} ms is not within {most_ms} ms", ms(p99)),
+        (Some(p99), Some(slow)) => format!(
+            "p99 {:.1} ms is above {most_ms} ms: frame {} was the first ({:.1} ms)",
+            ms(p99),
+            slow.frame,
+            ms(slow.last_octet)
+        ),
+    };
+    Verdict {
+        name: "p99",
+        passed,
+        text,
+        frame: first.map(|slow| slow.frame),
+    }
+}
+
+/// A rate in two figures: `0`, `6.7e-4`, `1e-3`.
+fn short(rate: f64) -> String {
+    let text = format!("{rate:.1e}");
+    match rate {
+        0.0 => "0".to_string(),
+        _ => text.replace(".0e", "e"),
+    }
+}
+
+/// What a long run is told by.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// The scene's name.
+    pub scene: String,
+    /// How long it ran, min.
+    pub minutes: f64,
+    /// Whether all limits were kept.
+    pub passed: bool,
+    /// What it had to keep.
+    pub limits: Limits,
+    /// Whether it did.
+    pub verdicts: Vec<Verdict>,
+    /// What was measured.
+    pub latencies: Latencies,
+    /// What the machine did meanwhile.
+    pub host: HostReport,
+    /// What help in real time it had.
+    pub realtime: Granted,
+    /// The run's counters by name.
+    #[serde(serialize_with = "as_map")]
+    pub counters: Vec<(&'static str, u32)>,
+}
+
+impl Report {
+    /// The report of a run; the limits are judged by its latencies.
+    #[must_use]
+    pub fn new(
+        scene: String,
+        minutes: f64,
+        limits: Limits,
+        latencies: Latencies,
+        host: HostReport,
+        realtime: Granted,
+        counters: Vec<(&'static str, u32)>,
+    ) -> Self {
+        let verdicts = limits.judge(&latencies);
+        Self {
+            scene,
+            minutes,
+            passed: verdicts.iter().all(|verdict| verdict.passed),
+            limits,
+            verdicts,
+            latencies,
+            host,
+            realtime,
+            counters,
+        }
+    }
+
+    /// A case for each verdict, for [`crate::junit::document`]; each has what the machine did, and the table of times.
+    #[must_use]
+    pub fn cases(&self) -> Vec<Case> {
+        let mut properties = self.host.rows();
+        properties.push(("real time".to_string(), self.realtime.to_string()));
+        let rows = self.latencies.rows();
+        let table: String = rows
+            .iter()
+            .map(|(name, value)| format!("{name}: {value}\n"))
+            .collect();
+        let case = |verdict: &Verdict| Case {
+            name: verdict.name.to_string(),
+            classname: format!("skyloop.soak.{}", self.scene.replace(['.', ' '], "_")),
+            seconds: self.minutes * 60.0,
+            failure: (!verdict.passed).then(|| (verdict.text.clone(), verdict.text.clone())),
+            properties: properties.clone(),
+            system_out: format!("{}\n{table}", verdict.text),
+        };
+        self.verdicts.iter().map(case).collect()
+    }
+}
+
+fn as_map<S: Serializer>(
+    counters: &[(&'static str, u32)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(counters.iter().copied())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::host::Host;
+    use crate::realtime::{Asked, ask};
+    use crate::timing::FrameTimes;
+
+    const TIMES: FrameTimes = FrameTimes {
+        frame: 0,
+        attitude_age_s: 0.0,
+        first_pixel: Duration::ZERO,
+        last_pixel: Duration::ZERO,
+        first_octet: Duration::ZERO,
+        last_octet: Duration::from_millis(4),
+        spare_s: 0.05,
+        whole: true,
+    };
+
+    fn limits(max_miss_rate: f64, max_p99_ms: Option<f64>) -> Limits {
+        Limits {
+            max_miss_rate,
+            max_p99_ms,
+        }
+    }
+
+    /// A run of so many frames; from the `slow` one on each second takes 14.2 ms, and those of `late` miss their deadline by 4.2 ms.
+    fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) -> Latencies {
+        let mut all = limits.latencies();
+        for frame in 0..frames {
+            let mut times = FrameTimes { frame, ..TIMES };
+            if frame >= slow && (frame - slow).is_multiple_of(2) {
+                times.last_octet = Duration::from_micros(14_200);
+            }
+            if late.contains(&frame) {
+                times.spare_s = -4.2e-3;
+            }
+            all.add(&times);
+        }
+        all
+    }
+
+    fn texts(limits: &Limits, found: &Latencies) -> Vec<String> {
+        let verdicts = limits.judge(found);
+        verdicts.into_iter().map(|verdict| verdict.text).collect()
+    }
+
+    #[test]
+    fn a_run_that_keeps_its_limits_passes() {
+        let limits = limits(1e-3, Some(12.0));
+        let found = run(&limits, 18_000, 18_000, 17..29);
+        let verdicts = limits.judge(&found);
+        assert!(verdicts.iter().all(|verdict| verdict.passed));
+        assert!(verdicts.iter().all(|verdict| verdict.frame.is_none()));
+        // X-Val: 12 / 18000 = 6.67e-4.
+        assert_eq!(
+            verdicts[0].text,
+            "deadlines missed: 12 of 18000 (6.7e-4) within 1e-3"
+        );
+        assert_eq!(verdicts[1].text, "p99 4.0 ms within 12 ms");
+    }
+
+    #[test]
+    fn what_is_not_kept_names_the_first_frame() {
+        let limits = limits(1e-3, Some(12.0));
+        let found = run(&limits, 1000, 512, 17..29);
+        let verdicts = limits.judge(&found);
+        assert!(verdicts.iter().all(|verdict| !verdict.passed));
+        assert_eq!(
+            verdicts[0].text,
+            "deadlines missed: 12 of 1000 (1.2e-2) is above 1e-3: frame 17 was the first (late by 4.20 ms)"
+        );
+        assert_eq!(verdicts[0].frame, Some(17));
+        let text = &verdicts[1].text;
+        assert!(
+            text.starts_with("p99 14.") && text.contains("is above 12 ms"),
+            "{text}"
+        );
+        assert!(
+            text.ends_with("frame 512 was the first (14.2 ms)"),
+            "{text}"
+        );
+        assert_eq!(verdicts[1].frame, Some(512));
+    }
+
+    #[test]
+    fn a_limit_that_is_just_reached_is_kept() {
+        let none = limits(0.0, None);
+        assert_eq!(
+            texts(&none, &run(&none, 10, 10, 0..0)),
+            ["deadlines missed: 0 of 10 (0) within 0"]
+        );
+        let tenth = limits(0.1, Some(14.2));
+        assert!(
+            tenth
+                .judge(&run(&tenth, 10, 0, 3..4))
+                .iter()
+                .all(|v| v.passed)
+        );
+    }
+
+    #[test]
+    fn a_run_without_frames_passes_nothing() {
+        let limits = limits(1.0, Some(1e9));
+        let verdicts = limits.judge(&limits.latencies());
+        assert!(verdicts.iter().all(|verdict| !verdict.passed));
+        let mut broken = limits.latencies();
+        broken.add(&FrameTimes {
+            whole: false,
+            ..TIMES
+        });
+        let verdicts = limits.judge(&broken);
+        assert_eq!(verdicts[1].text, "p99 is not known: no frame was whole");
+    }
+
+    #[test]
+    fn limits_that_are_no_numbers_are_kept_by_none() {
+        for hard in [f64::NAN, f64::NEG_INFINITY, -1.0] {
+            let limits = limits(hard, Some(hard));
+            let verdicts = limits.judge(&run(&limits, 10, 5, 0..0));
+            assert!(verdicts.iter().all(|verdict| !verdict.passed), "{hard}");
+        }
+        let limits = limits(f64::INFINITY, Some(f64::MAX));
+        let verdicts = limits.judge(&run(&limits, 10, 5, 0..10));
+        assert!(verdicts.iter().all(|verdict| verdict.passed));
+    }
+
+    #[test]
+    fn rates_are_short() {
+        // X-Val: by hand.
+        for (rate, text) in [
+            (0.0, "0"),
+            (1e-3, "1e-3"),
+            (6.667e-4, "6.7e-4"),
+            (1.0, "1e0"),
+            (0.012, "1.2e-2"),
+        ] {
+            assert_eq!(short(rate), text);
+        }
+    }
+
+    #[test]
+    fn the_report_has_it_all_and_a_case_for_each_verdict() {
+        let limits = limits(1e-3, Some(12.0));
+        let found = run(&limits, 1000, 512, 0..0);
+        let host = Host::now();
+        let report = Report::new(
+            "leo 1.toml".to_string(),
+            30.0,
+            limits,
+            found,
+            host.since(&host),
+            ask(&Asked::default()),
+            vec![("attitudes", 1000), ("bad_crc", 0)],
+        );
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["passed"], false);
+        assert_eq!(json["limits"]["max_p99_ms"], 12.0);
+        assert_eq!(json["verdicts"][1]["frame"], 512);
+        assert_eq!(json["latencies"]["last_octet"]["count"], 1000);
+        assert_eq!(json["counters"]["attitudes"], 1000);
+        assert!(json["host"]["processor"].is_string());
+        assert!(json["realtime"].as_array().unwrap().is_empty());
+        let cases = report.cases();
+        assert_eq!(cases.len(), 2);
+        assert!(cases[0].failure.is_none());
+        assert_eq!(cases[1].classname, "skyloop.soak.leo_1_toml");
+        assert_eq!(cases[1].seconds, 1800.0);
+        let (message, _) = cases[1].failure.as_ref().unwrap();
+        assert!(message.contains("frame 512"), "{message}");
+        let out = &cases[1].system_out;
+        assert!(out.contains("\nto the last octet: "), "{out}");
+    }
+}

@@ -1,0 +1,390 @@
+//! When a frame's parts were there, and how that was spread over a run.
+
+use serde::{Serialize, Serializer};
+use skyloop_firmware_sim::times::Times;
+use std::time::Duration;
+
+/// The moments of one frame, all from its trigger: the end of its exposure, or the arrival of its attitude if that was later.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameTimes {
+    /// The frame's number.
+    pub frame: u32,
+    /// From the moment that its attitude is of to the trigger, s; less than 0 where the attitude is of a later moment.
+    pub attitude_age_s: f64,
+    /// To the first pixel rendered.
+    pub first_pixel: Duration,
+    /// To the last pixel rendered.
+    pub last_pixel: Duration,
+    /// To the first octet handed to a link.
+    pub first_octet: Duration,
+    /// To the last octet handed to a link.
+    pub last_octet: Duration,
+    /// What was left until the deadline, s; less than 0: missed by so much.
+    pub spare_s: f64,
+    /// Whether all of the frame left.
+    pub whole: bool,
+}
+
+/// The first frame of a run that missed its deadline.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Miss {
+    /// The frame's number.
+    pub frame: u32,
+    /// By how much, s; `None` where the frame did not leave whole.
+    pub late_s: Option<f64>,
+}
+
+/// The first frame of a run that took longer than what is watched for.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Slow {
+    /// The frame's number.
+    pub frame: u32,
+    /// From the trigger to its last octet, s.
+    #[serde(rename = "last_octet_s", serialize_with = "seconds")]
+    pub last_octet: Duration,
+}
+
+/// The moments of all frames of a run.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Latencies {
+    /// Frames.
+    pub frames: u64,
+    /// Frames that missed their deadline: late, or not whole.
+    pub missed: u64,
+    /// Frames that did not leave whole. They have no part in the times below.
+    pub incomplete: u64,
+    /// The first frame that missed its deadline.
+    pub first_miss: Option<Miss>,
+    /// Frames whose attitude was of a later moment than their trigger; their attitude's age counts as 0.
+    pub ahead: u64,
+    /// See [`FrameTimes`], as all that follow.
+    #[serde(serialize_with = "summary")]
+    pub attitude_age: Times,
+    /// To the first pixel rendered.
+    #[serde(serialize_with = "summary")]
+    pub first_pixel: Times,
+    /// To the last pixel rendered.
+    #[serde(serialize_with = "summary")]
+    pub last_pixel: Times,
+    /// To the first octet handed to a link.
+    #[serde(serialize_with = "summary")]
+    pub first_octet: Times,
+    /// To the last octet handed to a link.
+    #[serde(serialize_with = "summary")]
+    pub last_octet: Times,
+    /// Time to the last octet beyond which the first frame is remembered.
+    #[serde(rename = "watch_above_s", serialize_with = "maybe_seconds")]
+    pub watch_above: Option<Duration>,
+    /// That frame.
+    pub first_above: Option<Slow>,
+}
+
+/// The quantiles that are told of, and what they are called.
+const QUANTILES: [(&str, f64); 5] = [
+    ("p50", 0.5),
+    ("p90", 0.9),
+    ("p99", 0.99),
+    ("p99.9", 0.999),
+    ("max", 1.0),
+];
+
+impl Latencies {
+    /// None yet; the first frame whose last octet comes later than `watch_above` will be remembered.
+    #[must_use]
+    pub fn watching(watch_above: Option<Duration>) -> Self {
+        Self {
+            watch_above,
+            ..Self::default()
+        }
+    }
+
+    /// Books one frame. A frame that is not whole has missed its deadline, and no times. A time left that is no number counts as missed.
+    pub fn add(&mut self, times: &FrameTimes) {
+        self.frames += 1;
+        self.incomplete += u64::from(!times.whole);
+        if !times.whole || times.spare_s < 0.0 || times.spare_s.is_nan() {
+            self.missed += 1;
+            self.first_miss.get_or_insert(Miss {
+                frame: times.frame,
+                late_s: times.whole.then_some(-times.spare_s),
+            });
+        }
+        if !times.whole {
+            return;
+        }
+        self.ahead += u64::from(times.attitude_age_s < 0.0);
+        // What is no number is no age. One beyond all durations is the longest.
+        if !times.attitude_age_s.is_nan() {
+            let age = Duration::try_from_secs_f64(times.attitude_age_s.max(0.0));
+            self.attitude_age.add(age.unwrap_or(Duration::MAX));
+        }
+        self.first_pixel.add(times.first_pixel);
+        self.last_pixel.add(times.last_pixel);
+        self.first_octet.add(times.first_octet);
+        self.last_octet.add(times.last_octet);
+        if self.watch_above.is_some_and(|most| times.last_octet > most) {
+            self.first_above.get_or_insert(Slow {
+                frame: times.frame,
+                last_octet: times.last_octet,
+            });
+        }
+    }
+
+    /// The stages after the trigger, in the order in which a frame goes through them, and what they are called.
+    #[must_use]
+    pub fn stages(&self) -> [(&'static str, &Times); 4] {
+        [
+            ("first_pixel", &self.first_pixel),
+            ("last_pixel", &self.last_pixel),
+            ("first_octet", &self.first_octet),
+            ("last_octet", &self.last_octet),
+        ]
+    }
+
+    /// The rows of the table at a run's end.
+    #[must_use]
+    pub fn rows(&self) -> Vec<(String, String)> {
+        let (names, quantiles): (Vec<&str>, Vec<f64>) = QUANTILES.into_iter().unzip();
+        let mut rows = vec![row("from the trigger", names.join(" / "))];
+        for (stage, times) in self.stages() {
+            let name = format!("to the {}", stage.replace('_', " "));
+            rows.push(row(&name, text(times, &quantiles)));
+        }
+        rows.push(row("attitude's age", text(&self.attitude_age, &quantiles)));
+        if self.ahead > 0 {
+            let value = format!("{} of {}", self.ahead, self.frames);
+            rows.push(row("attitudes of a later moment", value));
+        }
+        rows.push(row("deadlines missed", self.told_missed()));
+        rows
+    }
+
+    /// `3 of 1000 (first: frame 17, late by 4.20 ms)`.
+    fn told_missed(&self) -> String {
+        let incomplete = match self.incomplete {
+            0 => String::new(),
+            count => format!(", {count} not whole"),
+        };
+        let first = self.first_miss.map_or(String::new(), |miss| {
+            format!(" (first: frame {}, {})", miss.frame, miss.told())
+        });
+        format!("{} of {}{incomplete}{first}", self.missed, self.frames)
+    }
+}
+
+impl Miss {
+    /// `late by 4.20 ms` or `not whole`.
+    #[must_use]
+    pub fn told(&self) -> String {
+        match self.late_s {
+            Some(late_s) => format!("late by {:.2} ms", late_s * 1e3),
+            None => "not whole".to_string(),
+        }
+    }
+}
+
+fn row(name: &str, value: String) -> (String, String) {
+    (name.to_string(), value)
+}
+
+/// Quantiles as text: `1.23 / 4.56 ms`.
+pub fn text(times: &Times, quantiles: &[f64]) -> String {
+    let ms = |p: &f64| Some(format!("{:.2}", times.quantile(*p)?.as_secs_f64() * 1e3));
+    let values: Option<Vec<String>> = quantiles.iter().map(ms).collect();
+    values.map_or("none".to_string(), |values| {
+        format!("{} ms", values.join(" / "))
+    })
+}
+
+/// Times as reports have them, in ms.
+#[derive(Serialize)]
+struct Summary {
+    count: u64,
+    mean_ms: Option<f64>,
+    min_ms: Option<f64>,
+    p50_ms: Option<f64>,
+    p90_ms: Option<f64>,
+    p99_ms: Option<f64>,
+    p99_9_ms: Option<f64>,
+    max_ms: Option<f64>,
+}
+
+fn summary<S: Serializer>(times: &Times, serializer: S) -> Result<S::Ok, S::Error> {
+    let in_ms = |time: Duration| time.as_nanos() as f64 / 1e6;
+    let ms = |fraction| times.quantile(fraction).map(in_ms);
+    let mean = in_ms(times.sum()) / times.count() as f64;
+    let summary = Summary {
+        count: times.count(),
+        mean_ms: (times.count() > 0).then_some(mean),
+        min_ms: ms(0.0),
+        p50_ms: ms(0.5),
+        p90_ms: ms(0.9),
+        p99_ms: ms(0.99),
+        p99_9_ms: ms(0.999),
+        max_ms: ms(1.0),
+    };
+    summary.serialize(serializer)
+}
+
+fn seconds<S: Serializer>(time: &Duration, serializer: S) -> Result<S::Ok, S::Error> {
+    time.as_secs_f64().serialize(serializer)
+}
+
+fn maybe_seconds<S: Serializer>(time: &Option<Duration>, serializer: S) -> Result<S::Ok, S::Error> {
+    time.map(|time| time.as_secs_f64()).serialize(serializer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    /// A frame whose stages come 1, 2, 3 and `last` ms after the trigger, the deadline at 10 ms.
+    fn frame(frame: u32, last_ms: u32) -> FrameTimes {
+        FrameTimes {
+            frame,
+            attitude_age_s: 0.05,
+            first_pixel: MS,
+            last_pixel: 2 * MS,
+            first_octet: 3 * MS,
+            last_octet: last_ms * MS,
+            spare_s: (10.0 - f64::from(last_ms)) * 1e-3,
+            whole: true,
+        }
+    }
+
+    fn value<'a>(rows: &'a [(String, String)], name: &str) -> &'a str {
+        &rows.iter().find(|row| row.0 == name).unwrap().1
+    }
+
+    #[test]
+    fn the_rows_have_each_stage_and_the_first_miss() {
+        let mut all = Latencies::default();
+        for number in 1..=100 {
+            all.add(&frame(
+                number,
+                if number == 17 || number == 90 { 14 } else { 4 },
+            ));
+        }
+        let rows = all.rows();
+        let quantiles = value(&rows, "from the trigger");
+        assert_eq!(quantiles, "p50 / p90 / p99 / p99.9 / max");
+        // X-Val: by hand: two of a hundred take 14 ms. Quantiles between the ends are 0.5 % off at most.
+        let last: Vec<f64> = value(&rows, "to the last octet")
+            .trim_end_matches(" ms")
+            .split(" / ")
+            .map(|ms| ms.parse().unwrap())
+            .collect();
+        for (found, exact) in last.iter().zip([4.0, 4.0, 14.0, 14.0, 14.0]) {
+            assert!((found / exact - 1.0).abs() < 0.006, "{last:?}");
+        }
+        let first = value(&rows, "to the first pixel");
+        assert_eq!(first, "1.00 / 1.00 / 1.00 / 1.00 / 1.00 ms");
+        let age = value(&rows, "attitude's age");
+        assert_eq!(age, "50.00 / 50.00 / 50.00 / 50.00 / 50.00 ms");
+        let missed = value(&rows, "deadlines missed");
+        assert_eq!(missed, "2 of 100 (first: frame 17, late by 4.00 ms)");
+        assert!(!rows.iter().any(|row| row.0.contains("later moment")));
+    }
+
+    #[test]
+    fn a_frame_that_is_not_whole_is_missed_and_has_no_times() {
+        let mut all = Latencies::default();
+        all.add(&FrameTimes {
+            whole: false,
+            ..frame(3, 4)
+        });
+        assert_eq!((all.frames, all.missed, all.incomplete), (1, 1, 1));
+        assert!(all.stages().iter().all(|(_, times)| times.count() == 0));
+        assert_eq!(all.attitude_age.count(), 0);
+        let rows = all.rows();
+        assert_eq!(value(&rows, "to the last octet"), "none");
+        let missed = value(&rows, "deadlines missed");
+        assert_eq!(missed, "1 of 1, 1 not whole (first: frame 3, not whole)");
+        // The first stays the first.
+        all.add(&frame(4, 12));
+        assert_eq!(all.first_miss.unwrap().frame, 3);
+        let rows = Latencies::default().rows();
+        assert_eq!(value(&rows, "deadlines missed"), "0 of 0");
+    }
+
+    #[test]
+    fn the_deadline_itself_is_kept() {
+        let mut all = Latencies::default();
+        all.add(&frame(1, 10));
+        assert_eq!(all.missed, 0);
+    }
+
+    #[test]
+    fn the_first_frame_above_what_is_watched_for_is_remembered() {
+        let mut all = Latencies::watching(Some(8 * MS));
+        for (number, last_ms) in [(1, 7), (2, 8), (3, 9), (4, 20)] {
+            all.add(&frame(number, last_ms));
+        }
+        let expected = Slow {
+            frame: 3,
+            last_octet: 9 * MS,
+        };
+        assert_eq!(all.first_above, Some(expected));
+        let mut blind = Latencies::default();
+        blind.add(&frame(1, 100));
+        assert_eq!(blind.first_above, None);
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_missed_and_nothing_panics() {
+        let hard = [
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::MAX,
+            f64::MIN,
+            -0.0,
+        ];
+        for attitude_age_s in hard {
+            for spare_s in hard {
+                let mut all = Latencies::default();
+                all.add(&FrameTimes {
+                    attitude_age_s,
+                    spare_s,
+                    last_octet: Duration::MAX,
+                    ..frame(1, 4)
+                });
+                let kept = spare_s >= 0.0;
+                assert_eq!(all.missed, u64::from(!kept), "{spare_s}");
+                let aged = u64::from(!attitude_age_s.is_nan());
+                assert_eq!(all.attitude_age.count(), aged, "{attitude_age_s}");
+                assert_eq!(all.ahead, u64::from(attitude_age_s < 0.0));
+                assert!(!all.rows().is_empty());
+                assert!(serde_json::to_string(&all).is_ok());
+            }
+        }
+    }
+
+    #[test]
+    fn the_report_has_the_quantiles_of_each_stage_in_ms() {
+        let mut all = Latencies::watching(Some(8 * MS));
+        all.add(&frame(5, 12));
+        all.add(&FrameTimes {
+            attitude_age_s: -0.01,
+            ..frame(6, 6)
+        });
+        let json = serde_json::to_value(&all).unwrap();
+        assert_eq!(json["frames"], 2);
+        assert_eq!(json["ahead"], 1);
+        assert_eq!(json["first_miss"]["frame"], 5);
+        assert_eq!(json["first_above"]["frame"], 5);
+        assert_eq!(json["first_above"]["last_octet_s"], 0.012);
+        assert_eq!(json["watch_above_s"], 0.008);
+        let last = &json["last_octet"];
+        assert_eq!(last["count"], 2);
+        // X-Val: by hand, of 6 and 12 ms.
+        for (key, exact) in [("min_ms", 6.0), ("mean_ms", 9.0), ("max_ms", 12.0)] {
+            assert!((last[key].as_f64().unwrap() - exact).abs() < 1e-9, "{key}");
+        }
+        let none = serde_json::to_value(Latencies::default()).unwrap();
+        assert!(none["last_octet"]["mean_ms"].is_null());
+        assert!(none["first_miss"].is_null());
+    }
+}
