@@ -2,7 +2,8 @@
 
 use crate::error::{DecodeError, EncodeError};
 pub use crate::generated::codes::{AttitudeSource, Overrun, Packing, SyncState};
-pub use crate::generated::frames::{FrameEnd, FrameHeader, LabelPart, PixelBlock, Timing};
+pub use crate::generated::ends::{FrameEnd, Timing};
+pub use crate::generated::frames::{FrameHeader, LabelPart, PixelBlock};
 use crate::output::{LabelLevel, MAX_WINDOW, PixelLevel};
 use crate::packet::{CRC_LENGTH, HEADER_LENGTH};
 use crate::pixels::{self, LABEL_TEXT_PER_PART, packed_length, pixels_per_block, unpack};

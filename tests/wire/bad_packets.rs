@@ -268,6 +268,26 @@ pub fn cases() -> Vec<Case> {
             "refused",
             &["SingleShot", "stepped", "Attitude"],
         ),
+        case(
+            "trigger on the stepped clock",
+            Command::Trigger {
+                number: 1,
+                start: EPOCH,
+            },
+            NotSupported,
+            "refused",
+            &["Trigger", "run.trigger = \"packet\""],
+        ),
+        case(
+            "trigger of number 0",
+            Command::Trigger {
+                number: 0,
+                start: EPOCH,
+            },
+            ValueOutOfRange,
+            "bad_value",
+            &["Trigger.number"],
+        ),
         spoilt(
             "wrong CRC",
             |p| *p.last_mut().unwrap() ^= 1,

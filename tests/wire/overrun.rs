@@ -1,6 +1,6 @@
 //! Frames that would be late: what is done with them, and where that is told.
 
-use crate::support::client::Client;
+use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
 use crate::support::{EPOCH, Running, attitude, await_that, on_memory, scene};
 use serde_json::{Value, json};
@@ -55,7 +55,11 @@ fn flown_by(
 }
 
 /// Why a frame is not as configured, and by what it was rendered.
-fn told(label: &Value) -> (Value, Value) {
+fn told(frame: &Received) -> (Value, Value) {
+    let label = frame.label();
+    // Its end says the same.
+    let overrun = label["overrun"].as_str().unwrap_or("none");
+    assert_eq!(frame.end.overrun.name().to_lowercase(), overrun);
     (label["overrun"].clone(), label["fidelity"].clone())
 }
 
@@ -63,13 +67,11 @@ fn told(label: &Value) -> (Value, Value) {
 /// Then time is no longer short, and a frame comes as configured; what was measured and counted.
 fn hurried(policy: OnOverrun) -> (Vec<(Value, Value)>, RunStats, Counters) {
     let (emulator, mut client) = flown(policy, HURRIED_HZ);
-    let first: Vec<_> = (0..FRAMES).map(|_| told(&client.frame().label())).collect();
+    let first: Vec<_> = (0..FRAMES).map(|_| told(&client.frame())).collect();
     client.done(Command::FrameRate { hz: PATIENT_HZ });
     let configured = (Value::Null, json!({"preset": "realtime"}));
     assert_eq!(first[0], configured, "nothing is known before the first");
-    await_that("a frame in time", || {
-        told(&client.frame().label()) == configured
-    });
+    await_that("a frame in time", || told(&client.frame()) == configured);
     let (stats, counters) = emulator.measured();
     assert!(stats.late >= FRAMES as u32 && stats.frames > stats.late);
     assert_eq!(row(&stats, "frames late"), stats.late);
@@ -127,7 +129,7 @@ fn frames_are_coarsened_step_by_step_and_told() {
 fn hurried_by_fast(coarsen: &str) -> (Vec<(Value, Value)>, RunStats) {
     let steps = steps(coarsen);
     let (emulator, mut client) = flown_by(Fidelity::FAST, steps, OnOverrun::Coarsen, HURRIED_HZ);
-    let first = (0..FRAMES).map(|_| told(&client.frame().label())).collect();
+    let first = (0..FRAMES).map(|_| told(&client.frame())).collect();
     (first, emulator.measured().0)
 }
 

@@ -17,7 +17,7 @@ pub fn files(schema: &Schema) -> Result<Vec<(String, String)>, String> {
             format!("// {NOTE}\n//! {about}\n\n{text}"),
         )
     };
-    let inside = ["answers", "codes", "commands", "counters", "frames"];
+    let inside = ["answers", "codes", "commands", "counters", "ends", "frames"];
     let modules: String = inside
         .iter()
         .map(|name| format!("pub mod {name};\n"))
@@ -48,6 +48,7 @@ pub fn files(schema: &Schema) -> Result<Vec<(String, String)>, String> {
             "The packets of a frame.",
             messages::frames(schema),
         ),
+        file("ends", "What closes a frame.", messages::ends(schema)),
         file(
             "answers",
             "The answers of the emulator, and all of its packets.",

@@ -4,7 +4,8 @@
 use super::codes::{Mode, Packing, Reason, SyncState, apid};
 use super::commands::Output;
 use super::counters::Counters;
-use super::frames::{FrameHeader, PixelBlock, LabelPart, WindowBlock, ObjectPart, CompressedBlock, FrameEnd, Timing};
+use super::ends::{FrameEnd, Timing};
+use super::frames::{FrameHeader, PixelBlock, LabelPart, WindowBlock, ObjectPart, CompressedBlock};
 use crate::error::{DecodeError, EncodeError};
 use crate::rules::{positive, rule};
 use crate::wire::{Reader, Writer};

@@ -5,4 +5,5 @@ pub mod answers;
 pub mod codes;
 pub mod commands;
 pub mod counters;
+pub mod ends;
 pub mod frames;

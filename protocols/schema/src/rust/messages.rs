@@ -24,12 +24,30 @@ pub(super) fn commands(schema: &Schema) -> String {
     out + &command(schema)
 }
 
-/// The packets that take credit.
+/// What closes a frame: it has a file of its own.
+const END: &str = "FrameEnd";
+
+/// The packets that take credit, but for the last of a frame.
 pub(super) fn frames(schema: &Schema) -> String {
-    let mut out = "use super::codes::{AttitudeSource, LabelLevel, Overrun, Packing, PixelLevel, SyncState};\nuse crate::error::{DecodeError, EncodeError};\n\
-                   use crate::rules::{positive, rule};\nuse crate::time::WireTime;\nuse crate::wire::{Reader, Writer};\n"
-        .to_owned();
-    for message in to(schema, Receiver::Client).filter(|message| is_of_frame(message)) {
+    "use super::codes::{LabelLevel, Packing, PixelLevel};\nuse crate::error::{DecodeError, EncodeError};\n\
+     use crate::rules::{positive, rule};\nuse crate::time::WireTime;\nuse crate::wire::{Reader, Writer};\n"
+        .to_owned()
+        + &of_frame(schema, |message| message.name != END)
+}
+
+/// The last packet of a frame.
+pub(super) fn ends(schema: &Schema) -> String {
+    "use super::codes::{AttitudeSource, Overrun, SyncState};\nuse crate::error::{DecodeError, EncodeError};\n\
+     use crate::rules::rule;\nuse crate::wire::{Reader, Writer};\n"
+        .to_owned()
+        + &of_frame(schema, |message| message.name == END)
+}
+
+/// The packets of a frame, with the structures that they hold.
+fn of_frame(schema: &Schema, which: impl Fn(&Message) -> bool) -> String {
+    let mut out = String::new();
+    let messages = to(schema, Receiver::Client).filter(|message| is_of_frame(message));
+    for message in messages.filter(|message| which(message)) {
         out += &of_message(message).text(schema);
         out += &length(
             schema,
@@ -37,13 +55,14 @@ pub(super) fn frames(schema: &Schema) -> String {
             message.borrows,
             &message.fields,
         );
-        for record in message.fields.iter().filter_map(|field| match &field.kind {
+        let structures = message.fields.iter().filter_map(|field| match &field.kind {
             Kind::Struct(name) => Some(name.as_str()),
             _ => field.record.as_deref(),
-        }) {
-            out += &of_structure(schema, record);
-            if let Some(structure) = schema.structure(record) {
-                out += &length(schema, record, false, &structure.fields);
+        });
+        for name in structures {
+            out += &of_structure(schema, name);
+            if let Some(structure) = schema.structure(name) {
+                out += &length(schema, name, false, &structure.fields);
             }
         }
     }
@@ -61,13 +80,12 @@ fn length(schema: &Schema, name: &str, borrows: bool, fields: &[Field]) -> Strin
 
 /// The other packets, and the enum over all.
 pub(super) fn answers(schema: &Schema) -> String {
-    let mut names: Vec<&str> = to(schema, Receiver::Client)
-        .filter(|message| is_of_frame(message))
+    let names: Vec<&str> = to(schema, Receiver::Client)
+        .filter(|message| is_of_frame(message) && message.name != END)
         .map(Message::type_name)
         .collect();
-    names.push("Timing");
     let mut out = format!(
-        "use super::codes::{{Mode, Packing, Reason, SyncState, apid}};\nuse super::commands::Output;\nuse super::counters::Counters;\nuse super::frames::{{{}}};\n\
+        "use super::codes::{{Mode, Packing, Reason, SyncState, apid}};\nuse super::commands::Output;\nuse super::counters::Counters;\nuse super::ends::{{FrameEnd, Timing}};\nuse super::frames::{{{}}};\n\
          use crate::error::{{DecodeError, EncodeError}};\nuse crate::rules::{{positive, rule}};\nuse crate::wire::{{Reader, Writer}};\n",
         names.join(", ")
     );
