@@ -2,6 +2,7 @@
 
 use crate::effect::counted;
 use crate::engine::Shot;
+use crate::timing::Latencies;
 pub use crate::timing::text as times;
 use skyloop_firmware_sim::times::Times;
 use std::collections::BTreeMap;
@@ -13,8 +14,8 @@ pub struct RunStats {
     pub frames: u32,
     /// From the vehicle's state to pixels and label.
     pub render: Times,
-    /// From the attitude's arrival to its last packet on the link.
-    pub answer: Times,
+    /// From each frame's trigger, the end of its exposure or the arrival of its attitude if that was later, to its last packet's leaving.
+    pub latencies: Latencies,
     /// Objects in orbit, wherever they are.
     pub objects: usize,
     /// Stars labelled, summed over the frames as all that follow.
@@ -31,8 +32,6 @@ pub struct RunStats {
     pub flooded: u32,
     /// Objects that had no state at some frame.
     pub without_state: usize,
-    /// Frames that were not there a period after their exposure's end, by the wall clock.
-    pub late: u32,
     /// Frames that were rendered more coarsely, so as not to be late.
     pub coarsened: u32,
     /// Exposures that were left out, since their frames would have been late.
@@ -82,7 +81,7 @@ impl RunStats {
             rows.push(row("frames full of light", self.flooded.to_string()));
         }
         for (name, count) in [
-            ("frames late", self.late),
+            ("frames late", self.latencies.missed as u32),
             ("frames coarsened", self.coarsened),
             ("exposures dropped", self.dropped),
         ] {

@@ -9,7 +9,7 @@ use std::time::Duration;
 pub struct FrameTimes {
     /// The frame's number.
     pub frame: u32,
-    /// From the moment that its attitude is of to the trigger, s; less than 0 where the attitude is of a later moment.
+    /// From the moment that its attitude is of to the middle of its exposure, s; less than 0 where the attitude is of a later moment.
     pub attitude_age_s: f64,
     /// To the first pixel rendered.
     pub first_pixel: Duration,
@@ -55,7 +55,7 @@ pub struct Latencies {
     pub incomplete: u64,
     /// The first frame that missed its deadline.
     pub first_miss: Option<Miss>,
-    /// Frames whose attitude was of a later moment than their trigger; their attitude's age counts as 0.
+    /// Frames whose attitude was of a later moment than the middle of their exposure; their attitude's age counts as 0.
     pub ahead: u64,
     /// See [`FrameTimes`], as all that follow.
     #[serde(serialize_with = "summary")]

@@ -63,6 +63,13 @@ impl Detections {
         Self { frame, list }
     }
 
+    /// Of a frame that nobody looks at.
+    #[must_use]
+    pub fn none(frame: u32) -> Self {
+        let list = Vec::new();
+        Self { frame, list }
+    }
+
     /// The frame they belong to.
     #[must_use]
     pub fn frame(&self) -> u32 {

@@ -36,6 +36,15 @@ where
     }
 }
 
+/// A number within a range, likewise.
+pub fn decimal(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text: &str| {
+        let number = text.parse().ok().filter(|number| range.contains(number));
+        let (least, most) = (range.start(), range.end());
+        number.ok_or_else(|| format!("a number from {least} to {most} is wanted"))
+    }
+}
+
 /// A finite number, as an option of a command line takes it.
 ///
 /// # Errors

@@ -6,6 +6,7 @@ mod catalog;
 mod cost;
 mod instruments;
 mod lightcurve;
+mod live;
 mod loopback;
 mod passes;
 mod plan;
@@ -15,6 +16,7 @@ mod pty;
 mod render;
 mod replay;
 mod run;
+mod soak;
 
 use anyhow::{Context, bail};
 use clap::builder::PossibleValuesParser;
@@ -50,6 +52,8 @@ enum Command {
     Loopback(loopback::Args),
     /// Run the emulator alone and wait for a flight computer
     Run(run::Args),
+    /// Run for minutes against a client that takes all frames, and fail where deadlines or latencies are not kept
+    Soak(soak::Args),
     /// Render frames and labels into a folder, without a flight computer
     Render(Box<render::Args>),
     /// Say what a frame simulates and what not, why, and what that costs
@@ -77,6 +81,7 @@ impl Cli {
         match self.command {
             Command::Loopback(args) => loopback::run(args),
             Command::Run(args) => run::run(args),
+            Command::Soak(args) => soak::run(args),
             Command::Render(args) => render::run(*args),
             Command::Plan(args) => plan::run(args),
             Command::Cost(args) => cost::run(args),

@@ -82,6 +82,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     let output = with_level(config.run.output, args.output.as_deref());
     let emulator = Emulator::new(&mut config);
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
+    server.set_run(&config.run);
     // Not scoped: a frame that takes too long cannot be stopped, only left alone.
     let serving = std::thread::spawn({
         let replay = replay.clone();

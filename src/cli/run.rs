@@ -2,7 +2,7 @@
 
 use super::budget::{Budget, FRAMES, around};
 use super::cost::spread;
-use super::{Orbits, Records, instruments, levels, mission, with_level};
+use super::{Orbits, Records, instruments, levels, live, mission, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config, Trigger};
@@ -33,6 +33,9 @@ pub struct Args {
     /// End after this many frames [default: at Ctrl-C]
     #[arg(long, value_name = "N", value_parser = whole(1..=u32::MAX), allow_negative_numbers = true)]
     frames: Option<u32>,
+    /// Where the figures of the run can be fetched as Prometheus text, such as 127.0.0.1:9464 [default: the file's, else nowhere]
+    #[arg(long, value_name = "ADDRESS")]
+    metrics: Option<String>,
     #[command(flatten)]
     instruments: instruments::Choice,
     #[command(flatten)]
@@ -63,6 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     // Before the links: what they make (the name of a pseudo-terminal) is removed at the end.
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
+    let help = live::help(&config.run, args.metrics.as_deref())?;
     let links = link::open_all(urls, &options)?;
     let links = instruments.around(links)?;
     let (objects, clock) = (config.objects.len(), config.run.clock);
@@ -78,6 +82,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     })?;
     let mut server = Server::new(emulator, links, output, clock, &NATIVE);
     server.set_run(&config.run);
+    help.serve(&mut server);
     server.fits().map_err(anyhow::Error::msg)?;
 
     let rate_hz = config.camera.rate_hz;
@@ -90,7 +95,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     let camera = &config.camera;
     say(format_args!(
-        "{chosen}{} ({} x {}), {}, {pace}\n{}listening on {}; Ctrl-C ends the run\n",
+        "{chosen}{help}{} ({} x {}), {}, {pace}\n{}listening on {}; Ctrl-C ends the run\n",
         camera.name,
         camera.detector.width,
         camera.detector.height,
@@ -103,7 +108,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let gone = server.gone().unwrap_or("of the run").to_string();
     let (stats, counters) = server.close();
     let mut rows = stats.rows();
-    let answer = times(&stats.answer, &[0.5, 0.99]);
+    let answer = times(&stats.latencies.last_octet, &[0.5, 0.99]);
     rows.insert(2, row("attitude to last block p50 / p99", answer));
     let counts: Vec<String> = counters
         .iter()

@@ -3,6 +3,7 @@
 use super::fidelity;
 use crate::fidelity::Coarser;
 use crate::load::{Check, ConfigError};
+use crate::realtime;
 use serde::Deserialize;
 use skyloop_protocols::Output;
 use skyloop_protocols::output::MAX_WINDOW;
@@ -35,6 +36,10 @@ pub struct Run {
     pub out_of_order: OutOfOrder,
     /// After this silence (s) of the client's time it is no longer followed, by the external clock.
     pub holdover_s: f64,
+    /// Where the figures of the run can be fetched, if anywhere.
+    pub metrics: Option<String>,
+    /// What is asked of the system for a run in real time.
+    pub realtime: realtime::Asked,
 }
 
 /// What is done where a frame would not have left by its deadline, by the wall clock and the external one.
@@ -134,6 +139,8 @@ impl Default for Run {
             },
             out_of_order: raw.out_of_order,
             holdover_s: raw.holdover_s,
+            metrics: None,
+            realtime: realtime::Asked::default(),
         }
     }
 }
@@ -174,6 +181,10 @@ pub(super) struct RawRun {
     on_stale: OnStale,
     out_of_order: OutOfOrder,
     holdover_s: f64,
+    metrics: Option<String>,
+    priority: Option<i64>,
+    lock_memory: bool,
+    cpus: Vec<usize>,
 }
 
 /// One text, or an array of them.
@@ -208,6 +219,10 @@ impl Default for RawRun {
             on_stale: OnStale::default(),
             out_of_order: OutOfOrder::default(),
             holdover_s: 2.0,
+            metrics: None,
+            priority: None,
+            lock_memory: false,
+            cpus: Vec::new(),
         }
     }
 }
@@ -263,6 +278,28 @@ impl RawRun {
             },
             out_of_order: self.out_of_order,
             holdover_s: check.range("run.holdover_s", self.holdover_s, 1e-3..=1e6)?,
+            metrics: self.metrics,
+            realtime: realtime::Asked {
+                priority: self
+                    .priority
+                    .map(|priority| priority_of(priority, check))
+                    .transpose()?,
+                lock_memory: self.lock_memory,
+                cpus: self.cpus,
+            },
         })
     }
+}
+
+fn priority_of(priority: i64, check: &Check) -> Result<u8, ConfigError> {
+    let allowed = u8::try_from(priority)
+        .ok()
+        .filter(|priority| (1..=99).contains(priority));
+    allowed.ok_or_else(|| {
+        check.refuse(
+            "run.priority",
+            priority.to_string(),
+            "a priority of SCHED_FIFO, 1 to 99",
+        )
+    })
 }

@@ -2,9 +2,12 @@
 
 use super::Server;
 use crate::link::LinkError;
+use crate::timing::FrameTimes;
 use bytes::Bytes;
 use skyloop_firmware_sim::time::to_wire;
-use skyloop_protocols::{Ack, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, WireTime};
+use skyloop_protocols::{
+    Ack, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, Timing, WireTime,
+};
 use std::time::Instant;
 
 impl Server {
@@ -66,7 +69,7 @@ impl Server {
         let detector = &camera.detector;
         let sync = self.clock.sync(Instant::now());
         let latency_s = |fraction| {
-            let latency = self.stats.answer.quantile(fraction);
+            let latency = self.stats.latencies.last_octet.quantile(fraction);
             latency.map_or(0.0, |latency| latency.as_secs_f32())
         };
         Status {
@@ -83,7 +86,7 @@ impl Server {
             packets_sent: exchange.credit.sent(),
             sync: sync.state,
             clock_offset_s: sync.offset_s,
-            timing: self.last_timing,
+            timing: self.last.as_ref().map(timing).unwrap_or_default(),
             latency_p50_s: latency_s(0.5),
             latency_p99_s: latency_s(0.99),
             latency_max_s: latency_s(1.0),
@@ -98,5 +101,21 @@ impl Server {
             .latest()
             .and_then(|latched| to_wire(latched.vehicle.epoch))
             .unwrap_or_default()
+    }
+}
+
+/// The times of a frame that has left, as the wire has them.
+fn timing(times: &FrameTimes) -> Timing {
+    Timing {
+        attitude_age_s: times.attitude_age_s as f32,
+        first_pixel_s: times.first_pixel.as_secs_f32(),
+        last_pixel_s: times.last_pixel.as_secs_f32(),
+        first_octet_s: times.first_octet.as_secs_f32(),
+        last_octet_s: times.last_octet.as_secs_f32(),
+        spare_s: if times.spare_s.is_finite() {
+            times.spare_s as f32
+        } else {
+            0.0
+        },
     }
 }

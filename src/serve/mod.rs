@@ -29,15 +29,18 @@ use crate::config::{Clock as Kind, Delay, OnOverrun, OutOfOrder, Run, Staleness}
 use crate::engine::{Emulator, Shot};
 use crate::fidelity::Fidelity;
 use crate::link::{LinkError, Roles, Standstill, Wire};
+use crate::metrics::Metrics;
 use crate::stats::{Absent, RunStats};
+use crate::timing::{FrameTimes, Latencies};
 use channel::Channel;
 use clock::Clock;
 use history::History;
 use leaving::Leaving;
+pub use leaving::Left;
 use overrun::Overrun;
 use picture::Picture;
 use shooter::{Shooter, shooter};
-use skyloop_protocols::{Counters, Header, Output, Personality, Timing};
+use skyloop_protocols::{Counters, Header, Output, Personality};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -85,6 +88,9 @@ impl Settings {
     }
 }
 
+/// Sees each frame that has left, on the server's thread.
+pub type OnLeft = Box<dyn FnMut(&Left) + Send>;
+
 /// The emulator at its links.
 pub struct Server {
     /// None while its thread has it.
@@ -121,7 +127,11 @@ pub struct Server {
     /// What the run measured.
     pub stats: RunStats,
     /// Of the frame that left last.
-    last_timing: Timing,
+    last: Option<FrameTimes>,
+    /// Where the figures of the run are left after each frame.
+    metrics: Option<Metrics>,
+    /// Sees each frame that has left.
+    on_left: Option<OnLeft>,
     /// Objects that could not be shown.
     absent: Absent,
 }
@@ -177,7 +187,9 @@ impl Server {
             counters: Counters::default(),
             missed: 0,
             stats: RunStats::default(),
-            last_timing: Timing::default(),
+            last: None,
+            metrics: None,
+            on_left: None,
             absent: Absent::default(),
         }
     }
@@ -203,6 +215,21 @@ impl Server {
                 "run.on_overrun = \"coarsen\": none of `run.coarsen` makes frames coarser, so that those which would be late come late; name knobs such as \"wing_e = 1\""
             );
         }
+    }
+
+    /// Leaves the figures of the run in `metrics` after each frame.
+    pub fn set_metrics(&mut self, metrics: Metrics) {
+        self.metrics = Some(metrics);
+    }
+
+    /// Lets `on_left` see each frame that has left.
+    pub fn on_left(&mut self, on_left: OnLeft) {
+        self.on_left = Some(on_left);
+    }
+
+    /// Remembers the first frame that takes longer than this from its trigger to its end.
+    pub fn watch_above(&mut self, most: Option<Duration>) {
+        self.stats.latencies = Latencies::watching(most);
     }
 
     /// Where the emulator listens, link by link.

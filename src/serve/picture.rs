@@ -1,6 +1,7 @@
 //! A frame from the moment that it is asked for until all have it: what is there of it, and when what came.
 
 use super::clock::{Due, Sync};
+use super::leaving::spare_s;
 use crate::engine::{Opening, Shot};
 use crate::link::Mark;
 use skyloop_protocols::crc::Crc32;
@@ -125,13 +126,8 @@ impl Picture {
 
     /// Time left at a moment, s; below 0: late by so much. 0 where there is no deadline.
     pub fn spare_s(&self, at: Instant) -> f64 {
-        let Some(deadline) = self.asked.due.deadline else {
-            return 0.0;
-        };
-        match deadline.checked_duration_since(at) {
-            Some(left) => left.as_secs_f64(),
-            None => -at.duration_since(deadline).as_secs_f64(),
-        }
+        let deadline = self.asked.due.deadline;
+        deadline.map_or(0.0, |deadline| spare_s(deadline, at))
     }
 
     /// Its times as the wire has them, at a moment.

@@ -73,8 +73,10 @@ fn hurried(policy: OnOverrun) -> (Vec<(Value, Value)>, RunStats, Counters) {
     assert_eq!(first[0], configured, "nothing is known before the first");
     await_that("a frame in time", || told(&client.frame()) == configured);
     let (stats, counters) = emulator.measured();
-    assert!(stats.late >= FRAMES as u32 && stats.frames > stats.late);
-    assert_eq!(row(&stats, "frames late"), stats.late);
+    let late = stats.latencies.missed as u32;
+    assert!(late >= FRAMES as u32 && stats.frames > late);
+    assert_eq!(row(&stats, "frames late"), late);
+    assert_eq!(counters.deadlines_missed, late);
     (first, stats, counters)
 }
 
@@ -163,7 +165,10 @@ fn with_time_enough_nothing_is_done() {
             assert_eq!(label["fidelity"], json!({"preset": "realtime"}));
         }
         let (stats, counters) = emulator.measured();
-        assert_eq!((stats.late, stats.coarsened, stats.dropped), (0, 0, 0));
+        assert_eq!(
+            (stats.latencies.missed, stats.coarsened, stats.dropped),
+            (0, 0, 0)
+        );
         assert_eq!(counters.exposures_missed, 0);
         for name in ["frames late", "frames coarsened", "exposures dropped"] {
             assert_eq!(row(&stats, name), 0);

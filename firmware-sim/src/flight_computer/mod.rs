@@ -14,7 +14,7 @@ use hifitime::Epoch;
 use skyloop_protocols::{Command, Fault, LabelLevel, apid};
 
 pub use self::error::RunError;
-use crate::detector::DetectorSettings;
+use crate::detector::{Detections, DetectorSettings};
 use crate::event::{Event, Loss};
 use crate::exchange::{Answer, Incoming, TICK};
 use crate::links::Links;
@@ -43,7 +43,8 @@ pub struct FlightComputer<P> {
     mission: Mission,
     /// Faults that begin before the first attitude.
     faults: Vec<Fault>,
-    detector: DetectorSettings,
+    /// None: frames are taken, and not looked at.
+    detector: Option<DetectorSettings>,
     links: Links<P>,
     report: Report,
     /// When the latest attitudes left.
@@ -79,7 +80,7 @@ impl<P: Port> FlightComputer<P> {
             },
             mission,
             faults: Vec::new(),
-            detector: DetectorSettings::default(),
+            detector: Some(DetectorSettings::default()),
             sent: VecDeque::new(),
             taken: VecDeque::new(),
             usual_answer: None,
@@ -93,6 +94,15 @@ impl<P: Port> FlightComputer<P> {
     #[must_use]
     pub fn with_faults(self, faults: Vec<Fault>) -> Self {
         Self { faults, ..self }
+    }
+
+    /// Takes whole frames, and looks neither at their pixels nor at their labels: for runs that measure the emulator and not this.
+    #[must_use]
+    pub fn taking_only(self) -> Self {
+        Self {
+            detector: None,
+            ..self
+        }
     }
 
     /// Opens the exchange by a Reset and flies the mission. `watch` sees all that happens and may break the run off.
@@ -267,8 +277,6 @@ impl<P: Port> FlightComputer<P> {
 
     /// Detects, then opens the labels and scores.
     fn take(&mut self, frame: &ReceivedFrame, watch: &mut Watch<'_>) -> ControlFlow<()> {
-        let detections = frame.detect(&self.detector);
-        let scored = score(frame, &detections);
         let sequence = frame.header.attitude_sequence;
         let sent = self
             .sent
@@ -283,11 +291,22 @@ impl<P: Port> FlightComputer<P> {
             self.warned = true;
             watch(Event::Problem(cause.to_string()))?;
         }
-        self.report.contents.add(frame, &detections);
         self.report.timings.add(&frame.end.timing);
         if let Some(latency) = latency {
             self.report.latencies.add(latency);
         }
+        let Some(detector) = &self.detector else {
+            return watch(Event::Frame {
+                frame,
+                detections: &Detections::none(frame.header.frame),
+                labels: None,
+                score: None,
+                latency,
+            });
+        };
+        let detections = frame.detect(detector);
+        let scored = score(frame, &detections);
+        self.report.contents.add(frame, &detections);
         match &scored {
             Ok(score) => self.report.totals.add(score),
             Err(error) => {

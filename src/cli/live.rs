@@ -1,0 +1,65 @@
+//! What a live run is given beside its links: a place for its figures, and help of the system.
+
+use anyhow::Context;
+use skyloop::config::Run;
+use skyloop::metrics::{self, Metrics};
+use skyloop::realtime::{self, Granted};
+use skyloop::serve::Server;
+use std::fmt;
+
+/// What was granted; it is told as lines of text, and lasts as long as this.
+pub struct Help {
+    /// Where the figures are, and what serves them.
+    metrics: Option<(Metrics, metrics::Server)>,
+    /// What the system gave.
+    pub granted: Granted,
+}
+
+/// Serves figures at `address`, else where `run` has them, and asks the system for what `run` wants. Before links are opened: their threads have what
+/// the one has that starts them.
+pub fn help(run: &Run, address: Option<&str>) -> anyhow::Result<Help> {
+    let address = address.or(run.metrics.as_deref());
+    // Before the system is asked: the thread that serves figures is like any other program's.
+    let metrics = match address {
+        None => None,
+        Some(address) => {
+            let place = Metrics::default();
+            let serving = metrics::serve(address, place.clone());
+            Some((
+                place,
+                serving.with_context(|| format!("metrics at {address}"))?,
+            ))
+        }
+    };
+    let asked = &run.realtime;
+    if !asked.is_nothing() {
+        let thread = asked.of_thread();
+        // One that is there already has threads that ask for nothing: there is none so early.
+        let _ = rayon::ThreadPoolBuilder::new()
+            .start_handler(move |_| drop(realtime::ask(&thread)))
+            .build_global();
+    }
+    let granted = realtime::ask(asked);
+    Ok(Help { metrics, granted })
+}
+
+impl Help {
+    /// Lets `server` leave its figures there.
+    pub fn serve(&self, server: &mut Server) {
+        if let Some((place, _)) = &self.metrics {
+            server.set_metrics(place.clone());
+        }
+    }
+}
+
+impl fmt::Display for Help {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some((_, metrics)) = &self.metrics {
+            writeln!(f, "figures at http://{}/metrics", metrics.address())?;
+        }
+        if !self.granted.grants.is_empty() {
+            writeln!(f, "{}", self.granted)?;
+        }
+        Ok(())
+    }
+}
