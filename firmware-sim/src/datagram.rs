@@ -35,6 +35,11 @@ impl Datagrams {
         Ok(Self { socket, lost: 0 })
     }
 
+    /// Asks for room for so many octets that wait to be read; how many there is room for, as far as the system tells.
+    pub fn make_room(&self, octets: usize) -> Option<usize> {
+        system::make_room(&self.socket, octets)
+    }
+
     /// The next one, as the socket waits: it may block, or have a time-out.
     ///
     /// # Errors
@@ -55,7 +60,8 @@ impl Datagrams {
 #[cfg(target_os = "linux")]
 mod system {
     use nix::sys::socket::{
-        ControlMessageOwned, MsgFlags, SockaddrStorage, cmsg_space, recvmsg, setsockopt, sockopt,
+        ControlMessageOwned, MsgFlags, SockaddrStorage, cmsg_space, getsockopt, recvmsg,
+        setsockopt, sockopt,
     };
     use std::io::{self, IoSliceMut};
     use std::net::{SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
@@ -63,6 +69,12 @@ mod system {
 
     pub(super) fn count_losses(socket: &UdpSocket) -> io::Result<()> {
         Ok(setsockopt(socket, sockopt::RxqOvfl, &1)?)
+    }
+
+    pub(super) fn make_room(socket: &UdpSocket, octets: usize) -> Option<usize> {
+        // What is more than the system allows is cut to that.
+        let _ = setsockopt(socket, sockopt::RcvBuf, &octets);
+        getsockopt(socket, sockopt::RcvBuf).ok()
     }
 
     pub(super) fn receive(
@@ -96,6 +108,10 @@ mod system {
 
     pub(super) fn count_losses(_: &UdpSocket) -> io::Result<()> {
         Ok(())
+    }
+
+    pub(super) fn make_room(_: &UdpSocket, _: usize) -> Option<usize> {
+        None
     }
 
     pub(super) fn receive(

@@ -21,9 +21,6 @@ use crate::report::{NackRecord, Report};
 use crate::roles::Roles;
 use crate::time;
 
-/// Frame packets that may be under way: their datagrams fit a socket's usual receive buffer (some 90 of 1,400 octets).
-const WINDOW: u32 = 64;
-
 /// Longest wait for a packet in one piece.
 pub(crate) const TICK: Duration = Duration::from_millis(200);
 
@@ -84,10 +81,10 @@ pub(crate) struct Exchange<P> {
 impl<P: Port> Exchange<P> {
     pub(crate) fn new(port: P) -> Self {
         Self {
-            recovery: Recovery::new(WINDOW, port.airtime(MAX_PACKET)),
+            recovery: Recovery::new(port.window(), port.airtime(MAX_PACKET)),
+            pacing: Pacing::new(port.window()),
             port,
             counts: SequenceCounts::new(),
-            pacing: Pacing::new(WINDOW),
             assembler: Assembler::new(Limits::default()),
             undecodable: 0,
             octets: 0,
@@ -109,7 +106,7 @@ impl<P: Port> Exchange<P> {
         let answer = self.ask_after(before, &Command::Reset, &waits, tick)?;
         // An emulator that does not reset is there all the same.
         if matches!(answer, Answer::Done | Answer::Refused(_)) {
-            self.pacing = Pacing::new(WINDOW);
+            self.pacing = Pacing::new(self.port.window());
             self.assembler = Assembler::new(Limits::default());
             (self.header, self.announced) = (None, Roles::NONE);
             self.grant()?;

@@ -33,6 +33,11 @@ pub trait Port {
         Duration::ZERO
     }
 
+    /// Packets that may be under way to it at once: as many as it takes while nobody reads.
+    fn window(&self) -> u32 {
+        64
+    }
+
     /// What to call it, for people.
     fn name(&self) -> &str {
         "a link"
@@ -72,6 +77,10 @@ impl<P: Port + ?Sized> Port for Box<P> {
 
     fn airtime(&self, octets: usize) -> Duration {
         (**self).airtime(octets)
+    }
+
+    fn window(&self) -> u32 {
+        (**self).window()
     }
 
     fn name(&self) -> &str {

@@ -37,6 +37,8 @@ pub struct UdpPort {
     reader: Reader,
     /// Whether a datagram was answered by "nobody listens there".
     unheard: Arc<AtomicBool>,
+    /// Packets that there is room for while nobody reads.
+    window: u32,
 }
 
 impl UdpPort {
@@ -57,11 +59,13 @@ impl UdpPort {
             .map_err(|error| PortError::io(&link, "cannot open a socket", error))?;
         let unheard = Arc::new(AtomicBool::new(false));
         let refused = Arc::clone(&unheard);
+        let mut window = LEAST_WINDOW;
         let reader = socket
             .try_clone()
             .and_then(|socket| {
                 socket.set_read_timeout(Some(READ_TIMEOUT))?;
                 let mut datagrams = Datagrams::of(&socket)?;
+                window = window_of(datagrams.make_room(ROOM));
                 // One octet more than a packet may have: longer datagrams stay too long, and are refused as such.
                 let mut buffer = [0; MAX_PACKET + 1];
                 Reader::start("skyloop-fc udp", move |intake| {
@@ -79,8 +83,23 @@ impl UdpPort {
             link,
             reader,
             unheard,
+            window,
         })
     }
+}
+
+/// Octets that datagrams may wait in, as far as the system gives so many; what one of them takes there, about; and what the queue behind it holds
+/// with some to spare.
+const ROOM: usize = 4 << 20;
+const TAKES: usize = 2304;
+const MOST_WINDOW: u32 = 512;
+/// What the least buffer holds that systems give.
+const LEAST_WINDOW: u32 = 64;
+
+/// Packets that may be under way where the system has room for so many octets: three quarters of those that fit.
+fn window_of(room: Option<usize>) -> u32 {
+    let fit = room.map_or(0, |octets| octets / TAKES * 3 / 4);
+    u32::try_from(fit).map_or(MOST_WINDOW, |fit| fit.clamp(LEAST_WINDOW, MOST_WINDOW))
 }
 
 fn note_refusal(unheard: &AtomicBool, error: &io::Error) {
@@ -112,6 +131,10 @@ impl Port for UdpPort {
 
     fn dropped(&self) -> u64 {
         self.reader.dropped()
+    }
+
+    fn window(&self) -> u32 {
+        self.window
     }
 
     fn name(&self) -> &str {

@@ -1,16 +1,20 @@
-//! The two checksums, table-driven, eight octets a step ("slicing-by-8"): they run over every pixel octet.
+//! The two checksums, table-driven, sixteen octets a step ("slicing-by-16"; Kounavis and Berry 2008, IEEE Transactions on Computers 57, 1550): they
+//! run over every pixel octet.
 //!
 //! - [`crc16`]: CRC-16/CCITT-FALSE, the packet error control of CCSDS 132.0-B and ECSS-E-ST-70-41:
 //!   x^16 + x^12 + x^5 + 1, preset to ones, most significant bit first.
 //! - [`Crc32`]: CRC-32 of IEEE 802.3: polynomial 0x04C11DB7, reflected, preset and complemented.
 
-/// `TABLE_16[k][b]`: the remainder of octet `b` followed by `k` zero octets.
-static TABLE_16: [[u16; 256]; 8] = table_16();
-/// `TABLE_32[k][b]`: the same for the reflected CRC-32.
-static TABLE_32: [[u32; 256]; 8] = table_32();
+/// Octets of a step.
+const STEP: usize = 16;
 
-const fn table_16() -> [[u16; 256]; 8] {
-    let mut table = [[0; 256]; 8];
+/// `TABLE_16[k][b]`: the remainder of octet `b` followed by `k` zero octets.
+static TABLE_16: [[u16; 256]; STEP] = table_16();
+/// `TABLE_32[k][b]`: the same for the reflected CRC-32.
+static TABLE_32: [[u32; 256]; STEP] = table_32();
+
+const fn table_16() -> [[u16; 256]; STEP] {
+    let mut table = [[0; 256]; STEP];
     let mut octet = 0;
     while octet < 256 {
         let mut crc = (octet as u16) << 8;
@@ -27,7 +31,7 @@ const fn table_16() -> [[u16; 256]; 8] {
         octet += 1;
     }
     let mut next = 256;
-    while next < 8 * 256 {
+    while next < STEP * 256 {
         let (k, octet) = (next / 256, next % 256);
         let before = table[k - 1][octet];
         table[k][octet] = before << 8 ^ table[0][(before >> 8) as usize];
@@ -36,8 +40,8 @@ const fn table_16() -> [[u16; 256]; 8] {
     table
 }
 
-const fn table_32() -> [[u32; 256]; 8] {
-    let mut table = [[0; 256]; 8];
+const fn table_32() -> [[u32; 256]; STEP] {
+    let mut table = [[0; 256]; STEP];
     let mut octet = 0;
     while octet < 256 {
         let mut crc = octet as u32;
@@ -54,7 +58,7 @@ const fn table_32() -> [[u32; 256]; 8] {
         octet += 1;
     }
     let mut next = 256;
-    while next < 8 * 256 {
+    while next < STEP * 256 {
         let (k, octet) = (next / 256, next % 256);
         let before = table[k - 1][octet];
         table[k][octet] = before >> 8 ^ table[0][(before & 0xFF) as usize];
@@ -66,17 +70,12 @@ const fn table_32() -> [[u32; 256]; 8] {
 /// CRC-16/CCITT-FALSE of `bytes`.
 pub fn crc16(bytes: &[u8]) -> u16 {
     let t = &TABLE_16;
-    let (eights, rest) = bytes.as_chunks::<8>();
-    let crc = eights.iter().fold(0xFFFF_u16, |crc, b| {
+    let (steps, rest) = bytes.as_chunks::<STEP>();
+    let crc = steps.iter().fold(0xFFFF_u16, |crc, b| {
         let [high, low] = crc.to_be_bytes();
-        t[7][usize::from(b[0] ^ high)]
-            ^ t[6][usize::from(b[1] ^ low)]
-            ^ t[5][usize::from(b[2])]
-            ^ t[4][usize::from(b[3])]
-            ^ t[3][usize::from(b[4])]
-            ^ t[2][usize::from(b[5])]
-            ^ t[1][usize::from(b[6])]
-            ^ t[0][usize::from(b[7])]
+        // All but the first two octets wait for no step before theirs.
+        let later = (2..STEP).fold(0, |sum, k| sum ^ t[STEP - 1 - k][usize::from(b[k])]);
+        later ^ t[STEP - 1][usize::from(b[0] ^ high)] ^ t[STEP - 2][usize::from(b[1] ^ low)]
     });
     rest.iter().fold(crc, |crc, octet| {
         crc << 8 ^ t[0][usize::from((crc >> 8) as u8 ^ octet)]
@@ -101,8 +100,8 @@ impl Crc32 {
     /// The checksum carried on over `bytes`.
     #[must_use]
     pub fn update(self, bytes: &[u8]) -> Self {
-        let (eights, rest) = bytes.as_chunks::<8>();
-        let crc = eights.iter().fold(self.0, step_32);
+        let (steps, rest) = bytes.as_chunks::<STEP>();
+        let crc = steps.iter().fold(self.0, step_32);
         Self(rest.iter().fold(crc, |crc, octet| {
             crc >> 8 ^ TABLE_32[0][usize::from(crc as u8 ^ octet)]
         }))
@@ -111,10 +110,13 @@ impl Crc32 {
     /// The checksum carried on over `pixels`, each as a big-endian 16-bit number.
     #[must_use]
     pub fn update_pixels(self, pixels: &[u16]) -> Self {
-        let (fours, rest) = pixels.as_chunks::<4>();
-        let crc = fours.iter().fold(self.0, |crc, four| {
-            let [a, b, c, d] = four.map(u16::to_be_bytes);
-            step_32(crc, &[a[0], a[1], b[0], b[1], c[0], c[1], d[0], d[1]])
+        let (steps, rest) = pixels.as_chunks::<{ STEP / 2 }>();
+        let crc = steps.iter().fold(self.0, |crc, pixels| {
+            let mut octets = [0; STEP];
+            for (two, pixel) in octets.as_chunks_mut::<2>().0.iter_mut().zip(pixels) {
+                *two = pixel.to_be_bytes();
+            }
+            step_32(crc, &octets)
         });
         rest.iter()
             .fold(Self(crc), |crc, pixel| crc.update(&pixel.to_be_bytes()))
@@ -132,15 +134,12 @@ impl Default for Crc32 {
     }
 }
 
-fn step_32(crc: u32, b: &[u8; 8]) -> u32 {
+fn step_32(crc: u32, b: &[u8; STEP]) -> u32 {
     let t = &TABLE_32;
     let c = crc.to_le_bytes();
-    t[7][usize::from(b[0] ^ c[0])]
-        ^ t[6][usize::from(b[1] ^ c[1])]
-        ^ t[5][usize::from(b[2] ^ c[2])]
-        ^ t[4][usize::from(b[3] ^ c[3])]
-        ^ t[3][usize::from(b[4])]
-        ^ t[2][usize::from(b[5])]
-        ^ t[1][usize::from(b[6])]
-        ^ t[0][usize::from(b[7])]
+    // All but the first four octets wait for no step before theirs.
+    let later = (4..STEP).fold(0, |sum, k| sum ^ t[STEP - 1 - k][usize::from(b[k])]);
+    (0..4).fold(later, |sum, k| {
+        sum ^ t[STEP - 1 - k][usize::from(b[k] ^ c[k])]
+    })
 }

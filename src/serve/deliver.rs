@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 const STALL: Duration = Duration::from_secs(2);
 /// How long to listen while a frame waits for credit.
 pub(super) const LISTEN: Duration = Duration::from_millis(5);
+/// Packets that go over one link before it is the next one's turn, and that of what has come meanwhile.
+const AT_ONCE: usize = 32;
 /// How long to listen while packets wait for room in a link's queue.
 const BREATH: Duration = Duration::from_micros(200);
 
@@ -104,14 +106,21 @@ impl Round {
 }
 
 impl Server {
-    /// Sends one packet over each link, where there is one, and room and credit for it.
+    /// Sends some packets over each link, where there are some, and room and credit for them.
     pub(super) fn deliver(&mut self) -> Result<Round, LinkError> {
         let mut round = Round::default();
         for at in 0..self.channels.len() {
             let Some(mut delivery) = self.channels[at].deliveries.pop_front() else {
                 continue;
             };
-            let step = match self.step(at, &mut delivery) {
+            let mut step = Ok(Step::Moved);
+            for _ in 0..AT_ONCE {
+                step = self.step(at, &mut delivery);
+                if !matches!(step, Ok(Step::Moved)) {
+                    break;
+                }
+            }
+            let step = match step {
                 Ok(step) => step,
                 Err(error) => {
                     self.channels[at].deliveries.push_front(delivery);

@@ -6,7 +6,7 @@ use super::latch::tellable;
 use super::leaving::Leaving;
 use super::overrun::Verdict;
 use super::picture::{Asked, Picture};
-use super::shooter::{Order, Progress, Shooter, Task};
+use super::shooter::{Order, Progress, Shooter, Spare, Task};
 use super::{POLL, Server};
 use crate::camera::Camera;
 use crate::config::Clock as Kind;
@@ -86,7 +86,7 @@ impl Server {
         // In step nothing is heard until it is made.
         while self.kind == Kind::Stepped && self.making.is_some() {
             match shooter.await_news() {
-                Ok(news) => self.learn(news)?,
+                Ok(news) => self.learn(news, shooter.spare())?,
                 Err(()) => return Err(LinkError::Closed("of the renderer".to_string())),
             }
         }
@@ -156,7 +156,8 @@ impl Server {
             overrun,
             is_timed: !in_step,
         };
-        self.pictures.push(Picture::new(number, asked));
+        let digits = std::mem::take(&mut self.digits);
+        self.pictures.push(Picture::new(number, asked, digits));
         self.making = Some(number);
         if !shooter.give(Task::Make(Box::new(order))) {
             tracing::error!("the renderer's thread has ended");
@@ -172,7 +173,7 @@ impl Server {
     }
 
     /// What the renderer tells.
-    pub(super) fn learn(&mut self, news: Progress) -> Result<(), LinkError> {
+    pub(super) fn learn(&mut self, news: Progress, spare: &Spare) -> Result<(), LinkError> {
         let Some(number) = self.making else {
             return Ok(());
         };
@@ -189,7 +190,7 @@ impl Server {
                 picture.opening = Some(opening);
                 self.begin(number);
             }
-            Progress::Developed(first, digits, at) => picture.develop(first, digits, at),
+            Progress::Developed(first, digits, at) => picture.develop(first, digits, at, spare),
             Progress::Made(shot, at) => {
                 self.overrun.learn(picture.asked.level, shot.render_time);
                 let coarsened = u32::from(shot.label.overrun == Some("coarsen"));
@@ -198,7 +199,7 @@ impl Server {
                 counters.frames_coarsened = counters.frames_coarsened.wrapping_add(coarsened);
                 self.stats.add(&shot);
                 self.absent.report(&shot);
-                picture.complete(shot, at);
+                self.digits = picture.complete(shot, at);
                 self.making = None;
                 self.next_frame = self.next_frame.wrapping_add(1);
                 self.begin(number);

@@ -119,6 +119,8 @@ pub struct Server {
     /// The frame that is being made.
     making: Option<u32>,
     next_frame: u32,
+    /// Memory for the pixels of the next frame, as they come.
+    digits: Vec<u16>,
     /// Frames that are on their way over a link at most.
     most_under_way: usize,
     counters: Counters,
@@ -183,6 +185,7 @@ impl Server {
             pictures: Vec::new(),
             leaving: Vec::new(),
             making: None,
+            digits: Vec::new(),
             most_under_way: UNDER_WAY,
             counters: Counters::default(),
             missed: 0,
@@ -323,7 +326,7 @@ impl Server {
             && let Ok(news) = shooter.await_news()
         {
             // What cannot be shown any more is refused over a link that may have gone.
-            let _ = self.learn(news);
+            let _ = self.learn(news, shooter.spare());
         }
         self.give_all_up();
         self.settle(&shooter, &mut on_shot);
@@ -344,7 +347,7 @@ impl Server {
                 return Ok(Ended::LinkGone);
             }
             while let Ok(Some(news)) = shooter.news() {
-                self.learn(news)?;
+                self.learn(news, shooter.spare())?;
             }
             let round = self.deliver()?;
             let settled = self.settle(shooter, on_shot);

@@ -2,6 +2,7 @@
 
 use super::clock::{Due, Sync};
 use super::leaving::spare_s;
+use super::shooter::Spare;
 use crate::engine::{Opening, Shot};
 use crate::link::Mark;
 use skyloop_protocols::crc::Crc32;
@@ -46,7 +47,8 @@ pub(super) struct Picture {
     pub first_octet: Option<Instant>,
     /// The label as clients get it.
     text: OnceLock<Arc<String>>,
-    crc: OnceLock<u32>,
+    /// Of the pixels that are there.
+    crc: Crc32,
     /// Links that it has not left yet.
     pub open: usize,
     /// Links that have got its last packet, and the place of that in their queues.
@@ -58,19 +60,21 @@ pub(super) struct Picture {
 }
 
 impl Picture {
-    pub fn new(number: u32, asked: Asked) -> Picture {
+    /// A frame that is asked for; `digits` is memory for its pixels.
+    pub fn new(number: u32, asked: Asked, mut digits: Vec<u16>) -> Picture {
+        digits.clear();
         Picture {
             number,
             asked,
             opening: None,
             shot: None,
-            digits: Vec::new(),
+            digits,
             ahead: BTreeMap::new(),
             first_pixel: None,
             last_pixel: None,
             first_octet: None,
             text: OnceLock::new(),
-            crc: OnceLock::new(),
+            crc: Crc32::new(),
             open: 0,
             marks: Vec::new(),
             begun: false,
@@ -78,22 +82,28 @@ impl Picture {
         }
     }
 
-    /// Takes rows that are done.
-    pub fn develop(&mut self, first: usize, digits: Vec<u16>, at: Instant) {
+    /// Takes rows that are done; their memory goes to `spare`.
+    pub fn develop(&mut self, first: usize, digits: Vec<u16>, at: Instant, spare: &Spare) {
         self.first_pixel.get_or_insert(at);
         self.ahead.insert(first, digits);
         while let Some(next) = self.ahead.remove(&self.digits.len()) {
             self.digits.extend_from_slice(&next);
+            self.crc = std::mem::take(&mut self.crc).update_pixels(&next);
+            spare.give(next);
         }
     }
 
-    /// Takes all of it.
-    pub fn complete(&mut self, shot: Box<Shot>, at: Instant) {
+    /// Takes all of it; gives the memory back that was for its pixels.
+    pub fn complete(&mut self, shot: Box<Shot>, at: Instant) -> Vec<u16> {
         self.first_pixel.get_or_insert(at);
         self.last_pixel = Some(at);
         self.opening.get_or_insert_with(|| shot.opening());
+        // What came before the rest has been summed up as it came.
+        let rest = shot.frame.digits.get(self.digits.len()..);
+        self.crc = std::mem::take(&mut self.crc).update_pixels(rest.unwrap_or_default());
         self.shot = Some(shot);
-        (self.digits, self.ahead) = Default::default();
+        self.ahead.clear();
+        std::mem::take(&mut self.digits)
     }
 
     /// The digits that are there, from the first pixel on.
@@ -102,13 +112,6 @@ impl Picture {
             Some(shot) => &shot.frame.digits,
             None => &self.digits,
         }
-    }
-
-    /// CRC-32 of all pixels.
-    fn crc32(&self) -> u32 {
-        *self
-            .crc
-            .get_or_init(|| Crc32::new().update_pixels(self.digits()).finish())
     }
 
     /// From the trigger, the exposure's end or the attitude's arrival if that is later, to a moment, s.
@@ -154,7 +157,7 @@ impl Picture {
     pub fn closing(&self, now: Instant) -> FrameEnd {
         FrameEnd {
             frame: self.number,
-            pixels_crc32: self.crc32(),
+            pixels_crc32: self.crc.finish(),
             trigger: self.asked.due.trigger,
             attitude_source: self.asked.source,
             overrun: match self.asked.overrun {

@@ -5,8 +5,8 @@ use crate::camera::Camera;
 use crate::engine::{Emulator, Opening, Shot, Witness};
 use crate::fidelity::Fidelity;
 use crate::frame::Frame;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Thread;
 use std::time::Instant;
 
@@ -48,6 +48,30 @@ pub(super) enum Progress {
 pub(super) struct Shooter {
     tasks: Sender<Task>,
     progress: Receiver<Progress>,
+    spare: Spare,
+}
+
+/// Memory of rows that have been seen, for others.
+#[derive(Clone, Default)]
+pub(super) struct Spare(Arc<Mutex<Vec<Vec<u16>>>>);
+
+impl Spare {
+    /// Rows that are kept at most.
+    const MOST: usize = 64;
+
+    fn take(&self) -> Vec<u16> {
+        let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        spare.pop().unwrap_or_default()
+    }
+
+    /// Takes memory back.
+    pub fn give(&self, mut rows: Vec<u16>) {
+        rows.clear();
+        let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if spare.len() < Self::MOST {
+            spare.push(rows);
+        }
+    }
 }
 
 /// The thread's end.
@@ -61,20 +85,24 @@ struct Seen {
     progress: Sender<Progress>,
     server: Thread,
     streams: bool,
+    spare: Spare,
 }
 
 /// Both ends; `server` is the thread that asks for frames.
 pub(super) fn shooter(server: Thread) -> (Shooter, Darkroom) {
     let (to_make, tasks) = channel();
     let (told, progress) = channel();
+    let spare = Spare::default();
     let seen = Seen {
         progress: told,
         server,
         streams: false,
+        spare: spare.clone(),
     };
     let shooter = Shooter {
         tasks: to_make,
         progress,
+        spare,
     };
     (shooter, Darkroom { tasks, seen })
 }
@@ -83,6 +111,11 @@ impl Shooter {
     /// Gives the thread a task; false if it has ended.
     pub fn give(&self, task: Task) -> bool {
         self.tasks.send(task).is_ok()
+    }
+
+    /// Where memory of rows goes that have been seen.
+    pub fn spare(&self) -> &Spare {
+        &self.spare
     }
 
     /// What is new, without waiting; an error if the thread has ended.
@@ -146,7 +179,9 @@ impl Witness for Seen {
 
     fn developed(&self, first: usize, digits: &[u16]) {
         if self.streams {
-            self.tell(Progress::Developed(first, digits.to_vec(), Instant::now()));
+            let mut rows = self.spare.take();
+            rows.extend_from_slice(digits);
+            self.tell(Progress::Developed(first, rows, Instant::now()));
         }
     }
 }
