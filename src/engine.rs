@@ -260,6 +260,21 @@ impl Emulator {
         })
     }
 
+    /// Makes frames that nobody sees, so that the first one that counts finds what others find: orbits between whose knots it lies, memory, threads.
+    pub fn warm_up(&mut self, vehicle: &VehicleState) {
+        /// The first few take most.
+        const FRAMES: u32 = 3;
+        let (next_frame, ages) = (self.next_frame, self.ages);
+        for repeat in 0..FRAMES {
+            // Not the run's first: its plan is logged.
+            self.next_frame = next_frame.max(1);
+            if let Ok(shot) = self.shoot(vehicle, repeat) {
+                self.recycle(shot.frame);
+            }
+        }
+        (self.next_frame, self.ages) = (next_frame, ages);
+    }
+
     /// Takes a frame back that is not needed any more: the next is made in its memory.
     pub fn recycle(&mut self, frame: Frame) {
         self.memory.recycle(frame);

@@ -8,6 +8,7 @@ use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::effect::counted;
 use skyloop::engine::Emulator;
+use skyloop::flight;
 use skyloop::link;
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::{row, table, times};
@@ -80,6 +81,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Some(mission) => spread(mission, FRAMES),
         None => around(),
     })?;
+    if let Some(mission) = scene.as_ref().filter(|_| clock != Clock::Stepped) {
+        emulator.warm_up(&flight::vehicle(mission, 0)?);
+    }
     let mut server = Server::new(emulator, links, output, clock, &NATIVE);
     server.set_run(&config.run);
     help.serve(&mut server);

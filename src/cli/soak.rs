@@ -5,6 +5,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::engine::Emulator;
+use skyloop::flight;
 use skyloop::host::Host;
 use skyloop::junit;
 use skyloop::link::{self, Roles};
@@ -88,6 +89,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         })?;
     }
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
+    let first = flight::vehicle(&mission(&config, Some(&args.config))?, 0)?;
     let mission = endless(mission(&config, Some(&args.config))?, rate_hz)?;
     let help = live::help(&config.run, args.metrics.as_deref())?;
     let options = link::Options {
@@ -97,7 +99,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     let (wire, port) = link::loopback(&args.link, &options)?;
     let output = config.run.output;
-    let emulator = Emulator::new(&mut config);
+    let mut emulator = Emulator::new(&mut config);
+    emulator.warm_up(&first);
     let mut server = Server::new(emulator, vec![(wire, Roles::ALL)], output, clock, &NATIVE);
     server.set_run(&config.run);
     help.serve(&mut server);

@@ -312,6 +312,9 @@ impl Server {
 
     /// The run's end: nothing is sent any more.
     pub(super) fn give_all_up(&mut self) {
+        for picture in &mut self.pictures {
+            picture.is_cut_off = true;
+        }
         for at in 0..self.channels.len() {
             while let Some(delivery) = self.channels[at].deliveries.pop_front() {
                 self.lose_refused(at, &delivery);

@@ -25,6 +25,8 @@ pub struct Left {
 pub(super) struct Leaving {
     frame: u32,
     whole: bool,
+    /// Whether it was given up because the run has ended.
+    is_cut_off: bool,
     deadline: Option<Instant>,
     trigger: Instant,
     /// All but those of its end.
@@ -40,6 +42,7 @@ impl Leaving {
         Leaving {
             frame: picture.number,
             whole: picture.whole,
+            is_cut_off: picture.is_cut_off && !picture.whole,
             deadline: picture.asked.due.deadline,
             trigger: picture.trigger(),
             times: FrameTimes {
@@ -90,6 +93,9 @@ impl Server {
     }
 
     fn book(&mut self, left: &Leaving) {
+        if left.is_cut_off {
+            return;
+        }
         let last = left.last.filter(|_| left.whole);
         let spare_s = match (left.deadline, last) {
             (None, _) => f64::INFINITY,

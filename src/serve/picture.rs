@@ -57,6 +57,8 @@ pub(super) struct Picture {
     pub begun: bool,
     /// Whether all who wanted it have all of it.
     pub whole: bool,
+    /// Whether the run ended before they had.
+    pub is_cut_off: bool,
 }
 
 impl Picture {
@@ -79,6 +81,7 @@ impl Picture {
             marks: Vec::new(),
             begun: false,
             whole: true,
+            is_cut_off: false,
         }
     }
 
