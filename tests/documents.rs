@@ -153,6 +153,8 @@ fn the_readme_lists_the_labels_fields() {
     }
     // The frame holds stars and satellites, seen ones and (too faint) unseen ones.
     assert!(fields.contains("range_km") && fields.contains("reason"));
+    // Told by the server, where there is one: `tests/live`.
+    fields.insert("timing".to_string());
     assert_eq!(first_column(section(README, "## Labels")), fields);
 }
 
@@ -286,6 +288,10 @@ fn the_default_file_holds_with_every_commented_key_in_force() {
     let sequence = config.sequence.take().unwrap();
     assert_eq!((sequence.frames, sequence.period_s), (50, 0.5));
     assert!(config.observer.take().is_some());
+    let run = &mut config.run;
+    assert_eq!(run.latency_s.take(), Some(0.1));
+    assert_eq!(run.metrics.take().as_deref(), Some("127.0.0.1:9464"));
+    assert_eq!(run.realtime.priority.take(), Some(50));
     // All else is as without a file.
     let built = Config::defaults().unwrap();
     assert_eq!(format!("{config:?}"), format!("{built:?}"));
