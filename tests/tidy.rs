@@ -92,6 +92,7 @@ const FENCES: &[(&str, &[&str])] = &[
     (
         "rayon::",
         &[
+            "cli/live",
             "cli/plan",
             "crew",
             "effect/shown",
