@@ -29,6 +29,7 @@ pub mod can;
 pub mod cause;
 pub mod console;
 pub mod contents;
+pub mod control;
 pub mod datagram;
 pub mod detector;
 mod earth;

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Parser;
-use cli::{OutputArgs, ProfileArgs, parse_fault, within};
+use cli::{LoopArgs, OutputArgs, ProfileArgs, parse_fault, within};
 use hifitime::Epoch;
 use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
@@ -72,6 +72,8 @@ struct Args {
     #[arg(long, value_name = "KIND:in|out:VALUE[:S]", value_parser = parse_fault)]
     fault: Vec<Fault>,
     #[command(flatten)]
+    closed: LoopArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -90,6 +92,7 @@ fn main() -> ExitCode {
 
 fn run(args: Args) -> Result<()> {
     let mission = mission(&args)?;
+    let closed = args.closed.settings(args.wall, &mission)?;
     let links = args.link.iter().map(|link| link::open(link));
     let mut links = links.collect::<Result<Vec<_>, _>>()?;
     for (link, _) in &mut links {
@@ -97,7 +100,9 @@ fn run(args: Args) -> Result<()> {
     }
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let mut refusals = 0;
-    let flown = FlightComputer::on_links(links, mission).with_faults(args.fault);
+    let flown = FlightComputer::on_links(links, mission)
+        .with_faults(args.fault)
+        .with_control(closed);
     let flown = flown.run(|event| {
         refusals += u32::from(matches!(event, Event::Nack(_)));
         let told = match (&event, refusals.cmp(&TOLD)) {

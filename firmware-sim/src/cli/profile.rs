@@ -67,11 +67,6 @@ struct ScanText {
 }
 
 impl ProfileArgs {
-    /// The attitude that is held, if one is.
-    pub fn held(&self) -> Option<UnitQuaternion<f64>> {
-        self.hold
-    }
-
     /// The profile of a mission that begins at `start`.
     ///
     /// # Errors
