@@ -47,7 +47,7 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &["link", "profile", "signal"],
     &["blobs", "mission"],
     &["detector"],
-    &["received"],
+    &["control", "received"],
     &["contents", "reassembly", "score"],
     &["join", "recovery", "report"],
     &["event", "exchange"],

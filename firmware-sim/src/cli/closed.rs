@@ -19,7 +19,7 @@ const USUAL_DRIFT_DEG_S: [f64; 3] = [0.01, -0.02, 0.015];
 /// Whether and how the loop is closed.
 #[derive(Clone, Debug, Args)]
 pub struct LoopArgs {
-    /// Hold the attitude against a drift, by the stars that the frames show; with --wall, --hold and --focal-px
+    /// Hold the attitude against a drift, by the stars that the frames show: by the wall clock, with the focal length below
     #[arg(long = "loop")]
     closed: bool,
     /// Focal length of the camera over the pitch of its pixels: all that the loop knows of it

@@ -34,7 +34,7 @@ pub struct ProfileArgs {
     /// From the attitude at the first epoch to and fro about a body axis (x, y or z; default y): half width in deg, rate in deg/s
     #[arg(
         long,
-        value_name = "x,y,z,w,HALF_WIDTH,RATE[,AXIS]",
+        value_name = "x,y,z,w,DEG,RATE[,AXIS]",
         value_parser = parse_scan,
         allow_hyphen_values = true
     )]
@@ -42,10 +42,10 @@ pub struct ProfileArgs {
     /// +Z to the Earth's centre, +X towards the velocity; needs --orbit
     #[arg(long, requires = "orbit")]
     nadir: bool,
-    /// +Z to the limb at this height above the ellipsoid, at this azimuth to the right of the flight (default 0), -Y up; needs --orbit
+    /// +Z to the limb: height above the ellipsoid, azimuth to the right of the flight (default 0); -Y up; needs --orbit
     #[arg(
         long,
-        value_name = "HEIGHT_KM[,AZIMUTH_DEG]",
+        value_name = "KM[,AZIMUTH_DEG]",
         value_parser = parse_limb,
         allow_hyphen_values = true,
         requires = "orbit"
@@ -119,10 +119,9 @@ fn parse_scan(text: &str) -> Result<ScanText, String> {
         Some((numbers, "z" | "Z")) => (numbers, Vector3::z_axis()),
         _ => (text, Vector3::y_axis()),
     };
-    let [x, y, z, w, half_width_deg, rate_deg_s] =
-        parse_numbers::<6>(numbers).map_err(|why| {
-            format!("{why}: give x,y,z,w,HALF_WIDTH_DEG,RATE_DEG_S and then, if it is not y, the axis x or z")
-        })?;
+    let [x, y, z, w, half_width_deg, rate_deg_s] = parse_numbers::<6>(numbers).map_err(|why| {
+        format!("{why}: give x,y,z,w,DEG,RATE and then, if it is not y, the axis x or z")
+    })?;
     let positive = |value: f64, most: f64, what: &str, unit: &str| match value {
         value if value > 0.0 && value <= most => Ok(value.to_radians()),
         value => Err(format!(
@@ -143,7 +142,7 @@ fn parse_limb(text: &str) -> Result<LimbStare, String> {
         Err(_) => parse_numbers::<2>(text),
     };
     let [height_km, azimuth_deg] =
-        numbers.map_err(|why| format!("{why}: give HEIGHT_KM or HEIGHT_KM,AZIMUTH_DEG"))?;
+        numbers.map_err(|why| format!("{why}: give KM or KM,AZIMUTH_DEG"))?;
     if !HEIGHTS_KM.contains(&height_km) {
         return Err(format!(
             "the height is {height_km}; it must be {} to {} km",
@@ -179,10 +178,7 @@ mod tests {
             assert!((numbers[0] - 10.0).abs() + (numbers[1] - 0.5).abs() < 1e-12);
         }
         for (text, says) in [
-            (
-                "0,0,0,1,10",
-                "5 numbers where 6 belong: give x,y,z,w,HALF_WIDTH_DEG",
-            ),
+            ("0,0,0,1,10", "5 numbers where 6 belong: give x,y,z,w,DEG"),
             ("0,0,0,1,10,0.5,w", "\"w\" is no finite number"),
             ("0,0,0,1,nan,0.5", "\"nan\" is no finite number"),
             (
@@ -207,10 +203,7 @@ mod tests {
         let limb = parse_limb("83.5,-90").unwrap();
         assert!((limb.azimuth_rad + std::f64::consts::FRAC_PI_2).abs() < 1e-15);
         for (text, says) in [
-            (
-                "",
-                "0 numbers where 2 belong: give HEIGHT_KM or HEIGHT_KM,AZIMUTH_DEG",
-            ),
+            ("", "0 numbers where 2 belong: give KM or KM,AZIMUTH_DEG"),
             ("80,90,1", "3 numbers where 2 belong"),
             ("nan", "\"nan\" is no finite number"),
             ("-1", "the height is -1; it must be 0 to 10000 km"),

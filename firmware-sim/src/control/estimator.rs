@@ -221,7 +221,7 @@ fn weight((_, of, to): &Pair<'_>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::simulated::{Noise, Sky};
+    use crate::control::tests::{Noise, Sky};
 
     const PINHOLE: Pinhole = Pinhole {
         focal_px: 1000.0,
