@@ -33,8 +33,8 @@ const LAYERS: &[&[&str]] = &[
 /// The modules of `firmware-sim/src/`, likewise.
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
-        "burst", "console", "datagram", "image", "pacing", "pointing", "port", "reader", "roles",
-        "text", "time", "times", "timings",
+        "burst", "console", "datagram", "earth", "image", "pacing", "pointing", "port", "reader",
+        "roles", "text", "time", "times", "timings",
     ],
     &[
         "attitude_list",
@@ -47,7 +47,7 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &["link", "profile", "signal"],
     &["blobs", "mission"],
     &["detector"],
-    &["received"],
+    &["control", "received"],
     &["contents", "reassembly", "score"],
     &["join", "recovery", "report"],
     &["event", "exchange"],

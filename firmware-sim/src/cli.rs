@@ -1,9 +1,13 @@
-//! The options of `skyloop-fc` about what of each frame is sent, and how a fault is written.
+//! The options of `skyloop-fc`: here those about what of each frame is sent.
 
+mod closed;
 mod faults;
+mod profile;
 mod range;
 
+pub use closed::LoopArgs;
 pub use faults::parse_fault;
+pub use profile::ProfileArgs;
 pub use range::within;
 
 use anyhow::{Result, anyhow, bail};

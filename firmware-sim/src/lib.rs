@@ -7,6 +7,12 @@
 //! profile + orbit -> Attitude -> port ... port -> reassembly -> detector -> score
 //! ```
 //!
+//! In a closed loop ([`control`]) the attitudes are those of a body that drifts, and is steered by the detections:
+//!
+//! ```text
+//! body -> Attitude -> port ... port -> reassembly -> detector -> estimator -> law -> body
+//! ```
+//!
 //! The labels come on the same wire as the pixels, but stay sealed in [`received::ReceivedFrame`] until the detections
 //! of that frame are fixed: [`received::ReceivedFrame::labels`] asks for them.
 //!
@@ -23,8 +29,10 @@ pub mod can;
 pub mod cause;
 pub mod console;
 pub mod contents;
+pub mod control;
 pub mod datagram;
 pub mod detector;
+mod earth;
 pub mod event;
 mod exchange;
 pub mod flight_computer;

@@ -4,33 +4,31 @@ mod cli;
 
 use std::cmp::Ordering;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic;
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
-use clap::{ArgGroup, Parser};
-use cli::{OutputArgs, parse_fault, within};
+use clap::Parser;
+use cli::{LoopArgs, OutputArgs, ProfileArgs, parse_fault, within};
 use hifitime::Epoch;
-use nalgebra::{UnitQuaternion, Vector3};
-use skyloop_firmware_sim::attitude_list::AttitudeList;
 use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::link;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::port::Port;
-use skyloop_firmware_sim::profile::{OrbitSource, Profile, orbit_of};
+use skyloop_firmware_sim::profile::{OrbitSource, orbit_of};
 use skyloop_firmware_sim::received::Content;
-use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion, whole};
+use skyloop_firmware_sim::text::whole;
 use skyloop_orbit::time::parse_utc;
-use skyloop_orbit::{Ages, LoadError, file_and_name, read_text};
+use skyloop_orbit::{Ages, LoadError, file_and_name};
 use skyloop_protocols::Fault;
 
 /// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
 #[derive(Debug, Parser)]
-#[command(name = "skyloop-fc", version, group = ArgGroup::new("profile").required(true))]
+#[command(name = "skyloop-fc", version)]
 struct Args {
     /// udp://127.0.0.1:PORT, serial:///dev/NAME?baud=115200, can:// or slcan://; several with roles=truth+pixels+labels each
     #[arg(long, value_name = "URL", required = true)]
@@ -53,18 +51,8 @@ struct Args {
         allow_negative_numbers = true
     )]
     period: f64,
-    /// A file of lines "UTC x y z w": attitudes (ICRF to body, scalar last) to slerp between
-    #[arg(long, value_name = "FILE", group = "profile")]
-    attitudes: Option<PathBuf>,
-    /// One attitude for all frames
-    #[arg(long, value_name = "x,y,z,w", value_parser = parse_quaternion, allow_hyphen_values = true, group = "profile")]
-    hold: Option<UnitQuaternion<f64>>,
-    /// Attitude at the first epoch and constant body rates in deg/s
-    #[arg(long, value_name = "x,y,z,w,wx,wy,wz", value_parser = parse_slew, allow_hyphen_values = true, group = "profile")]
-    slew: Option<Slew>,
-    /// +Z to the Earth's centre, +X towards the velocity; needs --orbit
-    #[arg(long, requires = "orbit", group = "profile")]
-    nadir: bool,
+    #[command(flatten)]
+    profile: ProfileArgs,
     /// Attitudes a second: at most (stepped), or by the clock (--wall, default 10)
     #[arg(long, value_name = "HZ", value_parser = within(1e-6..=1e5, "Hz"), allow_negative_numbers = true)]
     rate: Option<f64>,
@@ -84,23 +72,13 @@ struct Args {
     #[arg(long, value_name = "KIND:in|out:VALUE[:S]", value_parser = parse_fault)]
     fault: Vec<Fault>,
     #[command(flatten)]
+    closed: LoopArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
 /// Refusals that are told as they come.
 const TOLD: u32 = 5;
-
-/// Start attitude and body rates, rad/s.
-#[derive(Clone, Debug)]
-struct Slew(UnitQuaternion<f64>, Vector3<f64>);
-
-fn parse_slew(text: &str) -> Result<Slew, String> {
-    let [x, y, z, w, wx, wy, wz] = parse_numbers::<7>(text)?;
-    Ok(Slew(
-        quaternion([x, y, z, w])?,
-        Vector3::new(wx, wy, wz).map(f64::to_radians),
-    ))
-}
 
 fn main() -> ExitCode {
     match run(Args::parse()) {
@@ -114,6 +92,7 @@ fn main() -> ExitCode {
 
 fn run(args: Args) -> Result<()> {
     let mission = mission(&args)?;
+    let closed = args.closed.settings(args.wall, &mission)?;
     let links = args.link.iter().map(|link| link::open(link));
     let mut links = links.collect::<Result<Vec<_>, _>>()?;
     for (link, _) in &mut links {
@@ -121,7 +100,9 @@ fn run(args: Args) -> Result<()> {
     }
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let mut refusals = 0;
-    let flown = FlightComputer::on_links(links, mission).with_faults(args.fault);
+    let flown = FlightComputer::on_links(links, mission)
+        .with_faults(args.fault)
+        .with_control(closed);
     let flown = flown.run(|event| {
         refusals += u32::from(matches!(event, Event::Nack(_)));
         let told = match (&event, refusals.cmp(&TOLD)) {
@@ -177,7 +158,7 @@ fn mission(args: &Args) -> Result<Mission> {
         },
         false => Pace::Stepped { most_hz: args.rate },
     };
-    let profile = profile(args, start)?;
+    let profile = args.profile.profile(start)?;
     let (output, positions) = args.output.wanted()?;
     Ok(Mission {
         start,
@@ -190,26 +171,6 @@ fn mission(args: &Args) -> Result<Mission> {
         output,
         positions,
     })
-}
-
-fn profile(args: &Args, start: Epoch) -> Result<Profile> {
-    if let Some(path) = &args.attitudes {
-        let name = path.display().to_string();
-        let text = read_text(path).map_err(|error| {
-            anyhow!("cannot read the attitudes in {name}: {error}; --attitudes takes a text file of lines UTC x y z w")
-        })?;
-        Ok(Profile::List(AttitudeList::parse(&text, &name)?))
-    } else if let Some(attitude) = args.hold {
-        Ok(Profile::Hold(attitude))
-    } else if let Some(Slew(attitude, rates_rad_s)) = args.slew.clone() {
-        Ok(Profile::Slew {
-            start,
-            attitude,
-            rates_rad_s,
-        })
-    } else {
-        Ok(Profile::Nadir)
-    }
 }
 
 /// The object that `FILE[:NAME]` names.

@@ -7,6 +7,7 @@ use skyloop_orbit::time::seconds;
 
 use skyloop_protocols::{Attitude, OrbitState, Output, Positions};
 
+use crate::pointing::Pointing;
 use crate::profile::{OrbitSource, Profile, ProfileError};
 
 /// What the flight computer is to do.
@@ -46,6 +47,20 @@ impl Mission {
     pub fn attitude(&self, sequence: u32, epoch: Epoch) -> Result<Attitude, ProfileError> {
         let orbit = self.orbit.as_ref();
         let pointing = self.profile.at(epoch, orbit)?;
+        self.message(sequence, epoch, &pointing)
+    }
+
+    /// The attitude message for `epoch` of a body that points so, whatever the profile says.
+    ///
+    /// # Errors
+    /// [`ProfileError::Orbit`]: no state.
+    pub fn message(
+        &self,
+        sequence: u32,
+        epoch: Epoch,
+        pointing: &Pointing,
+    ) -> Result<Attitude, ProfileError> {
+        let orbit = self.orbit.as_ref();
         let state = orbit.map(|orbit| orbit(epoch)).transpose();
         let state = state.map_err(|source| ProfileError::Orbit { epoch, source })?;
         let q = pointing.attitude.as_vector();

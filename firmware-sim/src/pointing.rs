@@ -4,7 +4,7 @@
 //! against ICRF in body axes, so that `dR/dt = -[w x] R`: over a time dt with constant w,
 //! `q(t + dt) = exp(-w dt) q(t)`, where `exp(v)` is the rotation by |v| about v.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// Attitude and turning rate at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,4 +28,11 @@ pub(crate) fn rate_between(
 ) -> Vector3<f64> {
     // q1 = exp(-w dt) q0, so w = -log(q1 q0^-1) / dt.
     -(after * before.inverse()).scaled_axis() / seconds
+}
+
+/// The attitude of a body whose axes are these unit vectors (ICRF, right-handed).
+pub(crate) fn of_axes([x, y, z]: [Vector3<f64>; 3]) -> UnitQuaternion<f64> {
+    // The rows of R are the body axes in ICRF.
+    let rotation = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation))
 }

@@ -5,6 +5,7 @@ use std::fmt;
 use skyloop_protocols::{Reason, Status};
 
 use crate::contents::Contents;
+use crate::control::ControlAccount;
 use crate::reassembly::AssemblyCounts;
 use crate::score::Score;
 use crate::times::Times;
@@ -61,6 +62,8 @@ pub struct Report {
     pub octets: u64,
     /// The scores of all frames added up.
     pub totals: Totals,
+    /// What came of the closed loop, if one was flown.
+    pub control: Option<ControlAccount>,
     /// How many Nacks came.
     pub nack_count: u64,
     /// The first hundred of them.
@@ -236,6 +239,9 @@ impl fmt::Display for Report {
                 f,
                 "residual         none: no isolated, unsaturated object was matched"
             )?,
+        }
+        if let Some(control) = &self.control {
+            write!(f, "{control}")?;
         }
         let AssemblyCounts {
             duplicates,

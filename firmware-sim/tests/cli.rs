@@ -88,7 +88,11 @@ fn a_run_over_udp_prints_its_table() {
         "100",
     ];
     let hold = skyloop_fc(&[&["--link", &link], &hold[..], &epoch[..]].concat());
-    for output in [&nadir, &hold] {
+    let limb = ["--limb-stare", "80,-90", "--orbit", &orbit];
+    let limb = skyloop_fc(&[&["--link", &link], &limb[..], &epoch[..]].concat());
+    let scan = ["--scan", "0,0,0,1,2,1.5,x"];
+    let scan = skyloop_fc(&[&["--link", &link], &scan[..], &epoch[..]].concat());
+    for output in [&nadir, &hold, &limb, &scan] {
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(
             output.status.success(),
@@ -101,7 +105,7 @@ fn a_run_over_udp_prints_its_table() {
         );
     }
     let attitudes = thread.join().unwrap().attitudes;
-    assert_eq!(attitudes.len(), 6);
+    assert_eq!(attitudes.len(), 12);
     // Above the equator the nadir attitude turns about -Y once an orbit.
     assert!(
         (attitudes[0].1.rates_rad_s[1] + 1.078e-3).abs() < 1e-6,
@@ -109,6 +113,13 @@ fn a_run_over_udp_prints_its_table() {
         attitudes[0].1
     );
     assert!(attitudes[0].1.state.is_some() && attitudes[3].1.state.is_none());
+    // Whatever the azimuth, a limb stare turns once an orbit.
+    let limb = nalgebra::Vector3::from(attitudes[6].1.rates_rad_s);
+    assert!((limb.norm() - 1.078e-3).abs() < 1e-5, "{limb}");
+    // X-Val: 1.5 deg/s for 1 s: q = [-sin(0.75 deg), 0, 0, cos(0.75 deg)].
+    let scanned = attitudes[11].1;
+    assert!((scanned.q_icrf_to_body[0] + 0.75_f64.to_radians().sin()).abs() < 1e-12);
+    assert!((scanned.rates_rad_s[0] - 1.5_f64.to_radians()).abs() < 1e-12);
 }
 
 /// A process that does not outlive its test.
@@ -167,6 +178,7 @@ fn numbers_out_of_range_are_refused_as_usage() {
         ("--period", "0.000001 to 1000000 s"),
         ("--rate", "0.000001 to 100000 Hz"),
         ("--timeout", "0.001 to 1000000 s"),
+        ("--focal-px", "1 to 10000000 px"),
         ("--frames", "whole number from 1 to"),
     ] {
         for value in ["0", "-1", "1e300"] {
@@ -215,6 +227,63 @@ fn errors_say_what_to_do() {
         (&["--hold", "0,0,0,2"], "norm is 2"),
         (&["--slew", "0,0,0,1,5"], "5 numbers where 7 belong"),
         (&["--nadir"], "--orbit"),
+        (&["--limb-stare", "80"], "--orbit"),
+        (
+            &["--limb-stare", "80,nan", "--orbit", &orbit],
+            "\"nan\" is no finite number: give KM or KM,AZIMUTH_DEG",
+        ),
+        (
+            &["--limb-stare", "-5", "--orbit", &orbit],
+            "the height is -5; it must be 0 to 10000 km",
+        ),
+        (
+            &["--limb-stare", "900", "--orbit", &orbit],
+            "no limb at 900 km at 2019-06-15T23:35:50",
+        ),
+        (
+            &["--scan", "0,0,0,1,10"],
+            "5 numbers where 6 belong: give x,y,z,w,DEG,RATE",
+        ),
+        (&["--scan", "0,0,0,1,nan,1"], "\"nan\" is no finite number"),
+        (
+            &["--scan", "0,0,0,1,10,0"],
+            "the rate is 0; it must be above 0, at most 360 deg/s",
+        ),
+        (&["--hold", "0,0,0,1", "--loop"], "add --wall"),
+        (
+            &["--hold", "0,0,0,1", "--loop", "--wall"],
+            "--loop needs --focal-px",
+        ),
+        (
+            &["--hold", "0,0,0,1", "--focal-px", "500"],
+            "leave it out, or add --loop",
+        ),
+        (
+            &["--hold", "0,0,0,1", "--drift", "0,0,0.01"],
+            "leave it out, or add --loop",
+        ),
+        (
+            &["--slew", "0,0,0,1,0,0,1", "--loop", "--wall"],
+            "give it by --hold x,y,z,w",
+        ),
+        (
+            &[
+                "--hold", "0,0,0,1", "--loop", "--wall", "--output", "labels",
+            ],
+            "choose windows, compressed or frame",
+        ),
+        (
+            &["--hold", "0,0,0,1", "--drift", "0.01,0.02"],
+            "2 numbers where 3 belong: give x,y,z in deg/s",
+        ),
+        (
+            &["--hold", "0,0,0,1", "--drift", "0,0,0.2"],
+            "each must be -0.1 to 0.1 deg/s",
+        ),
+        (
+            &["--hold", "0,0,0,1", "--drift", "0,nan,0"],
+            "\"nan\" is no finite number",
+        ),
         (
             &["--nadir", "--orbit", "tests"],
             "--orbit tests is a folder: name one file in it, as tests/FILE or tests/FILE:NAME",

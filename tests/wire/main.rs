@@ -18,6 +18,7 @@ mod replay;
 mod replay_on_can;
 mod roles;
 mod slow_line;
+mod steering;
 #[path = "../support/mod.rs"]
 mod support;
 mod wall_clock;

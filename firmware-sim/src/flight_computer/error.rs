@@ -89,6 +89,12 @@ pub enum RunError {
         /// The epoch.
         epoch: Epoch,
     },
+    /// A closed loop that is not by the wall clock, or of a profile that turns.
+    #[error("a closed loop holds one attitude by the wall clock: {remedy}")]
+    Loop {
+        /// What to do.
+        remedy: &'static str,
+    },
     /// A setting out of its range.
     #[error("{what} is {value:e}; it must be finite and above 0")]
     Setting {

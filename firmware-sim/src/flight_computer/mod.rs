@@ -14,12 +14,14 @@ use hifitime::Epoch;
 use skyloop_protocols::{Command, Fault, LabelLevel, apid};
 
 pub use self::error::RunError;
+use crate::control::{Control, ControlSettings, Exposed};
 use crate::detector::{Detections, DetectorSettings};
 use crate::event::{Event, Loss};
 use crate::exchange::{Answer, Incoming, TICK};
 use crate::links::Links;
 use crate::mission::{Mission, Pace};
 use crate::port::{Port, PortError};
+use crate::profile::Profile;
 use crate::received::ReceivedFrame;
 use crate::report::{NackRecord, Report};
 use crate::roles::Roles;
@@ -43,6 +45,10 @@ pub struct FlightComputer<P> {
     mission: Mission,
     /// Faults that begin before the first attitude.
     faults: Vec<Fault>,
+    /// How the loop is closed, if it is.
+    closed: Option<ControlSettings>,
+    /// The loop, once it runs.
+    control: Option<Control>,
     /// None: frames are taken, and not looked at.
     detector: Option<DetectorSettings>,
     links: Links<P>,
@@ -80,6 +86,8 @@ impl<P: Port> FlightComputer<P> {
             },
             mission,
             faults: Vec::new(),
+            closed: None,
+            control: None,
             detector: Some(DetectorSettings::default()),
             sent: VecDeque::new(),
             taken: VecDeque::new(),
@@ -105,6 +113,12 @@ impl<P: Port> FlightComputer<P> {
         }
     }
 
+    /// Closes the loop: the mission's attitude is held against a drift, by what the frames show. By the wall clock only.
+    #[must_use]
+    pub fn with_control(self, closed: Option<ControlSettings>) -> Self {
+        Self { closed, ..self }
+    }
+
     /// Opens the exchange by a Reset and flies the mission. `watch` sees all that happens and may break the run off.
     ///
     /// # Errors
@@ -116,6 +130,7 @@ impl<P: Port> FlightComputer<P> {
         mut watch: impl FnMut(Event<'_>) -> ControlFlow<()>,
     ) -> Result<Report, RunError> {
         self.check()?;
+        self.control = self.closed_loop()?;
         let waited = self.mission.timeout;
         let tick = || watch(Event::Tick);
         match self.links.open(&self.faults, waited, tick)? {
@@ -155,6 +170,7 @@ impl<P: Port> FlightComputer<P> {
     /// The report, with the line that has gone.
     fn report_of_lines(self) -> Report {
         Report {
+            control: self.control.map(Control::into_account),
             gone: self.links.gone().map(|gone| gone.to_string()),
             warning: self
                 .links
@@ -218,6 +234,30 @@ impl<P: Port> FlightComputer<P> {
         Ok(())
     }
 
+    /// The loop, if it is to be closed and can be.
+    fn closed_loop(&self) -> Result<Option<Control>, RunError> {
+        let Some(settings) = self.closed else {
+            return Ok(None);
+        };
+        let remedy = match (self.mission.pace, &self.mission.profile) {
+            (Pace::Stepped { .. }, _) => "give --wall",
+            (_, Profile::Hold(hold)) => {
+                let (what, value) = ("the focal length in pixels", settings.focal_px);
+                if !(value.is_finite() && value > 0.0) {
+                    return Err(RunError::Setting { what, value });
+                }
+                return Ok(Some(Control::new(settings, *hold, self.mission.start)));
+            }
+            _ => "give it by --hold x,y,z,w",
+        };
+        Err(RunError::Loop { remedy })
+    }
+
+    /// The mission's time so many seconds after its first attitude, by the wall clock.
+    fn by_the_clock(&self, seconds: f64) -> Epoch {
+        self.mission.start + hifitime::Duration::from_seconds(seconds)
+    }
+
     /// Says what of each frame is wanted, before the first.
     fn set_output(&mut self, watch: &mut Watch<'_>) -> Result<ControlFlow<()>, RunError> {
         let waited = self.mission.timeout;
@@ -261,7 +301,13 @@ impl<P: Port> FlightComputer<P> {
     fn send_attitude(&mut self, sequence: u32, epoch: Epoch) -> Result<u16, RunError> {
         /// Attitudes whose frames may still be under way.
         const REMEMBERED: usize = 1024;
-        let attitude = self.mission.attitude(sequence, epoch)?;
+        let attitude = match &mut self.control {
+            Some(control) => {
+                let pointing = control.steer(epoch);
+                self.mission.message(sequence, epoch, &pointing)?
+            }
+            None => self.mission.attitude(sequence, epoch)?,
+        };
         let time = time::to_wire(epoch).ok_or(RunError::Time { epoch })?;
         if self.sent.len() >= REMEMBERED {
             self.sent.pop_front();
@@ -305,6 +351,15 @@ impl<P: Port> FlightComputer<P> {
             });
         };
         let detections = frame.detect(detector);
+        let taken = self.by_the_clock(self.begin.elapsed().as_secs_f64());
+        if let Some(control) = &mut self.control {
+            let exposed = Exposed {
+                mid: time::to_epoch(frame.mid_exposure),
+                taken,
+                size: [frame.header.width, frame.header.height],
+            };
+            control.see(&exposed, &detections);
+        }
         let scored = score(frame, &detections);
         self.report.contents.add(frame, &detections);
         match &scored {

@@ -14,7 +14,7 @@ impl<P: Port> FlightComputer<P> {
         rate_hz: f64,
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
-        let begin = Instant::now();
+        let begin = self.begin;
         let (mut sequence, mut last_sign, mut last_grant) = (0u32, begin, begin);
         let mut frames = Numbers::default();
         let mut flow = ControlFlow::Continue(());
@@ -26,8 +26,7 @@ impl<P: Port> FlightComputer<P> {
                 Duration::try_from_secs_f64(f64::from(sequence) / rate_hz).unwrap_or(Duration::MAX);
             if begin.elapsed() >= due {
                 let elapsed_s = begin.elapsed().as_secs_f64();
-                let epoch = self.mission.start + hifitime::Duration::from_seconds(elapsed_s);
-                self.send_attitude(sequence, epoch)?;
+                self.send_attitude(sequence, self.by_the_clock(elapsed_s))?;
                 // After a pause the attitudes missed in it are passed over, not sent in a burst.
                 let period = (elapsed_s * rate_hz) as u32;
                 sequence = sequence.max(period).saturating_add(1);

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use skyloop_protocols::command::Attitude;
 use skyloop_protocols::credit::CreditAccount;
 use skyloop_protocols::packet::identify;
@@ -13,7 +14,7 @@ use skyloop_protocols::{
 
 use super::levels::Exposed;
 use super::wire::{Sender, now};
-use super::{Field, Noise};
+use super::{Field, Noise, Star};
 
 /// What the small emulator does to the packets of the frame of one attitude.
 pub type Mischief = fn(attitude: u32, packets: &mut Vec<Vec<u8>>);
@@ -30,6 +31,9 @@ pub struct Emulator {
     pub delays: fn(copy: usize, attitude: u32) -> bool,
     /// Whether pixels and labels go out on this link.
     pub brings: (bool, bool),
+    /// Focal length, px: the frames show stars that stand still in the sky, from the first attitude on, in the middle of the exposure at
+    /// the attitude's time. Without it the stars have nothing to do with the attitude.
+    pub focal_px: Option<f64>,
     /// What each frame brings.
     pub output: Output,
     /// Centres of the windows.
@@ -74,6 +78,7 @@ impl Emulator {
             swallows: |_, _| false,
             delays: |_, _| false,
             brings: (true, true),
+            focal_px: None,
             output: Output::default(),
             positions: Vec::new(),
             refuses_output: None,
@@ -117,7 +122,7 @@ impl Emulator {
                     return out;
                 }
                 let frame = self.frames;
-                let mut packets = self.frame(attitude.sequence);
+                let mut packets = self.frame(&header);
                 self.kept.push_back((frame, packets.clone()));
                 if self.kept.len() > 2 {
                     self.kept.pop_front();
@@ -213,11 +218,17 @@ impl Emulator {
         self.sender.reply(&Reply::Nack(nack), now())
     }
 
-    fn frame(&mut self, attitude: u32) -> Vec<Vec<u8>> {
+    /// Of the latest attitude.
+    fn frame(&mut self, command: &Header) -> Vec<Vec<u8>> {
         let (field, frame) = (self.field, self.frames);
         self.frames += 1;
+        let sequences = self.attitudes.last().map(|(_, latest)| latest.sequence);
+        let attitude = sequences.unwrap();
         let mut noise = Noise::new(u64::from(attitude) + 100);
-        let stars = field.grid(16, 4000.0, &mut noise);
+        let stars = match self.focal_px {
+            None => field.grid(16, 4000.0, &mut noise),
+            Some(focal_px) => self.sky(focal_px),
+        };
         let pixels = field.expose(&field.electrons(&stars, (0.0, 0.0)), &mut noise);
         let exposed = Exposed {
             field: &field,
@@ -234,8 +245,35 @@ impl Emulator {
             output.labels = LabelLevel::None;
         }
         // The same on every link.
-        let time = WireTime(u64::from(frame) << 32);
+        let time = match self.focal_px {
+            None => WireTime(u64::from(frame) << 32),
+            Some(_) => command.time,
+        };
         exposed.packets(&mut self.sender, &output, &self.positions, time)
+    }
+
+    /// Where the stars are that were on a grid at the first attitude.
+    fn sky(&self, focal_px: f64) -> Vec<Star> {
+        let at = |index: usize| {
+            let [x, y, z, w] = self.attitudes[index].1.q_icrf_to_body;
+            UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+        };
+        let turned = at(self.attitudes.len() - 1) * at(0).inverse();
+        let (x0, y0) = (
+            (self.field.width as f64 - 1.0) / 2.0,
+            (self.field.height as f64 - 1.0) / 2.0,
+        );
+        let stars = self.field.grid(16, 4000.0, &mut Noise::new(1));
+        let shown = stars.into_iter().map(|star| {
+            let from = Vector3::new((star.x - x0) / focal_px, (star.y - y0) / focal_px, 1.0);
+            let to = turned * from;
+            Star {
+                x: x0 + focal_px * to.x / to.z,
+                y: y0 + focal_px * to.y / to.z,
+                ..star
+            }
+        });
+        shown.collect()
     }
 
     fn status(&self) -> Status {

@@ -1,16 +1,25 @@
 //! Attitude profiles: where the spacecraft points, and how fast it turns, at any instant.
+//!
+//! Those that follow the orbit get their rates by a central difference over the orbit near the instant ([`along`]).
+
+mod limb;
+mod nadir;
+mod scan;
 
 use std::error::Error;
 use std::sync::Arc;
 
 use hifitime::Epoch;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use skyloop_orbit::time::utc_text;
 use skyloop_orbit::two_body::propagate_j2;
 use skyloop_orbit::{Object, StateVector};
 use thiserror::Error;
 
+pub use self::limb::LimbStare;
+pub use self::scan::Scan;
 use crate::attitude_list::{AttitudeList, OutsideList};
+use crate::earth::Earth;
 use crate::pointing::{Pointing, rate_between, turn};
 
 /// Any error that an orbit source may give.
@@ -41,8 +50,12 @@ pub enum Profile {
         /// Body axes, rad/s.
         rates_rad_s: Vector3<f64>,
     },
+    /// To and fro about a body axis.
+    Scan(Scan),
     /// +Z to the Earth's centre, +X towards the velocity. Needs an orbit.
     Nadir,
+    /// +Z to a tangent point over the Earth's limb. Needs an orbit.
+    LimbStare(LimbStare),
 }
 
 /// Why there is no attitude at an epoch.
@@ -51,9 +64,12 @@ pub enum ProfileError {
     /// The epoch lies outside the attitude list.
     #[error(transparent)]
     OutsideList(#[from] OutsideList),
-    /// Nadir pointing without an orbit.
-    #[error("nadir pointing needs an orbit: give one (--orbit FILE[:NAME])")]
-    NeedsOrbit,
+    /// A profile that follows the orbit, without one.
+    #[error("{what} needs an orbit: give one (--orbit FILE[:NAME])")]
+    NeedsOrbit {
+        /// The profile.
+        what: &'static str,
+    },
     /// The orbit gave no state.
     #[error("no orbit state at {}: {source}", utc_text(*epoch))]
     Orbit {
@@ -63,15 +79,29 @@ pub enum ProfileError {
         source: OrbitSourceError,
     },
     /// Position and velocity are parallel or not finite: no orbital plane.
-    #[error("no nadir attitude at {}: position and velocity span no orbital plane", utc_text(*epoch))]
+    #[error("no attitude at {}: position and velocity span no orbital plane", utc_text(*epoch))]
     NoPlane {
         /// The epoch asked for.
         epoch: Epoch,
     },
+    /// The spacecraft is not above the height of the tangent point.
+    #[error(
+        "no limb at {height_km} km at {}: a line of sight {height_km} km above the ellipsoid at its lowest starts above that, and \
+         the orbit is at {orbit_km:.1} km: choose a lower height",
+        utc_text(*epoch)
+    )]
+    BelowLimb {
+        /// The epoch asked for.
+        epoch: Epoch,
+        /// Height of the tangent point, km.
+        height_km: f64,
+        /// Height of the spacecraft above the ellipsoid, km.
+        orbit_km: f64,
+    },
 }
 
 impl Profile {
-    /// Attitude and rates at `epoch`. `orbit` serves [`Profile::Nadir`] only.
+    /// Attitude and rates at `epoch`. `orbit` serves [`Profile::Nadir`] and [`Profile::LimbStare`] only.
     ///
     /// # Errors
     /// [`ProfileError`]: outside the list, or no orbit where one is needed.
@@ -94,35 +124,39 @@ impl Profile {
                     rates_rad_s: *rates_rad_s,
                 })
             }
-            Self::Nadir => nadir(epoch, orbit.ok_or(ProfileError::NeedsOrbit)?),
+            Self::Scan(scan) => Ok(scan.at(epoch)),
+            Self::Nadir => {
+                let what = "nadir pointing";
+                let orbit = orbit.ok_or(ProfileError::NeedsOrbit { what })?;
+                along(orbit, epoch, |state| {
+                    nadir::attitude(state).ok_or(ProfileError::NoPlane { epoch })
+                })
+            }
+            Self::LimbStare(limb) => {
+                let what = "a limb stare";
+                let orbit = orbit.ok_or(ProfileError::NeedsOrbit { what })?;
+                let earth = Earth::at(epoch);
+                along(orbit, epoch, |state| limb.attitude(&earth, epoch, state))
+            }
         }
     }
 }
 
-fn nadir(epoch: Epoch, orbit: &OrbitSource) -> Result<Pointing, ProfileError> {
+/// An attitude that follows from position and velocity, with its rates.
+fn along(
+    orbit: &OrbitSource,
+    epoch: Epoch,
+    attitude: impl Fn(&StateVector) -> Result<UnitQuaternion<f64>, ProfileError>,
+) -> Result<Pointing, ProfileError> {
     /// Half the base of the numeric derivative, s: its error goes as the square, below 1e-7 of the orbital rate.
     const STEP_S: f64 = 0.5;
     let state = orbit(epoch).map_err(|source| ProfileError::Orbit { epoch, source })?;
     // From this state alone: an orbit's neighbouring states may come of other elements, or not be there.
-    let at = |dt_s| nadir_attitude(epoch, &propagate_j2(&state, dt_s));
+    let at = |dt_s| attitude(&propagate_j2(&state, dt_s));
     Ok(Pointing {
         attitude: at(0.0)?,
         rates_rad_s: rate_between(&at(-STEP_S)?, &at(STEP_S)?, 2.0 * STEP_S),
     })
-}
-
-fn nadir_attitude(epoch: Epoch, state: &StateVector) -> Result<UnitQuaternion<f64>, ProfileError> {
-    let z = -state.position_m;
-    let x = state.velocity_m_s - z * (z.dot(&state.velocity_m_s) / z.norm_squared());
-    let (Some(z), Some(x)) = (z.try_normalize(1.0), x.try_normalize(1e-3)) else {
-        return Err(ProfileError::NoPlane { epoch });
-    };
-    let y = z.cross(&x);
-    // The rows of R are the body axes in ICRF.
-    let rotation = Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]);
-    Ok(UnitQuaternion::from_rotation_matrix(
-        &Rotation3::from_matrix_unchecked(rotation),
-    ))
 }
 
 #[cfg(test)]
@@ -130,6 +164,7 @@ mod tests {
     use super::*;
     use crate::text::parse_quaternion;
     use hifitime::Duration;
+    use nalgebra::Rotation3;
     use skyloop_orbit::time::parse_utc;
 
     fn epoch() -> Epoch {
@@ -185,6 +220,18 @@ mod tests {
         AttitudeList::parse(text, "attitudes.txt").unwrap()
     }
 
+    fn scan(attitude: UnitQuaternion<f64>) -> Profile {
+        let (half_width, rate) = (0.02, 0.015);
+        Profile::Scan(Scan::new(epoch(), attitude, Vector3::y_axis(), half_width, rate).unwrap())
+    }
+
+    fn limb(azimuth_deg: f64) -> Profile {
+        Profile::LimbStare(LimbStare {
+            height_m: 80e3,
+            azimuth_rad: azimuth_deg.to_radians(),
+        })
+    }
+
     #[test]
     fn rates_are_the_derivative_of_the_attitude() {
         let attitude = parse_quaternion("-0.070834,-0.644137,0.733522,-0.204975").unwrap();
@@ -196,10 +243,14 @@ mod tests {
         for profile in [
             Profile::Hold(attitude),
             slew,
+            scan(attitude),
             Profile::Nadir,
+            limb(0.0),
+            limb(-137.0),
             Profile::List(list()),
         ] {
-            for seconds in [0.5, 2.0, 7.3] {
+            // Of the scan 2.0 lies on its way, 1.3 in its turn-round.
+            for seconds in [0.5, 1.3, 2.0, 7.3] {
                 assert_rates_belong_to_the_attitude(&profile, after(seconds));
             }
         }
@@ -255,7 +306,7 @@ mod tests {
         assert!((pointing.rates_rad_s - Vector3::new(0.0, -1.078_007e-3, 0.0)).norm() < 1e-8);
         assert!(matches!(
             Profile::Nadir.at(epoch(), None),
-            Err(ProfileError::NeedsOrbit)
+            Err(ProfileError::NeedsOrbit { .. })
         ));
     }
 

@@ -1,0 +1,85 @@
+//! The options of `skyloop-fc` about the closed loop.
+
+use anyhow::{Result, bail};
+use clap::Args;
+use nalgebra::Vector3;
+use skyloop_firmware_sim::control::ControlSettings;
+use skyloop_firmware_sim::mission::Mission;
+use skyloop_firmware_sim::profile::Profile;
+use skyloop_firmware_sim::text::parse_numbers;
+use skyloop_protocols::PixelLevel;
+
+use super::within;
+
+/// Fastest drift about each axis, deg/s: a fifth of what is steered.
+const MOST_DRIFT_DEG_S: f64 = 0.1;
+/// Drift of a body that nothing is said about, deg/s.
+const USUAL_DRIFT_DEG_S: [f64; 3] = [0.01, -0.02, 0.015];
+
+/// Whether and how the loop is closed.
+#[derive(Clone, Debug, Args)]
+pub struct LoopArgs {
+    /// Hold the attitude against a drift, by the stars that the frames show: by the wall clock, with the focal length below
+    #[arg(long = "loop")]
+    closed: bool,
+    /// Focal length of the camera over the pitch of its pixels: all that the loop knows of it
+    #[arg(long, value_name = "PX", value_parser = within(1.0..=1e7, "px"), allow_negative_numbers = true)]
+    focal_px: Option<f64>,
+    /// What turns the body beside the steering, deg/s about its axes [default: 0.01,-0.02,0.015]
+    #[arg(long, value_name = "x,y,z", value_parser = parse_drift, allow_hyphen_values = true)]
+    drift: Option<Vector3<f64>>,
+}
+
+impl LoopArgs {
+    /// The loop that is asked for, if one is.
+    ///
+    /// # Errors
+    /// What is missing or of no use.
+    pub fn settings(&self, wall: bool, mission: &Mission) -> Result<Option<ControlSettings>> {
+        if !self.closed {
+            for (given, option) in [
+                (self.focal_px.is_some(), "--focal-px"),
+                (self.drift.is_some(), "--drift"),
+            ] {
+                if given {
+                    bail!("{option} is for a closed loop only: leave it out, or add --loop");
+                }
+            }
+            return Ok(None);
+        }
+        if !wall {
+            bail!("--loop closes the loop by the wall clock: add --wall");
+        }
+        if !matches!(mission.profile, Profile::Hold(_)) {
+            bail!("--loop holds one attitude: give it by --hold x,y,z,w");
+        }
+        if mission
+            .output
+            .is_some_and(|output| output.pixels == PixelLevel::None)
+        {
+            bail!(
+                "--loop steers by pixels, and --output labels brings none: choose windows, compressed or frame"
+            );
+        }
+        let Some(focal_px) = self.focal_px else {
+            bail!(
+                "--loop needs --focal-px: the camera's focal length over the pitch of its pixels, as 530.8 for fai-nir (13.8 mm over 26 um)"
+            );
+        };
+        let usual = || Vector3::from(USUAL_DRIFT_DEG_S).map(f64::to_radians);
+        Ok(Some(ControlSettings {
+            focal_px,
+            drift_rad_s: self.drift.unwrap_or_else(usual),
+        }))
+    }
+}
+
+fn parse_drift(text: &str) -> Result<Vector3<f64>, String> {
+    let rates = parse_numbers::<3>(text).map_err(|why| format!("{why}: give x,y,z in deg/s"))?;
+    if rates.iter().any(|rate| rate.abs() > MOST_DRIFT_DEG_S) {
+        return Err(format!(
+            "each must be -{MOST_DRIFT_DEG_S} to {MOST_DRIFT_DEG_S} deg/s"
+        ));
+    }
+    Ok(Vector3::from(rates).map(f64::to_radians))
+}

@@ -1,0 +1,226 @@
+//! What came of a closed loop: the body's error, and what was thought of it.
+
+use std::fmt;
+use std::time::Duration;
+
+use nalgebra::Vector3;
+
+use super::estimator::{Estimate, LEAST_STARS};
+use crate::times::Times;
+
+/// Arcseconds in a radian.
+const ARCSEC: f64 = 648_000.0 / std::f64::consts::PI;
+
+/// The figures of a closed loop.
+#[derive(Clone, Debug, Default)]
+pub struct ControlAccount {
+    /// The drift's size, rad/s.
+    pub drift_rad_s: f64,
+    /// Stars of the frame that was to be held; 0 before there is one.
+    pub reference_stars: usize,
+    /// Frames that were steered by.
+    pub used: u32,
+    /// Frames in which too few of the stars were found.
+    pub starless: u32,
+    /// Frames that came after a later one.
+    pub late: u32,
+    /// From the middle of the exposure until the detections were fixed.
+    pub latencies: Times,
+    /// When the drift began, s after the mission's start.
+    begun_s: f64,
+    /// When the body's error was looked at last, s after the drift began.
+    flown_s: f64,
+    /// The largest error of the body, rad.
+    worst_rad: f64,
+    errors: Series,
+    /// Those of the boresight (+Z) alone.
+    across: Series,
+    /// Squares of the differences between estimated and true errors, rad^2, and how many.
+    differences: (f64, u32),
+    /// Sums over the frames used: stars, and residuals in px.
+    stars: u64,
+    residuals_px: f64,
+}
+
+impl ControlAccount {
+    pub(super) fn new(drift_rad_s: f64) -> Self {
+        Self {
+            drift_rad_s,
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn begins(&mut self, at_s: f64, stars: usize) {
+        (self.begun_s, self.reference_stars) = (at_s, stars);
+    }
+
+    /// Books the body's error.
+    pub(super) fn points(&mut self, at_s: f64, error: Vector3<f64>) {
+        self.flown_s = (at_s - self.begun_s).max(0.0);
+        self.worst_rad = self.worst_rad.max(error.norm());
+        self.errors.add(self.flown_s, error.norm_squared());
+        self.across.add(self.flown_s, error.xy().norm_squared());
+    }
+
+    /// Books a frame, with the body's error in the middle of its exposure if that is known.
+    pub(super) fn frame(
+        &mut self,
+        age: Duration,
+        estimate: &Estimate,
+        truth: Option<Vector3<f64>>,
+    ) {
+        self.used += 1;
+        self.latencies.add(age);
+        self.stars += estimate.stars as u64;
+        self.residuals_px += estimate.residual_px;
+        if let Some(truth) = truth {
+            self.differences.0 += (estimate.turned_rad - truth).norm_squared();
+            self.differences.1 += 1;
+        }
+    }
+
+    /// Root mean square of the body's error over the last half of the flight, rad; `None` before the drift.
+    #[must_use]
+    pub fn rms_rad(&self) -> Option<f64> {
+        self.errors.rms_from(self.flown_s / 2.0)
+    }
+
+    /// The same of the boresight (+Z) alone, without the turn about it, rad.
+    #[must_use]
+    pub fn across_rms_rad(&self) -> Option<f64> {
+        self.across.rms_from(self.flown_s / 2.0)
+    }
+
+    /// The largest error of the body, rad.
+    #[must_use]
+    pub fn worst_rad(&self) -> f64 {
+        self.worst_rad
+    }
+
+    /// Root mean square of the difference between estimated and true errors, rad; `None` without any.
+    #[must_use]
+    pub fn estimate_rms_rad(&self) -> Option<f64> {
+        let (sum, count) = self.differences;
+        (count > 0).then(|| (sum / f64::from(count)).sqrt())
+    }
+
+    /// What the drift alone would have made of the time, rad.
+    #[must_use]
+    pub fn drifted_rad(&self) -> f64 {
+        self.drift_rad_s * self.flown_s
+    }
+}
+
+impl fmt::Display for ControlAccount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Some(rms), Some(across)) = (self.rms_rad(), self.across_rms_rad()) else {
+            return writeln!(
+                f,
+                "closed loop      not begun: none of {} frames had {LEAST_STARS} stars; expose longer, or hold another attitude",
+                self.starless
+            );
+        };
+        writeln!(
+            f,
+            "closed loop      pointing error rms {:.2} arcsec over the last half ({:.2} across the boresight), worst {:.2}; the drift alone makes {:.1} in {:.1} s",
+            rms * ARCSEC,
+            across * ARCSEC,
+            self.worst_rad * ARCSEC,
+            self.drifted_rad() * ARCSEC,
+            self.flown_s
+        )?;
+        write!(
+            f,
+            "steered by       {} frames, {} without enough stars, {} late",
+            self.used, self.starless, self.late
+        )?;
+        let ms = |fraction| {
+            self.latencies
+                .quantile(fraction)
+                .map(|time| time.as_secs_f64() * 1e3)
+        };
+        if let (Some(off), Some(p50), Some(max)) = (self.estimate_rms_rad(), ms(0.5), ms(1.0)) {
+            let used = f64::from(self.used.max(1));
+            write!(
+                f,
+                "; estimated error off by {:.2} arcsec rms ({:.0} of {} stars, residual {:.3} px); from mid-exposure p50 {p50:.1} ms, max {max:.1} ms",
+                off * ARCSEC,
+                self.stars as f64 / used,
+                self.reference_stars,
+                self.residuals_px / used
+            )?;
+        }
+        writeln!(f)
+    }
+}
+
+/// Means of a quantity over pieces of time, at most so many, which grow with the flight.
+#[derive(Clone, Debug, PartialEq)]
+struct Series {
+    piece_s: f64,
+    /// Sum and number.
+    pieces: Vec<(f64, u64)>,
+}
+
+impl Default for Series {
+    fn default() -> Self {
+        Self {
+            piece_s: 0.01,
+            pieces: Vec::new(),
+        }
+    }
+}
+
+impl Series {
+    fn add(&mut self, at_s: f64, value: f64) {
+        const MOST: usize = 4096;
+        while at_s / self.piece_s >= MOST as f64 {
+            self.piece_s *= 2.0;
+            let pairs = self.pieces.chunks(2);
+            let joined =
+                pairs.map(|pair| pair.iter().fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1)));
+            self.pieces = joined.collect();
+        }
+        let piece = (at_s / self.piece_s) as usize;
+        if piece >= self.pieces.len() {
+            self.pieces.resize(piece + 1, (0.0, 0));
+        }
+        if let Some((sum, count)) = self.pieces.get_mut(piece) {
+            *sum += value;
+            *count += 1;
+        }
+    }
+
+    /// Root of the mean from a time on, or from the next piece on.
+    fn rms_from(&self, from_s: f64) -> Option<f64> {
+        let first = (from_s / self.piece_s).ceil() as usize;
+        let first = first.min(self.pieces.len().saturating_sub(1));
+        let from = self.pieces.iter().skip(first);
+        let (sum, count) = from.fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        (count > 0).then(|| (sum / count as f64).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_half_is_that_of_the_whole_flight_however_long() {
+        for seconds in [1.0, 100.0, 1e5] {
+            let mut account = ControlAccount::new(1e-4);
+            assert!(account.to_string().contains("not begun"));
+            account.begins(5.0, 10);
+            for index in 0..2000 {
+                let at = f64::from(index) / 2000.0 * seconds;
+                let error = if index < 1000 { 3e-4 } else { 4e-5 };
+                account.points(5.0 + at, Vector3::x() * error);
+            }
+            let rms = account.rms_rad().unwrap();
+            assert!((rms - 4e-5).abs() < 1e-9, "{seconds}: {rms}");
+            assert_eq!(account.worst_rad(), 3e-4);
+            assert!((account.drifted_rad() / seconds - 1e-4).abs() < 1e-6);
+            assert!(account.errors.pieces.len() <= 4096);
+        }
+    }
+}

@@ -1,0 +1,291 @@
+//! At a tangent point over the Earth's limb.
+
+use hifitime::Epoch;
+use nalgebra::{UnitQuaternion, Vector3};
+use skyloop_orbit::StateVector;
+
+use super::ProfileError;
+use crate::earth::{EQUATOR_M, Earth, POLE_M};
+use crate::pointing::of_axes;
+
+/// A line of sight that comes down to a height above the WGS84 ellipsoid, and no lower.
+///
+/// +Z points to that tangent point, -Y ("up" in the image of a camera along +Z) away from the Earth's centre as far as it can,
+/// +X to the right of both, so that the limb lies level in the image. All three are in or across the vertical plane of the azimuth,
+/// which holds the Earth's centre; the height of the tangent point is that above the ellipsoid, not above a sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LimbStare {
+    /// Height of the tangent point above the ellipsoid, m.
+    pub height_m: f64,
+    /// Azimuth of the line of sight, rad: from the velocity's part across the vertical, positive to the right of the flight
+    /// (clockwise as seen from above, away from the orbit's normal `r x v`).
+    pub azimuth_rad: f64,
+}
+
+/// A vertical plane through the spacecraft: where it is, up, and level at the azimuth.
+struct Plane<'a> {
+    earth: &'a Earth,
+    position_m: Vector3<f64>,
+    up: Vector3<f64>,
+    level: Vector3<f64>,
+}
+
+impl LimbStare {
+    /// ICRF to body.
+    pub(super) fn attitude(
+        &self,
+        earth: &Earth,
+        epoch: Epoch,
+        state: &StateVector,
+    ) -> Result<UnitQuaternion<f64>, ProfileError> {
+        let plane = Plane::new(earth, state, self.azimuth_rad);
+        let plane = plane.ok_or(ProfileError::NoPlane { epoch })?;
+        let depression = plane.depression(self.height_m);
+        let depression = depression.ok_or_else(|| ProfileError::BelowLimb {
+            epoch,
+            height_km: self.height_m / 1e3,
+            orbit_km: earth.above(&state.position_m).0 / 1e3,
+        })?;
+        let z = plane.direction(depression);
+        let (sin, cos) = libm::sincos(depression);
+        let y = -(plane.level * sin + plane.up * cos);
+        Ok(of_axes([y.cross(&z), y, z]))
+    }
+}
+
+impl<'a> Plane<'a> {
+    fn new(earth: &'a Earth, state: &StateVector, azimuth: f64) -> Option<Self> {
+        let up = state.position_m.try_normalize(1.0)?;
+        let ahead = state.velocity_m_s - up * up.dot(&state.velocity_m_s);
+        let ahead = ahead.try_normalize(1e-3)?;
+        let (sin, cos) = libm::sincos(azimuth);
+        Some(Self {
+            earth,
+            position_m: state.position_m,
+            up,
+            level: ahead * cos + ahead.cross(&up) * sin,
+        })
+    }
+
+    /// The line of sight by its angle below level, rad.
+    fn direction(&self, depression: f64) -> Vector3<f64> {
+        let (sin, cos) = libm::sincos(depression);
+        self.level * cos - self.up * sin
+    }
+
+    /// The least height above the ellipsoid along a line of sight, m.
+    fn tangent_m(&self, depression: f64) -> f64 {
+        /// Each step leaves less than a hundredth, of the place; the height goes as its square.
+        const STEPS: usize = 6;
+        let direction = self.direction(depression);
+        // There the line is level; on a sphere that is where the centre is nearest.
+        let mut along = -self.position_m.dot(&direction).min(0.0);
+        for _ in 0..STEPS {
+            let point = self.position_m + direction * along;
+            let (_, up) = self.earth.above(&point);
+            along = (along - up.dot(&direction) * point.norm()).max(0.0);
+        }
+        self.earth.above(&(self.position_m + direction * along)).0
+    }
+
+    /// How far below level the line of sight comes down to this height, rad; `None` if no line does.
+    ///
+    /// By false position (the Illinois rule), between the lines that touch spheres about the Earth's centre: one that is everywhere
+    /// above the height, one that is nowhere.
+    fn depression(&self, height_m: f64) -> Option<f64> {
+        const MOST: usize = 60;
+        /// 4e-13 rad from 500 km above.
+        const CLOSE_M: f64 = 1e-6;
+        let radius = self.position_m.norm();
+        let touching = |sphere_m: f64| libm::acos((sphere_m / radius).clamp(0.0, 1.0));
+        let (mut above, mut below) = (touching(EQUATOR_M + height_m), touching(POLE_M + height_m));
+        let (mut too_high, mut too_low) = (
+            self.tangent_m(above) - height_m,
+            self.tangent_m(below) - height_m,
+        );
+        // Over the equator or a pole one of them is the answer.
+        for (depression, error) in [(above, too_high), (below, too_low)] {
+            if error.abs() < CLOSE_M {
+                return Some(depression);
+            }
+        }
+        if !(too_high > 0.0 && too_low < 0.0) {
+            return None;
+        }
+        let mut last = 0.0;
+        for _ in 0..MOST {
+            let between = above + (below - above) * too_high / (too_high - too_low);
+            let error = self.tangent_m(between) - height_m;
+            if error.abs() < CLOSE_M {
+                return Some(between);
+            }
+            // An end that stays twice counts half.
+            if error > 0.0 {
+                (above, too_high) = (between, error);
+                too_low *= if last > 0.0 { 0.5 } else { 1.0 };
+            } else {
+                (below, too_low) = (between, error);
+                too_high *= if last < 0.0 { 0.5 } else { 1.0 };
+            }
+            last = error;
+        }
+        Some((above + below) / 2.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::profile::{OrbitSource, Profile};
+    use hifitime::Duration;
+    use skyloop_orbit::time::parse_utc;
+    use skyloop_orbit::two_body::propagate_j2;
+    use std::sync::Arc;
+
+    fn epoch() -> Epoch {
+        parse_utc("2019-06-15T23:35:50").unwrap()
+    }
+
+    /// 500 to 770 km high, over both poles.
+    fn polar() -> OrbitSource {
+        let state = StateVector {
+            position_m: Vector3::new(6.88e6, 0.0, 0.0),
+            velocity_m_s: Vector3::new(0.0, 0.8e3, 7.62e3),
+        };
+        Arc::new(move |t| Ok(propagate_j2(&state, (t - epoch()).to_seconds())))
+    }
+
+    /// Height above WGS84 by the nearest of many points of the meridian's ellipse, refined; no formula in common with [`Earth`].
+    fn height_by_search(pole: &Vector3<f64>, point: &Vector3<f64>) -> f64 {
+        let z = point.dot(pole);
+        let rho = (point - pole * z).norm();
+        let distance = |u: f64| {
+            let (sin, cos) = u.sin_cos();
+            // X-Val: the semi-axes of WGS84, m.
+            (rho - 6_378_137.0 * cos).hypot(z - 6_356_752.314_245 * sin)
+        };
+        let (mut lo, mut hi) = (-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2);
+        for _ in 0..100 {
+            let third = (hi - lo) / 3.0;
+            if distance(lo + third) < distance(hi - third) {
+                hi -= third;
+            } else {
+                lo += third;
+            }
+        }
+        distance((lo + hi) / 2.0)
+    }
+
+    #[test]
+    fn the_boresight_comes_down_to_the_height_and_no_lower_all_along_an_orbit() {
+        let orbit = polar();
+        let pole = Earth::at(epoch()).pole;
+        for (index, minute) in (0..100).step_by(9).enumerate() {
+            let at = epoch() + Duration::from_seconds(60.0 * f64::from(minute));
+            let azimuth_rad = 0.7 * index as f64 - 2.0;
+            for height_m in [0.0, 83_000.0] {
+                let limb = LimbStare {
+                    height_m,
+                    azimuth_rad,
+                };
+                let pointing = Profile::LimbStare(limb).at(at, Some(&orbit)).unwrap();
+                let state = orbit(at).unwrap();
+                let line = pointing.attitude.inverse() * Vector3::z();
+                // The lowest by fine steps of 200 m around the point nearest to the centre.
+                let nearest = -state.position_m.dot(&line);
+                assert!(nearest > 0.0, "ahead");
+                let lowest = (-300..=300)
+                    .map(|step| state.position_m + line * (nearest + 200.0 * f64::from(step)))
+                    .map(|point| height_by_search(&pole, &point))
+                    .fold(f64::INFINITY, f64::min);
+                // Half a step off is 1 mm lower at most: (100 m)^2 / (2 R). The search ends within some micrometres.
+                assert!((lowest - height_m).abs() < 2e-3, "{minute} min: {lowest}");
+            }
+        }
+    }
+
+    #[test]
+    fn azimuth_counts_to_the_right_of_the_flight_and_up_in_the_image_is_away_from_the_earth() {
+        let orbit = polar();
+        let state = orbit(epoch()).unwrap();
+        let up = state.position_m.normalize();
+        let normal = state.position_m.cross(&state.velocity_m_s).normalize();
+        let ahead = normal.cross(&up);
+        for (degrees, level) in [
+            (0.0, ahead),
+            (90.0, -normal),
+            (180.0, -ahead),
+            (-90.0, normal),
+        ] {
+            let limb = LimbStare {
+                height_m: 0.0,
+                azimuth_rad: f64::to_radians(degrees),
+            };
+            let pointing = Profile::LimbStare(limb).at(epoch(), Some(&orbit)).unwrap();
+            let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()]
+                .map(|axis| pointing.attitude.inverse() * axis);
+            assert!((z.dot(&level) - (1.0 - z.dot(&up).powi(2)).sqrt()).abs() < 1e-12);
+            assert!(z.dot(&up) < -0.3 && -y.dot(&up) > 0.9, "{degrees}");
+            assert!(x.dot(&up).abs() < 1e-12, "level: {degrees}");
+        }
+    }
+
+    #[test]
+    fn along_the_equator_and_over_the_pole_it_is_a_circles_tangent() {
+        let earth = Earth { pole: Vector3::z() };
+        let at = |position_m, velocity_m_s| StateVector {
+            position_m,
+            velocity_m_s,
+        };
+        // X-Val: cos(depression) = (R + 80 km) / 7000 km, R the equatorial radius along the equator. Seen from over the pole, all
+        // meridians are alike.
+        let limb = |azimuth_rad| LimbStare {
+            height_m: 80e3,
+            azimuth_rad,
+        };
+        let state = at(Vector3::new(7.0e6, 0.0, 0.0), Vector3::new(0.0, 7.5e3, 0.0));
+        let z = limb(0.0)
+            .attitude(&earth, epoch(), &state)
+            .unwrap()
+            .inverse()
+            * Vector3::z();
+        let cos: f64 = (6_378_137.0 + 80e3) / 7.0e6;
+        assert!((z - Vector3::new(-(1.0 - cos * cos).sqrt(), cos, 0.0)).norm() < 1e-12);
+        let state = at(Vector3::new(0.0, 0.0, 7.0e6), Vector3::new(0.0, 7.5e3, 0.0));
+        let downs = [0.0, 1.0, 4.0].map(|azimuth| {
+            let attitude = limb(azimuth).attitude(&earth, epoch(), &state).unwrap();
+            (attitude.inverse() * Vector3::z()).z
+        });
+        assert!(
+            downs.iter().all(|down| (down - downs[0]).abs() < 1e-11),
+            "{downs:?}"
+        );
+    }
+
+    #[test]
+    fn below_the_height_there_is_no_limb_and_the_error_says_so() {
+        let limb = |height_m| {
+            let limb = LimbStare {
+                height_m,
+                azimuth_rad: 0.3,
+            };
+            Profile::LimbStare(limb).at(epoch(), Some(&polar()))
+        };
+        let error = limb(600e3).unwrap_err().to_string();
+        assert!(
+            error.contains("600 km")
+                && error.contains("at 501.9 km")
+                && error.contains("lower height"),
+            "{error}"
+        );
+        // Just below the orbit it is almost level.
+        let z = limb(500e3).unwrap().attitude.inverse() * Vector3::z();
+        assert!(z.x.abs() < 0.03, "{z}");
+        let error = Profile::LimbStare(LimbStare {
+            height_m: 0.0,
+            azimuth_rad: 0.0,
+        })
+        .at(epoch(), None);
+        assert!(error.unwrap_err().to_string().contains("--orbit"));
+    }
+}

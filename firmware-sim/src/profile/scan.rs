@@ -1,0 +1,177 @@
+//! To and fro about a body axis.
+
+use hifitime::Epoch;
+use nalgebra::{Unit, UnitQuaternion, Vector3};
+
+use crate::pointing::{Pointing, turn};
+
+/// Longest time in which a scan turns round, s. A scan that passes its half width in less turns round in that time.
+pub const TURN_ROUND_S: f64 = 0.5;
+
+/// A scan: from a start attitude to and fro about a body axis, for ever, before its start too.
+///
+/// The angle is a triangle of time with its corners rounded off: it runs at a constant rate and turns round at each end with a
+/// constant acceleration, so that neither angle nor rate jumps. It begins in the middle, towards positive angles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scan {
+    start: Epoch,
+    attitude: UnitQuaternion<f64>,
+    axis: Unit<Vector3<f64>>,
+    half_width_rad: f64,
+    rate_rad_s: f64,
+}
+
+impl Scan {
+    /// A scan that passes `attitude` (ICRF to body) at `start`, about `axis` (body), by `half_width_rad` to either side at
+    /// `rate_rad_s`. `None` unless both are finite and above 0.
+    #[must_use]
+    pub fn new(
+        start: Epoch,
+        attitude: UnitQuaternion<f64>,
+        axis: Unit<Vector3<f64>>,
+        half_width_rad: f64,
+        rate_rad_s: f64,
+    ) -> Option<Self> {
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        (positive(half_width_rad) && positive(rate_rad_s)).then_some(Self {
+            start,
+            attitude,
+            axis,
+            half_width_rad,
+            rate_rad_s,
+        })
+    }
+
+    /// How long it takes to turn round, s: [`TURN_ROUND_S`], or the time for the half width at the scan's rate if that is shorter.
+    #[must_use]
+    pub fn turn_round_s(&self) -> f64 {
+        TURN_ROUND_S.min(self.half_width_rad / self.rate_rad_s)
+    }
+
+    /// Time for once to and fro, s: four half widths at the scan's rate and one turn-round, since turning round takes twice as long
+    /// as the corner that it cuts.
+    #[must_use]
+    pub fn period_s(&self) -> f64 {
+        4.0 * self.half_width_rad / self.rate_rad_s + self.turn_round_s()
+    }
+
+    /// The angle from the start attitude, rad, and its rate, rad/s.
+    fn angle(&self, seconds: f64) -> (f64, f64) {
+        let (rate, turning) = (self.rate_rad_s, self.turn_round_s());
+        let half_period = self.period_s() / 2.0;
+        // From the middle to where it begins to turn round: half of that takes it on by rate * turning / 4.
+        let straight = self.half_width_rad / rate - turning / 4.0;
+        let since = seconds + straight;
+        let way = (since / half_period).floor();
+        let into = since - way * half_period;
+        let sign = if way.rem_euclid(2.0) == 0.0 {
+            1.0
+        } else {
+            -1.0
+        };
+        if into < 2.0 * straight {
+            return (sign * rate * (into - straight), sign * rate);
+        }
+        let from_turn = into - 2.0 * straight - turning / 2.0;
+        let acceleration = 2.0 * rate / turning;
+        (
+            sign * (self.half_width_rad - acceleration * from_turn * from_turn / 2.0),
+            -sign * acceleration * from_turn,
+        )
+    }
+
+    /// Attitude and rates at `epoch`.
+    pub(super) fn at(&self, epoch: Epoch) -> Pointing {
+        let (angle, rate) = self.angle((epoch - self.start).to_seconds());
+        Pointing {
+            attitude: turn(self.axis.into_inner() * angle) * self.attitude,
+            rates_rad_s: self.axis.into_inner() * rate,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scan(half_width_rad: f64, rate_rad_s: f64) -> Scan {
+        let start = Epoch::from_gregorian_utc_at_midnight(2019, 6, 15);
+        let attitude = UnitQuaternion::identity();
+        Scan::new(
+            start,
+            attitude,
+            Vector3::y_axis(),
+            half_width_rad,
+            rate_rad_s,
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn the_angle_is_a_triangle_with_rounded_corners() {
+        let scan = scan(0.1, 0.05);
+        // X-Val: 4 * 0.1 / 0.05 + 0.5 = 8.5 s; the turn begins after 2 - 0.125 = 1.875 s and 0.09375 rad, is at its end (0.1 rad)
+        // 0.25 s later and over at 2.375 s; the middle is passed after half a period.
+        assert_eq!((scan.turn_round_s(), scan.period_s()), (0.5, 8.5));
+        for (seconds, angle, rate) in [
+            (0.0, 0.0, 0.05),
+            (1.0, 0.05, 0.05),
+            (1.875, 0.09375, 0.05),
+            (2.125, 0.1, 0.0),
+            (2.375, 0.09375, -0.05),
+            (4.25, 0.0, -0.05),
+            (6.375, -0.1, 0.0),
+            (8.5, 0.0, 0.05),
+            (-1.0, -0.05, 0.05),
+            (-2.125, -0.1, 0.0),
+            (8.5e6 + 1.0, 0.05, 0.05),
+        ] {
+            let (is_angle, is_rate) = scan.angle(seconds);
+            assert!((is_angle - angle).abs() < 1e-9, "{seconds}: {is_angle}");
+            assert!((is_rate - rate).abs() < 1e-9, "{seconds}: {is_rate}");
+        }
+    }
+
+    #[test]
+    fn angle_and_rate_do_not_jump_and_the_rate_is_the_angles_derivative() {
+        // The second turns round in 10 ms, its half width at its rate.
+        for scan in [scan(0.1, 0.05), scan(0.001, 0.1), scan(3.0, 6.0)] {
+            let turning = scan.turn_round_s();
+            let most = 2.0 * scan.rate_rad_s / turning;
+            let step = scan.period_s() / 10_007.0;
+            let mut widest = 0.0_f64;
+            for index in -12_000..24_000 {
+                let at = f64::from(index) * step;
+                let ((a, rate_a), (b, rate_b)) = (scan.angle(at), scan.angle(at + step));
+                // No faster than the constant acceleration.
+                assert!((rate_b - rate_a).abs() <= most * step * (1.0 + 1e-6) + 1e-12);
+                // The trapezium is exact but for corners of the acceleration within the step.
+                let mean = (rate_a + rate_b) / 2.0;
+                assert!(
+                    (b - a - mean * step).abs() <= most * step * step / 8.0 + 1e-12,
+                    "{at}"
+                );
+                widest = widest.max(a.abs());
+            }
+            assert!(
+                (widest / scan.half_width_rad - 1.0).abs() < 1e-5,
+                "{widest}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_no_scan_is_none() {
+        let [a, b] = [scan(0.1, 0.1).start, scan(0.1, 0.1).start];
+        assert_eq!(a, b);
+        for (half_width, rate) in [
+            (0.0, 1.0),
+            (1.0, 0.0),
+            (f64::NAN, 1.0),
+            (1.0, f64::INFINITY),
+        ] {
+            let attitude = UnitQuaternion::identity();
+            assert!(Scan::new(a, attitude, Vector3::z_axis(), half_width, rate).is_none());
+        }
+    }
+}
