@@ -1,6 +1,7 @@
 //! The run's configuration: what `skyloop run --config` and `skyloop render --scene` read.
 
 mod fidelity;
+mod heads;
 mod objects;
 mod run;
 mod shapes;
@@ -17,6 +18,8 @@ use crate::sky::catalog::Selection;
 use crate::sky::photometry::Sphere;
 use crate::sky::population::{Looks, Population};
 use fidelity::RawFidelity;
+pub use heads::Head;
+use heads::RawHead;
 use hifitime::Epoch;
 use objects::{Objects, RawObjects};
 use run::RawRun;
@@ -57,6 +60,8 @@ pub struct Config {
     pub sequence: Option<Sequence>,
     /// How a live run listens and keeps time.
     pub run: Run,
+    /// Further cameras of the same vehicle, in a live run.
+    pub heads: Vec<Head>,
 }
 
 /// Where a run's observer is.
@@ -126,6 +131,8 @@ struct Raw {
     sequence: Option<RawSequence>,
     #[serde(default)]
     run: RawRun,
+    #[serde(default)]
+    heads: Vec<RawHead>,
 }
 
 #[derive(Deserialize, Default)]
@@ -259,6 +266,7 @@ impl Config {
             observer,
             sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
             run: raw.run.validate(&check)?,
+            heads: heads::validate(raw.heads, &check, folder)?,
         })
     }
 }

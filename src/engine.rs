@@ -14,6 +14,7 @@ use crate::scene::{Exposure, Faint, Scene, Unknown, Unobservable, View, World};
 use crate::sky::StarField;
 use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::Catalog;
+use crate::sky::population::Population;
 use crate::sky::starlight::StarLight;
 use hifitime::{Epoch, Unit};
 use skyloop_orbit::Ages;
@@ -117,13 +118,33 @@ impl Emulator {
     /// The emulator that `config` describes; takes its objects out of it. Tolerances are brought into their ranges
     /// ([`Fidelity::within_ranges`]); of a `label_snr` that is no number or below 0 labels list all objects.
     pub fn new(config: &mut Config) -> Emulator {
-        let camera = Arc::new(config.camera.clone());
+        let population = Arc::new(config.take_population());
+        let starlight = Arc::new(StarLight::new(config.sky.selection));
+        Emulator::of(config, &config.camera, population, starlight, config.seed)
+    }
+
+    /// The emulator of a further camera of the same vehicle, number `number` from 1 on: it sees the same objects, whose orbits are worked out once for both,
+    /// and has noise of its own.
+    pub fn beside(&self, config: &Config, camera: &Camera, number: u64) -> Emulator {
+        let (population, starlight) = (&self.world.population, &self.world.starlight);
+        let seed = self.seed.wrapping_add(number);
+        Emulator::of(config, camera, population.clone(), starlight.clone(), seed)
+    }
+
+    fn of(
+        config: &Config,
+        camera: &Camera,
+        population: Arc<Population>,
+        starlight: Arc<StarLight>,
+        seed: u64,
+    ) -> Emulator {
+        let camera = Arc::new(camera.clone());
         let catalog = Catalog::embedded(config.sky.selection);
         let world = World {
             stars: StarField::new(catalog, &camera.optics.band, config.sky.colour),
             atmosphere: Arc::new(Atmosphere::of(&camera.optics.band)),
-            starlight: Arc::new(StarLight::new(config.sky.selection)),
-            population: config.take_population(),
+            starlight,
+            population,
             corrections: config.sky.corrections,
         };
         Emulator {
@@ -131,7 +152,7 @@ impl Emulator {
             configured: camera.clone(),
             camera,
             fidelity: config.fidelity.within_ranges(),
-            seed: config.seed,
+            seed,
             label_snr: config.label_snr.max(0.0),
             choice: config.choice.clone(),
             keep_expected: false,

@@ -292,6 +292,8 @@ fn the_default_file_holds_with_every_commented_key_in_force() {
     assert_eq!(run.latency_s.take(), Some(0.1));
     assert_eq!(run.metrics.take().as_deref(), Some("127.0.0.1:9464"));
     assert_eq!(run.realtime.priority.take(), Some(50));
+    let heads = std::mem::take(&mut config.heads);
+    assert_eq!((heads.len(), heads[0].name.as_str()), (1, "B"));
     // All else is as without a file.
     let built = Config::defaults().unwrap();
     assert_eq!(format!("{config:?}"), format!("{built:?}"));

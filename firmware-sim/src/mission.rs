@@ -89,4 +89,6 @@ pub enum Pace {
         /// Attitudes a second, Hz, above 0.
         rate_hz: f64,
     },
+    /// No attitudes leave: frames come as another client has them made.
+    Listen,
 }

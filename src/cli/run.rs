@@ -3,7 +3,7 @@
 use super::budget::{Budget, FRAMES, around};
 use super::cost::spread;
 use super::{Orbits, Records, instruments, levels, live, mission, with_level};
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::effect::counted;
@@ -11,11 +11,13 @@ use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::link;
 use skyloop::serve::{Ended, Server};
-use skyloop::stats::{row, table, times};
+use skyloop::stats::{RunStats, row, table, times};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::text::whole;
+use skyloop_protocols::Counters;
 use skyloop_protocols::personality::NATIVE;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Arguments of `skyloop run`.
@@ -70,6 +72,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let help = live::help(&config.run, args.metrics.as_deref())?;
     let links = link::open_all(urls, &options)?;
     let links = instruments.around(links)?;
+    let further = config
+        .heads
+        .iter()
+        .map(|head| link::open_further(&head.links, &options));
+    let further: Vec<_> = further.collect::<Result<_, _>>()?;
     let (objects, clock) = (config.objects.len(), config.run.clock);
     let output = with_level(config.run.output, args.output.as_deref());
     let scene = match config.sequence {
@@ -84,10 +91,24 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if let Some(mission) = scene.as_ref().filter(|_| clock != Clock::Stepped) {
         emulator.warm_up(&flight::vehicle(mission, 0)?);
     }
+    let further: Vec<_> = config
+        .heads
+        .iter()
+        .zip(1..)
+        .zip(further)
+        .map(|((head, number), links)| (emulator.beside(&config, &head.camera, number), links))
+        .collect();
     let mut server = Server::new(emulator, links, output, clock, &NATIVE);
     server.set_run(&config.run);
     help.serve(&mut server);
     server.fits().map_err(anyhow::Error::msg)?;
+    let mut heads = Vec::new();
+    for (head, (emulator, links)) in config.heads.iter().zip(further) {
+        let head_server = server.head(&head.name, emulator, links, &config.run);
+        let unfit = |why| anyhow!("head {}: {why}", head.name);
+        head_server.fits().map_err(unfit)?;
+        heads.push((head.name.clone(), head_server));
+    }
 
     let rate_hz = config.camera.rate_hz;
     let frames = if rate_hz == 1.0 { "frame" } else { "frames" };
@@ -107,13 +128,61 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         server.levels(),
         server.addresses().join(" and ")
     ))?;
-    let served = server.run(&stop, args.frames, |_| {});
+    for (head, (_, at)) in config.heads.iter().zip(&heads) {
+        say(format_args!(
+            "head {}: {} at {} Hz, {}\n",
+            head.name,
+            head.camera.name,
+            head.camera.rate_hz,
+            at.addresses()[1..].join(" and ")
+        ))?;
+    }
+    let ended = AtomicBool::new(false);
+    let (served, heads) = std::thread::scope(|scope| {
+        let heads = heads.into_iter().map(|(name, mut head)| {
+            let ended = &ended;
+            scope.spawn(move || {
+                head.run(ended, None, |_| {});
+                (name, head.close())
+            })
+        });
+        let heads: Vec<_> = heads.collect();
+        let served = server.run(&stop, args.frames, |_| {});
+        ended.store(true, Ordering::Relaxed);
+        let heads: Vec<_> = heads.into_iter().map(|head| head.join()).collect();
+        (served, heads)
+    });
 
     let gone = server.gone().unwrap_or("of the run").to_string();
     let (stats, counters) = server.close();
+    let mut rows = rows(&stats, &counters, clock);
+    rows.extend(instruments.rows());
+    say(format_args!("\n{}", table(&rows)))?;
+    for head in heads {
+        let Ok((name, (stats, counters))) = head else {
+            bail!("a thread of the run has panicked: please report it with the command you gave");
+        };
+        say(format_args!(
+            "\nhead {name}\n{}",
+            table(&self::rows(&stats, &counters, clock))
+        ))?;
+    }
+    instruments.finish()?;
+    match served {
+        Ended::AsAsked => Ok(()),
+        Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),
+    }
+}
+
+/// What is told of one camera at the end.
+fn rows(stats: &RunStats, counters: &Counters, clock: Clock) -> Vec<(String, String)> {
     let mut rows = stats.rows();
-    let answer = times(&stats.latencies.last_octet, &[0.5, 0.99]);
-    rows.insert(2, row("attitude to last block p50 / p99", answer));
+    if clock == Clock::Stepped {
+        let answer = times(&stats.latencies.last_octet, &[0.5, 0.99]);
+        rows.insert(2, row("attitude to last block p50 / p99", answer));
+    } else {
+        rows.extend(stats.latencies.rows());
+    }
     let counts: Vec<String> = counters
         .iter()
         .filter(|(_, count)| *count > 0)
@@ -127,11 +196,5 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             counts.join(", ")
         },
     ));
-    rows.extend(instruments.rows());
-    say(format_args!("\n{}", table(&rows)))?;
-    instruments.finish()?;
-    match served {
-        Ended::AsAsked => Ok(()),
-        Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),
-    }
+    rows
 }

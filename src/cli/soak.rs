@@ -9,7 +9,7 @@ use skyloop::flight;
 use skyloop::host::Host;
 use skyloop::junit;
 use skyloop::link::{self, Roles};
-use skyloop::serve::{Left, Server};
+use skyloop::serve::{Left, OnLeft, Server};
 use skyloop::soak::{Limits, Report};
 use skyloop::stats::{row, table};
 use skyloop::timing::{FrameTimes, Latencies};
@@ -19,12 +19,13 @@ use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::decimal;
+use skyloop_protocols::Counters;
 use skyloop_protocols::personality::NATIVE;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 /// Arguments of `skyloop soak`.
@@ -101,10 +102,39 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let output = config.run.output;
     let mut emulator = Emulator::new(&mut config);
     emulator.warm_up(&first);
+    let mut further = Vec::new();
+    for (head, number) in config.heads.iter().zip(1..) {
+        let (wire, port) = link::loopback(&args.link, &options)?;
+        let mut emulator = emulator.beside(&config, &head.camera, number);
+        emulator.warm_up(&first);
+        further.push((head.name.clone(), emulator, wire, port));
+    }
     let mut server = Server::new(emulator, vec![(wire, Roles::ALL)], output, clock, &NATIVE);
     server.set_run(&config.run);
     help.serve(&mut server);
     server.fits().map_err(anyhow::Error::msg)?;
+    let (to_tell, left) = channel::<(usize, Left)>();
+    let (arrived, arrivals) = channel::<(usize, u32, Instant)>();
+    let tells = |number: usize| -> OnLeft {
+        let to_tell = to_tell.clone();
+        // Who joins the times has gone only at the end.
+        Box::new(move |told| {
+            let _ = to_tell.send((number, *told));
+        })
+    };
+    server.on_left(tells(0));
+    let mut heads = Vec::new();
+    for (number, (name, emulator, wire, port)) in (1..).zip(further) {
+        let roles = Roles {
+            truth: false,
+            ..Roles::ALL
+        };
+        let mut head = server.head(&name, emulator, [(wire, roles)], &config.run);
+        head.on_left(tells(number));
+        head.fits().map_err(|why| anyhow!("head {name}: {why}"))?;
+        heads.push((number, head, port, roles));
+    }
+    drop(to_tell);
     let limits = Limits {
         max_miss_rate: args.max_miss_rate,
         max_p99_ms: args.max_p99_ms,
@@ -120,48 +150,79 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     ))?;
 
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    let (to_tell, left) = channel::<Left>();
-    let (arrived, arrivals) = channel::<(u32, Instant)>();
-    server.on_left(Box::new(move |told| {
-        // Who joins the times has gone only at the end.
-        let _ = to_tell.send(*told);
-    }));
     let (begin, host) = (Instant::now(), Host::now());
     let end = begin + Duration::from_secs_f64(args.minutes * 60.0);
     let stop = AtomicBool::new(false);
-    let (server, flown, latencies) = std::thread::scope(|scope| {
+    let interrupted = &interrupted;
+    let (stop, over) = (&stop, AtomicBool::new(false));
+    let (over, listening) = (&over, listening(&mission));
+    let takes = |number: usize, arrived: Sender<(usize, u32, Instant)>| {
+        move |event: Event<'_>| {
+            if let Event::Frame { frame, .. } = &event {
+                let _ = arrived.send((number, frame.header.frame, frame.last_block));
+            }
+            let ends = Instant::now() >= end || interrupted.load(Ordering::Relaxed);
+            match ends || over.load(Ordering::Relaxed) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        }
+    };
+    let (closed, flown, latencies) = std::thread::scope(|scope| {
         let joining = scope.spawn(|| join(left, arrivals, limits.latencies()));
-        let serving = scope.spawn(|| {
-            server.run(&stop, None, |_| {});
+        let (mut serving, mut taking) = (Vec::new(), Vec::new());
+        for (number, mut head, port, roles) in heads {
+            serving.push(scope.spawn(move || {
+                head.run(stop, None, |_| {});
+                head
+            }));
+            let (mission, see) = (listening.clone(), takes(number, arrived.clone()));
+            let client = FlightComputer::on_links(vec![(port, roles)], mission);
+            taking.push(scope.spawn(move || client.taking_only().run(see).err()));
+        }
+        serving.push(scope.spawn(move || {
+            server.run(stop, None, |_| {});
             server
-        });
-        let flown = FlightComputer::new(port, mission)
-            .taking_only()
-            .run(|event| {
-                if let Event::Frame { frame, .. } = &event {
-                    let _ = arrived.send((frame.header.frame, frame.last_block));
-                }
-                match Instant::now() >= end || interrupted.load(Ordering::Relaxed) {
-                    true => ControlFlow::Break(()),
-                    false => ControlFlow::Continue(()),
-                }
-            });
-        drop(arrived);
+        }));
+        let see = takes(0, arrived);
+        let flown = FlightComputer::new(port, mission).taking_only().run(see);
+        over.store(true, Ordering::Relaxed);
+        let mut errors = vec![flown.err()];
+        errors.extend(taking.into_iter().map(|taken| taken.join().ok().flatten()));
         stop.store(true, Ordering::Relaxed);
-        // It tells of frames until it is closed.
-        let closed = serving.join().map(Server::close);
-        (closed, flown, joining.join())
+        // They tell of frames until they are closed.
+        let closed: Vec<_> = serving
+            .into_iter()
+            .map(|serving| serving.join().map(Server::close))
+            .collect();
+        (closed, errors.into_iter().flatten().next(), joining.join())
     });
-    let (Ok((stats, counters)), Ok(mut latencies)) = (server, latencies) else {
+    let (Ok(mut latencies), Ok(closed)) =
+        (latencies, closed.into_iter().collect::<Result<Vec<_>, _>>())
+    else {
         bail!("a thread of the run has panicked: please report it with the command you gave");
     };
-    flown.context("the client of the run")?;
+    if let Some(error) = flown {
+        return Err(anyhow::Error::from(error).context("the client of the run"));
+    }
+    let frames = closed.iter().map(|(stats, _)| stats.frames).sum();
+    let missed: u32 = closed
+        .iter()
+        .map(|(_, counters)| counters.exposures_missed)
+        .sum();
+    // Of all cameras together.
+    let mut counts: Vec<(&str, u32)> = Counters::default().iter().collect();
+    for (_, counters) in &closed {
+        for (sum, (_, count)) in counts.iter_mut().zip(counters.iter()) {
+            sum.1 = sum.1.wrapping_add(count);
+        }
+    }
+    counts.retain(|(_, count)| *count > 0);
     // An exposure without a frame has missed its deadline, too.
-    for _ in 0..counters.exposures_missed {
-        latencies.add(&incomplete(stats.frames));
+    for _ in 0..missed {
+        latencies.add(&incomplete(frames));
     }
     let minutes = begin.elapsed().as_secs_f64() / 60.0;
-    let counts = counters.iter().filter(|(_, count)| *count > 0).collect();
     let report = Report::new(
         name.to_string(),
         minutes,
@@ -205,62 +266,83 @@ fn endless(mission: Mission, rate_hz: f64) -> anyhow::Result<Mission> {
     })
 }
 
-/// Times as the client has them: from each frame's trigger to its last packet there. A frame that never came whole has missed its deadline.
-fn join(
-    left: Receiver<Left>,
-    arrivals: Receiver<(u32, Instant)>,
-    mut latencies: Latencies,
-) -> Latencies {
-    let mut waiting = BTreeMap::new();
-    let mut came = BTreeMap::new();
-    for told in left {
-        came.extend(arrivals.try_iter());
-        waiting.insert(told.times.frame, told);
-        settle(&mut waiting, &mut came, &mut latencies);
+/// A client that takes what others have made.
+fn listening(mission: &Mission) -> Mission {
+    Mission {
+        pace: Pace::Listen,
+        ..mission.clone()
     }
-    let over = Instant::now() + PARTING;
-    while !waiting.is_empty() {
-        let rest = over.saturating_duration_since(Instant::now());
-        let Ok(arrival) = arrivals.recv_timeout(rest) else {
-            break;
-        };
-        came.extend([arrival]);
-        settle(&mut waiting, &mut came, &mut latencies);
-    }
-    // The last ones were on their way when the run was ended.
-    let ended = waiting.values().filter(|told| told.times.whole);
-    let last = ended.map(|told| told.times.frame).max();
-    for told in waiting
-        .into_values()
-        .filter(|told| Some(told.times.frame) != last)
-    {
-        latencies.add(&incomplete(told.times.frame));
-    }
-    latencies
 }
 
-fn settle(
-    waiting: &mut BTreeMap<u32, Left>,
-    came: &mut BTreeMap<u32, Instant>,
-    latencies: &mut Latencies,
-) {
-    waiting.retain(|frame, told| match came.remove(frame) {
-        None => true,
-        Some(at) => {
-            let spare_s = match told.deadline {
-                Some(deadline) if at > deadline => -(at - deadline).as_secs_f64(),
-                Some(deadline) => (deadline - at).as_secs_f64(),
-                None => f64::INFINITY,
-            };
-            latencies.add(&FrameTimes {
-                last_octet: at.saturating_duration_since(told.trigger),
-                spare_s,
-                whole: true,
-                ..told.times
-            });
-            false
+/// Frames that have left, and that have come, by camera and number.
+#[derive(Default)]
+struct Under {
+    way: BTreeMap<(usize, u32), Left>,
+    came: BTreeMap<(usize, u32), Instant>,
+    latencies: Latencies,
+}
+
+/// Times as the clients have them: from each frame's trigger to its last packet there. A frame that never came whole has missed its deadline.
+fn join(
+    left: Receiver<(usize, Left)>,
+    arrivals: Receiver<(usize, u32, Instant)>,
+    latencies: Latencies,
+) -> Latencies {
+    let mut under = Under {
+        latencies,
+        ..Under::default()
+    };
+    for (head, told) in left {
+        under.way.insert((head, told.times.frame), told);
+        for (head, frame, at) in arrivals.try_iter() {
+            under.came.insert((head, frame), at);
         }
-    });
+        under.settle();
+    }
+    let over = Instant::now() + PARTING;
+    while !under.way.is_empty() {
+        let rest = over.saturating_duration_since(Instant::now());
+        let Ok((head, frame, at)) = arrivals.recv_timeout(rest) else {
+            break;
+        };
+        under.came.insert((head, frame), at);
+        under.settle();
+    }
+    // The last one of each camera was on its way when the run was ended.
+    let mut last = BTreeMap::new();
+    for (head, frame) in under.way.keys() {
+        last.insert(*head, *frame);
+    }
+    for ((head, frame), _) in under.way {
+        if last.get(&head) != Some(&frame) {
+            under.latencies.add(&incomplete(frame));
+        }
+    }
+    under.latencies
+}
+
+impl Under {
+    /// Books those that have left and come.
+    fn settle(&mut self) {
+        let (came, latencies) = (&mut self.came, &mut self.latencies);
+        self.way.retain(|key, told| match came.remove(key) {
+            None => true,
+            Some(at) => {
+                let spare_s = match told.deadline {
+                    Some(deadline) if at > deadline => -(at - deadline).as_secs_f64(),
+                    Some(deadline) => (deadline - at).as_secs_f64(),
+                    None => f64::INFINITY,
+                };
+                latencies.add(&FrameTimes {
+                    last_octet: at.saturating_duration_since(told.trigger),
+                    spare_s,
+                    whole: true,
+                    ..told.times
+                });
+                false
+            }
+        });
+    }
 }
 
 fn incomplete(frame: u32) -> FrameTimes {

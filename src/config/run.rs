@@ -193,9 +193,21 @@ pub(super) struct RawRun {
     untagged,
     expecting = "must be a link or a list of links, such as \"udp://127.0.0.1:4810\""
 )]
-enum OneOrMore {
+pub(super) enum OneOrMore {
     One(String),
     More(Vec<String>),
+}
+
+impl OneOrMore {
+    pub(super) fn validate(self, key: &str, check: &Check) -> Result<Vec<String>, ConfigError> {
+        match self {
+            OneOrMore::One(link) => Ok(vec![link]),
+            OneOrMore::More(links) if links.is_empty() => {
+                Err(check.refuse(key, "[]", "at least one link"))
+            }
+            OneOrMore::More(links) => Ok(links),
+        }
+    }
 }
 
 impl Default for RawRun {
@@ -229,13 +241,7 @@ impl Default for RawRun {
 
 impl RawRun {
     pub(super) fn validate(self, check: &Check) -> Result<Run, ConfigError> {
-        let links = match self.link {
-            OneOrMore::One(link) => vec![link],
-            OneOrMore::More(links) if links.is_empty() => {
-                return Err(check.refuse("run.link", "[]", "at least one link"));
-            }
-            OneOrMore::More(links) => links,
-        };
+        let links = self.link.validate("run.link", check)?;
         let preset = Output::preset(&self.output).ok_or_else(|| {
             let names = Output::PRESETS.map(|(name, ..)| name).join(", ");
             check.refuse(

@@ -20,6 +20,7 @@ mod paced;
 mod pseudo;
 #[cfg(target_os = "linux")]
 mod pty;
+mod relay;
 mod serial;
 mod slcan;
 mod tally;
@@ -30,6 +31,7 @@ pub(crate) use departed::Mark;
 pub use inbox::{Inbox, Intake};
 #[cfg(target_os = "linux")]
 pub use pty::Pair;
+pub(crate) use relay::{Relay, relay};
 pub(crate) use tally::Standstill;
 pub use tally::Tally;
 pub use url::LinkUrl;
@@ -284,6 +286,30 @@ pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>
     links
         .map(|(url, roles)| Ok((open_parsed(url, options)?, roles)))
         .collect()
+}
+
+/// Opens the emulator's ends of a further camera's links, which bring its frames and not the truth.
+pub fn open_further(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>, LinkError> {
+    let urls: Vec<LinkUrl> = urls
+        .iter()
+        .map(|url| LinkUrl::parse(url))
+        .collect::<Result<_, _>>()?;
+    let open = |url: &LinkUrl| {
+        of(url)?;
+        let roles = url.roles()?;
+        if roles.truth && roles != Roles::ALL {
+            let reason = "a further camera hears of the vehicle over the first one's link; give it roles=pixels+labels, or none";
+            return Err(url.refuse(reason.to_string()));
+        }
+        Ok((
+            open_parsed(url, options)?,
+            Roles {
+                truth: false,
+                ..roles
+            },
+        ))
+    };
+    urls.iter().map(open).collect()
 }
 
 /// Opens both ends of the link that `text` names: a scheme, and options behind a question mark.

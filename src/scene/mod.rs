@@ -64,7 +64,7 @@ pub struct World {
     /// The Earth's air in the camera's band.
     pub atmosphere: Arc<Atmosphere>,
     /// The objects in orbit.
-    pub population: Population,
+    pub population: Arc<Population>,
     /// What moves directions.
     pub corrections: Corrections,
 }

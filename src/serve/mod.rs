@@ -11,6 +11,7 @@ mod clock;
 mod cut;
 mod deliver;
 mod expose;
+mod heads;
 mod history;
 mod latch;
 mod leaving;
@@ -28,7 +29,7 @@ use crate::camera::Camera;
 use crate::config::{Clock as Kind, Delay, OnOverrun, OutOfOrder, Run, Staleness};
 use crate::engine::{Emulator, Shot};
 use crate::fidelity::Fidelity;
-use crate::link::{LinkError, Roles, Standstill, Wire};
+use crate::link::{LinkError, Relay, Roles, Standstill, Wire};
 use crate::metrics::Metrics;
 use crate::stats::{Absent, RunStats};
 use crate::timing::{FrameTimes, Latencies};
@@ -41,8 +42,8 @@ use overrun::Overrun;
 use picture::Picture;
 use shooter::{Shooter, shooter};
 use skyloop_protocols::{Counters, Header, Output, Personality};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// How long a pause lasts in which nothing is due but a packet may come.
@@ -134,6 +135,12 @@ pub struct Server {
     metrics: Option<Metrics>,
     /// Sees each frame that has left.
     on_left: Option<OnLeft>,
+    /// Further cameras, which hear of the vehicle.
+    told: Vec<Relay>,
+    /// Whether this is one of them.
+    is_led: bool,
+    /// Whose turn it is to make a frame.
+    darkroom: Arc<Mutex<()>>,
     /// Objects that could not be shown.
     absent: Absent,
 }
@@ -193,6 +200,9 @@ impl Server {
             last: None,
             metrics: None,
             on_left: None,
+            told: Vec::new(),
+            is_led: false,
+            darkroom: Arc::default(),
             absent: Absent::default(),
         }
     }
@@ -296,8 +306,8 @@ impl Server {
         };
         let ended = std::thread::scope(|scope| {
             let (shooter, darkroom) = shooter(std::thread::current());
-            let emulator = &mut emulator;
-            scope.spawn(move || darkroom.work(emulator));
+            let (emulator, turn) = (&mut emulator, self.darkroom.clone());
+            scope.spawn(move || darkroom.work(emulator, &turn));
             self.serve(shooter, stop, limit, on_shot)
         });
         self.emulator = Some(emulator);

@@ -97,12 +97,15 @@ impl Server {
         };
         self.counters.sequence_gaps = self.counters.sequence_gaps.wrapping_add(u32::from(missing));
         let done = match command {
-            command if !self.channels[at].roles.truth && is_truth(&command) => {
+            command if !self.channels[at].roles.truth && self.is_truth(&command) => {
                 Err(self.not_the_truth())
             }
             Command::Attitude(attitude) => self.latch(header, &attitude, &inbound),
             command => self.obey(at, header, command, inbound.arrived),
         };
+        if self.channels[at].roles.truth && Self::is_of_the_vehicle(&command) && done.is_ok() {
+            self.told.iter().for_each(|head| head.bring(&inbound));
+        }
         if let Err(Refusal { reason, detail }) = done {
             self.counters.refuse(reason);
             return self.nack(at, header.apid, header.sequence_count, reason, &detail);
@@ -157,17 +160,4 @@ impl Server {
             ),
         }
     }
-}
-
-/// Whether a command is for the link that brings the truth.
-fn is_truth(command: &Command) -> bool {
-    matches!(
-        command,
-        Command::Attitude(_)
-            | Command::Exposure { .. }
-            | Command::Gain { .. }
-            | Command::FrameRate { .. }
-            | Command::SingleShot
-            | Command::Trigger { .. }
-    )
 }

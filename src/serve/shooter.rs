@@ -134,8 +134,8 @@ impl Shooter {
 }
 
 impl Darkroom {
-    /// Makes frames until the server drops its end.
-    pub fn work(mut self, emulator: &mut Emulator) {
+    /// Makes frames until the server drops its end; one camera after another, each by all threads, where several share `turn`.
+    pub fn work(mut self, emulator: &mut Emulator, turn: &Mutex<()>) {
         for task in &self.tasks {
             match task {
                 Task::Recycle(frame) => emulator.recycle(frame),
@@ -151,7 +151,10 @@ impl Darkroom {
                         repeat,
                         ..
                     } = &*order;
+                    // What a thread that panicked leaves behind is nobody's turn.
+                    let turn = turn.lock().unwrap_or_else(PoisonError::into_inner);
                     let shot = emulator.shoot_before(&self.seen, camera, vehicle, *repeat);
+                    drop(turn);
                     self.seen.tell(match shot {
                         Ok(shot) => Progress::Made(Box::new(shot), Instant::now()),
                         Err(error) => Progress::Failed(error.to_string()),

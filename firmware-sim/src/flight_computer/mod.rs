@@ -146,7 +146,8 @@ impl<P: Port> FlightComputer<P> {
         // A run that is broken off has a report like any other, and an emulator may leave when the frames are in.
         let flown = match self.mission.pace {
             Pace::Stepped { most_hz } => self.run_stepped(most_hz, &mut watch),
-            Pace::Wall { rate_hz } => self.run_wall(rate_hz, &mut watch),
+            Pace::Wall { rate_hz } => self.run_wall(Some(rate_hz), &mut watch),
+            Pace::Listen => self.run_wall(None, &mut watch),
         };
         let patience = match flown {
             Ok(ControlFlow::Continue(())) => STATUS_TIMEOUT,
@@ -210,8 +211,9 @@ impl<P: Port> FlightComputer<P> {
                 Err(RunError::Setting { what, value })
             }
         };
+        let listens = self.mission.pace == Pace::Listen;
         for (role, has) in [
-            ("truth", self.links.any(|roles| roles.truth)),
+            ("truth", listens || self.links.any(|roles| roles.truth)),
             ("pixels or labels", self.links.any(Roles::bring_frames)),
         ] {
             if !has {
@@ -230,6 +232,7 @@ impl<P: Port> FlightComputer<P> {
                 positive("the rate", rate_hz)?;
                 self.mission.attitude(0, self.mission.start)?;
             }
+            Pace::Listen => {}
         }
         Ok(())
     }
@@ -240,7 +243,7 @@ impl<P: Port> FlightComputer<P> {
             return Ok(None);
         };
         let remedy = match (self.mission.pace, &self.mission.profile) {
-            (Pace::Stepped { .. }, _) => "give --wall",
+            (Pace::Stepped { .. } | Pace::Listen, _) => "give --wall",
             (_, Profile::Hold(hold)) => {
                 let (what, value) = ("the focal length in pixels", settings.focal_px);
                 if !(value.is_finite() && value > 0.0) {

@@ -11,7 +11,7 @@ use crate::port::Port;
 impl<P: Port> FlightComputer<P> {
     pub(super) fn run_wall(
         &mut self,
-        rate_hz: f64,
+        rate_hz: Option<f64>,
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
         let begin = self.begin;
@@ -22,8 +22,13 @@ impl<P: Port> FlightComputer<P> {
             && watch(Event::Tick).is_continue()
             && self.report.frames.saturating_add(self.report.lost) < self.mission.frames
         {
-            let due =
-                Duration::try_from_secs_f64(f64::from(sequence) / rate_hz).unwrap_or(Duration::MAX);
+            let rate_hz = rate_hz.unwrap_or(0.0);
+            // Of none the first comes never, too.
+            let due = match rate_hz > 0.0 {
+                true => Duration::try_from_secs_f64(f64::from(sequence) / rate_hz),
+                false => Ok(Duration::MAX),
+            };
+            let due = due.unwrap_or(Duration::MAX);
             if begin.elapsed() >= due {
                 let elapsed_s = begin.elapsed().as_secs_f64();
                 self.send_attitude(sequence, self.by_the_clock(elapsed_s))?;

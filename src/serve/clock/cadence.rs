@@ -5,6 +5,7 @@ use crate::camera::{EXPOSURE_S, RATE_HZ};
 use crate::range::nearest;
 use hifitime::Epoch;
 use skyloop_orbit::time::seconds;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// A client whose first attitude differs from this machine's clock by more than this plays a scene of another
@@ -52,8 +53,7 @@ impl Cadence {
         if self.zero.is_some() {
             return;
         }
-        let since = hifitime::Duration::from(arrived.elapsed());
-        let system = system_time() - since;
+        let system = system_time(arrived);
         let apart_s = (attitude - system).to_seconds().abs();
         let scene = if apart_s <= SAME_CLOCK_S {
             system
@@ -215,11 +215,27 @@ fn period(rate_hz: f64) -> Duration {
     Duration::from_secs_f64(1.0 / nearest(rate_hz, RATE_HZ))
 }
 
-fn system_time() -> Epoch {
-    let since = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default();
-    Epoch::from_unix_duration(hifitime::Duration::from(since))
+/// This machine's time at an instant: for all clocks that ask within some seconds the same, to the nanosecond.
+fn system_time(at: Instant) -> Epoch {
+    static READ: Mutex<Option<(Instant, Epoch)>> = Mutex::new(None);
+    const HOLDS: Duration = Duration::from_secs(10);
+    let mut read = READ.lock().unwrap_or_else(PoisonError::into_inner);
+    let now = Instant::now();
+    let (then, epoch) = match *read {
+        Some((then, epoch)) if now.saturating_duration_since(then) < HOLDS => (then, epoch),
+        _ => {
+            let since = SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .unwrap_or_default();
+            let epoch = Epoch::from_unix_duration(hifitime::Duration::from(since));
+            *read = Some((now, epoch));
+            (now, epoch)
+        }
+    };
+    match at.checked_duration_since(then) {
+        Some(later) => epoch + hifitime::Duration::from(later),
+        None => epoch - hifitime::Duration::from(then.duration_since(at)),
+    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,70 @@
+//! Further cameras of the same vehicle: the tables `[[heads]]`.
+
+use super::run::OneOrMore;
+use crate::camera::{Camera, RATE_HZ};
+use crate::load::{Check, ConfigError, Folder};
+use serde::Deserialize;
+
+/// A further camera, with links of its own. Its mounting and misalignment are those of its camera file.
+#[derive(Debug)]
+pub struct Head {
+    /// What it is called.
+    pub name: String,
+    /// The camera.
+    pub camera: Camera,
+    /// Links that bring its frames, as URLs; none of them the truth, which is the first camera's.
+    pub links: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawHead {
+    name: String,
+    camera: String,
+    rate_hz: Option<f64>,
+    link: OneOrMore,
+}
+
+impl RawHead {
+    fn validate(self, at: usize, check: &Check, folder: &Folder) -> Result<Head, ConfigError> {
+        let key = |name: &str| format!("heads[{at}].{name}");
+        let mut camera = Camera::load(&self.camera, folder)?;
+        if let Some(rate_hz) = self.rate_hz {
+            camera.rate_hz = check.range(&key("rate_hz"), rate_hz, RATE_HZ)?;
+            let most = 1.0 / camera.period_s(camera.exposure_s);
+            if camera.rate_hz > most {
+                let allowed =
+                    format!("at most {most} Hz, or exposures of its camera would overlap");
+                return Err(check.refuse(&key("rate_hz"), rate_hz.to_string(), allowed));
+            }
+        }
+        Ok(Head {
+            name: self.name,
+            camera,
+            links: self.link.validate(&key("link"), check)?,
+        })
+    }
+}
+
+/// All of them; no two with one name.
+pub(super) fn validate(
+    raw: Vec<RawHead>,
+    check: &Check,
+    folder: &Folder,
+) -> Result<Vec<Head>, ConfigError> {
+    let heads = raw.into_iter().enumerate();
+    let heads: Vec<Head> = heads
+        .map(|(at, head)| head.validate(at, check, folder))
+        .collect::<Result<_, _>>()?;
+    for (at, head) in heads.iter().enumerate() {
+        if heads.iter().take(at).any(|other| other.name == head.name) {
+            let key = format!("heads[{at}].name");
+            return Err(check.refuse(
+                &key,
+                format!("{:?}", head.name),
+                "a name that no other head has",
+            ));
+        }
+    }
+    Ok(heads)
+}
