@@ -104,7 +104,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     server.fits().map_err(anyhow::Error::msg)?;
     let mut heads = Vec::new();
     for (head, (emulator, links)) in config.heads.iter().zip(further) {
-        let head_server = server.head(&head.name, emulator, links, &config.run);
+        let head_server = server.head(emulator, links, &config.run);
         let unfit = |why| anyhow!("head {}: {why}", head.name);
         head_server.fits().map_err(unfit)?;
         heads.push((head.name.clone(), head_server));

@@ -129,7 +129,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             truth: false,
             ..Roles::ALL
         };
-        let mut head = server.head(&name, emulator, [(wire, roles)], &config.run);
+        let mut head = server.head(emulator, [(wire, roles)], &config.run);
         head.on_left(tells(number));
         head.fits().map_err(|why| anyhow!("head {name}: {why}"))?;
         heads.push((number, head, port, roles));

@@ -4,11 +4,11 @@ use super::{Inbound, Intake, LinkError, Outbound, Outbox, Tally, Wire, inbox::in
 use std::sync::Arc;
 
 /// Where it comes in, and the end of the emulator that hears it; what that one answers is heard by nobody.
-pub(crate) fn relay(name: &str) -> (Relay, Wire) {
+pub(crate) fn relay() -> (Relay, Wire) {
     let tally = Arc::new(Tally::default());
     let (intake, inbox) = inbox(tally.clone());
     let wire = Wire {
-        address: format!("head {name}"),
+        address: "the first camera's link".to_string(),
         inbox,
         outbox: Box::new(Unheard),
         tally,

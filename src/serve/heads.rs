@@ -14,16 +14,15 @@ const TOLD: Roles = Roles {
 };
 
 impl Server {
-    /// Puts `emulator`, a further camera called `name`, at links that bring its frames. It hears what this one's client says of the vehicle, at the same moments; their
+    /// Puts `emulator`, that of a further camera, at links that bring its frames. It hears what this one's client says of the vehicle, at the same moments; their
     /// frames are made one after another, each by all threads. It is to run in a thread of its own, and ends when this one has gone.
     pub fn head(
         &mut self,
-        name: &str,
         emulator: Emulator,
         links: impl IntoIterator<Item = (Wire, Roles)>,
         run: &Run,
     ) -> Server {
-        let (told, wire) = relay(name);
+        let (told, wire) = relay();
         let links = std::iter::once((wire, TOLD)).chain(links);
         let mut server = Server::new(emulator, links, self.output, self.kind, self.personality);
         server.set_run(run);

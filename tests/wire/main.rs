@@ -9,6 +9,7 @@ mod counted;
 mod end;
 mod exchange;
 mod faults;
+mod heads;
 mod levels;
 mod on_can;
 mod overrun;

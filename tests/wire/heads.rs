@@ -1,0 +1,172 @@
+//! Further cameras of the same vehicle: what they share, and what they have alone.
+
+use crate::support::client::{Client, Received};
+use crate::support::line::MemoryLine;
+use crate::support::{EPOCH, attitude, later, options, scene};
+use nalgebra::Vector3;
+use skyloop::attitude::Attitude;
+use skyloop::config::{Clock, Config};
+use skyloop::engine::Emulator;
+use skyloop::link::{self, Roles};
+use skyloop::load::Folder;
+use skyloop::serve::Server;
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Command, Counters, Reason};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// What a further camera's own link is for.
+const TAKES: Roles = Roles {
+    truth: false,
+    ..Roles::ALL
+};
+
+/// Two cameras of 64 x 64 pixels at 20 Hz, the second turned by 90 deg about the first one's boresight; `flight` has a client of each. What they counted.
+fn two(clock: Clock, flight: impl FnOnce(Client<MemoryLine>, Client<MemoryLine>)) -> [Counters; 2] {
+    let mut config = scene();
+    (config.camera.detector.width, config.camera.detector.height) = (64, 64);
+    (config.camera.exposure_s, config.camera.rate_hz) = (0.01, 20.0);
+    let mut camera = config.camera.clone();
+    let half = 0.5_f64.sqrt();
+    camera.mounting = Attitude::from_xyzw([0.0, 0.0, half, half]).unwrap();
+    let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
+    let (own, taker) = link::loopback("memory", &options(60.0)).unwrap();
+    let emulator = Emulator::new(&mut config);
+    let further = emulator.beside(&config, &camera, 1);
+    let links = [(wire, Roles::ALL)];
+    let mut server = Server::new(emulator, links, config.run.output, clock, &NATIVE);
+    let mut head = server.head(further, [(own, TAKES)], &config.run);
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let served = scope.spawn(|| {
+            server.run(&stop, None, |_| {});
+            server.close().1
+        });
+        let beside = scope.spawn(|| {
+            head.run(&stop, None, |_| {});
+            head.close().1
+        });
+        flight(
+            Client::new(MemoryLine(port)),
+            Client::new(MemoryLine(taker)),
+        );
+        stop.store(true, Ordering::Relaxed);
+        [served.join().unwrap(), beside.join().unwrap()]
+    })
+}
+
+/// The label's attitude of the camera.
+fn boresight_frame(frame: &Received) -> Attitude {
+    let q = |name: &str| -> Attitude {
+        let q = serde_json::from_value(frame.label()[name].clone()).unwrap();
+        Attitude::from_xyzw(q).unwrap()
+    };
+    q("q_icrf_to_body").then(&q("q_body_to_camera"))
+}
+
+#[test]
+fn each_attitude_gives_each_camera_its_frame_of_one_sky() {
+    two(Clock::Stepped, |mut first, mut second| {
+        // A client is there when it has said something.
+        second.status();
+        for sequence in 1..4 {
+            first.point(attitude(sequence), later(EPOCH, f64::from(sequence)));
+            let [a, b] = [first.frame(), second.frame()];
+            assert_eq!(b.header.attitude_sequence, sequence);
+            assert_eq!((a.time, a.header.frame), (b.time, b.header.frame));
+            // Noise of its own, and the mounting: what is right in the one is down in the other.
+            assert_ne!(a.header.seed, b.header.seed);
+            let [a, b] = [a, b].map(|frame| boresight_frame(&frame));
+            let turned = b.rotate(&a.inverse().rotate(&Vector3::x()));
+            assert!((turned - Vector3::y()).norm() < 1e-9, "{turned}");
+        }
+    });
+}
+
+#[test]
+fn by_the_wall_clock_cameras_of_one_rate_expose_at_the_same_moments() {
+    let [first, second] = two(Clock::Wall, |mut first, mut second| {
+        second.status();
+        // On this machine's own time, whose clock each reads for itself.
+        let since_1970 = std::time::SystemTime::now()
+            .duration_since(std::time::UNIX_EPOCH)
+            .unwrap();
+        // X-Val: 4,383 days from 1958 to 1970 (as in the ICD), and TAI - UTC = 37 s since 2017.
+        let tai = since_1970 + std::time::Duration::from_secs(4_383 * 86_400 + 37);
+        let now = skyloop_protocols::WireTime::from_tai_nanoseconds(tai.as_nanos() as u64).unwrap();
+        first.point(attitude(1), now);
+        let times = |client: &mut Client<MemoryLine>| -> Vec<_> {
+            (0..8).map(|_| client.frame().time).collect()
+        };
+        let [a, b] = [times(&mut first), times(&mut second)];
+        let both = a.iter().filter(|time| b.contains(time)).count();
+        // An exposure or two may be missed by the one and not by the other.
+        assert!(both >= 4, "{a:?} and {b:?}");
+    });
+    assert_eq!((first.attitudes, second.attitudes), (1, 1));
+}
+
+#[test]
+fn settings_and_resets_reach_the_camera_that_they_are_for() {
+    two(Clock::Stepped, |mut first, mut second| {
+        second.done(Command::Exposure { seconds: 0.02 });
+        assert_eq!(
+            (first.status().exposure_s, second.status().exposure_s),
+            (0.01, 0.02)
+        );
+        second.send(Command::Attitude(attitude(1)));
+        let nack = second.nack();
+        assert_eq!(nack.reason, Reason::NotSupported);
+        assert!(
+            nack.detail.contains("over the first camera's link"),
+            "{}",
+            nack.detail
+        );
+        // The client that brings the truth begins anew, and all cameras with it.
+        first.done(Command::Reset);
+        first.forget();
+        first.point(attitude(1), EPOCH);
+        first.frame();
+        let frame = second.frame();
+        let open_s = frame
+            .header
+            .exposure_end
+            .0
+            .wrapping_sub(frame.header.exposure_start.0);
+        // X-Val: 10 ms in units of 2^-32 s, and nanoseconds that times are rounded to.
+        assert!((open_s as f64 / 2f64.powi(32) - 0.01).abs() < 3e-9);
+    });
+}
+
+#[test]
+fn files_say_what_is_wrong_with_a_head() {
+    let refused = |text: &str| {
+        let config = Config::parse("run.toml", text, &Folder::current());
+        config.unwrap_err().to_string()
+    };
+    let head = |rest: &str| format!("[[heads]]\nname = \"B\"\ncamera = \"fai-nir\"\n{rest}");
+    for (text, words) in [
+        (head("link = []"), ["heads[0].link", "at least one link"]),
+        (
+            head("link = \"udp://127.0.0.1:1\"\nrate_hz = 0"),
+            ["heads[0].rate_hz", "0.0001"],
+        ),
+        (
+            head("link = \"udp://127.0.0.1:1\"\nrate_hz = 10.1"),
+            ["heads[0].rate_hz", "overlap"],
+        ),
+        (
+            head("link = \"udp://127.0.0.1:1\"\n") + &head("link = \"udp://127.0.0.1:2\""),
+            ["heads[1].name", "no other head"],
+        ),
+    ] {
+        let error = refused(&text);
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    }
+    let further = |url: &str| {
+        let opened = link::open_further(&[url.to_string()], &options(5.0));
+        opened.map(|_| ()).map_err(|error| error.to_string())
+    };
+    let error = further("udp://127.0.0.1:0?roles=truth+labels").unwrap_err();
+    assert!(error.contains("give it roles=pixels+labels"), "{error}");
+    assert_eq!(further("udp://127.0.0.1:0"), Ok(()));
+}
