@@ -239,6 +239,7 @@ impl Server {
 
     /// Puts a frame on its way over each link that brings frames and whose client has said something.
     pub(super) fn begin(&mut self, frame: u32) {
+        let most = self.most_under_way();
         let mut pictures = self.pictures.iter_mut();
         let Some(picture) = pictures.find(|picture| picture.number == frame && !picture.begun)
         else {
@@ -262,7 +263,7 @@ impl Server {
             let delivery = Delivery::new(frame, channel);
             channel.deliveries.push_back(delivery);
             picture.open += 1;
-            let older = channel.make_way(self.most_under_way);
+            let older = channel.make_way(most);
             passed_over.extend(older.map(|frame| (at, frame)));
         }
         // Where nobody wants it nobody has all of it.

@@ -49,27 +49,22 @@ impl Server {
         let Some(due) = self.clock.take_due(&camera, now) else {
             return Ok(false);
         };
-        let (pointing, camera) = match &due.latched {
-            Some((latched, camera)) => {
-                let pointing = Pointing {
-                    vehicle: latched.vehicle.clone(),
-                    message: latched.clone(),
-                    source: AttitudeSource::Exact,
-                    age_s: 0.0,
-                };
-                (Some(pointing), camera.clone())
-            }
-            None => {
-                let exposure = Exposure::around(due.mid, camera.exposure_s);
-                let history = &self.truth.history;
-                (history.over(&exposure, &self.staleness), camera)
-            }
+        let camera = due.camera.clone().unwrap_or(camera);
+        let exposure = Exposure::around(due.mid, camera.exposure_s);
+        let pointing = match &due.latched {
+            Some(latched) => Some(Pointing {
+                vehicle: latched.vehicle.clone(),
+                message: latched.clone(),
+                source: AttitudeSource::Exact,
+                age_s: 0.0,
+            }),
+            None => self.truth.history.over(&exposure, &self.staleness),
         };
         let Some(pointing) = pointing else {
             self.miss(&due);
             return Ok(true);
         };
-        if let Err(why) = tellable(&Exposure::around(due.mid, camera.exposure_s)) {
+        if let Err(why) = tellable(&exposure) {
             let message = (pointing.message.number, pointing.message.header);
             self.refuse_later(message, &due, &why)?;
             return Ok(true);
@@ -126,8 +121,9 @@ impl Server {
             }
         };
         let (stale, future) = match pointing.source {
-            AttitudeSource::Stale | AttitudeSource::Held | AttitudeSource::Invalid => (1, 0),
             AttitudeSource::Future => (0, 1),
+            AttitudeSource::Held | AttitudeSource::Invalid if pointing.age_s < 0.0 => (0, 1),
+            AttitudeSource::Stale | AttitudeSource::Held | AttitudeSource::Invalid => (1, 0),
             _ => (0, 0),
         };
         let counters = &mut self.counters;
@@ -144,7 +140,10 @@ impl Server {
             streams,
         };
         let asked = Asked {
-            release: due.end + self.delay.of(number),
+            release: match in_step {
+                true => due.end,
+                false => due.end + self.delay.of(number),
+            },
             due,
             header: pointing.message.header,
             arrived: pointing.message.arrived,

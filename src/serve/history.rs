@@ -68,17 +68,21 @@ impl History {
         self.messages.back()
     }
 
-    /// What an exposure is made with; none before the first message. What the client said last counts, even if its time lies after the exposure.
+    /// What an exposure is made with; none before the first message. Where no two are near it, one before and one after, what the client said last
+    /// counts, even if its time lies after the exposure.
     pub fn over(&self, exposure: &Exposure, staleness: &Staleness) -> Option<Pointing> {
         let (first, last) = (self.messages.front()?, self.messages.back()?);
         let limit = seconds(staleness.limit_s);
-        if last.vehicle.epoch > exposure.end + limit {
-            return Some(out_of_reach(last, exposure, staleness, true));
-        }
         let after = self
             .messages
             .partition_point(|message| message.vehicle.epoch <= exposure.mid);
         let before = after.checked_sub(1).and_then(|at| self.messages.get(at));
+        let near_before = before.is_some_and(|one| one.vehicle.epoch + limit >= exposure.mid);
+        let near_after = self.messages.get(after);
+        let near_after = near_after.is_some_and(|one| one.vehicle.epoch <= exposure.mid + limit);
+        if last.vehicle.epoch > exposure.end + limit && !(near_before && near_after) {
+            return Some(out_of_reach(last, exposure, staleness, true));
+        }
         let message = before.unwrap_or(first);
         let age_s = (exposure.mid - message.vehicle.epoch).to_seconds();
         let source = match before {

@@ -80,10 +80,14 @@ impl Server {
     pub(super) fn hear(&mut self, told: Epoch, arrived: Instant) {
         if self.clock.hear(told, arrived) {
             tracing::warn!(
-                "the client's clock has jumped to {}: it is followed, and attitudes that came before are forgotten",
+                "the client's clock has jumped to {}: it is followed, and attitudes and triggers that came before are forgotten",
                 utc_text(told)
             );
             self.truth.history.clear();
+            let asked_for = self.clock.forget();
+            self.missed = self.missed.wrapping_add(asked_for);
+            let triggers = &mut self.counters.triggers_missed;
+            *triggers = triggers.wrapping_add(asked_for);
         }
     }
 

@@ -122,8 +122,6 @@ pub struct Server {
     next_frame: u32,
     /// Memory for the pixels of the next frame, as they come.
     digits: Vec<u16>,
-    /// Frames that are on their way over a link at most.
-    most_under_way: usize,
     counters: Counters,
     /// Exposures without a frame, besides those that the clock passed over.
     missed: u32,
@@ -193,7 +191,6 @@ impl Server {
             leaving: Vec::new(),
             making: None,
             digits: Vec::new(),
-            most_under_way: UNDER_WAY,
             counters: Counters::default(),
             missed: 0,
             stats: RunStats::default(),
@@ -210,12 +207,9 @@ impl Server {
     /// Keeps time and deals with attitudes as `run` says, and does what it says where a frame would be late: by the tolerances that the
     /// emulator has now, and coarser ones.
     pub fn set_run(&mut self, run: &Run) {
-        let rate_hz = self.settings.camera.rate_hz;
-        self.clock = clock::of(self.kind, run, rate_hz);
+        self.clock = clock::of(self.kind, run, self.settings.camera.rate_hz);
         (self.staleness, self.out_of_order, self.delay) =
             (run.staleness, run.out_of_order, run.delay);
-        let held_back = ((run.delay.delay_s + run.delay.jitter_s) * rate_hz).ceil();
-        self.most_under_way = UNDER_WAY + (held_back as usize).min(HELD_BACK);
         let (overrun, idle) = Overrun::new(run.on_overrun, self.fidelity, &run.coarsen);
         self.overrun = overrun;
         for step in idle {
@@ -270,14 +264,8 @@ impl Server {
     /// too slow. In step there is time.
     pub fn fits(&self) -> Result<(), String> {
         let camera = &self.settings.camera;
-        let held_s = self.delay.delay_s + self.delay.jitter_s;
-        if self.kind != Kind::Stepped && held_s * camera.rate_hz > HELD_BACK as f64 {
-            return Err(format!(
-                "run.delay_s and run.jitter_s: {held_s} s at {} Hz hold back {:.0} frames: at most {HELD_BACK}; shorten them, or lower timing.rate_hz",
-                camera.rate_hz,
-                held_s * camera.rate_hz
-            ));
-        }
+        self.may_hold_back(camera.rate_hz)
+            .map_err(|why| format!("{why}, or lower timing.rate_hz"))?;
         for Channel { wire, roles, .. } in &self.channels {
             if self.kind != Kind::Stepped {
                 budget::fits(wire, *roles, camera, &self.output, camera.rate_hz)
@@ -285,6 +273,36 @@ impl Server {
             }
         }
         Ok(())
+    }
+
+    /// Frames that the device holds back at a rate, by its delay.
+    fn held_back(&self, rate_hz: f64) -> f64 {
+        match self.kind {
+            Kind::Stepped => 0.0,
+            Kind::Wall | Kind::External => (self.delay.delay_s + self.delay.jitter_s) * rate_hz,
+        }
+    }
+
+    /// Whether the device holds no more frames back at a rate than it may; else why not.
+    fn may_hold_back(&self, rate_hz: f64) -> Result<(), String> {
+        let held_back = self.held_back(rate_hz);
+        if held_back <= HELD_BACK as f64 {
+            return Ok(());
+        }
+        Err(format!(
+            "run.delay_s and run.jitter_s: {} s at {rate_hz} Hz hold back {held_back:.0} frames: at most {HELD_BACK}; shorten them",
+            self.delay.delay_s + self.delay.jitter_s
+        ))
+    }
+
+    /// Frames that are on their way over a link at most.
+    fn most_under_way(&mut self) -> usize {
+        // Triggers come at any rate.
+        let held_back = match self.clock.cadence() {
+            Some(_) => self.held_back(self.settings.camera.rate_hz).ceil() as usize,
+            None => HELD_BACK,
+        };
+        UNDER_WAY + held_back.min(HELD_BACK)
     }
 
     /// The address of the link that has ended.

@@ -47,11 +47,15 @@ impl Server {
                 self.settings.change().detector.gain_e_per_dn = e_per_dn;
             }
             Command::FrameRate { hz } => {
-                self.on_the_wall_only("FrameRate", "each attitude gives its frame")?;
+                self.by_cadence_only("FrameRate", "each attitude or Trigger gives its frame")?;
                 within("FrameRate.hz", hz, RATE_HZ)?;
                 let camera = self.settings.camera.clone();
                 let most = 1.0 / camera.period_s(camera.exposure_s);
                 self.do_not_overlap("FrameRate.hz", hz, most, "shorten Exposure")?;
+                self.may_hold_back(hz).map_err(|why| Refusal {
+                    reason: Reason::ValueOutOfRange,
+                    detail: format!("FrameRate: {why}, or ask for fewer"),
+                })?;
                 for at in 0..self.channels.len() {
                     let output = self.channels[at].exchange.output;
                     self.must_fit(at, &output, hz, "FrameRate")?;
@@ -62,7 +66,7 @@ impl Server {
                 }
             }
             Command::SingleShot => {
-                self.on_the_wall_only("SingleShot", "send an Attitude for each frame")?;
+                self.by_cadence_only("SingleShot", "send an Attitude or a Trigger for each frame")?;
                 if self.truth.history.latest().is_none() {
                     return Err(Refusal {
                         reason: Reason::Busy,
@@ -231,13 +235,18 @@ impl Server {
         })
     }
 
-    fn on_the_wall_only(&self, command: &str, instead: &str) -> Result<(), Refusal> {
-        if self.kind != Kind::Stepped {
+    /// Refuses `command` where frames do not come at the camera's cadence.
+    fn by_cadence_only(&mut self, command: &str, instead: &str) -> Result<(), Refusal> {
+        if self.clock.cadence().is_some() {
             return Ok(());
         }
+        let clock = match self.kind {
+            Kind::Stepped => "on the stepped clock",
+            Kind::Wall | Kind::External => "where triggers ask for frames",
+        };
         Err(Refusal {
             reason: Reason::NotSupported,
-            detail: format!("{command} has no meaning on the stepped clock: {instead}"),
+            detail: format!("{command} has no meaning {clock}: {instead}"),
         })
     }
 }

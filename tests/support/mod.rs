@@ -64,7 +64,17 @@ impl Running {
     }
 
     /// Puts the emulator that `config` describes at `links`.
-    pub fn at(mut config: Config, clock: Clock, links: Vec<(Wire, Roles)>) -> Running {
+    pub fn at(config: Config, clock: Clock, links: Vec<(Wire, Roles)>) -> Running {
+        Running::prepared(config, clock, links, |_| {})
+    }
+
+    /// Likewise; `prepare` sees the server before it serves.
+    pub fn prepared(
+        mut config: Config,
+        clock: Clock,
+        links: Vec<(Wire, Roles)>,
+        prepare: impl FnOnce(&mut Server) + Send + 'static,
+    ) -> Running {
         let stop = Arc::new(AtomicBool::new(false));
         let (to_test, shots) = channel();
         let stopped = stop.clone();
@@ -73,6 +83,7 @@ impl Running {
             let emulator = Emulator::new(&mut config);
             let mut server = Server::new(emulator, links, output, clock, &NATIVE);
             server.set_run(&config.run);
+            prepare(&mut server);
             // A client may have hung up before it is told to end.
             server.run(&stopped, None, |shot| {
                 let _ = to_test.send(shot.clone());

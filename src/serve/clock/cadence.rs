@@ -188,6 +188,7 @@ impl Cadence {
             deadline: self.latency.or(own).map(|latency| end + latency),
             trigger: 0,
             latched: None,
+            camera: None,
         })
     }
 

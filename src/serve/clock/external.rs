@@ -47,7 +47,7 @@ impl Clock for External {
     }
 
     fn cadence(&mut self) -> Option<&mut Cadence> {
-        Some(&mut self.cadence)
+        self.triggers.is_none().then_some(&mut self.cadence)
     }
 
     fn latched(&mut self, _: &Latched, _: &Arc<Camera>) {}
@@ -68,6 +68,11 @@ impl Clock for External {
                 true
             }
         }
+    }
+
+    fn forget(&mut self) -> u32 {
+        let waiting = self.triggers.as_mut();
+        waiting.map_or(0, |waiting| waiting.drain(..).count() as u32)
     }
 
     fn triggered(&mut self, asked: Asked) -> Result<(), Refusal> {
@@ -110,6 +115,7 @@ impl Clock for External {
             deadline: Some(end + latency),
             trigger: asked.number,
             latched: None,
+            camera: Some(asked.camera),
         })
     }
 
@@ -117,12 +123,15 @@ impl Clock for External {
         if self.triggers.is_none() {
             self.cadence.end(now);
         }
-        let waiting = self.triggers.as_mut();
-        waiting.map_or(0, |waiting| waiting.drain(..).count() as u32)
+        self.forget()
     }
 
     fn missed(&self) -> u32 {
-        self.cadence.missed
+        // Where triggers ask for frames the cadence tells the time, and no exposures are due by it.
+        match self.triggers {
+            None => self.cadence.missed,
+            Some(_) => 0,
+        }
     }
 
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {

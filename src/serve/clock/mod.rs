@@ -34,8 +34,10 @@ pub struct Due {
     pub deadline: Option<Instant>,
     /// Number of the Trigger that asked for it; 0 without.
     pub trigger: u32,
-    /// The attitude that asked for it, and the camera as it was set then; none: whatever attitudes there are, the camera as it is.
-    pub latched: Option<(Latched, Arc<Camera>)>,
+    /// The attitude that asked for it; none: whatever attitudes there are.
+    pub latched: Option<Latched>,
+    /// The camera as it was set when it was asked for; none: as it is.
+    pub camera: Option<Arc<Camera>>,
 }
 
 /// A Trigger as it came.
@@ -74,7 +76,7 @@ pub trait Clock: Send {
     /// Its name on the wire.
     fn mode(&self) -> Mode;
 
-    /// The camera's cadence, where there is one.
+    /// The camera's cadence, where frames come by it.
     fn cadence(&mut self) -> Option<&mut Cadence>;
 
     /// An attitude was accepted.
@@ -93,6 +95,11 @@ pub trait Clock: Send {
     /// A time that the client told, and when that came: true where its clock has jumped, and what came before has no meaning any more.
     fn hear(&mut self, _: Epoch, _: Instant) -> bool {
         false
+    }
+
+    /// The client's clock has jumped: how many exposures it had asked for by the time before, which get no frame.
+    fn forget(&mut self) -> u32 {
+        0
     }
 
     /// Time until something is due; none: until something comes.

@@ -44,7 +44,8 @@ impl Clock for Stepped {
             end: latched.arrived,
             deadline: None,
             trigger: 0,
-            latched: Some((latched.clone(), camera.clone())),
+            latched: Some(latched.clone()),
+            camera: Some(camera.clone()),
         });
     }
 
@@ -61,6 +62,7 @@ impl Clock for Stepped {
             deadline: None,
             trigger: asked.number,
             latched: None,
+            camera: Some(asked.camera),
         });
         Ok(())
     }

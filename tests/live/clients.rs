@@ -1,0 +1,150 @@
+//! Clients that go, and clients that stay and take nothing: the next one that is good gets its frames.
+
+use crate::support::client::Client;
+use crate::support::line::{Line, UdpLine};
+use crate::support::{EPOCH, Running, attitude, await_that, later, on_udp, options};
+use crate::{quick, whole_frame};
+use skyloop::config::Clock;
+use skyloop_protocols::Command;
+use std::time::Duration;
+
+/// Silence after which another client may come, s.
+const IDLE_S: f64 = 0.2;
+
+/// A client that comes after one that has gone, and is heard when that one has been silent for long enough.
+fn next_client<L: Line>(line: L) -> Client<L> {
+    let mut client = Client::new(line);
+    client.window = None;
+    await_that("the next client is heard", || {
+        client.send(Command::Ping);
+        client.recv(Duration::from_millis(100)).is_some()
+    });
+    client.start_anew();
+    client
+}
+
+/// It gets whole frames of its own attitude.
+fn is_served<L: Line>(client: &mut Client<L>) {
+    client.point(attitude(77), later(EPOCH, 9000.0));
+    for _ in 0..2 {
+        whole_frame(client);
+    }
+    let mut frame = client.frame();
+    while frame.header.attitude_sequence != 77 {
+        frame = client.frame();
+    }
+}
+
+#[test]
+fn a_udp_client_that_is_killed_within_a_frame_loses_it_and_nobody_else_does() {
+    for clock in [Clock::Wall, Clock::External, Clock::Stepped] {
+        let (_emulator, line) = on_udp(quick(20.0), clock, IDLE_S);
+        let another = line.another();
+        let mut first = Client::new(line);
+        first.window = None;
+        // So much that the frame begins, and not so much that it ends.
+        first.send(Command::Credit { packets: 3 });
+        first.point(attitude(1), EPOCH);
+        for _ in 0..3 {
+            first.next(true);
+        }
+        drop(first);
+        let mut second = next_client(another);
+        match clock {
+            Clock::Stepped => {
+                second.good_frame(5);
+            }
+            _ => is_served(&mut second),
+        }
+        let counters = second.status().counters;
+        // It was under way when its client went; others may have waited behind it.
+        assert!(
+            counters.frames_abandoned > counters.frames_dropped,
+            "{clock:?}"
+        );
+    }
+}
+
+#[test]
+fn a_udp_client_that_grants_nothing_more_is_given_up_and_the_next_one_served() {
+    let (emulator, line) = on_udp(quick(20.0), Clock::Wall, IDLE_S);
+    let another = line.another();
+    let mut first = Client::new(line);
+    first.window = None;
+    first.send(Command::Credit { packets: 1 });
+    first.point(attitude(1), EPOCH);
+    // It is not read either: the emulator sends what it may, and waits for 2 s.
+    while emulator.shot().number != 0 {}
+    let mut second = next_client(another);
+    is_served(&mut second);
+    let counters = second.status().counters;
+    assert!(counters.frames_abandoned > counters.frames_dropped);
+    assert!(counters.frames_dropped > 0, "frames went on meanwhile");
+}
+
+#[cfg(target_os = "linux")]
+mod terminals {
+    use super::*;
+    use crate::support::line::PtyLine;
+    use skyloop::link;
+
+    /// An emulator at a pseudo-terminal of its own, and what clients open.
+    fn on_pty(folder: &tempfile::TempDir) -> (Running, String) {
+        let name = folder.path().join("tracker").display().to_string();
+        let wire = link::open(&format!("pty://{name}?baud=3000000"), &options(5.0)).unwrap();
+        (Running::start(quick(10.0), Clock::Wall, wire), name)
+    }
+
+    #[test]
+    fn a_serial_client_that_closes_within_a_frame_is_followed_by_the_next() {
+        let folder = tempfile::tempdir().unwrap();
+        let (_emulator, name) = on_pty(&folder);
+        let mut first = Client::new(PtyLine::at(&name));
+        first.window = None;
+        first.point(attitude(1), EPOCH);
+        first.next(true);
+        first.next(true);
+        drop(first);
+        let mut second = next_client(PtyLine::at(&name));
+        is_served(&mut second);
+        let counters = second.status().counters;
+        assert!(counters.reconnects >= 1, "{counters:?}");
+        // What was on its way to the first never left, or came too late for it.
+        assert!(counters.lost_outbound + counters.frames_abandoned + counters.frames_dropped >= 1);
+    }
+
+    #[test]
+    fn a_serial_client_that_does_not_read_holds_up_no_frame_and_is_served_when_it_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let (emulator, name) = on_pty(&folder);
+        let mut client = Client::new(PtyLine::at(&name));
+        client.window = None;
+        client.point(attitude(1), EPOCH);
+        // More frames than terminal and queues hold: X-Val: 256 packets, some ten a frame.
+        let mut last = 0;
+        while last < 40 {
+            last = emulator.shot().number;
+        }
+        let frame = loop {
+            let frame = whole_frame(&mut client);
+            if frame > last {
+                break frame;
+            }
+        };
+        let counters = client.status().counters;
+        assert!(counters.frames_dropped > 0 && frame > 40, "{counters:?}");
+        client.forget();
+    }
+}
+
+/// A client that says Reset as it goes lets the next one in at once.
+#[test]
+fn clients_come_and_go_and_each_is_served() {
+    let (_emulator, line) = on_udp(quick(20.0), Clock::Wall, 60.0);
+    for round in 0..20 {
+        let mut client = next_client(UdpLine::another(&line));
+        client.point(attitude(round), later(EPOCH, f64::from(round)));
+        assert_eq!(client.frame().header.attitude_sequence, round);
+        client.done(Command::Reset);
+    }
+}

@@ -1,0 +1,156 @@
+//! Deadlines, and the times that a frame tells of itself.
+
+use crate::support::client::{Client, Received};
+use crate::support::line::MemoryLine;
+use crate::support::{EPOCH, Running, attitude, on_memory};
+use crate::{quick, rest};
+use serde_json::Value;
+use skyloop::config::Clock;
+use skyloop_protocols::{Command, LabelLevel, Output, PixelLevel, Reply};
+use std::time::Duration;
+
+/// A run whose frames are late after this time, and its first frames.
+fn flown(clock: Clock, latency_s: f64) -> (Running, Client<MemoryLine>, Vec<Received>) {
+    let mut config = quick(20.0);
+    config.run.latency_s = Some(latency_s);
+    let (emulator, line) = on_memory(config, clock);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.status();
+    client.point(attitude(1), EPOCH);
+    let mut frames: Vec<Received> = (0..6).map(|_| client.frame()).collect();
+    frames.extend(rest(&mut client));
+    (emulator, client, frames)
+}
+
+/// A number of a frame's label.
+fn number(label: &Value, name: &str) -> f64 {
+    label["timing"][name].as_f64().unwrap()
+}
+
+#[test]
+fn with_no_time_at_all_every_frame_is_missed_and_says_so() {
+    for clock in [Clock::Wall, Clock::External] {
+        let (emulator, mut client, frames) = flown(clock, 1e-6);
+        for frame in &frames {
+            assert!(!frame.end.in_time && frame.end.timing.spare_s < 0.0);
+            assert!(number(&frame.label(), "spare_ms") < 0.0);
+        }
+        let status = client.status();
+        assert!(status.timing.spare_s < 0.0);
+        let (stats, counters) = emulator.measured();
+        let missed = counters.deadlines_missed;
+        assert_eq!(stats.latencies.missed, u64::from(missed));
+        // What a client that stands still does not get has not come in time either.
+        assert_eq!(missed, frames.len() as u32 + counters.frames_dropped);
+        let first = stats.latencies.first_miss.unwrap();
+        assert_eq!(first.frame, 0);
+        // It is late by what it took, to the microsecond that it had.
+        let took_s = f64::from(frames[0].end.timing.last_octet_s);
+        assert!(first.late_s.unwrap() >= took_s - 2e-6);
+    }
+}
+
+#[test]
+fn with_time_enough_none_is_missed() {
+    let (emulator, mut client, frames) = flown(Clock::Wall, 1000.0);
+    for frame in &frames {
+        assert!(frame.end.in_time);
+        let spare_s = frame.end.timing.spare_s;
+        assert!((1.0..1000.0).contains(&spare_s), "{spare_s}");
+        let told = number(&frame.label(), "spare_ms");
+        assert!(
+            told >= f64::from(spare_s) * 1e3 * (1.0 - 1e-6),
+            "it was there before"
+        );
+    }
+    let status = client.status();
+    assert!(status.latency_p50_s > 0.0);
+    assert!(status.latency_p50_s <= status.latency_p99_s);
+    assert!(status.latency_p99_s <= status.latency_max_s);
+    let (stats, counters) = emulator.measured();
+    // But for those that a client that stands still does not get.
+    let dropped = u64::from(counters.frames_dropped);
+    assert_eq!(stats.latencies.missed, dropped);
+    assert_eq!(u64::from(counters.deadlines_missed), dropped);
+    assert_eq!(stats.latencies.frames, frames.len() as u64 + dropped);
+    assert_eq!(stats.latencies.incomplete, dropped);
+}
+
+#[test]
+fn a_frames_times_are_in_their_order_at_its_end_and_in_its_label() {
+    let (emulator, _client, frames) = flown(Clock::Wall, 1000.0);
+    for frame in &frames {
+        let times = frame.end.timing;
+        assert!(0.0 <= times.first_pixel_s && times.first_pixel_s <= times.last_pixel_s);
+        assert!(0.0 < times.first_octet_s && times.first_octet_s <= times.last_octet_s);
+        // Its end follows its last pixel, whatever left before.
+        assert!(times.last_pixel_s <= times.last_octet_s && times.last_pixel_s > 0.0);
+        let label = frame.label();
+        for (name, told) in [
+            ("first_pixel_ms", times.first_pixel_s),
+            ("last_pixel_ms", times.last_pixel_s),
+            ("first_octet_ms", times.first_octet_s),
+        ] {
+            let ms = number(&label, name);
+            assert!((ms - f64::from(told) * 1e3).abs() < 1e-3, "{name} {ms}");
+        }
+        // The label is written before its own last part leaves.
+        let sent = number(&label, "pixels_sent_ms");
+        assert!(sent >= f64::from(times.first_octet_s) * 1e3 - 1e-3);
+        assert!(sent <= f64::from(times.last_octet_s) * 1e3 + 1e-3);
+        assert_eq!(label["timing"]["sync"], "free");
+        assert_eq!(label["timing"]["trigger"], 0);
+    }
+    // The last octet left the link no sooner than it was handed to it.
+    let (stats, _) = emulator.measured();
+    let longest = frames.iter().map(|frame| frame.end.timing.last_octet_s);
+    let longest = longest.fold(0.0, f32::max);
+    let left = stats.latencies.last_octet.quantile(1.0).unwrap();
+    assert!(left + Duration::from_micros(1) >= Duration::from_secs_f32(longest));
+}
+
+#[test]
+fn on_every_level_a_label_is_as_long_as_was_said_and_reads() {
+    let (_emulator, line) = on_memory(quick(20.0), Clock::Wall);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.point(attitude(1), EPOCH);
+    for pixels in [
+        PixelLevel::None,
+        PixelLevel::Windows,
+        PixelLevel::Frame,
+        PixelLevel::Compressed,
+    ] {
+        for labels in [LabelLevel::None, LabelLevel::Objects, LabelLevel::Text] {
+            let output = Output {
+                pixels,
+                labels,
+                ..Output::default()
+            };
+            client.done(Command::Output(output));
+            // Those under way have the level before.
+            let (header, packets, end) = loop {
+                let parcel = client.parcel();
+                if (parcel.0.pixel_level, parcel.0.label_level) == (pixels, labels) {
+                    break parcel;
+                }
+            };
+            let mut octets = Vec::new();
+            for packet in &packets {
+                match Reply::decode(packet).unwrap().1 {
+                    Reply::Labels(part) => octets.extend_from_slice(part.text),
+                    Reply::Objects(part) => octets.extend_from_slice(part.data),
+                    _ => {}
+                }
+            }
+            assert_eq!(octets.len(), header.label_bytes as usize, "{output:?}");
+            if labels == LabelLevel::Text {
+                let label: Value = serde_json::from_slice(&octets).unwrap();
+                assert!(number(&label, "last_pixel_ms") > 0.0);
+                assert_eq!(label["frame"], end.frame);
+            }
+            assert!(end.timing.first_octet_s <= end.timing.last_octet_s);
+        }
+    }
+}

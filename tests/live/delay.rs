@@ -1,0 +1,152 @@
+//! A device that takes its time: its frames come no sooner than it says, in order, and all of them.
+
+use crate::support::client::{Client, Received};
+use crate::support::line::MemoryLine;
+use crate::support::{EPOCH, Running, attitude, on_memory, options};
+use crate::{mid_s, quick, rest};
+use skyloop::config::{Clock, Delay};
+use skyloop::engine::Emulator;
+use skyloop::link::{self, Roles};
+use skyloop::serve::Server;
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::{Command, Reason};
+use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
+
+const RATE_HZ: f64 = 20.0;
+
+/// A device that holds its frames back, and its client.
+fn held(rate_hz: f64, delay_s: f64, jitter_s: f64) -> (Running, Client<MemoryLine>) {
+    let mut config = quick(rate_hz);
+    config.run.delay = Delay { delay_s, jitter_s };
+    let (emulator, line) = on_memory(config, Clock::Wall);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.status();
+    (emulator, client)
+}
+
+/// Of a run's frames none is missing that is not counted as dropped, and each comes once.
+fn in_order(frames: &[Received], dropped: u32) {
+    let grow = |two: &[Received]| two[0].header.frame < two[1].header.frame;
+    assert!(frames.windows(2).all(grow));
+    let last = frames[frames.len() - 1].header.frame;
+    assert_eq!(frames.len() as u32 + dropped, last + 1);
+}
+
+#[test]
+fn no_frame_comes_before_its_delay_and_all_come_in_order() {
+    // Several periods, and all of less than one for comparison.
+    for delay_s in [0.03, 0.12, 0.3] {
+        let (emulator, mut client) = held(RATE_HZ, delay_s, 0.0);
+        let began = Instant::now();
+        client.point(attitude(1), EPOCH);
+        let mut frames = Vec::new();
+        for _ in 0..8 {
+            let frame = client.frame();
+            // By this end's own clock: the scene's time is EPOCH when the attitude arrives.
+            let end_s = mid_s(&frame) + crate::EXPOSURE_S / 2.0;
+            let least = Duration::from_secs_f64(end_s + delay_s);
+            assert!(began.elapsed() + Duration::from_micros(1) >= least);
+            frames.push(frame);
+        }
+        frames.extend(rest(&mut client));
+        let counters = emulator.end();
+        in_order(&frames, counters.frames_dropped);
+        for frame in &frames {
+            let times = frame.end.timing;
+            assert!(f64::from(times.first_octet_s) >= delay_s * (1.0 - 1e-6));
+            assert!(times.last_octet_s >= times.first_octet_s);
+        }
+    }
+}
+
+#[test]
+fn a_jitter_is_another_for_each_frame_and_within_its_bounds() {
+    let delay = Delay {
+        delay_s: 0.02,
+        jitter_s: 0.2,
+    };
+    let (emulator, mut client) = held(RATE_HZ, delay.delay_s, delay.jitter_s);
+    client.point(attitude(1), EPOCH);
+    let mut frames: Vec<Received> = (0..8).map(|_| client.frame()).collect();
+    frames.extend(rest(&mut client));
+    in_order(&frames, emulator.end().frames_dropped);
+    let mut least = BTreeSet::new();
+    for frame in &frames {
+        let held_s = delay.of(frame.header.frame).as_secs_f64();
+        assert!((0.02..0.22).contains(&held_s));
+        // The device keeps the order: one may wait for the one before it.
+        assert!(f64::from(frame.end.timing.first_octet_s) >= held_s * (1.0 - 1e-6));
+        least.insert((held_s * 1e6) as u64);
+    }
+    assert_eq!(least.len(), frames.len(), "each another");
+    // X-Val: of 8 uniform draws the spread is below a quarter of their range once in 1,500 times, and these are the same each time.
+    let (first, last) = (least.first().unwrap(), least.last().unwrap());
+    assert!(last - first > 50_000, "{least:?}");
+}
+
+#[test]
+fn in_step_there_is_no_delay() {
+    let mut config = quick(RATE_HZ);
+    config.run.delay.delay_s = 60.0;
+    let (_emulator, line) = on_memory(config, Clock::Stepped);
+    let mut client = Client::new(line);
+    // It would come after three times what the client waits.
+    client.good_frame(1);
+}
+
+#[test]
+fn a_delay_holds_as_many_frames_back_as_the_rate_that_is_commanded_asks_for() {
+    // X-Val: 0.25 s at 4 Hz is one frame, at 40 Hz ten of them.
+    let (emulator, mut client) = held(4.0, 0.25, 0.0);
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    // X-Val: 80 Hz are 20 frames, of 16 at most.
+    client.send(Command::FrameRate { hz: 80.0 });
+    let nack = client.nack();
+    assert_eq!(nack.reason, Reason::ValueOutOfRange);
+    for word in ["run.delay_s", "20 frames: at most 16"] {
+        assert!(nack.detail.contains(word), "{}", nack.detail);
+    }
+    client.done(Command::FrameRate { hz: 40.0 });
+    for _ in 0..30 {
+        client.frame();
+    }
+    rest(&mut client);
+    let counters = client.status().counters;
+    // A client that stands still for a while loses some. X-Val: were three frames held back of the ten, seven of ten would be lost.
+    assert!(
+        counters.frames_dropped < counters.frames_rendered / 2,
+        "{counters:?}"
+    );
+    assert_eq!(emulator.end().frames_abandoned, counters.frames_dropped);
+}
+
+#[test]
+fn a_delay_of_more_frames_than_are_held_back_is_refused_with_the_remedy() {
+    let fits = |clock, delay_s, jitter_s| {
+        let mut config = quick(RATE_HZ);
+        config.run.delay = Delay { delay_s, jitter_s };
+        let (wire, _port) = link::loopback("memory", &options(5.0)).unwrap();
+        let output = config.run.output;
+        let emulator = Emulator::new(&mut config);
+        let mut server = Server::new(emulator, [(wire, Roles::ALL)], output, clock, &NATIVE);
+        server.set_run(&config.run);
+        server.fits()
+    };
+    // X-Val: 16 frames at 20 Hz are 0.8 s.
+    for clock in [Clock::Wall, Clock::External] {
+        assert_eq!(fits(clock, 0.5, 0.3), Ok(()));
+        let why = fits(clock, 0.5, 0.36).unwrap_err();
+        for word in [
+            "run.delay_s",
+            "run.jitter_s",
+            "at most 16",
+            "timing.rate_hz",
+        ] {
+            assert!(why.contains(word), "no {word:?} in {why}");
+        }
+    }
+    assert_eq!(fits(Clock::Stepped, 60.0, 60.0), Ok(()));
+}

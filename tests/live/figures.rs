@@ -1,0 +1,116 @@
+//! The figures of a live run for Prometheus.
+
+use crate::support::client::Client;
+use crate::support::line::UdpLine;
+use crate::support::{EPOCH, Running, attitude, options};
+use crate::{PATIENCE, quick, rest};
+use skyloop::config::Clock;
+use skyloop::link::{self, Roles};
+use skyloop::metrics::{self, Metrics};
+use skyloop_protocols::Reason;
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+
+/// The samples of the page by name.
+fn fetched(from: SocketAddr) -> BTreeMap<String, f64> {
+    let mut stream = TcpStream::connect(from).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream
+        .write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n")
+        .unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (head, page) = answer.split_once("\r\n\r\n").unwrap();
+    assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+    let samples = page.lines().filter(|line| !line.starts_with('#'));
+    let sample = |line: &str| {
+        let (name, value) = line.rsplit_once(' ').unwrap();
+        (name.to_string(), value.parse().unwrap())
+    };
+    samples.map(sample).collect()
+}
+
+#[test]
+fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
+    let place = Metrics::default();
+    let serving = metrics::serve("0", place.clone()).unwrap();
+    let empty = fetched(serving.address());
+    assert_eq!(empty["skyloop_frames_total"], 0.0);
+    let wire = link::open("udp://127.0.0.1:0", &options(60.0)).unwrap();
+    let line = UdpLine::to(&wire.address);
+    let links = vec![(wire, Roles::ALL)];
+    let mut config = quick(20.0);
+    config.run.latency_s = Some(1000.0);
+    let emulator = Running::prepared(config, Clock::External, links, |server| {
+        server.set_metrics(place);
+    });
+    let mut client = Client::new(line);
+    // A refusal, so that not all counters are 0.
+    client.point(attitude(1), EPOCH);
+    client.point(
+        skyloop_protocols::Attitude {
+            q_icrf_to_body: [0.0; 4],
+            ..attitude(2)
+        },
+        EPOCH,
+    );
+    assert_eq!(client.nack().reason, Reason::QuaternionNotUnit);
+    let mut frames: Vec<_> = (0..6).map(|_| client.frame()).collect();
+    frames.extend(rest(&mut client));
+    let status = client.status();
+    let found = fetched(serving.address());
+    let all = frames.len() as f64;
+    for (name, count) in status.counters.iter() {
+        let found = found[&format!("skyloop_{name}_total")];
+        // The figures are those of the last frame: of what is asked since, commands, and exposures of which none is made.
+        match name {
+            "commands" | "exposures_missed" => assert!(found <= f64::from(count)),
+            _ => assert_eq!(found, f64::from(count), "{name}"),
+        }
+    }
+    assert!(found["skyloop_bad_attitude_total"] == 1.0);
+    // A client that stands still does not get all.
+    let dropped = f64::from(status.counters.frames_dropped);
+    assert_eq!(found["skyloop_frames_total"], all + dropped);
+    assert_eq!(found["skyloop_frames_incomplete_total"], dropped);
+    assert_eq!(
+        found["skyloop_clock_offset_seconds"],
+        frames_offset(&frames)
+    );
+    for stage in ["first_pixel", "last_pixel", "first_octet", "last_octet"] {
+        let of = |name: &str| found[&format!("skyloop_latency_seconds_{name}")];
+        let count = of(&format!("count{{stage=\"{stage}\"}}"));
+        let bucket = of(&format!("bucket{{stage=\"{stage}\",le=\"+Inf\"}}"));
+        assert_eq!((count, bucket), (all, all), "{stage}");
+        // What the ends of the frames tell adds up to the sum.
+        let told: f64 = frames
+            .iter()
+            .map(|frame| match stage {
+                "first_pixel" => frame.end.timing.first_pixel_s.into(),
+                "last_pixel" => frame.end.timing.last_pixel_s.into(),
+                "first_octet" => frame.end.timing.first_octet_s.into(),
+                _ => f64::from(frame.end.timing.last_octet_s),
+            })
+            .sum();
+        let sum = of(&format!("sum{{stage=\"{stage}\"}}"));
+        match stage {
+            // That is when it was handed over; here is when it had left.
+            "last_octet" => assert!(sum >= told - 1e-6, "{sum} {told}"),
+            _ => assert!((sum - told).abs() < 1e-6 * all, "{stage}: {sum} {told}"),
+        }
+    }
+    assert!((1.0..1000.0).contains(&found["skyloop_deadline_spare_seconds"]));
+    let (stats, _) = emulator.measured();
+    assert_eq!(stats.latencies.frames as f64, all + dropped);
+}
+
+/// What the last frame says of the client's clock: heard once, it is that of the emulator.
+fn frames_offset(frames: &[crate::support::client::Received]) -> f64 {
+    let last = &frames[frames.len() - 1];
+    assert_eq!(
+        last.end.clock_offset_s,
+        last.label()["timing"]["clock_offset_s"]
+    );
+    last.end.clock_offset_s
+}

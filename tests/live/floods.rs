@@ -1,0 +1,187 @@
+//! More than can be taken, things that make no sense, and a line that spoils them: it is counted, and frames go on.
+
+use crate::support::client::{Client, moved};
+use crate::support::line::{Line, MemoryLine};
+use crate::support::{EPOCH, Running, attitude, await_that, later, on_memory, on_udp, options};
+use crate::{quick, whole_frame};
+use skyloop::config::Clock;
+use skyloop::link;
+use skyloop::link::fault::{Book, Plan, wrap};
+use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::sequence::SequenceCounts;
+use skyloop_protocols::{AttitudeSource, Command, Direction, Fault, FaultKind, Reason};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// How long a flood lasts.
+const FLOOD: Duration = Duration::from_secs(2);
+/// Attitudes a second that it is meant to have; a machine that is slower sends what it can.
+const FLOOD_HZ: f64 = 100_000.0;
+
+#[test]
+fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
+    let (_emulator, line) = on_udp(quick(20.0), Clock::Wall, 60.0);
+    let socket = line.0.try_clone().unwrap();
+    let mut client = Client::new(line);
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    let over = AtomicBool::new(false);
+    let (sent, frames) = std::thread::scope(|scope| {
+        let flood = scope.spawn(|| {
+            let (mut counts, mut sent) = (SequenceCounts::new(), 0u32);
+            let began = Instant::now();
+            // The client's own attitude had the first count.
+            counts.next(Command::Attitude(attitude(0)).apid());
+            while began.elapsed() < FLOOD {
+                let since_s = began.elapsed().as_secs_f64();
+                if f64::from(sent) > since_s * FLOOD_HZ {
+                    std::thread::yield_now();
+                    continue;
+                }
+                let command = Command::Attitude(attitude(sent + 2));
+                let count = counts.next(command.apid());
+                let time = later(EPOCH, 0.001 + since_s);
+                let packet = crate::support::client::packet(&command, count, time);
+                socket.send(&packet).unwrap();
+                sent += 1;
+            }
+            over.store(true, Ordering::Relaxed);
+            sent
+        });
+        let mut frames = 0;
+        while !over.load(Ordering::Relaxed) {
+            client.frame();
+            frames += 1;
+        }
+        (flood.join().unwrap(), frames)
+    });
+    // The next datagram that is taken tells how many the system threw away before it.
+    await_that("the flood has passed", || {
+        let counters = client.status().counters;
+        counters.attitudes + counters.overflows > sent
+    });
+    let counters = client.status().counters;
+    println!("{sent} attitudes in {FLOOD:?}, {frames} frames meanwhile: {counters:?}");
+    assert_eq!(counters.attitudes + counters.overflows, sent + 1);
+    assert_eq!(counters.time_backwards + counters.refused, 0);
+    assert!(frames > 0);
+    // The newest of them that was taken is followed.
+    let mut frame = client.frame();
+    while frame.header.attitude_sequence < 2 {
+        frame = client.frame();
+    }
+    client.point(attitude(u32::MAX), later(EPOCH, 100.0));
+    while frame.header.attitude_sequence != u32::MAX {
+        frame = client.frame();
+    }
+}
+
+#[test]
+fn by_the_wall_clock_a_client_whose_clock_is_set_is_told_and_frames_go_on() {
+    const HOUR_S: f64 = 3600.0;
+    let (_emulator, line) = on_memory(quick(20.0), Clock::Wall);
+    let mut client = Client::new(line);
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    // Back: it is refused, with what helps, and what was said before holds.
+    client.point(attitude(2), later(EPOCH, -HOUR_S));
+    let nack = client.nack();
+    assert_eq!(nack.reason, Reason::TimeBackwards);
+    assert!(nack.detail.contains("Reset"), "{}", nack.detail);
+    let seen = client.status().next_frame;
+    let mut frame = client.frame();
+    while frame.header.frame <= seen {
+        frame = client.frame();
+    }
+    assert_eq!(frame.header.attitude_sequence, 1);
+    assert_ne!(frame.end.attitude_source, AttitudeSource::Future);
+    // Forward: it is of the future, and says so.
+    client.point(attitude(3), later(EPOCH, HOUR_S));
+    while frame.header.attitude_sequence != 3 {
+        frame = client.frame();
+    }
+    assert_eq!(frame.end.attitude_source, AttitudeSource::Future);
+    let age_s = frame.end.timing.attitude_age_s;
+    assert!(age_s < -HOUR_S as f32 + 100.0, "{age_s}");
+    let counters = client.status().counters;
+    assert_eq!((counters.time_backwards, counters.attitudes), (1, 2));
+    assert!(counters.attitudes_future >= 1);
+    // And the way out.
+    client.done(Command::Reset);
+    client.forget();
+    client.point(attitude(4), EPOCH);
+    let frame = client.frame();
+    assert_eq!(frame.header.attitude_sequence, 4);
+    assert_eq!(frame.end.attitude_source, AttitudeSource::Extrapolated);
+}
+
+/// Sends octets as they are, and reads until nothing comes that has to be understood.
+fn burst(client: &mut Client<MemoryLine>, kind: FaultKind, direction: Direction, value: f64) {
+    let fault = |value| {
+        Command::Fault(Fault {
+            kind,
+            direction,
+            value,
+            seconds: 0.0,
+        })
+    };
+    client.send(fault(value));
+    for sequence in 0..40 {
+        // Times do not matter here: the same one is none that runs back.
+        let (packet, _) = client.prepare(&Command::Attitude(attitude(sequence)), EPOCH);
+        client.line.send(&packet);
+        let (ping, _) = client.prepare(&Command::Ping, EPOCH);
+        client.line.send(&ping);
+        while client.line.recv(Duration::from_millis(1)).is_some() {}
+    }
+    client.send(fault(0.0));
+}
+
+#[test]
+fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
+    let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
+    let book = Arc::new(Mutex::new(Book::default()));
+    let wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
+    let _emulator = Running::start(quick(20.0), Clock::Wall, wire);
+    let mut client = Client::new(MemoryLine(port));
+    client.window = None;
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    let mut before = client.status().counters;
+    use Direction::{In, Out};
+    for (kind, direction, value, counted) in [
+        (
+            FaultKind::BitFlips,
+            In,
+            0.005,
+            &["bad_crc", "sequence_gaps"][..],
+        ),
+        (FaultKind::Drop, In, 0.5, &["sequence_gaps"]),
+        (FaultKind::Truncate, In, 0.5, &["bad_length"]),
+        (FaultKind::BitFlips, Out, 0.001, &[]),
+        (FaultKind::Drop, Out, 0.5, &[]),
+        (FaultKind::Down, In, 1.0, &["sequence_gaps", "reconnects"]),
+    ] {
+        burst(&mut client, kind, direction, value);
+        // The line is good again; what was on its way may still be spoilt.
+        let settled = Instant::now() + Duration::from_millis(150);
+        while Instant::now() < settled {
+            client.line.recv(Duration::from_millis(10));
+        }
+        let Client { line, counts, .. } = client;
+        client = Client::new(line);
+        (client.window, client.counts) = (None, counts);
+        whole_frame(&mut client);
+        let after = client.status().counters;
+        let moved = moved(&before, &after);
+        for name in counted {
+            assert!(
+                moved.iter().any(|(found, _)| found == name),
+                "{kind:?}: {moved:?}"
+            );
+        }
+        assert!(after.frames_rendered > before.frames_rendered);
+        before = after;
+    }
+}

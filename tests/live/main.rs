@@ -1,0 +1,125 @@
+//! The live run: clocks, triggers, attitudes that are late or early, delays, deadlines; and what it does when something breaks.
+//!
+//! Order, counts, states and flags are held, and that nothing comes early; how late something comes is the machine's affair.
+
+mod clients;
+mod deadlines;
+mod delay;
+mod external;
+mod figures;
+mod floods;
+mod overlap;
+mod staleness;
+#[path = "../support/mod.rs"]
+mod support;
+mod triggers;
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use skyloop::config::Config;
+use skyloop_protocols::{Command, Reply, WireTime};
+use std::time::Duration;
+use support::client::{Client, Received};
+use support::line::Line;
+use support::{EPOCH, PATIENCE, Q, await_that, later, scene};
+
+/// The built-in scene with a camera of 64 x 64 pixels that exposes for 10 ms, `rate_hz` times a second.
+fn quick(rate_hz: f64) -> Config {
+    let mut config = scene();
+    config.camera.detector.width = 64;
+    config.camera.detector.height = 64;
+    config.camera.exposure_s = EXPOSURE_S;
+    config.camera.rate_hz = rate_hz;
+    config
+}
+
+/// Exposure of that camera, s.
+const EXPOSURE_S: f64 = 0.01;
+
+/// From one time to another, s.
+fn seconds(from: WireTime, to: WireTime) -> f64 {
+    to.0.wrapping_sub(from.0) as i64 as f64 / 2f64.powi(32)
+}
+
+/// Body rates of the tests, rad/s.
+const RATES: [f64; 3] = [0.02, -0.01, 0.03];
+
+fn unit(q: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(q[3], q[0], q[1], q[2]))
+}
+
+fn xyzw(q: UnitQuaternion<f64>) -> [f64; 4] {
+    [q.i, q.j, q.k, q.w]
+}
+
+/// The attitude `s` seconds after [`EPOCH`] of a body that has [`Q`] there and turns at [`RATES`]: dR/dt = -[w x] R, so q(t) = exp(-w t / 2) q(0).
+fn turned(s: f64) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_scaled_axis(Vector3::from(RATES) * -s) * unit(Q)
+}
+
+/// The attitude that a frame's label shows.
+fn shown(frame: &Received) -> UnitQuaternion<f64> {
+    let q = frame.label()["q_icrf_to_body"].clone();
+    unit(serde_json::from_value(q).unwrap())
+}
+
+/// Whether that is this attitude.
+fn shows(frame: &Received, attitude: UnitQuaternion<f64>) -> bool {
+    shown(frame).angle_to(&attitude) < 1e-9
+}
+
+/// Middle of a frame's exposure, s after [`EPOCH`].
+fn mid_s(frame: &Received) -> f64 {
+    seconds(EPOCH, frame.time)
+}
+
+/// Sends a Trigger whose exposure starts at `start_s` after [`EPOCH`]; it tells no time of the client's.
+fn trigger<L: Line>(client: &mut Client<L>, number: u32, start_s: f64) {
+    let start = later(EPOCH, start_s);
+    let command = Command::Trigger { number, start };
+    let (packet, _) = client.prepare(&command, WireTime::default());
+    client.line.send(&packet);
+}
+
+/// Lets the cadence rest, and takes the frames that are still on their way.
+fn rest<L: Line>(client: &mut Client<L>) -> Vec<Received> {
+    client.done(Command::FrameRate { hz: 1e-3 });
+    // One may be in the making, of which nothing is told: nothing comes of it for three looks.
+    let (mut looks, mut before) = (0, None);
+    await_that("nothing is under way", || {
+        std::thread::sleep(Duration::from_millis(60));
+        let counters = client.status().counters;
+        let over = counters.frames_delivered + counters.frames_abandoned;
+        let is_still = over == counters.frames_rendered && before == Some(over);
+        looks = if is_still { looks + 1 } else { 0 };
+        before = Some(over);
+        looks == 3
+    });
+    let mut frames = Vec::new();
+    while !client.has_nothing_left() {
+        frames.push(client.frame());
+    }
+    frames
+}
+
+/// The next frame that comes whole, whatever is left of others before it.
+fn whole_frame<L: Line>(client: &mut Client<L>) -> u32 {
+    let mut under_way = None;
+    loop {
+        let packet = client.next(true);
+        match Reply::decode(&packet).unwrap().1 {
+            Reply::FrameHeader(header) => {
+                let due = header.blocks_due().unwrap_or(header.blocks);
+                under_way = Some((header.frame, due + u32::from(header.label_parts)));
+            }
+            Reply::FrameEnd(end) => {
+                if under_way == Some((end.frame, 0)) {
+                    return end.frame;
+                }
+                under_way = None;
+            }
+            _ => {
+                under_way = under_way.and_then(|(frame, left)| Some((frame, left.checked_sub(1)?)))
+            }
+        }
+    }
+}

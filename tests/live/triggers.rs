@@ -1,0 +1,285 @@
+//! Triggers: one exposure at a time that the client chooses.
+
+use crate::support::client::Client;
+use crate::support::line::{Line, MemoryLine};
+use crate::support::{EPOCH, Running, attitude, await_that, later, on_memory};
+use crate::{EXPOSURE_S, RATES, mid_s, quick, seconds, shows, trigger, turned, xyzw};
+use skyloop::config::{Clock, Config, Trigger};
+use skyloop::load::Folder;
+use skyloop_protocols::{Attitude, AttitudeSource, Command, Mode, Reason, SyncState, WireTime};
+use std::time::{Duration, Instant};
+
+/// Triggers and attitudes that may wait.
+// X-Val: protocols/docs/icd.md, section 5.4: 64 attitudes wait; triggers likewise.
+const WAIT: u32 = 64;
+
+/// An emulator whose frames are triggered, and its client.
+fn triggered(clock: Clock) -> (Running, Client<MemoryLine>) {
+    let mut config = quick(20.0);
+    config.run.trigger = Trigger::Packet;
+    let (emulator, line) = on_memory(config, clock);
+    (emulator, Client::new(line))
+}
+
+/// Sends the attitude of a body that turns at [`RATES`], `s` after [`EPOCH`].
+fn point(client: &mut Client<MemoryLine>, sequence: u32, s: f64) {
+    let turning = Attitude {
+        q_icrf_to_body: xyzw(turned(s)),
+        rates_rad_s: RATES,
+        ..attitude(sequence)
+    };
+    client.point(turning, later(EPOCH, s));
+}
+
+#[test]
+fn in_step_each_trigger_gives_the_frame_of_its_own_time() {
+    let (_emulator, mut client) = triggered(Clock::Stepped);
+    assert_eq!(client.status().mode, Mode::Stepped);
+    for (sequence, s) in [(1, 0.0), (2, 0.4), (3, 0.8)] {
+        point(&mut client, sequence, s);
+    }
+    assert_eq!(client.status().counters.frames_rendered, 0, "not asked for");
+    // Any order, any number but 0; the same time twice is two frames.
+    let asked = [(70, 0.1), (71, 0.5), (9, 0.3), (4_000_000_000, 0.3)];
+    for (number, start_s) in asked {
+        trigger(&mut client, number, start_s);
+    }
+    for (frame, (number, start_s)) in (0..).zip(asked) {
+        let got = client.frame();
+        assert_eq!((got.header.frame, got.end.trigger), (frame, number));
+        // The message before its middle.
+        let sequence = if start_s < 0.4 { 1 } else { 2 };
+        assert_eq!(got.header.attitude_sequence, sequence);
+        // X-Val: whole nanoseconds behind both times.
+        let start = seconds(later(EPOCH, start_s), got.header.exposure_start);
+        assert!(start.abs() < 2e-9, "{start}");
+        let mid_s = start_s + EXPOSURE_S / 2.0;
+        assert!((crate::mid_s(&got) - mid_s).abs() < 2e-9);
+        assert_eq!(got.end.attitude_source, AttitudeSource::Interpolated);
+        assert!(shows(&got, turned(mid_s)), "{number}");
+        let label = got.label();
+        assert_eq!(label["timing"]["trigger"], number);
+        assert_eq!(label["timing"]["attitude"], "interpolated");
+        // Frames in step are the same octets every time.
+        assert_eq!(label["timing"]["first_pixel_ms"], serde_json::Value::Null);
+        let age_s = label["timing"]["attitude_age_s"].as_f64().unwrap();
+        let told_s = if sequence == 1 { 0.0 } else { 0.4 };
+        assert!((age_s - (mid_s - told_s)).abs() < 1e-6, "{age_s}");
+        assert!((f64::from(got.end.timing.attitude_age_s) - age_s).abs() < 1e-6);
+    }
+    let counters = client.status().counters;
+    assert_eq!((counters.triggers, counters.triggers_missed), (4, 0));
+    assert_eq!(counters.frames_delivered, 4);
+}
+
+/// Rates that say nothing of how the body came from one attitude to the other: the shorter way between them, along which it speeds up and slows down.
+#[test]
+fn between_attitudes_at_rest_a_trigger_shows_the_way_from_one_to_the_other() {
+    let (_emulator, mut client) = triggered(Clock::Stepped);
+    let ends = [turned(0.0), turned(3.0)];
+    for (sequence, q) in (1..).zip(ends) {
+        let still = Attitude {
+            q_icrf_to_body: xyzw(q),
+            ..attitude(sequence)
+        };
+        client.point(still, later(EPOCH, f64::from(sequence - 1)));
+    }
+    for mid_s in [0.5, 0.25, 0.75] {
+        trigger(&mut client, 1, mid_s - EXPOSURE_S / 2.0);
+        // X-Val: Hermite's cubic that rests at both ends, by hand: 3 u^2 - 2 u^3.
+        let share: f64 = 3.0 * mid_s * mid_s - 2.0 * mid_s * mid_s * mid_s;
+        let frame = client.frame();
+        // The trigger's time has whole units of 2^-32 s, and the frame's of nanoseconds.
+        let off = crate::shown(&frame).angle_to(&ends[0].slerp(&ends[1], share));
+        assert!(off < 1e-8, "{mid_s}: {off}");
+    }
+}
+
+/// In step no clock runs: what came before and after an exposure is between which it lies, however much later the last one is.
+#[test]
+fn a_trigger_of_a_time_long_past_is_between_the_attitudes_around_it() {
+    let (_emulator, mut client) = triggered(Clock::Stepped);
+    for n in 0..30 {
+        point(&mut client, n, f64::from(n) * 0.2);
+    }
+    trigger(&mut client, 1, 1.1 - EXPOSURE_S / 2.0);
+    let frame = client.frame();
+    assert_eq!(frame.end.attitude_source, AttitudeSource::Interpolated);
+    assert_eq!(frame.header.attitude_sequence, 5);
+    assert!(shows(&frame, turned(1.1)));
+    assert_eq!(client.status().counters.attitudes_future, 0);
+}
+
+#[test]
+fn a_trigger_keeps_the_exposure_that_was_set_when_it_came() {
+    for clock in [Clock::Stepped, Clock::External] {
+        let (_emulator, mut client) = triggered(clock);
+        client.window = None;
+        point(&mut client, 1, 0.0);
+        trigger(&mut client, 1, 0.3);
+        client.send(Command::Exposure { seconds: 0.04 });
+        trigger(&mut client, 2, 0.5);
+        for (number, start_s, exposure_s) in [(1, 0.3, EXPOSURE_S), (2, 0.5, 0.04)] {
+            let frame = client.frame();
+            assert_eq!(frame.end.trigger, number);
+            let header = &frame.header;
+            let start = seconds(later(EPOCH, start_s), header.exposure_start);
+            let open = seconds(header.exposure_start, header.exposure_end);
+            assert!(start.abs() < 2e-9, "{clock:?} {number}: {start}");
+            assert!((open - exposure_s).abs() < 2e-9, "{clock:?}: {open}");
+        }
+    }
+}
+
+#[test]
+fn triggers_without_an_attitude_are_counted_and_give_nothing() {
+    for clock in [Clock::Stepped, Clock::External] {
+        let (_emulator, mut client) = triggered(clock);
+        let start = later(EPOCH, -1.0);
+        client.send(Command::Trigger { number: 5, start });
+        await_that("it is given up", || {
+            client.status().counters.triggers_missed == 1
+        });
+        let status = client.status();
+        let counters = status.counters;
+        assert_eq!((counters.triggers, counters.frames_rendered), (1, 0));
+        // What the packet told of the client's time is believed all the same.
+        let followed = match clock {
+            Clock::External => SyncState::Locked,
+            _ => SyncState::Free,
+        };
+        assert_eq!(status.sync, followed);
+        // The next one, with an attitude, has its frame.
+        point(&mut client, 1, 0.0);
+        trigger(&mut client, 6, 0.0);
+        assert_eq!(client.frame().end.trigger, 6);
+    }
+}
+
+#[test]
+fn by_the_clients_clock_frames_come_at_their_triggers_in_the_order_of_their_times() {
+    let (_emulator, mut client) = triggered(Clock::External);
+    // Before its time is known to the emulator: all wait, however long that takes.
+    for (number, start_s) in [(3, 0.6), (1, 0.2), (2, 0.4), (4, 0.6)] {
+        trigger(&mut client, number, start_s);
+    }
+    let status = client.status();
+    assert_eq!(
+        (status.mode, status.sync),
+        (Mode::External, SyncState::Waiting)
+    );
+    assert_eq!(status.counters.triggers, 4);
+    let began = Instant::now();
+    point(&mut client, 1, 0.0);
+    for (number, start_s) in [(1, 0.2), (2, 0.4), (3, 0.6), (4, 0.6)] {
+        let frame = client.frame();
+        assert_eq!(frame.end.trigger, number);
+        let start = seconds(later(EPOCH, start_s), frame.header.exposure_start);
+        assert!(start.abs() < 2e-9, "{start}");
+        assert!(shows(&frame, turned(mid_s(&frame))));
+        let ended = Duration::from_secs_f64(start_s + EXPOSURE_S);
+        assert!(began.elapsed() >= ended, "never early");
+    }
+    // No cadence besides: nothing comes of itself. X-Val: four periods.
+    assert!(client.recv(Duration::from_millis(200)).is_none());
+    let counters = client.status().counters;
+    assert_eq!(
+        (counters.triggers_missed, counters.exposures_missed),
+        (0, 0)
+    );
+}
+
+#[test]
+fn as_many_triggers_wait_as_may_and_more_are_busy() {
+    let (_emulator, mut client) = triggered(Clock::External);
+    // An hour ahead of the client's time, the last ones first.
+    point(&mut client, 1, 0.0);
+    for number in (1..=WAIT).rev() {
+        trigger(&mut client, number, 3600.0 + f64::from(number));
+    }
+    trigger(&mut client, 1000, 0.0);
+    let nack = client.nack();
+    assert_eq!(nack.reason, Reason::Busy);
+    assert!(nack.detail.contains("64 triggers"), "{}", nack.detail);
+    let counters = client.status().counters;
+    assert_eq!((counters.triggers, counters.refused), (WAIT, 1));
+    assert_eq!(counters.triggers_missed, 0);
+    // A Reset gives them up, and there is room again.
+    client.done(Command::Reset);
+    assert_eq!(client.status().counters.frames_abandoned, WAIT);
+    point(&mut client, 2, 0.0);
+    trigger(&mut client, 7, 0.01);
+    assert_eq!(client.frame().end.trigger, 7);
+}
+
+/// Where the client's clock is set, the times that triggers had asked for are those of another clock.
+#[test]
+fn triggers_of_a_clock_that_was_set_are_missed() {
+    let (_emulator, mut client) = triggered(Clock::External);
+    point(&mut client, 1, 0.0);
+    for number in 1..=WAIT {
+        trigger(&mut client, number, 60.0 + f64::from(number));
+    }
+    // An hour back: they would wait for an hour, and nothing else could be asked for.
+    point(&mut client, 2, -3600.0);
+    trigger(&mut client, 100, -3600.0 + 0.05);
+    let frame = client.frame();
+    assert_eq!(
+        (frame.end.trigger, frame.header.attitude_sequence),
+        (100, 2)
+    );
+    let counters = client.status().counters;
+    assert_eq!(
+        (counters.triggers, counters.triggers_missed),
+        (WAIT + 1, WAIT)
+    );
+    assert_eq!(counters.refused, 0);
+}
+
+#[test]
+fn where_frames_come_of_themselves_a_trigger_is_refused() {
+    for clock in [Clock::Stepped, Clock::Wall, Clock::External] {
+        // So slow that no frame comes of itself.
+        let (_emulator, line) = on_memory(quick(1e-3), clock);
+        let mut client = Client::new(line);
+        client.point(attitude(1), EPOCH);
+        if clock == Clock::Stepped {
+            client.frame();
+        }
+        let before = client.status().counters;
+        trigger(&mut client, 1, 0.0);
+        let nack = client.nack();
+        assert_eq!(nack.reason, Reason::NotSupported, "{clock:?}");
+        assert!(nack.detail.contains("run.trigger"), "{}", nack.detail);
+        let after = client.status().counters;
+        assert_eq!((after.triggers, after.refused), (0, 1));
+        assert_eq!(after.frames_rendered, before.frames_rendered);
+    }
+}
+
+#[test]
+fn a_number_of_0_is_no_trigger() {
+    let (_emulator, mut client) = triggered(Clock::Stepped);
+    // X-Val: protocols/docs/icd.md, Trigger: octet 16 and the three behind it are the number, above 0.
+    let one = Command::Trigger {
+        number: 1,
+        start: EPOCH,
+    };
+    let (mut packet, _) = client.prepare(&one, WireTime::default());
+    packet[19] = 0;
+    skyloop_protocols::packet::reseal(&mut packet);
+    client.line.send(&packet);
+    assert_eq!(client.nack().reason, Reason::ValueOutOfRange);
+    let counters = client.status().counters;
+    assert_eq!((counters.triggers, counters.bad_value), (0, 1));
+}
+
+#[test]
+fn a_file_that_asks_for_triggers_by_the_wall_clock_is_refused_with_the_remedy() {
+    let text = "[run]\nclock = \"wall\"\ntrigger = \"packet\"\n";
+    let error = Config::parse("run.toml", text, &Folder::current());
+    let error = error.unwrap_err().to_string();
+    for word in ["run.toml", "run.trigger", "\"external\"", "SingleShot"] {
+        assert!(error.contains(word), "no {word:?} in {error}");
+    }
+}
