@@ -117,6 +117,7 @@ const FENCES: &[(&str, &[&str])] = &[
             "cli/bench",
             "cli/catalog",
             "cli/cost",
+            "cli/soak",
             "cli/plan",
             "label",
             "link/fault/book",
@@ -134,6 +135,7 @@ const FENCES: &[(&str, &[&str])] = &[
         "std::fs::",
         &[
             "cli/catalog/convert",
+            "cli/soak",
             "host",
             "link/capture",
             "link/fault/book",

@@ -15,6 +15,7 @@ mod plan;
 mod pty;
 mod replay;
 mod run;
+mod soak;
 #[path = "../support/mod.rs"]
 mod support;
 mod synth;

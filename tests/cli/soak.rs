@@ -1,0 +1,147 @@
+//! `skyloop soak`: what it measures, what it writes, where it fails.
+
+use crate::{repository, skyloop};
+use serde_json::Value;
+use std::path::Path;
+
+/// A run file with a camera of 64 x 64 pixels at 20 Hz, and more keys of `[run]`.
+fn files(at: &Path, run: &str) {
+    let camera = std::fs::read_to_string(repository("configs/cameras/fai-nir.toml")).unwrap();
+    let set = |text: String, key: &str, value: &str| -> String {
+        let line = |line: &str| match line.starts_with(key) {
+            true => format!("{key} = {value}"),
+            false => line.to_string(),
+        };
+        text.lines().map(|one| line(one) + "\n").collect()
+    };
+    let camera = set(camera, "width_px", "64");
+    let camera = set(camera, "height_px", "64");
+    let camera = set(camera, "exposure_s", "0.01");
+    let camera = set(camera, "rate_hz", "20.0");
+    std::fs::write(at.join("camera.toml"), camera).unwrap();
+    let text = format!(
+        "camera = \"camera.toml\"\n[sequence]\nepoch = \"2026-12-01T00:00:00Z\"\nframes = 2\nperiod_s = 0.1\n\
+         attitudes = [{{ q = [0.0, 0.0, 0.0, 1.0] }}]\n[run]\n{run}\n"
+    );
+    std::fs::write(at.join("run.toml"), text).unwrap();
+}
+
+fn read(at: &Path, name: &str) -> String {
+    std::fs::read_to_string(at.join(name)).unwrap()
+}
+
+#[test]
+fn a_run_is_measured_and_told_in_every_form() {
+    let here = tempfile::tempdir().unwrap();
+    files(
+        here.path(),
+        "clock = \"wall\"\n[[heads]]\nname = \"B\"\ncamera = \"camera.toml\"\nlink = \"udp://127.0.0.1:1\"",
+    );
+    // However busy the machine is: nothing is asked of it.
+    let words = "soak --config run.toml --minutes 0.05 --max-miss-rate 1 --junit verdict.xml --json verdict.json";
+    let output = skyloop(here.path())
+        .args(words.split_whitespace())
+        .output()
+        .unwrap();
+    let (said, log) = [output.stdout, output.stderr]
+        .map(|text| String::from_utf8(text).unwrap())
+        .into();
+    assert!(output.status.success(), "{said}{log}");
+    for row in [
+        "to the last octet",
+        "deadlines missed",
+        "context switches",
+        "kept: deadlines missed",
+    ] {
+        assert!(said.contains(row), "no {row:?} in {said}");
+    }
+    let report: Value = serde_json::from_str(&read(here.path(), "verdict.json")).unwrap();
+    assert_eq!(report["passed"], true);
+    let latencies = &report["latencies"];
+    // X-Val: 3 s at 20 Hz, of two cameras; most of them come on any machine.
+    let frames = latencies["frames"].as_u64().unwrap();
+    assert!((60..=130).contains(&frames), "{frames}");
+    assert!(
+        latencies["last_octet"]["count"].as_u64().unwrap() > 20,
+        "{latencies}"
+    );
+    let junit = read(here.path(), "verdict.xml");
+    assert!(
+        junit.contains("<testsuite") && junit.contains("failures=\"0\""),
+        "{junit}"
+    );
+}
+
+#[test]
+fn a_limit_that_is_broken_fails_the_run_and_names_the_first_frame() {
+    let here = tempfile::tempdir().unwrap();
+    // No frame leaves within a microsecond.
+    files(here.path(), "clock = \"wall\"\nlatency_s = 1e-6");
+    let words = "soak --config run.toml --minutes 0.02 --max-p99-ms 0.001 --junit verdict.xml --link memory";
+    let output = skyloop(here.path())
+        .args(words.split_whitespace())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8(output.stderr).unwrap();
+    for words in [
+        "deadlines missed:",
+        "is above 1e-3: frame 0 was the first",
+        "is above 0.001 ms: frame 0",
+    ] {
+        assert!(said.contains(words), "no {words:?} in {said}");
+    }
+    let junit = read(here.path(), "verdict.xml");
+    assert!(
+        junit.contains("failures=\"2\"") && junit.contains("<failure"),
+        "{junit}"
+    );
+}
+
+#[test]
+fn what_cannot_be_soaked_is_told_before() {
+    let here = tempfile::tempdir().unwrap();
+    let refused = |run: &str, words: &str, says: &[&str]| {
+        files(here.path(), run);
+        let words = format!("soak --config run.toml {words}");
+        let output = skyloop(here.path())
+            .args(words.split_whitespace())
+            .output()
+            .unwrap();
+        assert!(!output.status.success(), "{words}");
+        let said = String::from_utf8(output.stderr).unwrap();
+        for word in says {
+            assert!(said.contains(word), "{words}: no {word:?} in {said}");
+        }
+    };
+    let wall = "clock = \"wall\"";
+    refused("", "", &["run.clock is \"stepped\"", "\"wall\""]);
+    refused(
+        "clock = \"external\"\ntrigger = \"packet\"",
+        "",
+        &["run.trigger \"packet\""],
+    );
+    refused(
+        "clock = \"wall\"\ntrigger = \"packet\"",
+        "",
+        &["run.trigger", "SingleShot"],
+    );
+    refused(wall, "--minutes 0", &["--minutes", "0.001 to 100000"]);
+    refused(wall, "--max-miss-rate 2", &["--max-miss-rate", "0 to 1"]);
+    refused(
+        wall,
+        "--junit no/such/folder.xml",
+        &["no/such/folder.xml", "name another file"],
+    );
+    refused(wall, "--metrics nowhere", &["metrics at nowhere"]);
+    refused(
+        "clock = \"wall\"\npriority = 100",
+        "",
+        &["run.priority", "1 to 99"],
+    );
+    refused(
+        "clock = \"wall\"\ndelay_s = 10",
+        "",
+        &["run.delay_s", "at most 16"],
+    );
+}
