@@ -1,6 +1,6 @@
 //! Attitude profiles: where the spacecraft points, and how fast it turns, at any instant.
 //!
-//! Those that follow the orbit get their rates by a central difference over the orbit near the instant ([`along`]).
+//! Those that follow the orbit get their rates by a central difference over the orbit near the instant (`along`).
 
 mod limb;
 mod nadir;

@@ -42,7 +42,7 @@ impl Scan {
         })
     }
 
-    /// How long it takes to turn round, s: [`TURN_ROUND_S`], or the time for the half width at the scan's rate if that is shorter.
+    /// How long it takes to turn round, s: `TURN_ROUND_S`, or the time for the half width at the scan's rate if that is shorter.
     #[must_use]
     pub fn turn_round_s(&self) -> f64 {
         TURN_ROUND_S.min(self.half_width_rad / self.rate_rad_s)
