@@ -50,6 +50,8 @@ pub struct ReceivedFrame {
     pub header_at: Instant,
     /// When the last packet with pixels arrived; of a frame without any, with labels.
     pub last_block: Instant,
+    /// When all of it was there.
+    pub whole_at: Instant,
     /// Label text or object records as octets, to be read through [`ReceivedFrame::labels`] and
     /// [`ReceivedFrame::objects`] only.
     pub(crate) sealed_labels: Vec<u8>,

@@ -159,7 +159,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let takes = |number: usize, arrived: Sender<(usize, u32, Instant)>| {
         move |event: Event<'_>| {
             if let Event::Frame { frame, .. } = &event {
-                let _ = arrived.send((number, frame.header.frame, frame.last_block));
+                let _ = arrived.send((number, frame.header.frame, frame.whole_at));
             }
             let ends = Instant::now() >= end || interrupted.load(Ordering::Relaxed);
             match ends || over.load(Ordering::Relaxed) {

@@ -402,6 +402,7 @@ impl Partial {
             pixel_octets: self.pixel_octets,
             header_at: self.header_at,
             last_block: self.last_block,
+            whole_at: Instant::now(),
             sealed_labels: self.labels,
         })
     }
