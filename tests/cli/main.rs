@@ -3,6 +3,7 @@
 mod beside;
 mod catalog;
 mod cost;
+mod drills;
 mod folders;
 mod ground;
 mod inputs;

@@ -25,11 +25,13 @@ impl Process {
 
     /// `skyloop` once it has printed a line that begins so; behind that stands its address.
     pub fn of(flags: &[&str], begin: &str) -> Process {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_skyloop"))
-            .args(flags)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
+        Process::spawned(command.args(flags), begin)
+    }
+
+    /// Likewise of a command that runs it.
+    pub fn spawned(command: &mut Command, begin: &str) -> Process {
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut stdout = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
         while !line.starts_with(begin) {
@@ -45,6 +47,11 @@ impl Process {
             stdout,
             address,
         }
+    }
+
+    /// Its number.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     pub fn signal(&self, name: &str) {

@@ -20,6 +20,7 @@ fn next_client<L: Line>(line: L) -> Client<L> {
         client.recv(Duration::from_millis(100)).is_some()
     });
     client.start_anew();
+    client.window = None;
     client
 }
 

@@ -15,6 +15,7 @@ use super::{Inbound, LinkError, Outbound, Outbox, Wire};
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::{Direction, FaultKind};
 use std::borrow::Cow;
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -136,10 +137,8 @@ impl Capture {
             file: name.clone(),
             source,
         };
-        let mut to = BufWriter::with_capacity(1 << 16, File::create(file).map_err(failed)?);
-        to.write_all(head)
-            .and_then(|()| to.flush())
-            .map_err(failed)?;
+        let mut to = File::create(file).map_err(failed)?;
+        to.write_all(head).map_err(failed)?;
         let (queue, records) = sync_channel(QUEUE);
         let thread = std::thread::Builder::new()
             .name("capture".to_string())
@@ -275,41 +274,70 @@ impl Outbox for TappedOutbox {
     }
 }
 
+/// Counts the octets that have been written.
+struct Counted<W> {
+    to: W,
+    octets: u64,
+}
+
+impl<W: Write> Write for Counted<W> {
+    fn write(&mut self, octets: &[u8]) -> std::io::Result<usize> {
+        let written = self.to.write(octets)?;
+        self.octets += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.to.flush()
+    }
+}
+
 /// Writes records until the recording ends. After an error the others are counted only: the run goes on.
-fn write(
-    file: String,
-    mut to: impl Write,
-    records: &Receiver<Message>,
-) -> Result<u64, CaptureError> {
-    let (mut written, mut lost, mut failed) = (0, 0, None);
+fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u64, CaptureError> {
+    let mut to = BufWriter::with_capacity(1 << 16, Counted { to, octets: 0 });
+    // Ends of the records of which not all octets have been written, and the end of the last one.
+    let (mut ends, mut end) = (VecDeque::new(), 0);
+    let (mut taken, mut failed) = (0, None);
     let mut flushed = Instant::now();
     loop {
         let mut done = Ok(());
-        let mut ends = false;
+        let mut is_over = false;
         match records.recv_timeout(FLUSH) {
-            Ok(Message::Record(_)) if failed.is_some() => lost += 1,
             Ok(Message::Record(record)) => {
-                done = to.write_all(&record);
-                written += 1;
+                taken += 1;
+                end += record.len() as u64;
+                if failed.is_none() {
+                    ends.push_back(end);
+                    done = to.write_all(&record);
+                }
             }
-            Ok(Message::End) | Err(RecvTimeoutError::Disconnected) => ends = true,
+            Ok(Message::End) | Err(RecvTimeoutError::Disconnected) => is_over = true,
             Err(RecvTimeoutError::Timeout) => {}
         }
-        if failed.is_none() && done.is_ok() && (ends || flushed.elapsed() >= FLUSH) {
+        if failed.is_none() && done.is_ok() && (is_over || flushed.elapsed() >= FLUSH) {
             done = to.flush();
             flushed = Instant::now();
+        }
+        let written = to.get_ref().octets;
+        while ends.front().is_some_and(|end| *end <= written) {
+            ends.pop_front();
         }
         if let Err(error) = done {
             tracing::warn!(
                 "the capture can no longer be written to {file} ({error}): the run goes on, and it ends here"
             );
-            failed = Some(error);
-            lost += 1;
+            failed = Some((error, taken - ends.len() as u64));
         }
-        if ends {
+        if is_over {
+            // What could not be written is not tried again.
+            let _ = to.into_parts();
             return match failed {
-                None => Ok(written),
-                Some(source) => Err(CaptureError::Write { file, source, lost }),
+                None => Ok(taken),
+                Some((source, written)) => Err(CaptureError::Write {
+                    file,
+                    source,
+                    lost: taken - written,
+                }),
             };
         }
     }
@@ -324,11 +352,12 @@ mod tests {
 
     impl Write for Disk {
         fn write(&mut self, octets: &[u8]) -> std::io::Result<usize> {
-            if self.0 < octets.len() {
+            let room = octets.len().min(self.0);
+            if room == 0 {
                 return Err(std::io::ErrorKind::StorageFull.into());
             }
-            self.0 -= octets.len();
-            Ok(octets.len())
+            self.0 -= room;
+            Ok(room)
         }
 
         fn flush(&mut self) -> std::io::Result<()> {

@@ -1,0 +1,258 @@
+//! `skyloop run` as a process when something breaks: signals, a full disk, a port that others hold, clients without end.
+#![cfg(target_os = "linux")]
+
+use crate::run::Process;
+use crate::skyloop;
+use crate::support::client::Client;
+use crate::support::line::UdpLine;
+use crate::support::{PATIENCE, await_that};
+use skyloop::link::capture::pcapng;
+use skyloop_protocols::Reply;
+use std::net::UdpSocket;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+/// Frames of a few packets: what is drilled is not how long pixels take.
+const RUN: &str = "[run]\nlink = \"udp://127.0.0.1:0\"\noutput = \"windows\"\n";
+
+/// A run of the file `run.toml` in `at` with these flags, listening.
+fn started(at: &Path, flags: &[&str]) -> Process {
+    let config = at.join("run.toml");
+    if !config.exists() {
+        std::fs::write(&config, RUN).unwrap();
+    }
+    let config = config.display().to_string();
+    Process::of(
+        &[&["run", "--config", &config], flags].concat(),
+        "listening on ",
+    )
+}
+
+fn client_of(process: &Process) -> Client<UdpLine> {
+    Client::new(UdpLine::to(&process.address))
+}
+
+/// A frame of this attitude, of windows and objects.
+fn frame(client: &mut Client<UdpLine>, sequence: u32) -> u32 {
+    client.point(crate::support::attitude(sequence), crate::support::EPOCH);
+    let (header, packets, _) = client.parcel();
+    assert_eq!(header.attitude_sequence, sequence);
+    packets.len() as u32 + 2
+}
+
+/// The packets of a recording, and how many of them end a frame.
+fn recorded(file: &Path) -> (usize, usize) {
+    let octets = std::fs::read(file).unwrap();
+    let packets = pcapng::read(file, &octets).unwrap().records;
+    let ends = packets.iter().filter(|record| {
+        let reply = Reply::decode(&record.item);
+        matches!(reply, Ok((_, Reply::FrameEnd(_))))
+    });
+    (packets.len(), ends.count())
+}
+
+/// What `skyloop replay` says of a recording, and its exit code.
+fn replayed(at: &Path, file: &str) -> (Option<i32>, String) {
+    let replay = ["replay", file, "--config", "run.toml"];
+    let output = skyloop(at).args(replay).output().unwrap();
+    let text = [output.stdout, output.stderr].concat();
+    (output.status.code(), String::from_utf8(text).unwrap())
+}
+
+#[test]
+fn a_run_that_is_told_to_end_leaves_a_recording_that_is_whole() {
+    let here = tempfile::tempdir().unwrap();
+    let file = here.path().join("run.pcapng").display().to_string();
+    let process = started(here.path(), &["--capture", &file]);
+    let mut client = client_of(&process);
+    for sequence in 1..=3 {
+        frame(&mut client, sequence);
+    }
+    process.signal("-TERM");
+    let (code, table) = process.end();
+    assert_eq!(code, Some(0), "{table}");
+    assert!(table.contains("frames_delivered 3"), "{table}");
+    assert_eq!(recorded(Path::new(&file)).1, 3);
+    let (code, text) = replayed(here.path(), &file);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("the same: 3 frames"), "{text}");
+}
+
+#[test]
+fn a_run_that_is_killed_leaves_what_it_had_recorded() {
+    let here = tempfile::tempdir().unwrap();
+    let file = here.path().join("run.pcapng");
+    let process = started(here.path(), &["--capture", &file.display().to_string()]);
+    let mut client = client_of(&process);
+    for sequence in 1..=3 {
+        frame(&mut client, sequence);
+    }
+    // The file is brought up to date once a second.
+    await_that("three frames are on disk", || {
+        std::thread::sleep(Duration::from_millis(20));
+        recorded(&file).1 == 3
+    });
+    // More of them, of which the last ones are cut off.
+    for sequence in 4..=6 {
+        frame(&mut client, sequence);
+    }
+    process.signal("-KILL");
+    let (code, _) = process.end();
+    assert_eq!(code, None, "killed");
+    let (_, frames) = recorded(&file);
+    assert!((3..=6).contains(&frames), "{frames}");
+    // Wherever within a record the end lies.
+    let octets = std::fs::read(&file).unwrap();
+    let cut = here.path().join("cut.pcapng");
+    for less in [1, 5, 30, 100] {
+        std::fs::write(&cut, &octets[..octets.len() - less]).unwrap();
+        assert!(recorded(&cut).1 >= 2, "{less}");
+    }
+    let (code, text) = replayed(here.path(), "cut.pcapng");
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("the same: "), "{text}");
+}
+
+/// A disk that is full while the run records: no octet beyond the first 64 KiB.
+#[test]
+fn a_run_whose_disk_is_full_goes_on_and_tells_what_is_missing() {
+    let here = tempfile::tempdir().unwrap();
+    std::fs::write(here.path().join("run.toml"), RUN).unwrap();
+    let log = here.path().join("log");
+    let mut command = Command::new("sh");
+    // The signal that comes with it is not for us; blocks are of 512 octets.
+    let script = "trap '' XFSZ; ulimit -f 128; exec \"$0\" run --config run.toml --capture run.pcapng 2> /dev/stderr";
+    command
+        .args(["-c", script, env!("CARGO_BIN_EXE_skyloop")])
+        .current_dir(here.path())
+        .stderr(std::fs::File::create(&log).unwrap());
+    let process = Process::spawned(&mut command, "listening on ");
+    let mut client = client_of(&process);
+    let mut sent = 0;
+    for sequence in 1..=30 {
+        // Its packets, and the attitude; and credit after every eight.
+        sent += frame(&mut client, sequence);
+    }
+    let taken = client.status().counters;
+    process.signal("-INT");
+    let (code, table) = process.end();
+    let log = std::fs::read_to_string(&log).unwrap();
+    assert_eq!(code, Some(1), "{table}{log}");
+    assert!(table.contains("frames_delivered 30"), "{table}");
+    assert_eq!(log.matches("the run goes on").count(), 1, "{log}");
+    for word in [
+        "capture run.pcapng",
+        "is not whole",
+        "make room and run again",
+    ] {
+        assert!(log.contains(word), "no {word:?} in {log}");
+    }
+    // All that was taken and sent is in the file, or told as missing: what came, frames, an Ack and a Status.
+    let (packets, _) = recorded(&here.path().join("run.pcapng"));
+    let (_, missing) = log.rsplit_once("is not whole, ").unwrap();
+    let missing: u32 = missing.split(' ').next().unwrap().parse().unwrap();
+    let all = taken.attitudes + taken.commands + sent + 2;
+    assert_eq!(packets as u32 + missing, all, "{packets} and {missing}");
+    let (code, text) = replayed(here.path(), "run.pcapng");
+    assert_eq!(code, Some(0), "{text}");
+}
+
+#[test]
+fn a_disk_that_is_full_from_the_start_is_refused_with_what_to_do() {
+    let here = tempfile::tempdir().unwrap();
+    std::fs::write(here.path().join("run.toml"), RUN).unwrap();
+    let run = ["run", "--config", "run.toml", "--capture", "/dev/full"];
+    let output = skyloop(here.path()).args(run).output().unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert!(
+        text.contains("capture /dev/full") && text.contains("has room"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_port_that_another_holds_is_told_and_one_that_is_given_back_serves() {
+    let here = tempfile::tempdir().unwrap();
+    let first = started(here.path(), &[]);
+    let address = first.address.clone();
+    let refused = || {
+        let run = ["run", "--config", "run.toml", "--link", &address];
+        let output = skyloop(here.path()).args(run).output().unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        for word in [&address, "choose a free port"] {
+            assert!(text.contains(word), "no {word:?} in {text}");
+        }
+    };
+    refused();
+    // The one that holds it has noticed nothing.
+    frame(&mut client_of(&first), 1);
+    first.signal("-INT");
+    assert_eq!(first.end().0, Some(0));
+    // A stranger takes it, and gives it back.
+    let stranger = UdpSocket::bind(address.strip_prefix("udp://").unwrap()).unwrap();
+    refused();
+    drop(stranger);
+    let second = started(here.path(), &["--link", &address]);
+    assert_eq!(second.address, address);
+    frame(&mut client_of(&second), 1);
+    second.signal("-INT");
+    assert_eq!(second.end().0, Some(0));
+}
+
+/// What a process holds: open files, threads, resident memory (kB).
+fn held(id: u32) -> [usize; 3] {
+    let entries = |of: &str| {
+        std::fs::read_dir(format!("/proc/{id}/{of}"))
+            .unwrap()
+            .count()
+    };
+    let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap();
+    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let resident = resident.unwrap().trim().trim_end_matches(" kB");
+    [entries("fd"), entries("task"), resident.parse().unwrap()]
+}
+
+#[test]
+fn a_thousand_clients_leave_nothing_behind() {
+    /// Clients that come before what is held is looked at: the first frame's memory among them.
+    const FIRST: u32 = 100;
+    let here = tempfile::tempdir().unwrap();
+    let process = started(here.path(), &[]);
+    let mut before = [0; 3];
+    for number in 0..1000 {
+        let mut client = client_of(&process);
+        client.window = None;
+        // The one before is let go of when its Reset has reached the link, which may be after this one's first word.
+        await_that("the client is heard", || {
+            client.send(skyloop_protocols::Command::Ping);
+            client.recv(PATIENCE / 400).is_some()
+        });
+        while client.recv(Duration::from_millis(1)).is_some() {}
+        if number % 50 == 0 {
+            frame(&mut client, number);
+        }
+        client.done(skyloop_protocols::Command::Reset);
+        if number == FIRST {
+            before = held(process.id());
+        }
+    }
+    let after = held(process.id());
+    assert_eq!(after[..2], before[..2], "files and threads");
+    // X-Val: 900 clients that leave 10 kB each.
+    assert!(after[2] < before[2] + 9_000, "{before:?} {after:?} kB");
+    let mut client = client_of(&process);
+    client.window = None;
+    await_that("another client is heard", || {
+        client.send(skyloop_protocols::Command::Ping);
+        client.recv(PATIENCE / 400).is_some()
+    });
+    while client.recv(Duration::from_millis(5)).is_some() {}
+    frame(&mut client, 7);
+    process.signal("-TERM");
+    let (code, table) = process.end();
+    assert_eq!(code, Some(0), "{table}");
+    assert!(table.contains("frames_delivered 21"), "{table}");
+}
