@@ -25,12 +25,13 @@ mod shooter;
 mod told;
 
 use crate::attitude::VehicleState;
-use crate::camera::Camera;
+use crate::camera::{Camera, RATE_HZ};
 use crate::config::{Clock as Kind, Delay, OnOverrun, OutOfOrder, Run, Staleness};
 use crate::engine::{Emulator, Shot};
 use crate::fidelity::Fidelity;
 use crate::link::{LinkError, Relay, Roles, Standstill, Wire};
 use crate::metrics::Metrics;
+use crate::range::nearest;
 use crate::stats::{Absent, RunStats};
 use crate::timing::{FrameTimes, Latencies};
 use channel::Channel;
@@ -279,7 +280,9 @@ impl Server {
     fn held_back(&self, rate_hz: f64) -> f64 {
         match self.kind {
             Kind::Stepped => 0.0,
-            Kind::Wall | Kind::External => (self.delay.delay_s + self.delay.jitter_s) * rate_hz,
+            Kind::Wall | Kind::External => {
+                (self.delay.delay_s + self.delay.jitter_s) * nearest(rate_hz, RATE_HZ)
+            }
         }
     }
 
