@@ -26,7 +26,7 @@ const FRAMES: [&str; 16] = [
     "10C#45AD434072D1AEB5",
     "10D#C53CEBD8CD20AFA5",
     "10E#C5891466DCE39B4D",
-    "10F#A0000014BC4E0000",
+    "10F#A0000014DFD90000",
 ];
 /// Its credit: 1000 packets, of command 6.
 const CREDIT: &str = "110#070006000003E8";
@@ -66,7 +66,7 @@ fn cansend_points_the_camera_and_candump_sees_the_answer() {
     canplayer(VCAN0, &FRAMES);
 
     // The frame is the answer: the first segment of its header's packet. FD with bit rate switch: flags 5 (`linux/can.h`:
-    // CANFD_BRS 1, CANFD_FDF 4); type 1 and the length, 105 octets.
+    // CANFD_BRS 1, CANFD_FDF 4); type 1 and the length, 86 octets.
     dump.line(|line| line.contains(" 220##510"));
 
     client.window = None;

@@ -248,7 +248,7 @@ fn isotpsend_and_isotprecv_talk_to_the_emulator() {
     let receiver = Listening::start("isotprecv -s 120 -d 220 vcan1");
     // X-Val: golden vector "ping at time 0", protocols/vectors/golden.txt.
     let ping = [
-        0x19, 0x02, 0xC0, 0x05, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 0, 2, 6, 0x5D, 0xA7,
+        0x19, 0x02, 0xC0, 0x05, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 0, 3, 6, 0x6E, 0x96,
     ];
     isotpsend("-s 120 -d 220 vcan1", &ping);
     // The Ack of command 5 (APID 0x102), then the Status, which takes several frames.
