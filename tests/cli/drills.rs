@@ -14,7 +14,7 @@ use std::process::Command;
 use std::time::Duration;
 
 /// Frames of a few packets: what is drilled is not how long pixels take.
-const RUN: &str = "[run]\nlink = \"udp://127.0.0.1:0\"\noutput = \"windows\"\n";
+const RUN: &str = "[run]\nlink = \"udp://127.0.0.1:0\"\noutput = \"windows\"\nidle_s = 60.0\n";
 
 /// A run of the file `run.toml` in `at` with these flags, listening.
 fn started(at: &Path, flags: &[&str]) -> Process {

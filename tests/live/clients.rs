@@ -19,6 +19,8 @@ fn next_client<L: Line>(line: L) -> Client<L> {
         client.send(Command::Ping);
         client.recv(Duration::from_millis(100)).is_some()
     });
+    // After a Reset no more frames come of what was said before.
+    client.send(Command::Reset);
     client.start_anew();
     client.window = None;
     client
@@ -106,6 +108,8 @@ mod terminals {
         first.next(true);
         first.next(true);
         drop(first);
+        // A port that is opened again at once is that of the same client: that nobody holds it is looked for every 50 ms.
+        std::thread::sleep(Duration::from_secs(1));
         let mut second = next_client(PtyLine::at(&name));
         is_served(&mut second);
         let counters = second.status().counters;
