@@ -900,7 +900,7 @@ typedef struct {
     uint32_t attitudes_stale; /* Frames whose attitude was older than the limit */
     uint32_t attitudes_future; /* Frames whose only attitude was of the future */
     uint32_t triggers; /* Triggers accepted */
-    uint32_t triggers_missed; /* Triggers that gave no frame: they came while too many waited */
+    uint32_t triggers_missed; /* Triggers accepted that gave no frame: there was no attitude, the client's clock was set, or it would have come too late */
 } skyloop_status_t;
 
 /* A command was carried out. */

@@ -3,7 +3,7 @@
 use crate::support::client::Client;
 use crate::support::line::{Line, UdpLine};
 use crate::support::{EPOCH, Running, attitude, await_that, later, on_udp, options};
-use crate::{quick, whole_frame};
+use crate::{frame_of, quick, whole_frame};
 use skyloop::config::Clock;
 use skyloop_protocols::Command;
 use std::time::Duration;
@@ -32,10 +32,7 @@ fn is_served<L: Line>(client: &mut Client<L>) {
     for _ in 0..2 {
         whole_frame(client);
     }
-    let mut frame = client.frame();
-    while frame.header.attitude_sequence != 77 {
-        frame = client.frame();
-    }
+    frame_of(client, 77);
 }
 
 #[test]
@@ -77,7 +74,7 @@ fn a_udp_client_that_grants_nothing_more_is_given_up_and_the_next_one_served() {
     first.send(Command::Credit { packets: 1 });
     first.point(attitude(1), EPOCH);
     // It is not read either: the emulator sends what it may, and waits for 2 s.
-    while emulator.shot().number != 0 {}
+    await_that("it is given up", || emulator.shot().number == 0);
     let mut second = next_client(another);
     is_served(&mut second);
     let counters = second.status().counters;

@@ -2,7 +2,7 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, on_memory};
+use crate::support::{EPOCH, Running, attitude, await_that, on_memory};
 use crate::{quick, rest};
 use serde_json::Value;
 use skyloop::config::Clock;
@@ -130,12 +130,15 @@ fn on_every_level_a_label_is_as_long_as_was_said_and_reads() {
             };
             client.done(Command::Output(output));
             // Those under way have the level before.
-            let (header, packets, end) = loop {
-                let parcel = client.parcel();
-                if (parcel.0.pixel_level, parcel.0.label_level) == (pixels, labels) {
-                    break parcel;
+            let mut parcel = client.parcel();
+            await_that("a frame of the level", || {
+                let is_it = (parcel.0.pixel_level, parcel.0.label_level) == (pixels, labels);
+                if !is_it {
+                    parcel = client.parcel();
                 }
-            };
+                is_it
+            });
+            let (header, packets, end) = parcel;
             let mut octets = Vec::new();
             for packet in &packets {
                 match Reply::decode(packet).unwrap().1 {

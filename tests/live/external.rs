@@ -140,14 +140,11 @@ fn frames_come_at_the_cadence_of_the_clients_time_and_on_when_it_falls_silent() 
         client.status().sync == SyncState::Holdover
     });
     let mut alone: Vec<Received> = Vec::new();
-    while alone
-        .iter()
-        .filter(|frame| frame.end.sync == SyncState::Holdover)
-        .count()
-        < 3
-    {
+    let is_alone = |frame: &Received| frame.end.sync == SyncState::Holdover;
+    await_that("frames all the same", || {
         alone.push(client.frame());
-    }
+        alone.iter().filter(|frame| is_alone(frame)).count() == 3
+    });
     pilot.on_the_grid(&alone, EPOCH);
     assert_eq!(alone[alone.len() - 1].label()["timing"]["sync"], "holdover");
     assert!(shows(&alone[0], turned(mid_s(&alone[0]))));

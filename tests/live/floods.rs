@@ -3,7 +3,7 @@
 use crate::support::client::{Client, moved};
 use crate::support::line::{Line, MemoryLine};
 use crate::support::{EPOCH, Running, attitude, await_that, later, on_memory, on_udp, options};
-use crate::{quick, whole_frame};
+use crate::{frame_of, quick, whole_frame};
 use skyloop::config::Clock;
 use skyloop::link;
 use skyloop::link::fault::{Book, Plan, wrap};
@@ -77,14 +77,11 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
     assert_eq!(counters.time_backwards + counters.refused, 0);
     assert!(frames > 0);
     // The newest of them that was taken is followed.
-    let mut frame = client.frame();
-    while frame.header.attitude_sequence < 2 {
-        frame = client.frame();
-    }
+    await_that("it is followed", || {
+        client.frame().header.attitude_sequence >= 2
+    });
     client.point(attitude(u32::MAX), later(EPOCH, 100.0));
-    while frame.header.attitude_sequence != u32::MAX {
-        frame = client.frame();
-    }
+    frame_of(&mut client, u32::MAX);
 }
 
 #[test]
@@ -108,9 +105,7 @@ fn by_the_wall_clock_a_client_whose_clock_is_set_is_told_and_frames_go_on() {
     assert_ne!(frame.end.attitude_source, AttitudeSource::Future);
     // Forward: it is of the future, and says so.
     client.point(attitude(3), later(EPOCH, HOUR_S));
-    while frame.header.attitude_sequence != 3 {
-        frame = client.frame();
-    }
+    let frame = frame_of(&mut client, 3);
     assert_eq!(frame.end.attitude_source, AttitudeSource::Future);
     let age_s = frame.end.timing.attitude_age_s;
     assert!(age_s < -HOUR_S as f32 + 100.0, "{age_s}");

@@ -101,6 +101,19 @@ fn rest<L: Line>(client: &mut Client<L>) -> Vec<Received> {
     frames
 }
 
+/// The next frame that is made with this attitude.
+fn frame_of<L: Line>(client: &mut Client<L>, sequence: u32) -> Received {
+    let mut frame = client.frame();
+    await_that("a frame of the attitude", || {
+        let is_it = frame.header.attitude_sequence == sequence;
+        if !is_it {
+            frame = client.frame();
+        }
+        is_it
+    });
+    frame
+}
+
 /// The next frame that comes whole, whatever is left of others before it.
 fn whole_frame<L: Line>(client: &mut Client<L>) -> u32 {
     let mut under_way = None;

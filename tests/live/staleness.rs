@@ -2,7 +2,7 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, later, on_memory};
+use crate::support::{EPOCH, Running, attitude, await_that, later, on_memory};
 use crate::{EXPOSURE_S, RATES, mid_s, quick, rest, shows, trigger, turned, xyzw};
 use nalgebra::UnitQuaternion;
 use skyloop::config::{Clock, Config, OnStale, OutOfOrder, Staleness, Trigger};
@@ -196,9 +196,10 @@ fn frames_go_on_after_the_last_attitude_and_are_flagged() {
     point(&mut client, 1, 0.0, turned(0.0));
     let mut frames = Vec::new();
     let is_held = |frame: &Received| frame.end.attitude_source == AttitudeSource::Held;
-    while frames.iter().filter(|frame| is_held(frame)).count() < 3 {
+    await_that("three that are held", || {
         frames.push(client.frame());
-    }
+        frames.iter().filter(|frame| is_held(frame)).count() == 3
+    });
     frames.extend(rest(&mut client));
     for frame in &frames {
         let mid_s = mid_s(frame);

@@ -73,7 +73,7 @@ counters! {
     attitudes_future,
     /// Triggers accepted.
     triggers,
-    /// Triggers that gave no frame: they came while too many waited.
+    /// Triggers accepted that gave no frame: there was no attitude, the client's clock was set, or it would have come too late.
     triggers_missed,
 }
 
