@@ -205,20 +205,10 @@ impl Emulator {
     ///
     /// Fails only where [`View::new`] does.
     pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, Unobservable> {
-        self.shoot_with(&self.camera(), vehicle, repeat)
+        self.shoot_before(&(), &self.camera(), vehicle, repeat)
     }
 
-    /// [`Emulator::shoot`] with the camera as it was set at another time.
-    pub fn shoot_with(
-        &mut self,
-        camera: &Arc<Camera>,
-        vehicle: &VehicleState,
-        repeat: u32,
-    ) -> Result<Shot, Unobservable> {
-        self.shoot_before(&(), camera, vehicle, repeat)
-    }
-
-    /// [`Emulator::shoot_with`], seen by `witness`.
+    /// [`Emulator::shoot`] with the camera as it was set at another time, seen by `witness`.
     pub fn shoot_before(
         &mut self,
         witness: &dyn Witness,

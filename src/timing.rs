@@ -2,7 +2,7 @@
 
 use serde::{Serialize, Serializer};
 use skyloop_firmware_sim::times::Times;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// The moments of one frame, all from its trigger: the end of its exposure, or the arrival of its attitude if that was later.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +23,43 @@ pub struct FrameTimes {
     pub spare_s: f64,
     /// Whether all of the frame left.
     pub whole: bool,
+}
+
+impl FrameTimes {
+    /// Of a frame that did not leave whole.
+    #[must_use]
+    pub fn incomplete(frame: u32) -> Self {
+        Self {
+            frame,
+            attitude_age_s: 0.0,
+            first_pixel: Duration::ZERO,
+            last_pixel: Duration::ZERO,
+            first_octet: Duration::ZERO,
+            last_octet: Duration::ZERO,
+            spare_s: f64::NEG_INFINITY,
+            whole: false,
+        }
+    }
+
+    /// The same of a frame whose last octet came at `last`, counted from `trigger`; late after `deadline`, if there is one.
+    #[must_use]
+    pub fn ended(self, trigger: Instant, deadline: Option<Instant>, last: Instant) -> Self {
+        Self {
+            last_octet: last.saturating_duration_since(trigger),
+            spare_s: deadline.map_or(f64::INFINITY, |deadline| spare_s(deadline, last)),
+            whole: true,
+            ..self
+        }
+    }
+}
+
+/// Time left at a moment, s; less than 0: late by so much.
+#[must_use]
+pub fn spare_s(deadline: Instant, at: Instant) -> f64 {
+    match deadline.checked_duration_since(at) {
+        Some(left) => left.as_secs_f64(),
+        None => -at.duration_since(deadline).as_secs_f64(),
+    }
 }
 
 /// The first frame of a run that missed its deadline.

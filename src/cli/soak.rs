@@ -90,8 +90,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         })?;
     }
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
-    let first = flight::vehicle(&mission(&config, Some(&args.config))?, 0)?;
-    let mission = endless(mission(&config, Some(&args.config))?, rate_hz)?;
+    let mission = mission(&config, Some(&args.config))?;
+    let first = flight::vehicle(&mission, 0)?;
+    let mission = endless(mission, rate_hz)?;
     let help = live::help(&config.run, args.metrics.as_deref())?;
     let options = link::Options {
         idle: Duration::from_secs_f64(config.run.idle_s),
@@ -220,7 +221,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     counts.retain(|(_, count)| *count > 0);
     // An exposure without a frame has missed its deadline, too.
     for _ in 0..missed {
-        latencies.add(&incomplete(frames));
+        latencies.add(&FrameTimes::incomplete(frames));
     }
     let minutes = begin.elapsed().as_secs_f64() / 60.0;
     let report = Report::new(
@@ -315,7 +316,7 @@ fn join(
     }
     for ((head, frame), _) in under.way {
         if last.get(&head) != Some(&frame) {
-            under.latencies.add(&incomplete(frame));
+            under.latencies.add(&FrameTimes::incomplete(frame));
         }
     }
     under.latencies
@@ -328,33 +329,10 @@ impl Under {
         self.way.retain(|key, told| match came.remove(key) {
             None => true,
             Some(at) => {
-                let spare_s = match told.deadline {
-                    Some(deadline) if at > deadline => -(at - deadline).as_secs_f64(),
-                    Some(deadline) => (deadline - at).as_secs_f64(),
-                    None => f64::INFINITY,
-                };
-                latencies.add(&FrameTimes {
-                    last_octet: at.saturating_duration_since(told.trigger),
-                    spare_s,
-                    whole: true,
-                    ..told.times
-                });
+                latencies.add(&told.times.ended(told.trigger, told.deadline, at));
                 false
             }
         });
-    }
-}
-
-fn incomplete(frame: u32) -> FrameTimes {
-    FrameTimes {
-        frame,
-        attitude_age_s: 0.0,
-        first_pixel: Duration::ZERO,
-        last_pixel: Duration::ZERO,
-        first_octet: Duration::ZERO,
-        last_octet: Duration::ZERO,
-        spare_s: f64::NEG_INFINITY,
-        whole: false,
     }
 }
 

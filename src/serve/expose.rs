@@ -8,13 +8,11 @@ use super::overrun::Verdict;
 use super::picture::{Asked, Picture};
 use super::shooter::{Order, Progress, Shooter, Spare, Task};
 use super::{POLL, Server};
-use crate::camera::Camera;
 use crate::config::Clock as Kind;
 use crate::engine::Shot;
 use crate::link::LinkError;
 use crate::scene::Exposure;
 use skyloop_protocols::{AttitudeSource, PixelLevel};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 impl Server {
@@ -29,10 +27,9 @@ impl Server {
 
     /// Whether another frame may be asked for.
     fn is_free(&self, limit: Option<u32>) -> bool {
-        let making = u32::from(self.making.is_some());
         // In step one frame is made and sent after the other.
         let in_step = self.kind != Kind::Stepped || self.pictures.is_empty();
-        making == 0 && in_step && limit.is_none_or(|most| self.stats.frames < most)
+        self.making.is_none() && in_step && limit.is_none_or(|most| self.stats.frames < most)
     }
 
     /// Asks for the frame of an exposure that is due; whether there was one.
@@ -77,67 +74,16 @@ impl Server {
             self.stats.dropped = self.overrun.dropped;
             return Ok(true);
         };
-        self.ask(shooter, due, pointing, camera, level, overrun, now);
-        // In step nothing is heard until it is made.
-        while self.kind == Kind::Stepped && self.making.is_some() {
-            match shooter.await_news() {
-                Ok(news) => self.learn(news, shooter.spare())?,
-                Err(()) => return Err(LinkError::Closed("of the renderer".to_string())),
-            }
-        }
-        Ok(true)
-    }
-
-    /// An exposure has no frame.
-    pub(super) fn miss(&mut self, due: &Due) {
-        self.missed = self.missed.wrapping_add(1);
-        let triggers = &mut self.counters.triggers_missed;
-        *triggers = triggers.wrapping_add(u32::from(due.trigger > 0));
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn ask(
-        &mut self,
-        shooter: &Shooter,
-        due: Due,
-        pointing: Pointing,
-        camera: Arc<Camera>,
-        level: usize,
-        overrun: Option<&'static str>,
-        now: Instant,
-    ) {
+        let repeat = self.show(&pointing, due.latched.is_some());
         let in_step = self.kind == Kind::Stepped;
-        let shown = &mut self.truth.shown;
-        let repeat = match shown {
-            Some((number, frames))
-                if *number == pointing.message.number && due.latched.is_none() =>
-            {
-                *frames = frames.wrapping_add(1);
-                *frames
-            }
-            _ => {
-                *shown = Some((pointing.message.number, 0));
-                0
-            }
-        };
-        let (stale, future) = match pointing.source {
-            AttitudeSource::Future => (0, 1),
-            AttitudeSource::Held | AttitudeSource::Invalid if pointing.age_s < 0.0 => (0, 1),
-            AttitudeSource::Stale | AttitudeSource::Held | AttitudeSource::Invalid => (1, 0),
-            _ => (0, 0),
-        };
-        let counters = &mut self.counters;
-        counters.attitudes_stale = counters.attitudes_stale.wrapping_add(stale);
-        counters.attitudes_future = counters.attitudes_future.wrapping_add(future);
         let number = self.next_frame;
-        let streams = !in_step && self.wants_rows();
         let order = Order {
             camera,
             vehicle: pointing.vehicle,
             repeat,
             fidelity: self.overrun.fidelity(level),
             overrun,
-            streams,
+            streams: !in_step && self.wants_rows(),
         };
         let asked = Asked {
             release: match in_step {
@@ -161,6 +107,41 @@ impl Server {
         if !shooter.give(Task::Make(Box::new(order))) {
             tracing::error!("the renderer's thread has ended");
         }
+        // In step nothing is heard until it is made.
+        while self.kind == Kind::Stepped && self.making.is_some() {
+            match shooter.await_news() {
+                Ok(news) => self.learn(news, shooter.spare())?,
+                Err(()) => return Err(LinkError::Closed("of the renderer".to_string())),
+            }
+        }
+        Ok(true)
+    }
+
+    /// An exposure has no frame.
+    pub(super) fn miss(&mut self, due: &Due) {
+        self.missed = self.missed.wrapping_add(1);
+        let triggers = &mut self.counters.triggers_missed;
+        *triggers = triggers.wrapping_add(u32::from(due.trigger > 0));
+    }
+
+    /// Books the attitude that a frame shows; how many frames were made of it before: in step none, each asks for its own.
+    fn show(&mut self, pointing: &Pointing, asks: bool) -> u32 {
+        let (stale, future) = match pointing.source {
+            AttitudeSource::Future => (0, 1),
+            AttitudeSource::Held | AttitudeSource::Invalid if pointing.age_s < 0.0 => (0, 1),
+            AttitudeSource::Stale | AttitudeSource::Held | AttitudeSource::Invalid => (1, 0),
+            _ => (0, 0),
+        };
+        let counters = &mut self.counters;
+        counters.attitudes_stale = counters.attitudes_stale.wrapping_add(stale);
+        counters.attitudes_future = counters.attitudes_future.wrapping_add(future);
+        let number = pointing.message.number;
+        let repeat = match self.truth.shown {
+            Some((shown, frames)) if shown == number && !asks => frames.wrapping_add(1),
+            _ => 0,
+        };
+        self.truth.shown = Some((number, repeat));
+        repeat
     }
 
     /// Whether somebody gets rows of pixels as they are.

@@ -5,7 +5,7 @@ use super::picture::Picture;
 use crate::link::Mark;
 use crate::metrics::Snapshot;
 use crate::timing::FrameTimes;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Frames whose times are waited for at most: as many as links' queues may hold, and some.
 const MOST: usize = 64;
@@ -23,14 +23,11 @@ pub struct Left {
 
 /// A frame that leaves.
 pub(super) struct Leaving {
-    frame: u32,
+    /// Its times but those of its end.
+    left: Left,
     whole: bool,
     /// Whether it was given up because the run has ended.
     is_cut_off: bool,
-    deadline: Option<Instant>,
-    trigger: Instant,
-    /// All but those of its end.
-    times: FrameTimes,
     /// Links in whose queues it is, with the place of its last packet.
     marks: Vec<(usize, Mark)>,
     /// When it had left those that it has left.
@@ -40,21 +37,19 @@ pub(super) struct Leaving {
 impl Leaving {
     pub fn of(picture: &Picture) -> Leaving {
         Leaving {
-            frame: picture.number,
+            left: Left {
+                times: FrameTimes {
+                    attitude_age_s: picture.asked.age_s,
+                    first_pixel: picture.since_trigger(picture.first_pixel),
+                    last_pixel: picture.since_trigger(picture.last_pixel),
+                    first_octet: picture.since_trigger(picture.first_octet),
+                    ..FrameTimes::incomplete(picture.number)
+                },
+                trigger: picture.trigger(),
+                deadline: picture.asked.due.deadline,
+            },
             whole: picture.whole,
             is_cut_off: picture.is_cut_off && !picture.whole,
-            deadline: picture.asked.due.deadline,
-            trigger: picture.trigger(),
-            times: FrameTimes {
-                frame: picture.number,
-                attitude_age_s: picture.asked.age_s,
-                first_pixel: picture.since_trigger(picture.first_pixel),
-                last_pixel: picture.since_trigger(picture.last_pixel),
-                first_octet: picture.since_trigger(picture.first_octet),
-                last_octet: Duration::ZERO,
-                spare_s: 0.0,
-                whole: false,
-            },
             marks: picture.marks.clone(),
             last: None,
         }
@@ -74,53 +69,44 @@ impl Server {
                 left.is_none()
             });
         }
-        if self.leaving.len() > MOST {
-            let given_up = self.leaving.remove(0);
-            for (at, mark) in given_up.marks {
+        // Of too many the oldest is taken for one that never leaves.
+        if self.leaving.len() > MOST
+            && let Some(oldest) = self.leaving.first_mut()
+        {
+            for (at, mark) in oldest.marks.drain(..) {
                 if let Some(departed) = departed(at) {
                     departed.forget(mark);
                 }
             }
+            oldest.whole = false;
         }
         while let Some(at) = self
             .leaving
             .iter()
             .position(|leaving| leaving.marks.is_empty())
         {
-            let left = self.leaving.remove(at);
-            self.book(&left);
+            let leaving = self.leaving.remove(at);
+            self.book(leaving);
         }
     }
 
-    fn book(&mut self, left: &Leaving) {
-        if left.is_cut_off {
+    fn book(&mut self, leaving: Leaving) {
+        if leaving.is_cut_off {
             return;
         }
-        let last = left.last.filter(|_| left.whole);
-        let spare_s = match (left.deadline, last) {
-            (None, _) => f64::INFINITY,
-            (Some(deadline), Some(last)) => spare_s(deadline, last),
-            (Some(_), None) => f64::NEG_INFINITY,
-        };
-        let times = FrameTimes {
-            frame: left.frame,
-            last_octet: last.map_or(Duration::ZERO, |last| {
-                last.saturating_duration_since(left.trigger)
-            }),
-            spare_s,
-            whole: last.is_some(),
-            ..left.times
-        };
+        let mut left = leaving.left;
+        if let Some(last) = leaving.last.filter(|_| leaving.whole) {
+            left.times = left.times.ended(left.trigger, left.deadline, last);
+        } else if left.deadline.is_none() {
+            left.times.spare_s = f64::INFINITY;
+        }
+        let times = left.times;
         let missed = &mut self.counters.deadlines_missed;
-        *missed = missed.wrapping_add(u32::from(spare_s < 0.0));
+        *missed = missed.wrapping_add(u32::from(times.spare_s < 0.0));
         self.stats.latencies.add(&times);
         self.last = Some(times);
         if let Some(told) = &mut self.on_left {
-            told(&Left {
-                times,
-                trigger: left.trigger,
-                deadline: left.deadline,
-            });
+            told(&left);
         }
         if let Some(metrics) = &self.metrics {
             let sync = self.clock.sync(Instant::now());
@@ -128,16 +114,8 @@ impl Server {
             snapshot.counters = self.counters().iter().collect();
             snapshot.attitude_age_s = Some(times.attitude_age_s);
             snapshot.clock_offset_s = Some(sync.offset_s);
-            snapshot.deadline_spare_s = spare_s.is_finite().then_some(spare_s);
+            snapshot.deadline_spare_s = Some(times.spare_s).filter(|spare_s| spare_s.is_finite());
             metrics.publish(snapshot);
         }
-    }
-}
-
-/// Time left, s; below 0: late by so much.
-pub(super) fn spare_s(deadline: Instant, at: Instant) -> f64 {
-    match deadline.checked_duration_since(at) {
-        Some(left) => left.as_secs_f64(),
-        None => -at.duration_since(deadline).as_secs_f64(),
     }
 }

@@ -33,7 +33,7 @@ use crate::link::{LinkError, Relay, Roles, Standstill, Wire};
 use crate::metrics::Metrics;
 use crate::range::nearest;
 use crate::stats::{Absent, RunStats};
-use crate::timing::{FrameTimes, Latencies};
+use crate::timing::FrameTimes;
 use channel::Channel;
 use clock::Clock;
 use history::History;
@@ -233,11 +233,6 @@ impl Server {
     /// Lets `on_left` see each frame that has left.
     pub fn on_left(&mut self, on_left: OnLeft) {
         self.on_left = Some(on_left);
-    }
-
-    /// Remembers the first frame that takes longer than this from its trigger to its end.
-    pub fn watch_above(&mut self, most: Option<Duration>) {
-        self.stats.latencies = Latencies::watching(most);
     }
 
     /// Where the emulator listens, link by link.

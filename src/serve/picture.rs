@@ -1,10 +1,10 @@
 //! A frame from the moment that it is asked for until all have it: what is there of it, and when what came.
 
 use super::clock::{Due, Sync};
-use super::leaving::spare_s;
 use super::shooter::Spare;
 use crate::engine::{Opening, Shot};
 use crate::link::Mark;
+use crate::timing::spare_s;
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::{AttitudeSource, FrameEnd, Header, Overrun, Timing};
 use std::collections::BTreeMap;

@@ -15,30 +15,11 @@ mod support;
 mod triggers;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use skyloop::config::Config;
 use skyloop_protocols::{Command, Reply, WireTime};
 use std::time::Duration;
 use support::client::{Client, Received};
 use support::line::Line;
-use support::{EPOCH, PATIENCE, Q, await_that, later, scene};
-
-/// The built-in scene with a camera of 64 x 64 pixels that exposes for 10 ms, `rate_hz` times a second.
-fn quick(rate_hz: f64) -> Config {
-    let mut config = scene();
-    config.camera.detector.width = 64;
-    config.camera.detector.height = 64;
-    config.camera.exposure_s = EXPOSURE_S;
-    config.camera.rate_hz = rate_hz;
-    config
-}
-
-/// Exposure of that camera, s.
-const EXPOSURE_S: f64 = 0.01;
-
-/// From one time to another, s.
-fn seconds(from: WireTime, to: WireTime) -> f64 {
-    to.0.wrapping_sub(from.0) as i64 as f64 / 2f64.powi(32)
-}
+use support::{EPOCH, EXPOSURE_S, PATIENCE, Q, await_that, later, quick, seconds};
 
 /// Body rates of the tests, rad/s.
 const RATES: [f64; 3] = [0.02, -0.01, 0.03];

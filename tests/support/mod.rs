@@ -136,6 +136,24 @@ pub fn scene() -> Config {
     Config::builtin().unwrap()
 }
 
+/// The built-in scene with a camera of 64 x 64 pixels that exposes for 10 ms, `rate_hz` times a second.
+pub fn quick(rate_hz: f64) -> Config {
+    let mut config = scene();
+    config.camera.detector.width = 64;
+    config.camera.detector.height = 64;
+    config.camera.exposure_s = EXPOSURE_S;
+    config.camera.rate_hz = rate_hz;
+    config
+}
+
+/// Exposure of that camera, s.
+pub const EXPOSURE_S: f64 = 0.01;
+
+/// From one time to another, s.
+pub fn seconds(from: WireTime, to: WireTime) -> f64 {
+    to.0.wrapping_sub(from.0) as i64 as f64 / 2f64.powi(32)
+}
+
 pub fn options(idle_s: f64) -> link::Options {
     link::Options {
         idle: Duration::from_secs_f64(idle_s),

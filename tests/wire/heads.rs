@@ -2,7 +2,7 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, attitude, later, options, scene};
+use crate::support::{EPOCH, attitude, later, options, quick};
 use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
 use skyloop::config::{Clock, Config};
@@ -22,9 +22,7 @@ const TAKES: Roles = Roles {
 
 /// Two cameras of 64 x 64 pixels at 20 Hz, the second turned by 90 deg about the first one's boresight; `flight` has a client of each. What they counted.
 fn two(clock: Clock, flight: impl FnOnce(Client<MemoryLine>, Client<MemoryLine>)) -> [Counters; 2] {
-    let mut config = scene();
-    (config.camera.detector.width, config.camera.detector.height) = (64, 64);
-    (config.camera.exposure_s, config.camera.rate_hz) = (0.01, 20.0);
+    let mut config = quick(20.0);
     let mut camera = config.camera.clone();
     let half = 0.5_f64.sqrt();
     camera.mounting = Attitude::from_xyzw([0.0, 0.0, half, half]).unwrap();

@@ -1,25 +1,11 @@
 //! The wall clock: the emulator's own cadence.
 
 use crate::support::client::Client;
-use crate::support::{EPOCH, Q, attitude, await_that, later, on_memory, on_udp, scene};
+use crate::support::{EPOCH, Q, attitude, await_that, later, on_memory, on_udp, quick, seconds};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use skyloop::config::{Clock, Config};
+use skyloop::config::Clock;
 use skyloop_protocols::{Attitude, Command, Mode, OrbitState, Reason, WireTime};
 use std::time::{Duration, Instant};
-
-/// The built-in scene with a camera of 64 x 64 pixels that exposes for 10 ms, `rate_hz` times a second.
-fn quick(rate_hz: f64) -> Config {
-    let mut config = scene();
-    config.camera.detector.width = 64;
-    config.camera.detector.height = 64;
-    config.camera.exposure_s = 0.01;
-    config.camera.rate_hz = rate_hz;
-    config
-}
-
-fn seconds(from: WireTime, to: WireTime) -> f64 {
-    to.0.wrapping_sub(from.0) as i64 as f64 / 2f64.powi(32)
-}
 
 #[test]
 fn frames_come_at_the_rate_and_show_the_attitude_carried_on_by_its_rates() {
