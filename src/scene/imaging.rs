@@ -3,7 +3,7 @@
 use super::collected::Collected;
 use super::view::{Candidate, View};
 use super::wanderer::Element;
-use super::{Area, Body, Simulated, Source};
+use super::{Area, Body, Full, Simulated, Source};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
@@ -137,7 +137,7 @@ impl View {
         fidelity: &Fidelity,
     ) -> Point {
         let centre = self.point(track, candidate, simulated, fidelity);
-        let lit = self.lit_by(area, simulated, fidelity);
+        let lit = self.lit_by(area, simulated, &Full::default(), fidelity);
         let whole_e = candidate.electrons() * centre.light;
         let part = 1.0 / whole_e.max(f64::MIN_POSITIVE);
         let drawn = lit.light().map(|light| (part, light.footprint().clone()));

@@ -25,7 +25,7 @@ mod work;
 use signal::{Held, Noise};
 use wanderer::Element;
 
-pub use area::{Area, AreaLight, Asked, Edge, KINDS, Kind, Light, Radiance, Together};
+pub use area::{Area, AreaLight, Asked, Edge, Full, KINDS, Kind, Light, Radiance, Together};
 pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
@@ -272,9 +272,10 @@ impl Scene {
             images.into_iter().flatten().collect()
         };
         let areas = || -> Vec<AreaLight> {
+            let full = Full::of(&view, view.areas.iter(), &simulated, fidelity);
             let areas = view.areas.par_iter();
             let areas = areas.filter(|area| (area.kind.is_in)(&simulated));
-            let lights = areas.map(|area| view.lit_by(area, &simulated, fidelity));
+            let lights = areas.map(|area| view.lit_by(area, &simulated, &full, fidelity));
             lights.collect()
         };
         let (mut sources, areas) = rayon::join(images, areas);

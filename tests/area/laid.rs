@@ -7,7 +7,7 @@ use skyloop::config::Config;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::load::Folder;
-use skyloop::scene::{Area, AreaLight, Edge, Kind, Radiance, Simulated, View};
+use skyloop::scene::{Area, AreaLight, Edge, Full, Kind, Radiance, Simulated, View};
 use std::sync::Arc;
 
 static KIND: Kind = Kind {
@@ -72,7 +72,7 @@ pub fn lit(view: &View, radiance: impl Radiance + 'static, simulated: &Simulated
         radiance: Ok(Arc::new(radiance)),
         peak_e: 1e5,
     };
-    view.lit_by(&area, simulated, &Fidelity::REALTIME)
+    view.lit_by(&area, simulated, &Full::default(), &Fidelity::REALTIME)
 }
 
 /// Electrons of one pixel at a steradian of the level.

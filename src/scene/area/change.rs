@@ -1,7 +1,7 @@
 //! By how much area light changes where an effect that shapes images is left out.
 
 use super::plane::Plane;
-use super::{AreaLight, CELL, Together};
+use super::{AreaLight, CELL, Full, Together};
 use crate::lanes;
 use crate::scene::{Scene, Simulated, View};
 use nalgebra::Vector3;
@@ -39,10 +39,11 @@ impl Scene {
     /// The light of all area sources with the effects `other`, drawn.
     pub fn areas_with(&self, other: &Simulated) -> Together {
         let view = &self.view;
+        let full = Full::of(view, view.areas.iter(), other, &self.fidelity);
         let areas = view.areas.iter();
         let areas = areas.filter(|area| (area.kind.is_in)(other));
         let areas: Vec<AreaLight> = areas
-            .map(|area| view.lit_by(area, other, &self.fidelity))
+            .map(|area| view.lit_by(area, other, &full, &self.fidelity))
             .collect();
         Together::of(&areas, view, view.camera.detector.pixels())
     }

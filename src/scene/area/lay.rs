@@ -5,6 +5,7 @@
 //! its area and its time (`sampled`), and the point spread function blurs them (`blur`): what they have more than lines say is kept beside those (`runs`).
 
 use super::blur::Blur;
+use super::full::Full;
 use super::known::Known;
 use super::lines::{Lines, Square};
 use super::plane::Plane;
@@ -61,8 +62,12 @@ pub struct Grid<'a, 'v> {
     pub plane: &'a Plane<'v>,
     fidelity: &'a Fidelity,
     pub scale_e: f64,
+    /// Where pixels are full of this light and others' together.
+    full: &'a Full,
     /// How far (rad) the pattern moves while a pixel is open.
     pub motion: f64,
+    /// Whether light without an edge is the same at all of that time as in its middle.
+    pub is_still: bool,
     /// Columns and rows of the detector.
     pub detector: [usize; 2],
     /// Pixels that are needed around the detector.
@@ -77,6 +82,7 @@ pub fn lay(
     plane: &Plane<'_>,
     blur: &Blur<'_>,
     scale_e: f64,
+    full: &Full,
     fidelity: &Fidelity,
 ) -> (Light, Asked) {
     let margin = blur.margin();
@@ -86,7 +92,9 @@ pub fn lay(
         plane,
         fidelity,
         scale_e,
+        full,
         motion: plane.motion(),
+        is_still: panels(radiance, plane.motion() * plane.scale_px()) == 0,
         detector,
         margin,
         rim: margin.next_multiple_of(LARGEST),
@@ -192,12 +200,7 @@ impl Grid<'_, '_> {
     }
 
     pub fn light(&self, direction: &Vector3<f64>, taken: f64) -> f64 {
-        let taken = if self.radiance.is_of_pixels() {
-            1.0
-        } else {
-            taken
-        };
-        self.radiance.seen(direction) * taken * self.scale_e
+        light(self.radiance, direction, taken) * self.scale_e
     }
 
     /// Whether an edge may run through a square, while it moves.
@@ -281,8 +284,8 @@ impl Grid<'_, '_> {
             side,
             nodes: nodes.map(|node| value(node) as f32),
         };
-        // Beyond the projection's end there is no light; on it there is an edge.
-        if nodes.iter().all(Option::is_none) {
+        // Beyond the projection's end there is no light; on it there is an edge. Of full pixels nobody sees how full.
+        if nodes.iter().all(Option::is_none) || self.full.has([x, y], side) {
             pieces.even.push(square);
             return;
         }
@@ -337,6 +340,12 @@ impl Grid<'_, '_> {
             }
         }
     }
+}
+
+/// The light that a pixel which takes so much (sr) gets from a direction, of a scale of 1.
+pub fn light(radiance: &dyn Radiance, direction: &Vector3<f64>, taken: f64) -> f64 {
+    let taken = if radiance.is_of_pixels() { 1.0 } else { taken };
+    radiance.seen(direction) * taken
 }
 
 /// Into how many parts a way of so many px is divided at first: none where all of it is as good as straight, as it is where the way is no longer

@@ -4,6 +4,7 @@ mod background;
 mod blur;
 mod change;
 mod earth;
+mod full;
 mod horizon;
 mod kinds;
 mod known;
@@ -19,6 +20,7 @@ mod sampled;
 mod together;
 mod veil;
 
+pub use full::Full;
 pub use kinds::{KINDS, Kind};
 pub use light::Light;
 pub use together::Together;
@@ -277,8 +279,7 @@ impl View {
                 part(i / PLACES) * (rows - 1.0),
             ];
             plane.taken(at).map_or(0.0, |(seen, taken)| {
-                let taken = if radiance.is_of_pixels() { 1.0 } else { taken };
-                radiance.seen(&(sky * seen)) * taken * scale_e
+                lay::light(radiance, &(sky * seen), taken) * scale_e
             })
         });
         places.fold(0.0, f64::max)
@@ -315,8 +316,14 @@ impl View {
         e <= fidelity.skip_e && snr <= fidelity.skip_snr
     }
 
-    /// The light of an area source on the pixels of a frame with those effects.
-    pub fn lit_by(&self, area: &Area, simulated: &Simulated, fidelity: &Fidelity) -> AreaLight {
+    /// The light of an area source on the pixels of a frame with those effects, of which area light fills some.
+    pub fn lit_by(
+        &self,
+        area: &Area,
+        simulated: &Simulated,
+        full: &Full,
+        fidelity: &Fidelity,
+    ) -> AreaLight {
         let none = |dark: Option<Cow<'static, str>>| AreaLight {
             kind: area.kind,
             dark,
@@ -346,6 +353,7 @@ impl View {
             &plane,
             &blur,
             self.area_scale_e(radiance),
+            full,
             fidelity,
         );
         let electrons = light.sum();

@@ -41,6 +41,13 @@ impl Patch {
         })
     }
 
+    /// Whether an edge that moves by so much (rad) around where it is at an attitude does not cross it.
+    pub fn is_clear(&self, edge: Option<&dyn Edge>, sky: &Matrix3<f64>, motion: f64) -> bool {
+        let clear = self.reach + motion / 2.0;
+        self.places.iter().all(Option::is_some)
+            && edge.is_none_or(|edge| edge.angle(&(sky * self.middle.0)).abs() > clear)
+    }
+
     /// How an edge crosses it at an attitude.
     pub fn crossing(&self, edge: Option<&dyn Edge>, sky: &Matrix3<f64>) -> Crossing {
         let angle =

@@ -135,6 +135,14 @@ impl Grid<'_, '_> {
             return self.radiance.toward(&(sky * middle)) * taken * self.scale_e * outside / count;
         }
         let (mut sum, mut looks, mut edges) = (0.0, 0, 0);
+        let middle = self.plane.to_sky(self.plane.open_s(at[1])[0]);
+        if self.is_still && patch.is_clear(self.radiance.edge(), &middle, self.motion) {
+            let places = patch.places.iter().flatten();
+            let lights = places.map(|(seen, taken)| self.light(&(middle * seen), *taken));
+            asked.lights += 4;
+            asked.edges += 1;
+            return lights.sum::<f64>() / 4.0;
+        }
         for (sky, crossing) in crossings {
             let (mut sides, mut counts) = ([0.0; 2], [0.0; 2]);
             for (place, edge) in patch.places.iter().zip(crossing.places) {

@@ -1,0 +1,138 @@
+//! Where area light alone fills all pixels, whichever of its sources it comes from: what pixels get there beyond their full well is lost, and need not be told.
+//!
+//! ```text
+//! responds * sum over sources of N_xy > 2 (2 full well + 100)
+//! ```
+//!
+//! at all corners of a cell and of those around it, as far as light is spread and moves while pixels are open.
+
+use super::plane::Plane;
+use super::{Area, blur, lay};
+use crate::camera::Blooming;
+use crate::fidelity::Fidelity;
+use crate::scene::{Simulated, View, flooding_e, trail};
+use rayon::prelude::*;
+
+/// Side of a cell, px.
+const CELL_PX: usize = 16;
+/// How many times as much as fills a pixel for certain its light is at the corners.
+const SURE: f64 = 2.0;
+/// Light that must be right to a smaller part than this must be so in full pixels too: it is what others are held against.
+const LEAST_PART: f64 = 1e-5;
+
+/// Cells of the detector, and of as many pixels around it as give light to it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Full {
+    /// Columns and rows of cells before the detector's first.
+    before: usize,
+    across: usize,
+    /// Row by row; none where nothing fills any.
+    cells: Vec<bool>,
+}
+
+impl Full {
+    /// Those that `areas` fill in a frame with those effects. Where charge spills, or is shifted through light, what full pixels get beyond
+    /// their well shows elsewhere: then there are none.
+    pub fn of<'a>(
+        view: &View,
+        areas: impl Iterator<Item = &'a Area>,
+        simulated: &Simulated,
+        fidelity: &Fidelity,
+    ) -> Full {
+        let detector = &view.camera.detector;
+        let is_lost = simulated.full_well
+            && detector.blooming != Blooming::Column
+            && !(simulated.frame_transfer && trail::part(view) > 0.0);
+        let areas: Vec<&Area> = areas.filter(|area| (area.kind.is_in)(simulated)).collect();
+        let responds = 1.0 - detector.pattern.worst_response();
+        let enough_e = SURE * flooding_e(detector) / responds.max(f64::MIN_POSITIVE);
+        let peak_e: f64 = areas.iter().map(|area| area.peak_e).sum();
+        if !is_lost || peak_e < enough_e || fidelity.area_part < LEAST_PART {
+            return Full::default();
+        }
+        let sky = Sky::new(view, &areas, simulated);
+        let reach = (blur::FURTHEST + sky.moved_px() as usize + 1).div_ceil(CELL_PX);
+        let before = blur::FURTHEST.div_ceil(CELL_PX) + reach;
+        let cells = |pixels: usize| pixels.div_ceil(CELL_PX) + 2 * before;
+        let [across, down] = [detector.width, detector.height].map(cells);
+        let place = |i: usize| i as f64 * CELL_PX as f64 - (before * CELL_PX) as f64;
+        let lit = (0..(across + 1) * (down + 1)).into_par_iter().map(|i| {
+            let at = [i % (across + 1), i / (across + 1)].map(place);
+            sky.e(at) >= enough_e
+        });
+        let lit: Vec<bool> = lit.collect();
+        // A cell and as many around it, from one corner of all to the other.
+        let is_full = |x: usize, y: usize| {
+            let around =
+                |i: usize, all: usize| i.saturating_sub(reach)..(i + reach + 2).min(all + 1);
+            around(y, down).all(|y| {
+                lit[y * (across + 1)..][around(x, across)]
+                    .iter()
+                    .all(|lit| *lit)
+            })
+        };
+        let cells: Vec<bool> = (0..across * down)
+            .map(|i| is_full(i % across, i / across))
+            .collect();
+        Full {
+            before,
+            across,
+            cells: if cells.contains(&true) {
+                cells
+            } else {
+                Vec::new()
+            },
+        }
+    }
+
+    /// Whether they have all pixels of a square of the detector, or around it; nothing is known of what is too far from it.
+    pub fn has(&self, [x, y]: [i64; 2], side: usize) -> bool {
+        if self.cells.is_empty() {
+            return false;
+        }
+        let cell = |at: i64| (at.div_euclid(CELL_PX as i64) + self.before as i64).max(0) as usize;
+        let [left, top] = [x, y].map(cell);
+        let [right, bottom] = [x, y].map(|at| cell(at + side as i64 - 1));
+        right < self.across
+            && (top..=bottom).all(|row| {
+                let row = self.cells.get(row * self.across..(row + 1) * self.across);
+                row.is_some_and(|row| row[left..=right].iter().all(|full| *full))
+            })
+    }
+}
+
+/// All sources together.
+struct Sky<'a, 'v> {
+    sources: Vec<(&'a Area, Plane<'v>, f64)>,
+}
+
+impl<'a, 'v> Sky<'a, 'v> {
+    fn new(view: &'v View, areas: &[&'a Area], simulated: &Simulated) -> Sky<'a, 'v> {
+        let source = |area: &&'a Area| {
+            let radiance = area.radiance.as_ref().ok()?;
+            let plane = Plane::new(view, simulated, radiance.turning());
+            Some((*area, plane, view.area_scale_e(radiance.as_ref())))
+        };
+        Sky {
+            sources: areas.iter().filter_map(source).collect(),
+        }
+    }
+
+    /// How far light moves while a pixel is open, px.
+    fn moved_px(&self) -> f64 {
+        let moved = self.sources.iter();
+        let moved = moved.map(|(_, plane, _)| plane.motion() * plane.scale_px());
+        moved.fold(0.0, f64::max)
+    }
+
+    /// The light of a pixel around a place in the middle of its time, e-.
+    fn e(&self, at: [f64; 2]) -> f64 {
+        let light = self.sources.iter().filter_map(|(area, plane, scale_e)| {
+            let radiance = area.radiance.as_ref().ok()?;
+            let (seen, taken) = plane.taken(at)?;
+            let sky = plane.to_sky(plane.open_s(at[1])[0]);
+            Some(lay::light(radiance.as_ref(), &(sky * seen), taken) * scale_e)
+        });
+        light.sum()
+    }
+}
