@@ -11,7 +11,7 @@ pub use ratio::{Machine, Report, Row};
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
-use crate::effect::{EFFECTS, Effect, Judge, Loss, Pass, Stage, Verdict};
+use crate::effect::{EFFECTS, Effect, Judge, Loss, Pass, Stage, Verdict, digits};
 use crate::engine::Emulator;
 use crate::fidelity::Choice;
 use crate::frame::{Charge, Frame, Memory};
@@ -81,10 +81,14 @@ impl Bench<'_> {
                 Some(error) => error,
                 None => self.error_of(step.effect, choice)?,
             };
+            let mut label = EffectLabel::new(step);
+            if let Some(all_e) = plan.needed_for_e(step) {
+                label.why += &format!(", {} e- in all", digits(all_e));
+            }
             Ok(EffectLabel {
                 error_e: Some(e),
                 error_px: Some(px),
-                ..EffectLabel::new(step)
+                ..label
             })
         };
         plan.steps.iter().map(full).collect()
@@ -227,7 +231,7 @@ impl Bench<'_> {
             // Twice: for the scene, and for the plan.
             Judge::Images(judge, change_e) => {
                 let need = [(); 2].map(|()| judge(&scene.view, &scene.simulated, fidelity));
-                if need[1].error != Loss::default() {
+                if *need[1].error != Loss::default() {
                     change_e(&scene, &need[1].error);
                 }
             }

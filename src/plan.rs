@@ -1,6 +1,6 @@
 //! The plan of one frame: every effect's verdict on the scene, in physical order.
 
-use crate::effect::{EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict, digits};
+use crate::effect::{Cost, EFFECTS, Effect, Judge, Loss, Need, Pass, Verdict};
 use crate::fidelity::{Choice, Fidelity};
 use crate::scene::{Scene, Simulated, View};
 use rayon::prelude::*;
@@ -13,7 +13,9 @@ pub struct Step<'s> {
     /// What it answered.
     pub verdict: Verdict<'s>,
     /// What leaving it out costs by its answer: of an effect that shapes images, before they were made.
-    asked: Loss,
+    asked: Cost<'s>,
+    /// What it changes of all that is drawn, e-.
+    drawn_e: f64,
 }
 
 /// What a frame is rendered by.
@@ -61,7 +63,7 @@ fn switched_off(effect: &Effect, choice: &Choice) -> Option<&'static str> {
 }
 
 /// Why an effect with that need does not run; none if it does.
-fn refusal(need: &Need, fidelity: &Fidelity, choice: &Choice) -> Option<Cow<'static, str>> {
+fn refusal(need: &Need<'_>, fidelity: &Fidelity, choice: &Choice) -> Option<Cow<'static, str>> {
     if choice.all || !need.is_within(fidelity) {
         return None;
     }
@@ -88,27 +90,26 @@ impl<'s> Plan<'s> {
                 return Step {
                     effect,
                     verdict: Verdict::Off { why },
-                    asked: Loss::default(),
+                    asked: Loss::default().into(),
+                    drawn_e: 0.0,
                 };
             }
             let (need, pass) = match &effect.judge {
                 Judge::Images(judge, _) => {
-                    (judge(&scene.view, &scene.simulated, fidelity), Pass::Images)
+                    let need = judge(&scene.view, &scene.simulated, fidelity);
+                    (need.told(), Pass::Images)
                 }
                 Judge::Pixels(judge) => judge(scene, fidelity),
             };
             let verdict = match refusal(&need, fidelity, choice) {
                 Some(why) => Verdict::Skip {
                     why,
-                    error: changed(effect, scene, need.error),
+                    error: changed(effect, scene, *need.error),
                 },
                 None => Verdict::Run {
                     pass,
-                    because: if need.is_within(fidelity) {
+                    because: if choice.all && need.is_within(fidelity) {
                         format!("effects.all is set; else not: {}", need.because).into()
-                    } else if need.error.is_within(fidelity) {
-                        let all_e = digits(need.drawn_e);
-                        format!("{}, {all_e} e- in all", need.because).into()
                     } else {
                         need.because
                     },
@@ -119,6 +120,7 @@ impl<'s> Plan<'s> {
                 effect,
                 verdict,
                 asked: need.error,
+                drawn_e: need.drawn_e,
             }
         };
         Plan {
@@ -134,12 +136,20 @@ impl<'s> Plan<'s> {
 
     /// What leaving out the effect of one of the plan's steps costs at most; none of those that are switched off, for what they would do
     /// is not in the scene. Of those that run no frame needs it, and it may take as long as making the images.
-    pub fn error(&self, step: &Step<'s>) -> Option<Loss> {
+    pub fn error(&self, step: &Step<'_>) -> Option<Loss> {
         match step.verdict {
             Verdict::Off { .. } => None,
             Verdict::Skip { error, .. } => Some(error),
-            Verdict::Run { .. } => Some(changed(step.effect, self.scene, step.asked)),
+            Verdict::Run { .. } => Some(changed(step.effect, self.scene, *step.asked)),
         }
+    }
+
+    /// What electrons of the scene call for an effect that runs though no pixel's expectation needs it, e-; none of all others.
+    pub fn needed_for_e(&self, step: &Step<'_>) -> Option<f64> {
+        let fidelity = self.scene.fidelity();
+        let runs = matches!(step.verdict, Verdict::Run { .. });
+        (runs && step.drawn_e > fidelity.skip_e && step.asked.is_within(fidelity))
+            .then_some(step.drawn_e)
     }
 
     /// Logs what runs and what does not, and why.

@@ -10,7 +10,7 @@
 
 use super::cause::digits;
 use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
-use super::{Loss, Need, Pass};
+use super::{Cost, Loss, Need, Pass};
 use crate::scene::{AreaLight, Asked, Scene, Simulated};
 
 /// ns of a pixel whose light is worked out for it or blurred, is added up with other areas' and drawn; and of one that straight lines run through.
@@ -31,8 +31,8 @@ pub(super) fn judge<'s>(
     name: &str,
     says: impl Fn(&AreaLight) -> String,
     ns: f64,
-    leave: impl Fn(&mut Simulated),
-) -> (Need, Pass<'s>) {
+    leave: impl Fn(&mut Simulated) + Send + 's,
+) -> (Need<'s>, Pass<'s>) {
     let Some(area) = scene.areas.iter().find(|area| area.kind.effect == name) else {
         return (Need::none("there is none in the scene"), Pass::idle());
     };
@@ -50,18 +50,17 @@ pub(super) fn judge<'s>(
             error: Loss {
                 e: area.most_e,
                 px: 0.0,
-            },
+            }
+            .into(),
             drawn_e: 0.0,
             price_ms: 0.0,
         }
     } else {
         let cells_e = || with_trail(scene, scene.area_lit_e(area), || scene.trail_of(area));
+        let error = Cost::of(move || shown_e(scene, cells_e, leave));
         Need {
             because: says(area).into(),
-            error: Loss {
-                e: shown_e(scene, cells_e, leave),
-                px: 0.0,
-            },
+            error,
             drawn_e: if area.is_thin { 0.0 } else { area.electrons },
             price_ms: (asked_ns(&area.asked, ns) + pixels_ns) * 1e-6,
         }

@@ -11,7 +11,7 @@
 
 use super::cause::{counted, digits};
 use super::shown::{DROWNED, is_drowned, of_cells, shown_e};
-use super::{Effect, Judge, Need, Pass, Stage};
+use super::{Cost, Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Scene, Simulated};
 
@@ -24,7 +24,7 @@ pub const DARK_CURRENT: Effect = Effect {
     mark: |simulated| simulated.dark = true,
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;
     let seconds = scene.view.exposure.duration_s;
     let (mean, most) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
@@ -46,22 +46,25 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         } else {
             0.12
         };
-        let width = scene.view.camera.detector.width;
-        let mut columns = vec![most * seconds; width];
-        if let (Some(map), false) = (pattern.dark_e_s(), scene.spill.columns.is_empty()) {
-            // The hottest pixels may be among those that fill up.
-            columns.fill(0.0);
-            for row in map.chunks_exact(width) {
-                for (most, dark) in columns.iter_mut().zip(row) {
-                    *most = most.max(f64::from(*dark) * seconds);
+        let error = move || {
+            let width = scene.view.camera.detector.width;
+            let mut columns = vec![most * seconds; width];
+            if let (Some(map), false) = (pattern.dark_e_s(), scene.spill.columns.is_empty()) {
+                // The hottest pixels may be among those that fill up.
+                columns.fill(0.0);
+                for row in map.chunks_exact(width) {
+                    for (most, dark) in columns.iter_mut().zip(row) {
+                        *most = most.max(f64::from(*dark) * seconds);
+                    }
                 }
             }
-        }
-        let e = shown_e(scene, || of_cells(&columns), leave);
+            shown_e(scene, || of_cells(&columns), leave)
+        };
         Need {
             // However little a pixel expects, somewhere electrons come.
             drawn_e: mean * seconds * scene.view.camera.detector.pixels() as f64,
-            ..Need::of_pixels(scene, because, e, ns)
+            error: Cost::of(error),
+            ..Need::of_pixels(scene, because, 0.0, ns)
         }
     };
     let pass = match pattern.dark_e_s() {

@@ -24,7 +24,7 @@ pub const DEAD_PIXELS: Effect = Effect {
     mark: |simulated| simulated.dead = true,
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let dead = detector.pattern.dead();
     let need = if dead.is_empty() {
@@ -39,7 +39,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             } else {
                 format!("{all}, up to {} e- in one", digits(held.max(struck))).into()
             },
-            error: Loss { e: held, px: 0.0 },
+            error: Loss { e: held, px: 0.0 }.into(),
             drawn_e: struck,
             price_ms: dead.len() as f64 * 2e-6,
         }

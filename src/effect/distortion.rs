@@ -27,7 +27,7 @@ pub const DISTORTION: Effect = Effect {
 /// Places along a side of the detector, and of what images pass beside it, at which the displacement is looked at.
 const PLACES: usize = 13;
 
-fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need<'static> {
     let (optics, detector) = (&view.camera.optics, &view.camera.detector);
     if optics.projection.is_ideal() {
         return Need::none("the lens has no distortion (optics.projection: k, p, strength)");
@@ -64,7 +64,7 @@ fn judge(view: &View, _: &Simulated, fidelity: &Fidelity) -> Need {
     };
     Need {
         because: format!("it moves images by up to {} px", digits(px)).into(),
-        error: Loss { e, px },
+        error: Loss { e, px }.into(),
         drawn_e: 0.0,
         price_ms: view.looks() * ns * 1e-6,
     }

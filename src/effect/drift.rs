@@ -34,7 +34,7 @@ pub const ABERRATION_DRIFT: Effect = Effect {
     mark: |simulated| simulated.aberration_drift = true,
 };
 
-fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
     let [start, end] = view.velocity_change_m_s.map(|dv| dv.norm());
     if start.max(end) == 0.0 {
         return Need::none(why_none(view));
@@ -66,7 +66,7 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
     let px = furthest * view.scale_and_corner_px.0;
     Need {
         because: format!("stars move by up to {px:.2e} px from mid-exposure to its ends").into(),
-        error: Loss { e: 0.0, px },
+        error: Loss { e: 0.0, px }.into(),
         drawn_e: 0.0,
         // Images that would stand still otherwise become tracks of two panels.
         price_ms: view.work(0.0, fidelity).moving_ms,

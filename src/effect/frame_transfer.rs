@@ -11,7 +11,7 @@
 
 use super::cause::{digits, no_light};
 use super::shown::{DROWNED, is_drowned, of_cells, shown_e};
-use super::{Effect, Judge, Need, Pass, Stage};
+use super::{Cost, Effect, Judge, Need, Pass, Stage};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
 use crate::scene::{Scene, Simulated};
@@ -25,7 +25,7 @@ pub const FRAME_TRANSFER: Effect = Effect {
     mark: |simulated| simulated.frame_transfer = true,
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let trail = &scene.trail_e;
     let most = trail.iter().copied().fold(0.0, f64::max);
     let leave = |parts: &mut Simulated| parts.frame_transfer = false;
@@ -33,10 +33,10 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         Shutter::FrameTransfer { .. } if is_drowned(scene, leave) => Need::none(DROWNED),
         Shutter::FrameTransfer { .. } if most > 0.0 => {
             let because = format!("columns get trails of up to {} e- a pixel", digits(most));
-            let e = shown_e(scene, || of_cells(trail), leave);
             Need {
+                error: Cost::of(move || shown_e(scene, || of_cells(trail), leave)),
                 drawn_e: trail.iter().sum::<f64>() * scene.view.camera.detector.height as f64,
-                ..Need::of_pixels(scene, because, e, 0.17)
+                ..Need::of_pixels(scene, because, 0.0, 0.17)
             }
         }
         Shutter::FrameTransfer { .. } => Need::none(no_light(scene)),

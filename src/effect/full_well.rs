@@ -12,7 +12,7 @@
 use super::bloom::Bloom;
 use super::cause::digits;
 use super::shown::{apart, held_e, in_groups};
-use super::{Effect, Judge, Need, Pass, Stage};
+use super::{Cost, Effect, Judge, Need, Pass, Stage};
 use crate::camera::{Blooming, Detector};
 use crate::fidelity::Fidelity;
 use crate::scene::{Scene, Simulated, drawn_e};
@@ -42,7 +42,7 @@ pub const FULL_WELL: Effect = Effect {
     mark: |simulated| simulated.full_well = true,
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let full = detector.full_well_e;
     let brightest = scene.brightest_e();
@@ -65,27 +65,23 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             digits(most),
             digits(full)
         );
-        // Column after column spills, of those with a pixel that noise is likely to bring over its well.
-        let over = |e: &f64| e + 3.0 * e.sqrt() > full;
-        let overfull = |column: &&[f64]| spills && column.iter().any(over);
-        let groups = in_groups(&scene.spill.columns, |columns| {
-            let [with, without] = [true, false].map(|full_well| {
-                let parts = Simulated {
-                    full_well,
-                    ..scene.simulated
-                };
-                held_e(scene, columns, &parts)
+        let shown_e = move || {
+            let groups = in_groups(&scene.spill.columns, |columns| {
+                let [with, without] = [true, false].map(|full_well| {
+                    let parts = Simulated {
+                        full_well,
+                        ..scene.simulated
+                    };
+                    held_e(scene, columns, &parts)
+                });
+                apart(&with, &without)
             });
-            let spilt = without.chunks_exact(detector.height).filter(overfull);
-            (apart(&with, &without), spilt.count())
-        });
-        let shown_e = groups
-            .iter()
-            .map(|(shown_e, _)| *shown_e)
-            .fold(0.0, f64::max);
-        let spilt: usize = groups.iter().map(|(_, spilt)| spilt).sum();
-        let need = Need::of_pixels(scene, because, shown_e, ns);
+            groups.into_iter().fold(0.0, f64::max)
+        };
+        let need = Need::of_pixels(scene, because, 0.0, ns);
+        let spilt = if spills { spilt(scene) } else { 0 };
         Need {
+            error: Cost::of(shown_e),
             drawn_e: most - brightest,
             price_ms: need.price_ms + (spilt * detector.height) as f64 * 8e-6,
             ..need
@@ -102,6 +98,18 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
         }))
     };
     (need, pass)
+}
+
+/// How many columns have a pixel that noise is likely to bring over its well: one after another spills.
+fn spilt(scene: &Scene) -> usize {
+    let detector = &scene.view.camera.detector;
+    let over = |e: &f64| e + 3.0 * e.sqrt() > detector.full_well_e;
+    let groups = in_groups(&scene.spill.columns, |columns| {
+        let charge = scene.columns_e(columns, &scene.simulated);
+        let columns = charge.chunks_exact(detector.height);
+        columns.filter(|column| column.iter().any(over)).count()
+    });
+    groups.into_iter().sum()
 }
 
 /// What the pixels of a column hold of its charge (e-).

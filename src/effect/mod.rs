@@ -35,6 +35,8 @@ use crate::fidelity::Fidelity;
 use crate::frame::{Charge, Tile};
 use crate::scene::{Scene, Simulated, View};
 use std::borrow::Cow;
+use std::ops::Deref;
+use std::sync::LazyLock;
 
 /// Every effect, in physical order.
 pub const EFFECTS: &[Effect] = &[
@@ -108,9 +110,9 @@ impl Effect {
 pub enum Judge {
     /// It shapes the images of sources, and is asked before they are made, with what shapes them already; what it changes is
     /// told when they are.
-    Images(fn(&View, &Simulated, &Fidelity) -> Need, Change),
+    Images(fn(&View, &Simulated, &Fidelity) -> Need<'static>, Change),
     /// It works on pixels.
-    Pixels(for<'s> fn(&'s Scene, &Fidelity) -> (Need, Pass<'s>)),
+    Pixels(for<'s> fn(&'s Scene, &Fidelity) -> (Need<'s>, Pass<'s>)),
 }
 
 /// A bound of what leaving an effect out changes in the end, by the images as they are made and what the effect answered before.
@@ -130,17 +132,48 @@ pub enum Stage {
 }
 
 /// What a scene needs of an effect.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Need {
+pub struct Need<'s> {
     /// What in the scene calls for it, or why nothing does.
     pub because: Cow<'static, str>,
     /// What leaving it out would cost at most.
-    pub error: Loss,
+    pub error: Cost<'s>,
     /// What leaving it out may change of what noise and particles draw, in one pixel or of all electrons together, beside the
     /// expectation of a pixel that `error` speaks of, e-. It runs where either is beyond the tolerance.
     pub drawn_e: f64,
     /// What it is expected to take, ms on one core.
     pub price_ms: f64,
+}
+
+/// What leaving an effect out costs: told, or worked out for the first that asks. Nobody does in a frame if `drawn_e` decides.
+pub enum Cost<'s> {
+    /// It is known.
+    Told(Loss),
+    /// It is not, yet.
+    Owed(LazyLock<Loss, Box<dyn FnOnce() -> Loss + Send + 's>>),
+}
+
+impl<'s> Cost<'s> {
+    /// That of a pixel (e-), which `e` works out.
+    fn of(e: impl FnOnce() -> f64 + Send + 's) -> Cost<'s> {
+        Cost::Owed(LazyLock::new(Box::new(|| Loss { e: e(), px: 0.0 })))
+    }
+}
+
+impl From<Loss> for Cost<'_> {
+    fn from(loss: Loss) -> Self {
+        Cost::Told(loss)
+    }
+}
+
+impl Deref for Cost<'_> {
+    type Target = Loss;
+
+    fn deref(&self) -> &Loss {
+        match self {
+            Cost::Told(loss) => loss,
+            Cost::Owed(loss) => loss,
+        }
+    }
 }
 
 /// What leaving an effect out costs: a bound of what is different in the end, after all that comes later in the chain, such as
@@ -197,35 +230,51 @@ pub enum Verdict<'s> {
     },
 }
 
-impl Need {
+impl<'s> Need<'s> {
     /// Nothing calls for the effect: without it, nothing changes.
-    fn none(why: impl Into<Cow<'static, str>>) -> Need {
+    fn none(why: impl Into<Cow<'static, str>>) -> Need<'s> {
         Need {
             because: why.into(),
-            error: Loss::default(),
+            error: Loss::default().into(),
             drawn_e: 0.0,
             price_ms: 0.0,
         }
     }
 
     /// Leaving it out changes a pixel by at most `e` electrons; running it takes `ns` a pixel.
-    fn of_pixels(scene: &Scene, because: impl Into<Cow<'static, str>>, e: f64, ns: f64) -> Need {
+    fn of_pixels(
+        scene: &Scene,
+        because: impl Into<Cow<'static, str>>,
+        e: f64,
+        ns: f64,
+    ) -> Need<'s> {
         Need {
             because: because.into(),
-            error: Loss { e, px: 0.0 },
+            error: Loss { e, px: 0.0 }.into(),
             drawn_e: 0.0,
             price_ms: scene.view.camera.detector.pixels() as f64 * ns * 1e-6,
         }
     }
 
+    /// The same, for any scene.
+    pub fn told<'t>(self) -> Need<'t> {
+        Need {
+            error: (*self.error).into(),
+            because: self.because,
+            drawn_e: self.drawn_e,
+            price_ms: self.price_ms,
+        }
+    }
+
     /// Whether leaving it out lies within the tolerances.
     pub fn is_within(&self, fidelity: &Fidelity) -> bool {
-        self.error.is_within(fidelity) && self.drawn_e <= fidelity.skip_e
+        // (The error last: it may not be known yet.)
+        self.drawn_e <= fidelity.skip_e && self.error.is_within(fidelity)
     }
 
     /// Whether nothing changes without it.
     pub fn is_none(&self) -> bool {
-        self.error == Loss::default() && self.drawn_e == 0.0
+        self.drawn_e == 0.0 && *self.error == Loss::default()
     }
 }
 

@@ -22,7 +22,7 @@ pub const NON_LINEARITY: Effect = Effect {
     mark: |simulated| simulated.nonlinearity = true,
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let share = detector.nonlinearity;
     let held = |e: f64| e.min(scene.spill.most_e);

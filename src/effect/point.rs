@@ -9,7 +9,7 @@
 
 use super::cause::{counted, digits, is_rso, is_star, none_lit};
 use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
-use super::{Effect, Judge, Loss, Need, Pass, Stage};
+use super::{Cost, Effect, Judge, Need, Pass, Stage};
 use crate::fidelity::Fidelity;
 use crate::scene::{Body, Lit, Scene, Simulated, Source, still_ms};
 
@@ -30,7 +30,7 @@ pub const RSOS: Effect = Effect {
     mark: |simulated| simulated.rsos = true,
 };
 
-fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
+fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
     // Worked out with the light of all.
     let own_e = |_: &[&Source]| scene.stars_lit_e().to_vec();
     judge(scene, fidelity, ("star", is_star), own_e, |parts| {
@@ -38,7 +38,7 @@ fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
     })
 }
 
-fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
+fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let own_e = |drawn: &[&Source]| lit_e(scene, drawn);
     judge(scene, fidelity, ("object", is_rso), own_e, |parts| {
         parts.rsos = false
@@ -55,9 +55,9 @@ pub(super) fn judge<'s>(
     scene: &'s Scene,
     fidelity: &Fidelity,
     (what, kind): (&'static str, fn(&Body) -> bool),
-    own_e: impl Fn(&[&Source]) -> Vec<f64>,
-    leave: impl Fn(&mut Simulated),
-) -> (Need, Pass<'s>) {
+    own_e: impl Fn(&[&Source]) -> Vec<f64> + Send + 's,
+    leave: impl Fn(&mut Simulated) + Send + 's,
+) -> (Need<'s>, Pass<'s>) {
     let lit = |s: &&Source| kind(&s.body) && s.electrons > 0.0;
     let drawn: Vec<&Source> = scene.sources.iter().filter(lit).collect();
     let pixels: usize = drawn.iter().map(|s| s.footprint.shares().len()).sum();
@@ -71,15 +71,13 @@ pub(super) fn judge<'s>(
             Need::none(format!("{because}: {DROWNED}"))
         } else {
             // Their own light, and their part of its column's trail.
-            let cells_e = || with_trail(scene, own_e(&drawn), || scene.trail_e.clone());
+            let all = drawn.clone();
+            let cells_e = move || with_trail(scene, own_e(&all), || scene.trail_e.clone());
             // Those that are hidden have images too: labels say what they would be worth.
             let made = scene.sources.iter().filter(|s| kind(&s.body));
             Need {
                 because: because.into(),
-                error: Loss {
-                    e: shown_e(scene, cells_e, leave),
-                    px: 0.0,
-                },
+                error: Cost::of(move || shown_e(scene, cells_e, leave)),
                 // Thinly spread light comes in whole electrons too.
                 drawn_e: drawn.iter().map(|source| source.electrons).sum(),
                 price_ms: still_ms(scene, made, fidelity),

@@ -24,7 +24,7 @@ pub const RADIATION: Effect = Effect {
     mark: |simulated| simulated.radiation = true,
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let mut hits: Vec<(u32, u32)> = (scene.events.iter())
         .flat_map(|event| event.pixels.iter().copied())
         .collect();
@@ -48,7 +48,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             error: Loss {
                 e: passed_on(scene, &hits, most),
                 px: 0.0,
-            },
+            }
+            .into(),
             drawn_e: 0.0,
             price_ms: hits.len() as f64 * 3e-6,
         }

@@ -25,7 +25,7 @@ pub const READ_NOISE: Effect = Effect {
 /// This effect's identity in the noise key.
 const STREAM: u8 = 2;
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let sigma = scene.view.camera.detector.read_noise_e;
     let need = if sigma == 0.0 {
         Need::none("the detector reads without noise (detector.read_noise_e)")

@@ -20,7 +20,7 @@ pub const READOUT: Effect = Effect {
     mark: |_| {},
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let (per_electron, offset) = (1.0 / detector.gain_e_per_dn, detector.offset_dn);
     let max = f64::from(detector.max_dn());

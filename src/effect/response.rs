@@ -22,7 +22,7 @@ pub const PIXEL_RESPONSE: Effect = Effect {
     mark: |simulated| simulated.response = true,
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;
     let Some(response) = pattern.response() else {
         return (

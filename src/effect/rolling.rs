@@ -25,7 +25,7 @@ pub const ROLLING_SHUTTER: Effect = Effect {
     mark: |simulated| simulated.rolling = true,
 };
 
-fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
     let readout_s = view.camera.readout_s();
     if readout_s == 0.0 {
         return Need::none(match view.camera.shutter {
@@ -53,7 +53,8 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
             // What edges of area light pass over.
             e: view.areas_peak_e() * swing_px.min(1.0),
             px: off_px * (2.0 - evenness(view)),
-        },
+        }
+        .into(),
         drawn_e: 0.0,
         price_ms: view.work(view.open_s, fidelity).rolling_ms,
     }

@@ -27,7 +27,7 @@ pub const SHOT_NOISE: Effect = Effect {
 /// This effect's identity in the noise key.
 const STREAM: u8 = 1;
 
-fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let most = scene.brightest_e();
     let no_dark = if scene.simulated.dark {
         "no dark current"
@@ -44,7 +44,7 @@ fn judge<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Need, Pass<'s>) {
                 digits(most)
             )
             .into(),
-            error: Loss { e, px: 0.0 },
+            error: Loss { e, px: 0.0 }.into(),
             drawn_e: 0.0,
             price_ms: price_ms(scene),
         }

@@ -24,7 +24,7 @@ pub const SMEAR: Effect = Effect {
     mark: |simulated| simulated.smear = true,
 };
 
-fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
     let length_px = view.longest_track_px(view.exposure.duration_s);
     let swing_px = view.areas_swing_px(view.exposure.duration_s);
     // What stands still does so for a rolling shutter too, whose rows see it elsewhere.
@@ -54,7 +54,8 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
             // Of an edge that is smeared over d px by no more than `d^2 / 24` of its bend, which is below 0.7 of a pixel's.
             e: view.areas_peak_e() * (swing_px * swing_px / 16.0).min(1.0),
             px: length_px / 2.0 + rolled_px,
-        },
+        }
+        .into(),
         drawn_e: 0.0,
         price_ms: price_ms + view.areas_smear_ms(),
     }

@@ -23,7 +23,7 @@ pub const STUCK_PIXELS: Effect = Effect {
     mark: |simulated| simulated.stuck = true,
 };
 
-fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
+fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let (stuck, dn) = (detector.pattern.stuck(), detector.stuck_dn);
     let need = if stuck.is_empty() {
@@ -51,7 +51,8 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need, Pass<'s>) {
             error: Loss {
                 e: off.fold(0.0, f64::max) + gain,
                 px: 0.0,
-            },
+            }
+            .into(),
             drawn_e: 0.0,
             price_ms: stuck.len() as f64 * 2e-6,
         }

@@ -32,7 +32,7 @@ pub const VIGNETTING: Effect = Effect {
     mark: |simulated| simulated.vignetting = true,
 };
 
-fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
+fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
     let vignetting = &view.camera.optics.vignetting;
     if *vignetting == Vignetting::None {
         return Need::none("the optics have no vignetting");
@@ -57,7 +57,8 @@ fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need {
         error: Loss {
             e,
             px: view.longest_track_px(view.open_s) * ((most - least) / (4.0 * least)).min(1.0),
-        },
+        }
+        .into(),
         drawn_e: 0.0,
         price_ms: looks(view, fidelity) * ns * 1e-6,
     }
