@@ -379,4 +379,5 @@ fn light_too_thin_for_any_pixel_is_drawn() {
         .unwrap();
     let all: f64 = scene.sources.iter().map(|source| source.electrons).sum();
     assert!(all > skip_e && stars.run, "{all} e- in all");
+    assert!(stars.why.ends_with("e- in all"), "{}", stars.why);
 }

@@ -66,17 +66,16 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
             digits(full)
         );
         let shown_e = move || {
+            let parts = Simulated {
+                full_well: false,
+                ..scene.simulated
+            };
             let groups = in_groups(&scene.spill.columns, |columns| {
-                let [with, without] = [true, false].map(|full_well| {
-                    let parts = Simulated {
-                        full_well,
-                        ..scene.simulated
-                    };
-                    held_e(scene, columns, &parts)
-                });
+                let [with, without] =
+                    [&scene.simulated, &parts].map(|parts| held_e(scene, columns, parts));
                 apart(&with, &without)
             });
-            groups.into_iter().fold(0.0, f64::max)
+            groups.into_iter().fold(0.0, f64::max) + scene.straightened_e(&parts)
         };
         let need = Need::of_pixels(scene, because, 0.0, ns);
         let spilt = if spills { spilt(scene) } else { 0 };

@@ -345,6 +345,8 @@ impl View {
 
     /// What smearing area light takes, about, ms: edges are taken to run once across the field.
     pub fn areas_smear_ms(&self) -> f64 {
+        // What an edge crosses, and what is near it: of what moves by less than a pixel only the first is looked at again.
+        const EDGE_PX: f64 = 1.5;
         const LIMB_PX: f64 = 8.0;
         const STEP_NS: f64 = 500.0;
         // Places a pixel at which even light is looked at, and ns of a look.
@@ -356,7 +358,8 @@ impl View {
         let pixels = self.camera.detector.pixels();
         let steps = (STEPS_PX * px + 1.0).min(most_steps(pixels) as f64);
         let [columns, rows] = self.camera.detector.sides();
-        let smeared = ((LIMB_PX + px) * (columns + rows)).min(pixels as f64);
+        let near_px = if px > 1.0 { LIMB_PX } else { EDGE_PX };
+        let smeared = ((near_px + px) * (columns + rows)).min(pixels as f64);
         let looks: usize = self.areas.iter().map(|area| area.looks_on(px)).sum();
         let looking = pixels as f64 * PLACES * looks as f64 * LOOK_NS;
         (edged.count() as f64 * smeared * steps * STEP_NS + looking) * 1e-6

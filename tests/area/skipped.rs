@@ -4,6 +4,7 @@ use super::frames::expected;
 use skyloop::camera::Stray;
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
+use skyloop::fidelity::Fidelity;
 use std::path::Path;
 
 fn emulator(scene: &str) -> (Config, Emulator) {
@@ -81,7 +82,7 @@ fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
     let of_snr = |snr: f64| snr * (100.0 + 1.0 / 12.0f64).sqrt() / 64.0;
     let at = |wanted: f64| veil(1e-6 * wanted / e);
     let ((run, why), told) = at(of_snr(0.2));
-    assert!(run && why.contains("e- in all"), "{why}");
+    assert!(run, "{why}");
     assert!(
         (told / of_snr(0.2) - 1.0).abs() < 1e-3 && told < 0.05,
         "{told}"
@@ -89,4 +90,42 @@ fn light_is_skipped_only_where_all_of_it_is_lost_in_noise() {
     let ((run, why), lost) = at(of_snr(0.02));
     assert!(!run && why.contains("within the tolerance"), "{why}");
     assert_eq!(lost, 0.0);
+}
+
+/// Where area light fills all pixels it is not worked out how full they would be, and what a pixel holds is as if it were.
+#[test]
+fn what_full_pixels_lose_is_not_worked_out() {
+    let held = |full_well_e: f64, fidelity: Fidelity| {
+        let mut limb = emulator("limb-by-day.toml");
+        limb.0.camera = emulator("deep-sky.toml").0.camera;
+        limb.0.camera.detector.full_well_e = full_well_e;
+        limb.1 = Emulator::new(&mut limb.0);
+        limb.1.choice.noise = false;
+        limb.1.choice.off = vec!["earthshine"];
+        limb.1.set_fidelity(fidelity);
+        let mission = skyloop::flight::mission(&limb.0).unwrap();
+        let vehicle = skyloop::flight::vehicle(&mission, 0).unwrap();
+        let choice = limb.1.choice.clone();
+        let scene = limb
+            .1
+            .scene(&limb.1.camera(), &vehicle, 0, &choice)
+            .unwrap();
+        let asked: usize = scene.areas.iter().map(|area| area.asked.lights).sum();
+        let shot = shoot(&mut limb, 0);
+        let held = expected(&shot).iter().map(|e| e.min(full_well_e as f32));
+        (held.collect::<Vec<f32>>(), asked)
+    };
+    let tolerances = Fidelity::REALTIME;
+    let (full, asked) = held(2e4, tolerances);
+    let (exact, _) = held(2e4, Fidelity::REFERENCE);
+    let (_, asked_of_all) = held(1e12, tolerances);
+    assert!(3 * asked < 2 * asked_of_all, "{asked} of {asked_of_all}");
+    let some = full.iter().filter(|e| **e >= 2e4).count();
+    assert!(some > full.len() / 4 && some < full.len(), "{some}");
+    for (i, (full, exact)) in full.iter().zip(&exact).enumerate() {
+        // Four kinds of light and its kinks, each off by no more than its bound (`fidelity`).
+        let bound = 4.0 * 8.0 * (tolerances.area_e + tolerances.area_part * f64::from(*exact));
+        let off = f64::from(full - exact).abs();
+        assert!(off <= bound, "pixel {i}: {full} and not {exact} e-");
+    }
 }

@@ -18,7 +18,7 @@ use crate::fidelity::Fidelity;
 use rayon::prelude::*;
 
 /// Furthest that light is spread, px.
-pub const FURTHEST: usize = 24;
+const FURTHEST: usize = 24;
 /// Side of the patches that have one spread, px: as many as a word has bits.
 pub const PATCH: usize = u64::BITS as usize;
 

@@ -48,6 +48,13 @@ impl Scene {
         Together::of(&areas, view, view.camera.detector.pixels())
     }
 
+    /// What full pixels' light is off by most from what it is with the effects `other`, which have no full wells, e-.
+    pub fn straightened_e(&self, other: &Simulated) -> f64 {
+        let others = self.areas_with(other);
+        let [is_e, others_e] = [self.areas_light.e(), others.e()];
+        f64::from(lanes::furthest_apart(is_e, others_e)) * self.responds()
+    }
+
     /// The light of all area sources.
     pub fn areas_together(&self) -> &Together {
         &self.areas_light

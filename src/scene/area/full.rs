@@ -6,8 +6,9 @@
 //!
 //! at all corners of a cell and of those around it, as far as light is spread and moves while pixels are open.
 
+use super::blur::Blur;
 use super::plane::Plane;
-use super::{Area, blur, lay};
+use super::{Area, lay};
 use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
 use crate::scene::{Simulated, View, flooding_e, trail};
@@ -51,8 +52,12 @@ impl Full {
             return Full::default();
         }
         let sky = Sky::new(view, &areas, simulated);
-        let reach = (blur::FURTHEST + sky.moved_px() as usize + 1).div_ceil(CELL_PX);
-        let before = blur::FURTHEST.div_ceil(CELL_PX) + reach;
+        let margins = areas
+            .iter()
+            .map(|area| Blur::new(&view.camera, area.peak_e, area.has_edges(), fidelity).margin());
+        let margin = margins.max().unwrap_or(0);
+        let reach = (margin + sky.moved_px() as usize + 1).div_ceil(CELL_PX);
+        let before = margin.div_ceil(CELL_PX) + reach;
         let cells = |pixels: usize| pixels.div_ceil(CELL_PX) + 2 * before;
         let [across, down] = [detector.width, detector.height].map(cells);
         let place = |i: usize| i as f64 * CELL_PX as f64 - (before * CELL_PX) as f64;
