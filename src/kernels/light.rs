@@ -60,8 +60,14 @@ impl Single {
     fn of(reading: &Reading, electrons: f64) -> Single {
         // More than any pixel holds, and its products are numbers.
         const MOST_E: f64 = 1e30;
+        // Of so little no share counts, and products with it would be below the smallest number.
+        let counts = electrons > f64::from(LEAST_E);
         Single {
-            electrons: electrons.min(MOST_E) as f32,
+            electrons: if counts {
+                electrons.min(MOST_E) as f32
+            } else {
+                0.0
+            },
             bend: reading.bend as f32,
             part_of_full: reading.part_of_full as f32,
             shot: reading.shot as f32,
