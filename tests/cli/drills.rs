@@ -215,6 +215,25 @@ fn held(id: u32) -> [usize; 3] {
     [entries("fd"), entries("task"), resident.parse().unwrap()]
 }
 
+/// Pings until an answer comes, and takes all answers: up to those to one more Ping.
+fn be_heard(client: &mut Client<UdpLine>) {
+    await_that("the client is heard", || {
+        client.send(skyloop_protocols::Command::Ping);
+        client.recv(PATIENCE / 400).is_some()
+    });
+    let last = client.send(skyloop_protocols::Command::Ping);
+    let is_last = |packet: Vec<u8>| match Reply::decode(&packet).unwrap().1 {
+        Reply::Ack(ack) => ack.sequence_count == last,
+        _ => false,
+    };
+    while !is_last(client.next(false)) {}
+    let status = client.next(false);
+    assert!(matches!(
+        Reply::decode(&status).unwrap().1,
+        Reply::Status(_)
+    ));
+}
+
 #[test]
 fn a_thousand_clients_leave_nothing_behind() {
     /// Clients that come before what is held is looked at: the first frame's memory among them.
@@ -226,11 +245,7 @@ fn a_thousand_clients_leave_nothing_behind() {
         let mut client = client_of(&process);
         client.window = None;
         // The one before is let go of when its Reset has reached the link, which may be after this one's first word.
-        await_that("the client is heard", || {
-            client.send(skyloop_protocols::Command::Ping);
-            client.recv(PATIENCE / 400).is_some()
-        });
-        while client.recv(Duration::from_millis(1)).is_some() {}
+        be_heard(&mut client);
         if number % 50 == 0 {
             frame(&mut client, number);
         }
@@ -240,16 +255,14 @@ fn a_thousand_clients_leave_nothing_behind() {
         }
     }
     let after = held(process.id());
-    assert_eq!(after[..2], before[..2], "files and threads");
-    // X-Val: 900 clients that leave 10 kB each.
+    // X-Val: 900 clients that leave a file, a thread or 10 kB each; the runtime's idle threads come and go.
+    for (what, i) in [("files", 0), ("threads", 1)] {
+        assert!(after[i] < before[i] + 9, "{what}: {before:?} {after:?}");
+    }
     assert!(after[2] < before[2] + 9_000, "{before:?} {after:?} kB");
     let mut client = client_of(&process);
     client.window = None;
-    await_that("another client is heard", || {
-        client.send(skyloop_protocols::Command::Ping);
-        client.recv(PATIENCE / 400).is_some()
-    });
-    while client.recv(Duration::from_millis(5)).is_some() {}
+    be_heard(&mut client);
     frame(&mut client, 7);
     process.signal("-TERM");
     let (code, table) = process.end();
