@@ -246,8 +246,14 @@ fn a_thousand_clients_leave_nothing_behind() {
         client.window = None;
         // The one before is let go of when its Reset has reached the link, which may be after this one's first word.
         be_heard(&mut client);
-        if number % 50 == 0 {
-            frame(&mut client, number);
+        // The first has many: until all threads have worked on one, memory grows.
+        let frames = if number == 0 {
+            60
+        } else {
+            u32::from(number % 50 == 0)
+        };
+        for i in 0..frames {
+            frame(&mut client, number + i);
         }
         client.done(skyloop_protocols::Command::Reset);
         if number == FIRST {
@@ -255,11 +261,11 @@ fn a_thousand_clients_leave_nothing_behind() {
         }
     }
     let after = held(process.id());
-    // X-Val: 900 clients that leave a file, a thread or 10 kB each; the runtime's idle threads come and go.
+    // X-Val: 900 clients that leave a file, a thread or 50 kB each; the runtime's idle threads come and go, and the allocator takes 32 MiB at once.
     for (what, i) in [("files", 0), ("threads", 1)] {
         assert!(after[i] < before[i] + 9, "{what}: {before:?} {after:?}");
     }
-    assert!(after[2] < before[2] + 9_000, "{before:?} {after:?} kB");
+    assert!(after[2] < before[2] + 45_000, "{before:?} {after:?} kB");
     let mut client = client_of(&process);
     client.window = None;
     be_heard(&mut client);
@@ -267,5 +273,5 @@ fn a_thousand_clients_leave_nothing_behind() {
     process.signal("-TERM");
     let (code, table) = process.end();
     assert_eq!(code, Some(0), "{table}");
-    assert!(table.contains("frames_delivered 21"), "{table}");
+    assert!(table.contains("frames_delivered 80"), "{table}");
 }
