@@ -623,13 +623,15 @@ static inline bool skyloop_is_overrun(uint8_t code)
 #define SKYLOOP_SYNC_STATE_WAITING 1U /* Nothing heard of the client's time yet. */
 #define SKYLOOP_SYNC_STATE_LOCKED 2U /* Follows the client's time. */
 #define SKYLOOP_SYNC_STATE_HOLDOVER 3U /* Nothing heard for a while: runs on by its own. */
+#define SKYLOOP_SYNC_STATE_PAUSED 4U /* Nothing: Pause has stopped the scene's time. */
 
 static inline bool skyloop_is_sync_state(uint8_t code)
 {
     return (code == SKYLOOP_SYNC_STATE_FREE) ||
            (code == SKYLOOP_SYNC_STATE_WAITING) ||
            (code == SKYLOOP_SYNC_STATE_LOCKED) ||
-           (code == SKYLOOP_SYNC_STATE_HOLDOVER);
+           (code == SKYLOOP_SYNC_STATE_HOLDOVER) ||
+           (code == SKYLOOP_SYNC_STATE_PAUSED);
 }
 
 /* What goes wrong on the link. */
@@ -709,6 +711,8 @@ static inline bool skyloop_is_reason(uint8_t code)
 #define SKYLOOP_OPCODE_RESEND 10U /* Packets of one of the last frames once more, as they were; they take no credit. */
 #define SKYLOOP_OPCODE_FAULT 11U /* Something goes wrong on this link, on purpose. */
 #define SKYLOOP_OPCODE_TRIGGER 12U /* One exposure at a time that the client chooses; answered by its frame. */
+#define SKYLOOP_OPCODE_PAUSE 13U /* No exposure ends and the scene's time stands still until Resume; section 5.10. */
+#define SKYLOOP_OPCODE_RESUME 14U /* Exposures and the scene's time go on after Pause. */
 
 /* ---- messages ---------------------------------------------------------------------------------------------------- */
 
@@ -1575,6 +1579,10 @@ static inline void skyloop_read_command(skyloop_reader_t *reader, skyloop_comman
         out->as.trigger.number = skyloop_read_u32(reader);
         out->as.trigger.start = skyloop_read_u64(reader);
         break;
+    case SKYLOOP_OPCODE_PAUSE:
+        break;
+    case SKYLOOP_OPCODE_RESUME:
+        break;
     default:
         skyloop_fail(reader, SKYLOOP_UNKNOWN_OPCODE);
         break;
@@ -1620,6 +1628,10 @@ static inline void skyloop_write_command(skyloop_writer_t *writer, const skyloop
     case SKYLOOP_OPCODE_TRIGGER:
         skyloop_write_u32(writer, in->as.trigger.number);
         skyloop_write_u64(writer, in->as.trigger.start);
+        break;
+    case SKYLOOP_OPCODE_PAUSE:
+        break;
+    case SKYLOOP_OPCODE_RESUME:
         break;
     default:
         writer->error = SKYLOOP_UNKNOWN_OPCODE;
@@ -2405,7 +2417,7 @@ static inline double skyloop_can_join(uint64_t high, uint64_t low)
 #define SKYLOOP_CAN_ATTITUDE_VELOCITY_Y 0x10dU /* velocity_m_s y. */
 #define SKYLOOP_CAN_ATTITUDE_VELOCITY_Z 0x10eU /* velocity_m_s z. */
 #define SKYLOOP_CAN_ATTITUDE_END 0x10fU /* Ends an attitude, which holds from here if all its frames came and the CRC fits. */
-#define SKYLOOP_CAN_SHORT_COMMAND 0x110U /* A Command Ping, Reset, SingleShot or Credit whose time is 0. */
+#define SKYLOOP_CAN_SHORT_COMMAND 0x110U /* A Command Ping, Reset, SingleShot, Credit, Pause or Resume whose time is 0. */
 #define SKYLOOP_CAN_TRANSPORT_TO_EMULATOR 0x120U /* Any packet, in ISO-TP, and the flow control of those the other way. */
 #define SKYLOOP_CAN_SHORT_ACK 0x210U /* An Ack whose time is 0. */
 #define SKYLOOP_CAN_TRANSPORT_TO_CLIENT 0x220U /* Any packet, in ISO-TP, and the flow control of those the other way. */
@@ -2698,7 +2710,7 @@ static inline bool skyloop_can_is_short(uint8_t opcode)
     return (opcode >= SKYLOOP_OPCODE_SINGLE_SHOT) && (opcode <= SKYLOOP_OPCODE_CREDIT);
 }
 
-/* A Command Ping, Reset, SingleShot or Credit whose time is 0. */
+/* A Command Ping, Reset, SingleShot, Credit, Pause or Resume whose time is 0. */
 static inline skyloop_error_t skyloop_can_encode_command(const skyloop_uplink_t *in, skyloop_can_frame_t *frame)
 {
     const uint8_t opcode = in->as.command.opcode;

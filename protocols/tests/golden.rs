@@ -39,6 +39,8 @@ fn command(v: &Vector) -> Command {
         },
         Opcode::FrameRate => Command::FrameRate { hz: v.float("hz") },
         Opcode::SingleShot => Command::SingleShot,
+        Opcode::Pause => Command::Pause,
+        Opcode::Resume => Command::Resume,
         Opcode::Reset => Command::Reset,
         Opcode::Ping => Command::Ping,
         Opcode::Credit => Command::Credit {

@@ -130,6 +130,8 @@ fn command() -> impl Strategy<Value = Command> {
         positive().prop_map(|e_per_dn| Command::Gain { e_per_dn }),
         positive().prop_map(|hz| Command::FrameRate { hz }),
         Just(Command::SingleShot),
+        Just(Command::Pause),
+        Just(Command::Resume),
         Just(Command::Reset),
         Just(Command::Ping),
         any::<u32>().prop_map(|packets| Command::Credit { packets }),

@@ -6,7 +6,7 @@ use crate::timing::FrameTimes;
 use bytes::Bytes;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::{
-    Ack, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, Timing, WireTime,
+    Ack, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, SyncState, Timing, WireTime,
 };
 use std::time::Instant;
 
@@ -84,7 +84,10 @@ impl Server {
             frame_rate_hz: camera.rate_hz,
             next_frame: self.next_frame,
             packets_sent: exchange.credit.sent(),
-            sync: sync.state,
+            sync: match self.paused {
+                true => SyncState::Paused,
+                false => sync.state,
+            },
             clock_offset_s: sync.offset_s,
             timing: self.last.as_ref().map(timing).unwrap_or_default(),
             latency_p50_s: latency_s(0.5),

@@ -274,6 +274,15 @@ impl Server {
         }
     }
 
+    /// Frames that nobody has begun to get are for nobody: who asked for them has gone, or begins anew.
+    pub(super) fn forsake(&mut self) {
+        for picture in &mut self.pictures {
+            if !std::mem::replace(&mut picture.begun, true) {
+                picture.whole = false;
+            }
+        }
+    }
+
     /// A frame's way over a link is over.
     fn end(&mut self, at: usize, frame: u32, whole: bool) {
         let tally = &self.channels[at].wire.tally;

@@ -1,4 +1,4 @@
-//! Further cameras of the same vehicle: each at links of its own, all with the attitudes, Triggers and Resets of the first one's client, as they came.
+//! Further cameras of the same vehicle: each at links of its own, all with the attitudes, Triggers, pauses and Resets of the first one's client, as they came.
 
 use super::Server;
 use crate::config::Run;
@@ -35,7 +35,9 @@ impl Server {
     /// Whether a command is for the link that brings the truth. A further camera's settings come over links of its own.
     pub(super) fn is_truth(&self, command: &Command) -> bool {
         match command {
-            Command::Attitude(_) | Command::Trigger { .. } => true,
+            Command::Attitude(_) | Command::Trigger { .. } | Command::Pause | Command::Resume => {
+                true
+            }
             Command::Exposure { .. }
             | Command::Gain { .. }
             | Command::FrameRate { .. }
@@ -48,7 +50,11 @@ impl Server {
     pub(super) fn is_of_the_vehicle(command: &Command) -> bool {
         matches!(
             command,
-            Command::Attitude(_) | Command::Trigger { .. } | Command::Reset
+            Command::Attitude(_)
+                | Command::Trigger { .. }
+                | Command::Pause
+                | Command::Resume
+                | Command::Reset
         )
     }
 }

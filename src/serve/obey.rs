@@ -73,10 +73,27 @@ impl Server {
                         detail: "SingleShot: no attitude yet; send one first".to_string(),
                     });
                 }
+                if self.paused {
+                    return Err(Refusal {
+                        reason: Reason::Busy,
+                        detail: "SingleShot: exposures are paused; send Resume first".to_string(),
+                    });
+                }
                 self.must_rest("SingleShot")?;
                 let exposure_s = self.settings.camera.exposure_s;
                 if let Some(cadence) = self.clock.cadence() {
                     cadence.single_shot(exposure_s, arrived);
+                }
+            }
+            Command::Pause => {
+                self.must_rest("Pause")?;
+                if !std::mem::replace(&mut self.paused, true) {
+                    self.clock.pause(arrived);
+                }
+            }
+            Command::Resume => {
+                if std::mem::take(&mut self.paused) {
+                    self.clock.resume(arrived);
                 }
             }
             Command::Reset => {

@@ -78,5 +78,6 @@ fn sync(state: SyncState) -> &'static str {
         SyncState::Waiting => "waiting",
         SyncState::Locked => "locked",
         SyncState::Holdover => "holdover",
+        SyncState::Paused => "paused",
     }
 }

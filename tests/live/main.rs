@@ -9,6 +9,7 @@ mod external;
 mod figures;
 mod floods;
 mod overlap;
+mod pause;
 mod staleness;
 #[path = "../support/mod.rs"]
 mod support;

@@ -11,7 +11,7 @@ use skyloop::link::{self, Roles};
 use skyloop::load::Folder;
 use skyloop::serve::Server;
 use skyloop_protocols::personality::NATIVE;
-use skyloop_protocols::{Command, Counters, Reason};
+use skyloop_protocols::{Command, Counters, Reason, SyncState};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What a further camera's own link is for.
@@ -102,6 +102,23 @@ fn by_the_wall_clock_cameras_of_one_rate_expose_at_the_same_moments() {
         assert!(both >= 2, "{a:?} and {b:?}");
     });
     assert_eq!((first.attitudes, second.attitudes), (1, 1));
+}
+
+#[test]
+fn a_pause_stops_all_cameras_and_comes_from_the_first_ones_client_only() {
+    two(Clock::Stepped, |mut first, mut second| {
+        second.send(Command::Pause);
+        assert_eq!(second.nack().reason, Reason::NotSupported);
+        first.done(Command::Pause);
+        first.point(attitude(1), EPOCH);
+        // X-Val: longer than both frames take, by far.
+        let a_while = std::time::Duration::from_millis(300);
+        assert!(first.recv(a_while).is_none() && second.recv(a_while).is_none());
+        assert_eq!(second.status().sync, SyncState::Paused);
+        first.done(Command::Resume);
+        let [a, b] = [first.frame(), second.frame()];
+        assert_eq!((a.time, a.header.frame), (b.time, b.header.frame));
+    });
 }
 
 #[test]

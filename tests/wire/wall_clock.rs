@@ -210,6 +210,26 @@ fn reset_brings_back_silence_and_the_cadence() {
 }
 
 #[test]
+fn what_was_asked_for_before_a_reset_comes_to_nobody_after_it() {
+    // So fast that a frame is always in the making.
+    let (_emulator, line) = on_memory(quick(1e4), Clock::Wall);
+    let mut client = Client::new(line);
+    for round in 0..10_u32 {
+        client.window = None;
+        client.send(Command::Credit { packets: 1 << 20 });
+        client.point(attitude(round), later(EPOCH, f64::from(round)));
+        client.frame();
+        client.send(Command::Reset);
+        // Who has room at once would get what is made after the Reset.
+        client.send(Command::Credit { packets: 1 << 20 });
+        client.next(false);
+        client.forget();
+        let late = client.recv(Duration::from_millis(30));
+        assert!(late.is_none(), "round {round}: {late:?}");
+    }
+}
+
+#[test]
 fn an_attitude_that_is_carried_below_the_ground_is_refused_once() {
     let (_emulator, line) = on_memory(quick(50.0), Clock::Wall);
     let mut client = Client::new(line);

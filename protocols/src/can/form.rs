@@ -7,7 +7,7 @@
 //! | 0x102-0x105, 0x106-0x108 | q x, y, z, w; rates x, y, z: each an f64 in two pieces, 32 and 29; counter 3 |
 //! | 0x109-0x10B, 0x10C-0x10E | position, velocity: likewise, with has_state only |
 //! | 0x10F | counter 3, spare 13, sequence count of the packet 14, spare 2, CRC-16 of the packet 16, spare 16 |
-//! | 0x110 | opcode 8, sequence count 16, argument 32: SingleShot, Reset, Ping, Credit |
+//! | 0x110 | opcode 8, sequence count 16, argument 32: SingleShot, Reset, Ping, Credit, Pause, Resume |
 //! | 0x210 | APID 16 and sequence count 16 of the packet that the Ack answers |
 //!
 //! An f64 is cut to the f32 with as many bits of its mantissa, and the 29 bits that this lacks: the way back is exact.
@@ -100,7 +100,11 @@ impl Frames {
                 let opcode = reader.u8().ok()?;
                 let argument = match Opcode::from_code(opcode)? {
                     Opcode::Credit => reader.u32().ok()?,
-                    Opcode::SingleShot | Opcode::Reset | Opcode::Ping => 0,
+                    Opcode::SingleShot
+                    | Opcode::Reset
+                    | Opcode::Ping
+                    | Opcode::Pause
+                    | Opcode::Resume => 0,
                     _ => return None,
                 };
                 reader.finish().ok()?;

@@ -64,7 +64,7 @@ impl Status {
         let frame_rate_hz = reader.f64()?;
         let next_frame = reader.u32()?;
         let packets_sent = reader.u32()?;
-        let sync = reader.code(SyncState::from_code, "Status.sync", "must be 0 to 3")?;
+        let sync = reader.code(SyncState::from_code, "Status.sync", "must be 0 to 4")?;
         let clock_offset_s = reader.f64()?;
         let timing = Timing::read(reader)?;
         let latency_p50_s = reader.f32()?;

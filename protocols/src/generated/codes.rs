@@ -101,6 +101,8 @@ wire_enum! {
         Locked = 2,
         /// Nothing heard for a while: runs on by its own.
         Holdover = 3,
+        /// Nothing: Pause has stopped the scene's time.
+        Paused = 4,
     }
 }
 
@@ -195,6 +197,10 @@ wire_enum! {
         Fault = 11,
         /// One exposure at a time that the client chooses; answered by its frame.
         Trigger = 12,
+        /// No exposure ends and the scene's time stands still until Resume; section 5.10.
+        Pause = 13,
+        /// Exposures and the scene's time go on after Pause.
+        Resume = 14,
     }
 }
 

@@ -258,6 +258,10 @@ pub enum Command {
         /// First instant of the exposure.
         start: WireTime,
     },
+    /// No exposure ends and the scene's time stands still until Resume; section 5.10.
+    Pause,
+    /// Exposures and the scene's time go on after Pause.
+    Resume,
 }
 
 impl Command {
@@ -285,6 +289,8 @@ impl Command {
             Self::Resend { .. } => Some(Opcode::Resend),
             Self::Fault(_) => Some(Opcode::Fault),
             Self::Trigger { .. } => Some(Opcode::Trigger),
+            Self::Pause => Some(Opcode::Pause),
+            Self::Resume => Some(Opcode::Resume),
         }
     }
 
@@ -335,6 +341,8 @@ impl Command {
                 number: reader.u32()?,
                 start: reader.time()?,
             },
+            Opcode::Pause => Self::Pause,
+            Opcode::Resume => Self::Resume,
         })
     }
 
@@ -371,6 +379,8 @@ impl Command {
                 writer.u32(*number)?;
                 writer.u64(start.0)?;
             }
+            Self::Pause => {}
+            Self::Resume => {}
         }
         Ok(())
     }

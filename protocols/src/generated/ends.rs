@@ -36,7 +36,7 @@ impl FrameEnd {
         let trigger = reader.u32()?;
         let attitude_source = reader.code(AttitudeSource::from_code, "FrameEnd.attitude_source", "must be 0 to 6")?;
         let overrun = reader.code(Overrun::from_code, "FrameEnd.overrun", "must be 0 to 3")?;
-        let sync = reader.code(SyncState::from_code, "FrameEnd.sync", "must be 0 to 3")?;
+        let sync = reader.code(SyncState::from_code, "FrameEnd.sync", "must be 0 to 4")?;
         let flags = reader.flags(1, "FrameEnd.flags", "must be 0 or 1")?;
         let timing = Timing::read(reader)?;
         let clock_offset_s = reader.f64()?;

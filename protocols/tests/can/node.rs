@@ -54,6 +54,8 @@ fn short_forms_lose_their_time_only() {
         Command::Ping,
         Command::Reset,
         Command::SingleShot,
+        Command::Pause,
+        Command::Resume,
         Command::Credit {
             packets: 0xDEAD_BEEF,
         },

@@ -28,6 +28,10 @@ pub struct Cadence {
     shot: Option<Instant>,
     /// Scene time and the instant that it was read at.
     zero: Option<(Epoch, Instant)>,
+    /// Whether the scene's time stands still, and no exposure ends.
+    paused: bool,
+    /// Whether the scene's time is only guessed since a pause: the next that is told counts.
+    guessed: bool,
     /// Exposures without a frame.
     pub missed: u32,
 }
@@ -43,14 +47,21 @@ impl Cadence {
             ended: None,
             shot: None,
             zero: None,
+            paused: false,
+            guessed: false,
             missed: 0,
         }
+    }
+
+    /// Whether the next time that is told is the scene's: none was yet, or not since a pause.
+    pub fn awaits_time(&self) -> bool {
+        self.zero.is_none() || self.guessed
     }
 
     /// Learns the scene's time from a client's first attitude; the first exposure ends a period later. If that time is near this machine's, the
     /// scene has this machine's.
     pub fn set(&mut self, attitude: Epoch, arrived: Instant) {
-        if self.zero.is_some() {
+        if !self.awaits_time() {
             return;
         }
         let system = system_time(arrived);
@@ -63,13 +74,30 @@ impl Cadence {
         self.start(scene, arrived);
     }
 
-    /// From now on it is `scene` at `at`; the first exposure ends a period later, unless the cadence rests.
+    /// From now on it is `scene` at `at`; the first exposure ends a period later, unless the cadence rests or is paused.
     pub fn start(&mut self, scene: Epoch, at: Instant) {
         self.advance(at);
         self.zero = Some((scene, at));
-        if !self.rests {
+        self.guessed = self.paused;
+        if !self.rests && !self.paused {
             self.next = Some(at + self.period);
         }
+    }
+
+    /// The scene's time stands still, and the exposure under way is given up; one that has ended waits for its frame as before.
+    pub fn pause(&mut self, at: Instant) {
+        self.advance(at);
+        self.zero = self.scene_at(at).map(|scene| (scene, at));
+        (self.paused, self.guessed, self.next) = (true, true, None);
+    }
+
+    /// The scene's time goes on from where it stands, until another is told; the first exposure ends a period later.
+    pub fn resume(&mut self, at: Instant) {
+        if !std::mem::take(&mut self.paused) {
+            return;
+        }
+        self.zero = self.zero.map(|(scene, _)| (scene, at));
+        self.next = self.zero.filter(|_| !self.rests).map(|_| at + self.period);
     }
 
     /// After an exposure's end its frame is late by this time.
@@ -80,6 +108,9 @@ impl Cadence {
     /// The scene's time at an instant, once it is known.
     pub fn scene_at(&self, at: Instant) -> Option<Epoch> {
         let (scene, zero) = self.zero?;
+        if self.paused {
+            return Some(scene);
+        }
         let since = match at.checked_duration_since(zero) {
             Some(since) => since.as_secs_f64(),
             None => -zero.duration_since(at).as_secs_f64(),
@@ -87,9 +118,9 @@ impl Cadence {
         Some(scene + seconds(since))
     }
 
-    /// When it is or was that time in the scene, once that is known.
+    /// When it is or was that time in the scene, once that is known; never, while that stands still.
     pub fn instant_of(&self, epoch: Epoch) -> Option<Instant> {
-        let (scene, zero) = self.zero?;
+        let (scene, zero) = self.zero.filter(|_| !self.paused)?;
         let since_s = (epoch - scene).to_seconds();
         let since = Duration::try_from_secs_f64(since_s.abs()).ok()?;
         match since_s < 0.0 {
@@ -139,6 +170,7 @@ impl Cadence {
         let before = std::mem::replace(&mut self.period, period(rate_hz));
         self.rests = false;
         self.next = match self.next {
+            None if self.paused => None,
             None => self.zero.map(|_| arrived + self.period),
             shot if shot == self.shot => shot,
             Some(end) => {

@@ -54,7 +54,9 @@ impl Clock for External {
 
     fn hear(&mut self, told: Epoch, arrived: Instant) -> bool {
         self.heard = Some(arrived);
-        let Some(own) = self.cadence.scene_at(arrived) else {
+        let own = self.cadence.scene_at(arrived);
+        let Some(own) = own.filter(|_| !self.cadence.awaits_time()) else {
+            self.discipline = Discipline::default();
             self.cadence.start(told, arrived);
             return false;
         };
@@ -132,6 +134,14 @@ impl Clock for External {
             None => self.cadence.missed,
             Some(_) => 0,
         }
+    }
+
+    fn pause(&mut self, now: Instant) {
+        self.cadence.pause(now);
+    }
+
+    fn resume(&mut self, now: Instant) {
+        self.cadence.resume(now);
     }
 
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {

@@ -116,7 +116,13 @@ pub trait Clock: Send {
         0
     }
 
-    /// Another client, or a Reset: all begins anew. How many exposures waited, which get no frame.
+    /// Nothing is due any more but what has ended, and the scene's time stands still.
+    fn pause(&mut self, now: Instant);
+
+    /// All goes on after a pause.
+    fn resume(&mut self, now: Instant);
+
+    /// Another client, or a Reset: all begins anew, paused or not. How many exposures waited, which get no frame.
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32;
 
     /// What it goes by for the client's time.

@@ -15,6 +15,8 @@ pub(super) struct Stepped {
     /// Whether triggers ask for frames, and not attitudes.
     packets: bool,
     waiting: VecDeque<Due>,
+    /// Whether all wait until that is over.
+    paused: bool,
 }
 
 impl Stepped {
@@ -22,6 +24,7 @@ impl Stepped {
         Stepped {
             packets,
             waiting: VecDeque::new(),
+            paused: false,
         }
     }
 }
@@ -72,18 +75,30 @@ impl Clock for Stepped {
     }
 
     fn until_due(&self, _: Instant) -> Option<Duration> {
-        (!self.waiting.is_empty()).then_some(Duration::ZERO)
+        (!self.paused && !self.waiting.is_empty()).then_some(Duration::ZERO)
     }
 
     fn take_due(&mut self, _: &Camera, _: Instant) -> Option<Due> {
-        self.waiting.pop_front()
+        match self.paused {
+            true => None,
+            false => self.waiting.pop_front(),
+        }
     }
 
     fn end(&mut self, _: Instant) -> u32 {
         self.waiting.drain(..).count() as u32
     }
 
+    fn pause(&mut self, _: Instant) {
+        self.paused = true;
+    }
+
+    fn resume(&mut self, _: Instant) {
+        self.paused = false;
+    }
+
     fn clear(&mut self, _: f64, now: Instant) -> u32 {
+        self.paused = false;
         self.end(now)
     }
 }

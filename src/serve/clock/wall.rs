@@ -48,6 +48,14 @@ impl Clock for Wall {
         self.cadence.missed
     }
 
+    fn pause(&mut self, now: Instant) {
+        self.cadence.pause(now);
+    }
+
+    fn resume(&mut self, now: Instant) {
+        self.cadence.resume(now);
+    }
+
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {
         self.cadence.clear(rate_hz, now);
         0

@@ -1,0 +1,238 @@
+//! Pause and Resume: by every clock nothing is exposed meanwhile, and time goes on from where it stood.
+
+use crate::support::client::{Client, Received};
+use crate::support::line::{Line, MemoryLine};
+use crate::support::{EPOCH, attitude, await_that, later, on_memory};
+use crate::{mid_s, quick, seconds, trigger};
+use skyloop::config::{Clock, Trigger};
+use skyloop_protocols::{Command, Reason, Status, SyncState};
+use std::time::Duration;
+
+const RATE_HZ: f64 = 50.0;
+/// X-Val: ten periods.
+const WHILE: Duration = Duration::from_millis(200);
+
+/// Pauses, and takes what is still under way; the status then, in which nothing more comes for a while.
+fn paused<L: Line>(client: &mut Client<L>) -> (Vec<Received>, Status) {
+    client.done(Command::Pause);
+    let is_over = |status: &Status| {
+        let counters = status.counters;
+        counters.frames_delivered + counters.frames_abandoned == counters.frames_rendered
+    };
+    // One may be in the making, of which nothing is told: nothing comes of it for a while.
+    let mut before = client.status();
+    await_that("nothing is under way", || {
+        std::thread::sleep(WHILE);
+        let now = client.status();
+        let is_still =
+            is_over(&now) && now.counters.frames_rendered == before.counters.frames_rendered;
+        before = now;
+        is_still
+    });
+    let mut frames = Vec::new();
+    while !client.has_nothing_left() {
+        frames.push(client.frame());
+    }
+    (frames, before)
+}
+
+#[test]
+fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
+    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::Wall);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.send(Command::Credit { packets: 1 << 20 });
+    client.point(attitude(1), EPOCH);
+    let mut frames = vec![client.frame()];
+    let (more, before) = paused(&mut client);
+    frames.extend(more);
+    assert_eq!(before.sync, SyncState::Paused);
+    // A second Pause changes nothing; a rate is for later, a single shot for nobody.
+    client.done(Command::Pause);
+    client.done(Command::FrameRate { hz: 25.0 });
+    client.send(Command::SingleShot);
+    let nack = client.nack();
+    assert_eq!(nack.reason, Reason::Busy);
+    assert!(nack.detail.contains("send Resume first"), "{}", nack.detail);
+    std::thread::sleep(WHILE);
+    let status = client.status();
+    assert_eq!(
+        status.counters.frames_rendered,
+        before.counters.frames_rendered
+    );
+    assert_eq!(
+        status.counters.exposures_missed,
+        before.counters.exposures_missed
+    );
+    let last_s = mid_s(&frames[frames.len() - 1]);
+
+    client.done(Command::Resume);
+    let first = client.frame();
+    // X-Val: at most two exposures of 1/50 s were under way or missed at the pause, of those missed told; then one period of 1/25 s. The pause was ten times longer.
+    let missed = f64::from(status.counters.exposures_missed);
+    let gone_on_s = mid_s(&first) - last_s;
+    assert!(
+        (0.04..0.04 + (3.0 + missed) / RATE_HZ).contains(&gone_on_s),
+        "{gone_on_s} s, {missed} missed"
+    );
+    assert_eq!(client.status().sync, SyncState::Free);
+    client.done(Command::Resume);
+    // An attitude tells what time it is now, whatever had been guessed.
+    let to = later(EPOCH, 500.0);
+    client.point(attitude(2), to);
+    let frame = crate::frame_of(&mut client, 2);
+    let since_s = seconds(to, frame.time);
+    // X-Val: one period less half an exposure, and whole periods.
+    let periods = (since_s + 0.005) * 25.0;
+    assert!(
+        (periods - periods.round()).abs() < 1e-5 && periods > 0.5,
+        "{since_s}"
+    );
+}
+
+#[test]
+fn an_attitude_that_comes_during_a_pause_tells_where_time_stands() {
+    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::Wall);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.send(Command::Credit { packets: 1 << 20 });
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    paused(&mut client);
+    let to = later(EPOCH, 300.0);
+    client.point(attitude(2), to);
+    std::thread::sleep(WHILE);
+    let counters = client.status().counters;
+    assert_eq!(counters.attitudes, 2);
+    client.done(Command::Resume);
+    let frame = client.frame();
+    assert_eq!(frame.header.attitude_sequence, 2);
+    let periods = (seconds(to, frame.time) + 0.005) * RATE_HZ;
+    assert!(
+        (periods - periods.round()).abs() < 1e-5 && periods > 0.5,
+        "{periods}"
+    );
+    // Not what passed meanwhile, by any means: but a machine that stood still may have missed some.
+    assert!(
+        periods < 1.5 + f64::from(client.status().counters.exposures_missed),
+        "{periods}"
+    );
+}
+
+#[test]
+fn in_step_what_asks_for_a_frame_waits() {
+    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::Stepped);
+    let mut client = Client::new(line);
+    client.good_frame(1);
+    client.done(Command::Pause);
+    // X-Val: protocols/docs/icd.md, section 5.10: 64 wait.
+    for sequence in 2..66 {
+        client.point(attitude(sequence), later(EPOCH, f64::from(sequence)));
+    }
+    client.point(attitude(66), later(EPOCH, 66.0));
+    assert_eq!(client.nack().reason, Reason::Busy);
+    assert!(client.recv(WHILE).is_none());
+    let status = client.status();
+    assert_eq!((status.sync, status.next_frame), (SyncState::Paused, 1));
+    client.done(Command::Resume);
+    for sequence in 2..66 {
+        let frame = client.frame();
+        assert_eq!(
+            (frame.header.attitude_sequence, frame.end.sync),
+            (sequence, SyncState::Free)
+        );
+    }
+    client.point(attitude(67), later(EPOCH, 67.0));
+    assert_eq!(client.frame().header.attitude_sequence, 67);
+}
+
+#[test]
+fn a_reset_ends_a_pause() {
+    for clock in [Clock::Stepped, Clock::Wall, Clock::External] {
+        let (_emulator, line) = on_memory(quick(RATE_HZ), clock);
+        let mut client = Client::new(line);
+        client.done(Command::Pause);
+        client.point(attitude(1), EPOCH);
+        assert!(client.recv(WHILE).is_none(), "{clock:?}");
+        client.done(Command::Reset);
+        assert_ne!(client.status().sync, SyncState::Paused);
+        client.good_frame(2);
+    }
+}
+
+#[test]
+fn a_pause_waits_for_a_single_shot() {
+    let (_emulator, line) = on_memory(quick(1e-3), Clock::Wall);
+    let mut client = Client::new(line);
+    client.point(attitude(1), EPOCH);
+    client.done(Command::Exposure { seconds: 0.3 });
+    client.done(Command::SingleShot);
+    client.send(Command::Pause);
+    let nack = client.nack();
+    assert_eq!(nack.reason, Reason::Busy);
+    assert!(
+        nack.detail.starts_with("Pause: a single shot"),
+        "{}",
+        nack.detail
+    );
+    client.frame();
+    // The cadence rests after it, and after a pause still.
+    client.done(Command::Pause);
+    client.done(Command::Resume);
+    client.done(Command::SingleShot);
+    assert_eq!(client.frame().header.frame, 1);
+}
+
+#[test]
+fn by_the_clients_clock_a_pause_may_be_as_long_as_it_likes() {
+    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::External);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.send(Command::Credit { packets: 1 << 20 });
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    let (_, before) = paused(&mut client);
+    // A client whose time stands still, told again and again, and one that sets it by an hour: neither is a jump.
+    for (sequence, s) in [(2, 0.05), (3, 0.05), (4, 3600.0)] {
+        client.point(attitude(sequence), later(EPOCH, s));
+        std::thread::sleep(WHILE);
+    }
+    let status = client.status();
+    assert_eq!(status.sync, SyncState::Paused);
+    assert_eq!(
+        status.counters.frames_rendered,
+        before.counters.frames_rendered
+    );
+    assert_eq!(
+        status.counters.exposures_missed,
+        before.counters.exposures_missed
+    );
+    client.done(Command::Resume);
+    let to = later(EPOCH, 3600.0);
+    client.point(attitude(5), to);
+    let frame = crate::frame_of(&mut client, 5);
+    let periods = (seconds(to, frame.time) + 0.005) * RATE_HZ;
+    assert!(
+        (periods - periods.round()).abs() < 1e-5 && periods > 0.5,
+        "{periods}"
+    );
+    assert_eq!(client.status().clock_offset_s, 0.0);
+}
+
+#[test]
+fn triggers_wait_for_the_time_that_stands_still() {
+    let mut config = quick(RATE_HZ);
+    config.run.trigger = Trigger::Packet;
+    let (_emulator, line) = on_memory(config, Clock::External);
+    let mut client = Client::<MemoryLine>::new(line);
+    client.point(attitude(1), EPOCH);
+    trigger(&mut client, 7, 0.1);
+    client.done(Command::Pause);
+    let began = std::time::Instant::now();
+    // X-Val: the trigger's exposure would have ended after 0.11 s.
+    assert!(client.recv(WHILE).is_none() || began.elapsed() > WHILE);
+    client.done(Command::Resume);
+    let frame = client.frame();
+    assert_eq!(frame.end.trigger, 7);
+    assert!((mid_s(&frame) - 0.105).abs() < 1e-6);
+}
