@@ -2,6 +2,9 @@
 //!
 //! From Linux' `/proc` and `/sys`; what cannot be read is told as unknown.
 
+mod memory;
+
+pub use memory::Memory;
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;

@@ -80,23 +80,36 @@ impl Snapshot {
     }
 }
 
-/// Where a run leaves its figures; clones are the same place.
+/// Where a camera leaves the figures of its run; clones are the same place.
 #[derive(Debug, Clone, Default)]
-pub struct Metrics(Arc<Mutex<Arc<Snapshot>>>);
+pub struct Metrics {
+    /// What the camera is called, where it is not the first.
+    head: Option<Arc<str>>,
+    place: Arc<Mutex<Arc<Snapshot>>>,
+}
 
 impl Metrics {
+    /// The place of a further camera.
+    #[must_use]
+    pub fn of_head(name: &str) -> Self {
+        Self {
+            head: Some(name.into()),
+            ..Self::default()
+        }
+    }
+
     /// Leaves the figures of now. Where somebody fetches those before at this very moment they stay: the next frame's have it all.
     pub fn publish(&self, snapshot: Snapshot) {
         let snapshot = Arc::new(snapshot);
         // A thread in real time does not wait for one that is not.
-        if let Ok(mut place) = self.0.try_lock() {
+        if let Ok(mut place) = self.place.try_lock() {
             *place = snapshot;
         }
     }
 
     /// The last ones.
     fn last(&self) -> Arc<Snapshot> {
-        match self.0.lock() {
+        match self.place.lock() {
             Ok(place) => Arc::clone(&place),
             // Nothing can go wrong halfway through an assignment.
             Err(poisoned) => Arc::clone(&poisoned.into_inner()),
@@ -133,11 +146,11 @@ impl Drop for Server {
     }
 }
 
-/// Serves `metrics` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9810`, `[::1]:9810`, or a port alone, on 127.0.0.1.
+/// Serves the figures of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9810`, `[::1]:9810`, or a port alone, on 127.0.0.1.
 ///
 /// One connection is answered at a time, the next ones wait in the system's queue. Errors: `address` is none, or the system refuses
 /// it; they name it and the remedy.
-pub fn serve(address: &str, metrics: Metrics) -> io::Result<Server> {
+pub fn serve(address: &str, cameras: Vec<Metrics>) -> io::Result<Server> {
     let refused =
         |kind, why: String| Err(io::Error::new(kind, format!("metrics at {address}: {why}")));
     let Some(wanted) = parsed(address) else {
@@ -154,7 +167,7 @@ pub fn serve(address: &str, metrics: Metrics) -> io::Result<Server> {
     let stop = Arc::new(AtomicBool::new(false));
     let stopped = Arc::clone(&stop);
     let thread = std::thread::Builder::new().name("metrics".to_string());
-    let thread = thread.spawn(move || answer_all(&listener, &metrics, &stopped))?;
+    let thread = thread.spawn(move || answer_all(&listener, &cameras, &stopped))?;
     Ok(Server {
         address,
         stop,
@@ -177,11 +190,16 @@ fn remedy(kind: io::ErrorKind) -> &'static str {
 }
 
 /// Answers one connection after another until it is told to stop.
-fn answer_all(listener: &TcpListener, metrics: &Metrics, stop: &AtomicBool) {
+fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
     while !stop.load(Ordering::Relaxed) {
         match listener.accept() {
             Ok((stream, _)) => {
-                let page = || text::page(&metrics.last());
+                let page = || {
+                    let figures = cameras
+                        .iter()
+                        .map(|camera| (camera.head.clone(), camera.last()));
+                    text::page(&figures.collect::<Vec<_>>())
+                };
                 // Whoever hangs up early has had his answer.
                 let _ = http::answer(stream, page, stop);
             }
@@ -213,9 +231,9 @@ mod tests {
 
     #[test]
     fn an_address_that_cannot_be_had_is_told_with_the_remedy() {
-        let first = serve("0", Metrics::default()).unwrap();
+        let first = serve("0", Vec::new()).unwrap();
         let address = first.address().to_string();
-        let error = serve(&address, Metrics::default()).unwrap_err();
+        let error = serve(&address, Vec::new()).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::AddrInUse);
         let text = error.to_string();
         assert!(
@@ -227,12 +245,12 @@ mod tests {
             ("nowhere", "not an address"),
             ("192.0.2.1:80", "of this machine"),
         ] {
-            let text = serve(wrong, Metrics::default()).unwrap_err().to_string();
+            let text = serve(wrong, Vec::new()).unwrap_err().to_string();
             assert!(text.contains(wrong) && text.contains(word), "{text}");
         }
         // Gone with its handle: the address is free again.
         drop(first);
-        assert!(serve(&address, Metrics::default()).is_ok());
+        assert!(serve(&address, Vec::new()).is_ok());
     }
 
     #[test]
@@ -243,7 +261,7 @@ mod tests {
             ..Snapshot::default()
         };
         metrics.publish(snapshot(1));
-        let fetching = metrics.0.lock().unwrap();
+        let fetching = metrics.place.lock().unwrap();
         metrics.publish(snapshot(2));
         drop(fetching);
         assert_eq!(metrics.last().frames, 1);

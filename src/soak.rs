@@ -1,6 +1,6 @@
 //! What a long run must keep, whether it did, and its report.
 
-use crate::host::HostReport;
+use crate::host::{HostReport, Memory};
 use crate::junit::Case;
 use crate::realtime::Granted;
 use crate::timing::Latencies;
@@ -14,12 +14,25 @@ pub struct Limits {
     pub max_miss_rate: f64,
     /// The longest time from the trigger to the last octet that 99 of 100 whole frames must keep, ms.
     pub max_p99_ms: Option<f64>,
+    /// By what share of it resident memory may have grown at the end, since the run was warm.
+    pub max_growth: Option<f64>,
+}
+
+/// What was measured of a run.
+#[derive(Debug, Clone, Default)]
+pub struct Measured {
+    /// Its frames.
+    pub latencies: Latencies,
+    /// Its memory.
+    pub memory: Memory,
+    /// From the start of the command to the first frame at the client, s; `None`: there was none.
+    pub first_frame_s: Option<f64>,
 }
 
 /// Whether one of them was kept.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Of what: `deadlines` or `p99`.
+    /// Of what: `deadlines`, `p99` or `memory`.
     pub name: &'static str,
     /// Whether it was.
     pub passed: bool,
@@ -39,9 +52,13 @@ impl Limits {
 
     /// A verdict for each limit. A run without frames keeps none.
     #[must_use]
-    pub fn judge(&self, found: &Latencies) -> Vec<Verdict> {
-        let mut verdicts = vec![self.deadlines(found)];
-        verdicts.extend(self.max_p99_ms.map(|most_ms| p99(most_ms, found)));
+    pub fn judge(&self, found: &Measured) -> Vec<Verdict> {
+        let Measured {
+            latencies, memory, ..
+        } = found;
+        let mut verdicts = vec![self.deadlines(latencies)];
+        verdicts.extend(self.max_p99_ms.map(|most_ms| p99(most_ms, latencies)));
+        verdicts.extend(self.max_growth.map(|most| growth(most, memory)));
         verdicts
     }
 
@@ -103,6 +120,17 @@ fn p99(most_ms: f64, found: &Latencies) -> Verdict {
     }
 }
 
+fn growth(most: f64, memory: &Memory) -> Verdict {
+    let passed = memory.growth().is_some_and(|growth| growth <= most);
+    let is = if passed { "within" } else { "is not within" };
+    Verdict {
+        name: "memory",
+        passed,
+        text: format!("memory {} {is} {:+} %", memory.told(), most * 1e2),
+        frame: None,
+    }
+}
+
 /// A rate in two figures: `0`, `6.7e-4`, `1e-3`.
 fn short(rate: f64) -> String {
     let text = format!("{rate:.1e}");
@@ -127,6 +155,10 @@ pub struct Report {
     pub verdicts: Vec<Verdict>,
     /// What was measured.
     pub latencies: Latencies,
+    /// From the start of the command to the first frame at the client, s; `None`: there was none.
+    pub first_frame_s: Option<f64>,
+    /// What memory it held.
+    pub memory: Memory,
     /// What the machine did meanwhile.
     pub host: HostReport,
     /// What help in real time it had.
@@ -143,23 +175,36 @@ impl Report {
         scene: String,
         minutes: f64,
         limits: Limits,
-        latencies: Latencies,
+        measured: Measured,
         host: HostReport,
         realtime: Granted,
         counters: Vec<(&'static str, u32)>,
     ) -> Self {
-        let verdicts = limits.judge(&latencies);
+        let verdicts = limits.judge(&measured);
         Self {
             scene,
             minutes,
             passed: verdicts.iter().all(|verdict| verdict.passed),
             limits,
             verdicts,
-            latencies,
+            latencies: measured.latencies,
+            first_frame_s: measured.first_frame_s,
+            memory: measured.memory,
             host,
             realtime,
             counters,
         }
+    }
+
+    /// The rows of a table.
+    #[must_use]
+    pub fn rows(&self) -> Vec<(String, String)> {
+        let first = self.first_frame_s;
+        let first = first.map_or("none".to_string(), |s| format!("{s:.2} s"));
+        let mut rows = self.latencies.rows();
+        rows.push(("start to the first frame".to_string(), first));
+        rows.push(("memory".to_string(), self.memory.told()));
+        rows
     }
 
     /// A case for each verdict, for [`crate::junit::document`]; each has what the machine did, and the table of times.
@@ -167,7 +212,7 @@ impl Report {
     pub fn cases(&self) -> Vec<Case> {
         let mut properties = self.host.rows();
         properties.push(("real time".to_string(), self.realtime.to_string()));
-        let rows = self.latencies.rows();
+        let rows = self.rows();
         let table: String = rows
             .iter()
             .map(|(name, value)| format!("{name}: {value}\n"))
@@ -213,11 +258,19 @@ mod tests {
         Limits {
             max_miss_rate,
             max_p99_ms,
+            max_growth: None,
+        }
+    }
+
+    fn of(latencies: Latencies) -> Measured {
+        Measured {
+            latencies,
+            ..Measured::default()
         }
     }
 
     /// A run of so many frames; from the `slow` one on each second takes 14.2 ms, and those of `late` miss their deadline by 4.2 ms.
-    fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) -> Latencies {
+    fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) -> Measured {
         let mut all = limits.latencies();
         for frame in 0..frames {
             let mut times = FrameTimes { frame, ..TIMES };
@@ -229,10 +282,10 @@ mod tests {
             }
             all.add(&times);
         }
-        all
+        of(all)
     }
 
-    fn texts(limits: &Limits, found: &Latencies) -> Vec<String> {
+    fn texts(limits: &Limits, found: &Measured) -> Vec<String> {
         let verdicts = limits.judge(found);
         verdicts.into_iter().map(|verdict| verdict.text).collect()
     }
@@ -294,14 +347,14 @@ mod tests {
     #[test]
     fn a_run_without_frames_passes_nothing() {
         let limits = limits(1.0, Some(1e9));
-        let verdicts = limits.judge(&limits.latencies());
+        let verdicts = limits.judge(&of(limits.latencies()));
         assert!(verdicts.iter().all(|verdict| !verdict.passed));
         let mut broken = limits.latencies();
         broken.add(&FrameTimes {
             whole: false,
             ..TIMES
         });
-        let verdicts = limits.judge(&broken);
+        let verdicts = limits.judge(&of(broken));
         assert_eq!(verdicts[1].text, "p99 is not known: no frame was whole");
     }
 
@@ -315,6 +368,43 @@ mod tests {
         let limits = limits(f64::INFINITY, Some(f64::MAX));
         let verdicts = limits.judge(&run(&limits, 10, 5, 0..10));
         assert!(verdicts.iter().all(|verdict| verdict.passed));
+    }
+
+    #[test]
+    fn memory_may_grow_by_so_much() {
+        let limits = Limits {
+            max_growth: Some(0.01),
+            ..limits(1.0, None)
+        };
+        let with = |warm, end| Measured {
+            memory: Memory {
+                warm_s: 60.0,
+                warm,
+                end,
+            },
+            ..run(&limits, 1, 1, 0..0)
+        };
+        for (warm, end, passes) in [
+            (Some(100_000_000), Some(101_000_000), true),
+            (Some(100_000_000), Some(90_000_000), true),
+            (Some(100_000_000), Some(101_100_000), false),
+            (None, Some(1), false),
+            (Some(0), Some(1), false),
+        ] {
+            let verdict = limits.judge(&with(warm, end)).remove(1);
+            assert_eq!(
+                (verdict.name, verdict.passed),
+                ("memory", passes),
+                "{verdict:?}"
+            );
+        }
+        let verdict = limits
+            .judge(&with(Some(100_000_000), Some(102_000_000)))
+            .remove(1);
+        assert_eq!(
+            verdict.text,
+            "memory 100.00 MB after 60 s, 102.00 MB at the end (+2.00 %) is not within +1 %"
+        );
     }
 
     #[test]
@@ -351,6 +441,7 @@ mod tests {
         assert_eq!(json["verdicts"][1]["frame"], 512);
         assert_eq!(json["latencies"]["last_octet"]["count"], 1000);
         assert_eq!(json["counters"]["attitudes"], 1000);
+        assert!(json["first_frame_s"].is_null() && json["memory"]["warm"].is_null());
         assert!(json["host"]["processor"].is_string());
         assert!(json["realtime"].as_array().unwrap().is_empty());
         let cases = report.cases();

@@ -2,11 +2,13 @@
 
 mod closed;
 mod faults;
+mod pause;
 mod profile;
 mod range;
 
 pub use closed::LoopArgs;
 pub use faults::parse_fault;
+pub use pause::parse_pause;
 pub use profile::ProfileArgs;
 pub use range::within;
 

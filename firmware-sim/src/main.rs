@@ -11,11 +11,11 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Parser;
-use cli::{LoopArgs, OutputArgs, ProfileArgs, parse_fault, within};
+use cli::{LoopArgs, OutputArgs, ProfileArgs, parse_fault, parse_pause, within};
 use hifitime::Epoch;
 use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
-use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
+use skyloop_firmware_sim::flight_computer::{FlightComputer, Pause, RunError};
 use skyloop_firmware_sim::link;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::port::Port;
@@ -71,6 +71,9 @@ struct Args {
     /// Has the emulator inject this, from the start and for S seconds or to the end; may be repeated; kinds: the README
     #[arg(long, value_name = "KIND:in|out:VALUE[:S]", value_parser = parse_fault)]
     fault: Vec<Fault>,
+    /// Pauses the emulator for S seconds, so long after the first attitude
+    #[arg(long, value_name = "AFTER:S", value_parser = parse_pause, requires = "wall")]
+    pause: Option<Pause>,
     #[command(flatten)]
     closed: LoopArgs,
     #[command(flatten)]
@@ -102,6 +105,7 @@ fn run(args: Args) -> Result<()> {
     let mut refusals = 0;
     let flown = FlightComputer::on_links(links, mission)
         .with_faults(args.fault)
+        .with_pause(args.pause)
         .with_control(closed);
     let flown = flown.run(|event| {
         refusals += u32::from(matches!(event, Event::Nack(_)));

@@ -1,7 +1,7 @@
 //! What a live run is given beside its links: a place for its figures, and help of the system.
 
 use anyhow::Context;
-use skyloop::config::Run;
+use skyloop::config::Config;
 use skyloop::metrics::{self, Metrics};
 use skyloop::realtime::{self, Granted};
 use skyloop::serve::Server;
@@ -9,24 +9,26 @@ use std::fmt;
 
 /// What was granted; it is told as lines of text, and lasts as long as this.
 pub struct Help {
-    /// Where the figures are, and what serves them.
-    metrics: Option<(Metrics, metrics::Server)>,
+    /// Where the figures of each camera are, and what serves them.
+    metrics: Option<(Vec<Metrics>, metrics::Server)>,
     /// What the system gave.
     pub granted: Granted,
 }
 
-/// Serves figures at `address`, else where `run` has them, and asks the system for what `run` wants. Before links are opened: their threads have what
+/// Serves the figures of all cameras at `address`, else where the run has them, and asks the system for what the run wants. Before links are opened: their threads have what
 /// the one has that starts them.
-pub fn help(run: &Run, address: Option<&str>) -> anyhow::Result<Help> {
+pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
+    let run = &config.run;
     let address = address.or(run.metrics.as_deref());
     // Before the system is asked: the thread that serves figures is like any other program's.
     let metrics = match address {
         None => None,
         Some(address) => {
-            let place = Metrics::default();
-            let serving = metrics::serve(address, place.clone());
+            let heads = config.heads.iter().map(|head| Metrics::of_head(&head.name));
+            let places: Vec<_> = std::iter::once(Metrics::default()).chain(heads).collect();
+            let serving = metrics::serve(address, places.clone());
             Some((
-                place,
+                places,
                 serving.with_context(|| format!("metrics at {address}"))?,
             ))
         }
@@ -44,9 +46,10 @@ pub fn help(run: &Run, address: Option<&str>) -> anyhow::Result<Help> {
 }
 
 impl Help {
-    /// Lets `server` leave its figures there.
-    pub fn serve(&self, server: &mut Server) {
-        if let Some((place, _)) = &self.metrics {
+    /// Lets the `server` of a camera leave its figures there; 0 is the first.
+    pub fn serve(&self, camera: usize, server: &mut Server) {
+        let places = self.metrics.as_ref().map(|(places, _)| places);
+        if let Some(place) = places.and_then(|places| places.get(camera)) {
             server.set_metrics(place.clone());
         }
     }

@@ -69,7 +69,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     // Before the links: what they make (the name of a pseudo-terminal) is removed at the end.
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    let help = live::help(&config.run, args.metrics.as_deref())?;
+    let help = live::help(&config, args.metrics.as_deref())?;
     let links = link::open_all(urls, &options)?;
     let links = instruments.around(links)?;
     let further = config
@@ -88,23 +88,34 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Some(mission) => spread(mission, FRAMES),
         None => around(),
     })?;
-    if let Some(mission) = scene.as_ref().filter(|_| clock != Clock::Stepped) {
-        emulator.warm_up(&flight::vehicle(mission, 0)?);
+    let first = match &scene {
+        Some(mission) if clock != Clock::Stepped => Some(flight::vehicle(mission, 0)?),
+        _ => None,
+    };
+    if let Some(first) = &first {
+        emulator.warm_up(first);
     }
     let further: Vec<_> = config
         .heads
         .iter()
         .zip(1..)
         .zip(further)
-        .map(|((head, number), links)| (emulator.beside(&config, &head.camera, number), links))
+        .map(|((head, number), links)| {
+            let mut emulator = emulator.beside(&config, &head.camera, number);
+            if let Some(first) = &first {
+                emulator.warm_up(first);
+            }
+            (emulator, links)
+        })
         .collect();
     let mut server = Server::new(emulator, links, output, clock, &NATIVE);
     server.set_run(&config.run);
-    help.serve(&mut server);
+    help.serve(0, &mut server);
     server.fits().map_err(anyhow::Error::msg)?;
     let mut heads = Vec::new();
-    for (head, (emulator, links)) in config.heads.iter().zip(further) {
-        let head_server = server.head(emulator, links, &config.run);
+    for ((head, number), (emulator, links)) in config.heads.iter().zip(1..).zip(further) {
+        let mut head_server = server.head(emulator, links, &config.run);
+        help.serve(number, &mut head_server);
         let unfit = |why| anyhow!("head {}: {why}", head.name);
         head_server.fits().map_err(unfit)?;
         heads.push((head.name.clone(), head_server));

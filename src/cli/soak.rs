@@ -6,11 +6,11 @@ use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::engine::Emulator;
 use skyloop::flight;
-use skyloop::host::Host;
+use skyloop::host::{Host, Memory};
 use skyloop::junit;
 use skyloop::link::{self, Roles};
 use skyloop::serve::{Left, OnLeft, Server};
-use skyloop::soak::{Limits, Report};
+use skyloop::soak::{Limits, Measured, Report};
 use skyloop::stats::{row, table};
 use skyloop::timing::{FrameTimes, Latencies};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
@@ -43,6 +43,9 @@ pub struct Args {
     /// What 99 frames in 100 may take at most, from the exposure's end to the client's last packet [default: anything]
     #[arg(long, value_name = "X", value_parser = decimal(0.001..=1e6), allow_negative_numbers = true)]
     max_p99_ms: Option<f64>,
+    /// By what share of it memory may have grown at the end, since a fifth of the run or a minute [default: anything]
+    #[arg(long, value_name = "SHARE", value_parser = decimal(0.0..=1e6), allow_negative_numbers = true)]
+    max_growth: Option<f64>,
     /// Link between emulator and client: memory, udp, serial, pty, can or slcan, as in `loopback`
     #[arg(long, default_value = "udp")]
     link: String,
@@ -69,6 +72,7 @@ const PARTING: Duration = Duration::from_secs(1);
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
+    let started = Instant::now();
     let mut config = Config::load(&args.config)?;
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
@@ -93,7 +97,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mission = mission(&config, Some(&args.config))?;
     let first = flight::vehicle(&mission, 0)?;
     let mission = endless(mission, rate_hz)?;
-    let help = live::help(&config.run, args.metrics.as_deref())?;
+    let help = live::help(&config, args.metrics.as_deref())?;
     let options = link::Options {
         idle: Duration::from_secs_f64(config.run.idle_s),
         personality: &NATIVE,
@@ -112,7 +116,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     let mut server = Server::new(emulator, vec![(wire, Roles::ALL)], output, clock, &NATIVE);
     server.set_run(&config.run);
-    help.serve(&mut server);
+    help.serve(0, &mut server);
     server.fits().map_err(anyhow::Error::msg)?;
     let (to_tell, left) = channel::<(usize, Left)>();
     let (arrived, arrivals) = channel::<(usize, u32, Instant)>();
@@ -132,6 +136,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         };
         let mut head = server.head(emulator, [(wire, roles)], &config.run);
         head.on_left(tells(number));
+        help.serve(number, &mut head);
         head.fits().map_err(|why| anyhow!("head {name}: {why}"))?;
         heads.push((number, head, port, roles));
     }
@@ -139,6 +144,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let limits = Limits {
         max_miss_rate: args.max_miss_rate,
         max_p99_ms: args.max_p99_ms,
+        max_growth: args.max_growth,
     };
     say(format_args!(
         "{help}{} ({} x {}) at {} Hz over {} for {} min\n",
@@ -152,7 +158,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let (begin, host) = (Instant::now(), Host::now());
-    let end = begin + Duration::from_secs_f64(args.minutes * 60.0);
+    let length = Duration::from_secs_f64(args.minutes * 60.0);
+    let end = begin + length;
     let stop = AtomicBool::new(false);
     let interrupted = &interrupted;
     let (stop, over) = (&stop, AtomicBool::new(false));
@@ -169,8 +176,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             }
         }
     };
-    let (closed, flown, latencies) = std::thread::scope(|scope| {
-        let joining = scope.spawn(|| join(left, arrivals, limits.latencies()));
+    let (closed, flown, measured) = std::thread::scope(|scope| {
+        let joining = scope.spawn(|| {
+            let memory = Memory::over(length);
+            join(left, arrivals, limits.latencies(), memory, started)
+        });
         let (mut serving, mut taking) = (Vec::new(), Vec::new());
         for (number, mut head, port, roles) in heads {
             serving.push(scope.spawn(move || {
@@ -198,8 +208,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             .collect();
         (closed, errors.into_iter().flatten().next(), joining.join())
     });
-    let (Ok(mut latencies), Ok(closed)) =
-        (latencies, closed.into_iter().collect::<Result<Vec<_>, _>>())
+    let (Ok(mut measured), Ok(closed)) =
+        (measured, closed.into_iter().collect::<Result<Vec<_>, _>>())
     else {
         bail!("a thread of the run has panicked: please report it with the command you gave");
     };
@@ -221,14 +231,14 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     counts.retain(|(_, count)| *count > 0);
     // An exposure without a frame has missed its deadline, too.
     for _ in 0..missed {
-        latencies.add(&FrameTimes::incomplete(frames));
+        measured.latencies.add(&FrameTimes::incomplete(frames));
     }
     let minutes = begin.elapsed().as_secs_f64() / 60.0;
     let report = Report::new(
         name.to_string(),
         minutes,
         limits,
-        latencies,
+        measured,
         Host::now().since(&host),
         help.granted,
         counts,
@@ -283,12 +293,16 @@ struct Under {
     latencies: Latencies,
 }
 
-/// Times as the clients have them: from each frame's trigger to its last packet there. A frame that never came whole has missed its deadline.
+/// Times as the clients have them: from each frame's trigger to its last packet there. A frame that never came whole has missed its deadline. And the memory
+/// that is held meanwhile, and when, after `started`, the first frame came.
 fn join(
     left: Receiver<(usize, Left)>,
     arrivals: Receiver<(usize, u32, Instant)>,
     latencies: Latencies,
-) -> Latencies {
+    mut memory: Memory,
+    started: Instant,
+) -> Measured {
+    let (begin, mut first) = (Instant::now(), None);
     let mut under = Under {
         latencies,
         ..Under::default()
@@ -296,16 +310,20 @@ fn join(
     for (head, told) in left {
         under.way.insert((head, told.times.frame), told);
         for (head, frame, at) in arrivals.try_iter() {
+            first.get_or_insert(at);
             under.came.insert((head, frame), at);
         }
         under.settle();
+        memory.see(begin.elapsed());
     }
+    memory.end();
     let over = Instant::now() + PARTING;
     while !under.way.is_empty() {
         let rest = over.saturating_duration_since(Instant::now());
         let Ok((head, frame, at)) = arrivals.recv_timeout(rest) else {
             break;
         };
+        first.get_or_insert(at);
         under.came.insert((head, frame), at);
         under.settle();
     }
@@ -319,7 +337,11 @@ fn join(
             under.latencies.add(&FrameTimes::incomplete(frame));
         }
     }
-    under.latencies
+    Measured {
+        latencies: under.latencies,
+        memory,
+        first_frame_s: first.map(|at| at.saturating_duration_since(started).as_secs_f64()),
+    }
 }
 
 impl Under {
@@ -339,7 +361,7 @@ impl Under {
 /// The table, and the files that were asked for.
 fn tell(report: &Report, args: &Args) -> anyhow::Result<()> {
     let mut rows = vec![row("minutes", format!("{:.2}", report.minutes))];
-    rows.extend(report.latencies.rows());
+    rows.extend(report.rows());
     rows.extend(report.host.rows());
     let counts: Vec<String> = report
         .counters

@@ -170,7 +170,7 @@ mod tests {
     use crate::metrics::{Metrics, Server, serve};
 
     fn server() -> Server {
-        serve("0", Metrics::default()).unwrap()
+        serve("0", vec![Metrics::default()]).unwrap()
     }
 
     fn connect(server: &Server) -> TcpStream {

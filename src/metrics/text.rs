@@ -3,15 +3,33 @@
 use super::{BOUNDS, Snapshot, Stage};
 use std::collections::BTreeSet;
 use std::fmt::Write;
+use std::sync::Arc;
+
+/// A camera's figures, and what it is called where it is not the first.
+pub(super) type Camera = (Option<Arc<str>>, Arc<Snapshot>);
 
 /// A page under way, and the metrics that are on it.
-#[derive(Default)]
-struct Page {
+struct Page<'c> {
+    cameras: &'c [Camera],
     text: String,
     names: BTreeSet<String>,
 }
 
-impl Page {
+/// Labels of a sample: the camera's, and what else there is.
+fn labels(head: Option<&str>, more: &[(&str, &str)]) -> String {
+    let labels = head.map(|head| ("head", head)).into_iter();
+    let labels = labels.chain(more.iter().copied()).map(|(key, value)| {
+        let value = value.replace('\\', "\\\\").replace('"', "\\\"");
+        format!("{key}=\"{}\"", value.replace('\n', "\\n"))
+    });
+    let labels = labels.collect::<Vec<_>>().join(",");
+    match labels.is_empty() {
+        true => labels,
+        false => format!("{{{labels}}}"),
+    }
+}
+
+impl Page<'_> {
     /// Begins a metric; false if it is there already.
     fn begin(&mut self, name: &str, kind: &str, help: &str) -> bool {
         let is_new = self.names.insert(name.to_string());
@@ -22,25 +40,30 @@ impl Page {
         is_new
     }
 
-    fn sample(&mut self, name: &str, value: impl std::fmt::Display) {
-        let _ = writeln!(self.text, "{name} {value}");
+    fn sample(&mut self, name: &str, labels: &str, value: impl std::fmt::Display) {
+        let _ = writeln!(self.text, "{name}{labels} {value}");
     }
 
-    fn counter(&mut self, name: &str, help: &str, count: u64) {
-        if self.begin(name, "counter", help) {
-            self.sample(name, count);
+    /// A metric with a sample of each camera that knows it.
+    fn family<V: std::fmt::Display>(
+        &mut self,
+        name: &str,
+        kind: &str,
+        help: &str,
+        of: impl Fn(&Snapshot) -> Option<V>,
+    ) {
+        let cameras = self.cameras.iter();
+        let known = cameras.filter_map(|(head, of_it)| Some((head.as_deref(), of(of_it)?)));
+        let known: Vec<_> = known.collect();
+        if known.is_empty() || !self.begin(name, kind, help) {
+            return;
+        }
+        for (head, value) in known {
+            self.sample(name, &labels(head, &[]), value);
         }
     }
 
-    fn gauge(&mut self, name: &str, help: &str, value: Option<f64>) {
-        if let Some(value) = value
-            && self.begin(name, "gauge", help)
-        {
-            self.sample(name, number(value));
-        }
-    }
-
-    fn histogram(&mut self, name: &str, stage: &Stage) {
+    fn histogram(&mut self, name: &str, head: Option<&str>, stage: &Stage) {
         let Stage {
             name: of,
             within,
@@ -49,67 +72,82 @@ impl Page {
         } = stage;
         let bounds = BOUNDS.iter().map(|(_, le)| *le).zip(within.iter());
         for (le, within) in bounds.chain([("+Inf", count)]) {
-            self.sample(
-                &format!("{name}_bucket{{stage=\"{of}\",le=\"{le}\"}}"),
-                within,
-            );
+            let labels = labels(head, &[("stage", of), ("le", le)]);
+            self.sample(&format!("{name}_bucket"), &labels, within);
         }
+        let labels = labels(head, &[("stage", of)]);
         let sum = number(sum.as_secs_f64());
-        self.sample(&format!("{name}_sum{{stage=\"{of}\"}}"), sum);
-        self.sample(&format!("{name}_count{{stage=\"{of}\"}}"), count);
+        self.sample(&format!("{name}_sum"), &labels, sum);
+        self.sample(&format!("{name}_count"), &labels, count);
     }
 }
 
-/// All of it. What is not known is left out; where a counter has the name of a metric of ours, it is that one.
-pub(super) fn page(snapshot: &Snapshot) -> String {
-    let mut page = Page::default();
-    for (name, help, count) in [
-        ("frames", "Frames that were due.", snapshot.frames),
+/// All of it, for all cameras: the first one's without a name. What is not known is left out; where a counter has the name of a metric of ours, it is that one.
+pub(super) fn page(cameras: &[Camera]) -> String {
+    type Figure<T> = fn(&Snapshot) -> T;
+    let mut page = Page {
+        cameras,
+        text: String::new(),
+        names: BTreeSet::new(),
+    };
+    let counts: [(&str, &str, Figure<u64>); 3] = [
+        ("frames", "Frames that were due.", |of| of.frames),
         (
             "deadlines_missed",
             "Frames that were late or did not leave whole.",
-            snapshot.missed,
+            |of| of.missed,
         ),
         (
             "frames_incomplete",
             "Frames that did not leave whole.",
-            snapshot.incomplete,
+            |of| of.incomplete,
         ),
-    ] {
-        page.counter(&format!("skyloop_{name}_total"), help, count);
+    ];
+    for (name, help, count) in counts {
+        let name = format!("skyloop_{name}_total");
+        page.family(&name, "counter", help, |of| Some(count(of)));
     }
     let latency = "skyloop_latency_seconds";
     let help = "From a frame's trigger to a stage, of whole frames; counts of buckets are right to half a percent of their bound.";
-    if !snapshot.stages.is_empty() && page.begin(latency, "histogram", help) {
-        let stages = snapshot.stages.iter();
-        stages.for_each(|stage| page.histogram(latency, stage));
+    if cameras.iter().any(|(_, of)| !of.stages.is_empty()) && page.begin(latency, "histogram", help)
+    {
+        for (head, of) in cameras {
+            let stages = of.stages.iter();
+            stages.for_each(|stage| page.histogram(latency, head.as_deref(), stage));
+        }
     }
-    for (name, help, value) in [
+    let last: [(&str, &str, Figure<Option<f64>>); 3] = [
         (
             "attitude_age",
             "Age of the last frame's attitude at its trigger.",
-            snapshot.attitude_age_s,
+            |of| of.attitude_age_s,
         ),
         (
             "clock_offset",
             "The client's clock less the emulator's.",
-            snapshot.clock_offset_s,
+            |of| of.clock_offset_s,
         ),
         (
             "deadline_spare",
             "What was left of the last frame's deadline; less than 0: missed.",
-            snapshot.deadline_spare_s,
+            |of| of.deadline_spare_s,
         ),
-    ] {
-        page.gauge(&format!("skyloop_{name}_seconds"), help, value);
+    ];
+    for (name, help, value) in last {
+        let name = format!("skyloop_{name}_seconds");
+        page.family(&name, "gauge", help, |of| value(of).map(number));
     }
-    for (name, count) in &snapshot.counters {
+    let names = cameras.iter().flat_map(|(_, of)| &of.counters);
+    for (name, _) in names {
         let help = format!("The counter {name} of Status, modulo 2^32.");
-        page.counter(&format!("skyloop_{name}_total"), &help, u64::from(*count));
+        page.family(&format!("skyloop_{name}_total"), "counter", &help, |of| {
+            let count = of.counters.iter().find(|(other, _)| other == name);
+            count.map(|(_, count)| *count)
+        });
     }
     if page.begin("skyloop_build_info", "gauge", "What is running.") {
-        let version = env!("CARGO_PKG_VERSION");
-        page.sample(&format!("skyloop_build_info{{version=\"{version}\"}}"), 1);
+        let version = labels(None, &[("version", env!("CARGO_PKG_VERSION"))]);
+        page.sample("skyloop_build_info", &version, 1);
     }
     page.text
 }
@@ -297,7 +335,7 @@ mod tests {
             deadline_spare_s: Some(-0.5),
             ..Snapshot::of(&run())
         };
-        let families = read(&page(&snapshot));
+        let families = read(&page(&[(None, snapshot.into())]));
         for (name, expected) in [
             ("skyloop_frames_total", 101.0),
             // X-Val: by hand: 91 to 100 ms are late, and one is not whole.
@@ -343,16 +381,60 @@ mod tests {
 
     #[test]
     fn what_is_not_known_is_left_out_and_no_name_stands_twice() {
-        let families = read(&page(&Snapshot::default()));
+        let families = read(&page(&[(None, Snapshot::default().into())]));
         assert!(!families.contains_key("skyloop_clock_offset_seconds"));
         assert!(!families.contains_key("skyloop_latency_seconds"));
         let snapshot = Snapshot {
             counters: vec![("frames", 9), ("attitudes", 1), ("attitudes", 2)],
             ..Snapshot::of(&run())
         };
-        let families = read(&page(&snapshot));
+        let families = read(&page(&[(None, snapshot.into())]));
         assert_eq!(value(&families, "skyloop_frames_total"), 101.0);
         assert_eq!(value(&families, "skyloop_attitudes_total"), 1.0);
+    }
+
+    #[test]
+    fn further_cameras_have_their_names() {
+        let first = Snapshot {
+            counters: vec![("attitudes", 7)],
+            ..Snapshot::of(&run())
+        };
+        let second = Snapshot {
+            counters: vec![("attitudes", 5)],
+            attitude_age_s: Some(0.5),
+            ..Snapshot::of(&Latencies::default())
+        };
+        let third = Snapshot::default();
+        let cameras: [Camera; 3] = [
+            (None, first.into()),
+            (Some("starboard".into()), second.into()),
+            (Some("a \\ and \"b\"\n".into()), third.into()),
+        ];
+        let page = page(&cameras);
+        // X-Val: Prometheus' text format: backslash, quotation mark and line feed of a label's value are escaped.
+        let hard = r#"skyloop_frames_total{head="a \\ and \"b\"\n"} 0"#;
+        assert!(page.contains(&format!("{hard}\n")), "{page}");
+        let page = page.replace(r#"a \\ and \"b\"\n"#, "port");
+        let families = read(&page);
+        let of = |name: &str| -> Vec<(Option<&str>, f64)> {
+            let samples = families[name].samples.iter();
+            samples
+                .map(|(_, labels, value)| (labels.get("head").map(String::as_str), *value))
+                .collect()
+        };
+        assert_eq!(
+            of("skyloop_frames_total"),
+            [(None, 101.0), (Some("starboard"), 0.0), (Some("port"), 0.0)]
+        );
+        assert_eq!(
+            of("skyloop_attitudes_total"),
+            [(None, 7.0), (Some("starboard"), 5.0)]
+        );
+        assert_eq!(
+            of("skyloop_attitude_age_seconds"),
+            [(Some("starboard"), 0.5)]
+        );
+        assert_eq!(families["skyloop_build_info"].samples.len(), 1);
     }
 
     #[test]
@@ -369,7 +451,10 @@ mod tests {
                 clock_offset_s: Some(hard),
                 ..Snapshot::default()
             };
-            let found = value(&read(&page(&snapshot)), "skyloop_clock_offset_seconds");
+            let found = value(
+                &read(&page(&[(None, snapshot.into())])),
+                "skyloop_clock_offset_seconds",
+            );
             assert!(found == hard || (found.is_nan() && hard.is_nan()), "{hard}");
         }
         let mut longest = Latencies::default();
@@ -386,6 +471,6 @@ mod tests {
                 whole: true,
             }
         });
-        read(&page(&Snapshot::of(&longest)));
+        read(&page(&[(None, Snapshot::of(&longest).into())]));
     }
 }

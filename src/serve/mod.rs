@@ -226,6 +226,13 @@ impl Server {
                 "run.on_overrun = \"coarsen\": none of `run.coarsen` makes frames coarser, so that those which would be late come late; name knobs such as \"wing_e = 1\""
             );
         }
+        let latency_s = run.latency_s.unwrap_or(1.0 / self.settings.camera.rate_hz);
+        if self.kind != Kind::Stepped && run.delay.delay_s >= latency_s {
+            tracing::warn!(
+                "run.delay_s = {}: no frame leaves before its deadline, {latency_s} s after its exposure's end; set run.latency_s above it",
+                run.delay.delay_s
+            );
+        }
     }
 
     /// Leaves the figures of the run in `metrics` after each frame.

@@ -153,7 +153,7 @@ fn a_serial_client_that_reads_late_still_gets_the_last_frame() {
 }
 
 #[test]
-fn steps_that_make_nothing_coarser_are_warned_of() {
+fn steps_that_make_nothing_coarser_and_delays_that_no_deadline_allows_are_warned_of() {
     let here = tempfile::tempdir().unwrap();
     // Nothing fits a link so slow: the run ends before it waits for a client.
     let warned = |keys: &str| {
@@ -186,6 +186,15 @@ fn steps_that_make_nothing_coarser_are_warned_of() {
     };
     assert!(passed.contains("\"wing_e = 0.1\""), "{passed}");
     assert!(coarsen("coarsen = [\"wing_e = 0.5\"]").is_empty());
+    // X-Val: the built-in camera has 1 s from frame to frame (configs/cameras/fai-nir.toml).
+    let [delayed] = &warned("delay_s = 1.5")[..] else {
+        panic!("one warning");
+    };
+    assert!(
+        delayed.contains("run.delay_s = 1.5") && delayed.contains("set run.latency_s"),
+        "{delayed}"
+    );
+    assert!(warned("delay_s = 1.5\nlatency_s = 1.6").is_empty());
     assert!(
         warned("").is_empty(),
         "frames come late, and nobody asked for more"

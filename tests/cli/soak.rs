@@ -51,12 +51,18 @@ fn a_run_is_measured_and_told_in_every_form() {
         "to the last octet",
         "deadlines missed",
         "context switches",
+        "start to the first frame",
+        "memory",
         "kept: deadlines missed",
     ] {
         assert!(said.contains(row), "no {row:?} in {said}");
     }
     let report: Value = serde_json::from_str(&read(here.path(), "verdict.json")).unwrap();
     assert_eq!(report["passed"], true);
+    // X-Val: a fifth of 3 s.
+    assert_eq!(report["memory"]["warm_s"], 0.6);
+    assert!(report["memory"]["end"].as_u64() > Some(1 << 20));
+    assert!(report["first_frame_s"].as_f64() > Some(0.0));
     let latencies = &report["latencies"];
     // X-Val: 3 s at 20 Hz, of two cameras; most of them come on any machine.
     let frames = latencies["frames"].as_u64().unwrap();

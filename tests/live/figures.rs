@@ -34,7 +34,7 @@ fn fetched(from: SocketAddr) -> BTreeMap<String, f64> {
 #[test]
 fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
     let place = Metrics::default();
-    let serving = metrics::serve("0", place.clone()).unwrap();
+    let serving = metrics::serve("0", vec![place.clone()]).unwrap();
     let empty = fetched(serving.address());
     assert_eq!(empty["skyloop_frames_total"], 0.0);
     let wire = link::open("udp://127.0.0.1:0", &options(60.0)).unwrap();

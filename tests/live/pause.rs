@@ -2,11 +2,17 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::{Line, MemoryLine};
-use crate::support::{EPOCH, attitude, await_that, later, on_memory};
-use crate::{mid_s, quick, seconds, trigger};
+use crate::support::{EPOCH, Q, Running, attitude, await_that, later, on_memory, options};
+use crate::{mid_s, quick, seconds, trigger, unit};
 use skyloop::config::{Clock, Trigger};
+use skyloop::link;
+use skyloop_firmware_sim::flight_computer::{FlightComputer, Pause};
+use skyloop_firmware_sim::mission::{Mission, Pace};
+use skyloop_firmware_sim::profile::Profile;
+use skyloop_orbit::time::parse_utc;
 use skyloop_protocols::{Command, Reason, Status, SyncState};
-use std::time::Duration;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
 
 const RATE_HZ: f64 = 50.0;
 /// X-Val: ten periods.
@@ -235,4 +241,37 @@ fn triggers_wait_for_the_time_that_stands_still() {
     let frame = client.frame();
     assert_eq!(frame.end.trigger, 7);
     assert!((mid_s(&frame) - 0.105).abs() < 1e-6);
+}
+
+#[test]
+fn the_flight_computer_pauses_and_loses_nothing_by_it() {
+    let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
+    let mut config = quick(RATE_HZ);
+    config.objects.clear();
+    let emulator = Running::start(config, Clock::Wall, wire);
+    let lasts = Duration::from_millis(600);
+    let mission = Mission {
+        start: parse_utc("2019-06-15T23:35:50").unwrap(),
+        period_s: 1.0,
+        frames: 20,
+        profile: Profile::Hold(unit(Q)),
+        orbit: None,
+        // Shorter than the pause: what does not come then is not lost.
+        timeout: Duration::from_millis(500),
+        pace: Pace::Wall { rate_hz: 20.0 },
+        output: None,
+        positions: None,
+    };
+    let after = Duration::from_millis(100);
+    let flown = FlightComputer::new(port, mission)
+        .with_pause(Some(Pause { after, lasts }))
+        .taking_only();
+    let began = Instant::now();
+    let report = flown.run(|_| ControlFlow::Continue(())).unwrap();
+    assert_eq!((report.frames, report.lost, report.refused), (20, 0, 0));
+    // X-Val: 20 periods of 20 ms, and the pause.
+    assert!(began.elapsed() >= Duration::from_millis(980));
+    let counters = emulator.end();
+    // Attitudes left meanwhile, as ever: X-Val: 20 Hz for 0.98 s, of which a slow machine may leave some out.
+    assert!(counters.attitudes > 10, "{counters:?}");
 }

@@ -212,6 +212,22 @@ fn as_many_triggers_wait_as_may_and_more_are_busy() {
     assert_eq!(client.frame().end.trigger, 7);
 }
 
+#[test]
+fn a_trigger_of_another_year_holds_no_place() {
+    let (_emulator, mut client) = triggered(Clock::External);
+    point(&mut client, 1, 0.0);
+    // X-Val: protocols/docs/icd.md, section 5.5: more than a day ahead is refused.
+    trigger(&mut client, 1, 86_500.0);
+    let nack = client.nack();
+    assert_eq!(nack.reason, Reason::ValueOutOfRange);
+    assert!(nack.detail.contains("at most 86400 s"), "{}", nack.detail);
+    trigger(&mut client, 2, 86_300.0);
+    trigger(&mut client, 3, 0.01);
+    assert_eq!(client.frame().end.trigger, 3);
+    let counters = client.status().counters;
+    assert_eq!((counters.triggers, counters.bad_value), (2, 1));
+}
+
 /// Where the client's clock is set, the times that triggers had asked for are those of another clock.
 #[test]
 fn triggers_of_a_clock_that_was_set_are_missed() {

@@ -14,6 +14,7 @@ use hifitime::Epoch;
 use skyloop_protocols::{Command, Fault, LabelLevel, apid};
 
 pub use self::error::RunError;
+pub use self::wall::Pause;
 use crate::control::{Control, ControlSettings, Exposed};
 use crate::detector::{Detections, DetectorSettings};
 use crate::event::{Event, Loss};
@@ -45,6 +46,8 @@ pub struct FlightComputer<P> {
     mission: Mission,
     /// Faults that begin before the first attitude.
     faults: Vec<Fault>,
+    /// When exposures rest, by the wall clock.
+    pause: Option<Pause>,
     /// How the loop is closed, if it is.
     closed: Option<ControlSettings>,
     /// The loop, once it runs.
@@ -86,6 +89,7 @@ impl<P: Port> FlightComputer<P> {
             },
             mission,
             faults: Vec::new(),
+            pause: None,
             closed: None,
             control: None,
             detector: Some(DetectorSettings::default()),
@@ -111,6 +115,12 @@ impl<P: Port> FlightComputer<P> {
             detector: None,
             ..self
         }
+    }
+
+    /// Has the emulator pause meanwhile. By the wall clock only.
+    #[must_use]
+    pub fn with_pause(self, pause: Option<Pause>) -> Self {
+        Self { pause, ..self }
     }
 
     /// Closes the loop: the mission's attitude is held against a drift, by what the frames show. By the wall clock only.

@@ -7,6 +7,16 @@ use super::{FlightComputer, GRANT_AGAIN, RunError, Watch};
 use crate::event::{Event, Loss};
 use crate::exchange::Incoming;
 use crate::port::Port;
+use skyloop_protocols::{Command, WireTime};
+
+/// A time without exposures, counted from the first attitude; attitudes leave all the same.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pause {
+    /// When it begins.
+    pub after: Duration,
+    /// How long it lasts.
+    pub lasts: Duration,
+}
 
 impl<P: Port> FlightComputer<P> {
     pub(super) fn run_wall(
@@ -18,6 +28,16 @@ impl<P: Port> FlightComputer<P> {
         let (mut sequence, mut last_sign, mut last_grant) = (0u32, begin, begin);
         let mut frames = Numbers::default();
         let mut flow = ControlFlow::Continue(());
+        // What is told at which moment, the next first.
+        let pause = self.pause.into_iter();
+        let told = pause.flat_map(|Pause { after, lasts }| {
+            [
+                (after, Command::Pause),
+                (after.saturating_add(lasts), Command::Resume),
+            ]
+        });
+        let mut told = told.peekable();
+        let mut paused = false;
         while flow.is_continue()
             && watch(Event::Tick).is_continue()
             && self.report.frames.saturating_add(self.report.lost) < self.mission.frames
@@ -36,6 +56,13 @@ impl<P: Port> FlightComputer<P> {
                 let period = (elapsed_s * rate_hz) as u32;
                 sequence = sequence.max(period).saturating_add(1);
                 continue;
+            }
+            if let Some((_, command)) = told.next_if(|(at, _)| begin.elapsed() >= *at) {
+                paused = command == Command::Pause;
+                self.links.send(&command, WireTime::default())?;
+            }
+            if paused {
+                last_sign = Instant::now();
             }
             if last_sign.elapsed() >= self.mission.timeout {
                 last_sign = Instant::now();

@@ -7,9 +7,12 @@ use crate::serve::Latched;
 use crate::serve::receive::Refusal;
 use hifitime::Epoch;
 use skyloop_orbit::time::seconds;
-use skyloop_protocols::{Mode, SyncState};
+use skyloop_protocols::{Mode, Reason, SyncState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// How far ahead of the client's time a Trigger may ask, s: what lies further ahead would hold a place for nothing.
+const MAX_AHEAD_S: f64 = 86_400.0;
 
 /// A cadence by the client's time.
 pub(super) struct External {
@@ -83,6 +86,16 @@ impl Clock for External {
         };
         if waiting.len() >= MAX_WAITING {
             return Err(full("triggers"));
+        }
+        let now = self.cadence.scene_at(asked.arrived);
+        let ahead_s = now.map_or(0.0, |now| (asked.start - now).to_seconds());
+        if ahead_s > MAX_AHEAD_S {
+            return Err(Refusal {
+                reason: Reason::ValueOutOfRange,
+                detail: format!(
+                    "Trigger.start: {ahead_s:.0} s ahead of the client's clock, at most {MAX_AHEAD_S} s; send it nearer to its time"
+                ),
+            });
         }
         let ends = |asked: &Asked| asked.start + seconds(asked.camera.exposure_s);
         let end = ends(&asked);
