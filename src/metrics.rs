@@ -7,6 +7,7 @@ mod http;
 mod text;
 
 use crate::timing::Latencies;
+use skyloop_protocols::SyncState;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,12 +22,18 @@ pub struct Snapshot {
     missed: u64,
     incomplete: u64,
     stages: Vec<Stage>,
+    /// The link, where there are several.
+    pub link: Option<String>,
+    /// What is of the other links, but for counters and the clock.
+    pub further: Vec<Snapshot>,
     /// Counters of the run by name, as its `Status` has them: modulo 2^32.
     pub counters: Vec<(&'static str, u32)>,
-    /// Age of the last frame's attitude at its trigger, s.
+    /// Age of the last frame's attitude in the middle of its exposure, s.
     pub attitude_age_s: Option<f64>,
     /// The client's clock less ours, s.
     pub clock_offset_s: Option<f64>,
+    /// What is gone by for the client's time.
+    pub sync: Option<SyncState>,
     /// What was left of the last frame's deadline, s; less than 0: missed by so much.
     pub deadline_spare_s: Option<f64>,
 }

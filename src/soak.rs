@@ -18,11 +18,22 @@ pub struct Limits {
     pub max_growth: Option<f64>,
 }
 
+/// One camera's frames.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Camera {
+    /// What it is called.
+    pub name: String,
+    /// When they were where.
+    pub latencies: Latencies,
+}
+
 /// What was measured of a run.
 #[derive(Debug, Clone, Default)]
 pub struct Measured {
-    /// Its frames.
-    pub latencies: Latencies,
+    /// Its cameras, the first first.
+    pub cameras: Vec<Camera>,
+    /// That it was stopped before its time.
+    pub stopped: Option<String>,
     /// Its memory.
     pub memory: Memory,
     /// From the start of the command to the first frame at the client, s; `None`: there was none.
@@ -32,7 +43,7 @@ pub struct Measured {
 /// Whether one of them was kept.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Of what: `deadlines`, `p99` or `memory`.
+    /// Of what: `deadlines`, `p99`, `memory` or `minutes`.
     pub name: &'static str,
     /// Whether it was.
     pub passed: bool,
@@ -50,15 +61,26 @@ impl Limits {
         Latencies::watching(self.max_p99_ms.map(most))
     }
 
-    /// A verdict for each limit. A run without frames keeps none.
+    /// A verdict for each limit, of each camera. A run without frames keeps none, and one that was stopped is none.
     #[must_use]
     pub fn judge(&self, found: &Measured) -> Vec<Verdict> {
-        let Measured {
-            latencies, memory, ..
-        } = found;
-        let mut verdicts = vec![self.deadlines(latencies)];
-        verdicts.extend(self.max_p99_ms.map(|most_ms| p99(most_ms, latencies)));
-        verdicts.extend(self.max_growth.map(|most| growth(most, memory)));
+        let mut verdicts = Vec::new();
+        for Camera { name, latencies } in &found.cameras {
+            let mut own = vec![self.deadlines(latencies)];
+            own.extend(self.max_p99_ms.map(|most_ms| p99(most_ms, latencies)));
+            if found.cameras.len() > 1 {
+                own.iter_mut()
+                    .for_each(|verdict| verdict.text = format!("{name}: {}", verdict.text));
+            }
+            verdicts.extend(own);
+        }
+        verdicts.extend(self.max_growth.map(|most| growth(most, &found.memory)));
+        verdicts.extend(found.stopped.as_ref().map(|text| Verdict {
+            name: "minutes",
+            passed: false,
+            text: text.clone(),
+            frame: None,
+        }));
         verdicts
     }
 
@@ -153,8 +175,8 @@ pub struct Report {
     pub limits: Limits,
     /// Whether it did.
     pub verdicts: Vec<Verdict>,
-    /// What was measured.
-    pub latencies: Latencies,
+    /// What was measured of each camera.
+    pub cameras: Vec<Camera>,
     /// From the start of the command to the first frame at the client, s; `None`: there was none.
     pub first_frame_s: Option<f64>,
     /// What memory it held.
@@ -187,7 +209,7 @@ impl Report {
             passed: verdicts.iter().all(|verdict| verdict.passed),
             limits,
             verdicts,
-            latencies: measured.latencies,
+            cameras: measured.cameras,
             first_frame_s: measured.first_frame_s,
             memory: measured.memory,
             host,
@@ -201,7 +223,13 @@ impl Report {
     pub fn rows(&self) -> Vec<(String, String)> {
         let first = self.first_frame_s;
         let first = first.map_or("none".to_string(), |s| format!("{s:.2} s"));
-        let mut rows = self.latencies.rows();
+        let mut rows = Vec::new();
+        for Camera { name, latencies } in &self.cameras {
+            if self.cameras.len() > 1 {
+                rows.push(("camera".to_string(), name.clone()));
+            }
+            rows.extend(latencies.rows());
+        }
         rows.push(("start to the first frame".to_string(), first));
         rows.push(("memory".to_string(), self.memory.told()));
         rows
@@ -263,8 +291,9 @@ mod tests {
     }
 
     fn of(latencies: Latencies) -> Measured {
+        let name = "A".to_string();
         Measured {
-            latencies,
+            cameras: vec![Camera { name, latencies }],
             ..Measured::default()
         }
     }
@@ -408,6 +437,31 @@ mod tests {
     }
 
     #[test]
+    fn each_camera_keeps_its_limits_and_a_run_that_was_stopped_keeps_nothing() {
+        let limits = limits(1e-3, Some(12.0));
+        let mut both = run(&limits, 1000, 1000, 0..0);
+        let mut other = run(&limits, 1000, 512, 0..0);
+        other.cameras[0].name = "starboard".to_string();
+        both.cameras.append(&mut other.cameras);
+        both.stopped = Some("stopped after 0.50 of 30 min".to_string());
+        let verdicts = limits.judge(&both);
+        let passed: Vec<_> = verdicts.iter().map(|v| (v.name, v.passed)).collect();
+        assert_eq!(
+            passed,
+            [
+                ("deadlines", true),
+                ("p99", true),
+                ("deadlines", true),
+                ("p99", false),
+                ("minutes", false)
+            ]
+        );
+        assert!(verdicts[0].text.starts_with("A: deadlines missed"));
+        assert!(verdicts[3].text.starts_with("starboard: p99 14."));
+        assert_eq!(verdicts[4].text, "stopped after 0.50 of 30 min");
+    }
+
+    #[test]
     fn rates_are_short() {
         // X-Val: by hand.
         for (rate, text) in [
@@ -439,7 +493,7 @@ mod tests {
         assert_eq!(json["passed"], false);
         assert_eq!(json["limits"]["max_p99_ms"], 12.0);
         assert_eq!(json["verdicts"][1]["frame"], 512);
-        assert_eq!(json["latencies"]["last_octet"]["count"], 1000);
+        assert_eq!(json["cameras"][0]["latencies"]["last_octet"]["count"], 1000);
         assert_eq!(json["counters"]["attitudes"], 1000);
         assert!(json["first_frame_s"].is_null() && json["memory"]["warm"].is_null());
         assert!(json["host"]["processor"].is_string());

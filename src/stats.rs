@@ -14,8 +14,12 @@ pub struct RunStats {
     pub frames: u32,
     /// From the vehicle's state to pixels and label.
     pub render: Times,
-    /// From each frame's trigger, the end of its exposure or the arrival of its attitude if that was later, to its last packet's leaving.
+    /// The first link that brings frames.
+    pub link: String,
+    /// From each frame's trigger, the end of its exposure or the arrival of its attitude if that was later, to its last packet's leaving that link.
     pub latencies: Latencies,
+    /// The same of the other links that bring frames.
+    pub further: Vec<(String, Latencies)>,
     /// Objects in orbit, wherever they are.
     pub objects: usize,
     /// Stars labelled, summed over the frames as all that follow.
@@ -81,7 +85,7 @@ impl RunStats {
             rows.push(row("frames full of light", self.flooded.to_string()));
         }
         for (name, count) in [
-            ("frames late", self.latencies.missed as u32),
+            ("frames late", self.late()),
             ("frames coarsened", self.coarsened),
             ("exposures dropped", self.dropped),
         ] {
@@ -92,6 +96,25 @@ impl RunStats {
         if self.without_state > 0 {
             let count = self.without_state.to_string();
             rows.push(row("objects without a state", count));
+        }
+        rows
+    }
+
+    /// Frames that were late or not whole, over whichever link.
+    fn late(&self) -> u32 {
+        let further = self.further.iter().map(|(_, latencies)| latencies.missed);
+        further.fold(self.latencies.missed, u64::saturating_add) as u32
+    }
+
+    /// The rows of the times, link by link where there are several.
+    pub fn latency_rows(&self) -> Vec<(String, String)> {
+        let mut rows = self.latencies.rows();
+        if !self.further.is_empty() {
+            rows.insert(0, row("over", self.link.clone()));
+        }
+        for (link, latencies) in &self.further {
+            rows.push(row("over", link.clone()));
+            rows.extend(latencies.rows());
         }
         rows
     }

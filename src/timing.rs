@@ -69,6 +69,8 @@ pub struct Miss {
     pub frame: u32,
     /// By how much, s; `None` where the frame did not leave whole.
     pub late_s: Option<f64>,
+    /// `before it` or `after it` where what missed its deadline was an exposure without a frame.
+    pub unexposed: Option<&'static str>,
 }
 
 /// The first frame of a run that took longer than what is watched for.
@@ -90,6 +92,8 @@ pub struct Latencies {
     pub missed: u64,
     /// Frames that did not leave whole. They have no part in the times below.
     pub incomplete: u64,
+    /// Exposures without a frame, which have missed their deadlines; they count as frames.
+    pub without_frame: u64,
     /// The first frame that missed its deadline.
     pub first_miss: Option<Miss>,
     /// Frames whose attitude was of a later moment than the middle of their exposure; their attitude's age counts as 0.
@@ -141,9 +145,10 @@ impl Latencies {
         self.incomplete += u64::from(!times.whole);
         if !times.whole || times.spare_s < 0.0 || times.spare_s.is_nan() {
             self.missed += 1;
-            self.first_miss.get_or_insert(Miss {
+            self.miss(Miss {
                 frame: times.frame,
                 late_s: times.whole.then_some(-times.spare_s),
+                unexposed: None,
             });
         }
         if !times.whole {
@@ -164,6 +169,28 @@ impl Latencies {
                 frame: times.frame,
                 last_octet: times.last_octet,
             });
+        }
+    }
+
+    /// Books exposures that have no frame, `before it` or `after it`.
+    pub fn add_without_frame(&mut self, count: u32, frame: u32, unexposed: &'static str) {
+        if count == 0 {
+            return;
+        }
+        self.frames += u64::from(count);
+        self.missed += u64::from(count);
+        self.without_frame += u64::from(count);
+        self.miss(Miss {
+            frame,
+            late_s: None,
+            unexposed: Some(unexposed),
+        });
+    }
+
+    /// The first is that of the lowest number, in whichever order they are told.
+    fn miss(&mut self, miss: Miss) {
+        if self.first_miss.is_none_or(|first| miss.frame < first.frame) {
+            self.first_miss = Some(miss);
         }
     }
 
@@ -202,20 +229,28 @@ impl Latencies {
             0 => String::new(),
             count => format!(", {count} not whole"),
         };
+        let without = match self.without_frame {
+            0 => String::new(),
+            count => format!(", {count} without a frame"),
+        };
         let first = self.first_miss.map_or(String::new(), |miss| {
             format!(" (first: frame {}, {})", miss.frame, miss.told())
         });
-        format!("{} of {}{incomplete}{first}", self.missed, self.frames)
+        format!(
+            "{} of {}{incomplete}{without}{first}",
+            self.missed, self.frames
+        )
     }
 }
 
 impl Miss {
-    /// `late by 4.20 ms` or `not whole`.
+    /// `late by 4.20 ms`, `not whole`, or `an exposure before it has no frame`.
     #[must_use]
     pub fn told(&self) -> String {
-        match self.late_s {
-            Some(late_s) => format!("late by {:.2} ms", late_s * 1e3),
-            None => "not whole".to_string(),
+        match (self.late_s, self.unexposed) {
+            (_, Some(side)) => format!("an exposure {side} has no frame"),
+            (Some(late_s), None) => format!("late by {:.2} ms", late_s * 1e3),
+            (None, None) => "not whole".to_string(),
         }
     }
 }
@@ -344,6 +379,23 @@ mod tests {
         assert_eq!(all.first_miss.unwrap().frame, 3);
         let rows = Latencies::default().rows();
         assert_eq!(value(&rows, "deadlines missed"), "0 of 0");
+    }
+
+    #[test]
+    fn exposures_without_a_frame_are_missed_and_the_first_is_the_lowest() {
+        let mut all = Latencies::default();
+        all.add(&frame(9, 12));
+        all.add_without_frame(0, 3, "before it");
+        assert_eq!(all.first_miss.unwrap().frame, 9);
+        all.add_without_frame(2, 7, "before it");
+        all.add(&frame(7, 12));
+        assert_eq!((all.frames, all.missed, all.without_frame), (4, 4, 2));
+        let missed =
+            "4 of 4, 2 without a frame (first: frame 7, an exposure before it has no frame)";
+        assert_eq!(value(&all.rows(), "deadlines missed"), missed);
+        // One that is told of late was still the first.
+        all.add(&FrameTimes::incomplete(5));
+        assert_eq!(all.first_miss.unwrap().told(), "not whole");
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! What a live run is given beside its links: a place for its figures, and help of the system.
 
-use anyhow::Context;
 use skyloop::config::Config;
 use skyloop::metrics::{self, Metrics};
 use skyloop::realtime::{self, Granted};
@@ -26,11 +25,8 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
         Some(address) => {
             let heads = config.heads.iter().map(|head| Metrics::of_head(&head.name));
             let places: Vec<_> = std::iter::once(Metrics::default()).chain(heads).collect();
-            let serving = metrics::serve(address, places.clone());
-            Some((
-                places,
-                serving.with_context(|| format!("metrics at {address}"))?,
-            ))
+            let serving = metrics::serve(address, places.clone())?;
+            Some((places, serving))
         }
     };
     let asked = &run.realtime;

@@ -192,7 +192,7 @@ fn rows(stats: &RunStats, counters: &Counters, clock: Clock) -> Vec<(String, Str
         let answer = times(&stats.latencies.last_octet, &[0.5, 0.99]);
         rows.insert(2, row("attitude to last block p50 / p99", answer));
     } else {
-        rows.extend(stats.latencies.rows());
+        rows.extend(stats.latency_rows());
     }
     let counts: Vec<String> = counters
         .iter()

@@ -10,9 +10,9 @@ use skyloop::host::{Host, Memory};
 use skyloop::junit;
 use skyloop::link::{self, Roles};
 use skyloop::serve::{Left, OnLeft, Server};
-use skyloop::soak::{Limits, Measured, Report};
+use skyloop::soak::{Camera, Limits, Measured, Report};
 use skyloop::stats::{row, table};
-use skyloop::timing::{FrameTimes, Latencies};
+use skyloop::timing::FrameTimes;
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
@@ -176,10 +176,21 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             }
         }
     };
-    let (closed, flown, measured) = std::thread::scope(|scope| {
+    let heads_names = config.heads.iter().map(|head| head.name.as_str());
+    let names = std::iter::once(config.camera.name.as_str()).chain(heads_names);
+    let (closed, flown, joined) = std::thread::scope(|scope| {
         let joining = scope.spawn(|| {
-            let memory = Memory::over(length);
-            join(left, arrivals, limits.latencies(), memory, started)
+            let cameras = names.map(|name| Camera {
+                name: name.to_string(),
+                latencies: limits.latencies(),
+            });
+            let mut joining = Joining {
+                cameras: cameras.collect(),
+                memory: Memory::over(length),
+                ..Joining::default()
+            };
+            joining.join(left, arrivals);
+            joining
         });
         let (mut serving, mut taking) = (Vec::new(), Vec::new());
         for (number, mut head, port, roles) in heads {
@@ -198,6 +209,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         let see = takes(0, arrived);
         let flown = FlightComputer::new(port, mission).taking_only().run(see);
         over.store(true, Ordering::Relaxed);
+        let ended = Instant::now();
         let mut errors = vec![flown.err()];
         errors.extend(taking.into_iter().map(|taken| taken.join().ok().flatten()));
         stop.store(true, Ordering::Relaxed);
@@ -206,21 +218,17 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             .into_iter()
             .map(|serving| serving.join().map(Server::close))
             .collect();
-        (closed, errors.into_iter().flatten().next(), joining.join())
+        let joined = joining.join().map(|joining| (joining, ended));
+        (closed, errors.into_iter().flatten().next(), joined)
     });
-    let (Ok(mut measured), Ok(closed)) =
-        (measured, closed.into_iter().collect::<Result<Vec<_>, _>>())
+    let (Ok((joining, ended)), Ok(closed)) =
+        (joined, closed.into_iter().collect::<Result<Vec<_>, _>>())
     else {
         bail!("a thread of the run has panicked: please report it with the command you gave");
     };
     if let Some(error) = flown {
         return Err(anyhow::Error::from(error).context("the client of the run"));
     }
-    let frames = closed.iter().map(|(stats, _)| stats.frames).sum();
-    let missed: u32 = closed
-        .iter()
-        .map(|(_, counters)| counters.exposures_missed)
-        .sum();
     // Of all cameras together.
     let mut counts: Vec<(&str, u32)> = Counters::default().iter().collect();
     for (_, counters) in &closed {
@@ -229,11 +237,25 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         }
     }
     counts.retain(|(_, count)| *count > 0);
-    // An exposure without a frame has missed its deadline, too.
-    for _ in 0..missed {
-        measured.latencies.add(&FrameTimes::incomplete(frames));
-    }
+    // The first camera is the last that was closed.
+    let order = closed
+        .iter()
+        .rev()
+        .take(1)
+        .chain(closed.iter().rev().skip(1).rev());
+    let missed = order.map(|(_, counters)| counters.exposures_missed);
+    let (first, memory) = (joining.first, joining.memory);
+    let cameras = joining.end(ended, &missed.collect::<Vec<_>>());
     let minutes = begin.elapsed().as_secs_f64() / 60.0;
+    let stopped = interrupted
+        .load(Ordering::Relaxed)
+        .then(|| format!("stopped after {minutes:.2} of {} min", args.minutes));
+    let measured = Measured {
+        cameras,
+        stopped,
+        memory,
+        first_frame_s: first.map(|at| at.saturating_duration_since(started).as_secs_f64()),
+    };
     let report = Report::new(
         name.to_string(),
         minutes,
@@ -244,9 +266,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         counts,
     );
     tell(&report, &args)?;
-    if interrupted.load(Ordering::Relaxed) {
-        bail!("stopped after {minutes:.2} of {} min", args.minutes);
-    }
     if !report.passed {
         let broken = report.verdicts.iter().filter(|verdict| !verdict.passed);
         let broken: Vec<&str> = broken.map(|verdict| verdict.text.as_str()).collect();
@@ -285,76 +304,92 @@ fn listening(mission: &Mission) -> Mission {
     }
 }
 
-/// Frames that have left, and that have come, by camera and number.
+/// Times as the clients have them: from each frame's trigger to its last packet there. A frame that never came whole has missed its deadline. And the memory
+/// that is held meanwhile.
 #[derive(Default)]
-struct Under {
+struct Joining {
+    /// Frames that have left, and that have come, by camera and number.
     way: BTreeMap<(usize, u32), Left>,
     came: BTreeMap<(usize, u32), Instant>,
-    latencies: Latencies,
+    cameras: Vec<Camera>,
+    /// Exposures without a frame that were booked, by camera.
+    missed: BTreeMap<usize, u32>,
+    /// The last frame of each that has left.
+    last: BTreeMap<usize, u32>,
+    /// When the first came.
+    first: Option<Instant>,
+    memory: Memory,
 }
 
-/// Times as the clients have them: from each frame's trigger to its last packet there. A frame that never came whole has missed its deadline. And the memory
-/// that is held meanwhile, and when, after `started`, the first frame came.
-fn join(
-    left: Receiver<(usize, Left)>,
-    arrivals: Receiver<(usize, u32, Instant)>,
-    latencies: Latencies,
-    mut memory: Memory,
-    started: Instant,
-) -> Measured {
-    let (begin, mut first) = (Instant::now(), None);
-    let mut under = Under {
-        latencies,
-        ..Under::default()
-    };
-    for (head, told) in left {
-        under.way.insert((head, told.times.frame), told);
-        for (head, frame, at) in arrivals.try_iter() {
-            first.get_or_insert(at);
-            under.came.insert((head, frame), at);
+impl Joining {
+    /// Until nobody tells of frames any more.
+    fn join(&mut self, left: Receiver<(usize, Left)>, arrivals: Receiver<(usize, u32, Instant)>) {
+        let begin = Instant::now();
+        for (camera, told) in left {
+            let frame = told.times.frame;
+            self.without_frame(camera, told.missed, frame, "before it");
+            self.last.insert(camera, frame);
+            self.way.insert((camera, frame), told);
+            arrivals
+                .try_iter()
+                .for_each(|arrival| self.arrived(arrival));
+            self.settle();
+            self.memory.see(begin.elapsed());
         }
-        under.settle();
-        memory.see(begin.elapsed());
-    }
-    memory.end();
-    let over = Instant::now() + PARTING;
-    while !under.way.is_empty() {
-        let rest = over.saturating_duration_since(Instant::now());
-        let Ok((head, frame, at)) = arrivals.recv_timeout(rest) else {
-            break;
-        };
-        first.get_or_insert(at);
-        under.came.insert((head, frame), at);
-        under.settle();
-    }
-    // The last one of each camera was on its way when the run was ended.
-    let mut last = BTreeMap::new();
-    for (head, frame) in under.way.keys() {
-        last.insert(*head, *frame);
-    }
-    for ((head, frame), _) in under.way {
-        if last.get(&head) != Some(&frame) {
-            under.latencies.add(&FrameTimes::incomplete(frame));
+        self.memory.end();
+        let over = Instant::now() + PARTING;
+        while !self.way.is_empty() {
+            let rest = over.saturating_duration_since(Instant::now());
+            let Ok(arrival) = arrivals.recv_timeout(rest) else {
+                break;
+            };
+            self.arrived(arrival);
+            self.settle();
         }
     }
-    Measured {
-        latencies: under.latencies,
-        memory,
-        first_frame_s: first.map(|at| at.saturating_duration_since(started).as_secs_f64()),
-    }
-}
 
-impl Under {
-    /// Books those that have left and come.
+    fn arrived(&mut self, (camera, frame, at): (usize, u32, Instant)) {
+        self.first.get_or_insert(at);
+        self.came.insert((camera, frame), at);
+    }
+
+    /// Books the exposures that a camera has passed over until now.
+    fn without_frame(&mut self, camera: usize, missed: u32, frame: u32, side: &'static str) {
+        let booked = self.missed.entry(camera).or_default();
+        let count = missed.saturating_sub(std::mem::replace(booked, missed));
+        if let Some(camera) = self.cameras.get_mut(camera) {
+            camera.latencies.add_without_frame(count, frame, side);
+        }
+    }
+
+    /// Books frames that have left and come.
     fn settle(&mut self) {
-        let (came, latencies) = (&mut self.came, &mut self.latencies);
+        let (came, cameras) = (&mut self.came, &mut self.cameras);
         self.way.retain(|key, told| match came.remove(key) {
             None => true,
             Some(at) => {
-                latencies.add(&told.times.ended(told.trigger, told.deadline, at));
+                if let Some(camera) = cameras.get_mut(key.0) {
+                    let times = told.times.ended(told.trigger, told.deadline, at);
+                    camera.latencies.add(&times);
+                }
                 false
             }
         });
+    }
+
+    /// All of it: what never came counts, but for what still had time when the clients left; and so do the exposures without a frame, by camera.
+    fn end(mut self, ended: Instant, missed: &[u32]) -> Vec<Camera> {
+        for ((camera, frame), told) in std::mem::take(&mut self.way) {
+            let was_due = told.deadline.is_some_and(|deadline| deadline < ended);
+            if let Some(camera) = self.cameras.get_mut(camera).filter(|_| was_due) {
+                camera.latencies.add(&FrameTimes::incomplete(frame));
+            }
+        }
+        for (camera, missed) in missed.iter().enumerate() {
+            let last = self.last.get(&camera).copied().unwrap_or_default();
+            self.without_frame(camera, *missed, last, "after it");
+        }
+        self.cameras
     }
 }
 

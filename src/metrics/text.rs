@@ -9,16 +9,18 @@ use std::sync::Arc;
 pub(super) type Camera = (Option<Arc<str>>, Arc<Snapshot>);
 
 /// A page under way, and the metrics that are on it.
-struct Page<'c> {
-    cameras: &'c [Camera],
+#[derive(Default)]
+struct Page {
     text: String,
     names: BTreeSet<String>,
 }
 
-/// Labels of a sample: the camera's, and what else there is.
-fn labels(head: Option<&str>, more: &[(&str, &str)]) -> String {
-    let labels = head.map(|head| ("head", head)).into_iter();
-    let labels = labels.chain(more.iter().copied()).map(|(key, value)| {
+/// Figures with the labels that they have: those of each link, for each camera.
+type Of<'c> = (Vec<(&'static str, &'c str)>, &'c Snapshot);
+
+/// Labels of a sample as they are written.
+fn written(labels: &[(&str, &str)]) -> String {
+    let labels = labels.iter().map(|(key, value)| {
         let value = value.replace('\\', "\\\\").replace('"', "\\\"");
         format!("{key}=\"{}\"", value.replace('\n', "\\n"))
     });
@@ -29,7 +31,7 @@ fn labels(head: Option<&str>, more: &[(&str, &str)]) -> String {
     }
 }
 
-impl Page<'_> {
+impl Page {
     /// Begins a metric; false if it is there already.
     fn begin(&mut self, name: &str, kind: &str, help: &str) -> bool {
         let is_new = self.names.insert(name.to_string());
@@ -40,42 +42,42 @@ impl Page<'_> {
         is_new
     }
 
-    fn sample(&mut self, name: &str, labels: &str, value: impl std::fmt::Display) {
-        let _ = writeln!(self.text, "{name}{labels} {value}");
+    fn sample(&mut self, name: &str, labels: &[(&str, &str)], value: impl std::fmt::Display) {
+        let _ = writeln!(self.text, "{name}{} {value}", written(labels));
     }
 
-    /// A metric with a sample of each camera that knows it.
+    /// A metric with a sample of each that knows it.
     fn family<V: std::fmt::Display>(
         &mut self,
-        name: &str,
-        kind: &str,
-        help: &str,
-        of: impl Fn(&Snapshot) -> Option<V>,
+        of: &[Of<'_>],
+        (name, kind, help): (&str, &str, &str),
+        value: impl Fn(&Snapshot) -> Option<V>,
     ) {
-        let cameras = self.cameras.iter();
-        let known = cameras.filter_map(|(head, of_it)| Some((head.as_deref(), of(of_it)?)));
+        let known = of
+            .iter()
+            .filter_map(|(labels, of)| Some((labels, value(of)?)));
         let known: Vec<_> = known.collect();
         if known.is_empty() || !self.begin(name, kind, help) {
             return;
         }
-        for (head, value) in known {
-            self.sample(name, &labels(head, &[]), value);
+        for (labels, value) in known {
+            self.sample(name, labels, value);
         }
     }
 
-    fn histogram(&mut self, name: &str, head: Option<&str>, stage: &Stage) {
+    fn histogram(&mut self, name: &str, labels: &[(&str, &str)], stage: &Stage) {
         let Stage {
             name: of,
             within,
             count,
             sum,
         } = stage;
+        let labels = [labels, &[("stage", *of)]].concat();
         let bounds = BOUNDS.iter().map(|(_, le)| *le).zip(within.iter());
         for (le, within) in bounds.chain([("+Inf", count)]) {
-            let labels = labels(head, &[("stage", of), ("le", le)]);
+            let labels = [&labels[..], &[("le", le)]].concat();
             self.sample(&format!("{name}_bucket"), &labels, within);
         }
-        let labels = labels(head, &[("stage", of)]);
         let sum = number(sum.as_secs_f64());
         self.sample(&format!("{name}_sum"), &labels, sum);
         self.sample(&format!("{name}_count"), &labels, count);
@@ -85,11 +87,19 @@ impl Page<'_> {
 /// All of it, for all cameras: the first one's without a name. What is not known is left out; where a counter has the name of a metric of ours, it is that one.
 pub(super) fn page(cameras: &[Camera]) -> String {
     type Figure<T> = fn(&Snapshot) -> T;
-    let mut page = Page {
-        cameras,
-        text: String::new(),
-        names: BTreeSet::new(),
-    };
+    let mut page = Page::default();
+    let cameras: Vec<Of<'_>> = cameras
+        .iter()
+        .map(|(head, of)| (head.iter().map(|head| ("head", &**head)).collect(), &**of))
+        .collect();
+    let mut links: Vec<Of<'_>> = Vec::new();
+    for (labels, of) in &cameras {
+        for of in std::iter::once(*of).chain(&of.further) {
+            let mut labels = labels.clone();
+            labels.extend(of.link.iter().map(|link| ("link", link.as_str())));
+            links.push((labels, of));
+        }
+    }
     let counts: [(&str, &str, Figure<u64>); 3] = [
         ("frames", "Frames that were due.", |of| of.frames),
         (
@@ -105,21 +115,20 @@ pub(super) fn page(cameras: &[Camera]) -> String {
     ];
     for (name, help, count) in counts {
         let name = format!("skyloop_{name}_total");
-        page.family(&name, "counter", help, |of| Some(count(of)));
+        page.family(&links, (&name, "counter", help), |of| Some(count(of)));
     }
     let latency = "skyloop_latency_seconds";
     let help = "From a frame's trigger to a stage, of whole frames; counts of buckets are right to half a percent of their bound.";
-    if cameras.iter().any(|(_, of)| !of.stages.is_empty()) && page.begin(latency, "histogram", help)
-    {
-        for (head, of) in cameras {
+    if links.iter().any(|(_, of)| !of.stages.is_empty()) && page.begin(latency, "histogram", help) {
+        for (labels, of) in &links {
             let stages = of.stages.iter();
-            stages.for_each(|stage| page.histogram(latency, head.as_deref(), stage));
+            stages.for_each(|stage| page.histogram(latency, labels, stage));
         }
     }
     let last: [(&str, &str, Figure<Option<f64>>); 3] = [
         (
             "attitude_age",
-            "Age of the last frame's attitude at its trigger.",
+            "Age of the last frame's attitude in the middle of its exposure.",
             |of| of.attitude_age_s,
         ),
         (
@@ -135,18 +144,24 @@ pub(super) fn page(cameras: &[Camera]) -> String {
     ];
     for (name, help, value) in last {
         let name = format!("skyloop_{name}_seconds");
-        page.family(&name, "gauge", help, |of| value(of).map(number));
+        page.family(&links, (&name, "gauge", help), |of| value(of).map(number));
     }
+    let help =
+        "What is gone by for the client's time: 0 free, 1 waiting, 2 locked, 3 holdover, 4 paused.";
+    page.family(&cameras, ("skyloop_clock_sync", "gauge", help), |of| {
+        of.sync.map(|sync| sync.code())
+    });
     let names = cameras.iter().flat_map(|(_, of)| &of.counters);
     for (name, _) in names {
         let help = format!("The counter {name} of Status, modulo 2^32.");
-        page.family(&format!("skyloop_{name}_total"), "counter", &help, |of| {
+        let metric = format!("skyloop_{name}_total");
+        page.family(&cameras, (&metric, "counter", &help), |of| {
             let count = of.counters.iter().find(|(other, _)| other == name);
             count.map(|(_, count)| *count)
         });
     }
     if page.begin("skyloop_build_info", "gauge", "What is running.") {
-        let version = labels(None, &[("version", env!("CARGO_PKG_VERSION"))]);
+        let version = [("version", env!("CARGO_PKG_VERSION"))];
         page.sample("skyloop_build_info", &version, 1);
     }
     page.text

@@ -6,7 +6,8 @@ use crate::timing::FrameTimes;
 use bytes::Bytes;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::{
-    Ack, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, SyncState, Timing, WireTime,
+    Ack, Counters, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, SyncState, Timing,
+    WireTime,
 };
 use std::time::Instant;
 
@@ -64,12 +65,18 @@ impl Server {
     }
 
     pub(super) fn status(&self, at: usize) -> Status {
-        let exchange = &self.channels[at].exchange;
+        let channel = &self.channels[at];
+        // A link that brings no frames tells of the first that does.
+        let of = match channel.roles.bring_frames() {
+            true => Some(channel),
+            false => self.bringing().next(),
+        };
+        let exchange = &channel.exchange;
         let camera = &self.settings.camera;
         let detector = &camera.detector;
         let sync = self.clock.sync(Instant::now());
         let latency_s = |fraction| {
-            let latency = self.stats.latencies.last_octet.quantile(fraction);
+            let latency = of.and_then(|of| of.latencies.last_octet.quantile(fraction));
             latency.map_or(0.0, |latency| latency.as_secs_f32())
         };
         Status {
@@ -89,11 +96,17 @@ impl Server {
                 false => sync.state,
             },
             clock_offset_s: sync.offset_s,
-            timing: self.last.as_ref().map(timing).unwrap_or_default(),
+            timing: of
+                .and_then(|of| of.last.as_ref())
+                .map(timing)
+                .unwrap_or_default(),
             latency_p50_s: latency_s(0.5),
             latency_p99_s: latency_s(0.99),
             latency_max_s: latency_s(1.0),
-            counters: self.counters(),
+            counters: Counters {
+                deadlines_missed: of.map_or(0, |of| of.latencies.missed as u32),
+                ..self.counters()
+            },
         }
     }
 

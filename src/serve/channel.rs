@@ -2,13 +2,14 @@
 
 use super::deliver::Delivery;
 use crate::link::{LinkError, Outbound, Roles, Wire};
+use crate::timing::{FrameTimes, Latencies};
 use bytes::Bytes;
 use skyloop_protocols::credit::{CreditAccount, PAID};
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
-use skyloop_protocols::{Output, Positions};
+use skyloop_protocols::{MAX_PACKET, Output, Positions};
 use std::collections::VecDeque;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Answers that may wait for room in the link's queue.
 pub(super) const MAX_ANSWERS: usize = 1024;
@@ -25,6 +26,10 @@ pub(super) struct Channel {
     pub deliveries: VecDeque<Delivery>,
     /// Packets that never got into the link's queue.
     pub lost: u32,
+    /// When its frames were where.
+    pub latencies: Latencies,
+    /// Of the frame that left it last.
+    pub last: Option<FrameTimes>,
     /// Whether the log says that nobody is there.
     pub told: bool,
     /// Whether the link has ended.
@@ -79,6 +84,8 @@ impl Channel {
             exchange,
             deliveries: VecDeque::new(),
             lost: 0,
+            latencies: Latencies::default(),
+            last: None,
             told: false,
             gone: false,
             behind: 0,
@@ -172,6 +179,14 @@ impl Channel {
     /// grant for them yet.
     pub fn carries_frames(&self) -> bool {
         self.wire.tally.waiting() > self.behind
+    }
+
+    /// How long what the link has got takes until it has left, where that is known.
+    pub fn backlog(&self) -> Duration {
+        let Some(airtime) = &self.wire.airtime else {
+            return Duration::ZERO;
+        };
+        airtime(MAX_PACKET).saturating_mul(self.wire.tally.waiting())
     }
 
     /// Counts the answers that wait as lost.

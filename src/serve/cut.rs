@@ -14,7 +14,7 @@ use skyloop_protocols::{
     CompressedBlock, EncodeError, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, ObjectPart,
     Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime, rice,
 };
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The packets of one frame, one after the other. What the pixels themselves decide (windows, compressed blocks, object records) is worked out as the
 /// frame is opened, which then waits for all of it; all pixels and label text open it as soon as the label is done.
@@ -133,10 +133,11 @@ impl Cut {
         self.given > self.header.blocks + u32::from(self.header.label_parts) + 1
     }
 
-    /// Gives the next packet to `encode`, if what it holds is there.
+    /// Gives the next packet to `encode`, if what it holds is there; its link has it on its way after a `backlog`.
     pub fn next<T>(
         &mut self,
         picture: &Picture,
+        backlog: Duration,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Next<T> {
         if self.is_over() {
@@ -150,9 +151,11 @@ impl Cut {
                 // What follows the pixels waits until all of them are there.
                 Some(_) if picture.shot.is_none() => None,
                 Some(part) if part < u32::from(self.header.label_parts) => {
-                    Some(self.labels(picture, part as u16, encode))
+                    Some(self.labels(picture, part as u16, backlog, encode))
                 }
-                Some(_) => Some(encode(&Reply::FrameEnd(picture.closing(Instant::now())))),
+                Some(_) => Some(encode(&Reply::FrameEnd(
+                    picture.closing(Instant::now(), backlog),
+                ))),
             },
         };
         match packet {
@@ -254,13 +257,16 @@ impl Cut {
         &self,
         picture: &Picture,
         part: u16,
+        backlog: Duration,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Result<T, EncodeError> {
         let (frame, parts) = (self.header.frame, self.header.label_parts);
         let (all, most) = match self.header.label_level {
             LabelLevel::Objects => (&self.records[..], OBJECTS_PER_PART * OBJECT_LENGTH),
             _ => {
-                let text = picture.text(Instant::now()).ok_or(NO_SUCH_PACKET)?;
+                let text = picture
+                    .text(Instant::now(), backlog)
+                    .ok_or(NO_SUCH_PACKET)?;
                 (text.as_bytes(), LABEL_TEXT_PER_PART)
             }
         };

@@ -3,6 +3,7 @@
 use super::Server;
 use super::channel::Channel;
 use super::cut::{Cut, Next};
+use super::leaving::Leaving;
 use crate::link::LinkError;
 use bytes::Bytes;
 use skyloop_protocols::packet::identify;
@@ -195,7 +196,7 @@ impl Server {
             let (personality, counts) = (self.personality, &channel.counts);
             let time = cut.time;
             let mut buffer = [0; MAX_PACKET];
-            let packet = cut.next(picture, |reply: &Reply<'_>| {
+            let packet = cut.next(picture, channel.backlog(), |reply: &Reply<'_>| {
                 let count = counts.peek(reply.apid());
                 let length = (personality.encode_reply)(reply, count, time, &mut buffer)?;
                 Ok(Bytes::copy_from_slice(&buffer[..length]))
@@ -291,7 +292,9 @@ impl Server {
         if let Some(picture) = pictures.find(|picture| picture.number == frame) {
             picture.open = picture.open.saturating_sub(1);
             picture.whole &= whole;
-            picture.marks.extend(mark.map(|mark| (at, mark)));
+            if whole || !picture.is_cut_off {
+                self.leaving.push(Leaving::of(picture, at, mark));
+            }
         }
     }
 

@@ -3,7 +3,6 @@
 use super::clock::Due;
 use super::history::Pointing;
 use super::latch::tellable;
-use super::leaving::Leaving;
 use super::overrun::Verdict;
 use super::picture::{Asked, Picture};
 use super::shooter::{Order, Progress, Shooter, Spare, Task};
@@ -211,7 +210,6 @@ impl Server {
                 false => &mut counters.frames_abandoned,
             };
             *counter = counter.wrapping_add(1);
-            self.leaving.push(Leaving::of(&picture));
             let Some(shot) = picture.into_shot() else {
                 continue;
             };

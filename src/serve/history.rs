@@ -3,7 +3,7 @@
 use super::Latched;
 use crate::attitude::{VehicleState, between, rates_between};
 use crate::config::{OnStale, Staleness};
-use crate::scene::Exposure;
+use crate::scene::{Exposure, shutter};
 use hifitime::Epoch;
 use nalgebra::Vector3;
 use skyloop_orbit::time::seconds;
@@ -149,10 +149,21 @@ fn out_of_reach(
     } else {
         staleness.limit_s
     };
-    let held = || VehicleState {
-        attitude: told.at(told.epoch + seconds(limit_s)).attitude,
-        rates: Vector3::zeros(),
-        ..carried.clone()
+    let held = || {
+        let held = told.at(told.epoch + seconds(limit_s));
+        // Its orbit goes on; but one that leads to where nothing can be shown is held, too.
+        let orbit = match shutter(&carried, exposure) {
+            Ok(_) => carried.clone(),
+            Err(_) => VehicleState {
+                epoch: carried.epoch,
+                ..held.clone()
+            },
+        };
+        VehicleState {
+            attitude: held.attitude,
+            rates: Vector3::zeros(),
+            ..orbit
+        }
     };
     let (vehicle, source) = match staleness.then {
         OnStale::Extrapolate if is_future => (carried, AttitudeSource::Future),

@@ -1,6 +1,6 @@
 //! An attitude from the wire becomes the latched vehicle state, or is refused.
 
-use super::clock::{Due, MAX_WAITING};
+use super::clock::{Due, Heard, MAX_WAITING};
 use super::receive::Refusal;
 use super::{Latched, Server};
 use crate::attitude::{AttitudeError, VehicleState};
@@ -62,7 +62,17 @@ impl Server {
             reason: Reason::ValueOutOfRange,
             detail: format!("attitude {}: {why}", attitude.sequence),
         })?;
-        self.hear(epoch, inbound.arrived);
+        if let Heard::Doubted(ahead_s) = self.hear(epoch, inbound.arrived)
+            && ahead_s > 0.0
+        {
+            return Err(Refusal {
+                reason: Reason::ValueOutOfRange,
+                detail: format!(
+                    "time of attitude {} lies {ahead_s:.3} s ahead of the client's clock; that is followed when it goes on so for 0.25 s",
+                    attitude.sequence
+                ),
+            });
+        }
         self.in_order(epoch, attitude.sequence)?;
         self.accepted += 1;
         let latched = Latched {
@@ -77,8 +87,9 @@ impl Server {
     }
 
     /// A time that the client told. Where its clock has jumped, what came before has no meaning any more.
-    pub(super) fn hear(&mut self, told: Epoch, arrived: Instant) {
-        if self.clock.hear(told, arrived) {
+    pub(super) fn hear(&mut self, told: Epoch, arrived: Instant) -> Heard {
+        let heard = self.clock.hear(told, arrived);
+        if heard == Heard::Jumped {
             tracing::warn!(
                 "the client's clock has jumped to {}: it is followed, and attitudes and triggers that came before are forgotten",
                 utc_text(told)
@@ -89,6 +100,7 @@ impl Server {
             let triggers = &mut self.counters.triggers_missed;
             *triggers = triggers.wrapping_add(asked_for);
         }
+        heard
     }
 
     /// Refuses an attitude that is earlier than one before it, unless such ones are used.

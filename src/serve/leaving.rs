@@ -1,14 +1,18 @@
-//! Frames whose last packet is in a link's queue: when it leaves, the frame's times are known.
+//! Frames whose last packet is in a link's queue: when it leaves, the frame's times are known, of that link. A client that takes nothing spoils no other's figures.
 
 use super::Server;
+use super::channel::Channel;
 use super::picture::Picture;
 use crate::link::Mark;
 use crate::metrics::Snapshot;
 use crate::timing::FrameTimes;
-use std::time::Instant;
+use skyloop_protocols::SyncState;
+use std::time::{Duration, Instant};
 
 /// Frames whose times are waited for at most: as many as links' queues may hold, and some.
 const MOST: usize = 64;
+/// Between two looks at the figures of a run.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// A frame that has left, or never will.
 #[derive(Debug, Clone, Copy)]
@@ -19,103 +23,132 @@ pub struct Left {
     pub trigger: Instant,
     /// When it was late; none: never.
     pub deadline: Option<Instant>,
+    /// Exposures without a frame until then.
+    pub missed: u32,
 }
 
-/// A frame that leaves.
+/// A frame that leaves a link.
 pub(super) struct Leaving {
     /// Its times but those of its end.
     left: Left,
-    whole: bool,
-    /// Whether it was given up because the run has ended.
-    is_cut_off: bool,
-    /// Links in whose queues it is, with the place of its last packet.
-    marks: Vec<(usize, Mark)>,
-    /// When it had left those that it has left.
-    last: Option<Instant>,
+    /// When all of it could have left.
+    ready: Duration,
+    /// The link.
+    at: usize,
+    /// The place of its last packet in the link's queue; none: it was not put there whole.
+    mark: Option<Mark>,
 }
 
 impl Leaving {
-    pub fn of(picture: &Picture) -> Leaving {
+    pub fn of(picture: &Picture, at: usize, mark: Option<Mark>) -> Leaving {
+        let last_pixel = picture.since_trigger(picture.last_pixel);
         Leaving {
             left: Left {
                 times: FrameTimes {
                     attitude_age_s: picture.asked.age_s,
                     first_pixel: picture.since_trigger(picture.first_pixel),
-                    last_pixel: picture.since_trigger(picture.last_pixel),
+                    last_pixel,
                     first_octet: picture.since_trigger(picture.first_octet),
                     ..FrameTimes::incomplete(picture.number)
                 },
                 trigger: picture.trigger(),
                 deadline: picture.asked.due.deadline,
+                missed: 0,
             },
-            whole: picture.whole,
-            is_cut_off: picture.is_cut_off && !picture.whole,
-            marks: picture.marks.clone(),
-            last: None,
+            ready: last_pixel.max(picture.since_trigger(Some(picture.asked.release))),
+            at,
+            mark,
         }
     }
 }
 
 impl Server {
-    /// Books the frames that have left all their links.
+    /// Books the frames that have left their links.
     pub(super) fn see_leave(&mut self) {
-        let channels = &self.channels;
-        let departed = |at: usize| channels.get(at).map(|channel| &channel.wire.tally.departed);
-        for leaving in &mut self.leaving {
-            let last = &mut leaving.last;
-            leaving.marks.retain(|(at, mark)| {
-                let left = departed(*at).and_then(|departed| departed.left(*mark));
-                *last = (*last).max(left);
-                left.is_none()
-            });
-        }
         // Of too many the oldest is taken for one that never leaves.
         if self.leaving.len() > MOST
             && let Some(oldest) = self.leaving.first_mut()
+            && let (Some(mark), Some(channel)) = (oldest.mark.take(), self.channels.get(oldest.at))
         {
-            for (at, mark) in oldest.marks.drain(..) {
-                if let Some(departed) = departed(at) {
-                    departed.forget(mark);
+            channel.wire.tally.departed.forget(mark);
+        }
+        let mut at = 0;
+        while let Some(leaving) = self.leaving.get(at) {
+            let departed = self.channels.get(leaving.at);
+            let departed = departed.map(|channel| &channel.wire.tally.departed);
+            let last = leaving.mark.map(|mark| departed.and_then(|d| d.left(mark)));
+            match last {
+                Some(None) => at += 1,
+                last => {
+                    let leaving = self.leaving.remove(at);
+                    self.book(leaving, last.flatten());
                 }
             }
-            oldest.whole = false;
-        }
-        while let Some(at) = self
-            .leaving
-            .iter()
-            .position(|leaving| leaving.marks.is_empty())
-        {
-            let leaving = self.leaving.remove(at);
-            self.book(leaving);
         }
     }
 
-    fn book(&mut self, leaving: Leaving) {
-        if leaving.is_cut_off {
-            return;
-        }
+    /// Books a frame that has left its link at `last`; none: it never will.
+    fn book(&mut self, leaving: Leaving, last: Option<Instant>) {
         let mut left = leaving.left;
-        if let Some(last) = leaving.last.filter(|_| leaving.whole) {
+        left.missed = self.exposures_missed();
+        if let Some(last) = last {
             left.times = left.times.ended(left.trigger, left.deadline, last);
+            let after = left.times.last_octet.saturating_sub(leaving.ready);
+            self.overrun.learn_way(after);
         } else if left.deadline.is_none() {
             left.times.spare_s = f64::INFINITY;
         }
         let times = left.times;
         let missed = &mut self.counters.deadlines_missed;
         *missed = missed.wrapping_add(u32::from(times.spare_s < 0.0));
-        self.stats.latencies.add(&times);
-        self.last = Some(times);
+        if let Some(channel) = self.channels.get_mut(leaving.at) {
+            channel.latencies.add(&times);
+            channel.last = Some(times);
+        }
         if let Some(told) = &mut self.on_left {
             told(&left);
         }
-        if let Some(metrics) = &self.metrics {
-            let sync = self.clock.sync(Instant::now());
-            let mut snapshot = Snapshot::of(&self.stats.latencies);
-            snapshot.counters = self.counters().iter().collect();
-            snapshot.attitude_age_s = Some(times.attitude_age_s);
-            snapshot.clock_offset_s = Some(sync.offset_s);
-            snapshot.deadline_spare_s = Some(times.spare_s).filter(|spare_s| spare_s.is_finite());
-            metrics.publish(snapshot);
+    }
+
+    /// Leaves the figures of now where they can be fetched, now and then.
+    pub(super) fn publish(&mut self, now: Instant) {
+        let Some(metrics) = &self.metrics else {
+            return;
+        };
+        if self
+            .looked
+            .is_some_and(|at| now.saturating_duration_since(at) < LOOK)
+        {
+            return;
         }
+        let several = self.bringing().count() > 1;
+        let mut links = self.bringing().map(|channel| {
+            let mut snapshot = Snapshot::of(&channel.latencies);
+            snapshot.link = several.then(|| channel.wire.address.clone());
+            if let Some(times) = &channel.last {
+                let spare_s = Some(times.spare_s).filter(|spare_s| spare_s.is_finite());
+                (snapshot.attitude_age_s, snapshot.deadline_spare_s) =
+                    (Some(times.attitude_age_s), spare_s);
+            }
+            snapshot
+        });
+        let mut snapshot = links.next().unwrap_or_default();
+        snapshot.further = links.collect();
+        snapshot.counters = self.counters().iter().collect();
+        let sync = self.clock.sync(now);
+        snapshot.clock_offset_s = Some(sync.offset_s);
+        snapshot.sync = Some(match self.paused {
+            true => SyncState::Paused,
+            false => sync.state,
+        });
+        metrics.publish(snapshot);
+        self.looked = Some(now);
+    }
+
+    /// The links that bring frames.
+    pub(super) fn bringing(&self) -> impl Iterator<Item = &Channel> {
+        self.channels
+            .iter()
+            .filter(|channel| channel.roles.bring_frames())
     }
 }

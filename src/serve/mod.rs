@@ -33,7 +33,6 @@ use crate::link::{LinkError, Relay, Roles, Standstill, Wire};
 use crate::metrics::Metrics;
 use crate::range::nearest;
 use crate::stats::{Absent, RunStats};
-use crate::timing::FrameTimes;
 use channel::Channel;
 use clock::Clock;
 use history::History;
@@ -130,10 +129,10 @@ pub struct Server {
     missed: u32,
     /// What the run measured.
     pub stats: RunStats,
-    /// Of the frame that left last.
-    last: Option<FrameTimes>,
-    /// Where the figures of the run are left after each frame.
+    /// Where the figures of the run are left now and then.
     metrics: Option<Metrics>,
+    /// When they were left last.
+    looked: Option<Instant>,
     /// Sees each frame that has left.
     on_left: Option<OnLeft>,
     /// Further cameras, which hear of the vehicle.
@@ -198,8 +197,8 @@ impl Server {
             counters: Counters::default(),
             missed: 0,
             stats: RunStats::default(),
-            last: None,
             metrics: None,
+            looked: None,
             on_left: None,
             told: Vec::new(),
             is_led: false,
@@ -226,6 +225,11 @@ impl Server {
                 "run.on_overrun = \"coarsen\": none of `run.coarsen` makes frames coarser, so that those which would be late come late; name knobs such as \"wing_e = 1\""
             );
         }
+        if self.kind == Kind::Stepped && run.delay != Delay::default() {
+            tracing::warn!(
+                "run.delay_s and run.jitter_s have no meaning by the stepped clock, where frames leave as they are made; leave them out, or set run.clock"
+            );
+        }
         let latency_s = run.latency_s.unwrap_or(1.0 / self.settings.camera.rate_hz);
         if self.kind != Kind::Stepped && run.delay.delay_s >= latency_s {
             tracing::warn!(
@@ -235,7 +239,7 @@ impl Server {
         }
     }
 
-    /// Leaves the figures of the run in `metrics` after each frame.
+    /// Leaves the figures of the run in `metrics` ten times a second.
     pub fn set_metrics(&mut self, metrics: Metrics) {
         self.metrics = Some(metrics);
     }
@@ -387,6 +391,7 @@ impl Server {
             }
             let round = self.deliver()?;
             let settled = self.settle(shooter, on_shot);
+            self.publish(Instant::now());
             if limit.is_some_and(|most| self.stats.frames >= most) && self.pictures.is_empty() {
                 break;
             }
@@ -435,13 +440,28 @@ impl Server {
         }
         self.see_leave();
         let counters = self.counters();
+        let links = self
+            .channels
+            .into_iter()
+            .filter(|channel| channel.roles.bring_frames());
+        let mut links = links.map(|channel| (channel.wire.address, channel.latencies));
+        let first = links.next();
+        self.stats.further = links.collect();
+        if let Some((address, latencies)) = first {
+            (self.stats.link, self.stats.latencies) = (address, latencies);
+        }
         (self.stats, counters)
+    }
+
+    /// Exposures that have no frame.
+    fn exposures_missed(&self) -> u32 {
+        self.clock.missed().wrapping_add(self.missed)
     }
 
     /// All counts, the links' among them.
     pub fn counters(&self) -> Counters {
         let mut counters = Counters {
-            exposures_missed: self.clock.missed().wrapping_add(self.missed),
+            exposures_missed: self.exposures_missed(),
             objects_without_state: self.absent.count,
             rejected_records: self.rejected_records,
             ..self.counters

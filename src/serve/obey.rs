@@ -233,15 +233,15 @@ impl Server {
         })
     }
 
-    /// By the wall clock, one exposure ends before the next begins.
+    /// At a cadence, one exposure ends before the next begins.
     fn do_not_overlap(
-        &self,
+        &mut self,
         field: &str,
         value: f64,
         most: f64,
         remedy: &str,
     ) -> Result<(), Refusal> {
-        if self.kind == Kind::Stepped || value <= most {
+        if self.clock.cadence().is_none() || value <= most {
             return Ok(());
         }
         Err(Refusal {

@@ -1,6 +1,6 @@
 //! What is done where a frame would be late: it comes late, it is left out, or it is rendered more coarsely. It asks no clock.
 //!
-//! What a frame will take is what the last one by the same tolerances took. What has not been tried for a while is trusted to take less and less
+//! What a frame will take is what the last one by the same tolerances took, and what the last one took on its way. What has not been tried for a while is trusted to take less and less
 //! than it did, so that it is tried again: a frame that takes twice too long every 11th exposure.
 
 use crate::config::OnOverrun;
@@ -20,6 +20,8 @@ pub struct Overrun {
     pub dropped: u32,
     /// Since the last frame.
     newly_dropped: bool,
+    /// From the moment that all of a frame could have left to its last octet's leaving, s, of the last one.
+    way_s: f64,
 }
 
 /// Tolerances, and what a frame by them takes, s, if there was one.
@@ -79,6 +81,7 @@ impl Overrun {
             levels,
             dropped: 0,
             newly_dropped: false,
+            way_s: 0.0,
         };
         (overrun, idle)
     }
@@ -88,6 +91,7 @@ impl Overrun {
         let Some(spare_s) = spare.map(|spare| spare.as_secs_f64()) else {
             return self.shoot(0, None);
         };
+        let spare_s = spare_s - self.way_s;
         let in_time = |level: &Level| level.took_s.is_none_or(|took_s| took_s <= spare_s);
         match (self.levels.iter().position(in_time), self.policy) {
             (Some(0), _) => self.shoot(0, None),
@@ -120,11 +124,19 @@ impl Overrun {
         for (_, level) in others.filter(|(i, _)| Some(*i) != renewed) {
             level.took_s = level.took_s.map(|took_s| took_s * FADES);
         }
+        if renewed.is_none() {
+            self.way_s *= FADES;
+        }
     }
 
     /// The tolerances of a level.
     pub fn fidelity(&self, level: usize) -> Option<Fidelity> {
         self.levels.get(level).map(|level| level.fidelity)
+    }
+
+    /// A frame took so long to leave, once all of it could.
+    pub fn learn_way(&mut self, took: Duration) {
+        self.way_s = took.as_secs_f64();
     }
 
     /// A frame by a level took so long.

@@ -3,7 +3,6 @@
 use super::clock::{Due, Sync};
 use super::shooter::Spare;
 use crate::engine::{Opening, Shot};
-use crate::link::Mark;
 use crate::timing::spare_s;
 use skyloop_protocols::crc::Crc32;
 use skyloop_protocols::{AttitudeSource, FrameEnd, Header, Overrun, Timing};
@@ -51,8 +50,6 @@ pub(super) struct Picture {
     crc: Crc32,
     /// Links that it has not left yet.
     pub open: usize,
-    /// Links that have got its last packet, and the place of that in their queues.
-    pub marks: Vec<(usize, Mark)>,
     /// Whether it was put on the way.
     pub begun: bool,
     /// Whether all who wanted it have all of it.
@@ -78,7 +75,6 @@ impl Picture {
             text: OnceLock::new(),
             crc: Crc32::new(),
             open: 0,
-            marks: Vec::new(),
             begun: false,
             whole: true,
             is_cut_off: false,
@@ -136,8 +132,8 @@ impl Picture {
         deadline.map_or(0.0, |deadline| spare_s(deadline, at))
     }
 
-    /// Its times as the wire has them, at a moment.
-    pub fn timing(&self, now: Instant) -> Timing {
+    /// Its times as the wire has them, at a moment; what is given to its link then has left after a `backlog`.
+    pub fn timing(&self, now: Instant, backlog: Duration) -> Timing {
         let since = |moment| self.since_trigger(moment).as_secs_f32();
         let attitude_age_s = self.asked.age_s as f32;
         if !self.asked.is_timed {
@@ -152,12 +148,14 @@ impl Picture {
             last_pixel_s: since(self.last_pixel),
             first_octet_s: since(self.first_octet),
             last_octet_s: since(Some(now)),
-            spare_s: self.spare_s(now) as f32,
+            spare_s: self.spare_s(now + backlog) as f32,
         }
     }
 
-    /// The packet that closes it.
-    pub fn closing(&self, now: Instant) -> FrameEnd {
+    /// The packet that closes it, which leaves its link after a `backlog`.
+    pub fn closing(&self, now: Instant, backlog: Duration) -> FrameEnd {
+        let timing = self.timing(now, backlog);
+        let in_time = !self.asked.is_timed || timing.spare_s >= 0.0;
         FrameEnd {
             frame: self.number,
             pixels_crc32: self.crc.finish(),
@@ -167,21 +165,22 @@ impl Picture {
                 Some("late") => Overrun::Late,
                 Some("drop") => Overrun::Drop,
                 Some("coarsen") => Overrun::Coarsen,
-                _ => Overrun::None,
+                _ if in_time => Overrun::None,
+                _ => Overrun::Late,
             },
             sync: self.asked.sync.state,
-            in_time: !self.asked.is_timed || self.spare_s(now) >= 0.0,
-            timing: self.timing(now),
+            in_time,
+            timing,
             clock_offset_s: self.asked.sync.offset_s,
         }
     }
 
     /// The label as clients get it: made once, when the first of them gets its first part.
-    pub fn text(&self, now: Instant) -> Option<&Arc<String>> {
+    pub fn text(&self, now: Instant, backlog: Duration) -> Option<&Arc<String>> {
         let opening = self.opening.as_ref()?;
         Some(
             self.text
-                .get_or_init(|| super::told::label(self, opening, now)),
+                .get_or_init(|| super::told::label(self, opening, now, backlog)),
         )
     }
 
@@ -198,5 +197,57 @@ impl Picture {
             shot.json = text;
         }
         Some(shot)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hifitime::Epoch;
+    use skyloop_protocols::WireTime;
+
+    #[test]
+    fn latency_counts_from_the_exposures_end_or_the_attitudes_arrival_if_that_is_later() {
+        let (zero, ms) = (Instant::now(), Duration::from_millis);
+        let picture = |end: Instant, arrived: Instant| {
+            let asked = Asked {
+                due: Due {
+                    mid: Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0),
+                    end,
+                    deadline: Some(end + ms(30)),
+                    trigger: 0,
+                    latched: None,
+                    camera: None,
+                },
+                header: Header {
+                    apid: 0x101,
+                    sequence_count: 0,
+                    time: WireTime(0),
+                },
+                arrived,
+                message: 1,
+                source: AttitudeSource::Exact,
+                age_s: 0.0,
+                sync: Sync::default(),
+                level: 0,
+                overrun: None,
+                is_timed: true,
+                release: end,
+            };
+            Picture::new(7, asked, Vec::new())
+        };
+        let (early, late) = (zero, zero + ms(5));
+        for (end, arrived) in [(early, late), (late, early)] {
+            let picture = picture(end, arrived);
+            assert_eq!(picture.since_trigger(Some(late + ms(10))), ms(10));
+            assert_eq!(picture.since_trigger(Some(early)), Duration::ZERO);
+            // The deadline counts from the exposure's end, whatever comes late; and what waits on the line counts.
+            let spare_s = (end + ms(30) - (late + ms(10))).as_secs_f32();
+            let told = |backlog| picture.closing(late + ms(10), backlog);
+            assert!((told(Duration::ZERO).timing.spare_s - spare_s).abs() < 1e-6);
+            assert!(told(Duration::ZERO).in_time && !told(ms(21)).in_time);
+            assert_eq!(told(ms(21)).overrun, Overrun::Late);
+            assert_eq!(told(Duration::ZERO).overrun, Overrun::None);
+        }
     }
 }

@@ -5,12 +5,20 @@ use super::picture::Picture;
 use crate::engine::Opening;
 use skyloop_protocols::{AttitudeSource, SyncState};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-/// The label's text with its times at a moment.
-pub(super) fn label(picture: &Picture, opening: &Opening, now: Instant) -> Arc<String> {
+/// The label's text with its times at a moment, on a link that has what it gets then on its way after a `backlog`.
+pub(super) fn label(
+    picture: &Picture,
+    opening: &Opening,
+    now: Instant,
+    backlog: Duration,
+) -> Arc<String> {
     match (says_more(picture), opening.json.strip_suffix('}')) {
-        (true, Some(open)) => Arc::new(format!("{open},\"timing\":{}}}", timing(picture, now))),
+        (true, Some(open)) => Arc::new(format!(
+            "{open},\"timing\":{}}}",
+            timing(picture, now, backlog)
+        )),
         _ => opening.json.clone(),
     }
 }
@@ -18,7 +26,11 @@ pub(super) fn label(picture: &Picture, opening: &Opening, now: Instant) -> Arc<S
 /// Octets of that text.
 pub(super) fn length(picture: &Picture, opening: &Opening) -> usize {
     match says_more(picture) {
-        true => opening.json.len() + ",\"timing\":".len() + timing(picture, Instant::now()).len(),
+        true => {
+            opening.json.len()
+                + ",\"timing\":".len()
+                + timing(picture, Instant::now(), Duration::ZERO).len()
+        }
         false => opening.json.len(),
     }
 }
@@ -28,7 +40,7 @@ fn says_more(picture: &Picture) -> bool {
     picture.asked.is_timed || picture.asked.due.trigger > 0
 }
 
-fn timing(picture: &Picture, now: Instant) -> String {
+fn timing(picture: &Picture, now: Instant, backlog: Duration) -> String {
     let asked = &picture.asked;
     let mut text = format!(
         "{{\"attitude\":{:?},\"attitude_age_s\":{},\"trigger\":{}",
@@ -47,7 +59,7 @@ fn timing(picture: &Picture, now: Instant) -> String {
             ms(picture.last_pixel),
             ms(picture.first_octet),
             ms(Some(now)),
-            columns(picture.spare_s(now) * 1e3),
+            columns(picture.spare_s(now + backlog) * 1e3),
         );
     }
     text + "}"

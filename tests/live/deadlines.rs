@@ -1,12 +1,13 @@
 //! Deadlines, and the times that a frame tells of itself.
 
 use crate::support::client::{Client, Received};
-use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, Running, attitude, await_that, on_memory};
+use crate::support::line::{MemoryLine, UdpLine};
+use crate::support::{EPOCH, Running, attitude, await_that, on_memory, options};
 use crate::{quick, rest};
 use serde_json::Value;
-use skyloop::config::Clock;
-use skyloop_protocols::{Command, LabelLevel, Output, PixelLevel, Reply};
+use skyloop::config::{Clock, OnOverrun};
+use skyloop::link::{self, Roles};
+use skyloop_protocols::{Command, LabelLevel, Output, Overrun, PixelLevel, Reply};
 use std::time::Duration;
 
 /// A run whose frames are late after this time, and its first frames.
@@ -156,4 +157,97 @@ fn on_every_level_a_label_is_as_long_as_was_said_and_reads() {
             assert!(end.timing.first_octet_s <= end.timing.last_octet_s);
         }
     }
+}
+
+/// A client that takes nothing loses frames of its own, and is nobody else's deadline.
+#[test]
+fn a_listener_that_takes_nothing_spoils_no_other_links_figures() {
+    let mut config = quick(20.0);
+    config.run.latency_s = Some(1000.0);
+    let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
+    let (labels, listener) = link::loopback("memory", &options(60.0)).unwrap();
+    let roles = Roles {
+        truth: false,
+        pixels: false,
+        labels: true,
+    };
+    let links = vec![(wire, Roles::ALL), (labels, roles)];
+    let emulator = Running::at(config, Clock::Wall, links);
+    let mut dead = Client::new(MemoryLine(listener));
+    dead.window = None;
+    // It begins to take a frame, and no more.
+    dead.send(Command::Credit { packets: 1 });
+    dead.status();
+    let mut client = Client::new(MemoryLine(port));
+    client.window = None;
+    client.send(Command::Credit { packets: 1 << 20 });
+    client.point(attitude(1), EPOCH);
+    // X-Val: half a second, a quarter of the 2 s after which the listener is given up.
+    let frames: Vec<_> = (0..10).map(|_| client.frame()).collect();
+    let status = client.status();
+    assert!(status.timing.spare_s > 0.0 && status.latency_p99_s > 0.0);
+    assert_eq!(status.counters.deadlines_missed, 0);
+    rest(&mut client);
+    let (stats, counters) = emulator.measured();
+    // But for those that a client that stands still does not get.
+    let own = stats.latencies;
+    assert_eq!(own.missed, own.incomplete);
+    assert!(own.frames >= frames.len() as u64 && own.missed < own.frames / 2);
+    let [(_, other)] = &stats.further[..] else {
+        panic!("one link more");
+    };
+    assert!(other.missed > own.missed && other.last_octet.count() == 0);
+    assert_eq!(
+        u64::from(counters.deadlines_missed),
+        own.missed + other.missed
+    );
+}
+
+/// What waits on the line before a frame's end is told in it.
+#[test]
+fn on_a_slow_line_a_frame_says_that_it_is_late_and_late_ones_are_left_out() {
+    let flown = |latency_s: f64, policy: OnOverrun| {
+        let mut config = quick(10.0);
+        config.run.output.labels = LabelLevel::None;
+        config.run.latency_s = Some(latency_s);
+        config.run.on_overrun = policy;
+        // X-Val: 6144 octets of pixels alone take 49 ms at 1 Mbit/s.
+        let wire = link::open("udp://127.0.0.1:0?rate_mbit=1", &options(60.0)).unwrap();
+        let line = UdpLine::to(&wire.address);
+        let emulator = Running::start(config, Clock::Wall, wire);
+        let mut client = Client::new(line);
+        client.window = None;
+        client.send(Command::Credit { packets: 1 << 20 });
+        client.status();
+        client.point(attitude(1), EPOCH);
+        let frames: Vec<_> = (0..3).map(|_| client.frame()).collect();
+        let status = client.status();
+        drop(client);
+        (frames, status, emulator.measured())
+    };
+    for policy in [OnOverrun::Late, OnOverrun::Drop] {
+        let (frames, status, (stats, counters)) = flown(0.02, policy);
+        for frame in &frames {
+            assert!(!frame.end.in_time && frame.end.timing.spare_s < 0.0);
+        }
+        // Not foreseen before the first.
+        assert_eq!(frames[0].end.overrun, Overrun::Late);
+        assert!(counters.deadlines_missed >= 2 && status.timing.spare_s < 0.0);
+        match policy {
+            OnOverrun::Drop => {
+                assert!(stats.dropped > 0);
+                let is_first = |frame: &Received| frame.end.overrun == Overrun::Drop;
+                assert!(frames.iter().any(is_first), "the first after them");
+            }
+            _ => assert_eq!(frames[2].end.overrun, Overrun::Late),
+        }
+    }
+    let (frames, _, (_, counters)) = flown(100.0, OnOverrun::Drop);
+    assert!(frames.iter().all(|frame| frame.end.in_time));
+    assert!(
+        frames
+            .iter()
+            .all(|frame| frame.end.overrun == Overrun::None)
+    );
+    assert_eq!(counters.deadlines_missed, counters.frames_dropped);
 }

@@ -197,6 +197,21 @@ fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
         let to = later(EPOCH, hours * 3600.0);
         let before = pilot.client.status();
         pilot.set(to);
+        // X-Val: protocols/docs/icd.md, section 5.5: it is followed when it has gone on so for 0.25 s; until then it may be wrong.
+        let began = Instant::now();
+        pilot.fly_until("it is sure", |_| {
+            began.elapsed() > Duration::from_millis(400)
+        });
+        let doubted = if hours > 0.0 {
+            Reason::ValueOutOfRange
+        } else {
+            Reason::TimeBackwards
+        };
+        let refused = pilot.client.refusals();
+        assert!(
+            !refused.is_empty() && refused.iter().all(|reason| *reason == doubted),
+            "{refused:?}"
+        );
         pilot.fly_until("frames of the other time", |client| {
             client.status().next_frame >= before.next_frame + 4
         });
@@ -213,7 +228,9 @@ fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
             assert!(is_of_it(frame), "{}", seconds(to, frame.time));
             assert!(shows(frame, turned(mid_s(frame))));
         }
-        pilot.on_the_grid(&frames, to);
+        // Of the time that was told when it was sure.
+        let zero = later(frames[0].time, EXPOSURE_S / 2.0 - 1.0 / RATE_HZ);
+        pilot.on_the_grid(&frames, zero);
         let after = pilot.client.status();
         let off = after.clock_offset_s - before.clock_offset_s;
         let set_s = if hours > 0.0 { 3600.0 } else { -7200.0 };
@@ -221,9 +238,53 @@ fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
         // X-Val: an hour has 72,000 periods; a machine that stands still may miss some.
         let missed = after.counters.exposures_missed - before.counters.exposures_missed;
         assert!(missed < 72_000 / 100, "{missed}");
-        assert_eq!(after.counters.time_backwards, 0);
-        assert_eq!(after.counters.attitudes, pilot.sequence);
+        let counters = after.counters;
+        assert_eq!(
+            counters.attitudes + counters.bad_value + counters.time_backwards,
+            pilot.sequence
+        );
     }
+}
+
+/// A wire that holds some attitudes back, or brings one that is wrong, is no clock that was set.
+#[test]
+fn what_comes_late_moves_neither_time_nor_frames() {
+    let mut config = quick(RATE_HZ);
+    config.run.out_of_order = skyloop::config::OutOfOrder::Use;
+    let (_emulator, line) = on_memory(config, Clock::External);
+    let mut pilot = Pilot::of(line, 1.0);
+    pilot.client.status();
+    pilot.set(EPOCH);
+    let mut frames = pilot.frames(2);
+    let offset_s = pilot.client.status().clock_offset_s;
+    for n in 0..40_u32 {
+        pilot.tick();
+        // One after the other: 0.3 s late, a year ahead, two seconds late.
+        let off_s = [-0.3, 3e7, -2.0][n as usize % 3];
+        let wrong = later(pilot.time(), off_s);
+        pilot.client.point(attitude(1_000_000 + n), wrong);
+        std::thread::sleep(TICK);
+    }
+    let refused = pilot.client.refusals();
+    // X-Val: one of three of 40 lies ahead; the others are used, as they are configured to be.
+    assert_eq!(refused, [Reason::ValueOutOfRange; 13]);
+    let status = pilot.client.status();
+    let moved_s = (status.clock_offset_s - offset_s).abs();
+    assert!(pilot.stood_still || moved_s < 0.05, "{moved_s}");
+    frames.extend(rest(&mut pilot.client));
+    pilot.on_the_grid(&frames, EPOCH);
+    let counters = status.counters;
+    assert_eq!((counters.time_backwards, counters.bad_value), (0, 13));
+    // No exposure is made twice, and none is left out but for what a slow machine misses.
+    let first = frames[0].time;
+    let last = frames[frames.len() - 1].time;
+    let due = (seconds(first, last) * RATE_HZ).round() as u32 + 1;
+    let end = pilot.client.status().counters;
+    let had = frames.len() as u32 + end.exposures_missed + end.frames_dropped;
+    assert!(
+        due <= had && frames.len() as u32 <= due,
+        "{due} due, {had} had or counted"
+    );
 }
 
 #[test]
@@ -239,7 +300,8 @@ fn where_triggers_ask_for_frames_there_is_no_cadence_to_command() {
         assert_eq!(nack.reason, Reason::NotSupported, "{command:?}");
         assert!(nack.detail.contains("rigger"), "{}", nack.detail);
     }
-    // Nor does one hold up what follows it.
+    // Nor does one hold up what follows it. X-Val: a period is 0.05 s: there is none that an exposure has to fit.
+    client.done(Command::Exposure { seconds: 0.2 });
     client.done(Command::Exposure { seconds: 0.02 });
     crate::trigger(&mut client, 1, 0.05);
     let frame = client.frame();

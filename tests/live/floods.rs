@@ -72,6 +72,11 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
         counters.attitudes + counters.overflows > sent
     });
     let counters = client.status().counters;
+    // A tenth of what is meant: less would be no flood.
+    assert!(
+        f64::from(sent) > 0.1 * FLOOD_HZ * FLOOD.as_secs_f64(),
+        "{sent}"
+    );
     println!("{sent} attitudes in {FLOOD:?}, {frames} frames meanwhile: {counters:?}");
     assert_eq!(counters.attitudes + counters.overflows, sent + 1);
     assert_eq!(counters.time_backwards + counters.refused, 0);

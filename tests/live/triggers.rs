@@ -236,9 +236,19 @@ fn triggers_of_a_clock_that_was_set_are_missed() {
     for number in 1..=WAIT {
         trigger(&mut client, number, 60.0 + f64::from(number));
     }
-    // An hour back: they would wait for an hour, and nothing else could be asked for.
-    point(&mut client, 2, -3600.0);
-    trigger(&mut client, 100, -3600.0 + 0.05);
+    // An hour back, and sure of it: they would wait for an hour, and nothing else could be asked for.
+    let began = Instant::now();
+    while began.elapsed() < Duration::from_millis(400) {
+        point(&mut client, 2, -3600.0 + began.elapsed().as_secs_f64());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert!(
+        client
+            .refusals()
+            .iter()
+            .all(|reason| *reason == Reason::TimeBackwards)
+    );
+    trigger(&mut client, 100, -3600.0 + 0.6);
     let frame = client.frame();
     assert_eq!(
         (frame.end.trigger, frame.header.attitude_sequence),

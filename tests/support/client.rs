@@ -190,6 +190,22 @@ impl<L: Line> Client<L> {
         }
     }
 
+    /// The refusals that have come by now; all else is kept.
+    pub fn refusals(&mut self) -> Vec<Reason> {
+        while let Some(packet) = self.recv(Duration::from_millis(5)) {
+            self.early.push_back(packet);
+        }
+        let mut reasons = Vec::new();
+        self.early.retain(|packet| match Reply::decode(packet) {
+            Ok((_, Reply::Nack(nack))) => {
+                reasons.push(nack.reason);
+                false
+            }
+            _ => true,
+        });
+        reasons
+    }
+
     /// The next answer, a Nack.
     pub fn nack(&mut self) -> Refused {
         let packet = self.next(false);

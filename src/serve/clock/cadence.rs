@@ -205,19 +205,17 @@ impl Cadence {
         due.map_or(RESTING, |due| due.saturating_duration_since(now))
     }
 
-    /// If an exposure has ended: its middle in the scene's time, when it ended, and when its frame is late: a single shot's, which no other
-    /// waits for, never unless a latency is set.
+    /// If an exposure has ended: its middle in the scene's time, when it ended, and when its frame is late.
     pub fn take_due(&mut self, exposure_s: f64, now: Instant) -> Option<Due> {
         self.zero?;
         self.advance(now);
         let end = self.ended.take()?;
-        let own = (self.shot != Some(end)).then_some(self.period);
         self.shot = self.shot.filter(|shot| *shot != end);
         let mid = self.scene_at(end)? - seconds(exposure_s / 2.0);
         Some(Due {
             mid,
             end,
-            deadline: self.latency.or(own).map(|latency| end + latency),
+            deadline: Some(end + self.latency()),
             trigger: 0,
             latched: None,
             camera: None,
@@ -371,7 +369,11 @@ mod tests {
         clock.set_rate(20.0, zero + ms(500));
         assert!(clock.single_shot_is_open(), "a rate does not end it");
         let due = clock.take_due(0.0, zero + ms(725)).unwrap();
-        assert_eq!((due.end, due.deadline), (zero + ms(600), None));
+        // X-Val: a period of 20 Hz after its end.
+        assert_eq!(
+            (due.end, due.deadline),
+            (zero + ms(600), Some(zero + ms(650)))
+        );
         assert!(!clock.single_shot_is_open());
         assert_eq!(clock.missed, 4, "and those that ended at 650 and at 700 ms");
         assert_eq!(taken(&mut clock, zero + ms(750)), Some(750));

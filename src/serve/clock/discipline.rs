@@ -7,8 +7,10 @@ use std::collections::VecDeque;
 const WINDOW: usize = 16;
 /// The share of what is found that each time told corrects: a single one that is wrong moves little.
 const GAIN: f64 = 0.25;
-/// The client's clock has been set where it is off by more than this, s.
-pub(super) const JUMP_S: f64 = 0.25;
+/// What is off by more than this has not come late: the client's clock has been set, or the time is wrong, s.
+const JUMP_S: f64 = 0.25;
+/// It has been set where all that it tells for so long is off alike, s.
+const SURE_S: f64 = 0.25;
 
 /// What is known of the client's clock.
 #[derive(Debug, Default)]
@@ -17,6 +19,8 @@ pub(super) struct Discipline {
     ahead: VecDeque<f64>,
     /// What has been corrected so far, jumps included, s.
     offset_s: f64,
+    /// The first time of those that are off alike: by how much, s, and when.
+    doubted: Option<(f64, Epoch)>,
 }
 
 /// What is to be done about a time that was told.
@@ -24,6 +28,8 @@ pub(super) struct Discipline {
 pub(super) enum Correction {
     /// The scene's time is set ahead by so much, s.
     Slew(f64),
+    /// It is off by so much (s): late or wrong, or the first of a clock that was set.
+    Doubt(f64),
     /// The client's clock has jumped: its time is the scene's from here on.
     Jump,
 }
@@ -33,10 +39,20 @@ impl Discipline {
     pub fn hear(&mut self, told: Epoch, own: Epoch) -> Correction {
         let ahead_s = (told - own).to_seconds();
         if ahead_s.abs() > JUMP_S {
-            self.ahead.clear();
-            self.offset_s += ahead_s;
+            let alike = self
+                .doubted
+                .filter(|(first_s, _)| (ahead_s - first_s).abs() <= JUMP_S);
+            let (_, since) = *self.doubted.insert(alike.unwrap_or((ahead_s, own)));
+            if (own - since).to_seconds() < SURE_S {
+                return Correction::Doubt(ahead_s);
+            }
+            *self = Discipline {
+                offset_s: self.offset_s + ahead_s,
+                ..Discipline::default()
+            };
             return Correction::Jump;
         }
+        self.doubted = None;
         if self.ahead.len() >= WINDOW {
             self.ahead.pop_front();
         }
@@ -71,7 +87,7 @@ mod tests {
             let own = start + seconds(sent_s + late_s + offset_s);
             match discipline.hear(told, own) {
                 Correction::Slew(by_s) => offset_s += by_s,
-                Correction::Jump => panic!("no jump"),
+                other => panic!("{other:?}"),
             }
         }
         (discipline.offset_s(), offset_s - 10.0 * drift)
@@ -90,13 +106,53 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_was_set_is_followed_at_once() {
+    fn a_clock_that_was_set_is_followed_once_it_is_sure() {
         let own = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
         let mut discipline = Discipline::default();
         for hours in [1.0, -1.0] {
-            let told = own + seconds(3600.0 * hours);
-            assert_eq!(discipline.hear(told, own), Correction::Jump);
+            let by_s = 3600.0 * hours;
+            for n in 0..4 {
+                let now = own + seconds(0.08 * f64::from(n));
+                // X-Val: 0, 80, 160 and 240 ms: not sure yet.
+                let told = discipline.hear(now + seconds(by_s), now);
+                assert!(
+                    matches!(told, Correction::Doubt(ahead_s) if (ahead_s - by_s).abs() < 1e-6)
+                );
+            }
+            let now = own + seconds(0.26);
+            assert_eq!(discipline.hear(now + seconds(by_s), now), Correction::Jump);
         }
         assert!(discipline.offset_s().abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_comes_late_or_is_wrong_is_no_jump() {
+        let start = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
+        let hear = |discipline: &mut Discipline, told_s: f64, own_s: f64| {
+            discipline.hear(start + seconds(told_s), start + seconds(own_s))
+        };
+        // Every second one 0.3 s late; a burst of half a second's times at once; wrong ones, each by another time.
+        let mut discipline = Discipline::default();
+        for n in 0..100 {
+            let own_s = 0.02 * f64::from(n);
+            let late_s = if n % 2 == 0 { 0.0 } else { 0.3 };
+            let found = hear(&mut discipline, own_s - late_s, own_s);
+            assert_eq!(
+                matches!(found, Correction::Slew(_)),
+                n % 2 == 0,
+                "{found:?}"
+            );
+        }
+        for n in 0..25 {
+            let found = hear(&mut discipline, 2.0 + 0.02 * f64::from(n), 2.5);
+            assert!(!matches!(found, Correction::Jump));
+        }
+        for n in 0..100 {
+            let own_s = 3.0 + 0.02 * f64::from(n);
+            let wrong_s = f64::from(n % 7) - 3.5;
+            let found = hear(&mut discipline, own_s + wrong_s, own_s);
+            assert!(matches!(found, Correction::Doubt(_)), "{found:?}");
+        }
+        assert_eq!(discipline.offset_s(), 0.0);
     }
 }

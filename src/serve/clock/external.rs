@@ -1,7 +1,7 @@
 //! By the client's clock: its attitudes and triggers tell the time, and exposures are made at the camera's cadence of that time, or at triggers.
 
 use super::discipline::{Correction, Discipline};
-use super::{Asked, Cadence, Clock, Due, MAX_WAITING, Sync, full};
+use super::{Asked, Cadence, Clock, Due, Heard, MAX_WAITING, Sync, full};
 use crate::camera::Camera;
 use crate::serve::Latched;
 use crate::serve::receive::Refusal;
@@ -55,22 +55,23 @@ impl Clock for External {
 
     fn latched(&mut self, _: &Latched, _: &Arc<Camera>) {}
 
-    fn hear(&mut self, told: Epoch, arrived: Instant) -> bool {
+    fn hear(&mut self, told: Epoch, arrived: Instant) -> Heard {
         self.heard = Some(arrived);
         let own = self.cadence.scene_at(arrived);
         let Some(own) = own.filter(|_| !self.cadence.awaits_time()) else {
             self.discipline = Discipline::default();
             self.cadence.start(told, arrived);
-            return false;
+            return Heard::Fits;
         };
         match self.discipline.hear(told, own) {
             Correction::Slew(ahead_s) => {
                 self.cadence.set_ahead(ahead_s);
-                false
+                Heard::Fits
             }
+            Correction::Doubt(ahead_s) => Heard::Doubted(ahead_s),
             Correction::Jump => {
                 self.cadence.start(told, arrived);
-                true
+                Heard::Jumped
             }
         }
     }

@@ -71,6 +71,17 @@ impl Default for Sync {
     }
 }
 
+/// What a time that the client told says of its clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Heard {
+    /// It is what it was taken for, or so near that it is followed.
+    Fits,
+    /// It is off by so much (s; above 0: ahead): late, wrong, or the first of a clock that was set.
+    Doubted(f64),
+    /// It has jumped, and what came before has no meaning any more.
+    Jumped,
+}
+
 /// Says which exposure's frame is due.
 pub trait Clock: Send {
     /// Its name on the wire.
@@ -92,9 +103,9 @@ pub trait Clock: Send {
         false
     }
 
-    /// A time that the client told, and when that came: true where its clock has jumped, and what came before has no meaning any more.
-    fn hear(&mut self, _: Epoch, _: Instant) -> bool {
-        false
+    /// A time that the client told, and when that came.
+    fn hear(&mut self, _: Epoch, _: Instant) -> Heard {
+        Heard::Fits
     }
 
     /// The client's clock has jumped: how many exposures it had asked for by the time before, which get no frame.
