@@ -4,10 +4,10 @@
 //! of this machine unless another is given: there is no password, and nothing can be changed through it.
 
 mod http;
+mod page;
 mod text;
 
 use crate::timing::Latencies;
-use skyloop_protocols::SyncState;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,10 +30,12 @@ pub struct Snapshot {
     pub counters: Vec<(&'static str, u32)>,
     /// Age of the last frame's attitude in the middle of its exposure, s.
     pub attitude_age_s: Option<f64>,
+    /// First instant, middle and last instant of the last frame's exposure, s since 1970, UTC.
+    pub exposure_s: Option<[f64; 3]>,
     /// The client's clock less ours, s.
     pub clock_offset_s: Option<f64>,
-    /// What is gone by for the client's time.
-    pub sync: Option<SyncState>,
+    /// What is gone by for the client's time, as the wire's code.
+    pub sync: Option<u8>,
     /// What was left of the last frame's deadline, s; less than 0: missed by so much.
     pub deadline_spare_s: Option<f64>,
 }

@@ -606,7 +606,7 @@ static inline bool skyloop_is_attitude_source(uint8_t code)
 
 /* What was done about a frame that would be late. */
 #define SKYLOOP_OVERRUN_NONE 0U /* Nothing: it was not expected to be. */
-#define SKYLOOP_OVERRUN_LATE 1U /* It was left to be late. */
+#define SKYLOOP_OVERRUN_LATE 1U /* It is late, foreseen or not. */
 #define SKYLOOP_OVERRUN_DROP 2U /* The first frame after exposures that were left out. */
 #define SKYLOOP_OVERRUN_COARSEN 3U /* It was rendered by coarser tolerances. */
 
@@ -764,7 +764,7 @@ typedef struct {
     float last_pixel_s; /* From the trigger until the last pixel was ready [s] */
     float first_octet_s; /* From the trigger until the FrameHeader was handed to the link [s] */
     float last_octet_s; /* From the trigger until the packet before FrameEnd was handed to the link [s] */
-    float spare_s; /* Time left until the deadline when FrameEnd was handed to the link; below 0: late by so much [s] */
+    float spare_s; /* Time left until the deadline when FrameEnd was handed to the link, less what waits before it on a line of known pace; below 0: late by so much [s] */
 } skyloop_timing_t;
 #define SKYLOOP_TIMING_LENGTH 24U
 
@@ -866,7 +866,9 @@ typedef struct {
     uint32_t packets_sent; /* Frame packets sent in this exchange, modulo 2^32 [packets] */
     uint8_t sync; /* What it goes by for the client's time */
     double clock_offset_s; /* As in FrameEnd, at present [s] */
-    skyloop_timing_t timing; /* Of the last frame that was delivered; all 0 before */
+    uint64_t exposure_start; /* First instant of the exposure of the last frame that left; 0 before */
+    uint64_t exposure_end; /* Its last instant; its middle lies halfway */
+    skyloop_timing_t timing; /* Of that frame, on this link; all 0 before */
     float latency_p50_s; /* From the trigger until a frame's last octet left, half of the run's frames in this time; 0 before the first [s] */
     float latency_p99_s; /* The same for 99 of 100 frames [s] */
     float latency_max_s; /* The same for all [s] */
@@ -1854,6 +1856,8 @@ static inline void skyloop_read_status(skyloop_reader_t *reader, skyloop_status_
         skyloop_fail(reader, SKYLOOP_BAD_VALUE);
     }
     out->clock_offset_s = skyloop_read_f64(reader);
+    out->exposure_start = skyloop_read_u64(reader);
+    out->exposure_end = skyloop_read_u64(reader);
     skyloop_read_timing(reader, &out->timing);
     out->latency_p50_s = skyloop_read_f32(reader);
     out->latency_p99_s = skyloop_read_f32(reader);
@@ -1910,6 +1914,8 @@ static inline void skyloop_write_status(skyloop_writer_t *writer, const skyloop_
     skyloop_write_u32(writer, in->packets_sent);
     skyloop_write_u8(writer, in->sync);
     skyloop_write_f64(writer, in->clock_offset_s);
+    skyloop_write_u64(writer, in->exposure_start);
+    skyloop_write_u64(writer, in->exposure_end);
     skyloop_write_timing(writer, &in->timing);
     skyloop_write_f32(writer, in->latency_p50_s);
     skyloop_write_f32(writer, in->latency_p99_s);

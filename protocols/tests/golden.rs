@@ -234,6 +234,8 @@ fn status(v: &Vector) -> Status {
         packets_sent: v.integer("packets_sent"),
         sync: sync(v),
         clock_offset_s: v.float("clock_offset_s"),
+        exposure_start: WireTime(v.integer("exposure_start")),
+        exposure_end: WireTime(v.integer("exposure_end")),
         timing: timing(v),
         latency_p50_s: v.float("latency_p50_s") as f32,
         latency_p99_s: v.float("latency_p99_s") as f32,

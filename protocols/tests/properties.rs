@@ -301,6 +301,8 @@ fn status() -> impl Strategy<Value = Status> {
                 packets_sent,
                 sync: SyncState::Holdover,
                 clock_offset_s,
+                exposure_start: WireTime(u64::from(next_frame) << 32),
+                exposure_end: WireTime(u64::MAX - u64::from(packets_sent)),
                 timing,
                 latency_p50_s: timing.spare_s,
                 latency_p99_s: timing.first_octet_s,

@@ -1,88 +1,11 @@
 //! The figures as Prometheus' text, version 0.0.4.
 
-use super::{BOUNDS, Snapshot, Stage};
-use std::collections::BTreeSet;
-use std::fmt::Write;
+use super::Snapshot;
+use super::page::{Of, Page, number};
 use std::sync::Arc;
 
 /// A camera's figures, and what it is called where it is not the first.
 pub(super) type Camera = (Option<Arc<str>>, Arc<Snapshot>);
-
-/// A page under way, and the metrics that are on it.
-#[derive(Default)]
-struct Page {
-    text: String,
-    names: BTreeSet<String>,
-}
-
-/// Figures with the labels that they have: those of each link, for each camera.
-type Of<'c> = (Vec<(&'static str, &'c str)>, &'c Snapshot);
-
-/// Labels of a sample as they are written.
-fn written(labels: &[(&str, &str)]) -> String {
-    let labels = labels.iter().map(|(key, value)| {
-        let value = value.replace('\\', "\\\\").replace('"', "\\\"");
-        format!("{key}=\"{}\"", value.replace('\n', "\\n"))
-    });
-    let labels = labels.collect::<Vec<_>>().join(",");
-    match labels.is_empty() {
-        true => labels,
-        false => format!("{{{labels}}}"),
-    }
-}
-
-impl Page {
-    /// Begins a metric; false if it is there already.
-    fn begin(&mut self, name: &str, kind: &str, help: &str) -> bool {
-        let is_new = self.names.insert(name.to_string());
-        if is_new {
-            // Writing to a string cannot fail.
-            let _ = writeln!(self.text, "# HELP {name} {help}\n# TYPE {name} {kind}");
-        }
-        is_new
-    }
-
-    fn sample(&mut self, name: &str, labels: &[(&str, &str)], value: impl std::fmt::Display) {
-        let _ = writeln!(self.text, "{name}{} {value}", written(labels));
-    }
-
-    /// A metric with a sample of each that knows it.
-    fn family<V: std::fmt::Display>(
-        &mut self,
-        of: &[Of<'_>],
-        (name, kind, help): (&str, &str, &str),
-        value: impl Fn(&Snapshot) -> Option<V>,
-    ) {
-        let known = of
-            .iter()
-            .filter_map(|(labels, of)| Some((labels, value(of)?)));
-        let known: Vec<_> = known.collect();
-        if known.is_empty() || !self.begin(name, kind, help) {
-            return;
-        }
-        for (labels, value) in known {
-            self.sample(name, labels, value);
-        }
-    }
-
-    fn histogram(&mut self, name: &str, labels: &[(&str, &str)], stage: &Stage) {
-        let Stage {
-            name: of,
-            within,
-            count,
-            sum,
-        } = stage;
-        let labels = [labels, &[("stage", *of)]].concat();
-        let bounds = BOUNDS.iter().map(|(_, le)| *le).zip(within.iter());
-        for (le, within) in bounds.chain([("+Inf", count)]) {
-            let labels = [&labels[..], &[("le", le)]].concat();
-            self.sample(&format!("{name}_bucket"), &labels, within);
-        }
-        let sum = number(sum.as_secs_f64());
-        self.sample(&format!("{name}_sum"), &labels, sum);
-        self.sample(&format!("{name}_count"), &labels, count);
-    }
-}
 
 /// All of it, for all cameras: the first one's without a name. What is not known is left out; where a counter has the name of a metric of ours, it is that one.
 pub(super) fn page(cameras: &[Camera]) -> String {
@@ -125,7 +48,18 @@ pub(super) fn page(cameras: &[Camera]) -> String {
             stages.for_each(|stage| page.histogram(latency, labels, stage));
         }
     }
-    let last: [(&str, &str, Figure<Option<f64>>); 3] = [
+    let last: [(&str, &str, Figure<Option<f64>>); 6] = [
+        (
+            "exposure_start_timestamp",
+            "First instant of the last frame's exposure, since 1970.",
+            |of| Some(of.exposure_s?[0]),
+        ),
+        ("exposure_mid_timestamp", "Its middle.", |of| {
+            Some(of.exposure_s?[1])
+        }),
+        ("exposure_end_timestamp", "Its last instant.", |of| {
+            Some(of.exposure_s?[2])
+        }),
         (
             "attitude_age",
             "Age of the last frame's attitude in the middle of its exposure.",
@@ -149,7 +83,7 @@ pub(super) fn page(cameras: &[Camera]) -> String {
     let help =
         "What is gone by for the client's time: 0 free, 1 waiting, 2 locked, 3 holdover, 4 paused.";
     page.family(&cameras, ("skyloop_clock_sync", "gauge", help), |of| {
-        of.sync.map(|sync| sync.code())
+        of.sync
     });
     let names = cameras.iter().flat_map(|(_, of)| &of.counters);
     for (name, _) in names {
@@ -165,17 +99,6 @@ pub(super) fn page(cameras: &[Camera]) -> String {
         page.sample("skyloop_build_info", &version, 1);
     }
     page.text
-}
-
-/// A number as the format has it.
-fn number(value: f64) -> String {
-    if value == f64::INFINITY {
-        "+Inf".to_string()
-    } else if value == f64::NEG_INFINITY {
-        "-Inf".to_string()
-    } else {
-        value.to_string()
-    }
 }
 
 #[cfg(test)]

@@ -2,8 +2,10 @@
 
 use super::Server;
 use crate::link::LinkError;
+use crate::scene::Exposure;
 use crate::timing::FrameTimes;
 use bytes::Bytes;
+use hifitime::Epoch;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::{
     Ack, Counters, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, SyncState, Timing,
@@ -75,6 +77,13 @@ impl Server {
         let camera = &self.settings.camera;
         let detector = &camera.detector;
         let sync = self.clock.sync(Instant::now());
+        let last = of.and_then(|of| of.last.as_ref());
+        let exposed = |at: fn(&Exposure) -> Epoch| {
+            let exposure = last.and_then(|last| last.exposure.as_ref());
+            exposure
+                .and_then(|exposure| to_wire(at(exposure)))
+                .unwrap_or_default()
+        };
         let latency_s = |fraction| {
             let latency = of.and_then(|of| of.latencies.last_octet.quantile(fraction));
             latency.map_or(0.0, |latency| latency.as_secs_f32())
@@ -96,10 +105,9 @@ impl Server {
                 false => sync.state,
             },
             clock_offset_s: sync.offset_s,
-            timing: of
-                .and_then(|of| of.last.as_ref())
-                .map(timing)
-                .unwrap_or_default(),
+            exposure_start: exposed(|exposure| exposure.start),
+            exposure_end: exposed(|exposure| exposure.end),
+            timing: last.map(|last| timing(&last.times)).unwrap_or_default(),
             latency_p50_s: latency_s(0.5),
             latency_p99_s: latency_s(0.99),
             latency_max_s: latency_s(1.0),

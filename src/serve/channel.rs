@@ -1,8 +1,9 @@
 //! One link, and what its client has agreed with the emulator.
 
 use super::deliver::Delivery;
+use super::leaving::Left;
 use crate::link::{LinkError, Outbound, Roles, Wire};
-use crate::timing::{FrameTimes, Latencies};
+use crate::timing::Latencies;
 use bytes::Bytes;
 use skyloop_protocols::credit::{CreditAccount, PAID};
 use skyloop_protocols::packet::identify;
@@ -29,7 +30,7 @@ pub(super) struct Channel {
     /// When its frames were where.
     pub latencies: Latencies,
     /// Of the frame that left it last.
-    pub last: Option<FrameTimes>,
+    pub last: Option<Left>,
     /// Whether the log says that nobody is there.
     pub told: bool,
     /// Whether the link has ended.

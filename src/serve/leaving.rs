@@ -5,6 +5,7 @@ use super::channel::Channel;
 use super::picture::Picture;
 use crate::link::Mark;
 use crate::metrics::Snapshot;
+use crate::scene::Exposure;
 use crate::timing::FrameTimes;
 use skyloop_protocols::SyncState;
 use std::time::{Duration, Instant};
@@ -25,6 +26,8 @@ pub struct Left {
     pub deadline: Option<Instant>,
     /// Exposures without a frame until then.
     pub missed: u32,
+    /// When it was exposed, where that is known.
+    pub exposure: Option<Exposure>,
 }
 
 /// A frame that leaves a link.
@@ -54,6 +57,7 @@ impl Leaving {
                 trigger: picture.trigger(),
                 deadline: picture.asked.due.deadline,
                 missed: 0,
+                exposure: picture.opening.as_ref().map(|opening| opening.exposure),
             },
             ready: last_pixel.max(picture.since_trigger(Some(picture.asked.release))),
             at,
@@ -103,7 +107,7 @@ impl Server {
         *missed = missed.wrapping_add(u32::from(times.spare_s < 0.0));
         if let Some(channel) = self.channels.get_mut(leaving.at) {
             channel.latencies.add(&times);
-            channel.last = Some(times);
+            channel.last = Some(left);
         }
         if let Some(told) = &mut self.on_left {
             told(&left);
@@ -125,10 +129,16 @@ impl Server {
         let mut links = self.bringing().map(|channel| {
             let mut snapshot = Snapshot::of(&channel.latencies);
             snapshot.link = several.then(|| channel.wire.address.clone());
-            if let Some(times) = &channel.last {
-                let spare_s = Some(times.spare_s).filter(|spare_s| spare_s.is_finite());
-                (snapshot.attitude_age_s, snapshot.deadline_spare_s) =
-                    (Some(times.attitude_age_s), spare_s);
+            if let Some(Left {
+                times, exposure, ..
+            }) = &channel.last
+            {
+                snapshot.attitude_age_s = Some(times.attitude_age_s);
+                snapshot.deadline_spare_s =
+                    Some(times.spare_s).filter(|spare_s| spare_s.is_finite());
+                snapshot.exposure_s = exposure.map(|exposure| {
+                    [exposure.start, exposure.mid, exposure.end].map(|at| at.to_unix_seconds())
+                });
             }
             snapshot
         });
@@ -138,8 +148,8 @@ impl Server {
         let sync = self.clock.sync(now);
         snapshot.clock_offset_s = Some(sync.offset_s);
         snapshot.sync = Some(match self.paused {
-            true => SyncState::Paused,
-            false => sync.state,
+            true => SyncState::Paused.code(),
+            false => sync.state.code(),
         });
         metrics.publish(snapshot);
         self.looked = Some(now);

@@ -291,6 +291,8 @@ impl Emulator {
             packets_sent: self.credit.sent(),
             sync: SyncState::Free,
             clock_offset_s: 0.0,
+            exposure_start: WireTime::default(),
+            exposure_end: WireTime::default(),
             timing: Timing::default(),
             latency_p50_s: 0.0,
             latency_p99_s: 0.0,

@@ -8,6 +8,7 @@ use super::ends::{FrameEnd, Timing};
 use super::frames::{FrameHeader, PixelBlock, LabelPart, WindowBlock, ObjectPart, CompressedBlock};
 use crate::error::{DecodeError, EncodeError};
 use crate::rules::{positive, rule};
+use crate::time::WireTime;
 use crate::wire::{Reader, Writer};
 
 /// Settings and counters, sent after the Ack of a Ping.
@@ -39,7 +40,11 @@ pub struct Status {
     pub sync: SyncState,
     /// As in FrameEnd, at present. Unit: s.
     pub clock_offset_s: f64,
-    /// Of the last frame that was delivered; all 0 before.
+    /// First instant of the exposure of the last frame that left; 0 before.
+    pub exposure_start: WireTime,
+    /// Its last instant; its middle lies halfway.
+    pub exposure_end: WireTime,
+    /// Of that frame, on this link; all 0 before.
     pub timing: Timing,
     /// From the trigger until a frame's last octet left, half of the run's frames in this time; 0 before the first. Unit: s.
     pub latency_p50_s: f32,
@@ -66,6 +71,8 @@ impl Status {
         let packets_sent = reader.u32()?;
         let sync = reader.code(SyncState::from_code, "Status.sync", "must be 0 to 4")?;
         let clock_offset_s = reader.f64()?;
+        let exposure_start = reader.time()?;
+        let exposure_end = reader.time()?;
         let timing = Timing::read(reader)?;
         let latency_p50_s = reader.f32()?;
         let latency_p99_s = reader.f32()?;
@@ -88,6 +95,8 @@ impl Status {
             packets_sent,
             sync,
             clock_offset_s,
+            exposure_start,
+            exposure_end,
             timing,
             latency_p50_s,
             latency_p99_s,
@@ -110,6 +119,8 @@ impl Status {
         writer.u32(self.packets_sent)?;
         writer.u8(self.sync.code())?;
         writer.f64(self.clock_offset_s)?;
+        writer.u64(self.exposure_start.0)?;
+        writer.u64(self.exposure_end.0)?;
         self.timing.write(writer)?;
         writer.f32(self.latency_p50_s)?;
         writer.f32(self.latency_p99_s)?;

@@ -81,7 +81,7 @@ wire_enum! {
     pub enum Overrun: u8 {
         /// Nothing: it was not expected to be.
         None = 0,
-        /// It was left to be late.
+        /// It is late, foreseen or not.
         Late = 1,
         /// The first frame after exposures that were left out.
         Drop = 2,

@@ -92,7 +92,7 @@ pub struct Timing {
     pub first_octet_s: f32,
     /// From the trigger until the packet before FrameEnd was handed to the link. Unit: s.
     pub last_octet_s: f32,
-    /// Time left until the deadline when FrameEnd was handed to the link; below 0: late by so much. Unit: s.
+    /// Time left until the deadline when FrameEnd was handed to the link, less what waits before it on a line of known pace; below 0: late by so much. Unit: s.
     pub spare_s: f32,
 }
 

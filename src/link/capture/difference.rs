@@ -5,7 +5,7 @@ use skyloop_protocols::pixels::{OBJECTS_PER_PART, unpack};
 use skyloop_protocols::reply::Window;
 use skyloop_protocols::{
     Counters, MAX_PACKET, Nack, ObjectPart, Personality, PixelBlock, Reply, Status, Timing,
-    WindowBlock,
+    WindowBlock, WireTime,
 };
 
 /// What a packet is called.
@@ -67,6 +67,8 @@ pub fn first(
         (Ok((_, Reply::Status(was))), Ok((_, Reply::Status(is)))) => {
             let blind = |status: Status| Status {
                 counters: Counters::default(),
+                exposure_start: WireTime::default(),
+                exposure_end: WireTime::default(),
                 timing: Timing::default(),
                 latency_p50_s: 0.0,
                 latency_p99_s: 0.0,

@@ -9,6 +9,8 @@ const WINDOW: usize = 16;
 const GAIN: f64 = 0.25;
 /// What is off by more than this has not come late: the client's clock has been set, or the time is wrong, s.
 const JUMP_S: f64 = 0.25;
+/// Times are off alike that differ by no more than this, s.
+const ALIKE_S: f64 = 0.1;
 /// It has been set where all that it tells for so long is off alike, s.
 const SURE_S: f64 = 0.25;
 
@@ -41,7 +43,7 @@ impl Discipline {
         if ahead_s.abs() > JUMP_S {
             let alike = self
                 .doubted
-                .filter(|(first_s, _)| (ahead_s - first_s).abs() <= JUMP_S);
+                .filter(|(first_s, _)| (ahead_s - first_s).abs() <= ALIKE_S);
             let (_, since) = *self.doubted.insert(alike.unwrap_or((ahead_s, own)));
             if (own - since).to_seconds() < SURE_S {
                 return Correction::Doubt(ahead_s);

@@ -86,7 +86,7 @@ pub(super) fn answers(schema: &Schema) -> String {
         .collect();
     let mut out = format!(
         "use super::codes::{{Mode, Packing, Reason, SyncState, apid}};\nuse super::commands::Output;\nuse super::counters::Counters;\nuse super::ends::{{FrameEnd, Timing}};\nuse super::frames::{{{}}};\n\
-         use crate::error::{{DecodeError, EncodeError}};\nuse crate::rules::{{positive, rule}};\nuse crate::wire::{{Reader, Writer}};\n",
+         use crate::error::{{DecodeError, EncodeError}};\nuse crate::rules::{{positive, rule}};\nuse crate::time::WireTime;\nuse crate::wire::{{Reader, Writer}};\n",
         names.join(", ")
     );
     for message in to(schema, Receiver::Client).filter(|message| !is_of_frame(message)) {
