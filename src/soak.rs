@@ -1,10 +1,11 @@
 //! What a long run must keep, whether it did, and its report.
 
-use crate::host::{HostReport, Memory};
-use crate::junit::Case;
-use crate::realtime::Granted;
+mod report;
+
+use crate::host::Memory;
 use crate::timing::Latencies;
-use serde::{Serialize, Serializer};
+pub use report::Report;
+use serde::Serialize;
 use std::time::Duration;
 
 /// What a run must keep.
@@ -162,113 +163,9 @@ fn short(rate: f64) -> String {
     }
 }
 
-/// What a long run is told by.
-#[derive(Debug, Clone, Serialize)]
-pub struct Report {
-    /// The scene's name.
-    pub scene: String,
-    /// How long it ran, min.
-    pub minutes: f64,
-    /// Whether all limits were kept.
-    pub passed: bool,
-    /// What it had to keep.
-    pub limits: Limits,
-    /// Whether it did.
-    pub verdicts: Vec<Verdict>,
-    /// What was measured of each camera.
-    pub cameras: Vec<Camera>,
-    /// From the start of the command to the first frame at the client, s; `None`: there was none.
-    pub first_frame_s: Option<f64>,
-    /// What memory it held.
-    pub memory: Memory,
-    /// What the machine did meanwhile.
-    pub host: HostReport,
-    /// What help in real time it had.
-    pub realtime: Granted,
-    /// The run's counters by name.
-    #[serde(serialize_with = "as_map")]
-    pub counters: Vec<(&'static str, u32)>,
-}
-
-impl Report {
-    /// The report of a run; the limits are judged by its latencies.
-    #[must_use]
-    pub fn new(
-        scene: String,
-        minutes: f64,
-        limits: Limits,
-        measured: Measured,
-        host: HostReport,
-        realtime: Granted,
-        counters: Vec<(&'static str, u32)>,
-    ) -> Self {
-        let verdicts = limits.judge(&measured);
-        Self {
-            scene,
-            minutes,
-            passed: verdicts.iter().all(|verdict| verdict.passed),
-            limits,
-            verdicts,
-            cameras: measured.cameras,
-            first_frame_s: measured.first_frame_s,
-            memory: measured.memory,
-            host,
-            realtime,
-            counters,
-        }
-    }
-
-    /// The rows of a table.
-    #[must_use]
-    pub fn rows(&self) -> Vec<(String, String)> {
-        let first = self.first_frame_s;
-        let first = first.map_or("none".to_string(), |s| format!("{s:.2} s"));
-        let mut rows = Vec::new();
-        for Camera { name, latencies } in &self.cameras {
-            if self.cameras.len() > 1 {
-                rows.push(("camera".to_string(), name.clone()));
-            }
-            rows.extend(latencies.rows());
-        }
-        rows.push(("start to the first frame".to_string(), first));
-        rows.push(("memory".to_string(), self.memory.told()));
-        rows
-    }
-
-    /// A case for each verdict, for [`crate::junit::document`]; each has what the machine did, and the table of times.
-    #[must_use]
-    pub fn cases(&self) -> Vec<Case> {
-        let mut properties = self.host.rows();
-        properties.push(("real time".to_string(), self.realtime.to_string()));
-        let rows = self.rows();
-        let table: String = rows
-            .iter()
-            .map(|(name, value)| format!("{name}: {value}\n"))
-            .collect();
-        let case = |verdict: &Verdict| Case {
-            name: verdict.name.to_string(),
-            classname: format!("skyloop.soak.{}", self.scene.replace(['.', ' '], "_")),
-            seconds: self.minutes * 60.0,
-            failure: (!verdict.passed).then(|| (verdict.text.clone(), verdict.text.clone())),
-            properties: properties.clone(),
-            system_out: format!("{}\n{table}", verdict.text),
-        };
-        self.verdicts.iter().map(case).collect()
-    }
-}
-
-fn as_map<S: Serializer>(
-    counters: &[(&'static str, u32)],
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(counters.iter().copied())
-}
-
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
-    use crate::host::Host;
-    use crate::realtime::{Asked, ask};
     use crate::timing::FrameTimes;
 
     const TIMES: FrameTimes = FrameTimes {
@@ -282,7 +179,7 @@ mod tests {
         whole: true,
     };
 
-    fn limits(max_miss_rate: f64, max_p99_ms: Option<f64>) -> Limits {
+    pub fn limits(max_miss_rate: f64, max_p99_ms: Option<f64>) -> Limits {
         Limits {
             max_miss_rate,
             max_p99_ms,
@@ -299,7 +196,7 @@ mod tests {
     }
 
     /// A run of so many frames; from the `slow` one on each second takes 14.2 ms, and those of `late` miss their deadline by 4.2 ms.
-    fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) -> Measured {
+    pub fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) -> Measured {
         let mut all = limits.latencies();
         for frame in 0..frames {
             let mut times = FrameTimes { frame, ..TIMES };
@@ -473,39 +370,5 @@ mod tests {
         ] {
             assert_eq!(short(rate), text);
         }
-    }
-
-    #[test]
-    fn the_report_has_it_all_and_a_case_for_each_verdict() {
-        let limits = limits(1e-3, Some(12.0));
-        let found = run(&limits, 1000, 512, 0..0);
-        let host = Host::now();
-        let report = Report::new(
-            "leo 1.toml".to_string(),
-            30.0,
-            limits,
-            found,
-            host.since(&host),
-            ask(&Asked::default()),
-            vec![("attitudes", 1000), ("bad_crc", 0)],
-        );
-        let json = serde_json::to_value(&report).unwrap();
-        assert_eq!(json["passed"], false);
-        assert_eq!(json["limits"]["max_p99_ms"], 12.0);
-        assert_eq!(json["verdicts"][1]["frame"], 512);
-        assert_eq!(json["cameras"][0]["latencies"]["last_octet"]["count"], 1000);
-        assert_eq!(json["counters"]["attitudes"], 1000);
-        assert!(json["first_frame_s"].is_null() && json["memory"]["warm"].is_null());
-        assert!(json["host"]["processor"].is_string());
-        assert!(json["realtime"].as_array().unwrap().is_empty());
-        let cases = report.cases();
-        assert_eq!(cases.len(), 2);
-        assert!(cases[0].failure.is_none());
-        assert_eq!(cases[1].classname, "skyloop.soak.leo_1_toml");
-        assert_eq!(cases[1].seconds, 1800.0);
-        let (message, _) = cases[1].failure.as_ref().unwrap();
-        assert!(message.contains("frame 512"), "{message}");
-        let out = &cases[1].system_out;
-        assert!(out.contains("\nto the last octet: "), "{out}");
     }
 }
