@@ -1,6 +1,6 @@
 //! The figures of a run for Prometheus, over HTTP on a thread of its own.
 //!
-//! The run hands over a copy of its figures once a frame and never waits; whoever asks for them gets the last. The address is one
+//! The run hands over a copy of its figures ten times a second and never waits; whoever asks for them gets the last. The address is one
 //! of this machine unless another is given: there is no password, and nothing can be changed through it.
 
 mod http;
@@ -107,7 +107,7 @@ impl Metrics {
         }
     }
 
-    /// Leaves the figures of now. Where somebody fetches those before at this very moment they stay: the next frame's have it all.
+    /// Leaves the figures of now. Where somebody fetches those before at this very moment they stay: the next ones have it all.
     pub fn publish(&self, snapshot: Snapshot) {
         let snapshot = Arc::new(snapshot);
         // A thread in real time does not wait for one that is not.

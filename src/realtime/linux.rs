@@ -75,6 +75,7 @@ pub(super) fn run_on(cpus: &[usize]) -> Result<Vec<usize>, String> {
 #[cfg(test)]
 mod tests {
     use crate::realtime::{Asked, Granted, Help, ask};
+    use rustix::process::{Resource, getrlimit};
     use rustix::thread::{CapabilitySet, capabilities, sched_getaffinity, set_capabilities};
     use thread_priority::{
         RealtimeThreadSchedulePolicy, ThreadSchedulePolicy, thread_native_id,
@@ -138,11 +139,17 @@ mod tests {
     fn a_priority_that_is_not_granted_names_the_capability_and_the_limit() {
         let granted = without_capabilities(&priority(99));
         // A limit that allows it (ulimit -r 99) does without.
-        if !granted.is_all() {
-            let text = granted.to_string();
-            for word in ["SCHED_FIFO 99 not granted", "CAP_SYS_NICE", "ulimit -r 99"] {
-                assert!(text.contains(word), "no {word:?} in {text}");
-            }
+        let allowed = getrlimit(Resource::Rtprio)
+            .current
+            .is_none_or(|most| most >= 99);
+        assert_eq!(granted.is_all(), allowed, "{granted}");
+        let words: &[&str] = match allowed {
+            true => &["SCHED_FIFO 99"],
+            false => &["SCHED_FIFO 99 not granted", "CAP_SYS_NICE", "ulimit -r 99"],
+        };
+        let text = granted.to_string();
+        for word in words {
+            assert!(text.contains(word), "no {word:?} in {text}");
         }
     }
 
@@ -153,11 +160,15 @@ mod tests {
             ..Asked::default()
         };
         let granted = without_capabilities(&asked);
-        if !granted.is_all() {
-            let text = granted.to_string();
-            for word in ["memory not locked", "CAP_IPC_LOCK", "ulimit -l unlimited"] {
-                assert!(text.contains(word), "no {word:?} in {text}");
-            }
+        let allowed = getrlimit(Resource::Memlock).current.is_none();
+        assert_eq!(granted.is_all(), allowed, "{granted}");
+        let words: &[&str] = match allowed {
+            true => &["memory locked"],
+            false => &["memory not locked", "CAP_IPC_LOCK", "ulimit -l unlimited"],
+        };
+        let text = granted.to_string();
+        for word in words {
+            assert!(text.contains(word), "no {word:?} in {text}");
         }
     }
 
