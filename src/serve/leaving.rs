@@ -97,8 +97,10 @@ impl Server {
         left.missed = self.exposures_missed();
         if let Some(last) = last {
             left.times = left.times.ended(left.trigger, left.deadline, last);
-            let after = left.times.last_octet.saturating_sub(leaving.ready);
-            self.overrun.learn_way(after);
+            if self.leads(leaving.at) {
+                let after = left.times.last_octet.saturating_sub(leaving.ready);
+                self.overrun.learn_way(after);
+            }
         } else if left.deadline.is_none() {
             left.times.spare_s = f64::INFINITY;
         }
@@ -112,6 +114,17 @@ impl Server {
         if let Some(told) = &mut self.on_left {
             told(&left);
         }
+    }
+
+    /// Whether a link's way is the one that frames are judged by: the first that brings pixels to somebody. One that listens beside it costs them nothing.
+    fn leads(&self, at: usize) -> bool {
+        let channels = self.channels.iter();
+        let first = |brings: fn(&Channel) -> bool| {
+            let brings = |channel: &Channel| brings(channel) && !channel.exchange.deaf;
+            channels.clone().position(brings)
+        };
+        let pixels = first(|channel| channel.roles.pixels);
+        pixels.or_else(|| first(|channel| channel.roles.bring_frames())) == Some(at)
     }
 
     /// Leaves the figures of now where they can be fetched, now and then.
