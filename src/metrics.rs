@@ -155,7 +155,7 @@ impl Drop for Server {
     }
 }
 
-/// Serves the figures of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9810`, `[::1]:9810`, or a port alone, on 127.0.0.1.
+/// Serves the figures of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9464`, `[::1]:9464`, or a port alone, on 127.0.0.1.
 ///
 /// One connection is answered at a time, the next ones wait in the system's queue. Errors: `address` is none, or the system refuses
 /// it; they name it and the remedy.
@@ -163,7 +163,7 @@ pub fn serve(address: &str, cameras: Vec<Metrics>) -> io::Result<Server> {
     let refused =
         |kind, why: String| Err(io::Error::new(kind, format!("metrics at {address}: {why}")));
     let Some(wanted) = parsed(address) else {
-        let why = "not an address: write for example 127.0.0.1:9810, or a port alone";
+        let why = "not an address: write for example 127.0.0.1:9464, or a port alone";
         return refused(io::ErrorKind::InvalidInput, why.to_string());
     };
     let listener = match TcpListener::bind(wanted) {
@@ -194,7 +194,7 @@ fn remedy(kind: io::ErrorKind) -> &'static str {
     match kind {
         io::ErrorKind::AddrInUse => "choose another port, or 0 for a free one",
         io::ErrorKind::PermissionDenied => "choose a port from 1024 on",
-        _ => "choose an address of this machine, such as 127.0.0.1:9810",
+        _ => "choose an address of this machine, such as 127.0.0.1:9464",
     }
 }
 
@@ -225,12 +225,12 @@ mod tests {
     #[test]
     fn addresses_are_of_this_machine_unless_they_say_otherwise() {
         for (text, expected) in [
-            ("9810", Some("127.0.0.1:9810")),
+            ("9464", Some("127.0.0.1:9464")),
             ("0.0.0.0:80", Some("0.0.0.0:80")),
             ("[::1]:9", Some("[::1]:9")),
             ("65536", None),
             ("", None),
-            ("localhost:9810", None),
+            ("localhost:9464", None),
             ("127.0.0.1", None),
         ] {
             let found = parsed(text).map(|address| address.to_string());

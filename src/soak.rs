@@ -75,7 +75,10 @@ impl Limits {
             }
             verdicts.extend(own);
         }
-        verdicts.extend(self.max_growth.map(|most| growth(most, &found.memory)));
+        // A run that was stopped before it was warm tells nothing of it.
+        let is_told = found.stopped.is_none() || found.memory.warm.is_some();
+        let most = self.max_growth.filter(|_| is_told);
+        verdicts.extend(most.map(|most| growth(most, &found.memory)));
         verdicts.extend(found.stopped.as_ref().map(|text| Verdict {
             name: "minutes",
             passed: false,

@@ -47,7 +47,6 @@ impl RunStats {
     pub fn add(&mut self, shot: &Shot) {
         self.frames += 1;
         self.render.add(shot.render_time);
-        self.coarsened += u32::from(shot.label.overrun == Some("coarsen"));
         self.flooded += u32::from(shot.label.flooded_by.is_some());
         self.without_state += shot.unknown.news.len();
         self.objects = shot.population;

@@ -193,7 +193,11 @@ impl fmt::Display for Report {
             "frames           {} of {} whole, {} lost",
             self.frames, self.requested, self.lost
         )?;
-        writeln!(f, ", {} refused, {} late", self.refused, self.late)?;
+        writeln!(
+            f,
+            ", {} refused, {} after their time-out",
+            self.refused, self.late
+        )?;
         let latency_ms = |fraction| Some(self.latencies.quantile(fraction)?.as_secs_f64() * 1e3);
         if let (Some(p50), Some(p99), Some(max)) =
             (latency_ms(0.5), latency_ms(0.99), latency_ms(1.0))

@@ -88,8 +88,21 @@ enum Step {
     /// Nothing is there to be sent until the renderer tells, or for so long.
     NotYet(Option<Duration>),
     Done,
-    /// It cannot be sent any more.
+    /// It cannot be sent.
     Hopeless,
+    /// Nobody waits for it any more: its client has gone, or begins anew.
+    Forsaken,
+}
+
+/// How a frame's way over a link ended.
+#[derive(Clone, Copy, PartialEq)]
+enum End {
+    /// All of it has left.
+    Whole,
+    /// Its client did not get all of it: that counts as a deadline missed.
+    Lost,
+    /// Nobody waited for it any more.
+    Forsaken,
 }
 
 /// What a round over all links came to.
@@ -129,11 +142,15 @@ impl Server {
                 }
             };
             match step {
-                Step::Done | Step::Hopeless => {
-                    let whole = matches!(step, Step::Done);
+                Step::Done | Step::Hopeless | Step::Forsaken => {
+                    let end = match step {
+                        Step::Done => End::Whole,
+                        Step::Hopeless => End::Lost,
+                        _ => End::Forsaken,
+                    };
                     round.moved = true;
                     self.lose_refused(at, &delivery);
-                    self.end(at, delivery.frame, whole);
+                    self.end(at, delivery.frame, end);
                     continue;
                 }
                 Step::Moved => round.moved = true,
@@ -163,7 +180,7 @@ impl Server {
         if channel.exchange.number != delivery.exchange
             || channel.exchange.resets != delivery.resets
         {
-            return Ok(Step::Hopeless);
+            return Ok(Step::Forsaken);
         }
         let mut pictures = self.pictures.iter_mut();
         let Some(picture) = pictures.find(|picture| picture.number == delivery.frame) else {
@@ -271,7 +288,7 @@ impl Server {
         picture.whole = picture.open > 0;
         for (at, frame) in passed_over {
             self.counters.frames_dropped = self.counters.frames_dropped.wrapping_add(1);
-            self.end(at, frame, false);
+            self.end(at, frame, End::Lost);
         }
     }
 
@@ -285,14 +302,15 @@ impl Server {
     }
 
     /// A frame's way over a link is over.
-    fn end(&mut self, at: usize, frame: u32, whole: bool) {
+    fn end(&mut self, at: usize, frame: u32, end: End) {
         let tally = &self.channels[at].wire.tally;
+        let whole = end == End::Whole;
         let mark = whole.then(|| tally.departed.mark());
         let mut pictures = self.pictures.iter_mut();
         if let Some(picture) = pictures.find(|picture| picture.number == frame) {
             picture.open = picture.open.saturating_sub(1);
             picture.whole &= whole;
-            if whole || !picture.is_cut_off {
+            if end != End::Forsaken {
                 self.leaving.push(Leaving::of(picture, at, mark));
             }
         }
@@ -312,7 +330,7 @@ impl Server {
             );
         }
         self.lose_refused(at, delivery);
-        self.end(at, delivery.frame, false);
+        self.end(at, delivery.frame, End::Lost);
     }
 
     /// A packet that the link has refused is lost with its frame.
@@ -325,13 +343,10 @@ impl Server {
 
     /// The run's end: nothing is sent any more.
     pub(super) fn give_all_up(&mut self) {
-        for picture in &mut self.pictures {
-            picture.is_cut_off = true;
-        }
         for at in 0..self.channels.len() {
             while let Some(delivery) = self.channels[at].deliveries.pop_front() {
                 self.lose_refused(at, &delivery);
-                self.end(at, delivery.frame, false);
+                self.end(at, delivery.frame, End::Forsaken);
             }
         }
     }

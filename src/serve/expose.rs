@@ -172,11 +172,12 @@ impl Server {
             Progress::Developed(first, digits, at) => picture.develop(first, digits, at, spare),
             Progress::Made(shot, at) => {
                 self.overrun.learn(picture.asked.level, shot.render_time);
-                let coarsened = u32::from(shot.label.overrun == Some("coarsen"));
+                let coarsened = u32::from(picture.asked.level > 0);
                 let counters = &mut self.counters;
                 counters.frames_rendered = counters.frames_rendered.wrapping_add(1);
                 counters.frames_coarsened = counters.frames_coarsened.wrapping_add(coarsened);
                 self.stats.add(&shot);
+                self.stats.coarsened = self.stats.coarsened.wrapping_add(coarsened);
                 self.absent.report(&shot);
                 self.digits = picture.complete(shot, at);
                 self.making = None;

@@ -58,6 +58,14 @@ impl History {
         }
     }
 
+    /// Forgets those of a later time.
+    pub fn forget_after(&mut self, epoch: Epoch) {
+        let at = self
+            .messages
+            .partition_point(|message| message.vehicle.epoch <= epoch);
+        self.messages.truncate(at);
+    }
+
     /// Forgets all.
     pub fn clear(&mut self) {
         self.messages.clear();
@@ -68,8 +76,7 @@ impl History {
         self.messages.back()
     }
 
-    /// What an exposure is made with; none before the first message. Where no two are near it, one before and one after, what the client said last
-    /// counts, even if its time lies after the exposure.
+    /// What an exposure is made with; none before the first message. One of a future too far counts only where none is near before the exposure.
     pub fn over(&self, exposure: &Exposure, staleness: &Staleness) -> Option<Pointing> {
         let (first, last) = (self.messages.front()?, self.messages.back()?);
         let limit = seconds(staleness.limit_s);
@@ -80,19 +87,22 @@ impl History {
         let near_before = before.is_some_and(|one| one.vehicle.epoch + limit >= exposure.mid);
         let near_after = self.messages.get(after);
         let near_after = near_after.is_some_and(|one| one.vehicle.epoch <= exposure.mid + limit);
-        if last.vehicle.epoch > exposure.end + limit && !(near_before && near_after) {
+        let is_far = last.vehicle.epoch > exposure.end + limit;
+        if is_far && !near_before {
             return Some(out_of_reach(last, exposure, staleness, true));
         }
+        // What it says of the way there is not believed.
+        let ends_before = is_far && !near_after;
         let message = before.unwrap_or(first);
         let age_s = (exposure.mid - message.vehicle.epoch).to_seconds();
         let source = match before {
             None => AttitudeSource::Future,
             Some(_) if age_s == 0.0 => AttitudeSource::Exact,
-            Some(_) if after < self.messages.len() => AttitudeSource::Interpolated,
+            Some(_) if after < self.messages.len() && !ends_before => AttitudeSource::Interpolated,
             Some(_) if age_s <= staleness.limit_s => AttitudeSource::Extrapolated,
             Some(last) => return Some(out_of_reach(last, exposure, staleness, false)),
         };
-        let vehicle = match exposure.start < last.vehicle.epoch {
+        let vehicle = match exposure.start < last.vehicle.epoch && !ends_before {
             true => self.turning(exposure, message)?,
             false => message.vehicle.at(exposure.mid),
         };

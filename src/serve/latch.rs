@@ -62,6 +62,10 @@ impl Server {
             reason: Reason::ValueOutOfRange,
             detail: format!("attitude {}: {why}", attitude.sequence),
         })?;
+        if self.clock.awaits_time() {
+            // After a pause another time may have begun.
+            self.truth.history.forget_after(epoch);
+        }
         if let Heard::Doubted(ahead_s) = self.hear(epoch, inbound.arrived)
             && ahead_s > 0.0
         {

@@ -54,8 +54,6 @@ pub(super) struct Picture {
     pub begun: bool,
     /// Whether all who wanted it have all of it.
     pub whole: bool,
-    /// Whether the run ended before they had.
-    pub is_cut_off: bool,
 }
 
 impl Picture {
@@ -77,7 +75,6 @@ impl Picture {
             open: 0,
             begun: false,
             whole: true,
-            is_cut_off: false,
         }
     }
 

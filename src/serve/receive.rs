@@ -156,7 +156,7 @@ impl Server {
         Refusal {
             reason: Reason::NotSupported,
             detail: format!(
-                "this link takes no attitudes and no settings of the camera: send them over {address}"
+                "this link brings frames only, or those of a further camera: what is of the vehicle (Attitude, Trigger, Pause, Resume), and of the first camera its settings, goes over {address}"
             ),
         }
     }

@@ -156,3 +156,25 @@ fn a_delay_of_more_frames_than_are_held_back_is_refused_with_the_remedy() {
     }
     assert_eq!(fits(Clock::Stepped, 60.0, 60.0), Ok(()));
 }
+
+/// What a client gives up by its Reset was nobody's deadline.
+#[test]
+fn frames_that_a_reset_gives_up_have_missed_nothing() {
+    let mut config = quick(RATE_HZ);
+    config.run.delay.delay_s = 0.25;
+    config.run.latency_s = Some(1000.0);
+    let (emulator, line) = on_memory(config, Clock::Wall);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.send(Command::Credit { packets: 1 << 20 });
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    // X-Val: 0.25 s at 20 Hz are five frames that are held back.
+    client.done(Command::Reset);
+    let (stats, counters) = emulator.measured();
+    assert!(
+        counters.frames_abandoned > counters.frames_dropped,
+        "{counters:?}"
+    );
+    assert_eq!(stats.latencies.missed, u64::from(counters.frames_dropped));
+}

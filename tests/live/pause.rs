@@ -226,18 +226,51 @@ fn by_the_clients_clock_a_pause_may_be_as_long_as_it_likes() {
 }
 
 #[test]
+fn a_client_that_has_gone_back_in_time_meanwhile_is_followed() {
+    for clock in [Clock::Wall, Clock::External] {
+        let (_emulator, line) = on_memory(quick(RATE_HZ), clock);
+        let mut client = Client::new(line);
+        client.window = None;
+        client.send(Command::Credit { packets: 1 << 20 });
+        client.point(attitude(1), EPOCH);
+        client.frame();
+        paused(&mut client);
+        // While it is paused, and after it.
+        let back = later(EPOCH, -300.0);
+        client.point(attitude(2), later(back, 10.0));
+        client.done(Command::Resume);
+        client.point(attitude(3), back);
+        let frame = crate::frame_of(&mut client, 3);
+        let since_s = seconds(back, frame.time);
+        assert!((0.0..10.0).contains(&since_s), "{clock:?}: {since_s}");
+        let counters = client.status().counters;
+        assert_eq!(
+            (counters.attitudes, counters.time_backwards),
+            (3, 0),
+            "{clock:?}"
+        );
+    }
+}
+
+#[test]
 fn triggers_wait_for_the_time_that_stands_still() {
     let mut config = quick(RATE_HZ);
     config.run.trigger = Trigger::Packet;
+    // X-Val: less than the pause: what waits for Resume is not late by it.
+    config.run.latency_s = Some(0.15);
     let (_emulator, line) = on_memory(config, Clock::External);
     let mut client = Client::<MemoryLine>::new(line);
     client.point(attitude(1), EPOCH);
     trigger(&mut client, 7, 0.1);
     client.done(Command::Pause);
+    trigger(&mut client, 8, -5.0);
     let began = std::time::Instant::now();
     // X-Val: the trigger's exposure would have ended after 0.11 s.
     assert!(client.recv(WHILE).is_none() || began.elapsed() > WHILE);
     client.done(Command::Resume);
+    // One of the past is for now.
+    let frame = client.frame();
+    assert_eq!((frame.end.trigger, frame.end.in_time), (8, true));
     let frame = client.frame();
     assert_eq!(frame.end.trigger, 7);
     assert!((mid_s(&frame) - 0.105).abs() < 1e-6);

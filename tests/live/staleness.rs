@@ -213,3 +213,31 @@ fn frames_go_on_after_the_last_attitude_and_are_flagged() {
     assert!((flagged..=flagged + dropped).contains(&counters.attitudes_stale));
     assert_eq!(counters.attitudes_future, 0);
 }
+
+/// One attitude of a time far ahead is not believed while there are good ones.
+#[test]
+fn a_stray_from_the_future_does_not_hide_the_good_ones() {
+    let mut config = quick(20.0);
+    config.run.out_of_order = skyloop::config::OutOfOrder::Use;
+    // X-Val: a machine that stands still for less makes no good one stale.
+    config.run.staleness.limit_s = 5.0;
+    let (_emulator, line) = on_memory(config, Clock::Wall);
+    let mut client = Client::new(line);
+    client.point(attitude(1), EPOCH);
+    client.frame();
+    client.point(attitude(1000), later(EPOCH, 3600.0));
+    let began = std::time::Instant::now();
+    for sequence in 2..12 {
+        let s = began.elapsed().as_secs_f64();
+        client.point(attitude(sequence), later(EPOCH, s));
+        let frame = client.frame();
+        assert!(
+            frame.header.attitude_sequence < 12,
+            "{}",
+            frame.header.attitude_sequence
+        );
+        assert_ne!(frame.end.attitude_source, AttitudeSource::Future);
+    }
+    let counters = client.status().counters;
+    assert_eq!((counters.attitudes, counters.attitudes_future), (12, 0));
+}

@@ -150,12 +150,20 @@ impl Clock for External {
         }
     }
 
+    fn awaits_time(&self) -> bool {
+        self.cadence.awaits_time()
+    }
+
     fn pause(&mut self, now: Instant) {
         self.cadence.pause(now);
     }
 
     fn resume(&mut self, now: Instant) {
         self.cadence.resume(now);
+        // They have waited for this, and for nothing of ours.
+        for asked in self.triggers.iter_mut().flatten() {
+            asked.arrived = asked.arrived.max(now);
+        }
     }
 
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {

@@ -108,6 +108,11 @@ pub trait Clock: Send {
         Heard::Fits
     }
 
+    /// Whether the next time that is told sets the scene's: the first of all, or after a pause.
+    fn awaits_time(&self) -> bool {
+        false
+    }
+
     /// The client's clock has jumped: how many exposures it had asked for by the time before, which get no frame.
     fn forget(&mut self) -> u32 {
         0

@@ -93,8 +93,12 @@ impl Clock for Stepped {
         self.paused = true;
     }
 
-    fn resume(&mut self, _: Instant) {
+    fn resume(&mut self, now: Instant) {
         self.paused = false;
+        // They have waited for this, and for nothing of ours.
+        for due in &mut self.waiting {
+            due.end = due.end.max(now);
+        }
     }
 
     fn clear(&mut self, _: f64, now: Instant) -> u32 {

@@ -48,6 +48,10 @@ impl Clock for Wall {
         self.cadence.missed
     }
 
+    fn awaits_time(&self) -> bool {
+        self.cadence.awaits_time()
+    }
+
     fn pause(&mut self, now: Instant) {
         self.cadence.pause(now);
     }
