@@ -156,7 +156,7 @@ impl Server {
         Refusal {
             reason: Reason::NotSupported,
             detail: format!(
-                "this link brings frames only, or those of a further camera: what is of the vehicle (Attitude, Trigger, Pause, Resume), and of the first camera its settings, goes over {address}"
+                "this link takes no Attitude, Trigger, Pause or Resume, and no settings of the first camera: send them over {address}"
             ),
         }
     }

@@ -103,7 +103,7 @@ fn single_shot_takes_one_frame_and_frame_rate_starts_the_cadence_again() {
     // The exposure starts with the command, not before it.
     assert!(asked.elapsed() >= Duration::from_secs_f64(0.5));
     client.done(Command::Exposure { seconds: 0.01 });
-    client.point(attitude(2), later(EPOCH, 60.0));
+    client.point(attitude(2), later(EPOCH, asked.elapsed().as_secs_f64()));
     client.done(Command::SingleShot);
     assert_eq!(client.frame().header.attitude_sequence, 2);
     assert!(
