@@ -54,6 +54,7 @@ pub mod roles;
 pub mod score;
 pub mod serial;
 mod signal;
+mod signed_times;
 pub mod text;
 pub mod time;
 pub mod times;

@@ -9,7 +9,7 @@ use crate::control::ControlAccount;
 use crate::reassembly::AssemblyCounts;
 use crate::score::Score;
 use crate::times::Times;
-use crate::timings::{Timings, quantile};
+use crate::timings::Timings;
 
 /// Nacks kept with their details; the count goes on.
 const NACKS_KEPT: usize = 100;
@@ -164,7 +164,8 @@ impl Totals {
         distances.sort_by(f64::total_cmp);
         Some(Residual {
             count,
-            median_px: quantile(&distances, 0.5)?,
+            // By nearest rank; none without any.
+            median_px: *distances.get(count.div_ceil(2).saturating_sub(1))?,
             rms_px: mean(&|[x, y]| x * x + y * y).sqrt(),
             bias_px: [mean(&|[x, _]| *x), mean(&|[_, y]| *y)],
         })

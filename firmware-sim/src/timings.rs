@@ -4,56 +4,37 @@ use std::fmt;
 
 use skyloop_protocols::Timing;
 
-/// Frames kept: 8 octets each, bounded for runs without end.
-const KEPT: usize = 1 << 20;
+use crate::signed_times::SignedTimes;
 
 /// Times of the frames that have any; those of stepped runs have none.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct Timings {
-    /// Age of the attitude at the middle of the exposure, s.
-    ages_s: Vec<f32>,
-    /// Time left until the deadline when the frame had left, s.
-    spares_s: Vec<f32>,
+    /// Age of the attitude at the middle of the exposure.
+    ages: SignedTimes,
+    /// Time left until the deadline when the frame had left.
+    spares: SignedTimes,
 }
 
 impl Timings {
     /// Adds those of a frame, if it has any.
     pub fn add(&mut self, timing: &Timing) {
-        if *timing != Timing::default() && self.ages_s.len() < KEPT {
-            self.ages_s.push(timing.attitude_age_s);
-            self.spares_s.push(timing.spare_s);
+        if *timing != Timing::default() {
+            self.ages.add(timing.attitude_age_s.into());
+            self.spares.add(timing.spare_s.into());
         }
     }
 
     /// Half of the attitudes are of this age or less at the middle of the exposure, and all of that: s; `None` without any.
     #[must_use]
-    pub fn ages_s(&self) -> Option<(f32, f32)> {
-        Some((
-            sorted_quantile(&self.ages_s, 0.5)?,
-            sorted_quantile(&self.ages_s, 1.0)?,
-        ))
+    pub fn ages_s(&self) -> Option<(f64, f64)> {
+        Some((self.ages.quantile(0.5)?, self.ages.quantile(1.0)?))
     }
 
     /// Half of the frames had this time left or less, and the last of all that: s; `None` without any.
     #[must_use]
-    pub fn spares_s(&self) -> Option<(f32, f32)> {
-        Some((
-            sorted_quantile(&self.spares_s, 0.5)?,
-            sorted_quantile(&self.spares_s, 0.0)?,
-        ))
+    pub fn spares_s(&self) -> Option<(f64, f64)> {
+        Some((self.spares.quantile(0.5)?, self.spares.quantile(0.0)?))
     }
-}
-
-/// The nearest-rank quantile of sorted values.
-pub(crate) fn quantile<T: Copy>(sorted: &[T], fraction: f64) -> Option<T> {
-    let rank = (fraction.clamp(0.0, 1.0) * sorted.len() as f64).ceil() as usize;
-    sorted.get(rank.saturating_sub(1)).copied()
-}
-
-fn sorted_quantile(times_s: &[f32], fraction: f64) -> Option<f32> {
-    let mut sorted = times_s.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    quantile(&sorted, fraction)
 }
 
 impl fmt::Display for Timings {

@@ -1,6 +1,7 @@
 //! To the wire: answers (`Ack`, `Nack`, `Status`). They take no credit and go before the next packet of a frame.
 
 use super::Server;
+use super::clock::Sync;
 use crate::link::LinkError;
 use crate::scene::Exposure;
 use crate::timing::FrameTimes;
@@ -76,7 +77,7 @@ impl Server {
         let exchange = &channel.exchange;
         let camera = &self.settings.camera;
         let detector = &camera.detector;
-        let sync = self.clock.sync(Instant::now());
+        let sync = self.sync(Instant::now());
         let last = of.and_then(|of| of.last.as_ref());
         let exposed = |at: fn(&Exposure) -> Epoch| {
             let exposure = last.and_then(|last| last.exposure.as_ref());
@@ -100,10 +101,7 @@ impl Server {
             frame_rate_hz: camera.rate_hz,
             next_frame: self.next_frame,
             packets_sent: exchange.credit.sent(),
-            sync: match self.paused {
-                true => SyncState::Paused,
-                false => sync.state,
-            },
+            sync: sync.state,
             clock_offset_s: sync.offset_s,
             exposure_start: exposed(|exposure| exposure.start),
             exposure_end: exposed(|exposure| exposure.end),
@@ -116,6 +114,16 @@ impl Server {
                 ..self.counters()
             },
         }
+    }
+
+    /// What the clock goes by for the client's time, or that exposures are paused.
+    pub(super) fn sync(&self, now: Instant) -> Sync {
+        let sync = self.clock.sync(now);
+        let state = match self.clock.is_paused() {
+            true => SyncState::Paused,
+            false => sync.state,
+        };
+        Sync { state, ..sync }
     }
 
     /// The emulator's present time: that of the last attitude.

@@ -7,7 +7,6 @@ use crate::link::Mark;
 use crate::metrics::Snapshot;
 use crate::scene::Exposure;
 use crate::timing::FrameTimes;
-use skyloop_protocols::SyncState;
 use std::time::{Duration, Instant};
 
 /// Frames whose times are waited for at most: as many as links' queues may hold, and some.
@@ -158,12 +157,9 @@ impl Server {
         let mut snapshot = links.next().unwrap_or_default();
         snapshot.further = links.collect();
         snapshot.counters = self.counters().iter().collect();
-        let sync = self.clock.sync(now);
+        let sync = self.sync(now);
         snapshot.clock_offset_s = Some(sync.offset_s);
-        snapshot.sync = Some(match self.paused {
-            true => SyncState::Paused.code(),
-            false => sync.state.code(),
-        });
+        snapshot.sync = Some(sync.state.code());
         metrics.publish(snapshot);
         self.looked = Some(now);
     }

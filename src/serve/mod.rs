@@ -106,8 +106,6 @@ pub struct Server {
     personality: &'static Personality,
     kind: Kind,
     clock: Box<dyn Clock>,
-    /// Whether the client has stopped it.
-    paused: bool,
     staleness: Staleness,
     out_of_order: OutOfOrder,
     delay: Delay,
@@ -184,7 +182,6 @@ impl Server {
             personality,
             kind: clock,
             clock: clock::of(clock, &run, camera.rate_hz),
-            paused: false,
             staleness: run.staleness,
             out_of_order: run.out_of_order,
             delay: run.delay,
@@ -415,7 +412,7 @@ impl Server {
 
     /// All begins anew: another client, or a Reset of the one that brings the truth.
     fn clear_truth(&mut self, now: Instant) {
-        (self.truth, self.paused) = (Truth::default(), false);
+        self.truth = Truth::default();
         self.forsake();
         self.settings.camera = self.settings.configured.clone();
         let waited = self.clock.clear(self.settings.camera.rate_hz, now);

@@ -73,7 +73,7 @@ impl Server {
                         detail: "SingleShot: no attitude yet; send one first".to_string(),
                     });
                 }
-                if self.paused {
+                if self.clock.is_paused() {
                     return Err(Refusal {
                         reason: Reason::Busy,
                         detail: "SingleShot: exposures are paused; send Resume first".to_string(),
@@ -87,12 +87,12 @@ impl Server {
             }
             Command::Pause => {
                 self.must_rest("Pause")?;
-                if !std::mem::replace(&mut self.paused, true) {
+                if !self.clock.is_paused() {
                     self.clock.pause(arrived);
                 }
             }
             Command::Resume => {
-                if std::mem::take(&mut self.paused) {
+                if self.clock.is_paused() {
                     self.clock.resume(arrived);
                 }
             }

@@ -91,6 +91,11 @@ impl Cadence {
         (self.paused, self.guessed, self.next) = (true, true, None);
     }
 
+    /// Whether it is paused.
+    pub fn is_paused(&self) -> bool {
+        self.paused
+    }
+
     /// The scene's time goes on from where it stands, until another is told; the first exposure ends a period later.
     pub fn resume(&mut self, at: Instant) {
         if !std::mem::take(&mut self.paused) {

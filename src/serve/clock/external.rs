@@ -158,6 +158,10 @@ impl Clock for External {
         self.cadence.pause(now);
     }
 
+    fn is_paused(&self) -> bool {
+        self.cadence.is_paused()
+    }
+
     fn resume(&mut self, now: Instant) {
         self.cadence.resume(now);
         // They have waited for this, and for nothing of ours.

@@ -135,6 +135,9 @@ pub trait Clock: Send {
     /// Nothing is due any more but what has ended, and the scene's time stands still.
     fn pause(&mut self, now: Instant);
 
+    /// Whether it is paused.
+    fn is_paused(&self) -> bool;
+
     /// All goes on after a pause.
     fn resume(&mut self, now: Instant);
 

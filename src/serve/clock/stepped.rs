@@ -93,6 +93,10 @@ impl Clock for Stepped {
         self.paused = true;
     }
 
+    fn is_paused(&self) -> bool {
+        self.paused
+    }
+
     fn resume(&mut self, now: Instant) {
         self.paused = false;
         // They have waited for this, and for nothing of ours.

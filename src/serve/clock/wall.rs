@@ -56,6 +56,10 @@ impl Clock for Wall {
         self.cadence.pause(now);
     }
 
+    fn is_paused(&self) -> bool {
+        self.cadence.is_paused()
+    }
+
     fn resume(&mut self, now: Instant) {
         self.cadence.resume(now);
     }

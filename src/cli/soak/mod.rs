@@ -1,18 +1,20 @@
 //! `skyloop soak`: minutes of a live run against a client of its own, and a verdict on deadlines and latencies.
 
+mod joining;
+
 use super::{Orbits, Records, live, mission};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
+use joining::{Arrival, Joining};
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::engine::Emulator;
 use skyloop::flight;
-use skyloop::host::{Host, Memory};
+use skyloop::host::Host;
 use skyloop::junit;
 use skyloop::link::{self, Roles};
 use skyloop::serve::{Left, OnLeft, Server};
 use skyloop::soak::{Camera, Limits, Measured, Report};
 use skyloop::stats::{row, table};
-use skyloop::timing::FrameTimes;
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
@@ -21,11 +23,10 @@ use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::decimal;
 use skyloop_protocols::Counters;
 use skyloop_protocols::personality::NATIVE;
-use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
 
 /// Arguments of `skyloop soak`.
@@ -66,9 +67,6 @@ pub struct Args {
     #[command(flatten)]
     orbits: Orbits,
 }
-
-/// How long a frame's last packet may be on its way at the end.
-const PARTING: Duration = Duration::from_secs(1);
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
@@ -119,7 +117,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     help.serve(0, &mut server);
     server.fits().map_err(anyhow::Error::msg)?;
     let (to_tell, left) = channel::<(usize, Left)>();
-    let (arrived, arrivals) = channel::<(usize, u32, Instant)>();
+    let (arrived, arrivals) = channel::<Arrival>();
     let tells = |number: usize| -> OnLeft {
         let to_tell = to_tell.clone();
         // Who joins the times has gone only at the end.
@@ -164,7 +162,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let interrupted = &interrupted;
     let (stop, over) = (&stop, AtomicBool::new(false));
     let (over, listening) = (&over, listening(&mission));
-    let takes = |number: usize, arrived: Sender<(usize, u32, Instant)>| {
+    let takes = |number: usize, arrived: Sender<Arrival>| {
         move |event: Event<'_>| {
             if let Event::Frame { frame, .. } = &event {
                 let _ = arrived.send((number, frame.header.frame, frame.whole_at));
@@ -184,28 +182,23 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                 name: name.to_string(),
                 latencies: limits.latencies(),
             });
-            let mut joining = Joining {
-                cameras: cameras.collect(),
-                memory: Memory::over(length),
-                ..Joining::default()
-            };
+            let mut joining = Joining::new(cameras.collect(), length);
             joining.join(left, arrivals);
             joining
         });
-        let (mut serving, mut taking) = (Vec::new(), Vec::new());
-        for (number, mut head, port, roles) in heads {
-            serving.push(scope.spawn(move || {
-                head.run(stop, None, |_| {});
-                head
-            }));
+        let serve = |mut server: Server| {
+            scope.spawn(move || {
+                server.run(stop, None, |_| {});
+                server
+            })
+        };
+        let (mut serving, mut taking) = (vec![serve(server)], Vec::new());
+        for (number, head, port, roles) in heads {
+            serving.push(serve(head));
             let (mission, see) = (listening.clone(), takes(number, arrived.clone()));
             let client = FlightComputer::on_links(vec![(port, roles)], mission);
             taking.push(scope.spawn(move || client.taking_only().run(see).err()));
         }
-        serving.push(scope.spawn(move || {
-            server.run(stop, None, |_| {});
-            server
-        }));
         let see = takes(0, arrived);
         let flown = FlightComputer::new(port, mission).taking_only().run(see);
         over.store(true, Ordering::Relaxed);
@@ -237,13 +230,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         }
     }
     counts.retain(|(_, count)| *count > 0);
-    // The first camera is the last that was closed.
-    let order = closed
-        .iter()
-        .rev()
-        .take(1)
-        .chain(closed.iter().rev().skip(1).rev());
-    let missed = order.map(|(_, counters)| counters.exposures_missed);
+    let missed = closed.iter().map(|(_, counters)| counters.exposures_missed);
     let (first, memory) = (joining.first, joining.memory);
     let cameras = joining.end(ended, &missed.collect::<Vec<_>>());
     let minutes = begin.elapsed().as_secs_f64() / 60.0;
@@ -301,95 +288,6 @@ fn listening(mission: &Mission) -> Mission {
     Mission {
         pace: Pace::Listen,
         ..mission.clone()
-    }
-}
-
-/// Times as the clients have them: from each frame's trigger to its last packet there. A frame that never came whole has missed its deadline. And the memory
-/// that is held meanwhile.
-#[derive(Default)]
-struct Joining {
-    /// Frames that have left, and that have come, by camera and number.
-    way: BTreeMap<(usize, u32), Left>,
-    came: BTreeMap<(usize, u32), Instant>,
-    cameras: Vec<Camera>,
-    /// Exposures without a frame that were booked, by camera.
-    missed: BTreeMap<usize, u32>,
-    /// The last frame of each that has left.
-    last: BTreeMap<usize, u32>,
-    /// When the first came.
-    first: Option<Instant>,
-    memory: Memory,
-}
-
-impl Joining {
-    /// Until nobody tells of frames any more.
-    fn join(&mut self, left: Receiver<(usize, Left)>, arrivals: Receiver<(usize, u32, Instant)>) {
-        let begin = Instant::now();
-        for (camera, told) in left {
-            let frame = told.times.frame;
-            self.without_frame(camera, told.missed, frame, "before it");
-            self.last.insert(camera, frame);
-            self.way.insert((camera, frame), told);
-            arrivals
-                .try_iter()
-                .for_each(|arrival| self.arrived(arrival));
-            self.settle();
-            self.memory.see(begin.elapsed());
-        }
-        self.memory.end();
-        let over = Instant::now() + PARTING;
-        while !self.way.is_empty() {
-            let rest = over.saturating_duration_since(Instant::now());
-            let Ok(arrival) = arrivals.recv_timeout(rest) else {
-                break;
-            };
-            self.arrived(arrival);
-            self.settle();
-        }
-    }
-
-    fn arrived(&mut self, (camera, frame, at): (usize, u32, Instant)) {
-        self.first.get_or_insert(at);
-        self.came.insert((camera, frame), at);
-    }
-
-    /// Books the exposures that a camera has passed over until now.
-    fn without_frame(&mut self, camera: usize, missed: u32, frame: u32, side: &'static str) {
-        let booked = self.missed.entry(camera).or_default();
-        let count = missed.saturating_sub(std::mem::replace(booked, missed));
-        if let Some(camera) = self.cameras.get_mut(camera) {
-            camera.latencies.add_without_frame(count, frame, side);
-        }
-    }
-
-    /// Books frames that have left and come.
-    fn settle(&mut self) {
-        let (came, cameras) = (&mut self.came, &mut self.cameras);
-        self.way.retain(|key, told| match came.remove(key) {
-            None => true,
-            Some(at) => {
-                if let Some(camera) = cameras.get_mut(key.0) {
-                    let times = told.times.ended(told.trigger, told.deadline, at);
-                    camera.latencies.add(&times);
-                }
-                false
-            }
-        });
-    }
-
-    /// All of it: what never came counts, but for what still had time when the clients left; and so do the exposures without a frame, by camera.
-    fn end(mut self, ended: Instant, missed: &[u32]) -> Vec<Camera> {
-        for ((camera, frame), told) in std::mem::take(&mut self.way) {
-            let was_due = told.deadline.is_some_and(|deadline| deadline < ended);
-            if let Some(camera) = self.cameras.get_mut(camera).filter(|_| was_due) {
-                camera.latencies.add(&FrameTimes::incomplete(frame));
-            }
-        }
-        for (camera, missed) in missed.iter().enumerate() {
-            let last = self.last.get(&camera).copied().unwrap_or_default();
-            self.without_frame(camera, *missed, last, "after it");
-        }
-        self.cameras
     }
 }
 

@@ -1,0 +1,114 @@
+//! Departures and arrivals of a long run's frames, joined by camera and number.
+
+use skyloop::host::Memory;
+use skyloop::serve::Left;
+use skyloop::soak::Camera;
+use skyloop::timing::FrameTimes;
+use std::collections::BTreeMap;
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+/// How long a frame's last packet may be on its way at the end.
+const PARTING: Duration = Duration::from_secs(1);
+
+/// A frame that came whole: its camera, its number, and when.
+pub type Arrival = (usize, u32, Instant);
+
+/// Times as the clients have them: from each frame's trigger to its last packet there. A frame that never came whole has missed its deadline. And the memory
+/// that is held meanwhile.
+#[derive(Default)]
+pub struct Joining {
+    /// Frames that have left, and that have come, by camera and number.
+    way: BTreeMap<(usize, u32), Left>,
+    came: BTreeMap<(usize, u32), Instant>,
+    cameras: Vec<Camera>,
+    /// Exposures without a frame that were booked, by camera.
+    missed: BTreeMap<usize, u32>,
+    /// The last frame of each that has left.
+    last: BTreeMap<usize, u32>,
+    /// When the first came.
+    pub first: Option<Instant>,
+    /// What was held meanwhile.
+    pub memory: Memory,
+}
+
+impl Joining {
+    /// Of `cameras`, for so long.
+    pub fn new(cameras: Vec<Camera>, length: Duration) -> Joining {
+        Joining {
+            cameras,
+            memory: Memory::over(length),
+            ..Joining::default()
+        }
+    }
+
+    /// Until nobody tells of frames any more.
+    pub fn join(&mut self, left: Receiver<(usize, Left)>, arrivals: Receiver<Arrival>) {
+        let begin = Instant::now();
+        for (camera, told) in left {
+            let frame = told.times.frame;
+            self.without_frame(camera, told.missed, frame, "before it");
+            self.last.insert(camera, frame);
+            self.way.insert((camera, frame), told);
+            arrivals
+                .try_iter()
+                .for_each(|arrival| self.arrived(arrival));
+            self.settle();
+            self.memory.see(begin.elapsed());
+        }
+        self.memory.end();
+        let over = Instant::now() + PARTING;
+        while !self.way.is_empty() {
+            let rest = over.saturating_duration_since(Instant::now());
+            let Ok(arrival) = arrivals.recv_timeout(rest) else {
+                break;
+            };
+            self.arrived(arrival);
+            self.settle();
+        }
+    }
+
+    fn arrived(&mut self, (camera, frame, at): Arrival) {
+        self.first.get_or_insert(at);
+        self.came.insert((camera, frame), at);
+    }
+
+    /// Books the exposures that a camera has passed over until now.
+    fn without_frame(&mut self, camera: usize, missed: u32, frame: u32, side: &'static str) {
+        let booked = self.missed.entry(camera).or_default();
+        let count = missed.saturating_sub(std::mem::replace(booked, missed));
+        if let Some(camera) = self.cameras.get_mut(camera) {
+            camera.latencies.add_without_frame(count, frame, side);
+        }
+    }
+
+    /// Books frames that have left and come.
+    fn settle(&mut self) {
+        let (came, cameras) = (&mut self.came, &mut self.cameras);
+        self.way.retain(|key, told| match came.remove(key) {
+            None => true,
+            Some(at) => {
+                if let Some(camera) = cameras.get_mut(key.0) {
+                    let times = told.times.ended(told.trigger, told.deadline, at);
+                    camera.latencies.add(&times);
+                }
+                false
+            }
+        });
+    }
+
+    /// All of it: what never came counts, but for what still had time when the clients left; and so do the exposures without a frame, by camera.
+    pub fn end(mut self, ended: Instant, missed: &[u32]) -> Vec<Camera> {
+        for ((camera, frame), told) in std::mem::take(&mut self.way) {
+            let was_due = told.deadline.is_some_and(|deadline| deadline < ended);
+            if let Some(camera) = self.cameras.get_mut(camera).filter(|_| was_due) {
+                camera.latencies.add(&FrameTimes::incomplete(frame));
+            }
+        }
+        for (camera, missed) in missed.iter().enumerate() {
+            let last = self.last.get(&camera).copied().unwrap_or_default();
+            self.without_frame(camera, *missed, last, "after it");
+        }
+        self.cameras
+    }
+}
