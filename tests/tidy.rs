@@ -124,7 +124,7 @@ const FENCES: &[(&str, &[&str])] = &[
             "output/passes",
         ],
     ),
-    ("mimalloc::", &["main"]),
+    ("snmalloc_rs::", &["main"]),
     ("rand::", &["measure/frames"]),
     ("rand_distr::", &["measure/frames"]),
     ("toml::", &["load"]),

@@ -35,7 +35,7 @@ pub(super) fn schedule(priority: u8) -> Result<(), String> {
 
 /// Locks what the process has and will have, each page when it is first touched.
 ///
-/// Not before: the allocator reserves a gigabyte at once, which would all be filled (0.1 to 2 s of a start, and as much memory).
+/// Not before: the allocator reserves far more addresses than it ever uses, which would all be filled.
 pub(super) fn lock_memory() -> Result<(), String> {
     let limit = getrlimit(Resource::Memlock).current;
     let without_limit =
@@ -135,22 +135,27 @@ mod tests {
         assert_eq!(fifo(), None);
     }
 
-    #[test]
-    fn a_priority_that_is_not_granted_names_the_capability_and_the_limit() {
-        let granted = without_capabilities(&priority(99));
-        // A limit that allows it (ulimit -r 99) does without.
-        let allowed = getrlimit(Resource::Rtprio)
-            .current
-            .is_none_or(|most| most >= 99);
-        assert_eq!(granted.is_all(), allowed, "{granted}");
-        let words: &[&str] = match allowed {
-            true => &["SCHED_FIFO 99"],
-            false => &["SCHED_FIFO 99 not granted", "CAP_SYS_NICE", "ulimit -r 99"],
-        };
-        let text = granted.to_string();
-        for word in words {
+    /// Without capabilities it is granted where a limit allows it, and else told as refused, with the remedy.
+    #[track_caller]
+    fn is_up_to_a_limit(asked: &Asked, allowed: bool, granted: &[&str], refused: &[&str]) {
+        let told = without_capabilities(asked);
+        assert_eq!(told.is_all(), allowed, "{told}");
+        let text = told.to_string();
+        for word in if allowed { granted } else { refused } {
             assert!(text.contains(word), "no {word:?} in {text}");
         }
+    }
+
+    #[test]
+    fn a_priority_that_is_not_granted_names_the_capability_and_the_limit() {
+        // A limit that allows it (ulimit -r 99) does without.
+        let most = getrlimit(Resource::Rtprio).current;
+        is_up_to_a_limit(
+            &priority(99),
+            most.is_none_or(|most| most >= 99),
+            &["SCHED_FIFO 99"],
+            &["SCHED_FIFO 99 not granted", "CAP_SYS_NICE", "ulimit -r 99"],
+        );
     }
 
     #[test]
@@ -159,17 +164,12 @@ mod tests {
             lock_memory: true,
             ..Asked::default()
         };
-        let granted = without_capabilities(&asked);
-        let allowed = getrlimit(Resource::Memlock).current.is_none();
-        assert_eq!(granted.is_all(), allowed, "{granted}");
-        let words: &[&str] = match allowed {
-            true => &["memory locked"],
-            false => &["memory not locked", "CAP_IPC_LOCK", "ulimit -l unlimited"],
-        };
-        let text = granted.to_string();
-        for word in words {
-            assert!(text.contains(word), "no {word:?} in {text}");
-        }
+        is_up_to_a_limit(
+            &asked,
+            getrlimit(Resource::Memlock).current.is_none(),
+            &["memory locked"],
+            &["memory not locked", "CAP_IPC_LOCK", "ulimit -l unlimited"],
+        );
     }
 
     #[test]

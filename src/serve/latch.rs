@@ -1,6 +1,6 @@
 //! An attitude from the wire becomes the latched vehicle state, or is refused.
 
-use super::clock::{Due, Heard, MAX_WAITING};
+use super::clock::{Due, Heard, MAX_WAITING, SURE_S};
 use super::receive::Refusal;
 use super::{Latched, Server};
 use crate::attitude::{AttitudeError, VehicleState};
@@ -72,7 +72,7 @@ impl Server {
             return Err(Refusal {
                 reason: Reason::ValueOutOfRange,
                 detail: format!(
-                    "time of attitude {} lies {ahead_s:.3} s ahead of the client's clock; that is followed when it goes on so for 0.25 s",
+                    "time of attitude {} lies {ahead_s:.3} s ahead of the client's clock; that is followed when it goes on so for {SURE_S} s",
                     attitude.sequence
                 ),
             });

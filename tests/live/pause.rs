@@ -10,13 +10,33 @@ use skyloop_firmware_sim::flight_computer::{FlightComputer, Pause};
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_orbit::time::parse_utc;
-use skyloop_protocols::{Command, Reason, Status, SyncState};
+use skyloop_protocols::{Command, Reason, Status, SyncState, WireTime};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 const RATE_HZ: f64 = 50.0;
 /// X-Val: ten periods.
 const WHILE: Duration = Duration::from_millis(200);
+
+/// A client that takes all that it is shown, and has told one attitude.
+fn shown(clock: Clock) -> (Running, Client<MemoryLine>) {
+    let (emulator, line) = on_memory(quick(RATE_HZ), clock);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.send(Command::Credit { packets: 1 << 20 });
+    client.point(attitude(1), EPOCH);
+    (emulator, client)
+}
+
+/// How many periods of the cadence the middle of a frame's exposure, a whole number of them after its end, lies after `from`.
+fn periods(from: WireTime, frame: &Received) -> f64 {
+    let periods = (seconds(from, frame.time) + 0.005) * RATE_HZ;
+    assert!(
+        (periods - periods.round()).abs() < 1e-5 && periods > 0.5,
+        "{periods}"
+    );
+    periods
+}
 
 /// Pauses, and takes what is still under way; the status then, in which nothing more comes for a while.
 fn paused<L: Line>(client: &mut Client<L>) -> (Vec<Received>, Status) {
@@ -44,11 +64,7 @@ fn paused<L: Line>(client: &mut Client<L>) -> (Vec<Received>, Status) {
 
 #[test]
 fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
-    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::Wall);
-    let mut client = Client::new(line);
-    client.window = None;
-    client.send(Command::Credit { packets: 1 << 20 });
-    client.point(attitude(1), EPOCH);
+    let (_emulator, mut client) = shown(Clock::Wall);
     let mut frames = vec![client.frame()];
     let (more, before) = paused(&mut client);
     frames.extend(more);
@@ -98,11 +114,7 @@ fn by_the_wall_clock_exposures_stop_and_time_goes_on_from_where_it_stood() {
 
 #[test]
 fn an_attitude_that_comes_during_a_pause_tells_where_time_stands() {
-    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::Wall);
-    let mut client = Client::new(line);
-    client.window = None;
-    client.send(Command::Credit { packets: 1 << 20 });
-    client.point(attitude(1), EPOCH);
+    let (_emulator, mut client) = shown(Clock::Wall);
     client.frame();
     paused(&mut client);
     let to = later(EPOCH, 300.0);
@@ -113,11 +125,7 @@ fn an_attitude_that_comes_during_a_pause_tells_where_time_stands() {
     client.done(Command::Resume);
     let frame = client.frame();
     assert_eq!(frame.header.attitude_sequence, 2);
-    let periods = (seconds(to, frame.time) + 0.005) * RATE_HZ;
-    assert!(
-        (periods - periods.round()).abs() < 1e-5 && periods > 0.5,
-        "{periods}"
-    );
+    let periods = periods(to, &frame);
     // Not what passed meanwhile, by any means: but a machine that stood still may have missed some.
     assert!(
         periods < 1.5 + f64::from(client.status().counters.exposures_missed),
@@ -191,11 +199,7 @@ fn a_pause_waits_for_a_single_shot() {
 
 #[test]
 fn by_the_clients_clock_a_pause_may_be_as_long_as_it_likes() {
-    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::External);
-    let mut client = Client::new(line);
-    client.window = None;
-    client.send(Command::Credit { packets: 1 << 20 });
-    client.point(attitude(1), EPOCH);
+    let (_emulator, mut client) = shown(Clock::External);
     client.frame();
     let (_, before) = paused(&mut client);
     // A client whose time stands still, told again and again, and one that sets it by an hour: neither is a jump.
@@ -217,22 +221,14 @@ fn by_the_clients_clock_a_pause_may_be_as_long_as_it_likes() {
     let to = later(EPOCH, 3600.0);
     client.point(attitude(5), to);
     let frame = crate::frame_of(&mut client, 5);
-    let periods = (seconds(to, frame.time) + 0.005) * RATE_HZ;
-    assert!(
-        (periods - periods.round()).abs() < 1e-5 && periods > 0.5,
-        "{periods}"
-    );
+    periods(to, &frame);
     assert_eq!(client.status().clock_offset_s, 0.0);
 }
 
 #[test]
 fn a_client_that_has_gone_back_in_time_meanwhile_is_followed() {
     for clock in [Clock::Wall, Clock::External] {
-        let (_emulator, line) = on_memory(quick(RATE_HZ), clock);
-        let mut client = Client::new(line);
-        client.window = None;
-        client.send(Command::Credit { packets: 1 << 20 });
-        client.point(attitude(1), EPOCH);
+        let (_emulator, mut client) = shown(clock);
         client.frame();
         paused(&mut client);
         // While it is paused, and after it.

@@ -12,7 +12,7 @@ const JUMP_S: f64 = 0.25;
 /// Times are off alike that differ by no more than this, s.
 const ALIKE_S: f64 = 0.1;
 /// It has been set where all that it tells for so long is off alike, s.
-const SURE_S: f64 = 0.25;
+pub const SURE_S: f64 = 0.25;
 
 /// What is known of the client's clock.
 #[derive(Debug, Default)]

@@ -7,6 +7,7 @@ mod stepped;
 mod wall;
 
 pub use cadence::Cadence;
+pub(super) use discipline::SURE_S;
 
 use super::Latched;
 use super::receive::Refusal;
