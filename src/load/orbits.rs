@@ -144,6 +144,8 @@ pub struct Gathered {
 /// Adds `new` objects to `objects`, whose `register` it keeps; element sets of those that are there to them.
 pub fn gather(objects: &mut Vec<Object>, register: &mut Register, new: Vec<Object>) -> Gathered {
     let mut gathered = Gathered::default();
+    objects.reserve(new.len());
+    register.reserve(new.len());
     for object in new {
         let place = register.place(&object);
         let Some((place, known)) = place.and_then(|at| Some((at, objects.get_mut(at)?))) else {

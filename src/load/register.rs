@@ -23,6 +23,12 @@ impl Register {
         register
     }
 
+    /// Makes room for so many more.
+    pub fn reserve(&mut self, more: usize) {
+        self.ids.reserve(more);
+        self.designators.reserve(more);
+    }
+
     /// Adds an object, unless one of its names is taken.
     pub fn insert(&mut self, object: &Object, place: usize) {
         self.ids.entry(id(object)).or_insert(place);

@@ -193,7 +193,8 @@ impl From<Contents> for Loaded {
     /// Sets of one catalogue number become one object, with every set that differs.
     fn from(contents: Contents) -> Self {
         let mut objects = contents.ephemerides;
-        let mut places = HashMap::new();
+        let mut places = HashMap::with_capacity(contents.records.len());
+        objects.reserve(contents.records.len());
         for record in contents.records {
             let object = Object::from(record);
             let place = *places.entry(object.id.clone()).or_insert(objects.len());

@@ -120,10 +120,12 @@ impl Batch {
     ///
     /// Errors: the first set that the model cannot start from.
     pub fn new(sets: &[Elements]) -> Result<Batch, ModelError> {
-        let figures: Vec<Figures> = sets
+        let figures: Vec<Result<Figures, ModelError>> = sets
             .par_iter()
             .map(|elements| Figures::of(&elements.constants()?))
-            .collect::<Result<_, _>>()?;
+            .collect();
+        // In its place: catalogues are long.
+        let figures: Vec<Figures> = figures.into_iter().collect::<Result<_, _>>()?;
         let mut batch = Batch {
             level: Level::best(),
             near: Vec::new(),
