@@ -53,7 +53,9 @@ pub fn add_without(
         let why = loaded.pick(None).err().unwrap_or_default();
         return Err(ConfigError::Orbit(format!("{name}: {why}")));
     }
-    loaded.objects.retain(|object| !without.has(object));
+    if !without.is_empty() {
+        loaded.objects.retain(|object| !without.has(object));
+    }
     let mut register = Register::of(objects);
     let Gathered { joined, refused } = gather(objects, &mut register, loaded.objects);
     let refused = refused.iter().map(|why| format!("{name}: {why}"));

@@ -1,6 +1,7 @@
 //! Who is there already: objects by what they are called, in whatever form it is given.
 
 use skyloop_orbit::{Designator, Object, Orbit, catalogue_number};
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// Objects and their places in a list. The same object is one of the same id; of an ephemeris the catalogue number counts however it is
@@ -31,7 +32,7 @@ impl Register {
 
     /// Adds an object, unless one of its names is taken.
     pub fn insert(&mut self, object: &Object, place: usize) {
-        self.ids.entry(id(object)).or_insert(place);
+        self.ids.entry(id(object).into_owned()).or_insert(place);
         if let Some(designator) = object.designator {
             let designated = self.designators.entry((designator, is_ephemeris(object)));
             designated.or_insert(place);
@@ -40,7 +41,7 @@ impl Register {
 
     /// The place of the object that this one is.
     pub fn place(&self, object: &Object) -> Option<usize> {
-        let by_id = self.ids.get(&id(object));
+        let by_id = self.ids.get(id(object).as_ref());
         let kinds = match is_ephemeris(object) {
             true => &[true, false][..],
             false => &[true],
@@ -51,6 +52,11 @@ impl Register {
             kinds.iter().find_map(known)
         };
         by_id.or_else(by_designator).copied()
+    }
+
+    /// Whether none is there.
+    pub fn is_empty(&self) -> bool {
+        self.ids.is_empty()
     }
 
     /// Whether this object is there.
@@ -64,10 +70,11 @@ fn is_ephemeris(object: &Object) -> bool {
 }
 
 /// The object's id; an OEM may write the catalogue number in its own way.
-fn id(object: &Object) -> String {
-    match catalogue_number(&object.id) {
-        Some(number) if is_ephemeris(object) => format!("NORAD {number}"),
-        _ => object.id.clone(),
+fn id(object: &Object) -> Cow<'_, str> {
+    let number = || catalogue_number(&object.id);
+    match is_ephemeris(object).then(number).flatten() {
+        Some(number) => format!("NORAD {number}").into(),
+        None => object.id.as_str().into(),
     }
 }
 
