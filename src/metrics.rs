@@ -10,7 +10,7 @@ mod text;
 use crate::timing::Latencies;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -126,6 +126,8 @@ impl Metrics {
     }
 }
 
+/// Connections that are answered at once: whoever says nothing holds one for 2 s.
+const AT_ONCE: usize = 32;
 /// How often the thread looks for a connection, and whether it is to end.
 const POLL: Duration = Duration::from_millis(50);
 
@@ -157,7 +159,7 @@ impl Drop for Server {
 
 /// Serves the figures of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9464`, `[::1]:9464`, or a port alone, on 127.0.0.1.
 ///
-/// One connection is answered at a time, the next ones wait in the system's queue. Errors: `address` is none, or the system refuses
+/// So many connections are answered at once, each by a thread: [`AT_ONCE`]; the next ones wait in the system's queue. Errors: `address` is none, or the system refuses
 /// it; they name it and the remedy.
 pub fn serve(address: &str, cameras: Vec<Metrics>) -> io::Result<Server> {
     let refused =
@@ -198,24 +200,39 @@ fn remedy(kind: io::ErrorKind) -> &'static str {
     }
 }
 
-/// Answers one connection after another until it is told to stop.
+/// Answers connections until it is told to stop.
 fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
-    while !stop.load(Ordering::Relaxed) {
-        match listener.accept() {
-            Ok((stream, _)) => {
-                let page = || {
-                    let figures = cameras
-                        .iter()
-                        .map(|camera| (camera.head.clone(), camera.last()));
-                    text::page(&figures.collect::<Vec<_>>())
-                };
+    let page = || {
+        let figures = cameras
+            .iter()
+            .map(|camera| (camera.head.clone(), camera.last()));
+        text::page(&figures.collect::<Vec<_>>())
+    };
+    let (page, answered) = (&page, AtomicUsize::new(0));
+    let answered = &answered;
+    std::thread::scope(|scope| {
+        while !stop.load(Ordering::Relaxed) {
+            let has_room = answered.load(Ordering::Relaxed) < AT_ONCE;
+            let Some(Ok((stream, _))) = has_room.then(|| listener.accept()) else {
+                // None is there; or one has gone already, or the system is out of something for now.
+                std::thread::sleep(POLL);
+                continue;
+            };
+            answered.fetch_add(1, Ordering::Relaxed);
+            let answer = move || {
                 // Whoever hangs up early has had his answer.
                 let _ = http::answer(stream, page, stop);
+                answered.fetch_sub(1, Ordering::Relaxed);
+            };
+            // Where the system has no thread left the connection is closed without an answer.
+            if std::thread::Builder::new()
+                .spawn_scoped(scope, answer)
+                .is_err()
+            {
+                answered.fetch_sub(1, Ordering::Relaxed);
             }
-            // None is there; or one has gone already, or the system is out of something for now.
-            Err(_) => std::thread::sleep(POLL),
         }
-    }
+    });
 }
 
 #[cfg(test)]

@@ -54,6 +54,17 @@ pub enum Help {
     Cpus(Vec<usize>),
 }
 
+impl Help {
+    /// The key of the run file that asks for it.
+    fn key(&self) -> &'static str {
+        match self {
+            Help::Priority(_) => "run.priority",
+            Help::Memory => "run.lock_memory",
+            Help::Cpus(_) => "run.cpus",
+        }
+    }
+}
+
 /// What became of it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Grant {
@@ -76,7 +87,7 @@ impl fmt::Display for Grant {
         }?;
         self.refused
             .as_ref()
-            .map_or(Ok(()), |why| write!(f, " ({why})"))
+            .map_or(Ok(()), |why| write!(f, " ({}: {why})", self.help.key()))
     }
 }
 
@@ -217,7 +228,7 @@ mod tests {
         assert!(!some.is_all());
         assert_eq!(
             some.to_string(),
-            "SCHED_FIFO 99 not granted (why); memory not locked (limit); CPU 3; CPU 7 not granted (not there)"
+            "SCHED_FIFO 99 not granted (run.priority: why); memory not locked (run.lock_memory: limit); CPU 3; CPU 7 not granted (run.cpus: not there)"
         );
         assert_eq!(
             serde_json::to_string(&some).unwrap(),

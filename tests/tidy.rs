@@ -34,7 +34,7 @@ const LAYERS: &[&[&str]] = &[
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
         "burst", "console", "datagram", "earth", "image", "pacing", "pointing", "port", "reader",
-        "roles", "text", "time", "times", "timings",
+        "roles", "text", "time", "times",
     ],
     &[
         "attitude_list",
@@ -42,9 +42,10 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
         "can",
         "cause",
         "serial",
+        "signed_times",
         "udp",
     ],
-    &["link", "profile", "signal"],
+    &["link", "profile", "signal", "timings"],
     &["blobs", "mission"],
     &["detector"],
     &["control", "received"],

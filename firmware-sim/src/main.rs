@@ -72,7 +72,7 @@ struct Args {
     #[arg(long, value_name = "KIND:in|out:VALUE[:S]", value_parser = parse_fault)]
     fault: Vec<Fault>,
     /// Pauses the emulator for S seconds, so long after the first attitude
-    #[arg(long, value_name = "AFTER:S", value_parser = parse_pause, requires = "wall")]
+    #[arg(long, value_name = "AFTER:S", value_parser = parse_pause, requires = "wall", allow_hyphen_values = true)]
     pause: Option<Pause>,
     #[command(flatten)]
     closed: LoopArgs,

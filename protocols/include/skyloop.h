@@ -701,8 +701,8 @@ static inline bool skyloop_is_reason(uint8_t code)
 /* What a Command asks for. */
 #define SKYLOOP_OPCODE_EXPOSURE 1U /* Exposure time of the attitudes that follow (stepped), of the next frames (wall). */
 #define SKYLOOP_OPCODE_GAIN 2U /* Conversion gain, likewise. */
-#define SKYLOOP_OPCODE_FRAME_RATE 3U /* Wall mode: cadence from now on; lets frames run again after SingleShot. */
-#define SKYLOOP_OPCODE_SINGLE_SHOT 4U /* Wall mode: one frame with the latest attitude, then the cadence rests until FrameRate. */
+#define SKYLOOP_OPCODE_FRAME_RATE 3U /* By the wall and the external clock: cadence from now on; lets frames run again after SingleShot. */
+#define SKYLOOP_OPCODE_SINGLE_SHOT 4U /* By the wall and the external clock: one frame with the latest attitude, then the cadence rests until FrameRate. */
 #define SKYLOOP_OPCODE_RESET 5U /* Configured settings, frames under way abandoned, exchange as new (section 5). */
 #define SKYLOOP_OPCODE_PING 6U /* Answered by Ack, then Status. */
 #define SKYLOOP_OPCODE_CREDIT 7U /* Pacing, section 5.3. */
@@ -861,7 +861,7 @@ typedef struct {
     skyloop_output_t output; /* What each frame brings */
     double exposure_s; /* Exposure time [s] */
     double gain_e_per_dn; /* Conversion gain [e-/DN] */
-    double frame_rate_hz; /* Cadence of the wall mode [Hz] */
+    double frame_rate_hz; /* Cadence by the wall and the external clock [Hz] */
     uint32_t next_frame; /* Number that the next frame will have */
     uint32_t packets_sent; /* Frame packets sent in this exchange, modulo 2^32 [packets] */
     uint8_t sync; /* What it goes by for the client's time */
@@ -892,7 +892,7 @@ typedef struct {
     uint32_t rejected_records; /* Records of orbit files refused at the start */
     uint32_t objects_without_state; /* Times that an object could not be shown in a frame: its orbit had no state there */
     uint32_t lost_outbound; /* Packets that never left: their client had gone or read nothing, or the system refused to send */
-    uint32_t exposures_missed; /* Wall mode: exposures that gave no frame, because the one before was not rendered or taken in time, or there was nothing to show (section 5.5) */
+    uint32_t exposures_missed; /* By the wall and the external clock: exposures that gave no frame, because the one before was not rendered or taken in time, or there was nothing to show (section 5.5) */
     uint32_t runts; /* Packets and serial frames shorter than any packet can be */
     uint32_t oversize; /* Packets and serial frames longer than any packet can be */
     uint32_t resent_blocks; /* Packets of a frame sent again because the client asked */

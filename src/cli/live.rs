@@ -1,5 +1,6 @@
 //! What a live run is given beside its links: a place for its figures, and help of the system.
 
+use anyhow::Context;
 use skyloop::config::Config;
 use skyloop::metrics::{self, Metrics};
 use skyloop::realtime::{self, Granted};
@@ -18,6 +19,11 @@ pub struct Help {
 /// the one has that starts them.
 pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     let run = &config.run;
+    let from = if address.is_some() {
+        "--metrics"
+    } else {
+        "run.metrics"
+    };
     let address = address.or(run.metrics.as_deref());
     // Before the system is asked: the thread that serves figures is like any other program's.
     let metrics = match address {
@@ -25,7 +31,7 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
         Some(address) => {
             let heads = config.heads.iter().map(|head| Metrics::of_head(&head.name));
             let places: Vec<_> = std::iter::once(Metrics::default()).chain(heads).collect();
-            let serving = metrics::serve(address, places.clone())?;
+            let serving = metrics::serve(address, places.clone()).context(from)?;
             Some((places, serving))
         }
     };

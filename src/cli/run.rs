@@ -72,10 +72,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let help = live::help(&config, args.metrics.as_deref())?;
     let links = link::open_all(urls, &options)?;
     let links = instruments.around(links)?;
-    let further = config
-        .heads
-        .iter()
-        .map(|head| link::open_further(&head.links, &options));
+    let further = config.heads.iter().map(|head| {
+        let beside = || format!("head {} beside {}", head.name, urls.join(" and "));
+        link::open_further(&head.links, &options).with_context(beside)
+    });
     let further: Vec<_> = further.collect::<Result<_, _>>()?;
     let (objects, clock) = (config.objects.len(), config.run.clock);
     let output = with_level(config.run.output, args.output.as_deref());

@@ -47,7 +47,7 @@ impl Server {
                 self.settings.change().detector.gain_e_per_dn = e_per_dn;
             }
             Command::FrameRate { hz } => {
-                self.by_cadence_only("FrameRate", "each attitude or Trigger gives its frame")?;
+                self.by_cadence_only("FrameRate")?;
                 within("FrameRate.hz", hz, RATE_HZ)?;
                 let camera = self.settings.camera.clone();
                 let most = 1.0 / camera.period_s(camera.exposure_s);
@@ -66,7 +66,7 @@ impl Server {
                 }
             }
             Command::SingleShot => {
-                self.by_cadence_only("SingleShot", "send an Attitude or a Trigger for each frame")?;
+                self.by_cadence_only("SingleShot")?;
                 if self.truth.history.latest().is_none() {
                     return Err(Refusal {
                         reason: Reason::Busy,
@@ -253,17 +253,16 @@ impl Server {
     }
 
     /// Refuses `command` where frames do not come at the camera's cadence.
-    fn by_cadence_only(&mut self, command: &str, instead: &str) -> Result<(), Refusal> {
+    fn by_cadence_only(&mut self, command: &str) -> Result<(), Refusal> {
         if self.clock.cadence().is_some() {
             return Ok(());
         }
-        let clock = match self.kind {
-            Kind::Stepped => "on the stepped clock",
-            Kind::Wall | Kind::External => "where triggers ask for frames",
-        };
+        let asks = self.clock.asks();
         Err(Refusal {
             reason: Reason::NotSupported,
-            detail: format!("{command} has no meaning {clock}: {instead}"),
+            detail: format!(
+                "{command} has no meaning where each {asks} gives its frame: send one when a frame is wanted"
+            ),
         })
     }
 }

@@ -173,7 +173,12 @@ fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
         (FaultKind::Drop, Out, 0.5, &[]),
         (FaultKind::Down, In, 1.0, &["sequence_gaps", "reconnects"]),
     ] {
+        let injected = book.lock().unwrap().total();
         burst(&mut client, kind, direction, value);
+        // What went wrong outward is the client's to notice; that it was injected is booked either way.
+        let booked = book.lock().unwrap();
+        assert!(booked.total() > injected, "{kind:?}: {}", booked.summary());
+        drop(booked);
         // The line is good again; what was on its way may still be spoilt.
         let settled = Instant::now() + Duration::from_millis(150);
         while Instant::now() < settled {

@@ -30,7 +30,7 @@ pub struct Status {
     pub exposure_s: f64,
     /// Conversion gain. Unit: e-/DN.
     pub gain_e_per_dn: f64,
-    /// Cadence of the wall mode. Unit: Hz.
+    /// Cadence by the wall and the external clock. Unit: Hz.
     pub frame_rate_hz: f64,
     /// Number that the next frame will have.
     pub next_frame: u32,

@@ -177,9 +177,9 @@ wire_enum! {
         Exposure = 1,
         /// Conversion gain, likewise.
         Gain = 2,
-        /// Wall mode: cadence from now on; lets frames run again after SingleShot.
+        /// By the wall and the external clock: cadence from now on; lets frames run again after SingleShot.
         FrameRate = 3,
-        /// Wall mode: one frame with the latest attitude, then the cadence rests until FrameRate.
+        /// By the wall and the external clock: one frame with the latest attitude, then the cadence rests until FrameRate.
         SingleShot = 4,
         /// Configured settings, frames under way abandoned, exchange as new (section 5).
         Reset = 5,

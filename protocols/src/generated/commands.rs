@@ -220,12 +220,12 @@ pub enum Command {
         /// Electrons per digital number.
         e_per_dn: f64,
     },
-    /// Wall mode: cadence from now on; lets frames run again after SingleShot.
+    /// By the wall and the external clock: cadence from now on; lets frames run again after SingleShot.
     FrameRate {
         /// Frames a second.
         hz: f64,
     },
-    /// Wall mode: one frame with the latest attitude, then the cadence rests until FrameRate.
+    /// By the wall and the external clock: one frame with the latest attitude, then the cadence rests until FrameRate.
     SingleShot,
     /// Configured settings, frames under way abandoned, exchange as new (section 5).
     Reset,

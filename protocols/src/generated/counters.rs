@@ -45,7 +45,7 @@ counters! {
     objects_without_state,
     /// Packets that never left: their client had gone or read nothing, or the system refused to send.
     lost_outbound,
-    /// Wall mode: exposures that gave no frame, because the one before was not rendered or taken in time, or there was nothing to show (section 5.5).
+    /// By the wall and the external clock: exposures that gave no frame, because the one before was not rendered or taken in time, or there was nothing to show (section 5.5).
     exposures_missed,
     /// Packets and serial frames shorter than any packet can be.
     runts,

@@ -76,10 +76,14 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     args.orbits.settle(&mut config);
     let name = args.config.display();
     let clock = config.run.clock;
-    if clock == Clock::Stepped || config.run.trigger == Trigger::Packet {
+    if clock == Clock::Stepped {
         bail!(
-            "{name}: run.clock is \"stepped\" or run.trigger \"packet\", where frames have no deadlines of their own: give a run by the \"wall\" or the \
-             \"external\" clock"
+            "{name}: run.clock is \"stepped\", where frames have no deadlines; set it to \"wall\" or \"external\""
+        );
+    }
+    if config.run.trigger == Trigger::Packet {
+        bail!(
+            "{name}: run.trigger is \"packet\", and the client of a soak sends none; leave it out, so that frames come at the camera's rate"
         );
     }
     // Before minutes are spent on them.

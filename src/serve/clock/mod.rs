@@ -91,6 +91,11 @@ pub trait Clock: Send {
     /// The camera's cadence, where frames come by it.
     fn cadence(&mut self) -> Option<&mut Cadence>;
 
+    /// What asks for frames where they do not come by the cadence.
+    fn asks(&self) -> &'static str {
+        "Trigger"
+    }
+
     /// An attitude was accepted.
     fn latched(&mut self, latched: &Latched, camera: &Arc<Camera>);
 

@@ -38,6 +38,13 @@ impl Clock for Stepped {
         None
     }
 
+    fn asks(&self) -> &'static str {
+        match self.packets {
+            true => "Trigger",
+            false => "Attitude",
+        }
+    }
+
     fn latched(&mut self, latched: &Latched, camera: &Arc<Camera>) {
         if self.packets {
             return;
