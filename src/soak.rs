@@ -46,6 +46,8 @@ pub struct Measured {
 pub struct Verdict {
     /// Of what: `deadlines`, `p99`, `memory` or `minutes`.
     pub name: &'static str,
+    /// Of which camera, where there are several.
+    pub camera: Option<String>,
     /// Whether it was.
     pub passed: bool,
     /// What was found, against what; where it was not kept, the first frame that did not.
@@ -70,8 +72,10 @@ impl Limits {
             let mut own = vec![self.deadlines(latencies)];
             own.extend(self.max_p99_ms.map(|most_ms| p99(most_ms, latencies)));
             if found.cameras.len() > 1 {
-                own.iter_mut()
-                    .for_each(|verdict| verdict.text = format!("{name}: {}", verdict.text));
+                for verdict in &mut own {
+                    verdict.text = format!("{name}: {}", verdict.text);
+                    verdict.camera = Some(name.clone());
+                }
             }
             verdicts.extend(own);
         }
@@ -81,6 +85,7 @@ impl Limits {
         verdicts.extend(most.map(|most| growth(most, &found.memory)));
         verdicts.extend(found.stopped.as_ref().map(|text| Verdict {
             name: "minutes",
+            camera: None,
             passed: false,
             text: text.clone(),
             frame: None,
@@ -108,6 +113,7 @@ impl Limits {
         };
         Verdict {
             name: "deadlines",
+            camera: None,
             passed,
             text,
             frame: first.map(|miss| miss.frame),
@@ -140,6 +146,7 @@ fn p99(most_ms: f64, found: &Latencies) -> Verdict {
     };
     Verdict {
         name: "p99",
+        camera: None,
         passed,
         text,
         frame: first.map(|slow| slow.frame),
@@ -151,6 +158,7 @@ fn growth(most: f64, memory: &Memory) -> Verdict {
     let is = if passed { "within" } else { "is not within" };
     Verdict {
         name: "memory",
+        camera: None,
         passed,
         text: format!("memory {} {is} {:+} %", memory.told(), most * 1e2),
         frame: None,

@@ -139,11 +139,11 @@ impl Latencies {
         }
     }
 
-    /// Books one frame. A frame that is not whole has missed its deadline, and no times. A time left that is no number counts as missed.
+    /// Books one frame. A frame that is not whole has no times, and has missed its deadline, if it had one. A time left that is no number counts as missed.
     pub fn add(&mut self, times: &FrameTimes) {
         self.frames += 1;
         self.incomplete += u64::from(!times.whole);
-        if !times.whole || times.spare_s < 0.0 || times.spare_s.is_nan() {
+        if times.spare_s < 0.0 || times.spare_s.is_nan() {
             self.missed += 1;
             self.miss(Miss {
                 frame: times.frame,

@@ -37,11 +37,9 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     };
     let asked = &run.realtime;
     if !asked.is_nothing() {
+        // Each of those that render, which may be there already: files are read side by side.
         let thread = asked.of_thread();
-        // One that is there already has threads that ask for nothing: there is none so early.
-        let _ = rayon::ThreadPoolBuilder::new()
-            .start_handler(move |_| drop(realtime::ask(&thread)))
-            .build_global();
+        rayon::broadcast(|_| drop(realtime::ask(&thread)));
     }
     let granted = realtime::ask(asked);
     Ok(Help { metrics, granted })

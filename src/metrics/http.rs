@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn requests_that_never_end_are_cut_off_and_others_answered_meanwhile() {
+    fn requests_that_never_end_are_cut_off_together_and_the_next_is_answered() {
         let server = server();
         // X-Val: more than are answered at once.
         let mut slow: Vec<TcpStream> = (0..40).map(|_| connect(&server)).collect();

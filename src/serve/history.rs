@@ -76,6 +76,14 @@ impl History {
         self.messages.back()
     }
 
+    /// The newest message that is not of a later time.
+    pub fn latest_by(&self, epoch: Epoch) -> Option<&Latched> {
+        let after = self
+            .messages
+            .partition_point(|message| message.vehicle.epoch <= epoch);
+        after.checked_sub(1).and_then(|at| self.messages.get(at))
+    }
+
     /// What an exposure is made with; none before the first message. One of a future too far counts only where none is near before the exposure.
     pub fn over(&self, exposure: &Exposure, staleness: &Staleness) -> Option<Pointing> {
         let (first, last) = (self.messages.front()?, self.messages.back()?);

@@ -9,7 +9,7 @@ use crate::link::{Inbound, LinkError};
 use crate::scene::{Exposure, shutter, turn_at};
 use hifitime::Epoch;
 use skyloop_firmware_sim::time::{to_epoch, to_wire};
-use skyloop_orbit::time::utc_text;
+use skyloop_orbit::time::{seconds, utc_text};
 use skyloop_protocols::{Attitude, Header, Reason};
 use std::time::Instant;
 
@@ -77,7 +77,7 @@ impl Server {
                 ),
             });
         }
-        self.in_order(epoch, attitude.sequence)?;
+        self.in_order(epoch, attitude.sequence, inbound.arrived)?;
         self.accepted += 1;
         let latched = Latched {
             vehicle,
@@ -107,9 +107,17 @@ impl Server {
         heard
     }
 
-    /// Refuses an attitude that is earlier than one before it, unless such ones are used.
-    fn in_order(&self, epoch: Epoch, sequence: u32) -> Result<(), Refusal> {
-        let Some(last) = self.truth.history.latest() else {
+    /// Refuses an attitude that is earlier than one before it, unless such ones are used. One of a future too far to be shown does not count:
+    /// a single one that is wrong would keep out all that are right.
+    fn in_order(&mut self, epoch: Epoch, sequence: u32, arrived: Instant) -> Result<(), Refusal> {
+        let cadence = self.clock.cadence();
+        let now = cadence.and_then(|cadence| cadence.scene_at(arrived));
+        let history = &self.truth.history;
+        let last = match now {
+            Some(now) => history.latest_by(now + seconds(self.staleness.limit_s)),
+            None => history.latest(),
+        };
+        let Some(last) = last else {
             return Ok(());
         };
         if epoch >= last.vehicle.epoch || self.out_of_order == OutOfOrder::Use {
@@ -124,7 +132,7 @@ impl Server {
         })
     }
 
-    /// An attitude that had been accepted may be carried to where nothing can be shown: it is refused once, and each later exposure of it is
+    /// An attitude that had been accepted may be carried to where nothing can be shown: it is refused once, and each exposure of it is
     /// missed.
     pub(super) fn refuse_later(
         &mut self,
@@ -132,8 +140,8 @@ impl Server {
         due: &Due,
         why: &str,
     ) -> Result<(), LinkError> {
+        self.miss(due);
         if self.truth.refused == Some(number) {
-            self.miss(due);
             return Ok(());
         }
         self.truth.refused = Some(number);

@@ -108,7 +108,9 @@ impl Server {
         *missed = missed.wrapping_add(u32::from(times.spare_s < 0.0));
         if let Some(channel) = self.channels.get_mut(leaving.at) {
             channel.latencies.add(&times);
-            channel.last = Some(left);
+            if times.whole {
+                channel.last = Some(left);
+            }
         }
         if let Some(told) = &mut self.on_left {
             told(&left);

@@ -90,7 +90,10 @@ impl Report {
             .map(|(name, value)| format!("{name}: {value}\n"))
             .collect();
         let case = |verdict: &Verdict| Case {
-            name: verdict.name.to_string(),
+            name: match &verdict.camera {
+                None => verdict.name.to_string(),
+                Some(camera) => format!("{} of {camera}", verdict.name),
+            },
             classname: format!("skyloop.soak.{}", self.scene.replace(['.', ' '], "_")),
             seconds: self.minutes * 60.0,
             failure: (!verdict.passed).then(|| (verdict.text.clone(), verdict.text.clone())),

@@ -261,7 +261,7 @@ fn a_thousand_clients_leave_nothing_behind() {
         }
     }
     let after = held(process.id());
-    // X-Val: 900 clients that leave a file, a thread or 50 kB each; the runtime's idle threads come and go, and the allocator takes 32 MiB at once.
+    // X-Val: 900 clients that leave a file, a thread or 50 kB each; the runtime's idle threads come and go, and memory is taken by the megabyte.
     assert_eq!(after[0], before[0], "files: {before:?} {after:?}");
     assert!(after[1] < before[1] + 9, "threads: {before:?} {after:?}");
     assert!(after[2] < before[2] + 45_000, "{before:?} {after:?} kB");

@@ -200,3 +200,43 @@ fn steps_that_make_nothing_coarser_and_delays_that_no_deadline_allows_are_warned
         "frames come late, and nobody asked for more"
     );
 }
+
+/// Help that is granted is that of the threads that render, whatever was read with them before.
+#[cfg(target_os = "linux")]
+#[test]
+fn processors_that_are_granted_are_those_of_all_threads() {
+    let own = std::fs::read_to_string("/proc/self/status").unwrap();
+    let allowed = |status: &str| {
+        let line = status
+            .lines()
+            .find_map(|line| line.strip_prefix("Cpus_allowed_list:"));
+        line.unwrap().trim().to_string()
+    };
+    let list = allowed(&own);
+    let last = list.rsplit([',', '-']).next().unwrap();
+    let here = tempfile::tempdir().unwrap();
+    let orbit = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/scenes/leo-570.tle");
+    let config = here.path().join("run.toml");
+    let text = format!(
+        "[observer]\norbit = {orbit:?}\n[run]\nlink = \"udp://127.0.0.1:0\"\ncpus = [{last}]\n"
+    );
+    std::fs::write(&config, text).unwrap();
+    let process = Process::of(
+        &["run", "--config", &config.display().to_string()],
+        "listening on ",
+    );
+    let threads = std::fs::read_dir(format!("/proc/{}/task", process.id())).unwrap();
+    let mut rendering = 0;
+    for thread in threads {
+        let folder = thread.unwrap().path();
+        // One that ends meanwhile is none.
+        let Ok(status) = std::fs::read_to_string(folder.join("status")) else {
+            continue;
+        };
+        assert_eq!(allowed(&status), last, "{status}");
+        rendering += 1;
+    }
+    assert!(rendering > 1, "{rendering}");
+    process.signal("-INT");
+    assert_eq!(process.end().0, Some(0));
+}

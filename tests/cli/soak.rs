@@ -130,7 +130,7 @@ fn what_cannot_be_soaked_is_told_before() {
     refused(
         "clock = \"external\"\ntrigger = \"packet\"",
         "",
-        &["run.trigger \"packet\""],
+        &["run.trigger is \"packet\"", "leave it out"],
     );
     refused(
         "clock = \"wall\"\ntrigger = \"packet\"",

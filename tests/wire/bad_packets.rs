@@ -259,14 +259,14 @@ pub fn cases() -> Vec<Case> {
             Command::FrameRate { hz: 5.0 },
             NotSupported,
             "refused",
-            &["FrameRate", "stepped", "attitude"],
+            &["FrameRate", "each Attitude gives its frame"],
         ),
         case(
             "single shot on the stepped clock",
             Command::SingleShot,
             NotSupported,
             "refused",
-            &["SingleShot", "stepped", "Attitude"],
+            &["SingleShot", "each Attitude gives its frame"],
         ),
         case(
             "trigger on the stepped clock",

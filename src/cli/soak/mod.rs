@@ -208,7 +208,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         over.store(true, Ordering::Relaxed);
         let ended = Instant::now();
         let mut errors = vec![flown.err()];
-        errors.extend(taking.into_iter().map(|taken| taken.join().ok().flatten()));
+        let taken: Result<Vec<_>, _> = taking.into_iter().map(|taken| taken.join()).collect();
         stop.store(true, Ordering::Relaxed);
         // They tell of frames until they are closed.
         let closed: Vec<_> = serving
@@ -216,6 +216,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             .map(|serving| serving.join().map(Server::close))
             .collect();
         let joined = joining.join().map(|joining| (joining, ended));
+        let joined = taken.and_then(|taken| {
+            errors.extend(taken);
+            joined
+        });
         (closed, errors.into_iter().flatten().next(), joined)
     });
     let (Ok((joining, ended)), Ok(closed)) =

@@ -24,6 +24,8 @@ pub struct Cadence {
     rests: bool,
     /// End of an exposure that waits for its frame.
     ended: Option<Instant>,
+    /// The scene's time at that end, where that has stood still since.
+    ended_in_scene: Option<Epoch>,
     /// End of the single shot that was commanded, until its frame is taken.
     shot: Option<Instant>,
     /// Scene time and the instant that it was read at.
@@ -45,6 +47,7 @@ impl Cadence {
             next: None,
             rests: false,
             ended: None,
+            ended_in_scene: None,
             shot: None,
             zero: None,
             paused: false,
@@ -79,6 +82,10 @@ impl Cadence {
         self.advance(at);
         self.zero = Some((scene, at));
         self.guessed = self.paused;
+        if !self.paused {
+            // What ended before has the time that it is now.
+            self.ended_in_scene = None;
+        }
         if !self.rests && !self.paused {
             self.next = Some(at + self.period);
         }
@@ -87,6 +94,7 @@ impl Cadence {
     /// The scene's time stands still, and the exposure under way is given up; one that has ended waits for its frame as before.
     pub fn pause(&mut self, at: Instant) {
         self.advance(at);
+        self.ended_in_scene = self.ended.and_then(|end| self.scene_at(end));
         self.zero = self.scene_at(at).map(|scene| (scene, at));
         (self.paused, self.guessed, self.next) = (true, true, None);
     }
@@ -216,7 +224,8 @@ impl Cadence {
         self.advance(now);
         let end = self.ended.take()?;
         self.shot = self.shot.filter(|shot| *shot != end);
-        let mid = self.scene_at(end)? - seconds(exposure_s / 2.0);
+        let in_scene = self.ended_in_scene.take();
+        let mid = in_scene.or_else(|| self.scene_at(end))? - seconds(exposure_s / 2.0);
         Some(Due {
             mid,
             end,
@@ -244,6 +253,7 @@ impl Cadence {
         let waited = u32::from(self.ended.is_some());
         self.missed = self.missed.wrapping_add(more).wrapping_add(waited);
         self.ended = self.shot.or(Some(newest));
+        self.ended_in_scene = None;
     }
 }
 
