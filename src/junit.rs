@@ -282,7 +282,7 @@ mod tests {
             ("failures", "1"),
             ("errors", "0"),
             ("skipped", "0"),
-            ("time", "120.000"),
+            ("time", "60.000"),
         ] {
             assert_eq!(suite.attribute(name), value);
         }

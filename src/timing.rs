@@ -143,7 +143,8 @@ impl Latencies {
     pub fn add(&mut self, times: &FrameTimes) {
         self.frames += 1;
         self.incomplete += u64::from(!times.whole);
-        if times.spare_s < 0.0 || times.spare_s.is_nan() {
+        let never_late = times.spare_s == f64::INFINITY;
+        if times.spare_s < 0.0 || times.spare_s.is_nan() || !times.whole && !never_late {
             self.missed += 1;
             self.miss(Miss {
                 frame: times.frame,
@@ -328,6 +329,19 @@ mod tests {
 
     fn value<'a>(rows: &'a [(String, String)], name: &str) -> &'a str {
         &rows.iter().find(|row| row.0 == name).unwrap().1
+    }
+
+    #[test]
+    fn what_has_no_deadline_misses_none() {
+        let mut all = Latencies::default();
+        all.add(&FrameTimes {
+            spare_s: f64::INFINITY,
+            ..FrameTimes::incomplete(1)
+        });
+        assert_eq!((all.frames, all.incomplete, all.missed), (1, 1, 0));
+        assert!(all.first_miss.is_none());
+        all.add(&FrameTimes::incomplete(2));
+        assert_eq!((all.frames, all.incomplete, all.missed), (2, 2, 1));
     }
 
     #[test]

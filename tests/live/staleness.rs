@@ -217,8 +217,14 @@ fn frames_go_on_after_the_last_attitude_and_are_flagged() {
 /// One attitude of a time far ahead is not believed while there are good ones.
 #[test]
 fn a_stray_from_the_future_does_not_hide_the_good_ones() {
+    for out_of_order in [OutOfOrder::Refuse, OutOfOrder::Use] {
+        a_stray_is_not_believed(out_of_order);
+    }
+}
+
+fn a_stray_is_not_believed(out_of_order: OutOfOrder) {
     let mut config = quick(20.0);
-    config.run.out_of_order = skyloop::config::OutOfOrder::Use;
+    config.run.out_of_order = out_of_order;
     // X-Val: a machine that stands still for less makes no good one stale.
     config.run.staleness.limit_s = 5.0;
     let (_emulator, line) = on_memory(config, Clock::Wall);
@@ -240,4 +246,5 @@ fn a_stray_from_the_future_does_not_hide_the_good_ones() {
     }
     let counters = client.status().counters;
     assert_eq!((counters.attitudes, counters.attitudes_future), (12, 0));
+    assert_eq!(counters.time_backwards, 0);
 }

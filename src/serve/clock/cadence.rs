@@ -310,6 +310,24 @@ mod tests {
     }
 
     #[test]
+    fn what_waits_at_a_pause_has_the_time_of_its_exposure() {
+        // Taken while it is paused, and after it.
+        for resumed in [false, true] {
+            let (mut clock, zero) = set(50.0);
+            clock.pause(zero + ms(35));
+            if resumed {
+                clock.resume(zero + ms(1000));
+            }
+            assert_eq!(taken(&mut clock, zero + ms(1001)), Some(20), "{resumed}");
+            assert_eq!(taken(&mut clock, zero + ms(1002)), None);
+            clock.resume(zero + ms(2000));
+            let (begun, next) = if resumed { (1000, 1030) } else { (2000, 2030) };
+            // X-Val: 15 ms to go of what stood still at 35, and a period anew.
+            assert_eq!(taken(&mut clock, zero + ms(next)), Some(55), "{begun}");
+        }
+    }
+
+    #[test]
     fn exposures_end_at_the_period_and_carry_the_scenes_time() {
         assert!(
             Cadence::new(50.0, None)
