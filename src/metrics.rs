@@ -159,7 +159,7 @@ impl Drop for Server {
 
 /// Serves the figures of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9464`, `[::1]:9464`, or a port alone, on 127.0.0.1.
 ///
-/// So many connections are answered at once, each by a thread: [`AT_ONCE`]; the next ones wait in the system's queue. Errors: `address` is none, or the system refuses
+/// 32 connections are answered at once, each by a thread; the next ones wait in the system's queue. Errors: `address` is none, or the system refuses
 /// it; they name it and the remedy.
 pub fn serve(address: &str, cameras: Vec<Metrics>) -> io::Result<Server> {
     let refused =
