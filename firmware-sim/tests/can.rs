@@ -243,22 +243,26 @@ fn packets_pass_both_ways_classic_and_fd() {
 
 #[test]
 fn a_bus_is_used_at_its_rate() {
-    let mut rig = Rig::new("bitrate=100000&load=0.5");
     let rates = Rates {
         bitrate: 100_000,
         data_bitrate: 100_000,
         load: 0.5,
     };
-    let begin = Instant::now();
-    rig.reply(&long(1));
-    assert!(rig.client.recv(LONG).unwrap().is_some());
     // The last frame has come, and does not wait until the bus is free again; the first few may go at once.
     let frame = rates.packet_duration(7, false);
     let least =
         rates.packet_duration(MAX_PACKET, false).mul_f64(0.95) - frame - Duration::from_millis(1);
-    let took = begin.elapsed();
-    assert!(took >= least, "{took:?} {least:?}");
-    assert!(took < 2 * least, "{took:?} {least:?}");
+    // Never early; and one of ten that is not late by as much again, on any machine.
+    let is_in_time = |_| {
+        let mut rig = Rig::new("bitrate=100000&load=0.5");
+        let begin = Instant::now();
+        rig.reply(&long(1));
+        assert!(rig.client.recv(LONG).unwrap().is_some());
+        let took = begin.elapsed();
+        assert!(took >= least, "{took:?} {least:?}");
+        took < 2 * least
+    };
+    assert!((0..10).any(is_in_time));
 }
 
 #[test]
@@ -316,8 +320,8 @@ fn a_client_whose_line_has_gone_says_so_and_waits_for_nothing() {
         rig.client.send(&long(1)).unwrap();
     }
     assert!(
-        begin.elapsed() < Duration::from_secs(1),
-        "nothing is waited for"
+        begin.elapsed() < LONG,
+        "nothing is waited for: each would take a second"
     );
     assert_eq!(rig.client.dropped(), 100);
     let gone = rig.client.gone().unwrap().to_string();
@@ -332,10 +336,7 @@ fn a_client_whose_line_has_gone_says_so_and_waits_for_nothing() {
     news.recv_timeout(LONG).unwrap();
     let begin = Instant::now();
     drop(rig.client);
-    assert!(
-        begin.elapsed() < Duration::from_millis(500),
-        "it ends at once"
-    );
+    assert!(begin.elapsed() < LONG, "it ends at once");
 }
 
 #[test]
@@ -351,7 +352,8 @@ fn nothing_waits_for_a_bus_on_which_nobody_answers() {
     }
     assert!(client.dropped() >= 20, "{}", client.dropped());
     drop(client);
-    assert!(begin.elapsed() < Duration::from_millis(500));
+    // X-Val: twenty that wait for a second each would take as long.
+    assert!(begin.elapsed() < LONG);
 }
 
 #[test]

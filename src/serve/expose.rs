@@ -68,7 +68,15 @@ impl Server {
         let spare = due
             .deadline
             .map(|deadline| deadline.saturating_duration_since(now));
-        let Verdict::Shoot { level, overrun } = self.overrun.decide(spare) else {
+        // Nobody foresees the jitter.
+        let held = match self.kind {
+            Kind::Stepped => Duration::ZERO,
+            Kind::Wall | Kind::External => {
+                let release = due.end + Duration::from_secs_f64(self.delay.delay_s);
+                release.saturating_duration_since(now)
+            }
+        };
+        let Verdict::Shoot { level, overrun } = self.overrun.decide(spare, held) else {
             self.miss(&due);
             self.stats.dropped = self.overrun.dropped;
             return Ok(true);

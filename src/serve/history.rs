@@ -38,9 +38,7 @@ impl History {
     /// Takes a message in its place by time.
     pub fn add(&mut self, latched: Latched, exposure_s: f64) {
         let epoch = latched.vehicle.epoch;
-        let at = self
-            .messages
-            .partition_point(|message| message.vehicle.epoch <= epoch);
+        let at = self.after(epoch);
         let is_last = at == self.messages.len();
         self.messages.insert(at, latched);
         let grain = seconds(exposure_s * GRAIN);
@@ -60,9 +58,7 @@ impl History {
 
     /// Forgets those of a later time.
     pub fn forget_after(&mut self, epoch: Epoch) {
-        let at = self
-            .messages
-            .partition_point(|message| message.vehicle.epoch <= epoch);
+        let at = self.after(epoch);
         self.messages.truncate(at);
     }
 
@@ -76,11 +72,15 @@ impl History {
         self.messages.back()
     }
 
+    /// The place of the first message of a later time.
+    fn after(&self, epoch: Epoch) -> usize {
+        self.messages
+            .partition_point(|message| message.vehicle.epoch <= epoch)
+    }
+
     /// The newest message that is not of a later time.
     pub fn latest_by(&self, epoch: Epoch) -> Option<&Latched> {
-        let after = self
-            .messages
-            .partition_point(|message| message.vehicle.epoch <= epoch);
+        let after = self.after(epoch);
         after.checked_sub(1).and_then(|at| self.messages.get(at))
     }
 
@@ -88,9 +88,7 @@ impl History {
     pub fn over(&self, exposure: &Exposure, staleness: &Staleness) -> Option<Pointing> {
         let (first, last) = (self.messages.front()?, self.messages.back()?);
         let limit = seconds(staleness.limit_s);
-        let after = self
-            .messages
-            .partition_point(|message| message.vehicle.epoch <= exposure.mid);
+        let after = self.after(exposure.mid);
         let before = after.checked_sub(1).and_then(|at| self.messages.get(at));
         let near_before = before.is_some_and(|one| one.vehicle.epoch + limit >= exposure.mid);
         let near_after = self.messages.get(after);
@@ -141,9 +139,7 @@ impl History {
 
     /// The vehicle at one instant.
     fn at(&self, epoch: Epoch) -> Option<VehicleState> {
-        let after = self
-            .messages
-            .partition_point(|message| message.vehicle.epoch <= epoch);
+        let after = self.after(epoch);
         let before = after.checked_sub(1).and_then(|at| self.messages.get(at));
         match (before, self.messages.get(after)) {
             (Some(a), Some(b)) => Some(between(&a.vehicle, &b.vehicle, epoch)),

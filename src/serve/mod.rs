@@ -230,8 +230,12 @@ impl Server {
         let latency_s = run.latency_s.unwrap_or(1.0 / self.settings.camera.rate_hz);
         if self.kind != Kind::Stepped && run.delay.delay_s >= latency_s {
             tracing::warn!(
-                "run.delay_s = {}: no frame leaves before its deadline, {latency_s} s after its exposure's end; set run.latency_s above it",
-                run.delay.delay_s
+                "run.delay_s = {}: no frame leaves before its deadline, {latency_s} s after its exposure's end{}; set run.latency_s above it",
+                run.delay.delay_s,
+                match run.on_overrun {
+                    OnOverrun::Drop => ", so that run.on_overrun = \"drop\" leaves all of them out",
+                    OnOverrun::Late | OnOverrun::Coarsen => "",
+                }
             );
         }
     }

@@ -86,13 +86,15 @@ impl Overrun {
         (overrun, idle)
     }
 
-    /// What is to be done with an exposure whose frame is late after this time; none: never.
-    pub fn decide(&mut self, spare: Option<Duration>) -> Verdict {
+    /// What is to be done with an exposure whose frame is late after this time, none: never, and leaves the device no sooner than when it is `held` no more.
+    pub fn decide(&mut self, spare: Option<Duration>, held: Duration) -> Verdict {
         let Some(spare_s) = spare.map(|spare| spare.as_secs_f64()) else {
             return self.shoot(0, None);
         };
-        let spare_s = spare_s - self.way_s;
-        let in_time = |level: &Level| level.took_s.is_none_or(|took_s| took_s <= spare_s);
+        let (spare_s, held_s) = (spare_s - self.way_s, held.as_secs_f64());
+        let is_held_too_long = held_s > spare_s.max(0.0);
+        let is_ready_by = |level: &Level, s: f64| level.took_s.is_none_or(|took_s| took_s <= s);
+        let in_time = |level: &Level| !is_held_too_long && is_ready_by(level, spare_s);
         match (self.levels.iter().position(in_time), self.policy) {
             (Some(0), _) => self.shoot(0, None),
             (Some(level), _) => self.shoot(level, Some("coarsen")),
@@ -103,8 +105,11 @@ impl Overrun {
                 Verdict::Drop
             }
             (None, OnOverrun::Late | OnOverrun::Coarsen) => {
+                // What is held anyway need not be coarser than there is time for meanwhile.
                 let last = self.levels.len().saturating_sub(1);
-                self.shoot(last, Some("late"))
+                let is_held = |level: &Level| is_ready_by(level, held_s);
+                let level = self.levels.iter().position(is_held).unwrap_or(last);
+                self.shoot(level, Some("late"))
             }
         }
     }
@@ -152,6 +157,8 @@ mod tests {
     use super::*;
     use crate::fidelity::{Knob, Value};
 
+    const NOT_HELD: Duration = Duration::ZERO;
+
     fn ms(ms: u64) -> Duration {
         Duration::from_millis(ms)
     }
@@ -177,14 +184,18 @@ mod tests {
     fn late_frames_come_late_and_say_so() {
         let mut overrun = of(OnOverrun::Late);
         assert_eq!(
-            overrun.decide(Some(ms(0))),
+            overrun.decide(Some(ms(0)), NOT_HELD),
             shoot(0, None),
             "nothing is known yet"
         );
         overrun.learn(0, ms(50));
-        assert_eq!(overrun.decide(Some(ms(50))), shoot(0, None));
-        assert_eq!(overrun.decide(Some(ms(49))), shoot(0, "late"));
-        assert_eq!(overrun.decide(None), shoot(0, None), "a single shot");
+        assert_eq!(overrun.decide(Some(ms(50)), NOT_HELD), shoot(0, None));
+        assert_eq!(overrun.decide(Some(ms(49)), NOT_HELD), shoot(0, "late"));
+        assert_eq!(
+            overrun.decide(None, NOT_HELD),
+            shoot(0, None),
+            "a single shot"
+        );
         assert_eq!((overrun.dropped, overrun.fidelity(1)), (0, None));
     }
 
@@ -193,7 +204,7 @@ mod tests {
         let mut overrun = of(OnOverrun::Drop);
         overrun.learn(0, ms(200));
         let tried = |overrun: &mut Overrun| {
-            let verdicts = std::iter::repeat_with(|| overrun.decide(Some(ms(100))));
+            let verdicts = std::iter::repeat_with(|| overrun.decide(Some(ms(100)), NOT_HELD));
             verdicts
                 .take_while(|verdict| *verdict == Verdict::Drop)
                 .count()
@@ -201,41 +212,67 @@ mod tests {
         // X-Val: by hand, (15/16)^n <= 1/2 from n = 11 on.
         assert_eq!((tried(&mut overrun), overrun.dropped), (11, 11));
         overrun.learn(0, ms(10));
-        assert_eq!(overrun.decide(Some(ms(100))), shoot(0, None));
+        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, None));
         // The first frame after those that were left out has said so.
         overrun.learn(0, ms(101));
-        assert_eq!(overrun.decide(Some(ms(100))), Verdict::Drop);
+        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), Verdict::Drop);
         overrun.learn(0, ms(99));
-        assert_eq!(overrun.decide(Some(ms(100))), shoot(0, "drop"));
-        assert_eq!(overrun.decide(Some(ms(100))), shoot(0, None));
+        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, "drop"));
+        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, None));
     }
 
     #[test]
     fn frames_are_coarsened_in_the_order_that_is_configured() {
         let mut overrun = of(OnOverrun::Coarsen);
         overrun.learn(0, ms(200));
-        assert_eq!(overrun.decide(Some(ms(100))), shoot(1, "coarsen"));
+        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(1, "coarsen"));
         assert_eq!(overrun.fidelity(1), Some(Fidelity::FAST));
         overrun.learn(1, ms(150));
-        assert_eq!(overrun.decide(Some(ms(100))), shoot(2, "coarsen"));
+        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(2, "coarsen"));
         assert_eq!(
             overrun.fidelity(2).map(|fidelity| fidelity.wing_e),
             Some(1.0)
         );
         overrun.learn(2, ms(120));
         assert_eq!(
-            overrun.decide(Some(ms(100))),
+            overrun.decide(Some(ms(100)), NOT_HELD),
             shoot(2, "late"),
             "the coarsest"
         );
         // With more time the finest that fits.
         overrun.learn(2, ms(90));
-        assert_eq!(overrun.decide(Some(ms(160))), shoot(1, "coarsen"));
+        assert_eq!(overrun.decide(Some(ms(160)), NOT_HELD), shoot(1, "coarsen"));
         // What was too slow is tried again.
         overrun.learn(1, ms(90));
-        let next: Vec<Verdict> = (0..12).map(|_| overrun.decide(Some(ms(100)))).collect();
+        let next: Vec<Verdict> = (0..12)
+            .map(|_| overrun.decide(Some(ms(100)), NOT_HELD))
+            .collect();
         assert!(next.contains(&shoot(0, None)), "{next:?}");
         assert_eq!(overrun.dropped, 0);
+    }
+
+    #[test]
+    fn what_a_device_holds_back_for_too_long_is_late_however_coarse_it_is() {
+        for (policy, verdict) in [
+            (OnOverrun::Late, shoot(0, "late")),
+            (OnOverrun::Coarsen, shoot(0, "late")),
+            (OnOverrun::Drop, Verdict::Drop),
+        ] {
+            // Before the first frame, too.
+            let mut overrun = of(policy);
+            assert_eq!(overrun.decide(Some(ms(100)), ms(101)), verdict);
+            overrun.learn(0, ms(90));
+            assert_eq!(overrun.decide(Some(ms(100)), ms(101)), verdict);
+        }
+        // What is rendered meanwhile takes no time besides; the way comes after both.
+        let mut overrun = of(OnOverrun::Coarsen);
+        overrun.learn(0, ms(70));
+        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, None));
+        overrun.learn_way(ms(25));
+        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, "late"));
+        assert_eq!(overrun.decide(Some(ms(100)), ms(75)), shoot(0, None));
+        overrun.learn(0, ms(90));
+        assert_eq!(overrun.decide(Some(ms(100)), ms(75)), shoot(1, "coarsen"));
     }
 
     /// The settings of all levels, and the steps that are none, from `fidelity` on.
@@ -279,7 +316,7 @@ mod tests {
         let (mut overrun, idle) = Overrun::new(OnOverrun::Coarsen, Fidelity::FAST, &[fast()]);
         assert_eq!(idle.len(), 1);
         overrun.learn(0, ms(200));
-        assert_eq!(overrun.decide(Some(ms(100))), shoot(0, "late"));
+        assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, "late"));
         // Nobody asks for steps that are not taken.
         for policy in [OnOverrun::Late, OnOverrun::Drop] {
             let (overrun, idle) = Overrun::new(policy, Fidelity::FAST, &[fast()]);

@@ -65,6 +65,22 @@ impl Process {
         );
     }
 
+    /// The next line that it prints.
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.stdout.read_line(&mut line).unwrap();
+        line
+    }
+
+    /// Likewise, and what it logged, where that is kept.
+    pub fn end_with_log(mut self) -> (Option<i32>, String, String) {
+        let mut stderr = self.child.stderr.take().unwrap();
+        let (code, table) = self.end();
+        let mut log = String::new();
+        stderr.read_to_string(&mut log).unwrap();
+        (code, table, log)
+    }
+
     /// Exit code and the rest of what it printed.
     pub fn end(mut self) -> (Option<i32>, String) {
         await_that("the process ends", || {
@@ -201,6 +217,48 @@ fn steps_that_make_nothing_coarser_and_delays_that_no_deadline_allows_are_warned
     );
 }
 
+/// Two cameras in one process: one client points both, each brings its frames to its own.
+#[test]
+fn a_run_with_a_further_camera_serves_both_and_tells_of_both() {
+    let here = tempfile::tempdir().unwrap();
+    crate::soak::files(
+        here.path(),
+        "link = \"udp://127.0.0.1:0\"\n[[heads]]\nname = \"port side\"\ncamera = \"camera.toml\"\nlink = \"udp://127.0.0.1:0\"",
+    );
+    let config = here.path().join("run.toml").display().to_string();
+    let mut process = Process::of(&["run", "--config", &config], "listening on ");
+    let head = process.line();
+    let (told, at) = head.trim_end().rsplit_once(", ").unwrap();
+    assert!(
+        told.starts_with("head port side: ") && told.ends_with(" at 20 Hz"),
+        "{head}"
+    );
+    let mut first = Client::new(UdpLine::to(&process.address));
+    let mut second = Client::new(UdpLine::to(at));
+    // A client is there when it has said something.
+    second.status();
+    for sequence in 1..3 {
+        let a = first.good_frame(sequence);
+        let b = second.frame();
+        assert_eq!(
+            (b.header.frame, b.header.attitude_sequence, b.time),
+            (sequence - 1, sequence, a.time)
+        );
+        assert_ne!(a.header.seed, b.header.seed);
+    }
+    process.signal("-INT");
+    let (code, table) = process.end();
+    assert_eq!(code, Some(0), "{table}");
+    let (own, other) = table.split_once("\nhead port side\n").unwrap();
+    for one in [own, other] {
+        assert!(
+            one.contains("frames                            2"),
+            "{table}"
+        );
+        assert!(one.contains("frames_delivered 2"), "{table}");
+    }
+}
+
 /// Help that is granted is that of the threads that render, whatever was read with them before.
 #[cfg(target_os = "linux")]
 #[test]
@@ -226,7 +284,7 @@ fn processors_that_are_granted_are_those_of_all_threads() {
         "listening on ",
     );
     let threads = std::fs::read_dir(format!("/proc/{}/task", process.id())).unwrap();
-    let mut rendering = 0;
+    let mut count = 0;
     for thread in threads {
         let folder = thread.unwrap().path();
         // One that ends meanwhile is none.
@@ -234,9 +292,9 @@ fn processors_that_are_granted_are_those_of_all_threads() {
             continue;
         };
         assert_eq!(allowed(&status), last, "{status}");
-        rendering += 1;
+        count += 1;
     }
-    assert!(rendering > 1, "{rendering}");
+    assert!(count > 1, "{count} threads");
     process.signal("-INT");
     assert_eq!(process.end().0, Some(0));
 }

@@ -2,7 +2,7 @@
 
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
-use crate::support::{EPOCH, Running, attitude, options};
+use crate::support::{EPOCH, Running, attitude, await_that, options};
 use crate::{PATIENCE, quick, rest};
 use skyloop::config::Clock;
 use skyloop::link::{self, Roles};
@@ -59,10 +59,17 @@ fn the_figures_of_a_run_at_rest_are_those_of_its_status() {
     let mut frames: Vec<_> = (0..6).map(|_| client.frame()).collect();
     frames.extend(rest(&mut client));
     let status = client.status();
-    // X-Val: they are brought up to date ten times a second.
-    std::thread::sleep(std::time::Duration::from_millis(300));
-    let found = fetched(serving.address());
     let all = frames.len() as f64;
+    // They are brought up to date ten times a second.
+    let mut found = BTreeMap::new();
+    await_that("figures of all frames", || {
+        found = fetched(serving.address());
+        let of = |name: &str| found.get(name).copied();
+        let dropped = of("skyloop_frames_incomplete_total").unwrap_or_default();
+        let commands = f64::from(status.counters.commands);
+        of("skyloop_frames_total") == Some(all + dropped)
+            && of("skyloop_commands_total") == Some(commands)
+    });
     for (name, count) in status.counters.iter() {
         let found = found[&format!("skyloop_{name}_total")];
         assert_eq!(found, f64::from(count), "{name}");
@@ -121,7 +128,7 @@ fn what_is_counted_is_told_where_no_frame_is_made() {
         EPOCH,
     );
     assert_eq!(client.nack().reason, Reason::QuaternionNotUnit);
-    crate::support::await_that("it is told", || {
+    await_that("it is told", || {
         let found = fetched(serving.address());
         found.get("skyloop_bad_attitude_total") == Some(&1.0)
             && found["skyloop_frames_total"] == 0.0

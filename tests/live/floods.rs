@@ -3,7 +3,7 @@
 use crate::support::client::{Client, moved};
 use crate::support::line::{Line, MemoryLine};
 use crate::support::{EPOCH, Running, attitude, await_that, later, on_memory, on_udp, options};
-use crate::{frame_of, quick, whole_frame};
+use crate::{PATIENCE, frame_of, quick, whole_frame};
 use skyloop::config::Clock;
 use skyloop::link;
 use skyloop::link::fault::{Book, Plan, wrap};
@@ -14,10 +14,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// How long a flood lasts.
-const FLOOD: Duration = Duration::from_secs(2);
-/// Attitudes a second that it is meant to have; a machine that is slower sends what it can.
+/// Attitudes a second that a flood is meant to have; a machine that is slower takes longer.
 const FLOOD_HZ: f64 = 100_000.0;
+/// How many they are.
+const FLOOD: u32 = 200_000;
 
 #[test]
 fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
@@ -29,13 +29,14 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
     client.point(attitude(1), EPOCH);
     client.frame();
     let over = AtomicBool::new(false);
-    let (sent, frames) = std::thread::scope(|scope| {
+    let ((sent, took), frames) = std::thread::scope(|scope| {
         let flood = scope.spawn(|| {
             let (mut counts, mut sent) = (SequenceCounts::new(), 0u32);
             let began = Instant::now();
             // The client's own attitude had the first count.
             counts.next(Command::Attitude(attitude(0)).apid());
-            while began.elapsed() < FLOOD {
+            while sent < FLOOD {
+                assert!(began.elapsed() < 3 * PATIENCE, "{sent} attitudes left");
                 let since_s = began.elapsed().as_secs_f64();
                 if f64::from(sent) > since_s * FLOOD_HZ {
                     std::thread::yield_now();
@@ -49,7 +50,7 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
                 sent += 1;
             }
             over.store(true, Ordering::Relaxed);
-            sent
+            (sent, began.elapsed())
         });
         let mut frames = 0;
         while !over.load(Ordering::Relaxed) {
@@ -72,12 +73,7 @@ fn a_flood_of_attitudes_is_taken_or_counted_and_frames_go_on() {
         counters.attitudes + counters.overflows > sent
     });
     let counters = client.status().counters;
-    // A tenth of what is meant: less would be no flood.
-    assert!(
-        f64::from(sent) > 0.1 * FLOOD_HZ * FLOOD.as_secs_f64(),
-        "{sent}"
-    );
-    println!("{sent} attitudes in {FLOOD:?}, {frames} frames meanwhile: {counters:?}");
+    println!("{sent} attitudes in {took:?}, {frames} frames meanwhile: {counters:?}");
     assert_eq!(counters.attitudes + counters.overflows, sent + 1);
     assert_eq!(counters.time_backwards + counters.refused, 0);
     assert!(frames > 0);

@@ -49,11 +49,10 @@ impl Joining {
             let frame = told.times.frame;
             self.without_frame(camera, told.missed, frame, "before it");
             self.last.insert(camera, frame);
-            self.way.insert((camera, frame), told);
+            self.left(camera, told);
             arrivals
                 .try_iter()
                 .for_each(|arrival| self.arrived(arrival));
-            self.settle();
             self.memory.see(begin.elapsed());
         }
         self.memory.end();
@@ -64,13 +63,27 @@ impl Joining {
                 break;
             };
             self.arrived(arrival);
-            self.settle();
+        }
+    }
+
+    fn left(&mut self, camera: usize, told: Left) {
+        let key = (camera, told.times.frame);
+        match self.came.remove(&key) {
+            Some(at) => self.book(camera, &told, at),
+            None => {
+                self.way.insert(key, told);
+            }
         }
     }
 
     fn arrived(&mut self, (camera, frame, at): Arrival) {
         self.first.get_or_insert(at);
-        self.came.insert((camera, frame), at);
+        match self.way.remove(&(camera, frame)) {
+            Some(told) => self.book(camera, &told, at),
+            None => {
+                self.came.insert((camera, frame), at);
+            }
+        }
     }
 
     /// Books the exposures that a camera has passed over until now.
@@ -82,19 +95,12 @@ impl Joining {
         }
     }
 
-    /// Books frames that have left and come.
-    fn settle(&mut self) {
-        let (came, cameras) = (&mut self.came, &mut self.cameras);
-        self.way.retain(|key, told| match came.remove(key) {
-            None => true,
-            Some(at) => {
-                if let Some(camera) = cameras.get_mut(key.0) {
-                    let times = told.times.ended(told.trigger, told.deadline, at);
-                    camera.latencies.add(&times);
-                }
-                false
-            }
-        });
+    /// Books a frame that has left and come.
+    fn book(&mut self, camera: usize, told: &Left, at: Instant) {
+        if let Some(camera) = self.cameras.get_mut(camera) {
+            let times = told.times.ended(told.trigger, told.deadline, at);
+            camera.latencies.add(&times);
+        }
     }
 
     /// All of it: what never came counts, but for what still had time when the clients left; and so do the exposures without a frame, by camera.

@@ -22,10 +22,8 @@ pub struct Cadence {
     next: Option<Instant>,
     /// Whether the cadence rests after it.
     rests: bool,
-    /// End of an exposure that waits for its frame.
-    ended: Option<Instant>,
-    /// The scene's time at that end, where that has stood still since.
-    ended_in_scene: Option<Epoch>,
+    /// End of an exposure that waits for its frame, and the scene's time then where that has stood still since.
+    ended: Option<(Instant, Option<Epoch>)>,
     /// End of the single shot that was commanded, until its frame is taken.
     shot: Option<Instant>,
     /// Scene time and the instant that it was read at.
@@ -47,7 +45,6 @@ impl Cadence {
             next: None,
             rests: false,
             ended: None,
-            ended_in_scene: None,
             shot: None,
             zero: None,
             paused: false,
@@ -84,7 +81,7 @@ impl Cadence {
         self.guessed = self.paused;
         if !self.paused {
             // What ended before has the time that it is now.
-            self.ended_in_scene = None;
+            self.ended = self.ended.map(|(end, _)| (end, None));
         }
         if !self.rests && !self.paused {
             self.next = Some(at + self.period);
@@ -94,7 +91,7 @@ impl Cadence {
     /// The scene's time stands still, and the exposure under way is given up; one that has ended waits for its frame as before.
     pub fn pause(&mut self, at: Instant) {
         self.advance(at);
-        self.ended_in_scene = self.ended.and_then(|end| self.scene_at(end));
+        self.ended = self.ended.map(|(end, _)| (end, self.scene_at(end)));
         self.zero = self.scene_at(at).map(|scene| (scene, at));
         (self.paused, self.guessed, self.next) = (true, true, None);
     }
@@ -154,9 +151,10 @@ impl Cadence {
         if let Some((_, zero)) = &mut self.zero {
             *zero = earlier(*zero);
         }
-        for end in [&mut self.next, &mut self.ended, &mut self.shot] {
+        for end in [&mut self.next, &mut self.shot] {
             *end = end.map(earlier);
         }
+        self.ended = self.ended.map(|(end, scene)| (earlier(end), scene));
     }
 
     /// Forgets the scene's time: the next client sets it anew.
@@ -214,7 +212,7 @@ impl Cadence {
     /// Time until the next exposure has ended; long while the cadence rests.
     pub fn until_due(&self, now: Instant) -> Duration {
         const RESTING: Duration = Duration::from_secs(3600);
-        let due = self.ended.or(self.next);
+        let due = self.ended.map(|(end, _)| end).or(self.next);
         due.map_or(RESTING, |due| due.saturating_duration_since(now))
     }
 
@@ -222,9 +220,8 @@ impl Cadence {
     pub fn take_due(&mut self, exposure_s: f64, now: Instant) -> Option<Due> {
         self.zero?;
         self.advance(now);
-        let end = self.ended.take()?;
+        let (end, in_scene) = self.ended.take()?;
         self.shot = self.shot.filter(|shot| *shot != end);
-        let in_scene = self.ended_in_scene.take();
         let mid = in_scene.or_else(|| self.scene_at(end))? - seconds(exposure_s / 2.0);
         Some(Due {
             mid,
@@ -252,8 +249,7 @@ impl Cadence {
         self.next = (!self.rests).then(|| newest + self.period);
         let waited = u32::from(self.ended.is_some());
         self.missed = self.missed.wrapping_add(more).wrapping_add(waited);
-        self.ended = self.shot.or(Some(newest));
-        self.ended_in_scene = None;
+        self.ended = Some((self.shot.unwrap_or(newest), None));
     }
 }
 
@@ -321,9 +317,9 @@ mod tests {
             assert_eq!(taken(&mut clock, zero + ms(1001)), Some(20), "{resumed}");
             assert_eq!(taken(&mut clock, zero + ms(1002)), None);
             clock.resume(zero + ms(2000));
-            let (begun, next) = if resumed { (1000, 1030) } else { (2000, 2030) };
+            let next = if resumed { 1030 } else { 2030 };
             // X-Val: 15 ms to go of what stood still at 35, and a period anew.
-            assert_eq!(taken(&mut clock, zero + ms(next)), Some(55), "{begun}");
+            assert_eq!(taken(&mut clock, zero + ms(next)), Some(55), "{resumed}");
         }
     }
 

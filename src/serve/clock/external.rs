@@ -191,3 +191,165 @@ impl Clock for External {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+
+    const RATE_HZ: f64 = 20.0;
+    const EXPOSURE_S: f64 = 0.01;
+    /// Between two times that the client tells.
+    const TICK_S: f64 = 0.02;
+
+    fn scene() -> Epoch {
+        Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0)
+    }
+
+    /// The emulator's side of a flight, at instants that are made up: no test depends on when it runs.
+    struct Flight {
+        clock: External,
+        camera: Camera,
+        zero: Instant,
+        /// Since then, s.
+        now_s: f64,
+        /// End of each exposure: in the scene's time, s, and when it was due, s.
+        ends: Vec<(f64, f64)>,
+    }
+
+    impl Flight {
+        fn begin() -> Flight {
+            let mut camera = Config::defaults().unwrap().camera;
+            camera.exposure_s = EXPOSURE_S;
+            Flight {
+                clock: External::new(Cadence::new(RATE_HZ, None), false, Duration::from_secs(1)),
+                camera,
+                zero: Instant::now(),
+                now_s: 0.0,
+                ends: Vec::new(),
+            }
+        }
+
+        fn now(&self) -> Instant {
+            self.zero + Duration::from_secs_f64(self.now_s)
+        }
+
+        /// For so long the client tells what `time_s` says of each moment, if anything, both in s.
+        fn fly(&mut self, length_s: f64, time_s: impl Fn(f64) -> Option<f64>) -> Vec<Heard> {
+            let mut heard = Vec::new();
+            for _ in 0..(length_s / TICK_S).round() as u32 {
+                self.now_s += TICK_S;
+                if let Some(time_s) = time_s(self.now_s) {
+                    heard.push(self.clock.hear(scene() + seconds(time_s), self.now()));
+                }
+                while let Some(due) = self.clock.take_due(&self.camera, self.now()) {
+                    let end = due.mid + seconds(EXPOSURE_S / 2.0);
+                    let since_s = due.end.saturating_duration_since(self.zero).as_secs_f64();
+                    self.ends.push(((end - scene()).to_seconds(), since_s));
+                }
+            }
+            heard
+        }
+
+        /// Takes what was exposed; all of it ended a whole number of periods after `zero_s`, none twice or left out, and when the client's clock said so
+        /// (`time_s`) but for `off_s`.
+        fn on_the_grid(&mut self, zero_s: f64, time_s: impl Fn(f64) -> f64, off_s: f64) -> usize {
+            for (end_s, due_s) in &self.ends {
+                let periods = (end_s - zero_s) * RATE_HZ;
+                assert!((periods - periods.round()).abs() < 1e-5, "{periods}");
+                assert!(
+                    (time_s(*due_s) - end_s).abs() <= off_s,
+                    "{end_s} at {due_s}"
+                );
+            }
+            for two in self.ends.windows(2) {
+                assert!(
+                    ((two[1].0 - two[0].0) * RATE_HZ - 1.0).abs() < 1e-5,
+                    "{two:?}"
+                );
+            }
+            assert_eq!(self.clock.missed(), 0);
+            std::mem::take(&mut self.ends).len()
+        }
+    }
+
+    #[test]
+    fn exposures_end_at_the_cadence_of_the_clients_time_and_on_when_it_falls_silent() {
+        let mut flight = Flight::begin();
+        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Waiting);
+        flight.fly(1.0, |_| None);
+        assert_eq!(flight.ends.len(), 0);
+        flight.fly(5.0, |s| Some(s - 1.02));
+        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Locked);
+        // X-Val: 4.98 s after the first time told, at 20 Hz.
+        assert_eq!(flight.on_the_grid(0.0, |s| s - 1.02, 1e-6), 99);
+        flight.fly(2.0, |_| None);
+        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Holdover);
+        assert_eq!(flight.on_the_grid(0.0, |s| s - 1.02, 1e-6), 40);
+        flight.fly(0.1, |s| Some(s - 1.02));
+        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Locked);
+        flight.on_the_grid(0.0, |s| s - 1.02, 1e-6);
+    }
+
+    #[test]
+    fn a_clock_that_runs_fast_or_slow_is_followed_to_the_jitter_of_its_wire() {
+        for pace in [1.05, 1.001, 0.999] {
+            let mut flight = Flight::begin();
+            let time_s = |s: f64| (s - TICK_S) * pace;
+            // Late by up to 4 ms, another time each.
+            let late_s = |s: f64| 0.004 * (s / TICK_S * 0.618_033_988_75).fract();
+            flight.fly(TICK_S, |_| Some(0.0));
+            flight.fly(10.0, |s| Some(time_s(s - late_s(s))));
+            // X-Val: the window is 0.32 s long, in which a clock 5 % slow loses 16 ms, and each time told corrects a quarter of what is left (3 ticks' drift).
+            let off_s = 0.005 + 0.4 * (pace - 1.0_f64).abs();
+            let count = flight.on_the_grid(0.0, time_s, off_s);
+            let due = (10.0 * pace * RATE_HZ).floor() as usize;
+            assert!((due - 1..=due).contains(&count), "{count} of {due}");
+            let gained_s = flight.clock.sync(flight.now()).offset_s;
+            assert!((gained_s - 10.0 * (pace - 1.0)).abs() < off_s, "{gained_s}");
+        }
+    }
+
+    #[test]
+    fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
+        let mut flight = Flight::begin();
+        flight.fly(2.0, |s| Some(s - TICK_S));
+        flight.on_the_grid(0.0, |s| s - TICK_S, 1e-6);
+        for (hours, before_s) in [(1.0, 0.0), (-1.0, 3600.0)] {
+            let time_s = |s: f64| s - TICK_S + before_s + hours * 3600.0;
+            let heard = flight.fly(0.4, |s| Some(time_s(s)));
+            let jump = heard.iter().position(|one| *one == Heard::Jumped).unwrap();
+            // X-Val: protocols/docs/icd.md, section 5.5: it has gone on so for 0.25 s: at the 14th tick of 20 ms, which is the first after 0.26 s.
+            assert_eq!(jump, 13);
+            assert!(
+                heard[..jump]
+                    .iter()
+                    .all(|one| matches!(one, Heard::Doubted(_)))
+            );
+            assert!(heard[jump + 1..].iter().all(|one| *one == Heard::Fits));
+            let zero_s = time_s(flight.now_s - 0.4 + 14.0 * TICK_S);
+            // Those before it are of the other time, but for one on the seam.
+            let is_after = |end_s: f64| (1e-3..1000.0).contains(&(end_s - zero_s));
+            flight.ends.retain(|(end_s, _)| is_after(*end_s));
+            flight.fly(2.0, |s| Some(time_s(s)));
+            // X-Val: 0.12 s and 2 s after it was sure, at 20 Hz.
+            assert_eq!(flight.on_the_grid(zero_s, time_s, 1e-6), 42);
+            let offset_s = flight.clock.sync(flight.now()).offset_s;
+            assert!(
+                (offset_s - before_s - hours * 3600.0).abs() < 1e-3,
+                "{offset_s}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_comes_late_or_is_wrong_moves_no_exposure() {
+        let mut flight = Flight::begin();
+        // One in four is right; the others are 0.3 s late, a year ahead, two seconds late.
+        let off_s = |s: f64| [0.0, -0.3, 3e7, -2.0][(s / TICK_S).round() as usize % 4];
+        flight.fly(0.08, |s| Some(s));
+        flight.fly(4.0, |s| Some(s + off_s(s)));
+        assert_eq!(flight.on_the_grid(TICK_S, |s| s, 1e-6), 81);
+        assert_eq!(flight.clock.sync(flight.now()).offset_s, 0.0);
+    }
+}
