@@ -56,6 +56,12 @@ pub fn add_without(
     if !without.is_empty() {
         loaded.objects.retain(|object| !without.has(object));
     }
+    let is_set = |object: &Object| matches!(object.orbit, Orbit::Elements(..));
+    if objects.is_empty() && loaded.objects.iter().all(is_set) {
+        // Within a file, or a folder, each object is one already.
+        *objects = loaded.objects;
+        return Ok(Vec::new());
+    }
     let mut register = Register::of(objects);
     let Gathered { joined, refused } = gather(objects, &mut register, loaded.objects);
     let refused = refused.iter().map(|why| format!("{name}: {why}"));

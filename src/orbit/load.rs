@@ -3,6 +3,7 @@
 use crate::format::Format;
 use crate::record::{Found, Record};
 use crate::{Designator, Object, Orbit, oem, omm, read_text, remedy, tle};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -192,18 +193,26 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
 impl From<Contents> for Loaded {
     /// Sets of one catalogue number become one object, with every set that differs.
     fn from(contents: Contents) -> Self {
-        let mut objects = contents.ephemerides;
-        let mut places = HashMap::with_capacity(contents.records.len());
-        objects.reserve(contents.records.len());
-        for record in contents.records {
-            let object = Object::from(record);
-            let place = *places.entry(object.id.clone()).or_insert(objects.len());
-            match objects.get_mut(place) {
-                Some(known) => known.join(object),
-                None => objects.push(object),
+        let sets = contents.records.into_par_iter();
+        let mut objects: Vec<Object> = sets.map(Object::from).collect();
+        // Taken out where they lie: catalogues are long.
+        let (mut places, mut further) = (HashMap::with_capacity(objects.len()), Vec::new());
+        let is_known = |object: &mut Object| {
+            let next = places.len();
+            let place = *places.entry(object.catalogued()).or_insert(next);
+            if place < next {
+                further.push(place);
+            }
+            place < next
+        };
+        let again: Vec<Object> = objects.extract_if(.., is_known).collect();
+        for (place, object) in further.into_iter().zip(again) {
+            if let Some(known) = objects.get_mut(place) {
+                known.join(object);
             }
         }
         objects.shrink_to_fit();
+        objects.extend(contents.ephemerides);
         Loaded {
             objects,
             rejected: contents.rejected,
@@ -226,6 +235,14 @@ impl From<Record> for Object {
 }
 
 impl Object {
+    /// What tells it from other objects with element sets: its catalogue number, and where that is 0 all of its id.
+    fn catalogued(&self) -> (u32, Option<String>) {
+        match &self.orbit {
+            Orbit::Elements(set, _) if set.norad > 0 => (set.norad, None),
+            _ => (0, Some(self.id.clone())),
+        }
+    }
+
     /// Adds the element sets and names of `other`, the same object from another record or file, where they differ. Of sets of one epoch the
     /// first is asked, so that one with a state then goes before one without. An ephemeris is left as it is.
     pub fn join(&mut self, other: Object) {

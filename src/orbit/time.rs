@@ -134,8 +134,10 @@ pub fn utc_text(epoch: Epoch) -> String {
 /// year, 1.0 being 1 January 00:00, with its fraction as decimal digits.
 pub(crate) fn from_tle(year: u8, day: u16, fraction: &str) -> Option<Epoch> {
     let year = i32::from(year) + if year < 57 { 2000 } else { 1900 };
-    let (month, day) = month_and_day(year, day)?;
-    let midnight = Epoch::maybe_from_gregorian_utc(year, month, day, 0, 0, 0, 0).ok()?;
+    month_and_day(year, day)?;
+    // Days since 1900, of which a year in four since 1904 has one more: without the walk through all months that a date takes.
+    let days = 365 * (year - 1900) + (year - 1901) / 4 + i32::from(day) - 1;
+    let midnight = Epoch::from_utc_duration(Unit::Day * i64::from(days));
     let of_day = scaled_fraction(fraction, DAY_NS)?;
     Some(midnight.to_time_scale(TimeScale::TAI) + Duration::from_total_nanoseconds(of_day))
 }
@@ -204,6 +206,24 @@ mod tests {
         // X-Val: IERS Bulletin C 52: a leap second at the end of 2016.
         let long = at("2017-01-01T00:00:00Z") - at("2016-12-31T23:59:59Z");
         assert_eq!(long, Unit::Second * 2);
+    }
+
+    #[test]
+    fn every_day_of_an_element_set_is_that_day_of_the_calendar() {
+        for year in 0..100_u8 {
+            let full = i32::from(year) + if year < 57 { 2000 } else { 1900 };
+            let mut day = 0;
+            for (month, length) in (1..).zip(month_lengths(full)) {
+                for of_month in 1..=length {
+                    day += 1;
+                    let read = from_tle(year, day, "25").unwrap();
+                    let is = parse_utc(&format!("{full}-{month:02}-{of_month:02}T06:00:00Z"));
+                    assert_eq!(read, is.unwrap(), "{full} {day}");
+                }
+            }
+            assert_eq!(from_tle(year, day + 1, ""), None);
+            assert_eq!(from_tle(year, 0, ""), None);
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::bounded_name;
 use crate::format::Format;
 use crate::lines;
 use crate::record::{Found, Record, shorten};
-use crate::two_line::{Checksum, ElementsError};
+use crate::two_line::Checksum;
 use rayon::prelude::*;
 
 /// Name lines have at most 24 characters behind a `0 `; element lines have 69, or 68 without a checksum.
@@ -26,103 +26,101 @@ enum Names {
 /// A record is lines 1 and 2, with an optional name line (with or without a leading `0 `) before or, in files
 /// that begin with line 1 and end with a name, behind them. Blank lines and lines that begin with `#` are passed over.
 pub(crate) fn read(text: &str, found: &mut Found) {
-    let sets = sets(text);
-    found.records.reserve(sets.len());
     let mut reader = Reader {
         names: order(text),
-        sets: sets.into_iter(),
         name: None,
         first: None,
-        unnamed: Unnamed::Nothing,
-        found,
+        is_unnamed: false,
+        steps: Vec::new(),
     };
     for (number, line) in significant(text) {
         match element_line(line) {
-            Some(1) => reader.first_line(number),
-            Some(_) => reader.second_line(number),
+            Some(1) => reader.first_line(number, line),
+            Some(_) => reader.second_line(number, line),
             None => reader.name_line(number, line),
         }
     }
-    reader.close();
+    // Side by side: that takes most of the time.
+    let steps = reader.close().into_par_iter();
+    let mut read: Vec<Result<Record, (usize, String)>> = steps.map(Step::read).collect();
+    for (line, reason) in read.iter_mut().filter_map(|one| one.as_mut().err()) {
+        found.reject(*line, std::mem::take(reason));
+    }
+    // In its place: catalogues are long.
+    found.records = read.into_iter().filter_map(Result::ok).collect();
 }
 
-/// Every line 1 with a line 2 right behind it, in the order of the text, read side by side: that takes most of the time.
-fn sets(text: &str) -> Vec<Result<Record, ElementsError>> {
-    let lines = significant(text).map(|(_, line)| (element_line(line), line));
-    let mut first = None;
-    let pairs: Vec<(&str, &str)> = lines
-        .filter_map(|(kind, line)| {
-            let before = std::mem::replace(&mut first, (kind == Some(1)).then_some(line));
-            before.filter(|_| kind == Some(2)).map(|one| (one, line))
-        })
-        .collect();
-    let read = |(one, two): (&str, &str)| {
-        let unsealed = one.len() == UNSEALED && two.len() == UNSEALED;
+/// What lines come to.
+enum Step<'a> {
+    /// Lines 1 and 2 with their numbers, and the name.
+    Set {
+        first: (usize, &'a str),
+        second: (usize, &'a str),
+        name: Option<&'a str>,
+    },
+    /// The number of one that is refused, and why.
+    Refused(usize, String),
+}
+
+impl Step<'_> {
+    fn read(self) -> Result<Record, (usize, String)> {
+        let (first, second, name) = match self {
+            Step::Set {
+                first,
+                second,
+                name,
+            } => (first, second, name),
+            Step::Refused(line, reason) => return Err((line, reason)),
+        };
+        let unsealed = first.1.len() == UNSEALED && second.1.len() == UNSEALED;
         let checksum = match unsealed {
             true => Checksum::Ignored,
             false => Checksum::Required,
         };
-        Record::from_lines(one, two, checksum)
-    };
-    pairs.into_par_iter().map(read).collect()
-}
-
-struct Reader<'a, 'b, 'c> {
-    names: Names,
-    /// What is in the sets that are still to come.
-    sets: std::vec::IntoIter<Result<Record, ElementsError>>,
-    /// A name whose set has not come yet.
-    name: Option<(usize, &'a str)>,
-    /// The number of a line 1 whose line 2 has not come yet.
-    first: Option<usize>,
-    /// What a name behind it would name.
-    unnamed: Unnamed,
-    found: &'b mut Found<'c>,
-}
-
-/// The set that a name line behind it belongs to.
-#[derive(PartialEq)]
-enum Unnamed {
-    Nothing,
-    /// The last record.
-    Record,
-    /// One that was rejected.
-    Rejected,
-}
-
-impl<'a> Reader<'a, '_, '_> {
-    fn first_line(&mut self, number: usize) {
-        self.abandon();
-        self.first = Some(number);
-        self.unnamed = Unnamed::Nothing;
-    }
-
-    fn second_line(&mut self, number: usize) {
-        let name = self.name.take().map(|(_, name)| name);
-        let first = self.first.take();
-        let Some((at, set)) = first.and_then(|at| Some((at, self.sets.next()?))) else {
-            let reason = "line 2 of a set without its line 1".to_owned();
-            self.found.reject(number, reason);
-            self.unnamed = Unnamed::Rejected;
-            return;
-        };
-        match set {
-            Ok(record) => {
-                self.found.take(Ok(Record {
-                    line: at,
-                    name: name.map(bounded_name).unwrap_or_default(),
-                    ..record
-                }));
-                self.unnamed = Unnamed::Record;
-            }
+        match Record::from_lines(first.1, second.1, checksum) {
+            Ok(record) => Ok(Record {
+                line: first.0,
+                name: name.map(bounded_name).unwrap_or_default(),
+                ..record
+            }),
             Err(error) => {
-                let line = if error.line() == 1 { at } else { number };
-                let who = name.map(|n| format!(" ({})", shorten(n)));
-                let reason = format!("{error}{}", who.unwrap_or_default());
-                self.found.reject(line, reason);
-                self.unnamed = Unnamed::Rejected;
+                let line = if error.line() == 1 { first.0 } else { second.0 };
+                let who = name.map(|name| format!(" ({})", shorten(name)));
+                Err((line, format!("{error}{}", who.unwrap_or_default())))
             }
         }
+    }
+}
+
+struct Reader<'a> {
+    names: Names,
+    /// A name whose set has not come yet.
+    name: Option<(usize, &'a str)>,
+    /// A line 1 whose line 2 has not come yet.
+    first: Option<(usize, &'a str)>,
+    /// Whether what came last was a set, or lines that are none, so that a name behind it is theirs.
+    is_unnamed: bool,
+    steps: Vec<Step<'a>>,
+}
+
+impl<'a> Reader<'a> {
+    fn first_line(&mut self, number: usize, line: &'a str) {
+        self.abandon();
+        self.first = Some((number, line));
+        self.is_unnamed = false;
+    }
+
+    fn second_line(&mut self, number: usize, line: &'a str) {
+        let name = self.name.take().map(|(_, name)| name);
+        match self.first.take() {
+            Some(first) => self.steps.push(Step::Set {
+                first,
+                second: (number, line),
+                name,
+            }),
+            None => self.refuse(number, "line 2 of a set without its line 1".to_owned()),
+        }
+        self.is_unnamed = true;
     }
 
     fn name_line(&mut self, number: usize, line: &'a str) {
@@ -130,45 +128,45 @@ impl<'a> Reader<'a, '_, '_> {
         // An object without a name has `0` alone.
         let line = if line == "0" { "0 " } else { line };
         let text = line.strip_prefix("0 ").unwrap_or(line).trim();
-        match (
-            self.names,
-            std::mem::replace(&mut self.unnamed, Unnamed::Nothing),
-        ) {
-            (Names::Before, _) => {
+        let is_unnamed = std::mem::take(&mut self.is_unnamed);
+        match self.names {
+            Names::Before => {
                 if let Some(old) = self.name.replace((number, text)) {
                     self.unused(old);
                 }
             }
-            (Names::Behind, Unnamed::Record) => {
-                if let Some(record) = self.found.records.last_mut() {
-                    record.name = bounded_name(text);
+            Names::Behind if is_unnamed => {
+                if let Some(Step::Set { name, .. }) = self.steps.last_mut() {
+                    *name = Some(text);
                 }
             }
-            (Names::Behind, Unnamed::Rejected) => {}
-            (Names::Behind, Unnamed::Nothing) => self.unused((number, text)),
+            Names::Behind => self.unused((number, text)),
         }
     }
 
     /// Gives up a line 1 that is left alone, and its name.
     fn abandon(&mut self) {
-        if let Some(at) = self.first.take() {
-            let reason = "line 1 of a set without its line 2".to_owned();
-            self.found.reject(at, reason);
+        if let Some((at, _)) = self.first.take() {
+            self.refuse(at, "line 1 of a set without its line 2".to_owned());
             self.name = None;
-            self.unnamed = Unnamed::Rejected;
+            self.is_unnamed = true;
         }
     }
 
     fn unused(&mut self, (at, name): (usize, &str)) {
-        let reason = format!("'{}' names no element set", shorten(name));
-        self.found.reject(at, reason);
+        self.refuse(at, format!("'{}' names no element set", shorten(name)));
     }
 
-    fn close(mut self) {
+    fn refuse(&mut self, line: usize, reason: String) {
+        self.steps.push(Step::Refused(line, reason));
+    }
+
+    fn close(mut self) -> Vec<Step<'a>> {
         self.abandon();
         if let Some(name) = self.name.take() {
             self.unused(name);
         }
+        self.steps
     }
 }
 

@@ -182,12 +182,12 @@ type Columns = std::ops::Range<usize>;
 impl<'a> Line<'a> {
     fn new(number: u8, text: &'a str, checksum: Checksum) -> Result<Self, ElementsError> {
         let text = text.trim_end();
-        let layout = ElementsError::Layout {
+        let layout = || ElementsError::Layout {
             line: number,
             found: text.chars().count(),
         };
         if !text.is_ascii() {
-            return Err(layout);
+            return Err(layout());
         }
         let line = Self { number, text };
         if checksum == Checksum::Ignored {
@@ -195,7 +195,7 @@ impl<'a> Line<'a> {
         }
         // what follows column 69 after a blank is a remark
         if text.len() < 69 || !line.text(70..71).trim().is_empty() {
-            return Err(layout);
+            return Err(layout());
         }
         let computed = checksum_of(line.text(1..69));
         let found = line.text(69..70).chars().next().unwrap_or(' ');

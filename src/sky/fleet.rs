@@ -7,7 +7,6 @@ use super::population::{Population, Seen};
 use super::shadow::Earth;
 use crate::fidelity::Orbits;
 use rayon::prelude::*;
-use skyloop_orbit::elements::Elements;
 use skyloop_orbit::tracks::Tracks;
 use skyloop_orbit::{Object, Orbit, OrbitError};
 use std::collections::HashSet;
@@ -33,19 +32,16 @@ impl Fleet {
     /// The orbits of `population`.
     pub fn new(population: &Population) -> Fleet {
         let objects = population.objects();
-        let sets = |(index, object): (usize, &Object)| -> Vec<(u32, u32, Elements)> {
-            let numbered = |number: usize| match object.sets().count() {
-                1 => SOLE,
-                _ => number as u32,
-            };
-            let sets = object.sets().enumerate();
-            sets.map(|(number, set)| (index as u32, numbered(number), *set))
-                .collect()
-        };
-        let all = objects.iter().enumerate().flat_map(sets);
-        let (mut of, elements): (Vec<(u32, u32)>, Vec<Elements>) = all
-            .map(|(index, number, set)| ((index, number), set))
-            .unzip();
+        let (mut of, mut elements) = (Vec::new(), Vec::new());
+        of.reserve(objects.len());
+        elements.reserve(objects.len());
+        for (index, object) in (0..).zip(objects) {
+            let is_sole = object.sets().count() == 1;
+            for (number, set) in (0..).zip(object.sets()) {
+                of.push((index, if is_sole { SOLE } else { number }));
+                elements.push(*set);
+            }
+        }
         // Whatever was read from a file starts; if some other set does not, the scalar model says of whom and why.
         let tracks = Tracks::new(&elements).unwrap_or_default();
         let mut others = Vec::new();

@@ -148,24 +148,25 @@ impl Batch {
         let ours: Vec<usize> = (0..all.len())
             .filter(|&i| Site::of(all[i].1) == M::SITE)
             .collect();
-        ours.chunks(BLOCK)
-            .map(|members| {
-                let mut block = M::default();
-                for i in 0..BLOCK {
-                    // The last one fills the block up.
-                    let member = members.get(i).or(members.last());
-                    if let Some((elements, figures)) = member.and_then(|&at| all.get(at)) {
-                        block.set(i, elements, figures);
-                    }
-                    let object = members.get(i).copied();
-                    if let Some(place) = object.and_then(|at| self.places.get_mut(at)) {
-                        *place = self.objects.len() as u32;
-                    }
-                    self.objects.push(object.map_or(NOBODY, |at| at as u32));
+        let members = ours.chunks(BLOCK);
+        for object in members.flat_map(|members| (0..BLOCK).map(|i| members.get(i).copied())) {
+            if let Some(place) = object.and_then(|at| self.places.get_mut(at)) {
+                *place = self.objects.len() as u32;
+            }
+            self.objects.push(object.map_or(NOBODY, |at| at as u32));
+        }
+        let block = |members: &[usize]| {
+            let mut block = M::default();
+            for i in 0..BLOCK {
+                // The last one fills the block up.
+                let member = members.get(i).or(members.last());
+                if let Some((elements, figures)) = member.and_then(|&at| all.get(at)) {
+                    block.set(i, elements, figures);
                 }
-                block
-            })
-            .collect()
+            }
+            block
+        };
+        ours.par_chunks(BLOCK).map(block).collect()
     }
 
     /// How many objects there are.

@@ -347,7 +347,7 @@ mod tests {
         let mut flight = Flight::begin();
         // One in four is right; the others are 0.3 s late, a year ahead, two seconds late.
         let off_s = |s: f64| [0.0, -0.3, 3e7, -2.0][(s / TICK_S).round() as usize % 4];
-        flight.fly(0.08, |s| Some(s));
+        flight.fly(0.08, Some);
         flight.fly(4.0, |s| Some(s + off_s(s)));
         assert_eq!(flight.on_the_grid(TICK_S, |s| s, 1e-6), 81);
         assert_eq!(flight.clock.sync(flight.now()).offset_s, 0.0);
