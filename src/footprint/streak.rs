@@ -174,7 +174,9 @@ impl Rows {
         let first_row = self.first + from as i32;
         // Pixels are copied so many at a time, those beyond a row's last too: the next row takes their place.
         let mut shares: Vec<f32> = Vec::with_capacity(total as usize + LANES);
-        for (span, origin) in spans.iter().zip(&self.origins[from..]) {
+        // What is empty has no place on the sheet.
+        let places = spans.iter().zip(&self.origins[from..]);
+        for (span, origin) in places.filter(|(span, _)| is_lit(span)) {
             let from = (origin + span.column as i32) as u32 as usize;
             let whole = (span.length as usize).next_multiple_of(LANES);
             let light = light[from..from + whole].as_chunks::<LANES>().0;
@@ -195,6 +197,50 @@ impl Rows {
             spans,
             shares,
             ..Footprint::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::Folder;
+
+    /// The pixels of some points' light, each a share of 1.
+    fn image(points: &[[f64; 2]]) -> Vec<f32> {
+        let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
+        let samples = points.iter().map(|at| Sample {
+            at: *at,
+            weight: 1.0,
+            lit: Lit::ALL,
+            parts: Vec::new(),
+        });
+        let track = Track {
+            start: points[0],
+            end: points[points.len() - 1],
+            samples: samples.collect(),
+        };
+        let fidelity = Fidelity::REALTIME;
+        let streak = Footprint::streak(&track, &camera, &fidelity, &Light::default(), None);
+        let mut pixels = vec![0.0; 256 * 256];
+        streak.unwrap().light(None, 1.0, 0..256, 256, &mut pixels);
+        pixels
+    }
+
+    #[test]
+    fn rows_without_light_lie_between_those_that_have_some() {
+        // X-Val: the detector ends at 255.5: of the middle point's circle only a part is on it, and rows beside that lie beyond; others are of no point.
+        for beside in [254.0, 256.0, 257.0, 258.5, 259.4] {
+            let points = [[128.0, 10.0], [beside, 40.0], [60.2, 70.0]];
+            let pixels = image(&points);
+            // (A track of one point is none: each twice, at half the light.)
+            let apart = points.map(|point| image(&[point, point]));
+            for (i, pixel) in pixels.iter().enumerate() {
+                let sum: f32 = apart.iter().map(|one| one[i] / 2.0).sum();
+                assert!((pixel - sum).abs() < 1e-6, "{beside}: {pixel} {sum}");
+            }
+            let all: f32 = pixels.iter().sum();
+            assert!((1.99..3.001).contains(&all), "{beside}: {all}");
         }
     }
 }
