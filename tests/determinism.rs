@@ -95,7 +95,7 @@ fn over(scheme: &str, camera: &str) -> (Vec<Seen>, u64) {
             ControlFlow::Continue(())
         });
         stop.store(true, Ordering::Relaxed);
-        serving.join().unwrap();
+        assert_ne!(serving.join().unwrap(), skyloop::serve::Ended::Panicked);
         let report = report.unwrap();
         assert_eq!(report.frames, FRAMES, "{scheme}");
         again = report.recovery.attitudes;

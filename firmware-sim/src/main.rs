@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Parser;
@@ -94,6 +94,8 @@ fn main() -> ExitCode {
 }
 
 fn run(args: Args) -> Result<()> {
+    // What begins now is under way while the emulator is waited for.
+    let zero = args.epoch.is_none().then(Instant::now);
     let mission = mission(&args)?;
     let closed = args.closed.settings(args.wall, &mission)?;
     let links = args.link.iter().map(|link| link::open(link));
@@ -106,7 +108,8 @@ fn run(args: Args) -> Result<()> {
     let flown = FlightComputer::on_links(links, mission)
         .with_faults(args.fault)
         .with_pause(args.pause)
-        .with_control(closed);
+        .with_control(closed)
+        .with_zero(zero);
     let flown = flown.run(|event| {
         refusals += u32::from(matches!(event, Event::Nack(_)));
         let told = match (&event, refusals.cmp(&TOLD)) {

@@ -2,7 +2,7 @@
 
 use super::budget::{Budget, FRAMES};
 use super::cost::spread;
-use super::{Orbits, Records, instruments, levels, mission, progress, scene, with_level};
+use super::{Orbits, PANICKED, Records, instruments, levels, mission, progress, scene, with_level};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::Clock;
@@ -10,7 +10,7 @@ use skyloop::effect::counted;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, Roles};
 use skyloop::output::{OutputError, Writer};
-use skyloop::serve::Server;
+use skyloop::serve::{Ended, Server};
 use skyloop::stats::{RunStats, row, table, times};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
@@ -94,18 +94,19 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     ))?;
 
     let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
-    let stop = AtomicBool::new(false);
+    let (stop, over) = (AtomicBool::new(false), AtomicBool::new(false));
     let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
     let bar = progress(frames, "frames");
     let (report, served, written) = std::thread::scope(|scope| {
         let emulator = scope.spawn(|| {
             // The flight computer hangs up when it has its frames, and tells of all other ends.
-            server.run(&stop, None, |shot| {
+            let ended = server.run(&stop, None, |shot| {
                 // A writer that has failed has dropped its end; its error is reported below.
                 let _ = shots.send(shot.clone());
             });
             drop(shots);
-            server.stats
+            over.store(true, Ordering::Relaxed);
+            (server.stats, ended)
         });
         let writing = scope.spawn(|| write(writer, to_write));
         let report = FlightComputer::new(port, mission).run(|event| {
@@ -118,7 +119,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                 Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
                 Event::Tick => {}
             }
-            match interrupted.load(Ordering::Relaxed) {
+            match interrupted.load(Ordering::Relaxed) || over.load(Ordering::Relaxed) {
                 true => ControlFlow::Break(()),
                 false => ControlFlow::Continue(()),
             }
@@ -127,8 +128,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         (report, emulator.join(), writing.join())
     });
     bar.finish_and_clear();
-    let (Ok(stats), Ok(written)) = (served, written) else {
-        bail!("a thread of the run has panicked: please report it with the command you gave");
+    let (Ok((stats, Ended::AsAsked | Ended::LinkGone)), Ok(written)) = (served, written) else {
+        bail!(PANICKED);
     };
     written.context("writing the frames")?;
     let (report, cut_short) = match report {

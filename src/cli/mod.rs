@@ -155,6 +155,10 @@ struct Records {
 /// Records that are named at most.
 const NAMED: usize = 10;
 
+/// What a run says that has ended so.
+const PANICKED: &str =
+    "a thread of the run has panicked: please report it with the command you gave";
+
 impl Records {
     /// Logs what was refused of a scene's orbit files; an error if nothing may be.
     fn settle(&self, config: &Config) -> anyhow::Result<()> {

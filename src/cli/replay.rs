@@ -7,7 +7,7 @@ use skyloop::config::Clock;
 use skyloop::effect::counted;
 use skyloop::engine::Emulator;
 use skyloop::link::capture::replay::{Progress, Recording, Replay, Same, load};
-use skyloop::serve::Server;
+use skyloop::serve::{Ended, Server};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_protocols::Direction;
 use skyloop_protocols::personality::NATIVE;
@@ -90,7 +90,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     });
     while !replay.over().load(Ordering::Relaxed) {
         if serving.is_finished() {
-            if serving.join().is_err() {
+            if serving.join().unwrap_or(Ended::Panicked) == Ended::Panicked {
                 bail!("a thread of the replay has panicked: please report it with the recording");
             }
             break;

@@ -2,7 +2,7 @@
 
 use super::budget::{Budget, FRAMES, around};
 use super::cost::spread;
-use super::{Orbits, Records, instruments, levels, live, mission, with_level};
+use super::{Orbits, PANICKED, Records, instruments, levels, live, mission, with_level};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config, Trigger};
@@ -148,12 +148,15 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             at.addresses()[1..].join(" and ")
         ))?;
     }
-    let ended = AtomicBool::new(false);
+    let (ended, panicked) = (AtomicBool::new(false), AtomicBool::new(false));
     let (served, heads) = std::thread::scope(|scope| {
         let heads = heads.into_iter().map(|(name, mut head)| {
-            let ended = &ended;
+            let (ended, panicked, stop) = (&ended, &panicked, &stop);
             scope.spawn(move || {
-                head.run(ended, None, |_| {});
+                if head.run(ended, None, |_| {}) == Ended::Panicked {
+                    panicked.store(true, Ordering::Relaxed);
+                    stop.store(true, Ordering::Relaxed);
+                }
                 (name, head.close())
             })
         });
@@ -171,7 +174,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     say(format_args!("\n{}", table(&rows)))?;
     for head in heads {
         let Ok((name, (stats, counters))) = head else {
-            bail!("a thread of the run has panicked: please report it with the command you gave");
+            bail!(PANICKED);
         };
         say(format_args!(
             "\nhead {name}\n{}",
@@ -180,7 +183,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     instruments.finish()?;
     match served {
+        Ended::AsAsked if panicked.into_inner() => bail!(PANICKED),
         Ended::AsAsked => Ok(()),
+        Ended::Panicked => bail!(PANICKED),
         Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),
     }
 }

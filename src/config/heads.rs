@@ -38,6 +38,10 @@ impl RawHead {
                 return Err(check.refuse(&key("rate_hz"), rate_hz.to_string(), allowed));
             }
         }
+        if self.name.trim().is_empty() {
+            let allowed = "a name, by which its figures and verdicts are told";
+            return Err(check.refuse(&key("name"), format!("{:?}", self.name), allowed));
+        }
         Ok(Head {
             name: self.name,
             camera,

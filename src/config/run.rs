@@ -146,10 +146,10 @@ impl Default for Run {
 }
 
 impl Delay {
-    /// How much later than its exposure's end a frame leaves at the earliest: the same for the same frame in every run.
-    pub fn of(&self, frame: u32) -> Duration {
-        // SplitMix64 (Steele, Lea and Flood 2014) of the frame's number.
-        let mut word = u64::from(frame)
+    /// How much later than its exposure's end a frame of a camera (0: the first) leaves at the earliest: the same for the same frame in every run.
+    pub fn of(&self, camera: u32, frame: u32) -> Duration {
+        // SplitMix64 (Steele, Lea and Flood 2014) of both numbers.
+        let mut word = (u64::from(camera) << 32 | u64::from(frame))
             .wrapping_add(1)
             .wrapping_mul(0x9E37_79B9_7F4A_7C15);
         word = (word ^ word >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);

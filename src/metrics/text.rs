@@ -24,10 +24,14 @@ pub(super) fn page(cameras: &[Camera]) -> String {
         }
     }
     let counts: [(&str, &str, Figure<u64>); 3] = [
-        ("frames", "Frames that were due.", |of| of.frames),
+        (
+            "frames",
+            "Frames that were made, whole or not; of exposures without one exposures_missed tells.",
+            |of| of.frames,
+        ),
         (
             "deadlines_missed",
-            "Frames that were late or did not leave whole.",
+            "Frames that were late or did not leave whole; of exposures without a frame exposures_missed tells.",
             |of| of.missed,
         ),
         (

@@ -84,6 +84,15 @@ impl Server {
         let repeat = self.show(&pointing, due.latched.is_some());
         let in_step = self.kind == Kind::Stepped;
         let number = self.next_frame;
+        let release = match in_step {
+            true => due.end,
+            false => due.end + self.delay.of(self.camera, number),
+        };
+        // By the jitter, which nothing could be done about.
+        let overrun = match due.deadline.is_some_and(|deadline| release > deadline) {
+            true => Some("late"),
+            false => overrun,
+        };
         let order = Order {
             camera,
             vehicle: pointing.vehicle,
@@ -93,10 +102,7 @@ impl Server {
             streams: !in_step && self.wants_rows(),
         };
         let asked = Asked {
-            release: match in_step {
-                true => due.end,
-                false => due.end + self.delay.of(number),
-            },
+            release,
             due,
             header: pointing.message.header,
             arrived: pointing.message.arrived,

@@ -27,6 +27,7 @@ impl Server {
         let mut server = Server::new(emulator, links, self.output, self.kind, self.personality);
         server.set_run(run);
         server.is_led = true;
+        server.camera = self.told.len() as u32 + 1;
         server.darkroom = self.darkroom.clone();
         self.told.push(told);
         server

@@ -112,24 +112,28 @@ impl Server {
     fn in_order(&mut self, epoch: Epoch, sequence: u32, arrived: Instant) -> Result<(), Refusal> {
         let cadence = self.clock.cadence();
         let now = cadence.and_then(|cadence| cadence.scene_at(arrived));
-        let history = &self.truth.history;
-        let last = match now {
-            Some(now) => history.latest_by(now + seconds(self.staleness.limit_s)),
+        let reach = now.map(|now| now + seconds(self.staleness.limit_s));
+        let history = &mut self.truth.history;
+        let last = match reach {
+            Some(reach) => history.latest_by(reach),
             None => history.latest(),
         };
-        let Some(last) = last else {
-            return Ok(());
-        };
-        if epoch >= last.vehicle.epoch || self.out_of_order == OutOfOrder::Use {
-            return Ok(());
+        if let Some(last) = last.filter(|last| epoch < last.vehicle.epoch)
+            && self.out_of_order == OutOfOrder::Refuse
+        {
+            let back_s = (last.vehicle.epoch - epoch).to_seconds();
+            return Err(Refusal {
+                reason: Reason::TimeBackwards,
+                detail: format!(
+                    "time of attitude {sequence} lies {back_s:.6} s before the last one; send them in order, or Reset"
+                ),
+            });
         }
-        let back_s = (last.vehicle.epoch - epoch).to_seconds();
-        Err(Refusal {
-            reason: Reason::TimeBackwards,
-            detail: format!(
-                "time of attitude {sequence} lies {back_s:.6} s before the last one; send them in order, or Reset"
-            ),
-        })
+        if let Some(reach) = reach.filter(|reach| epoch <= *reach) {
+            // One of a future too far was wrong, or of a clock that has been set back: it is not waited for.
+            history.forget_after(reach);
+        }
+        Ok(())
     }
 
     /// An attitude that had been accepted may be carried to where nothing can be shown: it is refused once, and each exposure of it is

@@ -109,6 +109,8 @@ pub struct Server {
     staleness: Staleness,
     out_of_order: OutOfOrder,
     delay: Delay,
+    /// Number of the camera, the first of all 0.
+    camera: u32,
     overrun: Overrun,
     truth: Truth,
     /// Attitudes accepted so far.
@@ -144,12 +146,15 @@ pub struct Server {
 }
 
 /// How a run came to its end.
+#[must_use = "a run may have ended because of an error of its own"]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
     /// It was stopped, or has made its frames.
     AsAsked,
     /// The other end of the link has gone for good.
     LinkGone,
+    /// The thread that makes frames has panicked.
+    Panicked,
 }
 
 impl Server {
@@ -185,6 +190,7 @@ impl Server {
             staleness: run.staleness,
             out_of_order: run.out_of_order,
             delay: run.delay,
+            camera: 0,
             truth: Truth::default(),
             accepted: 0,
             pictures: Vec::new(),
@@ -338,8 +344,12 @@ impl Server {
         let ended = std::thread::scope(|scope| {
             let (shooter, darkroom) = shooter(std::thread::current());
             let (emulator, turn) = (&mut emulator, self.darkroom.clone());
-            scope.spawn(move || darkroom.work(emulator, &turn));
-            self.serve(shooter, stop, limit, on_shot)
+            let making = scope.spawn(move || darkroom.work(emulator, &turn));
+            let ended = self.serve(shooter, stop, limit, on_shot);
+            match making.join() {
+                Ok(()) => ended,
+                Err(_) => Ok(Ended::Panicked),
+            }
         });
         self.emulator = Some(emulator);
         let waited = self.clock.end(Instant::now());
@@ -387,8 +397,12 @@ impl Server {
             if !self.receive_waiting()? {
                 return Ok(Ended::LinkGone);
             }
-            while let Ok(Some(news)) = shooter.news() {
-                self.learn(news, shooter.spare())?;
+            loop {
+                match shooter.news() {
+                    Ok(Some(news)) => self.learn(news, shooter.spare())?,
+                    Ok(None) => break,
+                    Err(()) => return Ok(Ended::Panicked),
+                }
             }
             let round = self.deliver()?;
             let settled = self.settle(shooter, on_shot);

@@ -60,6 +60,7 @@ impl Server {
                     let output = self.channels[at].exchange.output;
                     self.must_fit(at, &output, hz, "FrameRate")?;
                 }
+                self.may_be_in_time(hz)?;
                 self.settings.change().rate_hz = hz;
                 if let Some(cadence) = self.clock.cadence() {
                     cadence.set_rate(hz, arrived);
@@ -86,7 +87,10 @@ impl Server {
                 }
             }
             Command::Pause => {
-                self.must_rest("Pause")?;
+                // Who pauses all cameras knows nothing of a further one's single shot: that is given up.
+                if !self.is_led {
+                    self.must_rest("Pause")?;
+                }
                 if !self.clock.is_paused() {
                     self.clock.pause(arrived);
                 }
@@ -218,6 +222,22 @@ impl Server {
         fits.map_err(|why| Refusal {
             reason: Reason::ValueOutOfRange,
             detail: format!("{command}: {why}"),
+        })
+    }
+
+    /// Refuses a rate at which the device holds all frames back beyond their deadlines, where such frames are left out.
+    fn may_be_in_time(&mut self, hz: f64) -> Result<(), Refusal> {
+        let latency = self.clock.cadence().map(|cadence| cadence.latency_at(hz));
+        let is_late = latency.is_some_and(|latency| self.delay.delay_s >= latency.as_secs_f64());
+        if !is_late || !self.overrun.leaves_out() {
+            return Ok(());
+        }
+        Err(Refusal {
+            reason: Reason::ValueOutOfRange,
+            detail: format!(
+                "FrameRate.hz = {hz}: by run.delay_s = {} no frame would leave by its deadline, and run.on_overrun = \"drop\" leaves all of them out; set run.latency_s, or ask for less",
+                self.delay.delay_s
+            ),
         })
     }
 

@@ -1,14 +1,15 @@
 //! What is done where a frame would be late: it comes late, it is left out, or it is rendered more coarsely. It asks no clock.
 //!
-//! What a frame will take is what the last one by the same tolerances took, and what the last one took on its way. What has not been tried for a while is trusted to take less and less
-//! than it did, so that it is tried again: a frame that takes twice too long every 11th exposure.
+//! A frame is there when it is rendered and the device holds it no more; then it takes its way over the line. What it will take is what the last one by the same
+//! tolerances took, and what the last one took on its way. What was too slow is tried again after a few frames, and each time that it is too slow once more after twice as many:
+//! one hiccup costs little, and what never is in time is seldom tried.
 
 use crate::config::OnOverrun;
 use crate::fidelity::{Coarser, Fidelity};
 use std::time::Duration;
 
-/// What is left of an estimate at each frame that does not renew it.
-const FADES: f64 = 15.0 / 16.0;
+/// After so many exposures what was too slow is tried again, the first time and at most.
+const TRIED_AGAIN: [u32; 2] = [4, 256];
 
 /// The policy, and what frames take.
 #[derive(Debug)]
@@ -20,23 +21,68 @@ pub struct Overrun {
     pub dropped: u32,
     /// Since the last frame.
     newly_dropped: bool,
-    /// From the moment that all of a frame could have left to its last octet's leaving, s, of the last one.
-    way_s: f64,
+    /// From the moment that all of a frame could have left to its last octet's leaving.
+    way: Estimate,
 }
 
-/// Tolerances, and what a frame by them takes, s, if there was one.
+/// Tolerances, and what a frame by them takes.
 #[derive(Debug)]
 struct Level {
     fidelity: Fidelity,
-    took_s: Option<f64>,
+    takes: Estimate,
 }
 
 impl Level {
     fn untried(fidelity: Fidelity) -> Level {
         Level {
             fidelity,
-            took_s: None,
+            takes: Estimate::default(),
         }
+    }
+}
+
+/// What something takes, by the last time that it was done.
+#[derive(Debug, Default)]
+struct Estimate {
+    /// That, s; none: it was never done.
+    took_s: Option<f64>,
+    /// What it might take then, s.
+    allowed_s: f64,
+    /// Exposures since then.
+    since: u32,
+    /// After how many it is tried again where that is too long; 0: it was in time.
+    patience: u32,
+}
+
+impl Estimate {
+    /// Whether it is to be tried again, whatever it took.
+    fn is_due(&self) -> bool {
+        self.took_s.is_none() || self.since >= self.patience.max(TRIED_AGAIN[0])
+    }
+
+    /// Whether it may be done within `s`.
+    fn fits(&self, s: f64) -> bool {
+        self.is_due() || self.took_s.is_none_or(|took_s| took_s <= s)
+    }
+
+    /// What it is reckoned to take, s.
+    fn reckoned_s(&self) -> f64 {
+        let took_s = self.took_s.filter(|_| !self.is_due());
+        took_s.unwrap_or(0.0)
+    }
+
+    fn learn(&mut self, took: Duration) {
+        let (took_s, [first, most]) = (took.as_secs_f64(), TRIED_AGAIN);
+        self.patience = match took_s <= self.allowed_s {
+            true => 0,
+            false => self.patience.saturating_mul(2).clamp(first, most),
+        };
+        (self.took_s, self.since) = (Some(took_s), 0);
+    }
+
+    /// An exposure goes by without it.
+    fn pass(&mut self) {
+        self.since = self.since.saturating_add(1);
     }
 }
 
@@ -81,7 +127,7 @@ impl Overrun {
             levels,
             dropped: 0,
             newly_dropped: false,
-            way_s: 0.0,
+            way: Estimate::default(),
         };
         (overrun, idle)
     }
@@ -91,31 +137,37 @@ impl Overrun {
         let Some(spare_s) = spare.map(|spare| spare.as_secs_f64()) else {
             return self.shoot(0, None);
         };
-        let (spare_s, held_s) = (spare_s - self.way_s, held.as_secs_f64());
-        let is_held_too_long = held_s > spare_s.max(0.0);
-        let is_ready_by = |level: &Level, s: f64| level.took_s.is_none_or(|took_s| took_s <= s);
-        let in_time = |level: &Level| !is_held_too_long && is_ready_by(level, spare_s);
-        match (self.levels.iter().position(in_time), self.policy) {
-            (Some(0), _) => self.shoot(0, None),
-            (Some(level), _) => self.shoot(level, Some("coarsen")),
+        let held_s = held.as_secs_f64();
+        let ready_s = spare_s - self.way.reckoned_s();
+        let is_held_too_long = held_s > ready_s.max(0.0);
+        let in_time = |level: &Level| !is_held_too_long && level.takes.fits(ready_s);
+        let (level, overrun) = match (self.levels.iter().position(in_time), self.policy) {
+            (Some(0), _) => (0, None),
+            (Some(level), _) => (level, Some("coarsen")),
             (None, OnOverrun::Drop) => {
-                self.fade(None);
+                self.pass(None);
                 self.dropped = self.dropped.wrapping_add(1);
                 self.newly_dropped = true;
-                Verdict::Drop
+                return Verdict::Drop;
             }
             (None, OnOverrun::Late | OnOverrun::Coarsen) => {
                 // What is held anyway need not be coarser than there is time for meanwhile.
                 let last = self.levels.len().saturating_sub(1);
-                let is_held = |level: &Level| is_ready_by(level, held_s);
-                let level = self.levels.iter().position(is_held).unwrap_or(last);
-                self.shoot(level, Some("late"))
+                let is_held = |level: &Level| level.takes.fits(held_s);
+                let held = self.levels.iter().position(is_held);
+                let level = held.filter(|_| is_held_too_long).unwrap_or(last);
+                (level, Some("late"))
             }
+        };
+        if let Some(Level { takes, .. }) = self.levels.get_mut(level) {
+            takes.allowed_s = ready_s.max(held_s);
+            self.way.allowed_s = spare_s - takes.reckoned_s().max(held_s);
         }
+        self.shoot(level, overrun)
     }
 
     fn shoot(&mut self, level: usize, overrun: Option<&'static str>) -> Verdict {
-        self.fade(Some(level));
+        self.pass(Some(level));
         let dropped = std::mem::take(&mut self.newly_dropped).then_some("drop");
         Verdict::Shoot {
             level,
@@ -123,15 +175,21 @@ impl Overrun {
         }
     }
 
-    /// All estimates but that of a level, which is about to be renewed.
-    fn fade(&mut self, renewed: Option<usize>) {
+    /// An exposure goes by without all but a level, which is about to be renewed.
+    fn pass(&mut self, renewed: Option<usize>) {
         let others = self.levels.iter_mut().enumerate();
         for (_, level) in others.filter(|(i, _)| Some(*i) != renewed) {
-            level.took_s = level.took_s.map(|took_s| took_s * FADES);
+            level.takes.pass();
         }
+        // Frames that are made renew it, sooner or later.
         if renewed.is_none() {
-            self.way_s *= FADES;
+            self.way.pass();
         }
+    }
+
+    /// Whether exposures are left out whose frames would be late.
+    pub fn leaves_out(&self) -> bool {
+        self.policy == OnOverrun::Drop
     }
 
     /// The tolerances of a level.
@@ -141,13 +199,13 @@ impl Overrun {
 
     /// A frame took so long to leave, once all of it could.
     pub fn learn_way(&mut self, took: Duration) {
-        self.way_s = took.as_secs_f64();
+        self.way.learn(took);
     }
 
     /// A frame by a level took so long.
     pub fn learn(&mut self, level: usize, took: Duration) {
         if let Some(level) = self.levels.get_mut(level) {
-            level.took_s = Some(took.as_secs_f64());
+            level.takes.learn(took);
         }
     }
 }
@@ -209,8 +267,7 @@ mod tests {
                 .take_while(|verdict| *verdict == Verdict::Drop)
                 .count()
         };
-        // X-Val: by hand, (15/16)^n <= 1/2 from n = 11 on.
-        assert_eq!((tried(&mut overrun), overrun.dropped), (11, 11));
+        assert_eq!((tried(&mut overrun), overrun.dropped), (4, 4));
         overrun.learn(0, ms(10));
         assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, None));
         // The first frame after those that were left out has said so.
@@ -252,6 +309,51 @@ mod tests {
     }
 
     #[test]
+    fn what_never_is_in_time_is_tried_ever_more_seldom_and_one_hiccup_costs_little() {
+        for policy in [OnOverrun::Coarsen, OnOverrun::Drop] {
+            let mut overrun = of(policy);
+            let mut tried = Vec::new();
+            for n in 0..2000 {
+                if let Verdict::Shoot { level, .. } = overrun.decide(Some(ms(100)), NOT_HELD) {
+                    overrun.learn(level, if level == 0 { ms(115) } else { ms(60) });
+                    tried.extend((level == 0).then_some(n));
+                }
+            }
+            let apart: Vec<i32> = tried.windows(2).map(|two| two[1] - two[0] - 1).collect();
+            // X-Val: twice as many each time, up to 256; 4 + ... + 256 = 508 and 8 frames, then five times 256 and one.
+            assert_eq!(apart, [4, 8, 16, 32, 64, 128, 256, 256, 256, 256, 256, 256]);
+            // When it is in time again, that is forgotten.
+            while !matches!(
+                overrun.decide(Some(ms(100)), NOT_HELD),
+                Verdict::Shoot { level: 0, .. }
+            ) {}
+            overrun.learn(0, ms(90));
+            assert_eq!(overrun.decide(Some(ms(100)), NOT_HELD), shoot(0, None));
+            overrun.learn(0, ms(101));
+            let next = (0..5).map(|_| overrun.decide(Some(ms(100)), NOT_HELD));
+            let is_tried = |verdict| matches!(verdict, Verdict::Shoot { level: 0, .. });
+            assert_eq!(
+                next.map(is_tried).collect::<Vec<_>>(),
+                [false, false, false, false, true]
+            );
+        }
+    }
+
+    #[test]
+    fn a_way_that_took_long_once_leaves_few_exposures_out() {
+        let mut overrun = of(OnOverrun::Drop);
+        overrun.learn(0, ms(10));
+        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, None));
+        overrun.learn_way(ms(95));
+        for _ in 0..4 {
+            assert_eq!(overrun.decide(Some(ms(100)), ms(80)), Verdict::Drop);
+        }
+        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, "drop"));
+        overrun.learn_way(ms(5));
+        assert_eq!(overrun.decide(Some(ms(100)), ms(80)), shoot(0, None));
+    }
+
+    #[test]
     fn what_a_device_holds_back_for_too_long_is_late_however_coarse_it_is() {
         for (policy, verdict) in [
             (OnOverrun::Late, shoot(0, "late")),
@@ -273,6 +375,18 @@ mod tests {
         assert_eq!(overrun.decide(Some(ms(100)), ms(75)), shoot(0, None));
         overrun.learn(0, ms(90));
         assert_eq!(overrun.decide(Some(ms(100)), ms(75)), shoot(1, "coarsen"));
+        // Held for too long, and the finest not ready by then: the first that is; if none is, the last.
+        let mut overrun = of(OnOverrun::Coarsen);
+        [150, 100]
+            .into_iter()
+            .zip(0..)
+            .for_each(|(took, level)| overrun.learn(level, ms(took)));
+        assert_eq!(overrun.decide(Some(ms(100)), ms(101)), shoot(1, "late"));
+        [150, 140, 130]
+            .into_iter()
+            .zip(0..)
+            .for_each(|(took, level)| overrun.learn(level, ms(took)));
+        assert_eq!(overrun.decide(Some(ms(100)), ms(101)), shoot(2, "late"));
     }
 
     /// The settings of all levels, and the steps that are none, from `fidelity` on.

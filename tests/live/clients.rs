@@ -3,10 +3,18 @@
 use crate::support::client::Client;
 use crate::support::line::{Line, UdpLine};
 use crate::support::{EPOCH, Running, attitude, await_that, later, on_udp, options};
-use crate::{frame_of, quick, whole_frame};
+use crate::{PATIENCE, frame_of, quick, whole_frame};
+use hifitime::Epoch;
 use skyloop::config::Clock;
+use skyloop::link;
+use skyloop_firmware_sim::event::Event;
+use skyloop_firmware_sim::flight_computer::FlightComputer;
+use skyloop_firmware_sim::mission::{Mission, Pace};
+use skyloop_firmware_sim::profile::Profile;
+use skyloop_firmware_sim::time::to_epoch;
 use skyloop_protocols::Command;
-use std::time::Duration;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
 
 /// Silence after which another client may come, s.
 const IDLE_S: f64 = 0.2;
@@ -149,4 +157,46 @@ fn clients_come_and_go_and_each_is_served() {
         assert_eq!(client.frame().header.attitude_sequence, round);
         client.done(Command::Reset);
     }
+}
+
+/// A flight computer that is there first: its attitudes are of the time that it is when they leave.
+#[test]
+fn who_waited_for_the_emulator_has_not_fallen_behind() {
+    const WAIT: Duration = Duration::from_millis(300);
+    let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
+    let zero = Instant::now();
+    let start = Epoch::now().unwrap();
+    let mission = Mission {
+        start,
+        period_s: 1.0,
+        frames: 3,
+        profile: Profile::Hold(crate::unit(crate::Q)),
+        orbit: None,
+        timeout: PATIENCE,
+        pace: Pace::Wall { rate_hz: 20.0 },
+        output: None,
+        positions: None,
+    };
+    let mut config = quick(20.0);
+    config.objects.clear();
+    std::thread::scope(|scope| {
+        let flying = scope.spawn(|| {
+            let flown = FlightComputer::new(port, mission).with_zero(Some(zero));
+            let mut told_s = Vec::new();
+            let report = flown.taking_only().run(|event| {
+                if let Event::Frame { frame, .. } = event {
+                    let mid_s = (to_epoch(frame.mid_exposure) - start).to_seconds();
+                    told_s.push(mid_s - f64::from(frame.end.timing.attitude_age_s));
+                }
+                ControlFlow::Continue(())
+            });
+            assert_eq!(report.unwrap().frames, 3);
+            told_s
+        });
+        std::thread::sleep(WAIT);
+        let _emulator = Running::start(config, Clock::Wall, wire);
+        for told_s in flying.join().unwrap() {
+            assert!(told_s >= WAIT.as_secs_f64(), "{told_s}");
+        }
+    });
 }

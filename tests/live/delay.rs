@@ -84,7 +84,7 @@ fn a_jitter_is_another_for_each_frame_and_within_its_bounds() {
     in_order(&frames, emulator.end().frames_dropped);
     let mut least = BTreeSet::new();
     for frame in &frames {
-        let held_s = delay.of(frame.header.frame).as_secs_f64();
+        let held_s = delay.of(0, frame.header.frame).as_secs_f64();
         assert!((0.02..0.22).contains(&held_s));
         // The device keeps the order: one may wait for the one before it.
         assert!(f64::from(frame.end.timing.first_octet_s) >= held_s * (1.0 - 1e-6));

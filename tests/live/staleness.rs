@@ -247,4 +247,11 @@ fn a_stray_is_not_believed(out_of_order: OutOfOrder) {
     let counters = client.status().counters;
     assert_eq!((counters.attitudes, counters.attitudes_future), (12, 0));
     assert_eq!(counters.time_backwards, 0);
+    // Nor does it take over when the client falls silent.
+    await_that("the last good one is stale", || {
+        let frame = client.frame();
+        assert_eq!(frame.header.attitude_sequence, 11);
+        assert_ne!(frame.end.attitude_source, AttitudeSource::Future);
+        frame.end.attitude_source == AttitudeSource::Stale
+    });
 }

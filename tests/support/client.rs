@@ -190,10 +190,18 @@ impl<L: Line> Client<L> {
         }
     }
 
-    /// The refusals that have come by now; all else is kept.
+    /// The refusals of all that was sent, on a line that loses nothing; all else is kept.
     pub fn refusals(&mut self) -> Vec<Reason> {
-        while let Some(packet) = self.recv(Duration::from_millis(5)) {
-            self.early.push_back(packet);
+        // They come before the answers to a Ping that is sent after it: its Ack, and a Status.
+        let ping = self.send(Command::Ping);
+        let mut is_answered = false;
+        loop {
+            let packet = self.recv(PATIENCE).expect("a Ping is answered");
+            match Reply::decode(&packet) {
+                Ok((_, Reply::Ack(ack))) if ack.sequence_count == ping => is_answered = true,
+                Ok((_, Reply::Status(_))) if is_answered => break,
+                _ => self.early.push_back(packet),
+            }
         }
         let mut reasons = Vec::new();
         self.early.retain(|packet| match Reply::decode(packet) {

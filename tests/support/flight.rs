@@ -7,7 +7,7 @@ use skyloop::config::{Clock, Config, Sequence, TimedAttitude};
 use skyloop::engine::Emulator;
 use skyloop::link::fault::{Book, BusFaults, Plan, wrap};
 use skyloop::link::{self, Airtime, BothEnds, BusInstruments, Options, Roles};
-use skyloop::serve::Server;
+use skyloop::serve::{Ended, Server};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::received::Cutout;
@@ -131,7 +131,7 @@ pub fn fly_between(
     let (report, counters) = std::thread::scope(|scope| {
         let stop = &stop;
         let emulator = scope.spawn(move || {
-            server.run(stop, None, |_| {});
+            assert_ne!(server.run(stop, None, |_| {}), Ended::Panicked);
             server.close().1
         });
         let report = FlightComputer::new(port, mission).run(|event| {

@@ -8,7 +8,7 @@ use line::{Line, MemoryLine, PtyLine, UdpLine};
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, Roles, Wire};
-use skyloop::serve::Server;
+use skyloop::serve::{Ended, Server};
 use skyloop::stats::RunStats;
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Attitude, Counters, OrbitState, WireTime};
@@ -85,9 +85,10 @@ impl Running {
             server.set_run(&config.run);
             prepare(&mut server);
             // A client may have hung up before it is told to end.
-            server.run(&stopped, None, |shot| {
+            let ended = server.run(&stopped, None, |shot| {
                 let _ = to_test.send(shot.clone());
             });
+            assert_ne!(ended, Ended::Panicked);
             server
         });
         Running {

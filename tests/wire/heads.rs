@@ -9,7 +9,7 @@ use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
 use skyloop::link::{self, Roles};
 use skyloop::load::Folder;
-use skyloop::serve::Server;
+use skyloop::serve::{Ended, Server};
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Command, Counters, Reason, SyncState};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,11 +36,11 @@ fn two(clock: Clock, flight: impl FnOnce(Client<MemoryLine>, Client<MemoryLine>)
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let served = scope.spawn(|| {
-            server.run(&stop, None, |_| {});
+            assert_ne!(server.run(&stop, None, |_| {}), Ended::Panicked);
             server.close().1
         });
         let beside = scope.spawn(|| {
-            head.run(&stop, None, |_| {});
+            assert_ne!(head.run(&stop, None, |_| {}), Ended::Panicked);
             head.close().1
         });
         flight(
@@ -120,6 +120,36 @@ fn a_pause_stops_all_cameras_and_comes_from_the_first_ones_client_only() {
     });
 }
 
+/// Who pauses all cameras is the first one's client, and asks none of the others.
+#[test]
+fn a_pause_gives_a_further_cameras_single_shot_up() {
+    let [_, second] = two(Clock::Wall, |mut first, mut second| {
+        second.status();
+        first.done(Command::FrameRate { hz: 1e-3 });
+        first.point(attitude(1), EPOCH);
+        await_that("both have the attitude", || {
+            second.status().counters.attitudes == 1
+        });
+        second.done(Command::FrameRate { hz: 1e-3 });
+        second.forget();
+        second.done(Command::Exposure { seconds: 100.0 });
+        second.done(Command::SingleShot);
+        let before = second.status().counters.exposures_missed;
+        first.done(Command::Pause);
+        await_that("all are paused", || {
+            second.status().sync == SyncState::Paused
+        });
+        assert_eq!(first.status().sync, SyncState::Paused);
+        assert_eq!(second.status().counters.exposures_missed, before + 1);
+        first.done(Command::Resume);
+        // Another may be asked for, and the settings are free again.
+        await_that("all go on", || second.status().sync == SyncState::Free);
+        second.done(Command::Exposure { seconds: 0.01 });
+        second.done(Command::SingleShot);
+    });
+    assert_eq!(second.refused, 0);
+}
+
 #[test]
 fn settings_and_resets_reach_the_camera_that_they_are_for() {
     two(Clock::Stepped, |mut first, mut second| {
@@ -161,6 +191,10 @@ fn files_say_what_is_wrong_with_a_head() {
     let head = |rest: &str| format!("[[heads]]\nname = \"B\"\ncamera = \"fai-nir\"\n{rest}");
     for (text, words) in [
         (head("link = []"), ["heads[0].link", "at least one link"]),
+        (
+            head("link = \"udp://127.0.0.1:1\"").replace("\"B\"", "\" \""),
+            ["heads[0].name", "figures and verdicts"],
+        ),
         (
             head("link = \"udp://127.0.0.1:1\"\nrate_hz = 0"),
             ["heads[0].rate_hz", "0.0001"],

@@ -103,7 +103,7 @@ pub fn replay(file: &Path, mut config: Config) -> Progress {
                 replay.give_up();
             }
         }
-        serving.join().unwrap();
+        assert_ne!(serving.join().unwrap(), skyloop::serve::Ended::Panicked);
     });
     replay.progress()
 }

@@ -66,6 +66,8 @@ pub struct FlightComputer<P> {
     warned: bool,
     /// When the first attitude left.
     begin: Instant,
+    /// When it is the mission's start; none: as the first attitude leaves.
+    zero: Option<Instant>,
     /// Attitudes in a row during which nothing at all came.
     silent_attitudes: u32,
 }
@@ -98,6 +100,7 @@ impl<P: Port> FlightComputer<P> {
             usual_answer: None,
             warned: false,
             begin: Instant::now(),
+            zero: None,
             silent_attitudes: 0,
         }
     }
@@ -121,6 +124,12 @@ impl<P: Port> FlightComputer<P> {
     #[must_use]
     pub fn with_pause(self, pause: Option<Pause>) -> Self {
         Self { pause, ..self }
+    }
+
+    /// By the wall clock it is the mission's start at `zero`, however long the emulator takes to answer; none: as the first attitude leaves.
+    #[must_use]
+    pub fn with_zero(self, zero: Option<Instant>) -> Self {
+        Self { zero, ..self }
     }
 
     /// Closes the loop: the mission's attitude is held against a drift, by what the frames show. By the wall clock only.
@@ -268,7 +277,11 @@ impl<P: Port> FlightComputer<P> {
 
     /// The mission's time so many seconds after its first attitude, by the wall clock.
     fn by_the_clock(&self, seconds: f64) -> Epoch {
-        self.mission.start + hifitime::Duration::from_seconds(seconds)
+        let waited = self
+            .zero
+            .map(|zero| self.begin.saturating_duration_since(zero));
+        let waited_s = waited.unwrap_or_default().as_secs_f64();
+        self.mission.start + hifitime::Duration::from_seconds(waited_s + seconds)
     }
 
     /// Says what of each frame is wanted, before the first.

@@ -2,7 +2,7 @@
 
 mod joining;
 
-use super::{Orbits, Records, live, mission};
+use super::{Orbits, PANICKED, Records, live, mission};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use joining::{Arrival, Joining};
@@ -10,9 +10,9 @@ use skyloop::config::{Clock, Config, Trigger};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::host::Host;
-use skyloop::junit;
+use skyloop::junit::{self, Case};
 use skyloop::link::{self, Roles};
-use skyloop::serve::{Left, OnLeft, Server};
+use skyloop::serve::{Ended, Left, OnLeft, Server};
 use skyloop::soak::{Camera, Limits, Measured, Report};
 use skyloop::stats::{row, table};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
@@ -86,15 +86,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             "{name}: run.trigger is \"packet\", and the client of a soak sends none; leave it out, so that frames come at the camera's rate"
         );
     }
-    // Before minutes are spent on them.
-    for path in args.junit.iter().chain(&args.json) {
-        std::fs::write(path, "").map_err(|error| {
-            anyhow!(
-                "cannot write {}: {error}; name another file",
-                path.display()
-            )
-        })?;
-    }
+    let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
+    // Before minutes are spent on them; what ends without a verdict has not passed.
+    begin(&args)?;
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
     let mission = mission(&config, Some(&args.config))?;
     let first = flight::vehicle(&mission, 0)?;
@@ -158,7 +152,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         args.minutes
     ))?;
 
-    let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let (begin, host) = (Instant::now(), Host::now());
     let length = Duration::from_secs_f64(args.minutes * 60.0);
     let end = begin + length;
@@ -192,8 +185,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         });
         let serve = |mut server: Server| {
             scope.spawn(move || {
-                server.run(stop, None, |_| {});
-                server
+                let ended = server.run(stop, None, |_| {});
+                over.fetch_or(ended == Ended::Panicked, Ordering::Relaxed);
+                (server, ended)
             })
         };
         let (mut serving, mut taking) = (vec![serve(server)], Vec::new());
@@ -213,7 +207,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         // They tell of frames until they are closed.
         let closed: Vec<_> = serving
             .into_iter()
-            .map(|serving| serving.join().map(Server::close))
+            .map(|serving| match serving.join() {
+                Ok((server, Ended::AsAsked | Ended::LinkGone)) => Some(server.close()),
+                Ok((_, Ended::Panicked)) | Err(_) => None,
+            })
             .collect();
         let joined = joining.join().map(|joining| (joining, ended));
         let joined = taken.and_then(|taken| {
@@ -222,10 +219,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         });
         (closed, errors.into_iter().flatten().next(), joined)
     });
-    let (Ok((joining, ended)), Ok(closed)) =
-        (joined, closed.into_iter().collect::<Result<Vec<_>, _>>())
+    let (Ok((joining, ended)), Some(closed)) =
+        (joined, closed.into_iter().collect::<Option<Vec<_>>>())
     else {
-        bail!("a thread of the run has panicked: please report it with the command you gave");
+        bail!(PANICKED);
     };
     if let Some(error) = flown {
         return Err(anyhow::Error::from(error).context("the client of the run"));
@@ -299,6 +296,34 @@ fn listening(mission: &Mission) -> Mission {
     }
 }
 
+/// The files that were asked for, as they are of a run that has told no verdict.
+fn begin(args: &Args) -> anyhow::Result<()> {
+    const UNTOLD: &str = "the run has not come to its end";
+    if let Some(path) = &args.junit {
+        let case = Case {
+            name: "verdict".to_string(),
+            classname: "skyloop.soak".to_string(),
+            failure: Some((UNTOLD.to_string(), UNTOLD.to_string())),
+            ..Case::default()
+        };
+        write(path, junit::document("skyloop soak", &[case]))?;
+    }
+    if let Some(path) = &args.json {
+        let untold = serde_json::json!({ "passed": false, "error": UNTOLD });
+        write(path, format!("{untold:#}\n"))?;
+    }
+    Ok(())
+}
+
+fn write(path: &Path, text: String) -> anyhow::Result<()> {
+    std::fs::write(path, text).map_err(|error| {
+        anyhow!(
+            "cannot write {}: {error}; name another file",
+            path.display()
+        )
+    })
+}
+
 /// The table, and the files that were asked for.
 fn tell(report: &Report, args: &Args) -> anyhow::Result<()> {
     let mut rows = vec![row("minutes", format!("{:.2}", report.minutes))];
@@ -318,10 +343,6 @@ fn tell(report: &Report, args: &Args) -> anyhow::Result<()> {
             verdict.text
         ))?;
     }
-    let write = |path: &Path, text: String| {
-        std::fs::write(path, text)
-            .map_err(|error| anyhow!("cannot write {}: {error}", path.display()))
-    };
     if let Some(path) = &args.junit {
         write(path, junit::document("skyloop soak", &report.cases()))?;
     }

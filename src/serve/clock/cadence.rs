@@ -78,9 +78,8 @@ impl Cadence {
     pub fn start(&mut self, scene: Epoch, at: Instant) {
         self.advance(at);
         self.zero = Some((scene, at));
-        self.guessed = self.paused;
-        if !self.paused {
-            // What ended before has the time that it is now.
+        if !std::mem::replace(&mut self.guessed, self.paused) {
+            // What ended before has the time that it is now; since a pause it has the time that it was.
             self.ended = self.ended.map(|(end, _)| (end, None));
         }
         if !self.rests && !self.paused {
@@ -91,9 +90,16 @@ impl Cadence {
     /// The scene's time stands still, and the exposure under way is given up; one that has ended waits for its frame as before.
     pub fn pause(&mut self, at: Instant) {
         self.advance(at);
-        self.ended = self.ended.map(|(end, _)| (end, self.scene_at(end)));
+        // One that waits since an earlier pause has kept its own.
+        let scene = |(end, scene): (Instant, Option<Epoch>)| (end, scene.or(self.scene_at(end)));
+        self.ended = self.ended.map(scene);
         self.zero = self.scene_at(at).map(|scene| (scene, at));
         (self.paused, self.guessed, self.next) = (true, true, None);
+        // A single shot under way is given up with it.
+        if self.shot.is_some() && self.ended.is_none() {
+            self.shot = None;
+            self.missed = self.missed.wrapping_add(1);
+        }
     }
 
     /// Whether it is paused.
@@ -113,6 +119,11 @@ impl Cadence {
     /// After an exposure's end its frame is late by this time.
     pub fn latency(&self) -> Duration {
         self.latency.unwrap_or(self.period)
+    }
+
+    /// What that is at another rate.
+    pub fn latency_at(&self, rate_hz: f64) -> Duration {
+        self.latency.unwrap_or_else(|| period(rate_hz))
     }
 
     /// The scene's time at an instant, once it is known.
@@ -321,6 +332,36 @@ mod tests {
             // X-Val: 15 ms to go of what stood still at 35, and a period anew.
             assert_eq!(taken(&mut clock, zero + ms(next)), Some(55), "{resumed}");
         }
+    }
+
+    #[test]
+    fn what_waits_keeps_its_time_through_further_pauses_and_times_that_are_told() {
+        let (mut clock, zero) = set(50.0);
+        clock.pause(zero + ms(35));
+        clock.resume(zero + ms(1000));
+        clock.pause(zero + ms(1002));
+        assert_eq!(taken(&mut clock, zero + ms(1500)), Some(20), "paused twice");
+        for told in [zero + ms(500), zero + ms(1003)] {
+            let (mut clock, zero) = set(50.0);
+            clock.pause(zero + ms(35));
+            let mut resume = || clock.resume(zero + ms(1000));
+            if told > zero + ms(1000) {
+                resume();
+                clock.start(scene() + seconds(0.038), told);
+            } else {
+                clock.start(scene() + seconds(0.035), told);
+                clock.resume(zero + ms(1000));
+            }
+            assert_eq!(
+                taken(&mut clock, zero + ms(1004)),
+                Some(20),
+                "a time that was told"
+            );
+        }
+        // But where it is another time without a pause, what ended has that.
+        let (mut clock, zero) = set(50.0);
+        clock.start(scene() + seconds(100.0), zero + ms(25));
+        assert_eq!(taken(&mut clock, zero + ms(26)), Some(99_995));
     }
 
     #[test]
