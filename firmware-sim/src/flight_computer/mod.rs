@@ -3,6 +3,7 @@
 //! A frame that does not come, comes damaged or is refused is counted, and the run goes on.
 
 mod error;
+mod opening;
 mod stepped;
 mod wall;
 
@@ -282,45 +283,6 @@ impl<P: Port> FlightComputer<P> {
             .map(|zero| self.begin.saturating_duration_since(zero));
         let waited_s = waited.unwrap_or_default().as_secs_f64();
         self.mission.start + hifitime::Duration::from_seconds(waited_s + seconds)
-    }
-
-    /// Says what of each frame is wanted, before the first.
-    fn set_output(&mut self, watch: &mut Watch<'_>) -> Result<ControlFlow<()>, RunError> {
-        let waited = self.mission.timeout;
-        let (output, positions) = (self.mission.output, self.mission.positions);
-        let tick = || watch(Event::Tick);
-        match self.links.set(output, positions, waited, tick)? {
-            Answer::Done => Ok(ControlFlow::Continue(())),
-            Answer::Refused(nack) => {
-                self.links.release();
-                Err(RunError::Refused { nack })
-            }
-            Answer::Silence => Err(self.no_answer()),
-            Answer::Stopped => Ok(ControlFlow::Break(())),
-        }
-    }
-
-    /// Has the faults begin.
-    fn begin_faults(&mut self, watch: &mut Watch<'_>) -> Result<ControlFlow<()>, RunError> {
-        let waited = self.mission.timeout;
-        for fault in &self.faults {
-            match self
-                .links
-                .begin_fault(*fault, waited, || watch(Event::Tick))?
-            {
-                Answer::Done => {}
-                Answer::Refused(nack) => {
-                    self.links.release();
-                    return Err(RunError::FaultRefused { nack });
-                }
-                Answer::Silence => {
-                    let (link, _) = self.links.unanswered();
-                    return Err(RunError::FaultUnanswered { link, waited });
-                }
-                Answer::Stopped => return Ok(ControlFlow::Break(())),
-            }
-        }
-        Ok(ControlFlow::Continue(()))
     }
 
     /// Sends the attitude at an epoch; gives its packet's sequence count.
