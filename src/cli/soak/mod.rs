@@ -88,7 +88,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     // Before minutes are spent on them; what ends without a verdict has not passed.
-    begin(&args)?;
+    write_untold(&args)?;
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
     let mission = mission(&config, Some(&args.config))?;
     let first = flight::vehicle(&mission, 0)?;
@@ -297,7 +297,7 @@ fn listening(mission: &Mission) -> Mission {
 }
 
 /// The files that were asked for, as they are of a run that has told no verdict.
-fn begin(args: &Args) -> anyhow::Result<()> {
+fn write_untold(args: &Args) -> anyhow::Result<()> {
     const UNTOLD: &str = "the run has not come to its end";
     if let Some(path) = &args.junit {
         let case = Case {
