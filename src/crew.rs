@@ -3,6 +3,7 @@
 use rayon::Yield;
 use std::hint;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Does `work` on a thread of the pool, while another stays awake to share it, and of more some; when it is done they have finished what else
@@ -22,6 +23,26 @@ pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
         let _done = WhenDropped(&done);
         work()
     })
+}
+
+/// Does `work` on this thread of the pool, of those from 0 on, while others share it or, where it is done `alone`, do nothing; nothing if there is none of that number.
+pub fn led_by<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Send) -> Option<R> {
+    let (work, done) = (Mutex::new(Some(work)), AtomicBool::new(false));
+    if leader >= rayon::current_num_threads() {
+        return None;
+    }
+    let led = rayon::broadcast(|thread| {
+        if thread.index() == leader {
+            let _done = WhenDropped(&done);
+            let work = work.lock().unwrap_or_else(PoisonError::into_inner).take();
+            return work.map(|work| work());
+        }
+        while alone && !done.load(Ordering::Acquire) {
+            std::thread::sleep(Duration::from_micros(50));
+        }
+        None
+    });
+    led.into_iter().flatten().next()
 }
 
 /// Without work for so long a thread goes to sleep after all: longer than between two parts of most frames.
@@ -74,6 +95,32 @@ mod tests {
                 }
             });
         }
+    }
+
+    #[test]
+    fn each_thread_can_take_the_lead() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3);
+        let pool = pool.build().unwrap();
+        pool.install(|| {
+            for (leader, alone) in [(0, true), (1, true), (2, true), (0, false), (2, false)] {
+                let others = AtomicBool::new(false);
+                let led = led_by(leader, alone, || {
+                    together(|| {
+                        let seen = |i: u64| {
+                            let is_led = rayon::current_thread_index() == Some(leader);
+                            others.fetch_or(!is_led, Ordering::Relaxed);
+                            i
+                        };
+                        let sum: u64 = (0..100).into_par_iter().map(seen).sum();
+                        (rayon::current_thread_index(), sum)
+                    })
+                });
+                // X-Val: 0 + .. + 99
+                assert_eq!(led, Some((Some(leader), 4950)));
+                assert!(!(alone && others.into_inner()));
+            }
+            assert_eq!(led_by(3, true, || ()), None);
+        });
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::config::Config;
 use crate::crew;
 use crate::fidelity::{Choice, Fidelity};
 use crate::frame::{Frame, Memory};
-use crate::label::Label;
+use crate::label::{Label, ObjectLabel};
 use crate::plan::{Plan, simulated};
 use crate::render::render;
 use crate::rng::NoiseKey;
@@ -39,6 +39,8 @@ pub struct Emulator {
     pub level: Option<Level>,
     /// Memory of earlier frames.
     memory: Memory,
+    /// And of an earlier label, its objects and its text.
+    label: (Vec<ObjectLabel>, String),
     /// What labels say was done because a frame would have been late.
     pub overrun: Option<&'static str>,
     next_frame: u32,
@@ -158,6 +160,7 @@ impl Emulator {
             keep_expected: false,
             level: Some(Level::best()),
             memory: Memory::default(),
+            label: Default::default(),
             overrun: None,
             next_frame: 0,
             rejected_records: config.rejected.len() as u32,
@@ -233,6 +236,7 @@ impl Emulator {
             plan.log();
         }
         let (number, memory) = (self.next_frame, &mut self.memory);
+        let (objects, text) = std::mem::take(&mut self.label);
         // The label tells of the scene, never of the frame: both are made side by side.
         let (frame, label) = rayon::join(
             || {
@@ -240,9 +244,11 @@ impl Emulator {
                 render(&plan, &scene, self.level, self.keep_expected, memory, &done)
             },
             || {
-                let mut label = Label::new(number, &scene, &plan, &self.world, self.label_snr);
+                let world = &self.world;
+                let mut label =
+                    Label::new_in(objects, number, &scene, &plan, world, self.label_snr);
                 label.overrun = self.overrun;
-                let json = Arc::new(label.to_json());
+                let json = Arc::new(label.to_json_in(text));
                 witness.labelled(Opening {
                     number,
                     json: json.clone(),
@@ -271,22 +277,33 @@ impl Emulator {
         })
     }
 
-    /// Makes frames that nobody sees, so that the first one that counts finds what others find: orbits between whose knots it lies, memory, threads.
+    /// Makes frames that nobody sees, so that the first one that counts finds what others find: orbits between whose knots it lies, memory, threads. Of these each takes the
+    /// lead, the first few, alone and with the others: who does later, and who has the time to help, is chance, and the memory for that is there then.
     pub fn warm_up(&mut self, vehicle: &VehicleState) {
-        /// The first few take most.
-        const FRAMES: u32 = 3;
+        const LEADERS: usize = 8;
         let (next_frame, ages) = (self.next_frame, self.ages);
-        for repeat in 0..FRAMES {
+        let leaders = 0..rayon::current_num_threads().min(LEADERS);
+        let leads = leaders.flat_map(|leader| [(leader, true), (leader, false)]);
+        for (repeat, (leader, alone)) in (0..).zip(leads) {
             // Not the run's first: its plan is logged.
             self.next_frame = next_frame.max(1);
-            if let Ok(shot) = self.shoot(vehicle, repeat) {
-                self.recycle(shot.frame);
+            let shot = crew::led_by(leader, alone, || self.shoot(vehicle, repeat));
+            if let Some(Ok(shot)) = shot {
+                self.take_back(shot);
             }
         }
         (self.next_frame, self.ages) = (next_frame, ages);
     }
 
-    /// Takes a frame back that is not needed any more: the next is made in its memory.
+    /// Takes a shot back that is not needed any more: the next is made in its memory.
+    pub fn take_back(&mut self, shot: Shot) {
+        self.recycle(shot.frame);
+        // Whoever still reads the text keeps it.
+        let text = Arc::into_inner(shot.json).unwrap_or_default();
+        self.label = (shot.label.objects.sources, text);
+    }
+
+    /// Likewise a frame alone.
     pub fn recycle(&mut self, frame: Frame) {
         self.memory.recycle(frame);
     }

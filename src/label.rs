@@ -227,6 +227,18 @@ impl Label {
     /// The label of `scene`, listing objects whose signal-to-noise ratio, were they neither hidden nor
     /// shaded, is at least `label_snr`.
     pub fn new(frame: u32, scene: &Scene, plan: &Plan<'_>, world: &World, label_snr: f64) -> Label {
+        Label::new_in(Vec::new(), frame, scene, plan, world, label_snr)
+    }
+
+    /// Likewise, in the memory of an earlier label's objects.
+    pub fn new_in(
+        memory: Vec<ObjectLabel>,
+        frame: u32,
+        scene: &Scene,
+        plan: &Plan<'_>,
+        world: &World,
+        label_snr: f64,
+    ) -> Label {
         let view = &scene.view;
         let Camera { name, mounting, .. } = view.camera.as_ref();
         let (vehicle, exposure) = (&view.vehicle, &view.exposure);
@@ -246,6 +258,10 @@ impl Label {
             .filter(|source| is_listed(source, scene, label_snr))
             .collect();
         let sources = sources.into_par_iter().with_min_len(TASK);
+        let mut objects = memory;
+        sources
+            .map(|source| object(source, scene, world))
+            .collect_into_vec(&mut objects);
         Label {
             frame,
             seed: view.key.seed,
@@ -273,7 +289,7 @@ impl Label {
             unseen_counts: unseen.counts,
             unseen_left_out: (unseen.left_out > 0).then_some(unseen.left_out),
             objects: Objects {
-                sources: sources.map(|source| object(source, scene, world)).collect(),
+                sources: objects,
                 spots: spots.listed,
             },
         }
@@ -281,7 +297,14 @@ impl Label {
 
     /// One line of `labels.jsonl`, without the line's end; the same bytes travel on the wire.
     pub fn to_json(&self) -> String {
-        let mut text = Vec::with_capacity(4096 + OCTETS * self.objects.len());
+        self.to_json_in(String::new())
+    }
+
+    /// Likewise, in the memory of an earlier text.
+    pub fn to_json_in(&self, memory: String) -> String {
+        let mut text = memory.into_bytes();
+        text.clear();
+        text.reserve(4096 + OCTETS * self.objects.len());
         let text = match self.write(&mut text) {
             Ok(()) => String::from_utf8(text).map_err(|error| error.to_string()),
             Err(error) => Err(error.to_string()),

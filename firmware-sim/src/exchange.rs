@@ -323,6 +323,11 @@ impl<P: Port> Exchange<P> {
         self.recovery.attitude = attitude;
     }
 
+    /// See [`Assembler::take_back`].
+    pub(crate) fn take_back(&mut self, frame: ReceivedFrame) {
+        self.assembler.take_back(frame);
+    }
+
     /// See [`Assembler::look_out_for`].
     pub(crate) fn look_out_for(&mut self, frame: u32) {
         self.assembler.look_out_for(frame);

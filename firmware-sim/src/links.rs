@@ -10,6 +10,7 @@ use crate::exchange::{Answer, Exchange, Incoming};
 use crate::join::Joiner;
 use crate::port::{Port, PortError};
 use crate::reassembly::Progress;
+use crate::received::ReceivedFrame;
 use crate::report::Report;
 use crate::roles::Roles;
 
@@ -157,6 +158,14 @@ impl<P: Port> Links<P> {
             }
         }
         Ok(Answer::Done)
+    }
+
+    /// Takes a frame back that is not needed any more.
+    pub(crate) fn take_back(&mut self, frame: ReceivedFrame) {
+        // What takes room is the pixels.
+        if let Some(end) = self.ends.iter_mut().find(|end| end.brings.pixels) {
+            end.exchange.take_back(frame);
+        }
     }
 
     /// Sends a command that is about the present moment, by the link of the truth; gives its sequence count.

@@ -37,7 +37,7 @@ struct Args {
     #[arg(long, value_name = "FILE[:NAME]")]
     orbit: Option<String>,
     /// Middle of the first exposure, UTC; may be left out with --wall, and then is now
-    #[arg(long, value_name = "UTC", value_parser = parse_utc, required_unless_present = "wall")]
+    #[arg(long, value_name = "UTC", value_parser = parse_utc, required_unless_present_any = ["wall", "closed"])]
     epoch: Option<Epoch>,
     /// How many frames
     #[arg(long, default_value_t = 10, value_parser = whole(1..=u32::MAX), allow_negative_numbers = true)]
@@ -137,6 +137,8 @@ fn run(args: Args) -> Result<()> {
     let (came, asked) = (report.frames, report.requested);
     let gone = report.gone.map(|gone| format!(": {gone}"));
     let gone = gone.unwrap_or_default();
+    let held = report.control.as_ref();
+    let off = held.and_then(|control| args.closed.broken(control));
     if came < asked && stop.load(atomic::Ordering::Relaxed) {
         bail!("stopped after {came} of {asked} frames{gone}");
     }
@@ -147,6 +149,9 @@ fn run(args: Args) -> Result<()> {
         bail!(
             "{came} of {asked} frames came whole: see the losses and refusals above, and the emulator's own messages"
         );
+    }
+    if let Some(off) = off {
+        bail!(off);
     }
     Ok(())
 }
@@ -219,15 +224,16 @@ fn tell(event: &Event<'_>) -> std::io::Result<()> {
         } => {
             let ms = latency.map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3);
             let matched = score.map_or(0, |score| score.matches.len());
-            let (number, found) = (frame.header.attitude_sequence, detections.list().len());
+            let (number, found) = (frame.header.frame, detections.list().len());
+            let attitude = frame.header.attitude_sequence;
             if frame.content == Content::None {
                 let objects = frame.objects(detections).map_or(0, |list| list.len());
                 return say(format_args!(
-                    "frame {number}: {objects} objects, no pixels, after {ms:.1} ms\n"
+                    "frame {number} of attitude {attitude}: {objects} objects, no pixels, after {ms:.1} ms\n"
                 ));
             }
             say(format_args!(
-                "frame {number}: {found} detections, {matched} matched, last block after {ms:.1} ms\n"
+                "frame {number} of attitude {attitude}: {found} detections, {matched} matched, last block after {ms:.1} ms\n"
             ))
         }
         Event::Lost { sequence, loss } => {

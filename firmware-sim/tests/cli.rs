@@ -263,6 +263,14 @@ fn errors_say_what_to_do() {
             "leave it out, or add --loop",
         ),
         (
+            &["--hold", "0,0,0,1", "--max-error", "10"],
+            "--max-error is for a closed loop only: leave it out, or add --loop",
+        ),
+        (
+            &["--hold", "0,0,0,1", "--loop", "--wall", "--max-error", "0"],
+            "it must be 0.001 to 648000 arcsec",
+        ),
+        (
             &["--slew", "0,0,0,1,0,0,1", "--loop", "--wall"],
             "give it by --hold x,y,z,w",
         ),

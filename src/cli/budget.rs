@@ -1,12 +1,15 @@
 //! `--budget-ms`: the tolerances that a machine has the time for, measured at the start of a run.
 
+use super::progress;
 use anyhow::{Context, bail};
 use hifitime::Epoch;
 use skyloop::attitude::VehicleState;
 use skyloop::engine::Emulator;
 use skyloop::fidelity::KNOBS;
-use skyloop::measure::cost::{Chosen, Effort, Report};
+use skyloop::measure::cost::{Chosen, Effort, Report, Unmeasured};
 use skyloop_firmware_sim::console::say;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// The time that a frame may take.
@@ -35,16 +38,32 @@ pub(super) fn positive_ms(text: &str) -> Result<f64, String> {
 }
 
 impl Budget {
-    /// Gives `emulator` the best setting for the frames of `vehicles`, which are asked for only then; what was chosen, or nothing without a budget.
+    /// Gives `emulator` the best setting for the frames of `vehicles`, which are asked for only then; what was chosen, or nothing without a budget or where
+    /// `stop` ends the measurement.
     pub fn settle(
         &self,
         emulator: &mut Emulator,
+        stop: &AtomicBool,
         vehicles: impl FnOnce() -> anyhow::Result<Vec<VehicleState>>,
     ) -> anyhow::Result<String> {
         let Some(budget_ms) = self.budget_ms else {
             return Ok(String::new());
         };
-        let report = Report::measure(emulator, &vehicles()?, EFFORT, |_, _| {})?;
+        let bar = progress(1, "frames and rounds of --budget-ms");
+        let measured = Report::measure(emulator, &vehicles()?, EFFORT, |done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+            match stop.load(Ordering::Relaxed) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        bar.finish_and_clear();
+        let report = match measured {
+            // The run that was to follow ends as soon as it has begun.
+            Err(Unmeasured::Stopped) => return Ok(String::new()),
+            measured => measured?,
+        };
         let Some(chosen) = report.chosen(budget_ms) else {
             bail!(
                 "--budget-ms {budget_ms}: no setting was measured: please report it with the command you gave"

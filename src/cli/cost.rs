@@ -12,6 +12,7 @@ use skyloop::output::{Dot, Scatter, make_folder, write_scatter, write_text};
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_firmware_sim::text::whole;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -84,6 +85,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let report = Report::measure(&mut emulator, &vehicles, effort, |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
+        ControlFlow::Continue(())
     })?;
     bar.finish_and_clear();
     let name = scene_name(args.scene.as_deref());

@@ -45,6 +45,11 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     Ok(Help { metrics, granted })
 }
 
+/// What the log says of a further camera says of which.
+pub fn of_head(name: &str) -> tracing::Span {
+    tracing::warn_span!("head", name)
+}
+
 impl Help {
     /// Lets the `server` of a camera leave its figures there; 0 is the first.
     pub fn serve(&self, camera: usize, server: &mut Server) {

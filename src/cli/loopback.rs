@@ -81,9 +81,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let links = instruments.around(vec![(wire, Roles::ALL)])?;
     let output = config.run.output;
     let mut emulator = Emulator::new(&mut config);
+    let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
     let chosen = args
         .budget
-        .settle(&mut emulator, || spread(&mission, FRAMES))?;
+        .settle(&mut emulator, &interrupted, || spread(&mission, FRAMES))?;
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     say(format_args!(
         "{chosen}{}{} of {} over {}\n",
@@ -93,7 +94,6 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         server.addresses().join(" and ")
     ))?;
 
-    let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
     let (stop, over) = (AtomicBool::new(false), AtomicBool::new(false));
     let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
     let bar = progress(frames, "frames");

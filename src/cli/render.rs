@@ -21,6 +21,7 @@ use skyloop::stats::{Absent, RunStats, table};
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::text::whole;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 /// Arguments of `skyloop render`.
 #[derive(ClapArgs)]
@@ -119,7 +120,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     emulator.choice.noise = !args.no_noise;
     let chosen = args
         .budget
-        .settle(&mut emulator, || spread(&mission, FRAMES))?;
+        .settle(&mut emulator, &AtomicBool::new(false), || {
+            spread(&mission, FRAMES)
+        })?;
     say(format_args!("{chosen}"))?;
     emulator.keep_expected = args.no_noise;
     let mut writer = Writer::create(&args.out, mission.frames)?;
@@ -132,7 +135,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         bar.suspend(|| absent.report(&shot));
         stats.add(&shot);
         writer.write_frame(&shot.camera, &shot.label, &shot.json, &shot.frame)?;
-        emulator.recycle(shot.frame);
+        emulator.take_back(shot);
         bar.inc(1);
     }
     writer.finish()?;

@@ -5,7 +5,7 @@ use super::cost::spread;
 use super::{Orbits, PANICKED, Records, instruments, levels, live, mission, with_level};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
-use skyloop::config::{Clock, Config, Trigger};
+use skyloop::config::{Clock, Config, Run, Trigger};
 use skyloop::effect::counted;
 use skyloop::engine::Emulator;
 use skyloop::flight;
@@ -84,7 +84,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         None => None,
     };
     let mut emulator = Emulator::new(&mut config);
-    let chosen = args.budget.settle(&mut emulator, || match &scene {
+    let chosen = args.budget.settle(&mut emulator, &stop, || match &scene {
         Some(mission) => spread(mission, FRAMES),
         None => around(),
     })?;
@@ -114,6 +114,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     server.fits().map_err(anyhow::Error::msg)?;
     let mut heads = Vec::new();
     for ((head, number), (emulator, links)) in config.heads.iter().zip(1..).zip(further) {
+        let _of = live::of_head(&head.name).entered();
+        let rate_hz = head.has_own_rate.then_some(head.camera.rate_hz);
+        if let (Some(rate_hz), Some(asks)) = (rate_hz, asks(&config.run)) {
+            tracing::warn!(
+                "rate_hz = {rate_hz}: no meaning where each {asks} gives its frame; leave it out"
+            );
+        }
         let mut head_server = server.head(emulator, links, &config.run);
         help.serve(number, &mut head_server);
         let unfit = |why| anyhow!("head {}: {why}", head.name);
@@ -121,43 +128,37 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         heads.push((head.name.clone(), head_server));
     }
 
-    let rate_hz = config.camera.rate_hz;
-    let frames = if rate_hz == 1.0 { "frame" } else { "frames" };
-    let pace = match (clock, config.run.trigger) {
-        (Clock::Stepped, Trigger::Own) => "a frame for each attitude".to_string(),
-        (_, Trigger::Packet) => "a frame for each Trigger".to_string(),
-        (Clock::Wall, _) => format!("{rate_hz} {frames} a second by the wall clock"),
-        (Clock::External, _) => format!("{rate_hz} {frames} a second by the client's clock"),
-    };
     let camera = &config.camera;
     say(format_args!(
-        "{chosen}{help}{} ({} x {}), {}, {pace}\n{}listening on {}; Ctrl-C ends the run\n",
+        "{chosen}{help}{} ({} x {}), {}, {}\n{}listening on {}; Ctrl-C ends the run\n",
         camera.name,
         camera.detector.width,
         camera.detector.height,
         counted(objects, "object"),
+        pace(&config.run, camera.rate_hz),
         server.levels(),
         server.addresses().join(" and ")
     ))?;
     for (head, (_, at)) in config.heads.iter().zip(&heads) {
         say(format_args!(
-            "head {}: {} at {} Hz, {}\n",
+            "head {}: {}, {}, {}\n",
             head.name,
             head.camera.name,
-            head.camera.rate_hz,
+            pace(&config.run, head.camera.rate_hz),
             at.addresses()[1..].join(" and ")
         ))?;
     }
-    let (ended, panicked) = (AtomicBool::new(false), AtomicBool::new(false));
-    let (served, heads) = std::thread::scope(|scope| {
+    let ended = AtomicBool::new(false);
+    let (mut served, heads) = std::thread::scope(|scope| {
         let heads = heads.into_iter().map(|(name, mut head)| {
-            let (ended, panicked, stop) = (&ended, &panicked, &stop);
+            let (ended, stop) = (&ended, &stop);
             scope.spawn(move || {
-                if head.run(ended, None, |_| {}) == Ended::Panicked {
-                    panicked.store(true, Ordering::Relaxed);
+                let _of = live::of_head(&name).entered();
+                let served = head.run(ended, None, |_| {});
+                if served == Ended::Panicked {
                     stop.store(true, Ordering::Relaxed);
                 }
-                (name, head.close())
+                (name, served, head.close())
             })
         });
         let heads: Vec<_> = heads.collect();
@@ -173,9 +174,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     rows.extend(instruments.rows());
     say(format_args!("\n{}", table(&rows)))?;
     for head in heads {
-        let Ok((name, (stats, counters))) = head else {
+        let Ok((name, head_served, (stats, counters))) = head else {
             bail!(PANICKED);
         };
+        if head_served == Ended::Panicked {
+            served = Ended::Panicked;
+        }
         say(format_args!(
             "\nhead {name}\n{}",
             table(&self::rows(&stats, &counters, clock))
@@ -183,11 +187,32 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     instruments.finish()?;
     match served {
-        Ended::AsAsked if panicked.into_inner() => bail!(PANICKED),
         Ended::AsAsked => Ok(()),
         Ended::Panicked => bail!(PANICKED),
         Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),
     }
+}
+
+/// What asks for each frame, where a camera's rate does not.
+fn asks(run: &Run) -> Option<&'static str> {
+    match (run.clock, run.trigger) {
+        (_, Trigger::Packet) => Some("Trigger"),
+        (Clock::Stepped, Trigger::Own) => Some("attitude"),
+        (Clock::Wall | Clock::External, Trigger::Own) => None,
+    }
+}
+
+/// When a camera's frames come.
+fn pace(run: &Run, rate_hz: f64) -> String {
+    if let Some(asks) = asks(run) {
+        return format!("a frame for each {asks}");
+    }
+    let frames = if rate_hz == 1.0 { "frame" } else { "frames" };
+    let clock = match run.clock {
+        Clock::External => "client's",
+        Clock::Wall | Clock::Stepped => "wall",
+    };
+    format!("{rate_hz} {frames} a second by the {clock} clock")
 }
 
 /// What is told of one camera at the end.

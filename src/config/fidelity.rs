@@ -86,6 +86,7 @@ pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigErro
             Ok(number) => Raw::Number(number),
             Err(_) => Raw::Word(given.trim_matches('"').to_string()),
         };
+        let key = format!("{key} {name}");
         Ok(Coarser::Knob(knob, value(&key, knob, raw, check)?))
     };
     texts.iter().enumerate().map(step).collect()

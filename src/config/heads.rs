@@ -12,6 +12,8 @@ pub struct Head {
     pub name: String,
     /// The camera.
     pub camera: Camera,
+    /// Whether its rate is not its camera file's.
+    pub has_own_rate: bool,
     /// Links that bring its frames, as URLs; none of them the truth, which is the first camera's.
     pub links: Vec<String>,
 }
@@ -45,6 +47,7 @@ impl RawHead {
         Ok(Head {
             name: self.name,
             camera,
+            has_own_rate: self.rate_hz.is_some(),
             links: self.link.validate(&key("link"), check)?,
         })
     }

@@ -145,6 +145,20 @@ impl Default for Run {
     }
 }
 
+impl Run {
+    /// What is set here that the stepped clock makes nothing of.
+    pub fn idle_in_step(&self) -> Vec<&'static str> {
+        let set = [
+            (self.delay.delay_s > 0.0, "run.delay_s"),
+            (self.delay.jitter_s > 0.0, "run.jitter_s"),
+            (self.latency_s.is_some(), "run.latency_s"),
+            (self.on_overrun != OnOverrun::default(), "run.on_overrun"),
+        ];
+        let idle = set.into_iter().filter(|(is_set, _)| *is_set);
+        idle.map(|(_, name)| name).collect()
+    }
+}
+
 impl Delay {
     /// How much later than its exposure's end a frame of a camera (0: the first) leaves at the earliest: the same for the same frame in every run.
     pub fn of(&self, camera: u32, frame: u32) -> Duration {
@@ -184,7 +198,7 @@ pub(super) struct RawRun {
     metrics: Option<String>,
     priority: Option<i64>,
     lock_memory: bool,
-    cpus: Vec<usize>,
+    cpus: Vec<i64>,
 }
 
 /// One text, or an array of them.
@@ -291,10 +305,21 @@ impl RawRun {
                     .map(|priority| priority_of(priority, check))
                     .transpose()?,
                 lock_memory: self.lock_memory,
-                cpus: self.cpus,
+                cpus: processors(&self.cpus, check)?,
             },
         })
     }
+}
+
+/// Which of them there are shows when they are asked for.
+fn processors(numbers: &[i64], check: &Check) -> Result<Vec<usize>, ConfigError> {
+    let number = |(i, number): (usize, &i64)| {
+        usize::try_from(*number).map_err(|_| {
+            let allowed = "the number of a processor, from 0";
+            check.refuse(&format!("run.cpus[{i}]"), number.to_string(), allowed)
+        })
+    };
+    numbers.iter().enumerate().map(number).collect()
 }
 
 fn priority_of(priority: i64, check: &Check) -> Result<u8, ConfigError> {

@@ -21,6 +21,7 @@ use crate::fidelity::{Fidelity, KNOBS, PRESETS, Value};
 use crate::rng::{NoiseKey, word};
 use crate::scene::Unobservable;
 use serde::Serialize;
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 /// Rounds that are asked for, and at least made.
@@ -92,17 +93,36 @@ pub struct Effort {
     pub one_core: bool,
 }
 
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+pub enum Unmeasured {
+    /// A vehicle's frame cannot be made.
+    #[error(transparent)]
+    Unobservable(#[from] Unobservable),
+    /// Whoever was told of the parts wanted no more.
+    #[error("the measurement was stopped")]
+    Stopped,
+}
+
+/// Ends a measurement whose listener wants no more.
+fn go_on(flow: ControlFlow<()>) -> Result<(), Unmeasured> {
+    match flow {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(Unmeasured::Stopped),
+    }
+}
+
 impl Report {
-    /// Measures the frames of `vehicles`; `told` hears of each part that is done, and of how many. The emulator is left as it was but for
+    /// Measures the frames of `vehicles`; `told` hears of each part that is done, and of how many, and says whether to go on. The emulator is left as it was but for
     /// the number of its next frame.
     ///
-    /// Fails only where [`crate::scene::View::new`] does.
+    /// Fails only where [`crate::scene::View::new`] does, or as `told` says.
     pub fn measure(
         emulator: &mut Emulator,
         vehicles: &[VehicleState],
         effort: Effort,
-        mut told: impl FnMut(usize, usize) + Send,
-    ) -> Result<Report, Unobservable> {
+        mut told: impl FnMut(usize, usize) -> ControlFlow<()> + Send,
+    ) -> Result<Report, Unmeasured> {
         let settings = settings();
         let before = *emulator.fidelity();
         let mut measure = || {
@@ -137,16 +157,16 @@ fn measured(
     vehicles: &[VehicleState],
     settings: &[Setting],
     effort: Effort,
-    told: &mut impl FnMut(usize, usize),
-) -> Result<(Vec<Sums>, Vec<Vec<f64>>), Unobservable> {
+    told: &mut impl FnMut(usize, usize) -> ControlFlow<()>,
+) -> Result<(Vec<Sums>, Vec<Vec<f64>>), Unmeasured> {
     let all = vehicles.len() + effort.rounds;
     let mut sums = vec![Sums::default(); settings.len()];
     for (i, vehicle) in vehicles.iter().enumerate() {
         errors::add(emulator, vehicle, settings, &mut sums)?;
-        told(i + 1, all);
+        go_on(told(i + 1, all))?;
     }
     let times = times(emulator, vehicles, settings, effort, |round| {
-        told(vehicles.len() + round, all);
+        told(vehicles.len() + round, all)
     })?;
     Ok((sums, times))
 }
@@ -158,8 +178,8 @@ fn times(
     vehicles: &[VehicleState],
     settings: &[Setting],
     effort: Effort,
-    mut told: impl FnMut(usize),
-) -> Result<Vec<Vec<f64>>, Unobservable> {
+    mut told: impl FnMut(usize) -> ControlFlow<()>,
+) -> Result<Vec<Vec<f64>>, Unmeasured> {
     let started = Instant::now();
     let mut times = vec![Vec::new(); settings.len()];
     let each = vehicles.iter().cycle().take(effort.rounds).enumerate();
@@ -178,7 +198,7 @@ fn times(
                 false => shot.render_time.as_secs_f64() * 1e3,
             });
         }
-        told(round + 1);
+        go_on(told(round + 1))?;
     }
     Ok(times)
 }

@@ -221,7 +221,7 @@ impl Work {
         let vehicle = self.vehicle.at(self.vehicle.epoch + later);
         if let Ok(shot) = self.emulator.shoot(&vehicle, 0) {
             black_box(&shot);
-            self.emulator.recycle(shot.frame);
+            self.emulator.take_back(shot);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! As much of HTTP as an answer needs: one request a connection, `GET /metrics`, everything bounded in time and size.
+//! As much of HTTP as an answer needs: one request a connection, `GET` or `HEAD /metrics`, everything bounded in time and size.
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -20,6 +20,8 @@ const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Verdict {
     Page,
+    /// Likewise, without the page itself.
+    Head,
     BadRequest,
     NotFound,
     NotAllowed,
@@ -100,21 +102,23 @@ fn judge(head: &[u8]) -> Verdict {
         Verdict::BadRequest
     } else if path != Some("/metrics") {
         Verdict::NotFound
-    } else if method != "GET" {
-        Verdict::NotAllowed
     } else {
-        Verdict::Page
+        match method {
+            "GET" => Verdict::Page,
+            "HEAD" => Verdict::Head,
+            _ => Verdict::NotAllowed,
+        }
     }
 }
 
 fn response(verdict: Verdict, page: impl Fn() -> String) -> String {
     let (status, more, body) = match verdict {
-        Verdict::Page => ("200 OK", "", page()),
+        Verdict::Page | Verdict::Head => ("200 OK", "", page()),
         Verdict::BadRequest => ("400 Bad Request", "", "not a request of HTTP/1.1\n".into()),
         Verdict::NotFound => ("404 Not Found", "", "ask for /metrics\n".into()),
         Verdict::NotAllowed => (
             "405 Method Not Allowed",
-            "Allow: GET\r\n",
+            "Allow: GET, HEAD\r\n",
             "ask with GET\n".into(),
         ),
         Verdict::TimedOut => ("408 Request Timeout", "", "ask within 2 s\n".into()),
@@ -125,12 +129,16 @@ fn response(verdict: Verdict, page: impl Fn() -> String) -> String {
         ),
     };
     let kind = match verdict {
-        Verdict::Page => FORMAT,
+        Verdict::Page | Verdict::Head => FORMAT,
         _ => "text/plain; charset=utf-8",
     };
+    let length = body.len();
+    let body = match verdict {
+        Verdict::Head => "",
+        _ => &body,
+    };
     format!(
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\n{more}Connection: close\r\n\r\n{body}",
-        body.len()
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n{more}Connection: close\r\n\r\n{body}"
     )
 }
 
@@ -211,6 +219,20 @@ mod tests {
         }
     }
 
+    /// X-Val: RFC 9110, section 9.3.2: as of GET, without content.
+    #[test]
+    fn a_head_is_the_pages_without_it() {
+        let server = server();
+        let answer = ask(&server, b"HEAD /metrics HTTP/1.1\r\n\r\n");
+        let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+        assert!(head.starts_with("HTTP/1.1 200 OK\r\n"), "{head}");
+        let length = head
+            .lines()
+            .find_map(|line| line.strip_prefix("Content-Length: "));
+        assert!(length.unwrap().parse::<usize>().unwrap() > 0, "{head}");
+        assert_eq!(body, "");
+    }
+
     #[test]
     fn what_else_is_asked_for_is_refused() {
         let server = server();
@@ -222,7 +244,7 @@ mod tests {
                 "POST /metrics HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc",
                 "405",
             ),
-            ("HEAD /metrics HTTP/1.1\r\n\r\n", "405"),
+            ("PUT /metrics HTTP/1.1\r\n\r\n", "405"),
             ("GET /metrics?a=b HTTP/1.0\r\n\r\n", "200"),
             ("GET /metrics HTTP/1.1\n\n", "200"),
             ("GET /metrics\r\n\r\n", "400"),
@@ -237,7 +259,7 @@ mod tests {
         let answer = ask(&server, b"\xFF\xFE /metrics HTTP/1.1\r\n\r\n");
         assert!(answer.starts_with("HTTP/1.1 400 "), "{answer}");
         let answer = ask(&server, b"PUT /metrics HTTP/1.1\r\n\r\n");
-        assert!(answer.contains("\r\nAllow: GET\r\n"), "{answer}");
+        assert!(answer.contains("\r\nAllow: GET, HEAD\r\n"), "{answer}");
     }
 
     #[test]

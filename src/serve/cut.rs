@@ -14,6 +14,7 @@ use skyloop_protocols::{
     CompressedBlock, EncodeError, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, ObjectPart,
     Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime, rice,
 };
+use std::borrow::Cow;
 use std::time::{Duration, Instant};
 
 /// The packets of one frame, one after the other. What the pixels themselves decide (windows, compressed blocks, object records) is worked out as the
@@ -253,38 +254,51 @@ impl Cut {
         }))
     }
 
-    fn labels<T>(
-        &self,
-        picture: &Picture,
+    fn labels<'a, T>(
+        &'a self,
+        picture: &'a Picture,
         part: u16,
         backlog: Duration,
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Result<T, EncodeError> {
         let (frame, parts) = (self.header.frame, self.header.label_parts);
-        let (all, most) = match self.header.label_level {
-            LabelLevel::Objects => (&self.records[..], OBJECTS_PER_PART * OBJECT_LENGTH),
-            _ => {
-                let text = picture
-                    .text(Instant::now(), backlog)
-                    .ok_or(NO_SUCH_PACKET)?;
-                (text.as_bytes(), LABEL_TEXT_PER_PART)
-            }
+        let octets = |[head, tail]: [&'a [u8]; 2], most: usize| {
+            let from = usize::from(part) * most;
+            piece(head, tail, from, most).ok_or(NO_SUCH_PACKET)
         };
-        let octets = all.chunks(most).nth(part.into()).ok_or(NO_SUCH_PACKET)?;
         match self.header.label_level {
             LabelLevel::Objects => encode(&Reply::Objects(ObjectPart {
                 frame,
                 part,
                 parts,
-                data: octets,
+                data: &octets([&self.records, &[]], OBJECTS_PER_PART * OBJECT_LENGTH)?,
             })),
-            _ => encode(&Reply::Labels(LabelPart {
-                frame,
-                part,
-                parts,
-                text: octets,
-            })),
+            _ => {
+                let text = picture.text(Instant::now(), backlog);
+                let text = text.ok_or(NO_SUCH_PACKET)?.map(str::as_bytes);
+                encode(&Reply::Labels(LabelPart {
+                    frame,
+                    part,
+                    parts,
+                    text: &octets(text, LABEL_TEXT_PER_PART)?,
+                }))
+            }
         }
+    }
+}
+
+/// Octets of two texts, one behind the other, from one on and at most so many; none beyond their end.
+fn piece<'a>(head: &'a [u8], tail: &'a [u8], from: usize, most: usize) -> Option<Cow<'a, [u8]>> {
+    let end = head.len() + tail.len();
+    let to = end.min(from.checked_add(most)?);
+    let of_tail = |at: usize| at.saturating_sub(head.len());
+    let first = head.get(from.min(head.len())..to.min(head.len()))?;
+    let second = tail.get(of_tail(from)..of_tail(to))?;
+    match (first, second) {
+        ([], []) => None,
+        (first, []) => Some(Cow::Borrowed(first)),
+        ([], second) => Some(Cow::Borrowed(second)),
+        (first, second) => Some(Cow::Owned([first, second].concat())),
     }
 }
 

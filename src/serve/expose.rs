@@ -69,13 +69,8 @@ impl Server {
             .deadline
             .map(|deadline| deadline.saturating_duration_since(now));
         // Nobody foresees the jitter.
-        let held = match self.kind {
-            Kind::Stepped => Duration::ZERO,
-            Kind::Wall | Kind::External => {
-                let release = due.end + Duration::from_secs_f64(self.delay.delay_s);
-                release.saturating_duration_since(now)
-            }
-        };
+        let foreseen = due.end + Duration::from_secs_f64(self.delay.delay_s);
+        let held = foreseen.saturating_duration_since(now);
         let Verdict::Shoot { level, overrun } = self.overrun.decide(spare, held) else {
             self.miss(&due);
             self.stats.dropped = self.overrun.dropped;
@@ -84,10 +79,7 @@ impl Server {
         let repeat = self.show(&pointing, due.latched.is_some());
         let in_step = self.kind == Kind::Stepped;
         let number = self.next_frame;
-        let release = match in_step {
-            true => due.end,
-            false => due.end + self.delay.of(self.camera, number),
-        };
+        let release = due.end + self.delay.of(self.camera, number);
         // By the jitter, which nothing could be done about.
         let overrun = match due.deadline.is_some_and(|deadline| release > deadline) {
             true => Some("late"),
@@ -114,6 +106,7 @@ impl Server {
             overrun,
             is_timed: !in_step,
         };
+        self.make_room(shooter);
         let digits = std::mem::take(&mut self.digits);
         self.pictures.push(Picture::new(number, asked, digits));
         self.making = Some(number);
@@ -209,7 +202,7 @@ impl Server {
     }
 
     /// Frames that are on their way nowhere any more are done with; whether there was one.
-    pub(super) fn settle(&mut self, shooter: &Shooter, on_shot: &mut impl FnMut(&Shot)) -> bool {
+    pub(super) fn settle(&mut self, on_shot: &mut impl FnMut(&Shot)) -> bool {
         self.see_leave();
         let mut any = false;
         while let Some(at) = self
@@ -229,9 +222,23 @@ impl Server {
                 continue;
             };
             on_shot(&shot);
-            // A thread that has ended needs no memory.
-            let _ = shooter.give(Task::Recycle(shot.frame));
+            self.kept.push_back(shot);
         }
         any
+    }
+
+    /// Lets go of frames that have left, so that with the next there are as many as may ever be at once: what a run holds is the same
+    /// whether one frame is under way or all that may be.
+    fn make_room(&mut self, shooter: &Shooter) {
+        let most = match self.kind {
+            Kind::Stepped => 0,
+            Kind::Wall | Kind::External => self.most_under_way(),
+        };
+        while self.kept.len() + self.pictures.len() > most
+            && let Some(shot) = self.kept.pop_front()
+        {
+            // A thread that has ended needs no memory.
+            let _ = shooter.give(Task::Recycle(shot));
+        }
     }
 }

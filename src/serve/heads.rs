@@ -25,8 +25,8 @@ impl Server {
         let (told, wire) = relay();
         let links = std::iter::once((wire, TOLD)).chain(links);
         let mut server = Server::new(emulator, links, self.output, self.kind, self.personality);
-        server.set_run(run);
         server.is_led = true;
+        server.set_run(run);
         server.camera = self.told.len() as u32 + 1;
         server.darkroom = self.darkroom.clone();
         self.told.push(told);

@@ -21,17 +21,17 @@ mod packed;
 mod picture;
 mod receive;
 mod select;
+mod settled;
 mod shooter;
 mod told;
 
 use crate::attitude::VehicleState;
-use crate::camera::{Camera, RATE_HZ};
+use crate::camera::Camera;
 use crate::config::{Clock as Kind, Delay, OnOverrun, OutOfOrder, Run, Staleness};
 use crate::engine::{Emulator, Shot};
 use crate::fidelity::Fidelity;
 use crate::link::{LinkError, Relay, Roles, Standstill, Wire};
 use crate::metrics::Metrics;
-use crate::range::nearest;
 use crate::stats::{Absent, RunStats};
 use channel::Channel;
 use clock::Clock;
@@ -42,6 +42,7 @@ use overrun::Overrun;
 use picture::Picture;
 use shooter::{Shooter, shooter};
 use skyloop_protocols::{Counters, Header, Output, Personality};
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -51,11 +52,6 @@ const POLL: Duration = Duration::from_millis(50);
 /// How long the end of a run waits for a client that takes nothing. A pseudo-terminal lets 4 KiB pass at once:
 /// 4.3 s for a client that reads at the pace of 9600 baud.
 const GIVE_UP: Duration = Duration::from_secs(5);
-/// Frames that are on their way over a link at most: one that is sent, and one that waits, the newest.
-const UNDER_WAY: usize = 2;
-/// Frames that a device may hold back besides, by its delay.
-const HELD_BACK: usize = 16;
-
 /// An attitude that has been accepted.
 #[derive(Debug, Clone)]
 struct Latched {
@@ -108,6 +104,7 @@ pub struct Server {
     clock: Box<dyn Clock>,
     staleness: Staleness,
     out_of_order: OutOfOrder,
+    /// None in step.
     delay: Delay,
     /// Number of the camera, the first of all 0.
     camera: u32,
@@ -117,6 +114,8 @@ pub struct Server {
     accepted: u64,
     /// Frames that are made or sent.
     pictures: Vec<Picture>,
+    /// Frames that have left, until their memory is needed.
+    kept: VecDeque<Box<Shot>>,
     /// Frames whose last packet is in a link's queue.
     leaving: Vec<Leaving>,
     /// The frame that is being made.
@@ -189,11 +188,12 @@ impl Server {
             clock: clock::of(clock, &run, camera.rate_hz),
             staleness: run.staleness,
             out_of_order: run.out_of_order,
-            delay: run.delay,
+            delay: Delay::default(),
             camera: 0,
             truth: Truth::default(),
             accepted: 0,
             pictures: Vec::new(),
+            kept: VecDeque::new(),
             leaving: Vec::new(),
             making: None,
             digits: Vec::new(),
@@ -207,42 +207,6 @@ impl Server {
             is_led: false,
             darkroom: Arc::default(),
             absent: Absent::default(),
-        }
-    }
-
-    /// Keeps time and deals with attitudes as `run` says, and does what it says where a frame would be late: by the tolerances that the
-    /// emulator has now, and coarser ones.
-    pub fn set_run(&mut self, run: &Run) {
-        self.clock = clock::of(self.kind, run, self.settings.camera.rate_hz);
-        (self.staleness, self.out_of_order, self.delay) =
-            (run.staleness, run.out_of_order, run.delay);
-        let (overrun, idle) = Overrun::new(run.on_overrun, self.fidelity, &run.coarsen);
-        self.overrun = overrun;
-        for step in idle {
-            tracing::warn!(
-                "run.coarsen: {step} makes nothing coarser than what stands before it, the run's `fidelity` first, and is passed over; leave it out, or name what is coarser"
-            );
-        }
-        if run.on_overrun == OnOverrun::Coarsen && self.overrun.fidelity(1).is_none() {
-            tracing::warn!(
-                "run.on_overrun = \"coarsen\": none of `run.coarsen` makes frames coarser, so that those which would be late come late; name knobs such as \"wing_e = 1\""
-            );
-        }
-        if self.kind == Kind::Stepped && run.delay != Delay::default() {
-            tracing::warn!(
-                "run.delay_s and run.jitter_s have no meaning by the stepped clock, where frames leave as they are made; leave them out, or set run.clock"
-            );
-        }
-        let latency_s = run.latency_s.unwrap_or(1.0 / self.settings.camera.rate_hz);
-        if self.kind != Kind::Stepped && run.delay.delay_s >= latency_s {
-            tracing::warn!(
-                "run.delay_s = {}: no frame leaves before its deadline, {latency_s} s after its exposure's end{}; set run.latency_s above it",
-                run.delay.delay_s,
-                match run.on_overrun {
-                    OnOverrun::Drop => ", so that run.on_overrun = \"drop\" leaves all of them out",
-                    OnOverrun::Late | OnOverrun::Coarsen => "",
-                }
-            );
         }
     }
 
@@ -277,53 +241,6 @@ impl Server {
         text
     }
 
-    /// Whether the configured output leaves at the camera's rate, and the device's delay holds no more frames back than it may; else what is
-    /// too slow. In step there is time.
-    pub fn fits(&self) -> Result<(), String> {
-        let camera = &self.settings.camera;
-        self.may_hold_back(camera.rate_hz)
-            .map_err(|why| format!("{why}, or lower timing.rate_hz"))?;
-        for Channel { wire, roles, .. } in &self.channels {
-            if self.kind != Kind::Stepped {
-                budget::fits(wire, *roles, camera, &self.output, camera.rate_hz)
-                    .map_err(|why| format!("link {}: {why}", wire.address))?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Frames that the device holds back at a rate, by its delay.
-    fn held_back(&self, rate_hz: f64) -> f64 {
-        match self.kind {
-            Kind::Stepped => 0.0,
-            Kind::Wall | Kind::External => {
-                (self.delay.delay_s + self.delay.jitter_s) * nearest(rate_hz, RATE_HZ)
-            }
-        }
-    }
-
-    /// Whether the device holds no more frames back at a rate than it may; else why not.
-    fn may_hold_back(&self, rate_hz: f64) -> Result<(), String> {
-        let held_back = self.held_back(rate_hz);
-        if held_back <= HELD_BACK as f64 {
-            return Ok(());
-        }
-        Err(format!(
-            "run.delay_s and run.jitter_s: {} s at {rate_hz} Hz hold back {held_back:.0} frames: at most {HELD_BACK}; shorten them",
-            self.delay.delay_s + self.delay.jitter_s
-        ))
-    }
-
-    /// Frames that are on their way over a link at most.
-    fn most_under_way(&mut self) -> usize {
-        // Triggers come at any rate.
-        let held_back = match self.clock.cadence() {
-            Some(_) => self.held_back(self.settings.camera.rate_hz).ceil() as usize,
-            None => HELD_BACK,
-        };
-        UNDER_WAY + held_back.min(HELD_BACK)
-    }
-
     /// The address of the link that has ended.
     pub fn gone(&self) -> Option<&str> {
         let gone = self.channels.iter().find(|channel| channel.gone);
@@ -344,7 +261,8 @@ impl Server {
         let ended = std::thread::scope(|scope| {
             let (shooter, darkroom) = shooter(std::thread::current());
             let (emulator, turn) = (&mut emulator, self.darkroom.clone());
-            let making = scope.spawn(move || darkroom.work(emulator, &turn));
+            let span = tracing::Span::current();
+            let making = scope.spawn(move || span.in_scope(|| darkroom.work(emulator, &turn)));
             let ended = self.serve(shooter, stop, limit, on_shot);
             match making.join() {
                 Ok(()) => ended,
@@ -380,7 +298,7 @@ impl Server {
             let _ = self.learn(news, shooter.spare());
         }
         self.give_all_up();
-        self.settle(&shooter, &mut on_shot);
+        self.settle(&mut on_shot);
         ended
     }
 
@@ -405,7 +323,7 @@ impl Server {
                 }
             }
             let round = self.deliver()?;
-            let settled = self.settle(shooter, on_shot);
+            let settled = self.settle(on_shot);
             self.publish(Instant::now());
             if limit.is_some_and(|most| self.stats.frames >= most) && self.pictures.is_empty() {
                 break;

@@ -228,17 +228,14 @@ impl Server {
     /// Refuses a rate at which the device holds all frames back beyond their deadlines, where such frames are left out.
     fn may_be_in_time(&mut self, hz: f64) -> Result<(), Refusal> {
         let latency = self.clock.cadence().map(|cadence| cadence.latency_at(hz));
-        let is_late = latency.is_some_and(|latency| self.delay.delay_s >= latency.as_secs_f64());
-        if !is_late || !self.overrun.leaves_out() {
-            return Ok(());
+        let why = latency.and_then(|latency| self.never_in_time(latency.as_secs_f64()));
+        match why.filter(|_| self.overrun.leaves_out()) {
+            None => Ok(()),
+            Some(why) => Err(Refusal {
+                reason: Reason::ValueOutOfRange,
+                detail: format!("FrameRate.hz = {hz}: {why}; set run.latency_s, or ask for less"),
+            }),
         }
-        Err(Refusal {
-            reason: Reason::ValueOutOfRange,
-            detail: format!(
-                "FrameRate.hz = {hz}: by run.delay_s = {} no frame would leave by its deadline, and run.on_overrun = \"drop\" leaves all of them out; set run.latency_s, or ask for less",
-                self.delay.delay_s
-            ),
-        })
     }
 
     /// Refuses `command` while a single shot is exposed.

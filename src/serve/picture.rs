@@ -2,6 +2,7 @@
 
 use super::clock::{Due, Sync};
 use super::shooter::Spare;
+use super::told;
 use crate::engine::{Opening, Shot};
 use crate::timing::spare_s;
 use skyloop_protocols::crc::Crc32;
@@ -44,8 +45,8 @@ pub(super) struct Picture {
     pub first_pixel: Option<Instant>,
     pub last_pixel: Option<Instant>,
     pub first_octet: Option<Instant>,
-    /// The label as clients get it.
-    text: OnceLock<Arc<String>>,
+    /// How the label ends that clients get.
+    tail: OnceLock<String>,
     /// Of the pixels that are there.
     crc: Crc32,
     /// Links that it has not left yet.
@@ -70,7 +71,7 @@ impl Picture {
             first_pixel: None,
             last_pixel: None,
             first_octet: None,
-            text: OnceLock::new(),
+            tail: OnceLock::new(),
             crc: Crc32::new(),
             open: 0,
             begun: false,
@@ -172,26 +173,32 @@ impl Picture {
         }
     }
 
-    /// The label as clients get it: made once, when the first of them gets its first part.
-    pub fn text(&self, now: Instant, backlog: Duration) -> Option<&Arc<String>> {
+    /// The label as clients get it, in two parts: settled when the first of them gets its first part.
+    pub fn text(&self, now: Instant, backlog: Duration) -> Option<[&str; 2]> {
         let opening = self.opening.as_ref()?;
-        Some(
-            self.text
-                .get_or_init(|| super::told::label(self, opening, now, backlog)),
-        )
+        let tail = self.tail.get_or_init(|| told::tail(self, now, backlog));
+        Some(told::text(opening, tail))
     }
 
-    /// Octets of that label, before it is made.
+    /// Octets of that label, before it is settled.
     pub fn text_length(&self) -> Option<usize> {
-        let opening = self.opening.as_ref()?;
-        Some(super::told::length(self, opening))
+        let tail = told::tail(self, Instant::now(), Duration::ZERO);
+        let parts = told::text(self.opening.as_ref()?, &tail);
+        Some(parts.iter().map(|part| part.len()).sum())
     }
 
     /// The shot, its label as clients have it.
     pub fn into_shot(self) -> Option<Box<Shot>> {
-        let mut shot = self.shot?;
-        if let Some(text) = self.text.into_inner() {
-            shot.json = text;
+        let (mut shot, tail) = (self.shot?, self.tail.into_inner().unwrap_or_default());
+        if let Some(opening) = self.opening
+            && !tail.is_empty()
+        {
+            let length = told::text(&opening, &tail)[0].len();
+            // The shot's is the only one left: nothing is copied.
+            drop(opening);
+            let json = Arc::make_mut(&mut shot.json);
+            json.truncate(length);
+            json.push_str(&tail);
         }
         Some(shot)
     }

@@ -4,7 +4,6 @@ use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::engine::{Emulator, Opening, Shot, Witness};
 use crate::fidelity::Fidelity;
-use crate::frame::Frame;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Thread;
@@ -14,8 +13,8 @@ use std::time::Instant;
 pub(super) enum Task {
     /// A frame is made.
     Make(Box<Order>),
-    /// A frame's memory is for the next.
-    Recycle(Frame),
+    /// A shot's memory is for the next.
+    Recycle(Box<Shot>),
 }
 
 /// A frame to make.
@@ -138,7 +137,7 @@ impl Darkroom {
     pub fn work(mut self, emulator: &mut Emulator, turn: &Mutex<()>) {
         for task in &self.tasks {
             match task {
-                Task::Recycle(frame) => emulator.recycle(frame),
+                Task::Recycle(shot) => emulator.take_back(*shot),
                 Task::Make(order) => {
                     if let Some(fidelity) = order.fidelity {
                         emulator.set_fidelity(fidelity);

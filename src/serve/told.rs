@@ -4,34 +4,22 @@
 use super::picture::Picture;
 use crate::engine::Opening;
 use skyloop_protocols::{AttitudeSource, SyncState};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The label's text with its times at a moment, on a link that has what it gets then on its way after a `backlog`.
-pub(super) fn label(
-    picture: &Picture,
-    opening: &Opening,
-    now: Instant,
-    backlog: Duration,
-) -> Arc<String> {
-    match (says_more(picture), opening.json.strip_suffix('}')) {
-        (true, Some(open)) => Arc::new(format!(
-            "{open},\"timing\":{}}}",
-            timing(picture, now, backlog)
-        )),
-        _ => opening.json.clone(),
+/// What stands in place of a label's last brace: its times at a moment, on a link that has what it gets then on its way after a `backlog`, and the brace. Nothing
+/// where there is nothing to tell of them.
+pub(super) fn tail(picture: &Picture, now: Instant, backlog: Duration) -> String {
+    match says_more(picture) {
+        true => format!(",\"timing\":{}}}", timing(picture, now, backlog)),
+        false => String::new(),
     }
 }
 
-/// Octets of that text.
-pub(super) fn length(picture: &Picture, opening: &Opening) -> usize {
-    match says_more(picture) {
-        true => {
-            opening.json.len()
-                + ",\"timing\":".len()
-                + timing(picture, Instant::now(), Duration::ZERO).len()
-        }
-        false => opening.json.len(),
+/// Both parts of a label's text.
+pub(super) fn text<'a>(opening: &'a Opening, tail: &'a str) -> [&'a str; 2] {
+    match opening.json.strip_suffix('}') {
+        Some(head) if !tail.is_empty() => [head, tail],
+        _ => [&opening.json, ""],
     }
 }
 

@@ -217,6 +217,34 @@ fn steps_that_make_nothing_coarser_and_delays_that_no_deadline_allows_are_warned
     );
 }
 
+/// What has no meaning in step is told of, of a further camera with its name.
+#[test]
+fn what_the_stepped_clock_makes_nothing_of_is_warned_of() {
+    let here = tempfile::tempdir().unwrap();
+    let link = "link = \"udp://127.0.0.1:0\"";
+    let text = format!(
+        "[run]\n{link}\ndelay_s = 0.1\nlatency_s = 0.2\non_overrun = \"drop\"\n\
+         [[heads]]\nname = \"port side\"\ncamera = \"fai-nir\"\nrate_hz = 0.5\n{link}\n"
+    );
+    std::fs::write(here.path().join("run.toml"), text).unwrap();
+    let mut command = skyloop(here.path());
+    command
+        .args(["run", "--config", "run.toml"])
+        .stderr(Stdio::piped());
+    let process = Process::spawned(&mut command, "listening on ");
+    process.signal("-INT");
+    let (code, _, log) = process.end_with_log();
+    assert_eq!(code, Some(0), "{log}");
+    let lines: Vec<&str> = log.lines().filter(|line| line.contains("WARN")).collect();
+    let [own, of_head] = lines[..] else {
+        panic!("two warnings: {log}");
+    };
+    let named = "run.delay_s, run.latency_s, run.on_overrun: ";
+    assert!(own.contains(named) && !own.contains("head"), "{log}");
+    let named = "head{name=\"port side\"}: rate_hz = 0.5: ";
+    assert!(of_head.contains(named), "{log}");
+}
+
 /// Two cameras in one process: one client points both, each brings its frames to its own.
 #[test]
 fn a_run_with_a_further_camera_serves_both_and_tells_of_both() {
@@ -230,7 +258,7 @@ fn a_run_with_a_further_camera_serves_both_and_tells_of_both() {
     let head = process.line();
     let (told, at) = head.trim_end().rsplit_once(", ").unwrap();
     assert!(
-        told.starts_with("head port side: ") && told.ends_with(" at 20 Hz"),
+        told.starts_with("head port side: ") && told.ends_with(", a frame for each attitude"),
         "{head}"
     );
     let mut first = Client::new(UdpLine::to(&process.address));

@@ -3,7 +3,7 @@
 use anyhow::{Result, bail};
 use clap::Args;
 use nalgebra::Vector3;
-use skyloop_firmware_sim::control::ControlSettings;
+use skyloop_firmware_sim::control::{ControlAccount, ControlSettings};
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::parse_numbers;
@@ -28,6 +28,9 @@ pub struct LoopArgs {
     /// What turns the body beside the steering, deg/s about its axes [default: 0.01,-0.02,0.015]
     #[arg(long, value_name = "x,y,z", value_parser = parse_drift, allow_hyphen_values = true)]
     drift: Option<Vector3<f64>>,
+    /// End with an error where the pointing error, rms over the last half of the run, is more than so many arcseconds [default: anything]
+    #[arg(long, value_name = "ARCSEC", value_parser = within(1e-3..=648_000.0, "arcsec"), allow_negative_numbers = true)]
+    max_error: Option<f64>,
 }
 
 impl LoopArgs {
@@ -40,6 +43,7 @@ impl LoopArgs {
             for (given, option) in [
                 (self.focal_px.is_some(), "--focal-px"),
                 (self.drift.is_some(), "--drift"),
+                (self.max_error.is_some(), "--max-error"),
             ] {
                 if given {
                     bail!("{option} is for a closed loop only: leave it out, or add --loop");
@@ -71,6 +75,20 @@ impl LoopArgs {
             focal_px,
             drift_rad_s: self.drift.unwrap_or_else(usual),
         }))
+    }
+}
+
+impl LoopArgs {
+    /// Why the loop has not held what `--max-error` asks for.
+    #[must_use]
+    pub fn broken(&self, control: &ControlAccount) -> Option<String> {
+        let most = self.max_error?;
+        match control.rms_rad().map(|rms| rms.to_degrees() * 3600.0) {
+            None => Some(format!("--max-error {most}: the loop was never closed")),
+            Some(rms) => (rms > most).then(|| {
+                format!("--max-error {most}: the pointing error was {rms:.2} arcsec rms over the last half")
+            }),
+        }
     }
 }
 

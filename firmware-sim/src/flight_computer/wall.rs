@@ -82,7 +82,9 @@ impl<P: Port> FlightComputer<P> {
                 Some(Incoming::Frame(frame)) => {
                     last_sign = Instant::now();
                     frames.arrived(frame.header.frame);
-                    self.take(&frame, watch)
+                    let flow = self.take(&frame, watch);
+                    self.links.take_back(*frame);
+                    flow
                 }
                 Some(Incoming::Useless(error)) if error.is_damaged_frame() => {
                     self.lose(self.last_sent(), Loss::Damaged(error), watch)

@@ -14,8 +14,8 @@ use skyloop_protocols::{FrameHeader, Header, PixelLevel, Reply, WireTime};
 use thiserror::Error;
 
 use self::early::Early;
-use self::partial::Partial;
-use crate::received::ReceivedFrame;
+use self::partial::{Memory, Partial};
+use crate::received::{Content, ReceivedFrame};
 
 /// Frames under way at once.
 const UNDER_WAY: usize = 2;
@@ -185,6 +185,8 @@ pub struct Progress {
 pub struct Assembler {
     limits: Limits,
     under_way: VecDeque<Partial>,
+    /// Memory for the next frame.
+    spare: Memory,
     /// Packets whose header has not come yet.
     early: Early,
     /// Frames that are finished or given up, with their exposure: an emulator started anew counts anew.
@@ -250,6 +252,17 @@ impl Assembler {
         }
         taken?;
         self.finish(frame)
+    }
+
+    /// Takes a frame back that is not needed any more: the next is put together in its memory.
+    pub fn take_back(&mut self, frame: ReceivedFrame) {
+        self.spare = Memory {
+            pixels: match frame.content {
+                Content::Frame(pixels) => pixels,
+                Content::None | Content::Windows(_) => Vec::new(),
+            },
+            labels: frame.sealed_labels,
+        };
     }
 
     /// Gives up all frames under way, and says what had come of them.
@@ -367,7 +380,7 @@ impl Assembler {
             self.counts.incomplete += 1;
             self.remember(&oldest);
         }
-        let mut partial = Partial::new(*header, mid_exposure);
+        let mut partial = Partial::new(*header, mid_exposure, std::mem::take(&mut self.spare));
         let (early, asked) = self.early.take(frame);
         self.counts.recovered += u64::from(asked);
         for packet in early {

@@ -44,6 +44,20 @@ pub(super) struct Partial {
     pub(super) forsaken: bool,
 }
 
+/// Memory of an earlier frame.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    pub(super) pixels: Vec<u16>,
+    pub(super) labels: Vec<u8>,
+}
+
+/// So many zeros, in this memory.
+fn zeros<T: Clone + Default>(mut memory: Vec<T>, count: usize) -> Vec<T> {
+    memory.clear();
+    memory.resize(count, T::default());
+    memory
+}
+
 /// A part of the labels, of either kind.
 struct Part<'a> {
     level: LabelLevel,
@@ -62,7 +76,7 @@ impl AssemblyCounts {
 
 impl Partial {
     /// The header has passed the decoder's checks and the limits.
-    pub(super) fn new(header: FrameHeader, mid_exposure: WireTime) -> Self {
+    pub(super) fn new(header: FrameHeader, mid_exposure: WireTime, memory: Memory) -> Self {
         let blocks = header.blocks as usize;
         let (whole, spans, windows) = match header.pixel_level {
             PixelLevel::None => (0, 0, 0),
@@ -71,10 +85,10 @@ impl Partial {
             PixelLevel::Compressed => (header.pixels(), blocks, 0),
         };
         Self {
-            pixels: vec![0; whole as usize],
+            pixels: zeros(memory.pixels, whole as usize),
             windows: vec![Cutout::default(); usize::from(windows)],
             spans: vec![(0, 0); spans],
-            labels: vec![0; header.label_bytes as usize],
+            labels: zeros(memory.labels, header.label_bytes as usize),
             blocks: Arrivals::of(blocks),
             parts: Arrivals::of(usize::from(header.label_parts)),
             end: None,

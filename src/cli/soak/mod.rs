@@ -126,6 +126,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     server.on_left(tells(0));
     let mut heads = Vec::new();
     for (number, (name, emulator, wire, port)) in (1..).zip(further) {
+        let of = live::of_head(&name);
+        let entered = of.clone().entered();
         let roles = Roles {
             truth: false,
             ..Roles::ALL
@@ -134,7 +136,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         head.on_left(tells(number));
         help.serve(number, &mut head);
         head.fits().map_err(|why| anyhow!("head {name}: {why}"))?;
-        heads.push((number, head, port, roles));
+        drop(entered);
+        heads.push((number, head, of, port, roles));
     }
     drop(to_tell);
     let limits = Limits {
@@ -183,16 +186,17 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             joining.join(left, arrivals);
             joining
         });
-        let serve = |mut server: Server| {
+        let serve = |mut server: Server, of: tracing::Span| {
             scope.spawn(move || {
+                let _of = of.entered();
                 let ended = server.run(stop, None, |_| {});
                 over.fetch_or(ended == Ended::Panicked, Ordering::Relaxed);
                 (server, ended)
             })
         };
-        let (mut serving, mut taking) = (vec![serve(server)], Vec::new());
-        for (number, head, port, roles) in heads {
-            serving.push(serve(head));
+        let (mut serving, mut taking) = (vec![serve(server, tracing::Span::none())], Vec::new());
+        for (number, head, of, port, roles) in heads {
+            serving.push(serve(head, of));
             let (mission, see) = (listening.clone(), takes(number, arrived.clone()));
             let client = FlightComputer::on_links(vec![(port, roles)], mission);
             taking.push(scope.spawn(move || client.taking_only().run(see).err()));
