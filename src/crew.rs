@@ -3,7 +3,7 @@
 use rayon::Yield;
 use std::hint;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Barrier, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Does `work` on a thread of the pool, while another stays awake to share it, and of more some; when it is done they have finished what else
@@ -26,12 +26,19 @@ pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
 }
 
 /// Does `work` on this thread of the pool, of those from 0 on, while others share it or, where it is done `alone`, do nothing; nothing if there is none of that number.
+/// One at a time: alone it waits for all threads.
 pub fn led_by<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Send) -> Option<R> {
-    let (work, done) = (Mutex::new(Some(work)), AtomicBool::new(false));
-    if leader >= rayon::current_num_threads() {
+    let threads = rayon::current_num_threads();
+    if leader >= threads {
         return None;
     }
+    let (work, done) = (Mutex::new(Some(work)), AtomicBool::new(false));
+    // Whoever comes later could take up a part of the work first, and then wait in the midst of it for its end.
+    let all_here = Barrier::new(threads);
     let led = rayon::broadcast(|thread| {
+        if alone {
+            all_here.wait();
+        }
         if thread.index() == leader {
             let _done = WhenDropped(&done);
             let work = work.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -101,25 +108,21 @@ mod tests {
     fn each_thread_can_take_the_lead() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3);
         let pool = pool.build().unwrap();
+        // Numbers with the thread that saw each.
+        let led = |leader, alone| {
+            led_by(leader, alone, || {
+                let seen = |i: u64| (i, rayon::current_thread_index());
+                together(|| (0..100).into_par_iter().map(seen).collect::<Vec<_>>())
+            })
+        };
         pool.install(|| {
-            for (leader, alone) in [(0, true), (1, true), (2, true), (0, false), (2, false)] {
-                let others = AtomicBool::new(false);
-                let led = led_by(leader, alone, || {
-                    together(|| {
-                        let seen = |i: u64| {
-                            let is_led = rayon::current_thread_index() == Some(leader);
-                            others.fetch_or(!is_led, Ordering::Relaxed);
-                            i
-                        };
-                        let sum: u64 = (0..100).into_par_iter().map(seen).sum();
-                        (rayon::current_thread_index(), sum)
-                    })
-                });
-                // X-Val: 0 + .. + 99
-                assert_eq!(led, Some((Some(leader), 4950)));
-                assert!(!(alone && others.into_inner()));
+            for leader in [0, 1, 2].repeat(50) {
+                let seen = led(leader, true).unwrap();
+                assert!(seen.into_iter().eq((0..100).map(|i| (i, Some(leader)))));
+                let seen = led(leader, false).unwrap();
+                assert!(seen.into_iter().map(|(i, _)| i).eq(0..100));
             }
-            assert_eq!(led_by(3, true, || ()), None);
+            assert_eq!(led(3, true), None);
         });
     }
 

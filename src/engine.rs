@@ -219,7 +219,9 @@ impl Emulator {
         vehicle: &VehicleState,
         repeat: u32,
     ) -> Result<Shot, Unobservable> {
-        crew::together(|| self.made(witness, camera, vehicle, repeat))
+        // What the log says of it is said on another thread.
+        let span = tracing::Span::current();
+        crew::together(|| span.in_scope(|| self.made(witness, camera, vehicle, repeat)))
     }
 
     fn made(
@@ -280,7 +282,7 @@ impl Emulator {
     /// Makes frames that nobody sees, so that the first one that counts finds what others find: orbits between whose knots it lies, memory, threads. Of these each takes the
     /// lead, the first few, alone and with the others: who does later, and who has the time to help, is chance, and the memory for that is there then.
     pub fn warm_up(&mut self, vehicle: &VehicleState) {
-        const LEADERS: usize = 8;
+        const LEADERS: usize = 4;
         let (next_frame, ages) = (self.next_frame, self.ages);
         let leaders = 0..rayon::current_num_threads().min(LEADERS);
         let leads = leaders.flat_map(|leader| [(leader, true), (leader, false)]);
@@ -300,7 +302,9 @@ impl Emulator {
         self.recycle(shot.frame);
         // Whoever still reads the text keeps it.
         let text = Arc::into_inner(shot.json).unwrap_or_default();
-        self.label = (shot.label.objects.sources, text);
+        let mut objects = shot.label.objects.sources;
+        objects.clear();
+        self.label = (objects, text);
     }
 
     /// Likewise a frame alone.

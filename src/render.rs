@@ -15,7 +15,7 @@ use std::mem;
 use std::sync::{Mutex, PoisonError};
 
 /// Rows of a band.
-const BAND_ROWS: usize = 32;
+pub const BAND_ROWS: usize = 32;
 /// Pixels of a run.
 const RUN: usize = 2048;
 

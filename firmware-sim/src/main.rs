@@ -37,7 +37,7 @@ struct Args {
     #[arg(long, value_name = "FILE[:NAME]")]
     orbit: Option<String>,
     /// Middle of the first exposure, UTC; may be left out with --wall, and then is now
-    #[arg(long, value_name = "UTC", value_parser = parse_utc, required_unless_present_any = ["wall", "closed"])]
+    #[arg(long, value_name = "UTC", value_parser = parse_utc, required_unless_present_any = ["wall", "closed", "listen"])]
     epoch: Option<Epoch>,
     /// How many frames
     #[arg(long, default_value_t = 10, value_parser = whole(1..=u32::MAX), allow_negative_numbers = true)]
@@ -104,7 +104,7 @@ fn run(args: Args) -> Result<()> {
         link.on_news(Box::new(|news| eprintln!("skyloop-fc: {news}")));
     }
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    let mut refusals = 0;
+    let (mut refusals, listens) = (0, args.profile.listens());
     let flown = FlightComputer::on_links(links, mission)
         .with_faults(args.fault)
         .with_pause(args.pause)
@@ -117,7 +117,7 @@ fn run(args: Args) -> Result<()> {
             (Event::Nack(nack), Ordering::Equal) => {
                 say(format_args!("{nack}; further ones are counted\n"))
             }
-            _ => tell(&event),
+            _ => tell(&event, listens),
         };
         // What cannot be told now fails again below, with the report.
         if told.is_err() || stop.load(atomic::Ordering::Relaxed) {
@@ -164,11 +164,12 @@ fn mission(args: &Args) -> Result<Mission> {
     let orbit = args.orbit.as_deref().map(|text| orbit(text, start));
     let orbit = orbit.transpose()?;
     let timeout = Duration::from_secs_f64(args.timeout);
-    let pace = match args.wall {
-        true => Pace::Wall {
+    let pace = match (args.profile.listens(), args.wall) {
+        (true, _) => Pace::Listen,
+        (false, true) => Pace::Wall {
             rate_hz: args.rate.unwrap_or(10.0),
         },
-        false => Pace::Stepped { most_hz: args.rate },
+        (false, false) => Pace::Stepped { most_hz: args.rate },
     };
     let profile = args.profile.profile(start)?;
     let (output, positions) = args.output.wanted()?;
@@ -213,7 +214,7 @@ fn orbit(text: &str, start: Epoch) -> Result<OrbitSource> {
     Ok(orbit_of(object))
 }
 
-fn tell(event: &Event<'_>) -> std::io::Result<()> {
+fn tell(event: &Event<'_>, listens: bool) -> std::io::Result<()> {
     match event {
         Event::Frame {
             frame,
@@ -222,20 +223,25 @@ fn tell(event: &Event<'_>) -> std::io::Result<()> {
             latency,
             ..
         } => {
-            let ms = latency.map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3);
+            // Of another client's attitudes it is not known.
+            let ms = latency.map(|latency| latency.as_secs_f64() * 1e3);
+            let after = |what| ms.map_or(String::new(), |ms| format!(", {what}after {ms:.1} ms"));
             let matched = score.map_or(0, |score| score.matches.len());
             let (number, found) = (frame.header.frame, detections.list().len());
             let attitude = frame.header.attitude_sequence;
             if frame.content == Content::None {
                 let objects = frame.objects(detections).map_or(0, |list| list.len());
                 return say(format_args!(
-                    "frame {number} of attitude {attitude}: {objects} objects, no pixels, after {ms:.1} ms\n"
+                    "frame {number} of attitude {attitude}: {objects} objects, no pixels{}\n",
+                    after("")
                 ));
             }
             say(format_args!(
-                "frame {number} of attitude {attitude}: {found} detections, {matched} matched, last block after {ms:.1} ms\n"
+                "frame {number} of attitude {attitude}: {found} detections, {matched} matched{}\n",
+                after("last block ")
             ))
         }
+        Event::Lost { loss, .. } if listens => say(format_args!("frame lost: {loss}\n")),
         Event::Lost { sequence, loss } => {
             say(format_args!("attitude {sequence}: frame lost: {loss}\n"))
         }

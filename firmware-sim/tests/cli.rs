@@ -263,6 +263,10 @@ fn errors_say_what_to_do() {
             "leave it out, or add --loop",
         ),
         (
+            &["--listen"],
+            "'--epoch <UTC>' cannot be used with '--listen'",
+        ),
+        (
             &["--hold", "0,0,0,1", "--max-error", "10"],
             "--max-error is for a closed loop only: leave it out, or add --loop",
         ),

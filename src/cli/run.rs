@@ -115,10 +115,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut heads = Vec::new();
     for ((head, number), (emulator, links)) in config.heads.iter().zip(1..).zip(further) {
         let _of = live::of_head(&head.name).entered();
-        let rate_hz = head.has_own_rate.then_some(head.camera.rate_hz);
-        if let (Some(rate_hz), Some(asks)) = (rate_hz, asks(&config.run)) {
+        if head.has_own_rate && clock == Clock::Stepped {
             tracing::warn!(
-                "rate_hz = {rate_hz}: no meaning where each {asks} gives its frame; leave it out"
+                "rate_hz = {}: no meaning by the stepped clock, where each {} gives its frame; leave it out, or set run.clock",
+                head.camera.rate_hz,
+                asks(&config.run).unwrap_or("attitude")
             );
         }
         let mut head_server = server.head(emulator, links, &config.run);

@@ -43,7 +43,7 @@ impl Memory {
         (warm > 0.0).then(|| (end - warm) / warm)
     }
 
-    /// `98.40 MB after 60 s, 98.65 MB at the end (+0.26 %)`.
+    /// `98.40 MB after 60 s, 98.65 MB at the end (+0.26 %)`; `98.65 MB at the end, before it was warm (60 s)`.
     #[must_use]
     pub fn told(&self) -> String {
         let megabytes = |octets: Option<u64>| {
@@ -51,13 +51,19 @@ impl Memory {
                 format!("{:.2} MB", octets as f64 * 1e-6)
             })
         };
+        let end = megabytes(self.end);
+        if self.warm.is_none() && self.end.is_some() {
+            return format!(
+                "{end} at the end, before it was warm ({:.0} s)",
+                self.warm_s
+            );
+        }
         let growth = self.growth();
         let growth = growth.map(|growth| format!(" ({:+.2} %)", growth * 1e2));
         format!(
-            "{} after {:.0} s, {} at the end{}",
+            "{} after {:.0} s, {end} at the end{}",
             megabytes(self.warm),
             self.warm_s,
-            megabytes(self.end),
             growth.unwrap_or_default()
         )
     }
@@ -128,6 +134,14 @@ mod tests {
         assert_eq!(
             memory.told(),
             "98.40 MB after 60 s, 98.65 MB at the end (+0.25 %)"
+        );
+        let stopped = Memory {
+            warm: None,
+            ..memory
+        };
+        assert_eq!(
+            stopped.told(),
+            "98.65 MB at the end, before it was warm (60 s)"
         );
         assert_eq!(
             Memory::over(Duration::MAX).told(),

@@ -20,8 +20,6 @@ const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Verdict {
     Page,
-    /// Likewise, without the page itself.
-    Head,
     BadRequest,
     NotFound,
     NotAllowed,
@@ -39,10 +37,14 @@ pub(super) fn answer(
     stream.set_nonblocking(false)?;
     stream.set_read_timeout(Some(STEP))?;
     stream.set_write_timeout(Some(STEP))?;
-    let Some(verdict) = receive(&mut stream, stop)? else {
+    let Some((verdict, is_head)) = receive(&mut stream, stop)? else {
         return Ok(());
     };
-    send(&mut stream, response(verdict, page).as_bytes(), stop)?;
+    let (head, body) = response(verdict, page);
+    send(&mut stream, head.as_bytes(), stop)?;
+    if !is_head {
+        send(&mut stream, body.as_bytes(), stop)?;
+    }
     stream.shutdown(Shutdown::Write)?;
     take_leave(&mut stream, stop)
 }
@@ -53,8 +55,8 @@ fn is_pause(error: &io::Error) -> bool {
     matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
 }
 
-/// The request's line and headers, judged; `None` where the client hung up or it is time to stop.
-fn receive(stream: &mut impl Read, stop: &AtomicBool) -> io::Result<Option<Verdict>> {
+/// The request's line and headers, judged, and whether the answer's are all that is asked for; `None` where the client hung up or it is time to stop.
+fn receive(stream: &mut impl Read, stop: &AtomicBool) -> io::Result<Option<(Verdict, bool)>> {
     let end = Instant::now() + PATIENCE;
     let mut head = Vec::new();
     let mut piece = [0; 1024];
@@ -67,13 +69,13 @@ fn receive(stream: &mut impl Read, stop: &AtomicBool) -> io::Result<Option<Verdi
             Err(error) => return Err(error),
         }
         if is_whole(&head, before) {
-            return Ok(Some(judge(&head)));
+            return Ok(Some((judge(&head), head.starts_with(b"HEAD "))));
         }
         if head.len() > MOST {
-            return Ok(Some(Verdict::TooLong));
+            return Ok(Some((Verdict::TooLong, false)));
         }
         if Instant::now() >= end {
-            return Ok(Some(Verdict::TimedOut));
+            return Ok(Some((Verdict::TimedOut, false)));
         }
     }
     Ok(None)
@@ -102,18 +104,17 @@ fn judge(head: &[u8]) -> Verdict {
         Verdict::BadRequest
     } else if path != Some("/metrics") {
         Verdict::NotFound
+    } else if !matches!(method, "GET" | "HEAD") {
+        Verdict::NotAllowed
     } else {
-        match method {
-            "GET" => Verdict::Page,
-            "HEAD" => Verdict::Head,
-            _ => Verdict::NotAllowed,
-        }
+        Verdict::Page
     }
 }
 
-fn response(verdict: Verdict, page: impl Fn() -> String) -> String {
+/// The answer's line and headers, and what they are of.
+fn response(verdict: Verdict, page: impl Fn() -> String) -> (String, String) {
     let (status, more, body) = match verdict {
-        Verdict::Page | Verdict::Head => ("200 OK", "", page()),
+        Verdict::Page => ("200 OK", "", page()),
         Verdict::BadRequest => ("400 Bad Request", "", "not a request of HTTP/1.1\n".into()),
         Verdict::NotFound => ("404 Not Found", "", "ask for /metrics\n".into()),
         Verdict::NotAllowed => (
@@ -129,17 +130,14 @@ fn response(verdict: Verdict, page: impl Fn() -> String) -> String {
         ),
     };
     let kind = match verdict {
-        Verdict::Page | Verdict::Head => FORMAT,
+        Verdict::Page => FORMAT,
         _ => "text/plain; charset=utf-8",
     };
-    let length = body.len();
-    let body = match verdict {
-        Verdict::Head => "",
-        _ => &body,
-    };
-    format!(
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n{more}Connection: close\r\n\r\n{body}"
-    )
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {}\r\n{more}Connection: close\r\n\r\n",
+        body.len()
+    );
+    (head, body)
 }
 
 /// Sends all, as long as the client takes some.
@@ -223,14 +221,21 @@ mod tests {
     #[test]
     fn a_head_is_the_pages_without_it() {
         let server = server();
-        let answer = ask(&server, b"HEAD /metrics HTTP/1.1\r\n\r\n");
-        let (head, body) = answer.split_once("\r\n\r\n").unwrap();
-        assert!(head.starts_with("HTTP/1.1 200 OK\r\n"), "{head}");
-        let length = head
-            .lines()
-            .find_map(|line| line.strip_prefix("Content-Length: "));
-        assert!(length.unwrap().parse::<usize>().unwrap() > 0, "{head}");
-        assert_eq!(body, "");
+        for (target, status) in [("/metrics", "200 OK"), ("/", "404 Not Found")] {
+            let answer = ask(
+                &server,
+                format!("HEAD {target} HTTP/1.1\r\n\r\n").as_bytes(),
+            );
+            let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+            assert!(
+                head.starts_with(&format!("HTTP/1.1 {status}\r\n")),
+                "{head}"
+            );
+            let mut lines = head.lines();
+            let length = lines.find_map(|line| line.strip_prefix("Content-Length: "));
+            assert!(length.unwrap().parse::<usize>().unwrap() > 0, "{head}");
+            assert_eq!(body, "");
+        }
     }
 
     #[test]

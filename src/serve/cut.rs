@@ -86,11 +86,13 @@ impl Cut {
             _ => Vec::new(),
         };
         let objects = (records.len() / OBJECT_LENGTH) as u16;
-        let text = picture.text_length().unwrap_or_default();
         let (label_bytes, parts) = match label_level {
             LabelLevel::None => (0, Some(0)),
             LabelLevel::Objects => (records.len(), Some(object_parts(objects))),
-            LabelLevel::Text => (text, u32::try_from(text).ok().and_then(label_parts)),
+            LabelLevel::Text => {
+                let octets = picture.text_length().unwrap_or_default();
+                (octets, u32::try_from(octets).ok().and_then(label_parts))
+            }
         };
         let mut header = FrameHeader {
             frame: opening.number,
@@ -325,4 +327,38 @@ fn compress(digits: &[u16], bits: u8) -> Vec<(u32, u16, Vec<u8>)> {
         first += taken;
     }
     blocks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_two_texts_are_those_of_both_together() {
+        let octets: Vec<u8> = (0..=255).collect();
+        for (head, tail, most) in [
+            (0, 0, 5),
+            (0, 3, 5),
+            (3, 0, 5),
+            (5, 1, 5),
+            (10, 5, 5),
+            (4, 1, 5),
+            (9, 8, 5),
+            (2, 20, 5),
+            (100, 77, 64),
+            (128, 128, 64),
+            (7, 7, 1),
+        ] {
+            let all = &octets[..head + tail];
+            let (head, tail) = all.split_at(head);
+            let from = (0..).map(|part| part * most);
+            let parts: Vec<_> = from
+                .map_while(|from| piece(head, tail, from, most))
+                .collect();
+            // X-Val: those of one slice.
+            let whole: Vec<&[u8]> = all.chunks(most).collect();
+            assert_eq!(parts, whole, "{} and {}", head.len(), tail.len());
+        }
+        assert_eq!(piece(&[1], &[2], usize::MAX, 2), None);
+    }
 }

@@ -106,7 +106,6 @@ impl Server {
             overrun,
             is_timed: !in_step,
         };
-        self.make_room(shooter);
         let digits = std::mem::take(&mut self.digits);
         self.pictures.push(Picture::new(number, asked, digits));
         self.making = Some(number);
@@ -151,7 +150,7 @@ impl Server {
     }
 
     /// Whether somebody gets rows of pixels as they are.
-    fn wants_rows(&self) -> bool {
+    pub(super) fn wants_rows(&self) -> bool {
         self.channels.iter().any(|channel| {
             let output = &channel.exchange.output;
             channel.roles.pixels && output.pixels == PixelLevel::Frame
@@ -202,7 +201,7 @@ impl Server {
     }
 
     /// Frames that are on their way nowhere any more are done with; whether there was one.
-    pub(super) fn settle(&mut self, on_shot: &mut impl FnMut(&Shot)) -> bool {
+    pub(super) fn settle(&mut self, shooter: &Shooter, on_shot: &mut impl FnMut(&Shot)) -> bool {
         self.see_leave();
         let mut any = false;
         while let Some(at) = self
@@ -222,23 +221,13 @@ impl Server {
                 continue;
             };
             on_shot(&shot);
-            self.kept.push_back(shot);
+            self.kept.keep(shot);
         }
-        any
-    }
-
-    /// Lets go of frames that have left, so that with the next there are as many as may ever be at once: what a run holds is the same
-    /// whether one frame is under way or all that may be.
-    fn make_room(&mut self, shooter: &Shooter) {
-        let most = match self.kind {
-            Kind::Stepped => 0,
-            Kind::Wall | Kind::External => self.most_under_way(),
-        };
-        while self.kept.len() + self.pictures.len() > most
-            && let Some(shot) = self.kept.pop_front()
-        {
+        let most = self.most_kept();
+        while let Some(shot) = self.kept.spare(self.pictures.len(), most) {
             // A thread that has ended needs no memory.
             let _ = shooter.give(Task::Recycle(shot));
         }
+        any
     }
 }

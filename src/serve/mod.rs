@@ -13,6 +13,7 @@ mod deliver;
 mod expose;
 mod heads;
 mod history;
+mod kept;
 mod latch;
 mod leaving;
 mod obey;
@@ -32,17 +33,18 @@ use crate::engine::{Emulator, Shot};
 use crate::fidelity::Fidelity;
 use crate::link::{LinkError, Relay, Roles, Standstill, Wire};
 use crate::metrics::Metrics;
+use crate::render::BAND_ROWS;
 use crate::stats::{Absent, RunStats};
 use channel::Channel;
 use clock::Clock;
 use history::History;
+use kept::Kept;
 use leaving::Leaving;
 pub use leaving::Left;
 use overrun::Overrun;
 use picture::Picture;
 use shooter::{Shooter, shooter};
 use skyloop_protocols::{Counters, Header, Output, Personality};
-use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -52,6 +54,7 @@ const POLL: Duration = Duration::from_millis(50);
 /// How long the end of a run waits for a client that takes nothing. A pseudo-terminal lets 4 KiB pass at once:
 /// 4.3 s for a client that reads at the pace of 9600 baud.
 const GIVE_UP: Duration = Duration::from_secs(5);
+
 /// An attitude that has been accepted.
 #[derive(Debug, Clone)]
 struct Latched {
@@ -115,7 +118,7 @@ pub struct Server {
     /// Frames that are made or sent.
     pictures: Vec<Picture>,
     /// Frames that have left, until their memory is needed.
-    kept: VecDeque<Box<Shot>>,
+    kept: Kept<Box<Shot>>,
     /// Frames whose last packet is in a link's queue.
     leaving: Vec<Leaving>,
     /// The frame that is being made.
@@ -193,7 +196,7 @@ impl Server {
             truth: Truth::default(),
             accepted: 0,
             pictures: Vec::new(),
-            kept: VecDeque::new(),
+            kept: Kept::new(),
             leaving: Vec::new(),
             making: None,
             digits: Vec::new(),
@@ -289,6 +292,11 @@ impl Server {
         for channel in &self.channels {
             channel.wire.inbox.unparks(std::thread::current());
         }
+        if self.kind != Kind::Stepped && self.wants_rows() {
+            let detector = &self.settings.camera.detector;
+            let bands = detector.height.div_ceil(BAND_ROWS);
+            shooter.spare().fill(bands, detector.width * BAND_ROWS);
+        }
         let ended = self.turn(&shooter, stop, limit, &mut on_shot);
         self.give_all_up();
         while self.making.is_some()
@@ -298,7 +306,7 @@ impl Server {
             let _ = self.learn(news, shooter.spare());
         }
         self.give_all_up();
-        self.settle(&mut on_shot);
+        self.settle(&shooter, &mut on_shot);
         ended
     }
 
@@ -323,7 +331,7 @@ impl Server {
                 }
             }
             let round = self.deliver()?;
-            let settled = self.settle(on_shot);
+            let settled = self.settle(shooter, on_shot);
             self.publish(Instant::now());
             if limit.is_some_and(|most| self.stats.frames >= most) && self.pictures.is_empty() {
                 break;

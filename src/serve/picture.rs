@@ -189,16 +189,18 @@ impl Picture {
 
     /// The shot, its label as clients have it.
     pub fn into_shot(self) -> Option<Box<Shot>> {
-        let (mut shot, tail) = (self.shot?, self.tail.into_inner().unwrap_or_default());
-        if let Some(opening) = self.opening
-            && !tail.is_empty()
-        {
-            let length = told::text(&opening, &tail)[0].len();
+        let mut shot = self.shot?;
+        let told_tail = self.tail.into_inner().unwrap_or_default();
+        let Some(opening) = self.opening else {
+            return Some(shot);
+        };
+        let [head, tail] = told::text(&opening, &told_tail).map(|part| part.len());
+        if tail > 0 {
             // The shot's is the only one left: nothing is copied.
             drop(opening);
             let json = Arc::make_mut(&mut shot.json);
-            json.truncate(length);
-            json.push_str(&tail);
+            json.truncate(head);
+            json.push_str(&told_tail);
         }
         Some(shot)
     }

@@ -97,10 +97,25 @@ impl Server {
     /// Frames that are on their way over a link at most.
     pub(super) fn most_under_way(&mut self) -> usize {
         // Triggers come at any rate.
-        let held_back = match self.clock.cadence() {
-            Some(_) => self.held_back(self.settings.camera.rate_hz).ceil() as usize,
-            None => HELD_BACK,
-        };
+        match self.clock.cadence() {
+            Some(_) => self.usually_under_way(),
+            None => UNDER_WAY + HELD_BACK,
+        }
+    }
+
+    /// Likewise, where they come at the camera's rate.
+    fn usually_under_way(&self) -> usize {
+        let held_back = self.held_back(self.settings.camera.rate_hz).ceil() as usize;
         UNDER_WAY + held_back.min(HELD_BACK)
+    }
+
+    /// Frames that there may be beside the one that is made, and so are: each link may be about another. In step there is none.
+    pub(super) fn most_kept(&self) -> usize {
+        let links = self.channels.iter();
+        let links = links.filter(|channel| channel.roles.bring_frames()).count();
+        match self.kind {
+            Kind::Stepped => 0,
+            Kind::Wall | Kind::External => self.usually_under_way() + links.saturating_sub(1),
+        }
     }
 }

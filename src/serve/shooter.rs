@@ -63,6 +63,14 @@ impl Spare {
         spare.pop().unwrap_or_default()
     }
 
+    /// Asks for that of all rows of a frame, so that no server that falls behind has to: bands of so many pixels.
+    pub fn fill(&self, bands: usize, pixels: usize) {
+        for _ in 0..bands.min(Self::MOST) {
+            // Touched, so that it is there.
+            self.give(vec![1; pixels]);
+        }
+    }
+
     /// Takes memory back.
     pub fn give(&self, mut rows: Vec<u16>) {
         rows.clear();

@@ -227,11 +227,10 @@ fn what_the_stepped_clock_makes_nothing_of_is_warned_of() {
          [[heads]]\nname = \"port side\"\ncamera = \"fai-nir\"\nrate_hz = 0.5\n{link}\n"
     );
     std::fs::write(here.path().join("run.toml"), text).unwrap();
-    let mut command = skyloop(here.path());
-    command
-        .args(["run", "--config", "run.toml"])
-        .stderr(Stdio::piped());
-    let process = Process::spawned(&mut command, "listening on ");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
+    let command = command.current_dir(here.path()).stderr(Stdio::piped());
+    let command = command.args(["run", "--config", "run.toml"]);
+    let process = Process::spawned(command, "listening on ");
     process.signal("-INT");
     let (code, _, log) = process.end_with_log();
     assert_eq!(code, Some(0), "{log}");

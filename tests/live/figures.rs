@@ -2,34 +2,13 @@
 
 use crate::support::client::Client;
 use crate::support::line::UdpLine;
-use crate::support::{EPOCH, Running, attitude, await_that, options};
-use crate::{PATIENCE, quick, rest};
+use crate::support::{EPOCH, Running, attitude, await_that, fetched, options};
+use crate::{quick, rest};
 use skyloop::config::Clock;
 use skyloop::link::{self, Roles};
 use skyloop::metrics::{self, Metrics};
 use skyloop_protocols::Reason;
 use std::collections::BTreeMap;
-use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpStream};
-
-/// The samples of the page by name.
-fn fetched(from: SocketAddr) -> BTreeMap<String, f64> {
-    let mut stream = TcpStream::connect(from).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    stream
-        .write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n")
-        .unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).unwrap();
-    let (head, page) = answer.split_once("\r\n\r\n").unwrap();
-    assert!(head.starts_with("HTTP/1.1 200"), "{head}");
-    let samples = page.lines().filter(|line| !line.starts_with('#'));
-    let sample = |line: &str| {
-        let (name, value) = line.rsplit_once(' ').unwrap();
-        (name.to_string(), value.parse().unwrap())
-    };
-    samples.map(sample).collect()
-}
 
 #[test]
 fn the_figures_of_a_run_at_rest_are_those_of_its_status() {

@@ -12,6 +12,9 @@ use skyloop::serve::{Ended, Server};
 use skyloop::stats::RunStats;
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Attitude, Counters, OrbitState, WireTime};
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -201,4 +204,23 @@ pub fn await_that(what: &str, mut done: impl FnMut() -> bool) {
     while !done() {
         assert!(started.elapsed() < PATIENCE, "waited too long for: {what}");
     }
+}
+
+/// The samples of a run's page of figures by name.
+pub fn fetched(from: SocketAddr) -> BTreeMap<String, f64> {
+    let mut stream = TcpStream::connect(from).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream
+        .write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n")
+        .unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (head, page) = answer.split_once("\r\n\r\n").unwrap();
+    assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+    let samples = page.lines().filter(|line| !line.starts_with('#'));
+    let sample = |line: &str| {
+        let (name, value) = line.rsplit_once(' ').unwrap();
+        (name.to_string(), value.parse().unwrap())
+    };
+    samples.map(sample).collect()
 }

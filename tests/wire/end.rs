@@ -1,11 +1,14 @@
 //! The end of a run: what is under way is sent or counted.
 
 use crate::support::client::Client;
-use crate::support::line::MemoryLine;
-use crate::support::{attitude, await_that, on_memory, on_serial, options, scene};
+use crate::support::line::{MemoryLine, PtyLine};
+use crate::support::{
+    Running, attitude, await_that, fetched, on_memory, on_serial, options, scene,
+};
 use skyloop::config::Clock;
 use skyloop::engine::Emulator;
 use skyloop::link::{self, LinkError, Outbound, Outbox, Roles};
+use skyloop::metrics::{self, Metrics};
 use skyloop::serve::{Ended, Server};
 use skyloop_protocols::Command;
 use skyloop_protocols::personality::NATIVE;
@@ -29,18 +32,29 @@ fn attitudes_that_wait_are_abandoned() {
 
 #[test]
 fn what_a_client_never_reads_is_lost_and_counted() {
-    let (emulator, line) = on_serial(scene(), Clock::Stepped);
+    let (line, device) = PtyLine::new();
+    let wire = link::open(&format!("serial://{device}?baud=921600"), &options(5.0)).unwrap();
+    let place = Metrics::default();
+    let figures = metrics::serve("0", vec![place.clone()]).unwrap();
+    let links = vec![(wire, Roles::ALL)];
+    let emulator = Running::prepared(scene(), Clock::Stepped, links, |server| {
+        server.set_metrics(place);
+    });
     let mut client = Client::new(line);
     const PINGS: u32 = 640;
-    for _ in 0..PINGS / 20 {
-        for _ in 0..20 {
+    // The inbound queue holds 256.
+    const AT_ONCE: u32 = 128;
+    for round in 1..=PINGS / AT_ONCE {
+        for _ in 0..AT_ONCE {
             client.send(Command::Ping);
         }
-        // The inbound queue holds 256: a busy machine may pause for half a second.
-        std::thread::sleep(Duration::from_millis(40));
+        // Nothing can be asked of a client that does not read.
+        await_that("they are heard", || {
+            std::thread::sleep(Duration::from_millis(20));
+            let heard = fetched(figures.address())["skyloop_commands_total"];
+            heard == f64::from(round * AT_ONCE)
+        });
     }
-    // Nothing can be asked of a client that does not read.
-    std::thread::sleep(Duration::from_secs(1));
     let counters = emulator.end();
     assert_eq!((counters.commands, counters.overflows), (PINGS, 0));
     // Two answers each, 256 in the queue and 1024 behind it (ICD, 5.2): all of these are lost at the end but for

@@ -101,3 +101,22 @@ fn parse_drift(text: &str) -> Result<Vector3<f64>, String> {
     }
     Ok(Vector3::from(rates).map(f64::to_radians))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_loop_that_was_never_closed_has_held_nothing() {
+        let args = |max_error| LoopArgs {
+            closed: true,
+            focal_px: None,
+            drift: None,
+            max_error,
+        };
+        let account = ControlAccount::default();
+        let broken = args(Some(10.0)).broken(&account).unwrap();
+        assert!(broken.contains("never closed"), "{broken}");
+        assert_eq!(args(None).broken(&account), None);
+    }
+}

@@ -18,7 +18,7 @@ const WIDEST_DEG: f64 = 180.0;
 /// Fastest scan, deg/s.
 const FASTEST_DEG_S: f64 = 360.0;
 
-/// Where to point: one of them.
+/// Where to point, or that another does: one of them.
 #[derive(Clone, Debug, Args)]
 #[group(id = "profile", required = true, multiple = false)]
 pub struct ProfileArgs {
@@ -51,6 +51,9 @@ pub struct ProfileArgs {
         requires = "orbit"
     )]
     limb_stare: Option<LimbStare>,
+    /// Send no attitudes: take the frames that another client has made, over links that bring frames alone
+    #[arg(long, conflicts_with_all = ["wall", "rate", "pause", "closed", "epoch", "period", "orbit"])]
+    listen: bool,
 }
 
 /// Start attitude and body rates, rad/s.
@@ -67,6 +70,12 @@ struct ScanText {
 }
 
 impl ProfileArgs {
+    /// Whether another client points.
+    #[must_use]
+    pub fn listens(&self) -> bool {
+        self.listen
+    }
+
     /// The profile of a mission that begins at `start`.
     ///
     /// # Errors
@@ -99,6 +108,9 @@ impl ProfileArgs {
             let scan = Scan::new(start, attitude, axis, half_width_rad, rate_rad_s);
             let scan = scan.ok_or_else(|| anyhow!("--scan needs a width and a rate above 0"))?;
             return Ok(Profile::Scan(scan));
+        }
+        if self.listen {
+            return Ok(Profile::Hold(UnitQuaternion::identity()));
         }
         Ok(self.limb_stare.map_or(Profile::Nadir, Profile::LimbStare))
     }

@@ -61,7 +61,7 @@ pub enum RunError {
     },
     /// The emulator has fallen silent.
     #[error(
-        "{links}: nothing has come for {silent_s:.0} s, {attitudes} attitudes long: has the emulator ended, or does a fault stop \
+        "{links}: nothing has come for {silent_s:.0} s: has the emulator ended, or does a fault stop \
          the line?"
     )]
     Silent {

@@ -367,13 +367,13 @@ mod tests {
         let reading = std::thread::spawn(move || reader.recv(Duration::from_millis(500)));
         assert_eq!(client.recv(LONG).unwrap(), Some(frame(1)));
         let took = started.elapsed();
-        assert!((0.05..0.4).contains(&took.as_secs_f64()), "{took:?}");
+        assert!(took.as_secs_f64() >= 0.05, "{took:?}");
         assert!(reading.join().unwrap().unwrap().is_none());
     }
 
     #[test]
     fn off_the_bus_nothing_comes_and_what_leaves_waits() {
-        let plan = always("out", "bus_off", 1.0) + "at_s = 0.05\nfor_s = 0.2\n";
+        let plan = always("out", "bus_off", 1.0) + "at_s = 0.5\nfor_s = 2.0\n";
         let (mut ours, mut client, _) = bus(&plan);
         assert_eq!(ours.send(&frame(1)).unwrap(), Sending::Sent);
         let report = ours.recv(LONG).unwrap().unwrap();

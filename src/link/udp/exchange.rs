@@ -34,16 +34,16 @@ impl Exchange {
         }
     }
 
-    /// Whether a packet from `from` belongs to the exchange; opens a new one if it may.
-    pub fn admit(&mut self, from: SocketAddr, packet: &[u8]) -> bool {
+    /// Whether a packet from `from` that has come `now` belongs to the exchange; opens a new one if it may.
+    pub fn admit(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> bool {
         let valid = (self.options.personality.decode_command)(packet).is_ok();
         if let Some(client) = &mut self.client {
             if client.address == from {
                 client.proven |= valid;
-                client.heard = Instant::now();
+                client.heard = now;
                 return true;
             }
-            let idle = client.heard.elapsed() >= self.options.idle;
+            let idle = now.saturating_duration_since(client.heard) >= self.options.idle;
             if client.proven && !(idle && valid) {
                 return false;
             }
@@ -53,7 +53,7 @@ impl Exchange {
         self.client = Some(Client {
             address: from,
             proven: valid,
-            heard: Instant::now(),
+            heard: now,
         });
         true
     }
@@ -112,33 +112,34 @@ mod tests {
         let (good, bad) = (&buffer[..length], &buffer[..length - 1]);
         let tally = Arc::new(Tally::default());
         let mut exchange = Exchange::new(options, tally);
+        let begun = Instant::now();
+        let ms = |ms| begun + Duration::from_millis(ms);
         assert!(
-            exchange.admit(at(1), bad),
+            exchange.admit(at(1), bad, ms(0)),
             "anybody may be told that a first packet is bad"
         );
-        assert!(exchange.admit(at(2), bad), "and the next one too");
-        assert!(exchange.admit(at(2), good));
+        assert!(exchange.admit(at(2), bad, ms(0)), "and the next one too");
+        assert!(exchange.admit(at(2), good, ms(0)));
         assert_eq!(
             (exchange.client_of(1), exchange.client_of(2)),
             (None, Some(at(2)))
         );
-        assert!(!exchange.admit(at(1), good), "a good one makes it stand");
-        assert!(exchange.admit(at(2), bad));
-        std::thread::sleep(Duration::from_millis(60));
-        assert!(!exchange.admit(at(1), bad));
-        assert!(exchange.admit(at(1), good), "until it is idle");
-        let asked = Instant::now();
-        exchange.release(2, asked);
-        assert!(!exchange.admit(at(2), good), "another's release is none");
-        assert!(exchange.admit(at(1), good));
-        exchange.release(3, asked);
-        assert!(
-            !exchange.admit(at(2), good),
-            "nor one that its client has gone on from"
-        );
-        exchange.release(3, Instant::now());
-        assert!(exchange.admit(at(2), bad), "or released");
-        assert!(exchange.admit(at(3), good));
+        let stands = !exchange.admit(at(1), good, ms(39));
+        assert!(stands, "a good one makes it stand");
+        assert!(exchange.admit(at(2), bad, ms(39)));
+        assert!(!exchange.admit(at(1), good, ms(78)));
+        assert!(!exchange.admit(at(1), bad, ms(79)));
+        assert!(exchange.admit(at(1), good, ms(79)), "until it is idle");
+        exchange.release(2, ms(80));
+        let stands = !exchange.admit(at(2), good, ms(80));
+        assert!(stands, "another's release is none");
+        assert!(exchange.admit(at(1), good, ms(81)));
+        exchange.release(3, ms(80));
+        let stands = !exchange.admit(at(2), good, ms(82));
+        assert!(stands, "nor one that its client has gone on from");
+        exchange.release(3, ms(81));
+        assert!(exchange.admit(at(2), bad, ms(82)), "or released");
+        assert!(exchange.admit(at(3), good, ms(82)));
         assert_eq!(exchange.client_of(5), Some(at(3)));
     }
 }

@@ -197,12 +197,13 @@ async fn carry(
                 let Ok(Datagram { length, from, lost }) = received else { continue };
                 exchange.tally.dropped.fetch_add(lost, Ordering::Relaxed);
                 let packet = &buffer[..length];
-                if !exchange.admit(from, packet) {
+                let arrived = Instant::now();
+                if !exchange.admit(from, packet, arrived) {
                     exchange.ignore(from);
                     continue;
                 }
                 let packet = Bytes::copy_from_slice(packet);
-                let inbound = Inbound { exchange: exchange.number, packet, arrived: Instant::now() };
+                let inbound = Inbound { exchange: exchange.number, packet, arrived };
                 if arrivals.push(inbound).is_err() {
                     return Ok(());
                 }
