@@ -173,10 +173,13 @@ fn what_is_done_about_late_frames_is_read_in_its_order() {
             "[\"fast\", \"wings_e = 1\"]",
             ["run.coarsen[1]: unknown knob `wings_e`", "`wing_e`"],
         ),
-        ("[\"psf_loss = 2\"]", ["run.coarsen[0] = 2", "to 0.01"]),
+        (
+            "[\"psf_loss = 2\"]",
+            ["run.coarsen[0] psf_loss = 2", "to 0.01"],
+        ),
         (
             "[\"wing_e = much\"]",
-            ["run.coarsen[0] = \"much\"", "a number"],
+            ["run.coarsen[0] wing_e = \"much\"", "a number"],
         ),
     ] {
         let error = read(&format!("[run]\ncoarsen = {value}")).unwrap_err();
