@@ -21,6 +21,8 @@ mod pack;
 
 mod real;
 
+mod search;
+
 pub use corners::{Nodes, Place};
 pub use dots::{BESIDE, Circle, Dot, Sheet};
 pub use ends::{Ends, ROWS};
@@ -28,7 +30,7 @@ pub use light::{Reading, Span};
 pub use lines::Lines;
 pub use real::Real;
 
-use crate::rng::normal::{self, uniform_of};
+use crate::rng::normal;
 use crate::rng::poisson::{self, SEARCHED, Switch};
 use crate::rng::{self, NoiseKey};
 use corners::{body as corners_body, twin as corners_twin};
@@ -36,6 +38,7 @@ use dots::{body as dots_body, twin as dots_twin};
 use ends::{ends_body, ends_twin};
 use light::{light_body, light_twin, signal_body, signal_twin};
 use pack::{body as pack_body, twin as pack_twin};
+use search::search;
 use skyloop_orbit::sgp4_batch::Level;
 
 /// Pixels that a body works on at a time: they stay in the first-level cache.
@@ -201,42 +204,6 @@ fn shot_body(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons:
             }
         }
         done += count;
-    }
-}
-
-/// The draws of means below 16, `LANES` side by side, for as many steps as the last of them takes; of others, anything.
-#[inline(always)]
-fn search(means: &[f32; BLOCK], words: &[u32; BLOCK], draws: &mut [f32; BLOCK]) {
-    const LANES: usize = 16;
-    let lanes = means
-        .as_chunks::<LANES>()
-        .0
-        .iter()
-        .zip(words.as_chunks::<LANES>().0);
-    for ((means, words), draws) in lanes.zip(draws.as_chunks_mut::<LANES>().0) {
-        let [mut mean, mut u, mut probability, mut cumulative, mut k] = [[0.0; LANES]; 5];
-        for i in 0..LANES {
-            mean[i] = f64::from(if means[i] < SEARCHED { means[i] } else { 0.0 });
-            u[i] = uniform_of(words[i]);
-            probability[i] = poisson::none(mean[i]);
-            cumulative[i] = probability[i];
-        }
-        for inverse in &poisson::INVERSE[1..] {
-            let mut steps = 0;
-            for i in 0..LANES {
-                let step = u[i] >= cumulative[i];
-                steps |= u64::from(step);
-                k[i] += if step { 1.0 } else { 0.0 };
-                probability[i] *= mean[i] * inverse;
-                cumulative[i] += probability[i];
-            }
-            if steps == 0 {
-                break;
-            }
-        }
-        for (draw, k) in draws.iter_mut().zip(&k) {
-            *draw = *k as f32;
-        }
     }
 }
 

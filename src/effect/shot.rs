@@ -93,7 +93,7 @@ const SEARCHED: f64 = 12.0;
 fn draw_ns(mean: f64) -> f64 {
     match mean {
         0.0 => 0.1,
-        mean if mean < SEARCHED => 1.6 + 0.7 * libm::sqrt(mean) + 0.2 * mean,
+        mean if mean < SEARCHED => 1.5 + 0.14 * mean,
         _ => 1.3,
     }
 }

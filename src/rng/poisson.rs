@@ -98,12 +98,42 @@ pub(crate) fn none(mean: f64) -> f64 {
     f64::from_bits(series.to_bits().wrapping_add(rounded.to_bits() << 52))
 }
 
+/// The same in single precision, within 5e-7 of it (relative).
+#[inline(always)]
+pub(crate) fn none_quickly(mean: f32) -> f32 {
+    // What is added to 1.5 * 2^23 is rounded, and its last bits are the whole number.
+    const ROUND: f32 = 12_582_912.0;
+    // In two parts, the first of 10 bits.
+    const LN_2: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
+    let rounded = ROUND - mean * std::f32::consts::LOG2_E;
+    let n = rounded - ROUND;
+    let r = (-mean - n * LN_2[0]) - n * LN_2[1];
+    let mut series = INVERSE_FACTORIAL[6] as f32;
+    let mut k = 6;
+    while k > 0 {
+        k -= 1;
+        series = INVERSE_FACTORIAL[k] as f32 + r * series;
+    }
+    f32::from_bits(series.to_bits().wrapping_add(rounded.to_bits() << 23))
+}
+
 /// `1 / k`.
 pub(crate) const INVERSE: [f64; MOST] = {
     let mut inverse = [0.0; MOST];
     let mut k = 1;
     while k < MOST {
         inverse[k] = 1.0 / k as f64;
+        k += 1;
+    }
+    inverse
+};
+
+/// `1 / (k + 1)` in single precision.
+pub(crate) const INVERSE_QUICKLY: [f32; MOST] = {
+    let mut inverse = [0.0; MOST];
+    let mut k = 0;
+    while k < MOST {
+        inverse[k] = 1.0 / (k + 1) as f32;
         k += 1;
     }
     inverse
@@ -119,6 +149,12 @@ const INVERSE_FACTORIAL: [f64; 12] = {
     }
     inverse
 };
+
+/// A search in single precision errs by less (1): a word that is no nearer to any step of the cumulative distribution draws what it does by an exact one.
+///
+/// A step's probability errs by 5e-7 of it and, of each of k steps, by three roundings: 3 m 2^-24 in all below a mean of m; so many sums of numbers below 1 by half
+/// as much each. Of 40 steps at a mean of 16 that is 5e-6, and the place of a word adds 1e-7.
+pub(crate) const UNSURE: f32 = 1e-5;
 
 /// More than any draw of a mean below 16: the last word's quantile is 50.
 const MOST: usize = 64;

@@ -1,0 +1,174 @@
+//! Poisson draws of small means, side by side: a step of the search is taken by all of a few pixels, until the last of them is done.
+//!
+//! A search in double precision draws what the twin draws, `rng::poisson`. In single precision, with twice as many lanes and a shorter series, nearly all words draw
+//! the same: those that lie farther than [`poisson::UNSURE`] from each step of the cumulative distribution. Where one does not, its few are searched again.
+
+use super::BLOCK;
+use crate::rng::normal::{uniform_of, uniform_quickly};
+use crate::rng::poisson::{self, SEARCHED};
+
+/// Means that are searched side by side.
+const LANES: usize = 32;
+
+/// The draws of means below 16; of others, anything.
+#[inline(always)]
+pub(super) fn search(means: &[f32; BLOCK], words: &[u32; BLOCK], draws: &mut [f32; BLOCK]) {
+    let (words, draws) = (words.as_chunks().0, draws.as_chunks_mut().0);
+    let lanes = means.as_chunks().0.iter().zip(words);
+    for ((means, words), draws) in lanes.zip(draws) {
+        if !search_quickly(means, words, draws) {
+            search_finely(means, words, draws);
+        }
+    }
+}
+
+/// The draws in single precision, for as many steps as the last of them takes; whether they are sure.
+#[inline(always)]
+fn search_quickly(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; LANES]) -> bool {
+    let [mut mean, mut probability, mut left] = [[0.0; LANES]; 3];
+    let mut nearest = [1.0_f32; LANES];
+    for i in 0..LANES {
+        mean[i] = if means[i] < SEARCHED { means[i] } else { 0.0 };
+        probability[i] = poisson::none_quickly(mean[i]);
+        left[i] = uniform_quickly(words[i]);
+    }
+    // Steps, and those of them that are not passed: where less than nothing is left the sign's bit is set.
+    let (mut k, mut beyond) = (0, [0; LANES]);
+    for two in poisson::INVERSE_QUICKLY.as_chunks::<2>().0 {
+        for inverse in two {
+            for i in 0..LANES {
+                left[i] -= probability[i];
+                beyond[i] += left[i].to_bits() >> 31;
+                probability[i] *= mean[i] * inverse;
+                let distance = left[i].abs();
+                nearest[i] = if distance < nearest[i] {
+                    distance
+                } else {
+                    nearest[i]
+                };
+            }
+        }
+        k += 2;
+        let more = |left: &f32| u32::from(*left >= 0.0);
+        if left.iter().map(more).fold(0, |any, more| any | more) == 0 {
+            break;
+        }
+    }
+    for (draw, beyond) in draws.iter_mut().zip(beyond) {
+        *draw = (k - beyond as i32) as f32;
+    }
+    let near = |distance: &f32| u32::from(*distance < poisson::UNSURE);
+    nearest.iter().map(near).fold(0, |any, near| any | near) == 0
+}
+
+/// The draws as the twin makes them.
+#[inline(always)]
+fn search_finely(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; LANES]) {
+    let [mut mean, mut u, mut probability, mut cumulative, mut k] = [[0.0; LANES]; 5];
+    for i in 0..LANES {
+        mean[i] = f64::from(if means[i] < SEARCHED { means[i] } else { 0.0 });
+        u[i] = uniform_of(words[i]);
+        probability[i] = poisson::none(mean[i]);
+        cumulative[i] = probability[i];
+    }
+    for inverse in &poisson::INVERSE[1..] {
+        let mut steps = 0;
+        for i in 0..LANES {
+            let step = u[i] >= cumulative[i];
+            steps |= u64::from(step);
+            k[i] += if step { 1.0 } else { 0.0 };
+            probability[i] *= mean[i] * inverse;
+            cumulative[i] += probability[i];
+        }
+        if steps == 0 {
+            break;
+        }
+    }
+    for (draw, k) in draws.iter_mut().zip(&k) {
+        *draw = *k as f32;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::poisson::Switch;
+
+    /// Words on both sides of each step of the distribution, from next to it to far beyond where single precision is sure, and at the ends of all words.
+    fn words(mean: f32) -> Vec<u32> {
+        let mut words = vec![0, 1, 0x7FFF_FFFF, 0x8000_0000, u32::MAX];
+        let (mean, all) = (f64::from(mean), 4_294_967_296.0);
+        let mut probability = libm::exp(-mean);
+        let mut cumulative = probability;
+        for k in 1..40 {
+            for away in [0.0, 1.0, 3e2, 1e4, 4e4, 4.4e4, 1e5, 1e6] {
+                for place in [cumulative * all - away, cumulative * all + away] {
+                    let place = place.clamp(0.0, all - 1.0) as u32;
+                    // The upper half counts from its end.
+                    words.push(if place >> 31 == 0 {
+                        place
+                    } else {
+                        !place | 0x8000_0000
+                    });
+                }
+            }
+            probability *= mean / f64::from(k);
+            cumulative += probability;
+        }
+        words
+    }
+
+    #[test]
+    fn words_near_a_step_draw_what_they_draw_alone() {
+        let (mut sure, mut unsure) = (0, 0);
+        for i in 0..1600 {
+            let mean = (i as f32 + 0.37) * 0.01;
+            let mut words = words(mean);
+            words.resize(words.len().next_multiple_of(BLOCK), 12345);
+            let means = [mean; BLOCK];
+            for words in words.as_chunks::<BLOCK>().0 {
+                let exact = words.map(|word| poisson::poisson(mean, word, Switch::within(0.0)));
+                let mut draws = [0.0; BLOCK];
+                search(&means, words, &mut draws);
+                assert_eq!(draws, exact, "{mean}");
+                for (words, exact) in words.iter().zip(exact) {
+                    let (means, words) = ([mean; LANES], [*words; LANES]);
+                    let mut draws = [0.0; LANES];
+                    if search_quickly(&means, &words, &mut draws) {
+                        assert_eq!(draws, [exact; LANES], "{mean}, {:x}", words[0]);
+                        sure += 1;
+                    } else {
+                        unsure += 1;
+                    }
+                }
+            }
+        }
+        println!("{sure} sure, {unsure} not");
+        assert!(sure > 100_000 && unsure > 100_000);
+    }
+
+    /// What a search in single precision errs by, against the half of it that is allowed for.
+    #[test]
+    fn single_precision_is_nearer_than_what_is_unsure() {
+        for i in 0..1600 {
+            let mean = (i as f32 + 0.37) * 0.01;
+            let (mut quick, mut fine) = (poisson::none_quickly(mean), poisson::none(mean.into()));
+            let (mut left, mut cumulative) = (1.0_f32, 0.0_f64);
+            for (k, inverse) in poisson::INVERSE_QUICKLY.iter().enumerate() {
+                left -= quick;
+                cumulative += fine;
+                let off = (f64::from(left) - (1.0 - cumulative)).abs();
+                assert!(
+                    off < 0.5 * f64::from(poisson::UNSURE),
+                    "{mean}, {k}: {off:e}"
+                );
+                quick *= mean * inverse;
+                fine *= f64::from(mean) / (k + 1) as f64;
+            }
+        }
+        for word in (0..u32::MAX).step_by(9973) {
+            let off = f64::from(uniform_quickly(word)) - uniform_of(word);
+            assert!(off.abs() < 1e-7, "{word:x}: {off:e}");
+        }
+    }
+}
