@@ -18,6 +18,8 @@ pub struct Datagrams {
 pub struct Datagram {
     /// Octets, as many as there was room for.
     pub length: usize,
+    /// Octets of each datagram among them, where several came joined; the last may be shorter.
+    pub each: usize,
     /// Who sent it.
     pub from: SocketAddr,
     /// Datagrams lost between the one before and this.
@@ -40,25 +42,40 @@ impl Datagrams {
         system::make_room(&self.socket, octets)
     }
 
+    /// Asks for datagrams that one call sent together in one piece, if the system can (`UDP_GRO`, udp(7)): to receive them one by one takes
+    /// longer than all else that is done with them. Of joined ones that found no room it may count one alone.
+    pub fn join(&self) {
+        system::join(&self.socket);
+    }
+
     /// The next one, as the socket waits: it may block, or have a time-out.
     ///
     /// # Errors
     /// The system's.
     pub fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Datagram> {
-        let (length, from, lost) = system::receive(&self.socket, buffer)?;
+        let (length, from, told) = system::receive(&self.socket, buffer)?;
         // A socket that has lost nothing yet does not say so.
-        let lost = lost.unwrap_or(self.lost);
+        let lost = told.lost.unwrap_or(self.lost);
         let since = lost.wrapping_sub(std::mem::replace(&mut self.lost, lost));
         Ok(Datagram {
             length,
+            each: told.each.unwrap_or(length),
             from,
             lost: since,
         })
     }
 }
 
+/// What the system tells with a datagram.
+#[derive(Default)]
+struct Told {
+    lost: Option<u32>,
+    each: Option<usize>,
+}
+
 #[cfg(target_os = "linux")]
 mod system {
+    use super::Told;
     use nix::sys::socket::{
         ControlMessageOwned, MsgFlags, SockaddrStorage, cmsg_space, getsockopt, recvmsg,
         setsockopt, sockopt,
@@ -77,19 +94,28 @@ mod system {
         getsockopt(socket, sockopt::RcvBuf).ok()
     }
 
+    pub(super) fn join(socket: &UdpSocket) {
+        // An old system gives them one by one.
+        let _ = setsockopt(socket, sockopt::UdpGroSegment, &true);
+    }
+
     pub(super) fn receive(
         socket: &UdpSocket,
         buffer: &mut [u8],
-    ) -> io::Result<(usize, SocketAddr, Option<u32>)> {
-        let mut told = [0; cmsg_space::<u32>()];
+    ) -> io::Result<(usize, SocketAddr, Told)> {
+        let mut room = [0; cmsg_space::<u32>() + cmsg_space::<i32>()];
         let mut parts = [IoSliceMut::new(buffer)];
         let flags = MsgFlags::empty();
         let fd = socket.as_raw_fd();
-        let message = recvmsg::<SockaddrStorage>(fd, &mut parts, Some(&mut told), flags)?;
-        let lost = message.cmsgs()?.find_map(|told| match told {
-            ControlMessageOwned::RxqOvfl(lost) => Some(lost),
-            _ => None,
-        });
+        let message = recvmsg::<SockaddrStorage>(fd, &mut parts, Some(&mut room), flags)?;
+        let mut told = Told::default();
+        for part in message.cmsgs()? {
+            match part {
+                ControlMessageOwned::RxqOvfl(lost) => told.lost = Some(lost),
+                ControlMessageOwned::UdpGroSegments(each) => told.each = usize::try_from(each).ok(),
+                _ => {}
+            }
+        }
         let four = |from: &SockaddrStorage| from.as_sockaddr_in().map(|v4| SocketAddrV4::from(*v4));
         let six = |from: &SockaddrStorage| from.as_sockaddr_in6().map(|v6| SocketAddrV6::from(*v6));
         let from = message.address.as_ref().and_then(|from| {
@@ -97,12 +123,13 @@ mod system {
             four.or_else(|| six(from).map(SocketAddr::from))
         });
         let from = from.ok_or_else(|| io::Error::other("a datagram from no address"))?;
-        Ok((message.bytes, from, lost))
+        Ok((message.bytes, from, told))
     }
 }
 
 #[cfg(not(target_os = "linux"))]
 mod system {
+    use super::Told;
     use std::io;
     use std::net::{SocketAddr, UdpSocket};
 
@@ -114,12 +141,14 @@ mod system {
         None
     }
 
+    pub(super) fn join(_: &UdpSocket) {}
+
     pub(super) fn receive(
         socket: &UdpSocket,
         buffer: &mut [u8],
-    ) -> io::Result<(usize, SocketAddr, Option<u32>)> {
+    ) -> io::Result<(usize, SocketAddr, Told)> {
         let (length, from) = socket.recv_from(buffer)?;
-        Ok((length, from, None))
+        Ok((length, from, Told::default()))
     }
 }
 
@@ -160,6 +189,42 @@ mod tests {
                 (4, sent - taken),
                 "{round}"
             );
+        }
+    }
+
+    #[test]
+    fn what_is_sent_together_comes_joined_or_one_by_one() {
+        let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let packets: Vec<Vec<u8>> = (0..30u8)
+            .map(|n| vec![n; if n == 29 { 300 } else { 1400 }])
+            .collect();
+        let mut buffer = vec![0; 1 << 16];
+        for joined in [true, false] {
+            let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+            let patience = std::time::Duration::from_secs(20);
+            socket.set_read_timeout(Some(patience)).unwrap();
+            let mut datagrams = Datagrams::of(&socket).unwrap();
+            if joined {
+                datagrams.join();
+            }
+            let to = socket.local_addr().unwrap();
+            let (mut burst, mut sent) = (crate::burst::Burst::default(), 0);
+            while sent < packets.len() {
+                sent += burst.send(&sender, &packets[sent..], to).unwrap();
+            }
+            sender.send_to(b"", to).unwrap();
+            let (mut taken, mut calls) = (Vec::new(), 0);
+            while taken.len() < packets.len() {
+                let datagram = datagrams.receive(&mut buffer).unwrap();
+                let octets = &buffer[..datagram.length];
+                taken.extend(octets.chunks(datagram.each).map(<[u8]>::to_vec));
+                calls += 1;
+            }
+            assert_eq!(taken, packets);
+            let alone = datagrams.receive(&mut buffer).unwrap();
+            assert_eq!((alone.length, alone.each), (0, 0));
+            println!("{calls} calls, joined: {joined}");
+            assert!(calls < packets.len() || !joined);
         }
     }
 }

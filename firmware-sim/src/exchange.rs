@@ -202,9 +202,9 @@ impl<P: Port> Exchange<P> {
 
     /// Waits for one packet and books it; `None` if none came. Asks for missing packets meanwhile.
     pub(crate) fn receive(&mut self, timeout: Duration) -> Result<Option<Incoming>, PortError> {
-        let deadline = Instant::now() + timeout;
+        let mut now = Instant::now();
+        let deadline = now + timeout;
         loop {
-            let now = Instant::now();
             let left = deadline.saturating_duration_since(now);
             let wait = if self.assembler.is_idle() {
                 left
@@ -215,21 +215,22 @@ impl<P: Port> Exchange<P> {
             match self.port.recv(wait)? {
                 Some(packet) => return self.book(&packet).map(Some),
                 None if wait == left => return Ok(None),
-                None => {}
+                None => now = Instant::now(),
             }
         }
     }
 
     fn book(&mut self, packet: &[u8]) -> Result<Incoming, PortError> {
         self.octets += packet.len() as u64;
-        self.last_packet = Some(Instant::now());
+        let now = Instant::now();
+        self.last_packet = Some(now);
         let Ok((header, reply)) = Reply::decode(packet) else {
             self.undecodable += 1;
             return Ok(Incoming::Other);
         };
         if reply.takes_credit() {
             let flowing = !self.assembler.is_idle();
-            self.recovery.arrived(Instant::now(), flowing);
+            self.recovery.arrived(now, flowing);
             if self.pacing.arrived(header.apid, header.sequence_count) {
                 self.grant()?;
             }

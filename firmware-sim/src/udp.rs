@@ -6,8 +6,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use skyloop_protocols::MAX_PACKET;
-
 use crate::datagram::Datagrams;
 use crate::port::{OpenError, Port, PortError, Scheme};
 use crate::reader::{READ_TIMEOUT, Reader};
@@ -66,14 +64,22 @@ impl UdpPort {
                 socket.set_read_timeout(Some(READ_TIMEOUT))?;
                 let mut datagrams = Datagrams::of(&socket)?;
                 window = window_of(datagrams.make_room(ROOM));
-                // One octet more than a packet may have: longer datagrams stay too long, and are refused as such.
-                let mut buffer = [0; MAX_PACKET + 1];
+                datagrams.join();
+                // The longest datagram fits, or as many as come joined: what is longer than a packet stays too long, and is refused as such.
+                let mut buffer = vec![0; 1 << 16];
                 Reader::start("skyloop-fc udp", move |intake| {
                     let datagram = datagrams
                         .receive(&mut buffer)
                         .inspect_err(|error| note_refusal(&refused, error))?;
                     intake.lose(datagram.lost);
-                    intake.take(&buffer[..datagram.length]);
+                    let octets = &buffer[..datagram.length];
+                    // One without any is a packet, too.
+                    for packet in octets.chunks(datagram.each.max(1)) {
+                        intake.take(packet);
+                    }
+                    if octets.is_empty() {
+                        intake.take(octets);
+                    }
                     Ok(())
                 })
             })

@@ -194,7 +194,7 @@ async fn carry(
         tokio::select! {
             received = socket.async_io(Interest::READABLE, || datagrams.receive(&mut buffer)) => {
                 // An error here answers an earlier datagram to a client that has gone.
-                let Ok(Datagram { length, from, lost }) = received else { continue };
+                let Ok(Datagram { length, from, lost, .. }) = received else { continue };
                 exchange.tally.dropped.fetch_add(lost, Ordering::Relaxed);
                 let packet = &buffer[..length];
                 let arrived = Instant::now();
