@@ -32,13 +32,13 @@ fn search_quickly(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; 
         probability[i] = poisson::none_quickly(mean[i]);
         left[i] = uniform_quickly(words[i]);
     }
-    // Steps, and those of them that are not passed: where less than nothing is left the sign's bit is set.
-    let (mut k, mut beyond) = (0, [0; LANES]);
+    // Steps, and those of them that are not passed: where less than nothing is left the sign's bit is set. A sum that is checked is not made side by side.
+    let (mut k, mut beyond) = (0, [0_u32; LANES]);
     for two in poisson::INVERSE_QUICKLY.as_chunks::<2>().0 {
         for inverse in two {
             for i in 0..LANES {
                 left[i] -= probability[i];
-                beyond[i] += left[i].to_bits() >> 31;
+                beyond[i] = beyond[i].wrapping_add(left[i].to_bits() >> 31);
                 probability[i] *= mean[i] * inverse;
                 let distance = left[i].abs();
                 nearest[i] = if distance < nearest[i] {
