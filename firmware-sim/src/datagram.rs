@@ -75,7 +75,7 @@ struct Told {
 
 #[cfg(target_os = "linux")]
 mod system {
-    use super::Told;
+    use crate::datagram::Told;
     use nix::sys::socket::{
         ControlMessageOwned, MsgFlags, SockaddrStorage, cmsg_space, getsockopt, recvmsg,
         setsockopt, sockopt,
@@ -129,7 +129,7 @@ mod system {
 
 #[cfg(not(target_os = "linux"))]
 mod system {
-    use super::Told;
+    use crate::datagram::Told;
     use std::io;
     use std::net::{SocketAddr, UdpSocket};
 
