@@ -1,5 +1,7 @@
-//! The two checksums, table-driven, sixteen octets a step ("slicing-by-16"; Kounavis and Berry 2008, IEEE Transactions on Computers 57, 1550): they
-//! run over every pixel octet.
+//! The two checksums: they run over every pixel octet.
+//!
+//! Both are table-driven, sixteen octets a step ("slicing-by-16"; Kounavis and Berry 2008, IEEE Transactions on Computers 57, 1550). What is longer than
+//! two blocks [`crc16`] folds together first, without a table.
 //!
 //! - [`crc16`]: CRC-16/CCITT-FALSE, the packet error control of CCSDS 132.0-B and ECSS-E-ST-70-41:
 //!   x^16 + x^12 + x^5 + 1, preset to ones, most significant bit first.
@@ -67,11 +69,64 @@ const fn table_32() -> [[u32; 256]; STEP] {
     table
 }
 
+/// Octets of a unit that is folded.
+const UNIT: usize = 8;
+/// Units that are folded together: as many as the polynomial's degree.
+const UNITS: usize = 16;
+
 /// CRC-16/CCITT-FALSE of `bytes`.
 pub fn crc16(bytes: &[u8]) -> u16 {
+    let (blocks, rest) = bytes.as_chunks();
+    let Some((last, before)) = blocks.split_last() else {
+        return carry_on_16(0xFFFF, bytes);
+    };
+    carry_on_16(carry_on_16(0, &folded(before, last)), rest)
+}
+
+/// A block with the same remainder as `before` and `last`, preset to ones, have one after the other.
+///
+/// Squared six times, x^16 = x^12 + x^5 + 1 (mod 2) is y^16 = y^12 + y^5 + 1 with y = x^64: a unit of 64 bits leaves the same remainder where
+/// it is added to the units four, eleven and sixteen after it. The order of the octets in a unit is of no matter to that.
+fn folded(before: &[[u8; UNIT * UNITS]], last: &[u8; UNIT * UNITS]) -> [u8; UNIT * UNITS] {
+    // What the block to come takes over. To preset is to add ones to the first bits.
+    let mut over = [0; UNITS];
+    over[0] = u64::from_ne_bytes([0xFF, 0xFF, 0, 0, 0, 0, 0, 0]);
+    let added = |block: &[u8; UNIT * UNITS], over: &[u64; UNITS]| {
+        let mut units = *over;
+        for (unit, octets) in units.iter_mut().zip(block.as_chunks().0) {
+            *unit ^= u64::from_ne_bytes(*octets);
+        }
+        units
+    };
+    for block in before {
+        let mut unit = added(block, &over);
+        for i in 4..11 {
+            unit[i] ^= unit[i - 4];
+        }
+        for i in 11..16 {
+            unit[i] ^= unit[i - 4] ^ unit[i - 11];
+        }
+        over = unit;
+        for i in 0..11 {
+            over[i] ^= unit[i + 5];
+        }
+        for i in 0..4 {
+            over[i] ^= unit[i + 12];
+        }
+    }
+    let mut block = [0; UNIT * UNITS];
+    let octets = block.as_chunks_mut().0;
+    for (octets, unit) in octets.iter_mut().zip(added(last, &over)) {
+        *octets = unit.to_ne_bytes();
+    }
+    block
+}
+
+/// The remainder carried on over `bytes`.
+fn carry_on_16(crc: u16, bytes: &[u8]) -> u16 {
     let t = &TABLE_16;
     let (steps, rest) = bytes.as_chunks::<STEP>();
-    let crc = steps.iter().fold(0xFFFF_u16, |crc, b| {
+    let crc = steps.iter().fold(crc, |crc, b| {
         let [high, low] = crc.to_be_bytes();
         // All but the first two octets wait for no step before theirs.
         let later = (2..STEP).fold(0, |sum, k| sum ^ t[STEP - 1 - k][usize::from(b[k])]);
