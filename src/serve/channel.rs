@@ -4,7 +4,7 @@ use super::deliver::Delivery;
 use super::leaving::Left;
 use crate::link::{LinkError, Outbound, Roles, Wire};
 use crate::timing::Latencies;
-use bytes::Bytes;
+use bytes::{Bytes, BytesMut};
 use skyloop_protocols::credit::{CreditAccount, PAID};
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
@@ -14,6 +14,8 @@ use std::time::{Duration, Instant};
 
 /// Answers that may wait for room in the link's queue.
 pub(super) const MAX_ANSWERS: usize = 1024;
+/// Octets of memory that packets of frames take at a time: what waits for the least of them is there as long.
+const PAPER: usize = 32 * MAX_PACKET;
 /// Frames of which packets can be sent again: the present one and the one before.
 const KEPT_FRAMES: usize = 2;
 
@@ -22,6 +24,8 @@ pub(super) struct Channel {
     pub wire: Wire,
     pub roles: Roles,
     pub counts: SequenceCounts,
+    /// Memory for the next packets of its frames.
+    pub paper: BytesMut,
     pub exchange: Exchange,
     /// Frames on their way, the first to be sent first.
     pub deliveries: VecDeque<Delivery>,
@@ -82,6 +86,7 @@ impl Channel {
             wire,
             roles,
             counts: SequenceCounts::new(),
+            paper: BytesMut::with_capacity(PAPER),
             exchange,
             deliveries: VecDeque::new(),
             lost: 0,

@@ -210,13 +210,16 @@ impl Server {
             if !channel.exchange.credit.may_send() {
                 return Ok(Step::NoCredit);
             }
-            let (personality, counts) = (self.personality, &channel.counts);
+            let (personality, backlog) = (self.personality, channel.backlog());
+            let (counts, paper) = (&channel.counts, &mut channel.paper);
             let time = cut.time;
-            let mut buffer = [0; MAX_PACKET];
-            let packet = cut.next(picture, channel.backlog(), |reply: &Reply<'_>| {
+            let packet = cut.next(picture, backlog, |reply: &Reply<'_>| {
                 let count = counts.peek(reply.apid());
-                let length = (personality.encode_reply)(reply, count, time, &mut buffer)?;
-                Ok(Bytes::copy_from_slice(&buffer[..length]))
+                paper.resize(MAX_PACKET, 0);
+                let length = (personality.encode_reply)(reply, count, time, paper)?;
+                let packet = paper.split_to(length).freeze();
+                paper.clear();
+                Ok(packet)
             });
             match packet {
                 Next::Over => return Ok(Step::Done),

@@ -49,32 +49,35 @@ impl<P: Port> FlightComputer<P> {
                 false => Ok(Duration::MAX),
             };
             let due = due.unwrap_or(Duration::MAX);
-            if begin.elapsed() >= due {
-                let elapsed_s = begin.elapsed().as_secs_f64();
+            // One look at the clock for all: to look takes as long as to read a packet.
+            let now = Instant::now();
+            let elapsed = now.saturating_duration_since(begin);
+            if elapsed >= due {
+                let elapsed_s = elapsed.as_secs_f64();
                 self.send_attitude(sequence, self.by_the_clock(elapsed_s))?;
                 // After a pause the attitudes missed in it are passed over, not sent in a burst.
                 let period = (elapsed_s * rate_hz) as u32;
                 sequence = sequence.max(period).saturating_add(1);
                 continue;
             }
-            if let Some((_, command)) = told.next_if(|(at, _)| begin.elapsed() >= *at) {
+            if let Some((_, command)) = told.next_if(|(at, _)| elapsed >= *at) {
                 paused = command == Command::Pause;
                 self.links.send(&command, WireTime::default())?;
             }
             if paused {
-                last_sign = Instant::now();
+                last_sign = now;
             }
-            if last_sign.elapsed() >= self.mission.timeout {
-                last_sign = Instant::now();
+            if now.saturating_duration_since(last_sign) >= self.mission.timeout {
+                last_sign = now;
                 flow = self.time_out(self.last_sent(), watch)?;
                 continue;
             }
-            if last_grant.elapsed() >= GRANT_AGAIN {
-                last_grant = Instant::now();
+            if now.saturating_duration_since(last_grant) >= GRANT_AGAIN {
+                last_grant = now;
                 self.links.grant()?;
             }
             let wait = due
-                .saturating_sub(begin.elapsed())
+                .saturating_sub(elapsed)
                 .min(GRANT_AGAIN)
                 .max(Duration::from_micros(100));
             flow = match self.links.receive(wait)? {
