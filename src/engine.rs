@@ -280,12 +280,13 @@ impl Emulator {
     }
 
     /// Makes frames that nobody sees, so that the first one that counts finds what others find: orbits between whose knots it lies, memory, threads. Of these each takes the
-    /// lead, the first few, alone and with the others: who does later, and who has the time to help, is chance, and the memory for that is there then.
+    /// lead, the first few, with the others and alone: who does later, and who has the time to help, is chance, and the memory for that is there then. With the others
+    /// first: the orbits get ready in the first.
     pub fn warm_up(&mut self, vehicle: &VehicleState) {
         const LEADERS: usize = 4;
         let (next_frame, ages) = (self.next_frame, self.ages);
         let leaders = 0..rayon::current_num_threads().min(LEADERS);
-        let leads = leaders.flat_map(|leader| [(leader, true), (leader, false)]);
+        let leads = leaders.flat_map(|leader| [(leader, false), (leader, true)]);
         for (repeat, (leader, alone)) in (0..).zip(leads) {
             // Not the run's first: its plan is logged.
             self.next_frame = next_frame.max(1);

@@ -1,5 +1,7 @@
 //! Lines of a text, whatever ends them, and the line that an offset lies in.
 
+use memchr::memchr2;
+
 /// The lines of a text with their numbers, counted from 1. They end with LF, CR LF or CR; blanks at their ends are left out.
 pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
     let mut rest = text;
@@ -9,7 +11,7 @@ pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clon
             return None;
         }
         number += 1;
-        let end = rest.find(['\n', '\r']).unwrap_or(rest.len());
+        let end = memchr2(b'\n', b'\r', rest.as_bytes()).unwrap_or(rest.len());
         let (line, after) = rest.split_at(end);
         rest = after
             .strip_prefix("\r\n")

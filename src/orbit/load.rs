@@ -195,23 +195,30 @@ impl From<Contents> for Loaded {
     fn from(contents: Contents) -> Self {
         let sets = contents.records.into_par_iter();
         let mut objects: Vec<Object> = sets.map(Object::from).collect();
-        // Taken out where they lie: catalogues are long.
-        let (mut places, mut further) = (HashMap::with_capacity(objects.len()), Vec::new());
-        let is_known = |object: &mut Object| {
-            let next = places.len();
-            let place = *places.entry(object.catalogued()).or_insert(next);
-            if place < next {
-                further.push(place);
-            }
-            place < next
+        let mut known = HashMap::with_capacity(objects.len());
+        let place = |object: &Object| {
+            let next = known.len();
+            *known.entry(object.catalogued()).or_insert(next)
         };
-        let again: Vec<Object> = objects.extract_if(.., is_known).collect();
-        for (place, object) in further.into_iter().zip(again) {
-            if let Some(known) = objects.get_mut(place) {
-                known.join(object);
+        let places: Vec<usize> = objects.iter().map(place).collect();
+        // Catalogues are long: they are moved only where there are such, and taken out where they lie.
+        if known.len() < objects.len() {
+            let (mut next, mut further) = (0, Vec::new());
+            let mut all = places.into_iter();
+            let is_known = |_: &mut Object| {
+                let before = all.next().filter(|place| *place < next);
+                further.extend(before);
+                next += usize::from(before.is_none());
+                before.is_some()
+            };
+            let again: Vec<Object> = objects.extract_if(.., is_known).collect();
+            for (place, object) in further.into_iter().zip(again) {
+                if let Some(known) = objects.get_mut(place) {
+                    known.join(object);
+                }
             }
+            objects.shrink_to_fit();
         }
-        objects.shrink_to_fit();
         objects.extend(contents.ephemerides);
         Loaded {
             objects,

@@ -5,7 +5,7 @@ use super::catalog::{Catalog, Star};
 use crate::camera::Band;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -115,23 +115,26 @@ impl StarField {
     /// Prepares `catalog` for `band`; without `colour` the band magnitude is V, and all light has the Sun's colour.
     pub fn new(catalog: Catalog, band: &Band, colour: bool) -> StarField {
         let v_band = Band::named("v");
+        let stars = catalog.stars();
         // Colours are given to a thousandth or so: far fewer than stars.
-        let mut terms = HashMap::new();
-        let mut band_mag = |star: &Star| match &v_band {
+        let terms: HashMap<u64, f64> = match &v_band {
             Some(v_band) if colour => {
-                star.v_mag
-                    + *terms
-                        .entry(star.b_v.to_bits())
-                        .or_insert_with(|| band.colour_term(star.b_v, v_band))
+                let colours: HashSet<u64> = stars.iter().map(|star| star.b_v.to_bits()).collect();
+                let term = |bits| (bits, band.colour_term(f64::from_bits(bits), v_band));
+                colours.into_par_iter().map(term).collect()
             }
-            _ => star.v_mag,
+            _ => HashMap::new(),
+        };
+        let band_mag = |star: &Star| {
+            let term = terms.get(&star.b_v.to_bits());
+            star.v_mag + term.copied().unwrap_or_default()
         };
         let wavelength_ratio = |star: &Star| match colour {
             true => band.wavelength_ratio(star.b_v),
             false => 1.0,
         };
-        let stars = catalog.stars();
-        let ways: Vec<StarWay> = stars.iter().map(|star| StarWay::of(&place(star))).collect();
+        let places = stars.par_iter().map(place);
+        let ways: Vec<StarWay> = places.map(|place| StarWay::of(&place)).collect();
         let entry = |index: u32| {
             let star = &stars[index as usize];
             Entry {
@@ -141,7 +144,7 @@ impl StarField {
                 wavelength_ratio: wavelength_ratio(star),
             }
         };
-        let entries: Vec<Entry> = order(&ways).into_iter().map(entry).collect();
+        let entries: Vec<Entry> = order(&ways).into_par_iter().map(entry).collect();
         StarField {
             groups: Group::all(&entries),
             entries,
