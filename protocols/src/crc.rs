@@ -1,7 +1,7 @@
 //! The two checksums: they run over every pixel octet.
 //!
 //! Both are table-driven, sixteen octets a step ("slicing-by-16"; Kounavis and Berry 2008, IEEE Transactions on Computers 57, 1550). What is longer than
-//! two blocks [`crc16`] folds together first, without a table.
+//! a block of 128 octets [`crc16`] folds into one first, without a table.
 //!
 //! - [`crc16`]: CRC-16/CCITT-FALSE, the packet error control of CCSDS 132.0-B and ECSS-E-ST-70-41:
 //!   x^16 + x^12 + x^5 + 1, preset to ones, most significant bit first.

@@ -201,7 +201,7 @@ impl From<Contents> for Loaded {
             *known.entry(object.catalogued()).or_insert(next)
         };
         let places: Vec<usize> = objects.iter().map(place).collect();
-        // Catalogues are long: they are moved only where there are such, and taken out where they lie.
+        // Catalogues are long: nothing is moved where no object comes twice, and those that do are taken out where they lie.
         if known.len() < objects.len() {
             let (mut next, mut further) = (0, Vec::new());
             let mut all = places.into_iter();

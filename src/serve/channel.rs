@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 /// Answers that may wait for room in the link's queue.
 pub(super) const MAX_ANSWERS: usize = 1024;
-/// Octets of memory that packets of frames take at a time: what waits for the least of them is there as long.
+/// Octets of a piece of memory for packets of frames: it is given back when the last packet in it is.
 const PAPER: usize = 32 * MAX_PACKET;
 /// Frames of which packets can be sent again: the present one and the one before.
 const KEPT_FRAMES: usize = 2;
