@@ -19,8 +19,15 @@ use crate::sky::starlight::StarLight;
 use hifitime::{Epoch, Unit};
 use skyloop_orbit::Ages;
 use skyloop_orbit::sgp4_batch::Level;
+use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// Room for a label's text, octets, as much as most ever have: it does not move to other memory where more is in view. What is not touched is not resident.
+const LABEL: usize = 2 << 20;
+
+/// Threads that are warmed up, of many the first few.
+const LEADERS: usize = 4;
 
 /// The emulated camera under its sky.
 #[derive(Debug)]
@@ -238,7 +245,9 @@ impl Emulator {
             plan.log();
         }
         let (number, memory) = (self.next_frame, &mut self.memory);
-        let (objects, text) = std::mem::take(&mut self.label);
+        let (objects, mut text) = std::mem::take(&mut self.label);
+        text.clear();
+        text.reserve(LABEL);
         // The label tells of the scene, never of the frame: both are made side by side.
         let (frame, label) = rayon::join(
             || {
@@ -283,7 +292,6 @@ impl Emulator {
     /// lead, the first few, with the others and alone: who does later, and who has the time to help, is chance, and the memory for that is there then. With the others
     /// first: the orbits get ready in the first.
     pub fn warm_up(&mut self, vehicle: &VehicleState) {
-        const LEADERS: usize = 4;
         let (next_frame, ages) = (self.next_frame, self.ages);
         let leaders = 0..rayon::current_num_threads().min(LEADERS);
         let leads = leaders.flat_map(|leader| [(leader, false), (leader, true)]);
@@ -296,6 +304,7 @@ impl Emulator {
             }
         }
         (self.next_frame, self.ages) = (next_frame, ages);
+        rayon::broadcast(|thread| (thread.index() < LEADERS).then(reserve));
     }
 
     /// Takes a shot back that is not needed any more: the next is made in its memory.
@@ -376,4 +385,11 @@ impl Emulator {
     pub fn set_fidelity(&mut self, fidelity: Fidelity) {
         self.fidelity = fidelity.within_ranges();
     }
+}
+
+/// Asks for memory on this thread, touches it and gives it back, as real-time programs do before they begin: the allocator keeps it, and a frame
+/// with more in view than any before finds what the system has given already. In pieces of each size: none that is left over between those in use stays untouched.
+fn reserve() {
+    const PIECES: [usize; 7] = [4096, 2048, 1024, 512, 256, 128, 64];
+    drop(black_box(PIECES.map(|kilo| vec![1u8; kilo << 10])));
 }

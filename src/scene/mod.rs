@@ -269,7 +269,10 @@ impl Scene {
             });
             // In their places first: a source is large to be moved from one growing list to another.
             let images: Vec<Option<Source>> = images.collect();
-            images.into_iter().flatten().collect()
+            // Those that there are close up where they lie: `flatten` would copy them into a second list.
+            #[expect(clippy::filter_map_identity)]
+            let sources = images.into_iter().filter_map(|image| image);
+            sources.collect()
         };
         let areas = || -> Vec<AreaLight> {
             let full = Full::of(&view, view.areas.iter(), &simulated, fidelity);

@@ -16,9 +16,17 @@ const KEPT: usize = 512;
 const GRAIN: f64 = 1.0 / 64.0;
 
 /// The attitudes of one exchange, in the order of their times.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct History {
     messages: VecDeque<Latched>,
+}
+
+impl Default for History {
+    /// None yet, and room for all that are kept.
+    fn default() -> Self {
+        let messages = VecDeque::with_capacity(KEPT + 1);
+        Self { messages }
+    }
 }
 
 /// What an exposure is made with.
