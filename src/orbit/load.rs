@@ -195,29 +195,11 @@ impl From<Contents> for Loaded {
     fn from(contents: Contents) -> Self {
         let sets = contents.records.into_par_iter();
         let mut objects: Vec<Object> = sets.map(Object::from).collect();
-        let mut known = HashMap::with_capacity(objects.len());
-        let place = |object: &Object| {
-            let next = known.len();
-            *known.entry(object.catalogued()).or_insert(next)
-        };
-        let places: Vec<usize> = objects.iter().map(place).collect();
-        // Catalogues are long: nothing is moved where no object comes twice, and those that do are taken out where they lie.
-        if known.len() < objects.len() {
-            let (mut next, mut further) = (0, Vec::new());
-            let mut all = places.into_iter();
-            let is_known = |_: &mut Object| {
-                let before = all.next().filter(|place| *place < next);
-                further.extend(before);
-                next += usize::from(before.is_none());
-                before.is_some()
-            };
-            let again: Vec<Object> = objects.extract_if(.., is_known).collect();
-            for (place, object) in further.into_iter().zip(again) {
-                if let Some(known) = objects.get_mut(place) {
-                    known.join(object);
-                }
-            }
-            objects.shrink_to_fit();
+        // Catalogues are long: where none comes twice, none is moved.
+        let mut numbers: Vec<u32> = objects.par_iter().map(|one| one.catalogued().0).collect();
+        numbers.par_sort_unstable();
+        if !numbers.is_sorted_by(|a, b| a < b) {
+            objects = each_once(objects);
         }
         objects.extend(contents.ephemerides);
         Loaded {
@@ -225,6 +207,21 @@ impl From<Contents> for Loaded {
             rejected: contents.rejected,
         }
     }
+}
+
+/// One object of each catalogue number, with every set that differs.
+fn each_once(all: Vec<Object>) -> Vec<Object> {
+    let (mut objects, mut places) = (Vec::<Object>::new(), HashMap::new());
+    for object in all {
+        let next = objects.len();
+        let place = *places.entry(object.catalogued()).or_insert(next);
+        match objects.get_mut(place) {
+            Some(known) => known.join(object),
+            None => objects.push(object),
+        }
+    }
+    objects.shrink_to_fit();
+    objects
 }
 
 impl From<Record> for Object {

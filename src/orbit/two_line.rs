@@ -116,7 +116,7 @@ impl Elements {
             mean_motion: second.number("mean motion", 53..64)? * REV_PER_DAY,
             drag: first.implied_exponent("drag term B*", 54..62)?,
         };
-        elements.constants()?;
+        elements.orbit()?;
         Ok(elements)
     }
 }

@@ -200,7 +200,7 @@ impl<'a> Fields<'a> {
             drag: self.number(Key::Drag, -1e3..=1e3, start)?,
         };
         elements
-            .constants()
+            .orbit()
             .map_err(|error| (start, error.to_string()))?;
         let optional = |key| match self.find(key) {
             Some(_) => self.number(key, -1e9..=1e9, start),

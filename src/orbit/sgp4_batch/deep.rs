@@ -1,7 +1,7 @@
 //! Deep-space orbits (periods of 225 min and above): Sun and Moon, and Lyddane's form near the equator; with or without resonance.
 //! Vallado et al., AIAA 2006-6753, with the names of the `sgp4` crate's transcript.
 
-use super::figures::{Figures, Method, Perturber, Resonant};
+use super::figures::{Figures, Method, Perturber};
 use super::lanes::{Lanes, Part, Row};
 use super::resonance::{Resonance, Unperturbed};
 use super::secular::{Secular, When};
@@ -180,23 +180,6 @@ impl<R: Resonance> Model for Deep<R> {
             sin_i,
             cos_i,
             k5: k5(sin_i, cos_i),
-        }
-    }
-}
-
-impl Site {
-    /// Where an orbit of these figures belongs.
-    pub fn of(figures: &Figures) -> Site {
-        use super::figures::Resonance::{HalfDay, OneDay};
-        match &figures.method {
-            Method::NearEarth { .. } => Site::Near,
-            Method::DeepSpace { resonant, .. } => match resonant {
-                Resonant::No { .. } => Site::Deep,
-                Resonant::Yes { resonance, .. } => match resonance {
-                    OneDay(_) => Site::OneDay,
-                    HalfDay(_) => Site::HalfDay,
-                },
-            },
         }
     }
 }

@@ -12,6 +12,7 @@
 //! | `level` | which vector instructions the processor has |
 //! | `lanes`, `trig` | arithmetic on several objects side by side |
 //! | `figures` | the constants of one object |
+//! | `site` | which kind of orbit it is on |
 //! | `secular`, `near`, `deep`, `resonance` | perturbed mean elements |
 //! | `short_period` | from these to positions and velocities |
 //! | `propagate` | many blocks at a time, step by step |
@@ -27,6 +28,7 @@ mod propagate;
 mod resonance;
 mod secular;
 mod short_period;
+mod site;
 mod trig;
 
 pub use lanes::{BLOCK, Row};
@@ -47,6 +49,8 @@ use rayon::prelude::*;
 use resonance::{Free, HalfDay, OneDay};
 use secular::{Instant, Secular, When};
 use short_period::Perturbed;
+use site::Site;
+use std::sync::OnceLock;
 
 /// The reference's code of a position inside the Earth.
 pub const DECAYED: u8 = 6;
@@ -74,15 +78,6 @@ pub struct Batch {
 
 /// Stands in the places that fill a block up.
 pub const NOBODY: u32 = u32::MAX;
-
-/// The kinds of orbits, in the order of their blocks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Site {
-    Near,
-    Deep,
-    OneDay,
-    HalfDay,
-}
 
 /// The states of a block, TEME; zero where the code is not.
 #[derive(Clone, Debug, Default)]
@@ -120,12 +115,9 @@ impl Batch {
     ///
     /// Errors: the first set that the model cannot start from.
     pub fn new(sets: &[Elements]) -> Result<Batch, ModelError> {
-        let figures: Vec<Result<Figures, ModelError>> = sets
-            .par_iter()
-            .map(|elements| Figures::of(&elements.constants()?))
-            .collect();
-        // In its place: catalogues are long.
-        let figures: Vec<Figures> = figures.into_iter().collect::<Result<_, _>>()?;
+        let sites = sets.par_iter().map(Site::of);
+        let sites: Vec<Result<Site, ModelError>> = sites.collect();
+        let sites: Vec<Site> = sites.into_iter().collect::<Result<_, _>>()?;
         let mut batch = Batch {
             level: Level::best(),
             near: Vec::new(),
@@ -135,19 +127,20 @@ impl Batch {
             places: vec![NOBODY; sets.len()],
             objects: Vec::new(),
         };
-        let all: Vec<(&Elements, &Figures)> = sets.iter().zip(&figures).collect();
-        batch.near = batch.fill(&all);
-        batch.deep = batch.fill(&all);
-        batch.one_day = batch.fill(&all);
-        batch.half_day = batch.fill(&all);
+        batch.near = batch.fill(sets, &sites)?;
+        batch.deep = batch.fill(sets, &sites)?;
+        batch.one_day = batch.fill(sets, &sites)?;
+        batch.half_day = batch.fill(sets, &sites)?;
         Ok(batch)
     }
 
-    /// The blocks of one kind.
-    fn fill<M: Model>(&mut self, all: &[(&Elements, &Figures)]) -> Vec<M> {
-        let ours: Vec<usize> = (0..all.len())
-            .filter(|&i| Site::of(all[i].1) == M::SITE)
-            .collect();
+    /// The blocks of one kind. What is worked out of an object goes to its place at once: it is some 600 octets, and catalogues are long.
+    fn fill<M: Model>(&mut self, sets: &[Elements], sites: &[Site]) -> Result<Vec<M>, ModelError> {
+        let ours = sites
+            .iter()
+            .enumerate()
+            .filter(|(_, site)| **site == M::SITE);
+        let ours: Vec<usize> = ours.map(|(at, _)| at).collect();
         let members = ours.chunks(BLOCK);
         for object in members.flat_map(|members| (0..BLOCK).map(|i| members.get(i).copied())) {
             if let Some(place) = object.and_then(|at| self.places.get_mut(at)) {
@@ -155,18 +148,24 @@ impl Batch {
             }
             self.objects.push(object.map_or(NOBODY, |at| at as u32));
         }
+        let failed = OnceLock::new();
         let block = |members: &[usize]| {
             let mut block = M::default();
             for i in 0..BLOCK {
                 // The last one fills the block up.
                 let member = members.get(i).or(members.last());
-                if let Some((elements, figures)) = member.and_then(|&at| all.get(at)) {
-                    block.set(i, elements, figures);
+                let Some(elements) = member.and_then(|&at| sets.get(at)) else {
+                    continue;
+                };
+                match M::SITE.figures(elements) {
+                    Ok(figures) => block.set(i, elements, &figures),
+                    Err(error) => drop(failed.set(error)),
                 }
             }
             block
         };
-        ours.par_chunks(BLOCK).map(block).collect()
+        let blocks = ours.par_chunks(BLOCK).map(block).collect();
+        failed.into_inner().map_or(Ok(blocks), Err)
     }
 
     /// How many objects there are.

@@ -1,0 +1,153 @@
+//! Which kind of orbit an object is on.
+
+use super::figures::{Figures, Method, Resonance, Resonant};
+use crate::elements::{Elements, ModelError};
+use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
+
+/// Mean motion (rad/min) above which an orbit is near the Earth: once in 225 min.
+const NEAR: f64 = TAU / 225.0;
+/// Mean motions, without their ends, in resonance with a day.
+const ONE_DAY: [f64; 2] = [0.003_490_658_5, 0.005_235_987_7];
+/// Mean motions in resonance with half a day, where the eccentricity is at least the other.
+const HALF_DAY: (RangeInclusive<f64>, f64) = (8.26e-3..=9.24e-3, 0.5);
+
+/// The kinds of orbits, in the order of their blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Site {
+    Near,
+    Deep,
+    OneDay,
+    HalfDay,
+}
+
+impl Site {
+    /// Where an orbit belongs, by the bounds of Vallado et al., AIAA 2006-6753.
+    ///
+    /// Errors: the model cannot start from it.
+    pub fn of(elements: &Elements) -> Result<Site, ModelError> {
+        let orbit = elements.orbit()?;
+        let n = orbit.mean_motion;
+        let (half_day, eccentric) = HALF_DAY;
+        Ok(if n > NEAR {
+            Site::Near
+        } else if n > ONE_DAY[0] && n < ONE_DAY[1] {
+            Site::OneDay
+        } else if half_day.contains(&n) && orbit.eccentricity >= eccentric {
+            Site::HalfDay
+        } else {
+            Site::Deep
+        })
+    }
+
+    /// The figures of an orbit that belongs here.
+    ///
+    /// Errors: the model cannot start from it, or the `sgp4` crate takes it for one of another kind.
+    pub fn figures(self, elements: &Elements) -> Result<Figures, ModelError> {
+        let figures = Figures::of(&elements.constants()?)?;
+        let theirs = match &figures.method {
+            Method::NearEarth { .. } => Site::Near,
+            Method::DeepSpace { resonant, .. } => match resonant {
+                Resonant::No { .. } => Site::Deep,
+                Resonant::Yes { resonance, .. } => match resonance {
+                    Resonance::OneDay(_) => Site::OneDay,
+                    Resonance::HalfDay(_) => Site::HalfDay,
+                },
+            },
+        };
+        if theirs != self {
+            let reason = format!("{self:?} for one, {theirs:?} for the other");
+            return Err(ModelError::new(reason));
+        }
+        Ok(figures)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hifitime::Epoch;
+
+    fn set(mean_motion: f64, eccentricity: f64) -> Elements {
+        Elements {
+            norad: 1,
+            epoch: Epoch::from_gregorian_utc_at_midnight(2026, 6, 1),
+            inclination: 0.7,
+            node: 1.0,
+            eccentricity,
+            perigee: 2.0,
+            mean_anomaly: 3.0,
+            mean_motion,
+            drag: 1e-4,
+        }
+    }
+
+    /// The `sgp4` crate changes its ways at the same mean motion and eccentricity, to the last digit.
+    #[test]
+    fn each_bound_is_the_crates() {
+        let (half_day, eccentric) = HALF_DAY;
+        let motions = [
+            NEAR,
+            ONE_DAY[0],
+            ONE_DAY[1],
+            *half_day.start(),
+            *half_day.end(),
+        ];
+        let below = eccentric.next_down();
+        let mut changes = 0;
+        for (motion, eccentricity) in motions
+            .iter()
+            .flat_map(|motion| [0.01, below, eccentric].map(|e| (*motion, e)))
+        {
+            let site = |n: f64| Site::of(&set(n, eccentricity)).unwrap();
+            // The mean motion of the elements, Kozai's, at which Brouwer's passes the bound.
+            let [mut low, mut high] = [0.99 * motion, 1.01 * motion];
+            changes += usize::from(site(low) != site(high));
+            while high > low.next_up() {
+                let middle = 0.5 * (low + high);
+                match site(middle) == site(0.99 * motion) {
+                    true => low = middle,
+                    false => high = middle,
+                }
+            }
+            for n in [low.next_down(), low, high, high.next_up()] {
+                let set = set(n, eccentricity);
+                assert!(
+                    Site::of(&set).unwrap().figures(&set).is_ok(),
+                    "{n} {eccentricity}"
+                );
+            }
+        }
+        // Three bounds at each eccentricity, the two of half a day at the highest.
+        assert_eq!(changes, 3 * 3 + 2);
+    }
+
+    /// What is refused before the constants are worked out is what the crate refuses then.
+    #[test]
+    fn a_set_starts_where_the_crate_starts() {
+        let [nan, infinite] = [f64::NAN, f64::INFINITY];
+        let mut refused = 0;
+        for n in [
+            -0.01, 0.0, 1e-300, 1e-3, 0.06, 0.1, 1e3, 1e300, infinite, nan,
+        ] {
+            for e in [-1e-300, 0.0, 0.5, 1f64.next_down(), 1.0, 1.5, infinite, nan] {
+                let set = set(n, e);
+                let crates =
+                    sgp4::Orbit::from_kozai_elements(&sgp4::WGS72, 0.7, 1.0, e, 2.0, 3.0, n)
+                        .is_ok_and(|orbit| {
+                            sgp4::Constants::new(
+                                sgp4::WGS72,
+                                sgp4::iau_epoch_to_sidereal_time,
+                                26.4,
+                                1e-4,
+                                orbit,
+                            )
+                            .is_ok()
+                        });
+                assert_eq!(set.orbit().is_ok(), crates, "{n} {e}");
+                refused += usize::from(!crates);
+            }
+        }
+        assert!(refused > 0);
+    }
+}
