@@ -261,32 +261,50 @@ impl<'a> Line<'a> {
     /// Digits behind an understood decimal point: `0001413` is 0.0001413.
     fn implied_decimal(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
         let text = self.text(columns.clone()).trim();
-        let digits = text.bytes().all(|b| b.is_ascii_digit()) && !text.is_empty();
-        let value = format!("0.{text}").parse();
-        match value {
-            Ok(value) if digits => Ok(value),
-            _ => Err(self.bad(name, columns)),
-        }
+        let value = exact(text).and_then(|digits| scaled(digits, -(text.len() as i32)));
+        value.ok_or_else(|| self.bad(name, columns))
     }
 
     /// Digits behind an understood decimal point, and a power of ten: `-31515-4` is -0.31515e-4.
     fn implied_exponent(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
         let text = self.text(columns.clone()).trim();
         let (sign, text) = match text.as_bytes().first() {
-            Some(b'-') => ("-", &text[1..]),
-            Some(b'+') => ("", &text[1..]),
-            _ => ("", text),
+            Some(b'-') => (-1.0, &text[1..]),
+            Some(b'+') => (1.0, &text[1..]),
+            _ => (1.0, text),
         };
         let split = text.rfind(['-', '+']).unwrap_or(text.len());
         let (digits, exponent) = text.split_at(split);
-        let exponent = if exponent.is_empty() { "0" } else { exponent };
-        let plain = digits.bytes().all(|b| b.is_ascii_digit()) && !digits.is_empty();
-        match format!("{sign}0.{digits}e{exponent}").parse::<f64>() {
-            Ok(value) if plain && value.is_finite() => Ok(value),
-            _ => Err(self.bad(name, columns)),
+        let value = || {
+            let exponent = match exponent.is_empty() {
+                true => 0,
+                false => exponent.parse().ok()?,
+            };
+            Some(sign * scaled(exact(digits)?, exponent - digits.len() as i32)?)
+        };
+        value().ok_or_else(|| self.bad(name, columns))
+    }
+}
+
+/// The number in so few digits that it is exact.
+fn exact(digits: &str) -> Option<f64> {
+    let is_exact = digits.len() <= 15 && digits.bytes().all(|b| b.is_ascii_digit());
+    let whole: u64 = digits.parse().ok().filter(|_| is_exact)?;
+    Some(whole as f64)
+}
+
+/// An exact number times a power of ten, to the nearest: no power that a set has is beyond 22, up to which they are exact, too.
+fn scaled(exact: f64, power: i32) -> Option<f64> {
+    match power {
+        -22..0 => Some(exact / 10f64.powi(-power)),
+        0..=22 => Some(exact * 10f64.powi(power)),
+        _ => {
+            let value: f64 = format!("{exact}e{power}").parse().ok()?;
+            value.is_finite().then_some(value)
         }
     }
 }
+
 /// A number in digits, or Alpha-5: a letter (no I, no O) for the leading two of six, `A` = 10 to `Z` = 33.
 pub(crate) fn alpha_5(text: &str) -> Option<u32> {
     let (letter, rest) = match text.bytes().next()? {
@@ -301,4 +319,32 @@ pub(crate) fn alpha_5(text: &str) -> Option<u32> {
     }
     let rest: u32 = rest.parse().ok()?;
     Some(letter * 10_000 + rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// An understood point and exponent give the number that the same text gives with both written out.
+        #[test]
+        fn understood_points_give_the_nearest_number(
+            sign in "[-+ ]", digits in "[0-9]{1,5}", exponent in "([-+][0-9]{1,2})?",
+        ) {
+            let column = format!("{sign}{digits}{exponent}");
+            prop_assume!(column.len() <= 8);
+            let line = format!("{:44}{column:8}", "");
+            let line = Line { number: 1, text: &line };
+            let written = format!("{}0.{digits}e{}", sign.trim(), if exponent.is_empty() { "0" } else { &exponent });
+            let exact: f64 = written.parse().unwrap();
+            let read = line.implied_exponent("a number", 45..53).unwrap();
+            prop_assert_eq!(read.to_bits(), exact.to_bits());
+
+            let line = format!("{:44}{digits}", "");
+            let line = Line { number: 1, text: &line };
+            let exact: f64 = format!("0.{digits}").parse().unwrap();
+            prop_assert_eq!(line.implied_decimal("a number", 45..53).unwrap(), exact);
+        }
+    }
 }
