@@ -115,11 +115,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut heads = Vec::new();
     for ((head, number), (emulator, links)) in config.heads.iter().zip(1..).zip(further) {
         let _of = live::of_head(&head.name).entered();
-        if head.has_own_rate && clock == Clock::Stepped {
+        if head.has_own_rate
+            && clock == Clock::Stepped
+            && let Some(asks) = asks(&config.run)
+        {
             tracing::warn!(
-                "rate_hz = {}: no meaning by the stepped clock, where each {} gives its frame; leave it out, or set run.clock",
-                head.camera.rate_hz,
-                asks(&config.run).unwrap_or("attitude")
+                "rate_hz = {}: no meaning by the stepped clock, where each {asks} gives its frame; leave it out, or set run.clock",
+                head.camera.rate_hz
             );
         }
         let mut head_server = server.head(emulator, links, &config.run);

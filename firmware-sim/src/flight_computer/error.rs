@@ -61,8 +61,8 @@ pub enum RunError {
     },
     /// The emulator has fallen silent.
     #[error(
-        "{links}: nothing has come for {silent_s:.0} s: has the emulator ended, or does a fault stop \
-         the line?"
+        "{links}: nothing has come for {silent_s:.0} s, of {attitudes} attitudes: has the emulator ended, or does a fault \
+         stop the line?"
     )]
     Silent {
         /// The names of all links.
