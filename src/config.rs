@@ -250,10 +250,12 @@ impl Config {
                 Some(Observer::Object(Box::new(object)))
             }
         };
+        let camera = Camera::load(&raw.camera, folder)?;
         let fidelity = raw.fidelity.validate(&check)?;
         Ok(Config {
             seed: raw.seed,
-            camera: Camera::load(&raw.camera, folder)?,
+            heads: heads::validate(raw.heads, &camera, &check, folder)?,
+            camera,
             fidelity,
             choice: raw.effects.validate(&check)?,
             label_snr: check.range("label_snr", raw.label_snr, 0.0..=1e9)?,
@@ -266,7 +268,6 @@ impl Config {
             observer,
             sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
             run: raw.run.validate(&check)?,
-            heads: heads::validate(raw.heads, &check, folder)?,
         })
     }
 }

@@ -105,15 +105,19 @@ impl RunStats {
         further.fold(self.latencies.missed, u64::saturating_add) as u32
     }
 
-    /// The rows of the times, link by link where there are several.
-    pub fn latency_rows(&self) -> Vec<(String, String)> {
-        let mut rows = self.latencies.rows();
+    /// The rows of the times, link by link where there are several, of frames with or without deadlines.
+    pub fn latency_rows(&self, deadlines: bool) -> Vec<(String, String)> {
+        let of = |latencies: &Latencies| match deadlines {
+            true => latencies.rows(),
+            false => latencies.stage_rows(),
+        };
+        let mut rows = of(&self.latencies);
         if !self.further.is_empty() {
             rows.insert(0, row("over", self.link.clone()));
         }
         for (link, latencies) in &self.further {
             rows.push(row("over", link.clone()));
-            rows.extend(latencies.rows());
+            rows.extend(of(latencies));
         }
         rows
     }

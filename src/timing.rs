@@ -209,6 +209,14 @@ impl Latencies {
     /// The rows of the table at a run's end.
     #[must_use]
     pub fn rows(&self) -> Vec<(String, String)> {
+        let mut rows = self.stage_rows();
+        rows.push(row("deadlines missed", self.told_missed()));
+        rows
+    }
+
+    /// Those of them that frames without deadlines have.
+    #[must_use]
+    pub fn stage_rows(&self) -> Vec<(String, String)> {
         let (names, quantiles): (Vec<&str>, Vec<f64>) = QUANTILES.into_iter().unzip();
         let mut rows = vec![row("from the trigger", names.join(" / "))];
         for (stage, times) in self.stages() {
@@ -220,7 +228,6 @@ impl Latencies {
             let value = format!("{} of {}", self.ahead, self.frames);
             rows.push(row("attitudes of a later moment", value));
         }
-        rows.push(row("deadlines missed", self.told_missed()));
         rows
     }
 

@@ -11,7 +11,7 @@ use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::link;
 use skyloop::serve::{Ended, Server};
-use skyloop::stats::{RunStats, row, table, times};
+use skyloop::stats::{RunStats, row, table};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::text::whole;
 use skyloop_protocols::Counters;
@@ -221,12 +221,7 @@ fn pace(run: &Run, rate_hz: f64) -> String {
 /// What is told of one camera at the end.
 fn rows(stats: &RunStats, counters: &Counters, clock: Clock) -> Vec<(String, String)> {
     let mut rows = stats.rows();
-    if clock == Clock::Stepped {
-        let answer = times(&stats.latencies.last_octet, &[0.5, 0.99]);
-        rows.insert(2, row("attitude to last block p50 / p99", answer));
-    } else {
-        rows.extend(stats.latency_rows());
-    }
+    rows.extend(stats.latency_rows(clock != Clock::Stepped));
     let counts: Vec<String> = counters
         .iter()
         .filter(|(_, count)| *count > 0)

@@ -53,9 +53,10 @@ impl RawHead {
     }
 }
 
-/// All of them; no two with one name.
+/// All of them beside `camera`; no two with one name, and none with that of the first.
 pub(super) fn validate(
     raw: Vec<RawHead>,
+    camera: &Camera,
     check: &Check,
     folder: &Folder,
 ) -> Result<Vec<Head>, ConfigError> {
@@ -64,12 +65,13 @@ pub(super) fn validate(
         .map(|(at, head)| head.validate(at, check, folder))
         .collect::<Result<_, _>>()?;
     for (at, head) in heads.iter().enumerate() {
-        if heads.iter().take(at).any(|other| other.name == head.name) {
+        let mut others = heads.iter().take(at).map(|other| &other.name);
+        if head.name == camera.name || others.any(|other| *other == head.name) {
             let key = format!("heads[{at}].name");
             return Err(check.refuse(
                 &key,
                 format!("{:?}", head.name),
-                "a name that no other head has",
+                "a name that no other camera has",
             ));
         }
     }

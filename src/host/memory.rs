@@ -53,19 +53,22 @@ impl Memory {
         };
         let end = megabytes(self.end);
         if self.warm.is_none() && self.end.is_some() {
-            return format!(
-                "{end} at the end, before it was warm ({:.0} s)",
-                self.warm_s
-            );
+            return format!("{end} at the end, before it was warm ({} s)", self.after());
         }
         let growth = self.growth();
         let growth = growth.map(|growth| format!(" ({:+.2} %)", growth * 1e2));
         format!(
-            "{} after {:.0} s, {end} at the end{}",
+            "{} after {} s, {end} at the end{}",
             megabytes(self.warm),
-            self.warm_s,
+            self.after(),
             growth.unwrap_or_default()
         )
+    }
+
+    /// When it was warm: `60`, `0.6`.
+    fn after(&self) -> String {
+        let digits = usize::from(self.warm_s < 10.0);
+        format!("{:.digits$}", self.warm_s)
     }
 }
 

@@ -256,18 +256,43 @@ fn open_parsed(url: &LinkUrl, options: &Options) -> Result<Wire, LinkError> {
 
 /// Opens the emulator's ends of a run's links. One of them, and no more, brings the truth.
 pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>, LinkError> {
-    let parsed: Vec<LinkUrl> = urls
-        .iter()
-        .map(|url| LinkUrl::parse(url))
-        .collect::<Result<_, _>>()?;
+    opened(&places(urls)?, options)
+}
+
+/// Opens the emulator's ends of a further camera's links, which bring its frames and not the truth.
+pub fn open_further(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>, LinkError> {
+    opened(&further_places(urls)?, options)
+}
+
+/// Errors: those of [`open_all`] that need no opening.
+pub fn check_all(urls: &[String]) -> Result<(), LinkError> {
+    places(urls).map(drop)
+}
+
+/// Errors: those of [`open_further`] that need no opening.
+pub fn check_further(urls: &[String]) -> Result<(), LinkError> {
+    further_places(urls).map(drop)
+}
+
+/// A link's place and what travels over it.
+type Place = (LinkUrl, Roles);
+
+fn opened(places: &[Place], options: &Options) -> Result<Vec<(Wire, Roles)>, LinkError> {
+    let places = places.iter();
+    places
+        .map(|(url, roles)| Ok((open_parsed(url, options)?, *roles)))
+        .collect()
+}
+
+fn places(urls: &[String]) -> Result<Vec<Place>, LinkError> {
+    let parsed = urls.iter().map(|url| LinkUrl::parse(url));
+    let parsed: Vec<LinkUrl> = parsed.collect::<Result<_, _>>()?;
     // A mistyped `roles` would else be told as what its lack leads to.
     for url in &parsed {
         of(url)?;
     }
-    let roles: Vec<Roles> = parsed
-        .iter()
-        .map(LinkUrl::roles)
-        .collect::<Result<_, _>>()?;
+    let roles = parsed.iter().map(LinkUrl::roles);
+    let roles: Vec<Roles> = roles.collect::<Result<_, _>>()?;
     let mut truth = parsed.iter().zip(&roles).filter(|(_, roles)| roles.truth);
     match (truth.next(), truth.next(), parsed.first()) {
         (_, Some((second, _)), _) => {
@@ -282,34 +307,22 @@ pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>
         }
         _ => {}
     }
-    let links = parsed.iter().zip(roles);
-    links
-        .map(|(url, roles)| Ok((open_parsed(url, options)?, roles)))
-        .collect()
+    Ok(parsed.into_iter().zip(roles).collect())
 }
 
-/// Opens the emulator's ends of a further camera's links, which bring its frames and not the truth.
-pub fn open_further(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>, LinkError> {
-    let urls: Vec<LinkUrl> = urls
-        .iter()
-        .map(|url| LinkUrl::parse(url))
-        .collect::<Result<_, _>>()?;
-    let open = |url: &LinkUrl| {
-        of(url)?;
+fn further_places(urls: &[String]) -> Result<Vec<Place>, LinkError> {
+    let place = |text: &String| {
+        let url = LinkUrl::parse(text)?;
+        of(&url)?;
         let roles = url.roles()?;
         if roles.truth && roles != Roles::ALL {
             let reason = "a further camera hears of the vehicle over the first one's link; give it roles=pixels+labels, or none";
             return Err(url.refuse(reason.to_string()));
         }
-        Ok((
-            open_parsed(url, options)?,
-            Roles {
-                truth: false,
-                ..roles
-            },
-        ))
+        let truth = false;
+        Ok((url, Roles { truth, ..roles }))
     };
-    urls.iter().map(open).collect()
+    urls.iter().map(place).collect()
 }
 
 /// Opens both ends of the link that `text` names: a scheme, and options behind a question mark.

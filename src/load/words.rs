@@ -72,6 +72,7 @@ fn wanted_value(serde: &str) -> String {
         "u8" => "a whole number from 0 to 255",
         "u16" => "a whole number from 0 to 65535",
         "u32" | "u64" => "a whole number, 0 or more",
+        "i64" => "a whole number",
         "a boolean" => "true or false",
         "a string" => "a text in quotes",
         "a sequence" => "a list in brackets",

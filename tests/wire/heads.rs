@@ -205,7 +205,11 @@ fn files_say_what_is_wrong_with_a_head() {
         ),
         (
             head("link = \"udp://127.0.0.1:1\"\n") + &head("link = \"udp://127.0.0.1:2\""),
-            ["heads[1].name", "no other head"],
+            ["heads[1].name", "no other camera"],
+        ),
+        (
+            head("link = \"udp://127.0.0.1:1\"").replace("\"B\"", "\"fai-nir\""),
+            ["heads[0].name", "no other camera"],
         ),
     ] {
         let error = refused(&text);

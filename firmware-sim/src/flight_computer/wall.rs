@@ -52,13 +52,13 @@ impl<P: Port> FlightComputer<P> {
             // One look at the clock for all: a turn is often one packet, of which there are tens of thousands a second.
             let now = Instant::now();
             let elapsed = now.saturating_duration_since(begin);
-            if elapsed >= due {
+            let is_due = elapsed >= due;
+            if is_due {
                 let elapsed_s = elapsed.as_secs_f64();
                 self.send_attitude(sequence, self.by_the_clock(elapsed_s))?;
                 // After a pause the attitudes missed in it are passed over, not sent in a burst.
                 let period = (elapsed_s * rate_hz) as u32;
                 sequence = sequence.max(period).saturating_add(1);
-                continue;
             }
             if let Some((_, command)) = told.next_if(|(at, _)| elapsed >= *at) {
                 paused = command == Command::Pause;
@@ -76,10 +76,11 @@ impl<P: Port> FlightComputer<P> {
                 last_grant = now;
                 self.links.grant()?;
             }
-            let wait = due
-                .saturating_sub(elapsed)
-                .min(GRANT_AGAIN)
-                .max(Duration::from_micros(100));
+            // At a rate that this machine cannot keep the next one is always due: what has come is taken all the same.
+            let wait = match is_due {
+                true => Duration::ZERO,
+                false => (due - elapsed).clamp(Duration::from_micros(100), GRANT_AGAIN),
+            };
             flow = match self.links.receive(wait)? {
                 None => ControlFlow::Continue(()),
                 Some(Incoming::Frame(frame)) => {

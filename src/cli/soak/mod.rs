@@ -41,7 +41,7 @@ pub struct Args {
     /// Frames that may miss their deadline, of all exposures
     #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = decimal(0.0..=1.0), allow_negative_numbers = true)]
     max_miss_rate: f64,
-    /// What 99 frames in 100 may take at most, from the exposure's end to the client's last packet [default: anything]
+    /// What 99 frames in 100 may take at most, from the exposure's end to the client's last packet; one that does not come whole takes longer than any [default: anything]
     #[arg(long, value_name = "X", value_parser = decimal(0.001..=1e6), allow_negative_numbers = true)]
     max_p99_ms: Option<f64>,
     /// By what share of it memory may have grown at the end, since a fifth of the run or a minute [default: anything]
@@ -85,6 +85,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         bail!(
             "{name}: run.trigger is \"packet\", and the client of a soak sends none; leave it out, so that frames come at the camera's rate"
         );
+    }
+    // What `run` refuses is no configuration to be soaked, though its links are others here.
+    link::check_all(&config.run.links)?;
+    for head in &config.heads {
+        let of_head = || format!("head {}", head.name);
+        link::check_further(&head.links).with_context(of_head)?;
     }
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     // Before minutes are spent on them; what ends without a verdict has not passed.
