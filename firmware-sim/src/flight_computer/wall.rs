@@ -9,6 +9,9 @@ use crate::exchange::Incoming;
 use crate::port::Port;
 use skyloop_protocols::{Command, WireTime};
 
+/// So many packets at most are taken, of those that wait, before an attitude that is due.
+const TAKEN_BETWEEN: u32 = 32;
+
 /// A time without exposures, counted from the first attitude; attitudes leave all the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pause {
@@ -38,6 +41,8 @@ impl<P: Port> FlightComputer<P> {
         });
         let mut told = told.peekable();
         let mut paused = false;
+        // Packets since the last attitude; none: nothing waits to be taken.
+        let mut taken = None;
         while flow.is_continue()
             && watch(Event::Tick).is_continue()
             && self.report.frames.saturating_add(self.report.lost) < self.mission.frames
@@ -52,13 +57,15 @@ impl<P: Port> FlightComputer<P> {
             // One look at the clock for all: a turn is often one packet, of which there are tens of thousands a second.
             let now = Instant::now();
             let elapsed = now.saturating_duration_since(begin);
-            let is_due = elapsed >= due;
+            // At a rate that this machine cannot keep the next one is always due: what has come is taken all the same.
+            let is_due = elapsed >= due && taken.is_none_or(|packets| packets >= TAKEN_BETWEEN);
             if is_due {
                 let elapsed_s = elapsed.as_secs_f64();
                 self.send_attitude(sequence, self.by_the_clock(elapsed_s))?;
                 // After a pause the attitudes missed in it are passed over, not sent in a burst.
                 let period = (elapsed_s * rate_hz) as u32;
                 sequence = sequence.max(period).saturating_add(1);
+                taken = Some(0);
             }
             if let Some((_, command)) = told.next_if(|(at, _)| elapsed >= *at) {
                 paused = command == Command::Pause;
@@ -76,12 +83,15 @@ impl<P: Port> FlightComputer<P> {
                 last_grant = now;
                 self.links.grant()?;
             }
-            // At a rate that this machine cannot keep the next one is always due: what has come is taken all the same.
             let wait = match is_due {
                 true => Duration::ZERO,
-                false => (due - elapsed).clamp(Duration::from_micros(100), GRANT_AGAIN),
+                false => due
+                    .saturating_sub(elapsed)
+                    .clamp(Duration::from_micros(100), GRANT_AGAIN),
             };
-            flow = match self.links.receive(wait)? {
+            let came = self.links.receive(wait)?;
+            taken = taken.filter(|_| came.is_some()).map(|packets| packets + 1);
+            flow = match came {
                 None => ControlFlow::Continue(()),
                 Some(Incoming::Frame(frame)) => {
                     last_sign = Instant::now();
