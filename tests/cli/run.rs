@@ -111,10 +111,11 @@ pub fn serves_until(signal: &str, process: Process, line: impl Line) {
     let (code, table) = process.end();
     assert_eq!(code, Some(0), "{table}");
     for row in [
-        "frames                            2",
+        "frames                       2",
         "render time p50 / p99 / max",
         "stars labelled",
         "RSOs labelled",
+        "to the last octet",
         "attitudes 2",
         "frames_delivered 2",
         "runts 1",
@@ -279,7 +280,7 @@ fn a_run_with_a_further_camera_serves_both_and_tells_of_both() {
     let (own, other) = table.split_once("\nhead port side\n").unwrap();
     for one in [own, other] {
         assert!(
-            one.contains("frames                            2"),
+            one.contains("frames                       2"),
             "{table}"
         );
         assert!(one.contains("frames_delivered 2"), "{table}");
