@@ -279,10 +279,7 @@ fn a_run_with_a_further_camera_serves_both_and_tells_of_both() {
     assert_eq!(code, Some(0), "{table}");
     let (own, other) = table.split_once("\nhead port side\n").unwrap();
     for one in [own, other] {
-        assert!(
-            one.contains("frames                       2"),
-            "{table}"
-        );
+        assert!(one.contains("frames                       2"), "{table}");
         assert!(one.contains("frames_delivered 2"), "{table}");
     }
 }
