@@ -137,30 +137,26 @@ fn p99(most_ms: f64, found: &Latencies) -> Verdict {
     let within = |p99: Duration| bound(most_ms).is_some_and(|most| p99 <= most);
     let passed = p99.is_some_and(within);
     let first = found.first_above.filter(|_| !passed);
-    let lost_first = found.first_miss.filter(|_| p99.is_none() && whole > 0);
-    let text = match (p99, first) {
-        (None, _) if whole == 0 => "p99 is not known: no frame was whole".to_string(),
-        (None, _) => format!(
-            "p99 is above {most_ms} ms: {lost} of {} frames did not come whole",
-            found.frames
+    let named = first.map(|slow| format!("frame {} was the first ({})", slow.frame, slow.told()));
+    let text = match (p99, named) {
+        (None, _) if found.frames == 0 => "p99 is not known: there was no frame".to_string(),
+        (None, named) => format!(
+            "p99 is above {most_ms} ms: {lost} of {} frames did not come whole{}",
+            found.frames,
+            named.map_or(String::new(), |named| format!("; {named}"))
         ),
         (Some(p99), _) if passed => format!("p99 {:.1} ms within {most_ms} ms", ms(p99)),
         (Some(p99), None) => format!("p99 {:.1} ms is not within {most_ms} ms", ms(p99)),
-        (Some(p99), Some(slow)) => format!(
-            "p99 {:.1} ms is above {most_ms} ms: frame {} was the first ({:.1} ms)",
-            ms(p99),
-            slow.frame,
-            ms(slow.last_octet)
-        ),
+        (Some(p99), Some(named)) => {
+            format!("p99 {:.1} ms is above {most_ms} ms: {named}", ms(p99))
+        }
     };
     Verdict {
         name: "p99",
         camera: None,
         passed,
         text,
-        frame: lost_first
-            .map(|miss| miss.frame)
-            .or(first.map(|slow| slow.frame)),
+        frame: first.map(|slow| slow.frame),
     }
 }
 
@@ -297,13 +293,17 @@ pub(crate) mod tests {
         let limits = limits(1.0, Some(1e9));
         let verdicts = limits.judge(&of(limits.latencies()));
         assert!(verdicts.iter().all(|verdict| !verdict.passed));
+        assert_eq!(verdicts[1].text, "p99 is not known: there was no frame");
         let mut broken = limits.latencies();
         broken.add(&FrameTimes {
             whole: false,
             ..TIMES
         });
         let verdicts = limits.judge(&of(broken));
-        assert_eq!(verdicts[1].text, "p99 is not known: no frame was whole");
+        assert_eq!(
+            verdicts[1].text,
+            "p99 is above 1000000000 ms: 1 of 1 frames did not come whole; frame 0 was the first (not whole)"
+        );
     }
 
     #[test]
@@ -323,7 +323,7 @@ pub(crate) mod tests {
         assert!(!more.passed);
         assert_eq!(
             more.text,
-            "p99 is above 12 ms: 11 of 1000 frames did not come whole"
+            "p99 is above 12 ms: 11 of 1000 frames did not come whole; frame 989 was the first (not whole)"
         );
         assert_eq!(more.frame, Some(989));
     }

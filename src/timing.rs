@@ -1,5 +1,9 @@
 //! When a frame's parts were there, and how that was spread over a run.
 
+mod first;
+
+use first::keep_lowest;
+pub use first::{Miss, Slow};
 use serde::{Serialize, Serializer};
 use skyloop_firmware_sim::times::Times;
 use std::time::{Duration, Instant};
@@ -62,27 +66,6 @@ pub fn spare_s(deadline: Instant, at: Instant) -> f64 {
     }
 }
 
-/// The first frame of a run that missed its deadline.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Miss {
-    /// The frame's number.
-    pub frame: u32,
-    /// By how much, s; `None` where the frame did not leave whole.
-    pub late_s: Option<f64>,
-    /// `before it` or `after it` where what missed its deadline was an exposure without a frame.
-    pub unexposed: Option<&'static str>,
-}
-
-/// The first frame of a run that took longer than what is watched for.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Slow {
-    /// The frame's number.
-    pub frame: u32,
-    /// From the trigger to its last octet, s.
-    #[serde(rename = "last_octet_s", serialize_with = "seconds")]
-    pub last_octet: Duration,
-}
-
 /// The moments of all frames of a run.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Latencies {
@@ -113,7 +96,7 @@ pub struct Latencies {
     /// To the last octet handed to a link.
     #[serde(serialize_with = "summary")]
     pub last_octet: Times,
-    /// Time to the last octet beyond which the first frame is remembered.
+    /// Time to the last octet beyond which the first frame is remembered, as is one that was not whole.
     #[serde(rename = "watch_above_s", serialize_with = "maybe_seconds")]
     pub watch_above: Option<Duration>,
     /// That frame.
@@ -146,12 +129,15 @@ impl Latencies {
         let never_late = times.spare_s == f64::INFINITY;
         if times.spare_s < 0.0 || times.spare_s.is_nan() || !times.whole && !never_late {
             self.missed += 1;
-            self.miss(Miss {
+            let miss = Miss {
                 frame: times.frame,
                 late_s: times.whole.then_some(-times.spare_s),
                 unexposed: None,
-            });
+            };
+            keep_lowest(&mut self.first_miss, miss);
         }
+        let took = times.whole.then_some(times.last_octet);
+        self.watch(times.frame, took, None);
         if !times.whole {
             return;
         }
@@ -165,12 +151,6 @@ impl Latencies {
         self.last_pixel.add(times.last_pixel);
         self.first_octet.add(times.first_octet);
         self.last_octet.add(times.last_octet);
-        if self.watch_above.is_some_and(|most| times.last_octet > most) {
-            self.first_above.get_or_insert(Slow {
-                frame: times.frame,
-                last_octet: times.last_octet,
-            });
-        }
     }
 
     /// Books exposures that have no frame, `before it` or `after it`.
@@ -181,17 +161,25 @@ impl Latencies {
         self.frames += u64::from(count);
         self.missed += u64::from(count);
         self.without_frame += u64::from(count);
-        self.miss(Miss {
+        let miss = Miss {
             frame,
             late_s: None,
             unexposed: Some(unexposed),
-        });
+        };
+        keep_lowest(&mut self.first_miss, miss);
+        self.watch(frame, None, Some(unexposed));
     }
 
-    /// The first is that of the lowest number, in whichever order they are told.
-    fn miss(&mut self, miss: Miss) {
-        if self.first_miss.is_none_or(|first| miss.frame < first.frame) {
-            self.first_miss = Some(miss);
+    /// What never came whole took longer than any time.
+    fn watch(&mut self, frame: u32, took: Option<Duration>, unexposed: Option<&'static str>) {
+        let Some(most) = self.watch_above else { return };
+        if took.is_none_or(|took| took > most) {
+            let slow = Slow {
+                frame,
+                last_octet: took,
+                unexposed,
+            };
+            keep_lowest(&mut self.first_above, slow);
         }
     }
 
@@ -251,18 +239,6 @@ impl Latencies {
     }
 }
 
-impl Miss {
-    /// `late by 4.20 ms`, `not whole`, or `an exposure before it has no frame`.
-    #[must_use]
-    pub fn told(&self) -> String {
-        match (self.late_s, self.unexposed) {
-            (_, Some(side)) => format!("an exposure {side} has no frame"),
-            (Some(late_s), None) => format!("late by {:.2} ms", late_s * 1e3),
-            (None, None) => "not whole".to_string(),
-        }
-    }
-}
-
 fn row(name: &str, value: String) -> (String, String) {
     (name.to_string(), value)
 }
@@ -304,10 +280,6 @@ fn summary<S: Serializer>(times: &Times, serializer: S) -> Result<S::Ok, S::Erro
         max_ms: ms(1.0),
     };
     summary.serialize(serializer)
-}
-
-fn seconds<S: Serializer>(time: &Duration, serializer: S) -> Result<S::Ok, S::Error> {
-    time.as_secs_f64().serialize(serializer)
 }
 
 fn maybe_seconds<S: Serializer>(time: &Option<Duration>, serializer: S) -> Result<S::Ok, S::Error> {
@@ -429,14 +401,22 @@ mod tests {
     #[test]
     fn the_first_frame_above_what_is_watched_for_is_remembered() {
         let mut all = Latencies::watching(Some(8 * MS));
-        for (number, last_ms) in [(1, 7), (2, 8), (3, 9), (4, 20)] {
+        for (number, last_ms) in [(1, 7), (2, 8), (4, 20), (3, 9)] {
             all.add(&frame(number, last_ms));
         }
-        let expected = Slow {
+        let slow = |last_octet, unexposed| Slow {
             frame: 3,
-            last_octet: 9 * MS,
+            last_octet,
+            unexposed,
         };
-        assert_eq!(all.first_above, Some(expected));
+        assert_eq!(all.first_above, Some(slow(Some(9 * MS), None)));
+        // What never came whole took longer than all.
+        let mut lost = Latencies::watching(Some(8 * MS));
+        lost.add(&FrameTimes::incomplete(3));
+        assert_eq!(lost.first_above, Some(slow(None, None)));
+        let mut without = Latencies::watching(Some(8 * MS));
+        without.add_without_frame(2, 3, "before it");
+        assert_eq!(without.first_above, Some(slow(None, Some("before it"))));
         let mut blind = Latencies::default();
         blind.add(&frame(1, 100));
         assert_eq!(blind.first_above, None);
