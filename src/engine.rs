@@ -148,9 +148,14 @@ impl Emulator {
         seed: u64,
     ) -> Emulator {
         let camera = Arc::new(camera.clone());
-        let catalog = Catalog::embedded(config.sky.selection);
+        let (band, sky) = (&camera.optics.band, &config.sky);
+        // What a start takes longest for, side by side.
+        let (stars, ()) = rayon::join(
+            || StarField::new(Catalog::embedded(sky.selection), band, sky.colour),
+            || population.get_ready(),
+        );
         let world = World {
-            stars: StarField::new(catalog, &camera.optics.band, config.sky.colour),
+            stars,
             atmosphere: Arc::new(Atmosphere::of(&camera.optics.band)),
             starlight,
             population,
@@ -395,4 +400,22 @@ fn reserve() {
     const SMALL: [usize; 64] = [64; 64];
     let touched = |kilo| vec![1u8; kilo << 10];
     drop(black_box((LARGE.map(touched), SMALL.map(touched))));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// However many cameras there are, one catalogue is held and carried on.
+    #[test]
+    fn cameras_beside_one_another_have_one_sky() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/soak.toml");
+        let mut config = Config::load(file.as_ref()).unwrap();
+        let first = Emulator::new(&mut config);
+        let second = first.beside(&config, &config.camera, 1);
+        let [a, b] = [&first.world, &second.world];
+        assert!(Arc::ptr_eq(&a.population, &b.population));
+        assert!(Arc::ptr_eq(&a.starlight, &b.starlight));
+        assert_ne!(first.seed, second.seed);
+    }
 }

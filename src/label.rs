@@ -124,11 +124,11 @@ pub struct EffectLabel {
 }
 
 impl EffectLabel {
-    /// The verdict of a plan's step.
-    pub fn new(step: &Step<'_>) -> EffectLabel {
+    /// The verdict of one of a plan's steps.
+    pub fn new(plan: &Plan<'_>, step: &Step<'_>) -> EffectLabel {
         let (why, error, price_ms) = match &step.verdict {
             Verdict::Off { why } => (*why, None, None),
-            Verdict::Skip { why, error } => (&**why, Some(error), None),
+            Verdict::Skip { why } => (&**why, plan.error(step), None),
             Verdict::Run {
                 because, price_ms, ..
             } => (&**because, None, Some(*price_ms)),
@@ -281,7 +281,11 @@ impl Label {
             flooded_by: scene.spill.flood.map(|kind| kind.effect),
             fidelity: scene.fidelity().into(),
             overrun: None,
-            effects: plan.steps.iter().map(EffectLabel::new).collect(),
+            effects: plan
+                .steps
+                .iter()
+                .map(|step| EffectLabel::new(plan, step))
+                .collect(),
             spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
             spots_left_out_snr: spots.left_out_snr,
             particles_left_out: (beyond > 0.0).then_some(beyond),

@@ -81,7 +81,7 @@ impl Bench<'_> {
                 Some(error) => error,
                 None => self.error_of(step.effect, choice)?,
             };
-            let mut label = EffectLabel::new(step);
+            let mut label = EffectLabel::new(&plan, step);
             if let Some(all_e) = plan.needed_for_e(step) {
                 label.why += &format!(", {} e- in all", digits(all_e));
             }

@@ -102,10 +102,7 @@ impl<'s> Plan<'s> {
                 Judge::Pixels(judge) => judge(scene, fidelity),
             };
             let verdict = match refusal(&need, fidelity, choice) {
-                Some(why) => Verdict::Skip {
-                    why,
-                    error: changed(effect, scene, *need.error),
-                },
+                Some(why) => Verdict::Skip { why },
                 None => Verdict::Run {
                     pass,
                     because: if choice.all && need.is_within(fidelity) {
@@ -135,13 +132,11 @@ impl<'s> Plan<'s> {
     }
 
     /// What leaving out the effect of one of the plan's steps costs at most; none of those that are switched off, for what they would do
-    /// is not in the scene. Of those that run no frame needs it, and it may take as long as making the images.
+    /// is not in the scene. Worked out when asked for: no pixel waits for it, labels tell it of what is skipped, and of what runs, where it may
+    /// take as long as making the images, no frame needs it.
     pub fn error(&self, step: &Step<'_>) -> Option<Loss> {
-        match step.verdict {
-            Verdict::Off { .. } => None,
-            Verdict::Skip { error, .. } => Some(error),
-            Verdict::Run { .. } => Some(changed(step.effect, self.scene, *step.asked)),
-        }
+        let is_off = matches!(step.verdict, Verdict::Off { .. });
+        (!is_off).then(|| changed(step.effect, self.scene, *step.asked))
     }
 
     /// What electrons of the scene call for an effect that runs though no pixel's expectation needs it, e-; none of all others.
@@ -154,13 +149,12 @@ impl<'s> Plan<'s> {
 
     /// Logs what runs and what does not, and why.
     pub fn log(&self) {
-        for Step {
-            effect, verdict, ..
-        } in &self.steps
-        {
+        for step in &self.steps {
+            let (effect, verdict) = (step.effect, &step.verdict);
             match verdict {
                 Verdict::Off { why } => tracing::debug!("{}: skipped, {why}", effect.name),
-                Verdict::Skip { why, error } => {
+                Verdict::Skip { why } => {
+                    let error = self.error(step).unwrap_or_default();
                     tracing::debug!("{}: skipped, {why}; leaves out {error}", effect.name);
                 }
                 Verdict::Run {

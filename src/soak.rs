@@ -101,7 +101,9 @@ impl Limits {
         let told = format!("deadlines missed: {missed} of {frames} ({})", short(rate));
         let first = found.first_miss.filter(|_| !passed);
         let text = match (passed, first) {
-            _ if *frames == 0 => "deadlines: there was no frame".to_string(),
+            _ if *frames == 0 => {
+                "deadlines: there was no frame; give the run more minutes than a period of the camera's takes".to_string()
+            }
             (true, _) => format!("{told} within {}", short(most)),
             (false, None) => format!("{told} is not within {}", short(most)),
             (false, Some(miss)) => format!(

@@ -50,7 +50,7 @@ pub struct ReceivedFrame {
     pub header_at: Instant,
     /// When the last packet with pixels arrived; of a frame without any, with labels.
     pub last_block: Instant,
-    /// When all of it was there.
+    /// When its last packet arrived.
     pub whole_at: Instant,
     /// Label text or object records as octets, to be read through [`ReceivedFrame::labels`] and
     /// [`ReceivedFrame::objects`] only.

@@ -216,8 +216,6 @@ pub enum Verdict<'s> {
     Skip {
         /// Why not.
         why: Cow<'static, str>,
-        /// What leaving it out costs at most.
-        error: Loss,
     },
     /// It runs.
     Run {

@@ -103,7 +103,7 @@ impl Check<'_> {
         } else if *range.end() <= 1.0 && (*range.end()..=100.0).contains(&value) {
             allowed += &format!(", a share: {value} % is {}", value / 100.0);
         }
-        Err(self.refuse(key, value, allowed))
+        Err(self.refuse(key, short(value), allowed))
     }
 
     /// `values` if each lies in `range`; the error names the first that does not.
@@ -141,6 +141,14 @@ impl Check<'_> {
             value: value.to_string(),
             allowed: allowed.into(),
         }
+    }
+}
+
+/// A number as it was written, one of many digits by its power of ten.
+fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 | 1e-5..1e16 => value.to_string(),
+        _ => format!("{value:e}"),
     }
 }
 

@@ -130,6 +130,11 @@ impl Population {
         fleet.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Makes what is made when first asked for.
+    pub fn get_ready(&self) {
+        drop(self.fleet());
+    }
+
     /// Who may be in the field, and what is seen of them.
     pub fn in_field(&self, field: &Field<'_>, corrections: &Corrections, orbits: Orbits) -> Seen {
         self.fleet().look(self, field, corrections, orbits)

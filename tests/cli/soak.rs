@@ -37,7 +37,7 @@ fn a_run_is_measured_and_told_in_every_form() {
     let here = tempfile::tempdir().unwrap();
     files(
         here.path(),
-        "clock = \"wall\"\n[[heads]]\nname = \"B\"\ncamera = \"camera.toml\"\nlink = \"udp://127.0.0.1:1\"",
+        "clock = \"wall\"\ncpus = [1023]\n[[heads]]\nname = \"B\"\ncamera = \"camera.toml\"\nlink = \"udp://127.0.0.1:1\"",
     );
     // However busy the machine is: nothing is asked of it.
     let words = "soak --config run.toml --minutes 0.05 --max-miss-rate 1 --junit verdict.xml --json verdict.json";
@@ -53,6 +53,10 @@ fn a_run_is_measured_and_told_in_every_form() {
         "to the last octet",
         "deadlines missed",
         "context switches",
+        // Two for each frame of the first camera at 20 Hz; it alone is told of the vehicle.
+        "a second, of 40 asked for",
+        // No machine that runs this has as many.
+        "CPU 1023 not granted (run.cpus: ",
         "start to the first frame",
         "memory",
         "kept: fai-nir: deadlines missed",

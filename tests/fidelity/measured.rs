@@ -4,7 +4,7 @@ use super::Lights;
 use skyloop::effect::{Judge, Stage, Verdict};
 use skyloop::fidelity::{Choice, Fidelity};
 use skyloop::measure::Bench;
-use skyloop::plan::Plan;
+use skyloop::plan::{Plan, Step};
 use skyloop::scene::{Scene, Source};
 use std::collections::HashMap;
 
@@ -234,10 +234,12 @@ fn skipped(bench: &Bench<'_>) -> Vec<&'static skyloop::effect::Effect> {
         .scene(&bench.camera, &bench.vehicle, 0, &choice)
         .unwrap();
     let plan = Plan::new(&scene, emulator.fidelity(), &choice);
-    let steps = plan.steps.iter().filter(|step| match &step.verdict {
-        Verdict::Skip { error, .. } => error.e > 0.0 || error.px > 0.0,
-        _ => false,
-    });
+    let is_skipped = |step: &&Step<'_>| matches!(step.verdict, Verdict::Skip { .. });
+    let loses = |step: &&Step<'_>| {
+        let error = plan.error(step).unwrap();
+        error.e > 0.0 || error.px > 0.0
+    };
+    let steps = plan.steps.iter().filter(is_skipped).filter(loses);
     steps.map(|step| step.effect).collect()
 }
 

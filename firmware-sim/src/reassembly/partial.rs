@@ -369,6 +369,8 @@ impl Partial {
     /// # Errors
     /// The pixels are not those that were sent.
     pub(super) fn finish(self) -> Result<ReceivedFrame, AssemblyError> {
+        // Its last packet has come; to check what it says takes its time.
+        let whole_at = Instant::now();
         let frame = self.header.frame;
         let end = self.end.unwrap_or_default();
         let content = match self.header.pixel_level {
@@ -416,7 +418,7 @@ impl Partial {
             pixel_octets: self.pixel_octets,
             header_at: self.header_at,
             last_block: self.last_block,
-            whole_at: Instant::now(),
+            whole_at,
             sealed_labels: self.labels,
         })
     }

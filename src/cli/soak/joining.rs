@@ -91,16 +91,21 @@ impl Joining {
 
     /// Books what should have come long ago: it is not kept until the end.
     fn give_up(&mut self, now: Instant) {
+        self.lose(|due| due + PARTING < now);
+        // Its client has it, and nobody tells that it has left.
+        self.came.retain(|_, at| *at + LONGEST > now);
+    }
+
+    /// Books what has not come by a deadline that is over.
+    fn lose(&mut self, is_over: impl Fn(Instant) -> bool) {
         let cameras = &mut self.cameras;
         self.way.retain(|(camera, frame), told| {
-            let is_lost = told.deadline.is_some_and(|due| due + PARTING < now);
+            let is_lost = told.deadline.is_some_and(&is_over);
             if let Some(camera) = cameras.get_mut(*camera).filter(|_| is_lost) {
                 camera.latencies.add(&FrameTimes::incomplete(*frame));
             }
             !is_lost
         });
-        // Its client has it, and nobody tells that it has left.
-        self.came.retain(|_, at| *at + LONGEST > now);
     }
 
     /// Books the exposures that a camera has passed over until now.
@@ -122,12 +127,7 @@ impl Joining {
 
     /// All of it: what never came counts, but for what still had time when the clients left; and so do the exposures without a frame, by camera.
     pub fn end(mut self, ended: Instant, missed: &[u32]) -> Vec<Camera> {
-        for ((camera, frame), told) in std::mem::take(&mut self.way) {
-            let was_due = told.deadline.is_some_and(|deadline| deadline < ended);
-            if let Some(camera) = self.cameras.get_mut(camera).filter(|_| was_due) {
-                camera.latencies.add(&FrameTimes::incomplete(frame));
-            }
-        }
+        self.lose(|due| due < ended);
         for (camera, missed) in missed.iter().enumerate() {
             let last = self.last.get(&camera).copied().unwrap_or_default();
             self.without_frame(camera, *missed, last, "after it");

@@ -248,7 +248,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let missed = closed.iter().map(|(_, counters)| counters.exposures_missed);
     let (first, memory) = (joining.first, joining.memory);
     let cameras = joining.end(ended, &missed.collect::<Vec<_>>());
-    let minutes = begin.elapsed().as_secs_f64() / 60.0;
+    let minutes = ended.duration_since(begin).as_secs_f64() / 60.0;
     let stopped = interrupted
         .load(Ordering::Relaxed)
         .then(|| format!("stopped after {minutes:.2} of {} min", args.minutes));
@@ -267,7 +267,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         help.granted,
         counts,
     );
-    tell(&report, &args)?;
+    tell(&report, &args, rate_hz)?;
     if !report.passed {
         let broken = report.verdicts.iter().filter(|verdict| !verdict.passed);
         let broken: Vec<&str> = broken.map(|verdict| verdict.text.as_str()).collect();
@@ -334,10 +334,17 @@ fn write(path: &Path, text: String) -> anyhow::Result<()> {
     })
 }
 
-/// The table, and the files that were asked for.
-fn tell(report: &Report, args: &Args) -> anyhow::Result<()> {
+/// The table, and the files that were asked for; the client was to send so many attitudes a second.
+fn tell(report: &Report, args: &Args, rate_hz: f64) -> anyhow::Result<()> {
     let mut rows = vec![row("minutes", format!("{:.2}", report.minutes))];
     rows.extend(report.rows());
+    let mut counted = report.counters.iter();
+    let attitudes = counted.find(|(name, _)| *name == "attitudes");
+    let reached_hz = attitudes.map_or(0.0, |(_, count)| {
+        f64::from(*count) / (60.0 * report.minutes)
+    });
+    let rate = format!("{reached_hz:.1} a second, of {rate_hz} asked for");
+    rows.push(row("attitudes", rate));
     rows.extend(report.host.rows());
     let counts: Vec<String> = report
         .counters

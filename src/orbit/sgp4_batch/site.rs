@@ -56,7 +56,9 @@ impl Site {
             },
         };
         if theirs != self {
-            let reason = format!("{self:?} for one, {theirs:?} for the other");
+            let reason = format!(
+                "its mean motion makes it {self:?}, the sgp4 crate {theirs:?}; leave it out, and report its elements"
+            );
             return Err(ModelError::new(reason));
         }
         Ok(figures)
