@@ -67,7 +67,11 @@ fn report(path: &Path) -> bool {
         .scene(&bench.camera, &bench.vehicle, 0, choice)
         .unwrap();
     let plan = Plan::new(&scene, emulator.fidelity(), choice);
-    let verdicts: Vec<EffectLabel> = plan.steps.iter().map(EffectLabel::new).collect();
+    let verdicts: Vec<EffectLabel> = plan
+        .steps
+        .iter()
+        .map(|step| EffectLabel::new(&plan, step))
+        .collect();
     let skipped_ms = bench.skipped_ms(choice).unwrap();
     let share = skipped_ms / frame_ms;
     let mut kept = share < MOST_ASKING;

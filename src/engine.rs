@@ -253,29 +253,20 @@ impl Emulator {
         let (objects, mut text) = std::mem::take(&mut self.label);
         text.clear();
         text.reserve(LABEL);
-        // The label tells of the scene, never of the frame: both are made side by side.
-        let (frame, label) = rayon::join(
-            || {
-                let done = |first, digits: &[u16]| witness.developed(first, digits);
-                render(&plan, &scene, self.level, self.keep_expected, memory, &done)
-            },
-            || {
-                let world = &self.world;
-                let mut label =
-                    Label::new_in(objects, number, &scene, &plan, world, self.label_snr);
-                label.overrun = self.overrun;
-                let json = Arc::new(label.to_json_in(text));
-                witness.labelled(Opening {
-                    number,
-                    json: json.clone(),
-                    exposure: scene.view.exposure,
-                    camera: camera.clone(),
-                    key: scene.view.key,
-                });
-                (label, json)
-            },
-        );
-        let (label, json) = label;
+        // The label first, by all threads: a frame's header tells how long it is, so that no packet leaves before. Then bands leave while others are rendered.
+        let world = &self.world;
+        let mut label = Label::new_in(objects, number, &scene, &plan, world, self.label_snr);
+        label.overrun = self.overrun;
+        let json = Arc::new(label.to_json_in(text));
+        witness.labelled(Opening {
+            number,
+            json: json.clone(),
+            exposure: scene.view.exposure,
+            camera: camera.clone(),
+            key: scene.view.key,
+        });
+        let done = |first, digits: &[u16]| witness.developed(first, digits);
+        let frame = render(&plan, &scene, self.level, self.keep_expected, memory, &done);
         drop(plan);
         self.next_frame = self.next_frame.wrapping_add(1);
         Ok(Shot {

@@ -259,9 +259,19 @@ impl Label {
             .collect();
         let sources = sources.into_par_iter().with_min_len(TASK);
         let mut objects = memory;
-        sources
-            .map(|source| object(source, scene, world))
-            .collect_into_vec(&mut objects);
+        let steps = &plan.steps;
+        let (effects, ()) = rayon::join(
+            || {
+                steps
+                    .iter()
+                    .map(|step| EffectLabel::new(plan, step))
+                    .collect()
+            },
+            || {
+                let labels = sources.map(|source| object(source, scene, world));
+                labels.collect_into_vec(&mut objects);
+            },
+        );
         Label {
             frame,
             seed: view.key.seed,
@@ -281,11 +291,7 @@ impl Label {
             flooded_by: scene.spill.flood.map(|kind| kind.effect),
             fidelity: scene.fidelity().into(),
             overrun: None,
-            effects: plan
-                .steps
-                .iter()
-                .map(|step| EffectLabel::new(plan, step))
-                .collect(),
+            effects,
             spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
             spots_left_out_snr: spots.left_out_snr,
             particles_left_out: (beyond > 0.0).then_some(beyond),

@@ -278,7 +278,7 @@ impl<P: Port> Exchange<P> {
                 }
                 Incoming::Status(Box::new(status))
             }
-            _ => match self.assembler.accept(packet, &header, &reply) {
+            _ => match self.assembler.accept(packet, &header, &reply, now) {
                 Ok(Some(frame)) => Incoming::Frame(Box::new(frame)),
                 Ok(None) => Incoming::Other,
                 Err(error) => Incoming::Useless(error),

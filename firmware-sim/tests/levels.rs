@@ -3,7 +3,7 @@
 mod common;
 
 use std::ops::ControlFlow;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use common::emulator::Emulator;
 use common::levels::Exposed;
@@ -53,7 +53,7 @@ fn feed(packets: &[Vec<u8>]) -> (Vec<ReceivedFrame>, Vec<AssemblyError>, Assembl
     let (mut frames, mut errors) = (Vec::new(), Vec::new());
     for packet in packets {
         let (header, reply) = Reply::decode(packet).unwrap();
-        match assembler.accept(packet, &header, &reply) {
+        match assembler.accept(packet, &header, &reply, Instant::now()) {
             Ok(frame) => frames.extend(frame),
             Err(error) => errors.push(error),
         }
@@ -233,7 +233,7 @@ fn memory_for_windows_is_bounded_and_none_is_taken_without_pixels() {
         let mut assembler = Assembler::new(limits);
         let packet = &packets(0, &output, &[])[0];
         let (header, reply) = Reply::decode(packet).unwrap();
-        let taken = assembler.accept(packet, &header, &reply);
+        let taken = assembler.accept(packet, &header, &reply, Instant::now());
         assert_eq!(taken.is_err(), refused, "{output:?}: {taken:?}");
     }
 }

@@ -9,6 +9,7 @@ use skyloop_firmware_sim::reassembly::{Assembler, AssemblyCounts, AssemblyError,
 use skyloop_firmware_sim::received::{ReceivedFrame, SealError};
 use skyloop_firmware_sim::score::score;
 use skyloop_protocols::{FrameHeader, PixelBlock, Reply, WireTime};
+use std::time::Instant;
 
 /// A frame of odd size: its last block is short, and its pixels are random.
 fn material(frame: u32) -> (FrameHeader, Vec<u16>, String) {
@@ -42,7 +43,7 @@ fn feed(
     let (mut frames, mut errors) = (Vec::new(), Vec::new());
     for packet in packets {
         let (header, reply) = Reply::decode(packet).unwrap();
-        match assembler.accept(packet, &header, &reply) {
+        match assembler.accept(packet, &header, &reply, Instant::now()) {
             Ok(frame) => frames.extend(frame),
             Err(error) => errors.push(error),
         }

@@ -210,7 +210,7 @@ impl Assembler {
         self.counts
     }
 
-    /// Takes one packet and what it was decoded to; gives the frame that it completes. Replies that do not belong to a
+    /// Takes one packet that came `now` and what it was decoded to; gives the frame that it completes. Replies that do not belong to a
     /// frame change nothing.
     ///
     /// # Errors
@@ -220,6 +220,7 @@ impl Assembler {
         packet: &[u8],
         header: &Header,
         reply: &Reply<'_>,
+        now: Instant,
     ) -> Result<Option<ReceivedFrame>, AssemblyError> {
         let frame = match reply {
             Reply::FrameHeader(opening) => opening.frame,
@@ -240,8 +241,8 @@ impl Assembler {
             .iter_mut()
             .find(|partial| partial.header.frame == frame);
         let taken = match (known, reply) {
-            (Some(partial), _) => partial.take(reply, &mut self.counts),
-            (None, Reply::FrameHeader(opening)) => self.open(header.time, opening),
+            (Some(partial), _) => partial.take(reply, now, &mut self.counts),
+            (None, Reply::FrameHeader(opening)) => self.open(header.time, opening, now),
             (None, _) => {
                 self.counts.refused += self.early.keep(frame, packet, self.limits.early);
                 Ok(())
@@ -343,7 +344,12 @@ impl Assembler {
         }
     }
 
-    fn open(&mut self, mid_exposure: WireTime, header: &FrameHeader) -> Result<(), AssemblyError> {
+    fn open(
+        &mut self,
+        mid_exposure: WireTime,
+        header: &FrameHeader,
+        now: Instant,
+    ) -> Result<(), AssemblyError> {
         let frame = header.frame;
         let within = |what, asked: usize, limit: usize| {
             if asked <= limit {
@@ -380,13 +386,13 @@ impl Assembler {
             self.counts.incomplete += 1;
             self.remember(&oldest);
         }
-        let mut partial = Partial::new(*header, mid_exposure, std::mem::take(&mut self.spare));
+        let mut partial = Partial::new(*header, mid_exposure, std::mem::take(&mut self.spare), now);
         let (early, asked) = self.early.take(frame);
         self.counts.recovered += u64::from(asked);
         for packet in early {
             // Only packets that decoded are kept.
             let taken = match Reply::decode(&packet) {
-                Ok((_, reply)) => partial.take(&reply, &mut self.counts),
+                Ok((_, reply)) => partial.take(&reply, now, &mut self.counts),
                 Err(_) => Ok(()),
             };
             self.counts.out_of_order += 1;

@@ -38,6 +38,8 @@ pub(super) struct Partial {
     pixel_octets: u64,
     header_at: Instant,
     last_block: Instant,
+    /// When the packet at hand came.
+    now: Instant,
     /// When a gap was seen that is not asked for yet, and one after the highest packet that had come then.
     gap: Option<(Instant, usize)>,
     /// Its packets are not to be had any more.
@@ -51,9 +53,8 @@ pub(super) struct Memory {
     pub(super) labels: Vec<u8>,
 }
 
-/// So many zeros, in this memory.
-fn zeros<T: Clone + Default>(mut memory: Vec<T>, count: usize) -> Vec<T> {
-    memory.clear();
+/// So many places in this memory, with whatever they hold: in a frame that is whole each has been written.
+fn places<T: Clone + Default>(mut memory: Vec<T>, count: usize) -> Vec<T> {
     memory.resize(count, T::default());
     memory
 }
@@ -75,8 +76,13 @@ impl AssemblyCounts {
 }
 
 impl Partial {
-    /// The header has passed the decoder's checks and the limits.
-    pub(super) fn new(header: FrameHeader, mid_exposure: WireTime, memory: Memory) -> Self {
+    /// The header, which came `now`, has passed the decoder's checks and the limits.
+    pub(super) fn new(
+        header: FrameHeader,
+        mid_exposure: WireTime,
+        memory: Memory,
+        now: Instant,
+    ) -> Self {
         let blocks = header.blocks as usize;
         let (whole, spans, windows) = match header.pixel_level {
             PixelLevel::None => (0, 0, 0),
@@ -85,17 +91,18 @@ impl Partial {
             PixelLevel::Compressed => (header.pixels(), blocks, 0),
         };
         Self {
-            pixels: zeros(memory.pixels, whole as usize),
+            pixels: places(memory.pixels, whole as usize),
             windows: vec![Cutout::default(); usize::from(windows)],
             spans: vec![(0, 0); spans],
-            labels: zeros(memory.labels, header.label_bytes as usize),
+            labels: places(memory.labels, header.label_bytes as usize),
             blocks: Arrivals::of(blocks),
             parts: Arrivals::of(usize::from(header.label_parts)),
             end: None,
             ends: Arrivals::of(1),
             pixel_octets: 0,
-            header_at: Instant::now(),
-            last_block: Instant::now(),
+            header_at: now,
+            last_block: now,
+            now,
             gap: None,
             forsaken: false,
             header,
@@ -103,12 +110,14 @@ impl Partial {
         }
     }
 
-    /// Takes a packet of this frame.
+    /// Takes a packet of this frame that came `now`.
     pub(super) fn take(
         &mut self,
         reply: &Reply<'_>,
+        now: Instant,
         counts: &mut AssemblyCounts,
     ) -> Result<(), AssemblyError> {
+        self.now = now;
         match reply {
             Reply::FrameHeader(again) if self.header != *again => {
                 Err(self.contradiction("a second header", 0))
@@ -184,7 +193,7 @@ impl Partial {
             Some(false) => {
                 self.pixel_octets += place(self).ok_or(refused)? as u64;
                 counts.add(&self.blocks.book(index as usize));
-                self.last_block = Instant::now();
+                self.last_block = self.now;
                 Ok(())
             }
         }
@@ -262,7 +271,7 @@ impl Partial {
                 place.copy_from_slice(part.octets);
                 counts.add(&self.parts.book(usize::from(part.part)));
                 if self.header.blocks == 0 {
-                    self.last_block = Instant::now();
+                    self.last_block = self.now;
                 }
             }
             _ => return Err(refused),
@@ -369,8 +378,6 @@ impl Partial {
     /// # Errors
     /// The pixels are not those that were sent.
     pub(super) fn finish(self) -> Result<ReceivedFrame, AssemblyError> {
-        // Its last packet has come; to check what it says takes its time.
-        let whole_at = Instant::now();
         let frame = self.header.frame;
         let end = self.end.unwrap_or_default();
         let content = match self.header.pixel_level {
@@ -418,7 +425,7 @@ impl Partial {
             pixel_octets: self.pixel_octets,
             header_at: self.header_at,
             last_block: self.last_block,
-            whole_at,
+            whole_at: self.now,
             sealed_labels: self.labels,
         })
     }
