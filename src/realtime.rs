@@ -3,7 +3,7 @@
 //!
 //! All of it is optional and none of it fails a run: what is not granted is told with the reason and the remedy. A thread hands
 //! on its scheduling and its processors to those that it starts afterwards; memory is locked for the whole process. Threads of a pool
-//! that is there already ask for themselves ([`Asked::of_thread`]); a thread that only watches, such as that of the metrics, is best
+//! that is there already ask for themselves ([`Asked::of_renderer`]); a thread that only watches, such as that of the metrics, is best
 //! started before.
 //!
 //! Where real-time threads leave no processor to others, the kernel takes 5 % of the time from them (`sched_rt_runtime_us`).
@@ -32,10 +32,15 @@ impl Asked {
         *self == Self::default()
     }
 
-    /// What each thread asks for itself: all but the memory, which is that of the process.
+    /// What each thread that renders asks for itself: all but the memory, which is that of the process; and of the priority one less, where there is one. A thread
+    /// does not give way to one of its own priority: packets would wait for all of a frame.
     #[must_use]
-    pub fn of_thread(&self) -> Self {
+    pub fn of_renderer(&self) -> Self {
         Self {
+            priority: self.priority.map(|priority| match priority {
+                2.. => priority - 1,
+                lowest => lowest,
+            }),
             lock_memory: false,
             ..self.clone()
         }
@@ -100,6 +105,17 @@ pub struct Granted {
 }
 
 impl Granted {
+    /// Adds what `others` were refused, each reason once: what a thread is not given, the run is not.
+    pub fn add_refused(&mut self, others: impl IntoIterator<Item = Granted>) {
+        for grant in others.into_iter().flat_map(|other| other.grants) {
+            let is_told =
+                |told: &Grant| told.help.key() == grant.help.key() && told.refused == grant.refused;
+            if grant.refused.is_some() && !self.grants.iter().any(is_told) {
+                self.grants.push(grant);
+            }
+        }
+    }
+
     /// Whether nothing was refused.
     #[must_use]
     pub fn is_all(&self) -> bool {
@@ -245,6 +261,20 @@ mod tests {
     }
 
     #[test]
+    fn what_some_thread_is_refused_is_told_once() {
+        let one = |help, why| Granted {
+            grants: vec![of(help, why)],
+        };
+        let mut granted = one(Help::Priority(50), None);
+        let pool = [None, Some("why"), Some("why")];
+        granted.add_refused(pool.map(|why| one(Help::Priority(49), why)));
+        assert_eq!(
+            granted.to_string(),
+            "SCHED_FIFO 50 granted; SCHED_FIFO 49 not granted (run.priority: why)"
+        );
+    }
+
+    #[test]
     fn a_priority_that_is_none_is_refused_without_asking() {
         for priority in [0, 100, 255] {
             let granted = ask(&Asked {
@@ -263,9 +293,15 @@ mod tests {
             lock_memory: true,
             cpus: vec![1],
         };
-        let of_thread = asked.of_thread();
-        assert!(!of_thread.lock_memory && !of_thread.is_nothing());
-        assert_eq!(of_thread.priority, asked.priority);
-        assert_eq!(of_thread.cpus, asked.cpus);
+        let renders = asked.of_renderer();
+        assert!(!renders.lock_memory && !renders.is_nothing());
+        assert_eq!(renders.cpus, asked.cpus);
+        for (of_run, of_renderer) in [(None, None), (Some(1), Some(1)), (Some(50), Some(49))] {
+            let asked = Asked {
+                priority: of_run,
+                ..asked.clone()
+            };
+            assert_eq!(asked.of_renderer().priority, of_renderer);
+        }
     }
 }

@@ -353,6 +353,7 @@ pub(crate) mod tests {
                 warm_s: 60.0,
                 warm,
                 end,
+                ..Memory::default()
             },
             ..run(&limits, 1, 1, 0..0)
         };

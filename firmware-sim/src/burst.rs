@@ -39,8 +39,8 @@ impl Burst {
             match system::send_cut(socket, packets.get(..count).unwrap_or_default(), length, to) {
                 Ok(()) => return Ok(count),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Err(error),
-                // An old system, a device that cannot, or a way that takes no datagrams of this length whole.
-                Err(_) => self.cuts = false,
+                // An old system, a device that cannot, or a way that takes no datagrams of this length whole. What else stands against it will pass.
+                Err(error) => self.cuts = !system::never_cuts(&error),
             }
         }
         let Some(first) = packets.first() else {
@@ -100,11 +100,30 @@ mod system {
         )?;
         Ok(())
     }
+
+    pub(super) fn never_cuts(error: &io::Error) -> bool {
+        use nix::errno::Errno;
+        let errno = error.raw_os_error().map(Errno::from_raw);
+        matches!(
+            errno,
+            None | Some(
+                Errno::EINVAL
+                    | Errno::EIO
+                    | Errno::EMSGSIZE
+                    | Errno::EOPNOTSUPP
+                    | Errno::ENOPROTOOPT
+            )
+        )
+    }
 }
 
 #[cfg(not(target_os = "linux"))]
 mod system {
     use std::io;
+
+    pub(super) fn never_cuts(_: &io::Error) -> bool {
+        true
+    }
     use std::net::{SocketAddr, UdpSocket};
 
     pub(super) fn send_cut<P: AsRef<[u8]>>(

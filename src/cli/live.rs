@@ -36,12 +36,14 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
         }
     };
     let asked = &run.realtime;
+    let mut rendering = Vec::new();
     if !asked.is_nothing() {
         // Each of those that render, which may be there already: files are read side by side.
-        let thread = asked.of_thread();
-        rayon::broadcast(|_| drop(realtime::ask(&thread)));
+        let thread = asked.of_renderer();
+        rendering = rayon::broadcast(|_| realtime::ask(&thread));
     }
-    let granted = realtime::ask(asked);
+    let mut granted = realtime::ask(asked);
+    granted.add_refused(rendering);
     Ok(Help { metrics, granted })
 }
 

@@ -12,7 +12,13 @@ pub struct Memory {
     pub warm: Option<u64>,
     /// What it held at its end, octets.
     pub end: Option<u64>,
+    /// When that was read, after its begin.
+    #[serde(skip)]
+    pub looked: Option<Duration>,
 }
+
+/// So often at most it is looked at: a look takes as long as some packets.
+const EACH: Duration = Duration::from_millis(500);
 
 impl Memory {
     /// Of a run that is to last for so long: warm after a fifth of that, a minute at most.
@@ -24,16 +30,17 @@ impl Memory {
         }
     }
 
-    /// Looks, so long after the begin.
+    /// Looks, so long after the begin; the last look is the end's.
     pub fn see(&mut self, since: Duration) {
-        if self.warm.is_none() && since.as_secs_f64() >= self.warm_s {
-            self.warm = resident();
+        let warms = self.warm.is_none() && since.as_secs_f64() >= self.warm_s;
+        let is_soon = |last| since.saturating_sub(last) < EACH;
+        if !warms && self.looked.is_some_and(is_soon) {
+            return;
         }
-    }
-
-    /// Looks for the last time.
-    pub fn end(&mut self) {
-        self.end = resident();
+        (self.end, self.looked) = (resident(), Some(since));
+        if warms {
+            self.warm = self.end;
+        }
     }
 
     /// By what share it has grown since it was warm; less than 0 where it shrank.
@@ -120,7 +127,6 @@ mod tests {
         };
         assert!((0..20).any(grows));
         memory.see(Duration::from_secs(11));
-        memory.end();
         assert!(
             memory.end > Some(0) && memory.growth().is_some(),
             "{memory:?}"
@@ -133,6 +139,7 @@ mod tests {
             warm_s: 60.0,
             warm: Some(98_400_000),
             end: Some(98_650_000),
+            looked: None,
         };
         assert_eq!(
             memory.told(),

@@ -31,6 +31,26 @@ impl Departed {
         self.queued.fetch_add(1, Ordering::SeqCst);
     }
 
+    /// The packet that was queued last was refused: it has not been queued at all. By the thread that queues and marks.
+    pub(super) fn refused(&self) {
+        self.queued.fetch_sub(1, Ordering::SeqCst);
+    }
+
+    /// Hands a packet on to a further queue, which books it, too, where `offer` says that it took it: it is one all the while. A mark that is set in between comes
+    /// one packet too early, which is then on its way.
+    pub(super) fn hand_on<T>(
+        &self,
+        offer: impl FnOnce() -> T,
+        is_taken: impl FnOnce(&T) -> bool,
+    ) -> T {
+        self.refused();
+        let answer = offer();
+        if !is_taken(&answer) {
+            self.queued();
+        }
+        answer
+    }
+
     pub(super) fn done(&self) {
         let done = self.done.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
         if self.open.load(Ordering::SeqCst) == 0 {
@@ -123,6 +143,34 @@ mod tests {
         assert_eq!(departed.left(mark), None, "told once");
         assert!(departed.left(later).unwrap() >= after);
         assert_eq!(departed.open.load(Ordering::SeqCst), 0);
+    }
+
+    /// However often a full queue is asked, and however many queues a packet goes through.
+    #[test]
+    fn what_is_refused_or_handed_on_has_not_left() {
+        let departed = Departed::default();
+        (0..3).for_each(|_| departed.queued());
+        let mark = departed.mark();
+        for _ in 0..100 {
+            departed.queued();
+            departed.refused();
+        }
+        for is_taken in [true, false, true, true] {
+            let offer = || {
+                departed.queued();
+                if !is_taken {
+                    departed.refused();
+                }
+                is_taken
+            };
+            departed.hand_on(offer, |is_taken| *is_taken);
+        }
+        assert_eq!((departed.waiting(), departed.left(mark)), (3, None));
+        (0..2).for_each(|_| departed.done());
+        assert_eq!(departed.left(mark), None);
+        departed.done();
+        assert!(departed.left(mark).is_some());
+        assert_eq!(departed.waiting(), 0);
     }
 
     #[test]

@@ -74,7 +74,7 @@ impl Tally {
     /// Puts a packet into the outbound queue. It is booked first: it may have left the queue before `try_send` is back.
     pub(super) fn queue<E>(&self, try_send: impl FnOnce() -> Result<(), E>) -> Result<(), E> {
         self.queued();
-        try_send().inspect_err(|_| self.done())
+        try_send().inspect_err(|_| self.departed.refused())
     }
 
     /// Books a packet that has left the queue for good.

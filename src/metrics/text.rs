@@ -26,7 +26,7 @@ pub(super) fn page(cameras: &[Camera]) -> String {
     let counts: [(&str, &str, Figure<u64>); 3] = [
         (
             "frames",
-            "Frames that were made, whole or not; of exposures without one exposures_missed tells.",
+            "Frames that were to leave, whole or not; of exposures without one exposures_missed tells.",
             |of| of.frames,
         ),
         (

@@ -177,9 +177,11 @@ impl Server {
     /// Sends one packet, if link, client and renderer let it.
     fn step(&mut self, at: usize, delivery: &mut Delivery) -> Result<Step, LinkError> {
         let channel = &mut self.channels[at];
-        if channel.exchange.number != delivery.exchange
-            || channel.exchange.resets != delivery.resets
-        {
+        // Another client has come: the one that this is for will never have all of it.
+        if channel.exchange.number != delivery.exchange {
+            return Ok(Step::Hopeless);
+        }
+        if channel.exchange.resets != delivery.resets {
             return Ok(Step::Forsaken);
         }
         let mut pictures = self.pictures.iter_mut();

@@ -101,7 +101,7 @@ impl Server {
             message: pointing.message.number,
             source: pointing.source,
             age_s: pointing.age_s,
-            sync: self.clock.sync(now),
+            sync: self.sync(now),
             level,
             overrun,
             is_timed: !in_step,
@@ -176,8 +176,8 @@ impl Server {
                 self.begin(number);
             }
             Progress::Developed(first, digits, at) => picture.develop(first, digits, at, spare),
-            Progress::Made(shot, at) => {
-                self.overrun.learn(picture.asked.level, shot.render_time);
+            Progress::Made(shot, at, took) => {
+                self.overrun.learn(picture.asked.level, took);
                 let coarsened = u32::from(picture.asked.level > 0);
                 let counters = &mut self.counters;
                 counters.frames_rendered = counters.frames_rendered.wrapping_add(1);

@@ -99,24 +99,32 @@ impl History {
         let after = self.after(exposure.mid);
         let before = after.checked_sub(1).and_then(|at| self.messages.get(at));
         let near_before = before.is_some_and(|one| one.vehicle.epoch + limit >= exposure.mid);
-        let near_after = self.messages.get(after);
-        let near_after = near_after.is_some_and(|one| one.vehicle.epoch <= exposure.mid + limit);
+        let next = self.messages.get(after);
+        let near_after = next.filter(|one| one.vehicle.epoch <= exposure.mid + limit);
         let is_far = last.vehicle.epoch > exposure.end + limit;
         if is_far && !near_before {
             return Some(out_of_reach(last, exposure, staleness, true));
         }
         // What it says of the way there is not believed.
-        let ends_before = is_far && !near_after;
-        let message = before.unwrap_or(first);
+        let ends_before = is_far && near_after.is_none();
+        // After a silence the next message may be the nearer one; between it and the last before nobody knows the way.
+        let message = match (before, near_after) {
+            (Some(_), Some(next)) if !near_before => next,
+            _ => before.unwrap_or(first),
+        };
         let age_s = (exposure.mid - message.vehicle.epoch).to_seconds();
         let source = match before {
+            _ if age_s < 0.0 => AttitudeSource::Future,
             None => AttitudeSource::Future,
             Some(_) if age_s == 0.0 => AttitudeSource::Exact,
-            Some(_) if after < self.messages.len() && !ends_before => AttitudeSource::Interpolated,
-            Some(_) if age_s <= staleness.limit_s => AttitudeSource::Extrapolated,
-            Some(last) => return Some(out_of_reach(last, exposure, staleness, false)),
+            Some(last) if !near_before => {
+                return Some(out_of_reach(last, exposure, staleness, false));
+            }
+            Some(_) if next.is_some() && !ends_before => AttitudeSource::Interpolated,
+            Some(_) => AttitudeSource::Extrapolated,
         };
-        let vehicle = match exposure.start < last.vehicle.epoch && !ends_before {
+        let between = near_before && exposure.start < last.vehicle.epoch && !ends_before;
+        let vehicle = match between || before.is_none() && exposure.start < last.vehicle.epoch {
             true => self.turning(exposure, message)?,
             false => message.vehicle.at(exposure.mid),
         };

@@ -7,7 +7,7 @@ use crate::fidelity::Fidelity;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What the thread is to do.
 pub(super) enum Task {
@@ -37,8 +37,8 @@ pub(super) enum Progress {
     Labelled(Opening),
     /// Digits from a first pixel on, and when they were done.
     Developed(usize, Vec<u16>, Instant),
-    /// All of it, and when.
-    Made(Box<Shot>, Instant),
+    /// All of it, when, and how long after it was asked for: other cameras may have had their turn first.
+    Made(Box<Shot>, Instant, Duration),
     /// It cannot be made.
     Failed(String),
 }
@@ -158,12 +158,15 @@ impl Darkroom {
                         repeat,
                         ..
                     } = &*order;
+                    let ordered = Instant::now();
                     // What a thread that panicked leaves behind is nobody's turn.
                     let turn = turn.lock().unwrap_or_else(PoisonError::into_inner);
                     let shot = emulator.shoot_before(&self.seen, camera, vehicle, *repeat);
                     drop(turn);
                     self.seen.tell(match shot {
-                        Ok(shot) => Progress::Made(Box::new(shot), Instant::now()),
+                        Ok(shot) => {
+                            Progress::Made(Box::new(shot), Instant::now(), ordered.elapsed())
+                        }
                         Err(error) => Progress::Failed(error.to_string()),
                     });
                 }

@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-/// How long after its deadline, or after the end, a frame's last packet may be on its way.
+/// How long after its deadline, or at the end after its leaving, a frame's last packet may be on its way.
 const PARTING: Duration = Duration::from_secs(1);
-/// How long a frame that has come is kept until its leaving is told: it is told at once.
+/// How long at most a frame is kept that has left and not come, whatever its deadline, or that has come and of whose leaving nobody has told.
 const LONGEST: Duration = Duration::from_secs(60);
 
 /// A frame that came whole: its camera, its number, and when.
@@ -21,7 +21,7 @@ pub type Arrival = (usize, u32, Instant);
 #[derive(Default)]
 pub struct Joining {
     /// Frames that have left, and that have come, by camera and number.
-    way: BTreeMap<(usize, u32), Left>,
+    way: BTreeMap<(usize, u32), (Left, Instant)>,
     came: BTreeMap<(usize, u32), Instant>,
     cameras: Vec<Camera>,
     /// Exposures without a frame that were booked, by camera.
@@ -51,14 +51,13 @@ impl Joining {
             let frame = told.times.frame;
             self.without_frame(camera, told.missed, frame, "before it");
             self.last.insert(camera, frame);
-            self.left(camera, told);
+            self.left(camera, told, Instant::now());
             arrivals
                 .try_iter()
                 .for_each(|arrival| self.arrived(arrival));
             self.give_up(Instant::now());
             self.memory.see(begin.elapsed());
         }
-        self.memory.end();
         let over = Instant::now() + PARTING;
         while !self.way.is_empty() {
             let rest = over.saturating_duration_since(Instant::now());
@@ -69,12 +68,14 @@ impl Joining {
         }
     }
 
-    fn left(&mut self, camera: usize, told: Left) {
+    fn left(&mut self, camera: usize, told: Left, now: Instant) {
         let key = (camera, told.times.frame);
         match self.came.remove(&key) {
             Some(at) => self.book(camera, &told, at),
+            // It never will.
+            None if !told.times.whole => self.add(camera, &told.times),
             None => {
-                self.way.insert(key, told);
+                self.way.insert(key, (told, now));
             }
         }
     }
@@ -82,7 +83,7 @@ impl Joining {
     fn arrived(&mut self, (camera, frame, at): Arrival) {
         self.first.get_or_insert(at);
         match self.way.remove(&(camera, frame)) {
-            Some(told) => self.book(camera, &told, at),
+            Some((told, _)) => self.book(camera, &told, at),
             None => {
                 self.came.insert((camera, frame), at);
             }
@@ -91,16 +92,20 @@ impl Joining {
 
     /// Books what should have come long ago: it is not kept until the end.
     fn give_up(&mut self, now: Instant) {
-        self.lose(|due| due + PARTING < now);
+        self.lose(|told, left| {
+            let latest = left + LONGEST;
+            let due = told.deadline.map_or(latest, |due| due.min(latest));
+            due + PARTING < now
+        });
         // Its client has it, and nobody tells that it has left.
         self.came.retain(|_, at| *at + LONGEST > now);
     }
 
-    /// Books what has not come by a deadline that is over.
-    fn lose(&mut self, is_over: impl Fn(Instant) -> bool) {
+    /// Books what is lost of that which has left, when it has.
+    fn lose(&mut self, is_lost: impl Fn(&Left, Instant) -> bool) {
         let cameras = &mut self.cameras;
-        self.way.retain(|(camera, frame), told| {
-            let is_lost = told.deadline.is_some_and(&is_over);
+        self.way.retain(|(camera, frame), (told, left)| {
+            let is_lost = is_lost(told, *left);
             if let Some(camera) = cameras.get_mut(*camera).filter(|_| is_lost) {
                 camera.latencies.add(&FrameTimes::incomplete(*frame));
             }
@@ -119,15 +124,21 @@ impl Joining {
 
     /// Books a frame that has left and come.
     fn book(&mut self, camera: usize, told: &Left, at: Instant) {
+        let times = told.times.ended(told.trigger, told.deadline, at);
+        self.add(camera, &times);
+    }
+
+    fn add(&mut self, camera: usize, times: &FrameTimes) {
         if let Some(camera) = self.cameras.get_mut(camera) {
-            let times = told.times.ended(told.trigger, told.deadline, at);
-            camera.latencies.add(&times);
+            camera.latencies.add(times);
         }
     }
 
-    /// All of it: what never came counts, but for what still had time when the clients left; and so do the exposures without a frame, by camera.
+    /// All of it: what never came counts, but for what had just left and still had time when the clients `ended`; and so do the exposures without a frame, by camera.
     pub fn end(mut self, ended: Instant, missed: &[u32]) -> Vec<Camera> {
-        self.lose(|due| due < ended);
+        self.lose(|told, left| {
+            left + PARTING < ended || told.deadline.is_some_and(|due| due < ended)
+        });
         for (camera, missed) in missed.iter().enumerate() {
             let last = self.last.get(&camera).copied().unwrap_or_default();
             self.without_frame(camera, *missed, last, "after it");
@@ -142,7 +153,10 @@ mod tests {
 
     fn left(frame: u32, trigger: Instant, deadline: Instant) -> Left {
         Left {
-            times: FrameTimes::incomplete(frame),
+            times: FrameTimes {
+                whole: true,
+                ..FrameTimes::incomplete(frame)
+            },
             trigger,
             deadline: Some(deadline),
             missed: 0,
@@ -162,7 +176,7 @@ mod tests {
         let mut joining = Joining::new(vec![camera], Duration::from_secs(3600));
         for frame in 0..10_000 {
             let trigger = begin + 100 * MS * frame;
-            joining.left(0, left(frame, trigger, trigger + 100 * MS));
+            joining.left(0, left(frame, trigger, trigger + 100 * MS), trigger);
             match frame % 4 {
                 0 => joining.arrived((0, frame, trigger + 5 * MS)),
                 // Of another emulator's count.
@@ -180,5 +194,28 @@ mod tests {
         // X-Val: one in four came, in time.
         assert_eq!((latencies.frames, latencies.missed), (10_000, 7_500));
         assert_eq!(latencies.incomplete, 7_500);
+    }
+
+    /// However far off their deadlines are: a run without its lost frames would look better than it was.
+    #[test]
+    fn what_is_lost_counts_in_time_or_not() {
+        let (begin, hour) = (Instant::now(), Duration::from_secs(3600));
+        let at = |s: u32| begin + Duration::from_secs(s.into());
+        let mut joining = Joining::new(vec![Camera::default()], hour);
+        // Told as lost; lost on its way; on its way at the end.
+        for (frame, s, whole) in [(0, 0, false), (1, 0, true), (2, 90, true), (3, 99, true)] {
+            let mut told = left(frame, at(s), at(s) + hour);
+            told.times.whole = whole;
+            joining.left(0, told, at(s));
+        }
+        let incomplete = |joining: &Joining| joining.cameras[0].latencies.incomplete;
+        joining.give_up(at(60));
+        assert_eq!(incomplete(&joining), 1);
+        joining.give_up(at(70));
+        assert_eq!(incomplete(&joining), 2);
+        let cameras = joining.end(at(100), &[0]);
+        // X-Val: PARTING, which the last one was still within.
+        assert_eq!(cameras[0].latencies.frames, 3);
+        assert_eq!(cameras[0].latencies.missed, 3);
     }
 }

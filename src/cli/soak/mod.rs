@@ -25,6 +25,7 @@ use skyloop_protocols::Counters;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
@@ -41,7 +42,7 @@ pub struct Args {
     /// Frames that may miss their deadline, of all exposures
     #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = decimal(0.0..=1.0), allow_negative_numbers = true)]
     max_miss_rate: f64,
-    /// What 99 frames in 100 may take at most, from the exposure's end to the client's last packet; one that does not come whole takes longer than any [default: anything]
+    /// What 99 frames in 100 may take at most, from the trigger (the exposure's end, or its attitude's arrival if that is later) to the client's last packet; one that does not come whole takes longer than any [default: anything]
     #[arg(long, value_name = "X", value_parser = decimal(0.001..=1e6), allow_negative_numbers = true)]
     max_p99_ms: Option<f64>,
     /// By what share of it memory may have grown at the end, since a fifth of the run or a minute [default: anything]
@@ -92,10 +93,23 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         let of_head = || format!("head {}", head.name);
         link::check_further(&head.links).with_context(of_head)?;
     }
+    if args.link == "can" && !config.heads.is_empty() {
+        bail!(
+            "--link can: there is one virtual bus, and the {} cameras of {name} need one each; give --link udp, pty or slcan",
+            1 + config.heads.len()
+        );
+    }
+    let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
+    let attitudes = rate_hz * 60.0 * args.minutes;
+    if attitudes > f64::from(u32::MAX) {
+        bail!(
+            "--minutes {}: {attitudes:.2e} attitudes, at {rate_hz} a second, are more than can be numbered (4.29e9); ask for less",
+            args.minutes
+        );
+    }
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     // Before minutes are spent on them; what ends without a verdict has not passed.
     write_untold(&args)?;
-    let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
     let mission = mission(&config, Some(&args.config))?;
     let first = flight::vehicle(&mission, 0)?;
     let mission = endless(mission, rate_hz)?;
@@ -168,6 +182,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let interrupted = &interrupted;
     let (stop, over) = (&stop, AtomicBool::new(false));
     let (over, listening) = (&over, listening(&mission));
+    // The first client stops taking then.
+    let ended = OnceLock::new();
+    let ended = &ended;
     let takes = |number: usize, arrived: Sender<Arrival>| {
         move |event: Event<'_>| {
             if let Event::Frame { frame, .. } = &event {
@@ -175,7 +192,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             }
             let ends = Instant::now() >= end || interrupted.load(Ordering::Relaxed);
             match ends || over.load(Ordering::Relaxed) {
-                true => ControlFlow::Break(()),
+                true => {
+                    ended.get_or_init(Instant::now);
+                    ControlFlow::Break(())
+                }
                 false => ControlFlow::Continue(()),
             }
         }
@@ -210,7 +230,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         let see = takes(0, arrived);
         let flown = FlightComputer::new(port, mission).taking_only().run(see);
         over.store(true, Ordering::Relaxed);
-        let ended = Instant::now();
+        let ended = *ended.get_or_init(Instant::now);
         let mut errors = vec![flown.err()];
         let taken: Result<Vec<_>, _> = taking.into_iter().map(|taken| taken.join()).collect();
         stop.store(true, Ordering::Relaxed);
@@ -245,6 +265,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         }
     }
     counts.retain(|(_, count)| *count > 0);
+    // Each camera hears of every one.
+    let attitudes = closed.first().map_or(0, |(_, counters)| counters.attitudes);
     let missed = closed.iter().map(|(_, counters)| counters.exposures_missed);
     let (first, memory) = (joining.first, joining.memory);
     let cameras = joining.end(ended, &missed.collect::<Vec<_>>());
@@ -267,7 +289,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         help.granted,
         counts,
     );
-    tell(&report, &args, rate_hz)?;
+    let reached_hz = f64::from(attitudes) / (60.0 * minutes);
+    let rate = format!("{reached_hz:.1} a second, of {rate_hz} asked for");
+    tell(&report, &args, rate)?;
     if !report.passed {
         let broken = report.verdicts.iter().filter(|verdict| !verdict.passed);
         let broken: Vec<&str> = broken.map(|verdict| verdict.text.as_str()).collect();
@@ -334,16 +358,10 @@ fn write(path: &Path, text: String) -> anyhow::Result<()> {
     })
 }
 
-/// The table, and the files that were asked for; the client was to send so many attitudes a second.
-fn tell(report: &Report, args: &Args, rate_hz: f64) -> anyhow::Result<()> {
+/// The table, with the rate of attitudes, and the files that were asked for.
+fn tell(report: &Report, args: &Args, rate: String) -> anyhow::Result<()> {
     let mut rows = vec![row("minutes", format!("{:.2}", report.minutes))];
     rows.extend(report.rows());
-    let mut counted = report.counters.iter();
-    let attitudes = counted.find(|(name, _)| *name == "attitudes");
-    let reached_hz = attitudes.map_or(0.0, |(_, count)| {
-        f64::from(*count) / (60.0 * report.minutes)
-    });
-    let rate = format!("{reached_hz:.1} a second, of {rate_hz} asked for");
     rows.push(row("attitudes", rate));
     rows.extend(report.host.rows());
     let counts: Vec<String> = report

@@ -321,13 +321,15 @@ impl WayOut {
             let due = || now.and_then(|now| lock(&self.shared.way_out).pop_due(now));
             let next = next.or_else(due);
             let Some(what) = next else { return Ok(()) };
+            let departed = &self.shared.tally.departed;
             let is_packet = what.octets().is_some();
-            self.stopped = self.to.offer(what)?;
+            let offer = || self.to.offer(what);
+            self.stopped = match is_packet {
+                true => departed.hand_on(offer, |kept| matches!(kept, Ok(None)))?,
+                false => offer()?,
+            };
             if self.stopped.is_some() {
                 return Ok(());
-            }
-            if is_packet {
-                self.shared.tally.done();
             }
         }
     }
@@ -378,19 +380,16 @@ struct FaultyOutbox {
 impl Outbox for FaultyOutbox {
     fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
         let is_packet = what.octets().is_some();
-        // Before the way out can book it as gone.
-        if is_packet {
-            self.tally.queued();
-        }
-        let refused = match self.queue.try_send(what) {
-            Ok(()) => return Ok(None),
+        let try_send = || self.queue.try_send(what);
+        let sent = match is_packet {
+            true => self.tally.queue(try_send),
+            false => try_send(),
+        };
+        match sent {
+            Ok(()) => Ok(None),
             Err(TrySendError::Full(what)) => Ok(Some(what)),
             Err(TrySendError::Disconnected(_)) => Err(LinkError::Closed(self.address.clone())),
-        };
-        if is_packet {
-            self.tally.done();
         }
-        refused
     }
 
     fn injects(&self, kind: FaultKind) -> Result<(), Cow<'static, str>> {

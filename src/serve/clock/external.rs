@@ -56,20 +56,22 @@ impl Clock for External {
     fn latched(&mut self, _: &Latched, _: &Arc<Camera>) {}
 
     fn hear(&mut self, told: Epoch, arrived: Instant) -> Heard {
-        self.heard = Some(arrived);
         let own = self.cadence.scene_at(arrived);
         let Some(own) = own.filter(|_| !self.cadence.awaits_time()) else {
             self.discipline = Discipline::default();
             self.cadence.start(told, arrived);
+            self.heard = Some(arrived);
             return Heard::Fits;
         };
         match self.discipline.hear(told, own) {
             Correction::Slew(ahead_s) => {
+                self.heard = Some(arrived);
                 self.cadence.set_ahead(ahead_s);
                 Heard::Fits
             }
             Correction::Doubt(ahead_s) => Heard::Doubted(ahead_s),
             Correction::Jump => {
+                self.heard = Some(arrived);
                 self.cadence.start(told, arrived);
                 Heard::Jumped
             }
