@@ -54,9 +54,9 @@ pub(crate) enum Answer {
     Stopped,
 }
 
-/// A command or its answer may be lost: it is sent again after these waits.
-fn waits(timeout: Duration) -> [Duration; 4] {
-    const SIXTEENTHS: [u32; 4] = [1, 2, 4, 9];
+/// A command or its answer may be lost: it is sent again after these waits. Late in it, too, when an emulator may have let go of a client that has died.
+fn waits(timeout: Duration) -> [Duration; 5] {
+    const SIXTEENTHS: [u32; 5] = [1, 2, 4, 5, 4];
     SIXTEENTHS.map(|share| timeout * share / 16)
 }
 

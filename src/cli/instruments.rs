@@ -80,16 +80,21 @@ impl Choice {
             .into_iter()
             .filter_map(|(name, file)| Some((name, file.as_deref()?)));
         let given: Vec<_> = read.into_iter().chain(options).collect();
-        for (place, (name, file)) in given.iter().enumerate() {
-            if let Some((other, _)) = given[..place].iter().find(|(_, other)| is_one(other, file)) {
-                bail!(
-                    "{name} {}: {other} names the same file; choose another",
-                    file.display()
-                );
-            }
-        }
-        Ok(())
+        are_different(&given)
     }
+}
+
+/// Refuses two options that name the same file, of which one at least is written.
+pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
+    for (place, (name, file)) in given.iter().enumerate() {
+        if let Some((other, _)) = given[..place].iter().find(|(_, other)| is_one(other, file)) {
+            bail!(
+                "{name} {}: {other} names the same file; choose another",
+                file.display()
+            );
+        }
+    }
+    Ok(())
 }
 
 /// Whether two paths lead to one file, which need not be there yet. A terminal or a pipe may be written twice.

@@ -76,7 +76,7 @@ pub(super) fn page(cameras: &[Camera]) -> String {
         ),
         (
             "deadline_spare",
-            "What was left of the last frame's deadline; less than 0: missed.",
+            "What was left of the last frame's deadline; less than 0: missed, -Inf: it did not leave whole.",
             |of| of.deadline_spare_s,
         ),
     ];

@@ -133,7 +133,7 @@ pub(super) fn fits(
         return Ok(());
     }
     Err(format!(
-        "{} of {octets} octets takes {s:.3} s, and {rate_hz} Hz leaves {:.3} s: at most {:.3} Hz, less output (labels, windows), or a faster link",
+        "{} of {octets} octets takes {s:.3} s, and {rate_hz} Hz leaves {:.3} s: at most {:.3} Hz, less output (run.output, or Output: labels, windows), or a faster link",
         name(output),
         1.0 / rate_hz,
         1.0 / s

@@ -33,8 +33,10 @@ pub(super) struct Channel {
     pub lost: u32,
     /// When its frames were where.
     pub latencies: Latencies,
-    /// Of the frame that left it last.
+    /// Of the frame that left it last whole.
     pub last: Option<Left>,
+    /// Of the last frame, which may not have left.
+    pub latest: Option<Left>,
     /// Whether the log says that nobody is there.
     pub told: bool,
     /// Whether the link has ended.
@@ -92,6 +94,7 @@ impl Channel {
             lost: 0,
             latencies: Latencies::default(),
             last: None,
+            latest: None,
             told: false,
             gone: false,
             behind: 0,

@@ -108,6 +108,7 @@ impl Server {
         *missed = missed.wrapping_add(u32::from(times.spare_s < 0.0));
         if let Some(channel) = self.channels.get_mut(leaving.at) {
             channel.latencies.add(&times);
+            channel.latest = Some(left);
             if times.whole {
                 channel.last = Some(left);
             }
@@ -145,11 +146,11 @@ impl Server {
             snapshot.link = several.then(|| channel.wire.address.clone());
             if let Some(Left {
                 times, exposure, ..
-            }) = &channel.last
+            }) = &channel.latest
             {
                 snapshot.attitude_age_s = Some(times.attitude_age_s);
                 snapshot.deadline_spare_s =
-                    Some(times.spare_s).filter(|spare_s| spare_s.is_finite());
+                    Some(times.spare_s).filter(|spare_s| *spare_s != f64::INFINITY);
                 snapshot.exposure_s = exposure.map(|exposure| {
                     [exposure.start, exposure.mid, exposure.end].map(|at| at.to_unix_seconds())
                 });

@@ -87,9 +87,11 @@ impl Server {
             }
         };
         self.channels[at].exchange.heard = true;
-        // A Reset begins the counts anew.
+        // A Reset begins the counts anew. What the first camera's client says of the vehicle is only a part of its packets: it has counted them.
+        let is_handed_on = self.is_led && self.channels[at].roles.truth;
         let missing = match command {
             Command::Reset => 0,
+            _ if is_handed_on => 0,
             _ => {
                 let gaps = &mut self.channels[at].exchange.gaps;
                 gaps.missing(header.apid, header.sequence_count)

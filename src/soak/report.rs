@@ -5,6 +5,7 @@ use crate::host::{HostReport, Memory};
 use crate::junit::Case;
 use crate::realtime::Granted;
 use serde::{Serialize, Serializer};
+use std::path::Path;
 
 /// What a long run is told by.
 #[derive(Debug, Clone, Serialize)]
@@ -89,12 +90,16 @@ impl Report {
             .iter()
             .map(|(name, value)| format!("{name}: {value}\n"))
             .collect();
+        // The same wherever the file lies: what collects such files goes by it.
+        let file = Path::new(&self.scene).file_name();
+        let file = file.map_or(self.scene.as_str().into(), |file| file.to_string_lossy());
+        let file = file.replace(['.', ' '], "_");
         let case = |verdict: &Verdict| Case {
             name: match &verdict.camera {
                 None => verdict.name.to_string(),
                 Some(camera) => format!("{} of {camera}", verdict.name),
             },
-            classname: format!("skyloop.soak.{}", self.scene.replace(['.', ' '], "_")),
+            classname: format!("skyloop.soak.{file}"),
             seconds: self.minutes * 60.0,
             failure: (!verdict.passed).then(|| (verdict.text.clone(), verdict.text.clone())),
             properties: properties.clone(),
@@ -124,7 +129,7 @@ mod tests {
         let found = run(&limits, 1000, 512, 0..0);
         let host = Host::now();
         let report = Report::new(
-            "leo 1.toml".to_string(),
+            "some/where/leo 1.toml".to_string(),
             30.0,
             limits,
             found,

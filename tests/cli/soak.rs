@@ -88,6 +88,27 @@ fn a_run_is_measured_and_told_in_every_form() {
     );
 }
 
+/// By the client's time, and with a limit of memory that is far off.
+#[test]
+fn a_run_by_the_clients_clock_is_measured_likewise() {
+    let here = tempfile::tempdir().unwrap();
+    files(here.path(), "clock = \"external\"");
+    let words = "soak --config run.toml --minutes 0.04 --max-miss-rate 1 --max-growth 1000 --rate 50 --link memory --json verdict.json";
+    let output = skyloop(here.path())
+        .args(words.split_whitespace())
+        .output()
+        .unwrap();
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{log}");
+    let said = String::from_utf8(output.stdout).unwrap();
+    for row in ["of 50 asked for", "kept: memory"] {
+        assert!(said.contains(row), "no {row:?} in {said}");
+    }
+    let report: Value = serde_json::from_str(&read(here.path(), "verdict.json")).unwrap();
+    let frames = report["cameras"][0]["latencies"]["frames"].as_u64();
+    assert!(frames > Some(0), "{report}");
+}
+
 #[test]
 fn a_limit_that_is_broken_fails_the_run_and_names_the_first_frame() {
     let here = tempfile::tempdir().unwrap();
@@ -180,6 +201,22 @@ fn what_cannot_be_soaked_is_told_before() {
         wall,
         "--junit no/such/folder.xml",
         &["no/such/folder.xml", "name another file"],
+    );
+    for (words, option) in [
+        ("--junit both.out --json both.out", "--json both.out"),
+        ("--junit run.toml", "--junit run.toml"),
+    ] {
+        refused(wall, words, &[option, "names the same file"]);
+    }
+    refused(
+        "clock = \"wall\"\n[[heads]]\nname = \"B\"\ncamera = \"camera.toml\"\nlink = \"udp://127.0.0.1:1\"",
+        "--link can",
+        &["--link can", "2 cameras", "--link udp"],
+    );
+    refused(
+        wall,
+        "--rate 100000 --minutes 100000",
+        &["--minutes 100000", "ask for less"],
     );
     refused(wall, "--metrics nowhere", &["metrics at nowhere"]);
     refused(

@@ -70,6 +70,9 @@ fn a_udp_client_that_is_killed_within_a_frame_loses_it_and_nobody_else_does() {
             counters.frames_abandoned > counters.frames_dropped,
             "{clock:?}"
         );
+        // A frame that is not whole is one that missed its deadline, where there are any.
+        let had_deadline = clock != Clock::Stepped;
+        assert_eq!(counters.deadlines_missed > 0, had_deadline, "{clock:?}");
     }
 }
 

@@ -87,6 +87,31 @@ fn frame_at_exactly(client: &mut Client<MemoryLine>, told: Told) -> Received {
     frame
 }
 
+/// After a silence: an attitude counts where it is near, before an exposure or after it, and between two that are far nobody knows the way.
+#[test]
+fn across_a_gap_no_exposure_is_interpolated() {
+    const GAP_S: f64 = 10.0;
+    let (_emulator, mut client) = in_step(OnStale::Extrapolate, OutOfOrder::Refuse);
+    point(&mut client, 1, 0.0, turned(0.0));
+    // Not where the rates of the first would have taken it.
+    let jumped = turned(3.0);
+    point(&mut client, 2, GAP_S, jumped);
+    let after = |s: f64| turned(3.0 + s - GAP_S);
+    for (mid_s, told, shown) in [
+        (LIMIT_S - 0.01, EXTRAPOLATED, turned(LIMIT_S - 0.01)),
+        (5.0, FUTURE, after(5.0)),
+        (GAP_S - 0.1, FUTURE, after(GAP_S - 0.1)),
+    ] {
+        let frame = frame_at(&mut client, mid_s, told);
+        assert!(shows(&frame, shown), "{mid_s}");
+    }
+    // Within the limit of both they are interpolated.
+    point(&mut client, 3, GAP_S + LIMIT_S, after(GAP_S + LIMIT_S));
+    let interpolated = (AttitudeSource::Interpolated, "interpolated", [0, 0]);
+    let frame = frame_at(&mut client, GAP_S + 0.2, interpolated);
+    assert!(shows(&frame, after(GAP_S + 0.2)));
+}
+
 #[test]
 fn beyond_the_limit_each_policy_shows_and_says_what_it_does() {
     // Who turns on, and who stands still where it was at the limit.

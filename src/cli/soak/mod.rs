@@ -2,6 +2,7 @@
 
 mod joining;
 
+use super::instruments::are_different;
 use super::{Orbits, PANICKED, Records, live, mission};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
@@ -108,6 +109,14 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         );
     }
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
+    let written = [("--junit", &args.junit), ("--json", &args.json)];
+    let written = written
+        .into_iter()
+        .filter_map(|(name, file)| Some((name, file.as_deref()?)));
+    let files: Vec<_> = std::iter::once(("--config", args.config.as_path()))
+        .chain(written)
+        .collect();
+    are_different(&files)?;
     // Before minutes are spent on them; what ends without a verdict has not passed.
     write_untold(&args)?;
     let mission = mission(&config, Some(&args.config))?;

@@ -344,6 +344,20 @@ mod tests {
         }
     }
 
+    /// Who tells nothing but nonsense is not followed, and that shows.
+    #[test]
+    fn times_that_are_all_doubted_lead_to_holdover() {
+        let mut flight = Flight::begin();
+        flight.fly(0.5, Some);
+        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Locked);
+        // Each is off by another hour.
+        let heard = flight.fly(2.0, |s| Some(s + 3600.0 * (s / TICK_S).round()));
+        assert!(heard.iter().all(|one| matches!(one, Heard::Doubted(_))));
+        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Holdover);
+        flight.fly(0.5, Some);
+        assert_eq!(flight.clock.sync(flight.now()).state, SyncState::Locked);
+    }
+
     #[test]
     fn what_comes_late_or_is_wrong_moves_no_exposure() {
         let mut flight = Flight::begin();
