@@ -3,7 +3,7 @@
 //!
 //! All of it is optional and none of it fails a run: what is not granted is told with the reason and the remedy. A thread hands
 //! on its scheduling and its processors to those that it starts afterwards; memory is locked for the whole process. Threads of a pool
-//! that is there already ask for themselves ([`Asked::of_renderer`]); a thread that only watches, such as that of the metrics, is best
+//! that is there already ask for themselves ([`Asked::of_thread`]); a thread that only watches, such as that of the metrics, is best
 //! started before.
 //!
 //! Where real-time threads leave no processor to others, the kernel takes 5 % of the time from them (`sched_rt_runtime_us`).
@@ -32,15 +32,11 @@ impl Asked {
         *self == Self::default()
     }
 
-    /// What each thread that renders asks for itself: all but the memory, which is that of the process; and of the priority one less, where there is one. A thread
-    /// does not give way to one of its own priority: packets would wait for all of a frame.
+    /// What each thread asks for itself: all but the memory, which is that of the process. Of one priority, all of them: where threads hand things on to each other, one
+    /// waits for a moment by giving way to its equals, for ever if what it waits for is of less.
     #[must_use]
-    pub fn of_renderer(&self) -> Self {
+    pub fn of_thread(&self) -> Self {
         Self {
-            priority: self.priority.map(|priority| match priority {
-                2.. => priority - 1,
-                lowest => lowest,
-            }),
             lock_memory: false,
             ..self.clone()
         }
@@ -267,10 +263,10 @@ mod tests {
         };
         let mut granted = one(Help::Priority(50), None);
         let pool = [None, Some("why"), Some("why")];
-        granted.add_refused(pool.map(|why| one(Help::Priority(49), why)));
+        granted.add_refused(pool.map(|why| one(Help::Priority(50), why)));
         assert_eq!(
             granted.to_string(),
-            "SCHED_FIFO 50 granted; SCHED_FIFO 49 not granted (run.priority: why)"
+            "SCHED_FIFO 50 granted; SCHED_FIFO 50 not granted (run.priority: why)"
         );
     }
 
@@ -293,15 +289,9 @@ mod tests {
             lock_memory: true,
             cpus: vec![1],
         };
-        let renders = asked.of_renderer();
-        assert!(!renders.lock_memory && !renders.is_nothing());
-        assert_eq!(renders.cpus, asked.cpus);
-        for (of_run, of_renderer) in [(None, None), (Some(1), Some(1)), (Some(50), Some(49))] {
-            let asked = Asked {
-                priority: of_run,
-                ..asked.clone()
-            };
-            assert_eq!(asked.of_renderer().priority, of_renderer);
-        }
+        let of_thread = asked.of_thread();
+        assert!(!of_thread.lock_memory && !of_thread.is_nothing());
+        assert_eq!(of_thread.priority, asked.priority);
+        assert_eq!(of_thread.cpus, asked.cpus);
     }
 }

@@ -39,7 +39,7 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     let mut rendering = Vec::new();
     if !asked.is_nothing() {
         // Each of those that render, which may be there already: files are read side by side.
-        let thread = asked.of_renderer();
+        let thread = asked.of_thread();
         rendering = rayon::broadcast(|_| realtime::ask(&thread));
     }
     let mut granted = realtime::ask(asked);
