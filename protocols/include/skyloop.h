@@ -883,7 +883,7 @@ typedef struct {
     uint32_t unknown_type; /* Packets with an unknown APID, opcode, type bit or header flag */
     uint32_t bad_framing; /* Serial frames with a bad escape, lines of a CAN adapter that are none, CAN frames on our identifiers that cannot be right (section 4.4) */
     uint32_t bad_attitude; /* Attitudes whose quaternion is not of unit length or that hold a NaN or an infinity */
-    uint32_t time_backwards; /* Attitudes earlier than the last one accepted */
+    uint32_t time_backwards; /* Attitudes earlier than the last one accepted: refused, or used where the emulator is configured so */
     uint32_t foreign_packets; /* Packets from others than the client of the exchange */
     uint32_t overflows; /* Packets, on a CAN bus frames, thrown away because the receiver was full */
     uint32_t bad_value; /* Packets with a value out of range */

@@ -101,6 +101,7 @@ impl Server {
             message: pointing.message.number,
             source: pointing.source,
             age_s: pointing.age_s,
+            out_of_order: pointing.message.out_of_order,
             sync: self.sync(now),
             level,
             overrun,

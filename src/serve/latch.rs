@@ -77,13 +77,16 @@ impl Server {
                 ),
             });
         }
-        self.in_order(epoch, attitude.sequence, inbound.arrived)?;
+        let out_of_order = self.is_out_of_order(epoch, attitude.sequence, inbound.arrived)?;
+        let backwards = &mut self.counters.time_backwards;
+        *backwards = backwards.wrapping_add(u32::from(out_of_order));
         self.accepted += 1;
         let latched = Latched {
             vehicle,
             header,
             arrived: inbound.arrived,
             number: self.accepted,
+            out_of_order,
         };
         self.clock.latched(&latched, &camera);
         self.truth.history.add(latched, camera.exposure_s);
@@ -107,9 +110,14 @@ impl Server {
         heard
     }
 
-    /// Refuses an attitude that is earlier than one before it, unless such ones are used. One of a future too far to be shown does not count:
+    /// Whether an attitude is earlier than one before it; refuses it then, unless such ones are used. One of a future too far to be shown does not count:
     /// a single one that is wrong would keep out all that are right.
-    fn in_order(&mut self, epoch: Epoch, sequence: u32, arrived: Instant) -> Result<(), Refusal> {
+    fn is_out_of_order(
+        &mut self,
+        epoch: Epoch,
+        sequence: u32,
+        arrived: Instant,
+    ) -> Result<bool, Refusal> {
         let cadence = self.clock.cadence();
         let now = cadence.and_then(|cadence| cadence.scene_at(arrived));
         let reach = now.map(|now| now + seconds(self.staleness.limit_s));
@@ -118,7 +126,9 @@ impl Server {
             Some(reach) => history.latest_by(reach),
             None => history.latest(),
         };
-        if let Some(last) = last.filter(|last| epoch < last.vehicle.epoch)
+        let later = last.filter(|last| epoch < last.vehicle.epoch);
+        let is_earlier = later.is_some();
+        if let Some(last) = later
             && self.out_of_order == OutOfOrder::Refuse
         {
             let back_s = (last.vehicle.epoch - epoch).to_seconds();
@@ -133,7 +143,7 @@ impl Server {
             // One of a future too far was wrong, or of a clock that has been set back: it is not waited for.
             history.forget_after(reach);
         }
-        Ok(())
+        Ok(is_earlier)
     }
 
     /// An attitude that had been accepted may be carried to where nothing can be shown: it is refused once, and each exposure of it is

@@ -63,6 +63,8 @@ struct Latched {
     arrived: Instant,
     /// Its number among all that were accepted.
     number: u64,
+    /// Whether one of a later time had come before it.
+    out_of_order: bool,
 }
 
 /// What the link of the truth has brought.

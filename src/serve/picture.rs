@@ -22,6 +22,8 @@ pub(super) struct Asked {
     pub message: u64,
     pub source: AttitudeSource,
     pub age_s: f64,
+    /// Whether its attitude came after one of a later time.
+    pub out_of_order: bool,
     pub sync: Sync,
     /// By which level of tolerances, and what is said of it.
     pub level: usize,
@@ -264,6 +266,7 @@ mod tests {
                 message: 1,
                 source: AttitudeSource::Exact,
                 age_s: 0.0,
+                out_of_order: false,
                 sync: Sync::default(),
                 level: 0,
                 overrun: None,

@@ -23,9 +23,10 @@ pub(super) fn text<'a>(opening: &'a Opening, tail: &'a str) -> [&'a str; 2] {
     }
 }
 
-/// In step with attitudes there is nothing to say: a frame is that of the attitude's own moment.
+/// In step with attitudes in their order there is nothing to say: a frame is that of the attitude's own moment.
 fn says_more(picture: &Picture) -> bool {
-    picture.asked.is_timed || picture.asked.due.trigger > 0
+    let asked = &picture.asked;
+    asked.is_timed || asked.due.trigger > 0 || asked.out_of_order
 }
 
 fn timing(picture: &Picture, now: Instant, backlog: Duration) -> String {
@@ -36,6 +37,9 @@ fn timing(picture: &Picture, now: Instant, backlog: Duration) -> String {
         columns(asked.age_s),
         asked.due.trigger,
     );
+    if asked.out_of_order {
+        text += ",\"out_of_order\":true";
+    }
     if asked.is_timed {
         let ms = |moment| columns(picture.since_trigger(moment).as_secs_f64() * 1e3);
         text += &format!(

@@ -193,14 +193,16 @@ fn an_attitude_before_the_last_one_takes_its_place_where_that_is_allowed() {
     let interpolated = (AttitudeSource::Interpolated, "interpolated", [0, 0]);
     let frame = frame_at(&mut client, 0.2 + 1e-8, interpolated);
     assert_eq!(frame.header.attitude_sequence, 2);
+    assert_eq!(frame.label()["timing"]["out_of_order"], true);
     assert!(crate::shown(&frame).angle_to(&elsewhere) < 1e-7);
     // X-Val: halfway between two messages each counts as much, carried there by its rates.
     let halfway = turned(0.1).slerp(&turned(0.9), 0.5);
     let frame = frame_at(&mut client, 0.1, interpolated);
     assert_eq!(frame.header.attitude_sequence, 1);
+    assert!(frame.label()["timing"].get("out_of_order").is_none());
     assert!(crate::shown(&frame).angle_to(&halfway) < 1e-7);
     let counters = client.status().counters;
-    assert_eq!((counters.attitudes, counters.time_backwards), (3, 0));
+    assert_eq!((counters.attitudes, counters.time_backwards), (3, 1));
     // The last one by its time stays the last.
     let frame = frame_at(&mut client, 0.5, EXTRAPOLATED);
     assert_eq!(frame.header.attitude_sequence, 3);

@@ -27,7 +27,7 @@ counters! {
     bad_framing,
     /// Attitudes whose quaternion is not of unit length or that hold a NaN or an infinity.
     bad_attitude,
-    /// Attitudes earlier than the last one accepted.
+    /// Attitudes earlier than the last one accepted: refused, or used where the emulator is configured so.
     time_backwards,
     /// Packets from others than the client of the exchange.
     foreign_packets,
