@@ -114,8 +114,8 @@ impl History {
         };
         let age_s = (exposure.mid - message.vehicle.epoch).to_seconds();
         let source = match before {
-            _ if age_s < 0.0 => AttitudeSource::Future,
             None => AttitudeSource::Future,
+            Some(_) if age_s < 0.0 => AttitudeSource::Future,
             Some(_) if age_s == 0.0 => AttitudeSource::Exact,
             Some(last) if !near_before => {
                 return Some(out_of_reach(last, exposure, staleness, false));
@@ -123,8 +123,8 @@ impl History {
             Some(_) if next.is_some() && !ends_before => AttitudeSource::Interpolated,
             Some(_) => AttitudeSource::Extrapolated,
         };
-        let between = near_before && exposure.start < last.vehicle.epoch && !ends_before;
-        let vehicle = match between || before.is_none() && exposure.start < last.vehicle.epoch {
+        let is_known = before.is_none() || near_before;
+        let vehicle = match is_known && exposure.start < last.vehicle.epoch && !ends_before {
             true => self.turning(exposure, message)?,
             false => message.vehicle.at(exposure.mid),
         };

@@ -28,6 +28,11 @@ pub fn files(at: &Path, run: &str) {
     std::fs::write(at.join("run.toml"), text).unwrap();
 }
 
+fn soak(at: &Path, words: &str) -> std::process::Output {
+    let mut command = skyloop(at);
+    command.args(words.split_whitespace()).output().unwrap()
+}
+
 fn read(at: &Path, name: &str) -> String {
     std::fs::read_to_string(at.join(name)).unwrap()
 }
@@ -41,10 +46,7 @@ fn a_run_is_measured_and_told_in_every_form() {
     );
     // However busy the machine is: nothing is asked of it.
     let words = "soak --config run.toml --minutes 0.05 --max-miss-rate 1 --junit verdict.xml --json verdict.json";
-    let output = skyloop(here.path())
-        .args(words.split_whitespace())
-        .output()
-        .unwrap();
+    let output = soak(here.path(), words);
     let (said, log) = [output.stdout, output.stderr]
         .map(|text| String::from_utf8(text).unwrap())
         .into();
@@ -94,10 +96,7 @@ fn a_run_by_the_clients_clock_is_measured_likewise() {
     let here = tempfile::tempdir().unwrap();
     files(here.path(), "clock = \"external\"");
     let words = "soak --config run.toml --minutes 0.04 --max-miss-rate 1 --max-growth 1000 --rate 50 --link memory --json verdict.json";
-    let output = skyloop(here.path())
-        .args(words.split_whitespace())
-        .output()
-        .unwrap();
+    let output = soak(here.path(), words);
     let log = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{log}");
     let said = String::from_utf8(output.stdout).unwrap();
@@ -115,10 +114,7 @@ fn a_limit_that_is_broken_fails_the_run_and_names_the_first_frame() {
     // No frame leaves within a microsecond.
     files(here.path(), "clock = \"wall\"\nlatency_s = 1e-6");
     let words = "soak --config run.toml --minutes 0.02 --max-p99-ms 0.001 --junit verdict.xml --link memory";
-    let output = skyloop(here.path())
-        .args(words.split_whitespace())
-        .output()
-        .unwrap();
+    let output = soak(here.path(), words);
     assert_eq!(output.status.code(), Some(1));
     let said = String::from_utf8(output.stderr).unwrap();
     for words in [
@@ -173,10 +169,7 @@ fn what_cannot_be_soaked_is_told_before() {
     let refused = |run: &str, words: &str, says: &[&str]| {
         files(here.path(), run);
         let words = format!("soak --config run.toml {words}");
-        let output = skyloop(here.path())
-            .args(words.split_whitespace())
-            .output()
-            .unwrap();
+        let output = soak(here.path(), &words);
         assert!(!output.status.success(), "{words}");
         let said = String::from_utf8(output.stderr).unwrap();
         for word in says {
