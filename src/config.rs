@@ -250,7 +250,8 @@ impl Config {
                 Some(Observer::Object(Box::new(object)))
             }
         };
-        let camera = Camera::load(&raw.camera, folder)?;
+        let camera = Camera::load(&raw.camera, folder);
+        let camera = camera.map_err(|error| check.named("camera", error))?;
         let fidelity = raw.fidelity.validate(&check)?;
         Ok(Config {
             seed: raw.seed,

@@ -1,9 +1,11 @@
 //! What a long run must keep, whether it did, and its report.
 
+mod drift;
 mod report;
 
 use crate::host::Memory;
 use crate::timing::Latencies;
+pub use drift::Drift;
 pub use report::Report;
 use serde::Serialize;
 use std::time::Duration;
@@ -26,6 +28,9 @@ pub struct Camera {
     pub name: String,
     /// When they were where.
     pub latencies: Latencies,
+    /// Whether their times kept pace with the client's clock; in reports the drift, s.
+    #[serde(rename = "drift_s")]
+    pub drift: Drift,
 }
 
 /// What was measured of a run.
@@ -68,7 +73,10 @@ impl Limits {
     #[must_use]
     pub fn judge(&self, found: &Measured) -> Vec<Verdict> {
         let mut verdicts = Vec::new();
-        for Camera { name, latencies } in &found.cameras {
+        for Camera {
+            name, latencies, ..
+        } in &found.cameras
+        {
             let mut own = vec![self.deadlines(latencies)];
             own.extend(self.max_p99_ms.map(|most_ms| p99(most_ms, latencies)));
             if found.cameras.len() > 1 {
@@ -174,12 +182,12 @@ fn growth(most: f64, memory: &Memory) -> Verdict {
     }
 }
 
-/// A rate in two figures: `0`, `6.7e-4`, `1e-3`.
+/// A rate in two figures: `0`, `6.7e-4`, `1e-3`, `0.5`, `1`.
 fn short(rate: f64) -> String {
-    let text = format!("{rate:.1e}");
     match rate {
         0.0 => "0".to_string(),
-        _ => text.replace(".0e", "e"),
+        0.1.. => format!("{}", (rate * 100.0).round() / 100.0),
+        _ => format!("{rate:.1e}").replace(".0e", "e"),
     }
 }
 
@@ -210,7 +218,11 @@ pub(crate) mod tests {
     fn of(latencies: Latencies) -> Measured {
         let name = "A".to_string();
         Measured {
-            cameras: vec![Camera { name, latencies }],
+            cameras: vec![Camera {
+                name,
+                latencies,
+                ..Camera::default()
+            }],
             ..Measured::default()
         }
     }
@@ -412,7 +424,9 @@ pub(crate) mod tests {
             (0.0, "0"),
             (1e-3, "1e-3"),
             (6.667e-4, "6.7e-4"),
-            (1.0, "1e0"),
+            (1.0, "1"),
+            (0.1, "0.1"),
+            (0.333, "0.33"),
             (0.012, "1.2e-2"),
         ] {
             assert_eq!(short(rate), text);

@@ -24,7 +24,7 @@ use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::text::whole;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Ages, LoadError, file_and_name};
-use skyloop_protocols::Fault;
+use skyloop_protocols::{Fault, LabelLevel};
 
 /// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
 #[derive(Debug, Parser)]
@@ -230,9 +230,13 @@ fn tell(event: &Event<'_>, listens: bool) -> std::io::Result<()> {
             let (number, found) = (frame.header.frame, detections.list().len());
             let attitude = frame.header.attitude_sequence;
             if frame.content == Content::None {
-                let objects = frame.objects(detections).map_or(0, |list| list.len());
+                let labels = frame.objects(detections).unwrap_or_default();
+                let labels = match frame.header.label_level {
+                    LabelLevel::Text => "a label".to_string(),
+                    _ => format!("{} objects", labels.len()),
+                };
                 return say(format_args!(
-                    "frame {number} of attitude {attitude}: {objects} objects, no pixels{}\n",
+                    "frame {number} of attitude {attitude}: {labels}, no pixels{}\n",
                     after("")
                 ));
             }

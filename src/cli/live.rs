@@ -2,10 +2,12 @@
 
 use anyhow::Context;
 use skyloop::config::Config;
+use skyloop::link;
 use skyloop::metrics::{self, Metrics};
 use skyloop::realtime::{self, Granted};
 use skyloop::serve::Server;
 use std::fmt;
+use std::path::Path;
 
 /// What was granted; it is told as lines of text, and lasts as long as this.
 pub struct Help {
@@ -45,6 +47,17 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     let mut granted = realtime::ask(asked);
     granted.add_refused(rendering);
     Ok(Help { metrics, granted })
+}
+
+/// Errors: what opening a run's links would refuse without asking the system, with file and key.
+pub fn check_links(config: &Config, file: &Path) -> anyhow::Result<()> {
+    let file = file.display();
+    link::check_all(&config.run.links).with_context(|| format!("{file}: run.link"))?;
+    for head in &config.heads {
+        let of_head = || format!("{file}: link of head {}", head.name);
+        link::check_further(&head.links).with_context(of_head)?;
+    }
+    Ok(())
 }
 
 /// What the log says of a further camera says of which.

@@ -2,6 +2,7 @@
 
 mod bench;
 mod budget;
+mod cameras;
 mod catalog;
 mod cost;
 mod instruments;

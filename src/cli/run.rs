@@ -2,15 +2,15 @@
 
 use super::budget::{Budget, FRAMES, around};
 use super::cost::spread;
-use super::{Orbits, PANICKED, Records, instruments, levels, live, mission, with_level};
-use anyhow::{Context, anyhow, bail};
+use super::{Orbits, PANICKED, Records, cameras, instruments, levels, live, mission, with_level};
+use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::{Clock, Config, Run, Trigger};
 use skyloop::effect::counted;
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::link;
-use skyloop::serve::{Ended, Server};
+use skyloop::serve::Ended;
 use skyloop::stats::{RunStats, row, table};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::text::whole;
@@ -55,9 +55,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
     let idle = Duration::from_secs_f64(config.run.idle_s);
-    let urls = match args.link.is_empty() {
-        true => &config.run.links,
-        false => &args.link,
+    let (urls, from) = match args.link.is_empty() {
+        true => (
+            &config.run.links,
+            format!("{}: run.link", args.config.display()),
+        ),
+        false => (&args.link, "--link".to_string()),
     };
     let instruments = args
         .instruments
@@ -70,7 +73,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     // Before the links: what they make (the name of a pseudo-terminal) is removed at the end.
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let help = live::help(&config, args.metrics.as_deref())?;
-    let links = link::open_all(urls, &options)?;
+    let links = link::open_all(urls, &options).context(from)?;
     let links = instruments.around(links)?;
     let further = config.heads.iter().map(|head| {
         let beside = || format!("head {} beside {}", head.name, urls.join(" and "));
@@ -92,44 +95,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Some(mission) if clock != Clock::Stepped => Some(flight::vehicle(mission, 0)?),
         _ => None,
     };
-    if let Some(first) = &first {
-        emulator.warm_up(first);
-    }
-    let further: Vec<_> = config
-        .heads
-        .iter()
-        .zip(1..)
-        .zip(further)
-        .map(|((head, number), links)| {
-            let mut emulator = emulator.beside(&config, &head.camera, number);
-            if let Some(first) = &first {
-                emulator.warm_up(first);
-            }
-            (emulator, links)
-        })
-        .collect();
-    let mut server = Server::new(emulator, links, output, clock, &NATIVE);
-    server.set_run(&config.run);
-    help.serve(0, &mut server);
-    server.fits().map_err(anyhow::Error::msg)?;
-    let mut heads = Vec::new();
-    for ((head, number), (emulator, links)) in config.heads.iter().zip(1..).zip(further) {
-        let _of = live::of_head(&head.name).entered();
-        if head.has_own_rate
-            && clock == Clock::Stepped
-            && let Some(asks) = asks(&config.run)
-        {
-            tracing::warn!(
-                "rate_hz = {}: no meaning by the stepped clock, where each {asks} gives its frame; leave it out, or set run.clock",
-                head.camera.rate_hz
-            );
-        }
-        let mut head_server = server.head(emulator, links, &config.run);
-        help.serve(number, &mut head_server);
-        let unfit = |why| anyhow!("head {}: {why}", head.name);
-        head_server.fits().map_err(unfit)?;
-        heads.push((head.name.clone(), head_server));
-    }
+    let links = std::iter::once(links).chain(further).collect();
+    let (mut server, heads) =
+        cameras::serve(&config, emulator, links, first.as_ref(), output, &help)?;
+    warn_of_rates(&config);
 
     let camera = &config.camera;
     say(format_args!(
@@ -142,7 +111,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         server.levels(),
         server.addresses().join(" and ")
     ))?;
-    for (head, (_, at)) in config.heads.iter().zip(&heads) {
+    for (head, at) in config.heads.iter().zip(&heads) {
         say(format_args!(
             "head {}: {}, {}, {}\n",
             head.name,
@@ -153,15 +122,15 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     let ended = AtomicBool::new(false);
     let (mut served, heads) = std::thread::scope(|scope| {
-        let heads = heads.into_iter().map(|(name, mut head)| {
-            let (ended, stop) = (&ended, &stop);
+        let heads = config.heads.iter().zip(heads).map(|(head, mut server)| {
+            let (ended, stop, name) = (&ended, &stop, &head.name);
             scope.spawn(move || {
-                let _of = live::of_head(&name).entered();
-                let served = head.run(ended, None, |_| {});
+                let _of = live::of_head(name).entered();
+                let served = server.run(ended, None, |_| {});
                 if served == Ended::Panicked {
                     stop.store(true, Ordering::Relaxed);
                 }
-                (name, served, head.close())
+                (name, served, server.close())
             })
         });
         let heads: Vec<_> = heads.collect();
@@ -193,6 +162,19 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Ended::AsAsked => Ok(()),
         Ended::Panicked => bail!(PANICKED),
         Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),
+    }
+}
+
+/// A rate of its own has no meaning for a camera whose frames are asked for.
+fn warn_of_rates(config: &Config) {
+    let asks = asks(&config.run).filter(|_| config.run.clock == Clock::Stepped);
+    for head in config.heads.iter().filter(|head| head.has_own_rate) {
+        let Some(asks) = asks else { return };
+        let _of = live::of_head(&head.name).entered();
+        tracing::warn!(
+            "rate_hz = {}: no meaning by the stepped clock, where each {asks} gives its frame; leave it out, or set run.clock",
+            head.camera.rate_hz
+        );
     }
 }
 

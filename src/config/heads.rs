@@ -30,7 +30,8 @@ pub(super) struct RawHead {
 impl RawHead {
     fn validate(self, at: usize, check: &Check, folder: &Folder) -> Result<Head, ConfigError> {
         let key = |name: &str| format!("heads[{at}].{name}");
-        let mut camera = Camera::load(&self.camera, folder)?;
+        let camera = Camera::load(&self.camera, folder);
+        let mut camera = camera.map_err(|error| check.named(&key("camera"), error))?;
         if let Some(rate_hz) = self.rate_hz {
             camera.rate_hz = check.range(&key("rate_hz"), rate_hz, RATE_HZ)?;
             let most = 1.0 / camera.period_s(camera.exposure_s);

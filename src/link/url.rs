@@ -124,9 +124,12 @@ impl LinkUrl {
         }
     }
 
-    /// The error for this URL, with an example of its scheme; of all, if it has none of them.
+    /// The error for this URL, with an example of its scheme; of all, if it has none of them. Where the target is not to be chosen, the scheme is one.
     pub fn refuse(&self, reason: String) -> LinkError {
-        let example = by_scheme(&self.scheme).map(|link| link.example.to_string());
+        let example = by_scheme(&self.scheme).map(|link| match self.text.contains("://") {
+            true => link.example.to_string(),
+            false => link.scheme.to_string(),
+        });
         LinkError::Url {
             url: self.text.clone(),
             reason,

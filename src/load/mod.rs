@@ -128,6 +128,14 @@ impl Check<'_> {
         }
     }
 
+    /// The error of a file that `key` names: what cannot be read is told with the key, and what is wrong in it without.
+    pub fn named(&self, key: &str, error: ConfigError) -> ConfigError {
+        match error {
+            ConfigError::Read { .. } => self.explain(key, error),
+            other => other,
+        }
+    }
+
     /// The error for `key = value`.
     pub fn refuse(
         &self,

@@ -53,6 +53,8 @@ pub(super) struct Exchange {
     pub heard: bool,
     /// Whether its client took nothing for so long that it gets no frames until it says something.
     pub deaf: bool,
+    /// Whether the log says that its client takes nothing.
+    pub stalled: bool,
     pub credit: CreditAccount,
     pub gaps: GapDetector,
     /// What each frame brings.

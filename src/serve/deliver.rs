@@ -326,11 +326,16 @@ impl Server {
         let others = self.channels.iter().enumerate();
         let mut others =
             others.filter(|(other, channel)| *other != at && channel.roles.bring_frames());
-        if others.next().is_some() {
-            let channel = &mut self.channels[at];
-            channel.exchange.deaf = true;
+        let is_alone = others.next().is_none();
+        let channel = &mut self.channels[at];
+        channel.exchange.deaf = !is_alone;
+        if !std::mem::replace(&mut channel.exchange.stalled, true) {
+            let frames = match is_alone {
+                true => "its frames are made, and missed,",
+                false => "it gets no frames",
+            };
             tracing::warn!(
-                "the client at {} takes nothing: it gets no frames until it says something",
+                "the client at {} takes nothing: {frames} until it says something",
                 channel.wire.address
             );
         }

@@ -76,7 +76,8 @@ impl Server {
         if newer != 0 {
             self.open_exchange(at, inbound.exchange);
         }
-        self.channels[at].exchange.deaf = false;
+        let exchange = &mut self.channels[at].exchange;
+        (exchange.deaf, exchange.stalled) = (false, false);
         let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
             Ok(decoded) => decoded,
             Err(error) => {

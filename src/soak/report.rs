@@ -69,11 +69,12 @@ impl Report {
         let first = self.first_frame_s;
         let first = first.map_or("none".to_string(), |s| format!("{s:.2} s"));
         let mut rows = Vec::new();
-        for Camera { name, latencies } in &self.cameras {
+        for camera in &self.cameras {
             if self.cameras.len() > 1 {
-                rows.push(("camera".to_string(), name.clone()));
+                rows.push(("camera".to_string(), camera.name.clone()));
             }
-            rows.extend(latencies.rows());
+            rows.extend(camera.latencies.rows());
+            rows.push(("drift of the clocks".to_string(), camera.drift.told()));
         }
         rows.push(("start to the first frame".to_string(), first));
         rows.push(("memory".to_string(), self.memory.told()));

@@ -2,6 +2,7 @@
 //!
 //! Order, counts, states and flags are held, and that nothing comes early; how late something comes is the machine's affair.
 
+mod busy;
 mod clients;
 mod deadlines;
 mod delay;

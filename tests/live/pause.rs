@@ -274,6 +274,25 @@ fn triggers_wait_for_the_time_that_stands_still() {
 }
 
 #[test]
+fn triggers_of_a_time_that_is_set_back_meanwhile_are_forgotten() {
+    let mut config = quick(RATE_HZ);
+    config.run.trigger = Trigger::Packet;
+    let (_emulator, line) = on_memory(config, Clock::External);
+    let mut client = Client::<MemoryLine>::new(line);
+    client.point(attitude(1), EPOCH);
+    client.done(Command::Pause);
+    trigger(&mut client, 7, 0.1);
+    // Late by no more than a wire may be, and set back by an hour.
+    client.point(attitude(2), later(EPOCH, -0.1));
+    assert_eq!(client.status().counters.triggers_missed, 0);
+    client.point(attitude(3), later(EPOCH, -3600.0));
+    assert_eq!(client.status().counters.triggers_missed, 1);
+    client.done(Command::Resume);
+    trigger(&mut client, 8, -3599.9);
+    assert_eq!(client.frame().end.trigger, 8);
+}
+
+#[test]
 fn the_flight_computer_pauses_and_loses_nothing_by_it() {
     // Attitudes leave meanwhile, as ever: X-Val: 20 Hz for 0.4 s are 9 at most without, and for 0.98 s 20, of which a machine that stands still leaves some out.
     await_that("attitudes leave while it is paused", || {

@@ -62,3 +62,35 @@ fn no_machine_paths() {
         }
     }
 }
+
+/// What `cargo test` leaves out is run by a script, which its words name. What holds something to the clock is among that: a busy machine fails no ordinary test.
+#[test]
+fn what_is_ignored_is_run_by_a_script() {
+    // By hand: other numbers in every run, and as many as somebody has time for.
+    const BY_HAND: [&str; 2] = ["other_sets_than_before", "ten_million"];
+    let all = std::fs::read_to_string(root().join("tests/run")).unwrap();
+    assert!(all.contains("-- --ignored --test-threads=1 timed_"));
+    let mark = concat!("#[ign", "ore = \"");
+    let mut timed = 0;
+    for path in files(root()).iter().filter(|path| is_rust(path)) {
+        let text = std::fs::read_to_string(path).unwrap();
+        for piece in text.split(mark).skip(1) {
+            let (why, rest) = piece.split_once('"').unwrap();
+            let function = rest.split("fn ").nth(1).unwrap();
+            let function = function.split('(').next().unwrap();
+            let is_timed = function.starts_with("timed_");
+            assert_eq!(is_timed, why.starts_with("timed: "), "{function}: {why}");
+            timed += u32::from(is_timed);
+            let script = ["tests/run", "tests/vcan/run"]
+                .iter()
+                .find(|script| why.contains(**script));
+            assert_eq!(
+                script.is_none(),
+                BY_HAND.contains(&function),
+                "{}: {function}: {why}",
+                name(path)
+            );
+        }
+    }
+    assert!(timed > 0);
+}

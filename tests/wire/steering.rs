@@ -14,7 +14,8 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 #[test]
-fn the_flight_computer_holds_its_attitude_by_the_stars_of_the_frames() {
+#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+fn timed_the_flight_computer_holds_its_attitude_by_the_stars_of_the_frames() {
     /// Fewer say nothing about the loop: the machine was too slow.
     const LEAST: u32 = 40;
     let mut config = scene();

@@ -24,6 +24,8 @@ pub struct Joining {
     way: BTreeMap<(usize, u32), (Left, Instant)>,
     came: BTreeMap<(usize, u32), Instant>,
     cameras: Vec<Camera>,
+    /// When the run began.
+    begin: Option<Instant>,
     /// Exposures without a frame that were booked, by camera.
     missed: BTreeMap<usize, u32>,
     /// The last frame of each that has left.
@@ -46,7 +48,7 @@ impl Joining {
 
     /// Until nobody tells of frames any more.
     pub fn join(&mut self, left: Receiver<(usize, Left)>, arrivals: Receiver<Arrival>) {
-        let begin = Instant::now();
+        let begin = *self.begin.get_or_insert_with(Instant::now);
         for (camera, told) in left {
             let frame = told.times.frame;
             self.without_frame(camera, told.missed, frame, "before it");
@@ -126,6 +128,12 @@ impl Joining {
     fn book(&mut self, camera: usize, told: &Left, at: Instant) {
         let times = told.times.ended(told.trigger, told.deadline, at);
         self.add(camera, &times);
+        if let (Some(begin), Some(exposure)) = (self.begin, told.exposure)
+            && let Some(camera) = self.cameras.get_mut(camera)
+        {
+            let since = at.saturating_duration_since(begin);
+            camera.drift.see(since, exposure.end, at);
+        }
     }
 
     fn add(&mut self, camera: usize, times: &FrameTimes) {

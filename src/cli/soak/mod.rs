@@ -3,7 +3,7 @@
 mod joining;
 
 use super::instruments::are_different;
-use super::{Orbits, PANICKED, Records, live, mission};
+use super::{Orbits, PANICKED, Records, cameras, live, mission};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
 use joining::{Arrival, Joining};
@@ -14,7 +14,7 @@ use skyloop::host::Host;
 use skyloop::junit::{self, Case};
 use skyloop::link::{self, Roles};
 use skyloop::serve::{Ended, Left, OnLeft, Server};
-use skyloop::soak::{Camera, Limits, Measured, Report};
+use skyloop::soak::{Camera, Drift, Limits, Measured, Report};
 use skyloop::stats::{row, table};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
@@ -77,46 +77,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
     let name = args.config.display();
-    let clock = config.run.clock;
-    if clock == Clock::Stepped {
-        bail!(
-            "{name}: run.clock is \"stepped\", where frames have no deadlines; set it to \"wall\" or \"external\""
-        );
-    }
-    if config.run.trigger == Trigger::Packet {
-        bail!(
-            "{name}: run.trigger is \"packet\", and the client of a soak sends none; leave it out, so that frames come at the camera's rate"
-        );
-    }
-    // What `run` refuses is no configuration to be soaked, though its links are others here.
-    link::check_all(&config.run.links)?;
-    for head in &config.heads {
-        let of_head = || format!("head {}", head.name);
-        link::check_further(&head.links).with_context(of_head)?;
-    }
-    if args.link == "can" && !config.heads.is_empty() {
-        bail!(
-            "--link can: there is one virtual bus, and the {} cameras of {name} need one each; give --link udp, pty or slcan",
-            1 + config.heads.len()
-        );
-    }
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
-    let attitudes = rate_hz * 60.0 * args.minutes;
-    if attitudes > f64::from(u32::MAX) {
-        bail!(
-            "--minutes {}: {attitudes:.2e} attitudes, at {rate_hz} a second, are more than can be numbered (4.29e9); ask for less",
-            args.minutes
-        );
-    }
+    may_run(&args, &config, rate_hz)?;
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    let written = [("--junit", &args.junit), ("--json", &args.json)];
-    let written = written
-        .into_iter()
-        .filter_map(|(name, file)| Some((name, file.as_deref()?)));
-    let files: Vec<_> = std::iter::once(("--config", args.config.as_path()))
-        .chain(written)
-        .collect();
-    are_different(&files)?;
     // Before minutes are spent on them; what ends without a verdict has not passed.
     write_untold(&args)?;
     let mission = mission(&config, Some(&args.config))?;
@@ -128,21 +91,22 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         personality: &NATIVE,
         bus: None,
     };
-    let (wire, port) = link::loopback(&args.link, &options)?;
-    let output = config.run.output;
-    let mut emulator = Emulator::new(&mut config);
-    emulator.warm_up(&first);
-    let mut further = Vec::new();
-    for (head, number) in config.heads.iter().zip(1..) {
+    let emulator = Emulator::new(&mut config);
+    let (mut links, mut ports) = (Vec::new(), Vec::new());
+    for camera in 0..=config.heads.len() {
         let (wire, port) = link::loopback(&args.link, &options)?;
-        let mut emulator = emulator.beside(&config, &head.camera, number);
-        emulator.warm_up(&first);
-        further.push((head.name.clone(), emulator, wire, port));
+        // Each camera has the vehicle from the first one's client.
+        let truth = camera == 0;
+        let roles = Roles {
+            truth,
+            ..Roles::ALL
+        };
+        links.push(vec![(wire, roles)]);
+        ports.push((port, roles));
     }
-    let mut server = Server::new(emulator, vec![(wire, Roles::ALL)], output, clock, &NATIVE);
-    server.set_run(&config.run);
-    help.serve(0, &mut server);
-    server.fits().map_err(anyhow::Error::msg)?;
+    let output = config.run.output;
+    let (mut server, mut heads) =
+        cameras::serve(&config, emulator, links, Some(&first), output, &help)?;
     let (to_tell, left) = channel::<(usize, Left)>();
     let (arrived, arrivals) = channel::<Arrival>();
     let tells = |number: usize| -> OnLeft {
@@ -153,20 +117,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         })
     };
     server.on_left(tells(0));
-    let mut heads = Vec::new();
-    for (number, (name, emulator, wire, port)) in (1..).zip(further) {
-        let of = live::of_head(&name);
-        let entered = of.clone().entered();
-        let roles = Roles {
-            truth: false,
-            ..Roles::ALL
-        };
-        let mut head = server.head(emulator, [(wire, roles)], &config.run);
+    for (number, head) in (1..).zip(&mut heads) {
         head.on_left(tells(number));
-        help.serve(number, &mut head);
-        head.fits().map_err(|why| anyhow!("head {name}: {why}"))?;
-        drop(entered);
-        heads.push((number, head, of, port, roles));
     }
     drop(to_tell);
     let limits = Limits {
@@ -216,6 +168,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             let cameras = names.map(|name| Camera {
                 name: name.to_string(),
                 latencies: limits.latencies(),
+                drift: Drift::over(length),
             });
             let mut joining = Joining::new(cameras.collect(), length);
             joining.join(left, arrivals);
@@ -230,14 +183,20 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             })
         };
         let (mut serving, mut taking) = (vec![serve(server, tracing::Span::none())], Vec::new());
-        for (number, head, of, port, roles) in heads {
+        let mut ports = ports.into_iter();
+        let own = ports.next().into_iter().collect();
+        let named = config.heads.iter().map(|head| live::of_head(&head.name));
+        let heads = (1..).zip(heads.into_iter().zip(named).zip(ports));
+        for (number, ((head, of), (port, roles))) in heads {
             serving.push(serve(head, of));
             let (mission, see) = (listening.clone(), takes(number, arrived.clone()));
             let client = FlightComputer::on_links(vec![(port, roles)], mission);
             taking.push(scope.spawn(move || client.taking_only().run(see).err()));
         }
         let see = takes(0, arrived);
-        let flown = FlightComputer::new(port, mission).taking_only().run(see);
+        let flown = FlightComputer::on_links(own, mission)
+            .taking_only()
+            .run(see);
         over.store(true, Ordering::Relaxed);
         let ended = *ended.get_or_init(Instant::now);
         let mut errors = vec![flown.err()];
@@ -282,7 +241,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let minutes = ended.duration_since(begin).as_secs_f64() / 60.0;
     let stopped = interrupted
         .load(Ordering::Relaxed)
-        .then(|| format!("stopped after {minutes:.2} of {} min", args.minutes));
+        .then(|| format!("stopped after {} of {} min", short(minutes), args.minutes));
     let measured = Measured {
         cameras,
         stopped,
@@ -307,6 +266,44 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         bail!("{}", broken.join("; "));
     }
     Ok(())
+}
+
+/// Errors: what cannot be soaked, told before minutes are spent on it.
+fn may_run(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
+    let name = args.config.display();
+    if config.run.clock == Clock::Stepped {
+        bail!(
+            "{name}: run.clock is \"stepped\", where frames have no deadlines; set it to \"wall\" or \"external\""
+        );
+    }
+    if config.run.trigger == Trigger::Packet {
+        bail!(
+            "{name}: run.trigger is \"packet\", and the client of a soak sends none; leave it out, so that frames come at the camera's rate"
+        );
+    }
+    // What `run` refuses is no configuration to be soaked, though its links are others here.
+    live::check_links(config, &args.config)?;
+    if args.link == "can" && !config.heads.is_empty() {
+        bail!(
+            "--link can: there is one virtual bus, and the {} cameras of {name} need one each; give --link udp, pty or slcan",
+            1 + config.heads.len()
+        );
+    }
+    let attitudes = rate_hz * 60.0 * args.minutes;
+    if attitudes > f64::from(u32::MAX) {
+        bail!(
+            "--minutes {}: {attitudes:.2e} attitudes, at {rate_hz} a second, are more than can be numbered (4.29e9); ask for less",
+            args.minutes
+        );
+    }
+    let written = [("--junit", &args.junit), ("--json", &args.json)];
+    let written = written
+        .into_iter()
+        .filter_map(|(name, file)| Some((name, file.as_deref()?)));
+    let files: Vec<_> = std::iter::once(("--config", args.config.as_path()))
+        .chain(written)
+        .collect();
+    are_different(&files)
 }
 
 /// The mission by the wall clock, without an end: of a list of attitudes the first, turned on by its rates.
@@ -336,6 +333,14 @@ fn listening(mission: &Mission) -> Mission {
     Mission {
         pace: Pace::Listen,
         ..mission.clone()
+    }
+}
+
+/// Minutes to two decimals, of less than a tenth to four.
+fn short(minutes: f64) -> String {
+    match minutes < 0.1 {
+        true => format!("{minutes:.4}"),
+        false => format!("{minutes:.2}"),
     }
 }
 
@@ -369,7 +374,7 @@ fn write(path: &Path, text: String) -> anyhow::Result<()> {
 
 /// The table, with the rate of attitudes, and the files that were asked for.
 fn tell(report: &Report, args: &Args, rate: String) -> anyhow::Result<()> {
-    let mut rows = vec![row("minutes", format!("{:.2}", report.minutes))];
+    let mut rows = vec![row("minutes", short(report.minutes))];
     rows.extend(report.rows());
     rows.push(row("attitudes", rate));
     rows.extend(report.host.rows());

@@ -36,11 +36,16 @@ pub(super) enum Correction {
     Jump,
 }
 
+/// Whether a time that is told when it is `own` has not just come late: the client's clock has been set, or the time is wrong.
+pub(super) fn is_set(told: Epoch, own: Epoch) -> bool {
+    (told - own).to_seconds().abs() > JUMP_S
+}
+
 impl Discipline {
     /// A time was told when the scene's was `own`.
     pub fn hear(&mut self, told: Epoch, own: Epoch) -> Correction {
         let ahead_s = (told - own).to_seconds();
-        if ahead_s.abs() > JUMP_S {
+        if is_set(told, own) {
             let alike = self
                 .doubted
                 .filter(|(first_s, _)| (ahead_s - first_s).abs() <= ALIKE_S);

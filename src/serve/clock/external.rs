@@ -1,6 +1,6 @@
 //! By the client's clock: its attitudes and triggers tell the time, and exposures are made at the camera's cadence of that time, or at triggers.
 
-use super::discipline::{Correction, Discipline};
+use super::discipline::{Correction, Discipline, is_set};
 use super::{Asked, Cadence, Clock, Due, Heard, MAX_WAITING, Sync, full};
 use crate::camera::Camera;
 use crate::serve::Latched;
@@ -56,12 +56,18 @@ impl Clock for External {
     fn latched(&mut self, _: &Latched, _: &Arc<Camera>) {}
 
     fn hear(&mut self, told: Epoch, arrived: Instant) -> Heard {
-        let own = self.cadence.scene_at(arrived);
-        let Some(own) = own.filter(|_| !self.cadence.awaits_time()) else {
+        let before = self.cadence.scene_at(arrived);
+        let Some(own) = before.filter(|_| !self.cadence.awaits_time()) else {
             self.discipline = Discipline::default();
             self.cadence.start(told, arrived);
             self.heard = Some(arrived);
-            return Heard::Fits;
+            // Since a pause any time may be told; triggers of a later one would wait for it to come again.
+            let is_set_back = before.is_some_and(|own| is_set(told, own) && told < own);
+            let waits = self.triggers.as_ref().is_some_and(|all| !all.is_empty());
+            return match is_set_back && waits {
+                true => Heard::Jumped,
+                false => Heard::Fits,
+            };
         };
         match self.discipline.hear(told, own) {
             Correction::Slew(ahead_s) => {

@@ -1,0 +1,115 @@
+//! Whether the scene's time kept pace with the client's clock over a run.
+
+use hifitime::Epoch;
+use serde::{Serialize, Serializer};
+use std::time::{Duration, Instant};
+
+/// What the frames that came quickest tell of the two clocks: from the exposure's end, in the scene's time, to the last packet, in the client's.
+///
+/// A frame that waited tells nothing of the clocks; of the quickest in a while the latency is nearly the same each time, and what it differs by is drift.
+#[derive(Debug, Clone, Default)]
+pub struct Drift {
+    /// Each end of the run that is looked at.
+    part: Duration,
+    length: Duration,
+    /// What the first frame had.
+    zero: Option<(Epoch, Instant)>,
+    /// The least in the first part of the run and in the last, s more than the first frame's.
+    least_s: [Option<f64>; 2],
+}
+
+impl Drift {
+    /// Of a run of this length, whose first fifth and last are compared.
+    #[must_use]
+    pub fn over(length: Duration) -> Self {
+        Self {
+            part: length / 5,
+            length,
+            ..Self::default()
+        }
+    }
+
+    /// A frame whose exposure ended at `exposed` came at `at`, `since` the run began.
+    pub fn see(&mut self, since: Duration, exposed: Epoch, at: Instant) {
+        let (scene, client) = *self.zero.get_or_insert((exposed, at));
+        let part = if since <= self.part {
+            0
+        } else if since >= self.length - self.part {
+            1
+        } else {
+            return;
+        };
+        let passed_s = crate::timing::spare_s(at, client);
+        let more_s = passed_s - (exposed - scene).to_seconds();
+        if let Some(least_s) = self.least_s.get_mut(part) {
+            *least_s = Some(least_s.map_or(more_s, |least_s| least_s.min(more_s)));
+        }
+    }
+
+    /// What the scene's time lost against the client's from the first part to the last, s; none where one of them had no frame.
+    #[must_use]
+    pub fn seconds(&self) -> Option<f64> {
+        let [first, last] = self.least_s;
+        Some(last? - first?)
+    }
+
+    /// As a row of the table has it.
+    #[must_use]
+    pub fn told(&self) -> String {
+        self.seconds().map_or("not known".to_string(), |drift_s| {
+            format!("{:+.2} ms from the first fifth to the last", drift_s * 1e3)
+        })
+    }
+}
+
+impl Serialize for Drift {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.seconds().serialize(serializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use skyloop_orbit::time::seconds;
+
+    /// The drift that is told of 100 s at 10 Hz, whose frames are late by `late_s` and whose scene loses so much a second.
+    fn drift_s(lost: f64, late_s: impl Fn(u32) -> f64) -> f64 {
+        let (scene, zero) = (
+            Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0),
+            Instant::now(),
+        );
+        let mut drift = Drift::over(Duration::from_secs(100));
+        for frame in 0..1000 {
+            let exposed_s = f64::from(frame) * 0.1;
+            let came_s = exposed_s * (1.0 + lost) + late_s(frame);
+            let since = Duration::from_secs_f64(came_s);
+            drift.see(since, scene + seconds(exposed_s), zero + since);
+        }
+        drift.seconds().unwrap()
+    }
+
+    #[test]
+    fn a_clock_that_loses_is_told_and_frames_that_wait_are_not() {
+        // Each late by another time from 10 ms on, and in the last fifth every second by 50 ms more.
+        let late_s = |frame: u32| {
+            let spread = 0.004 * (f64::from(frame) * 0.618_033_988_75).fract();
+            let waits = frame >= 800 && frame.is_multiple_of(2);
+            0.01 + spread + if waits { 0.05 } else { 0.0 }
+        };
+        assert!(drift_s(0.0, late_s).abs() < 1e-4);
+        // X-Val: 1e-4 of the 80 s from the start of the first fifth to that of the last, where the least lies.
+        assert!((drift_s(1e-4, |_| 0.01) - 8e-3).abs() < 1e-4);
+        // One that gains has its least at the parts' ends.
+        assert!((drift_s(-1e-4, |_| 0.01) + 8e-3).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_run_that_was_stopped_tells_no_drift() {
+        let mut drift = Drift::over(Duration::from_secs(100));
+        assert_eq!(drift.told(), "not known");
+        let now = Instant::now();
+        drift.see(Duration::ZERO, Epoch::from_unix_seconds(0.0), now);
+        assert_eq!(drift.seconds(), None);
+    }
+}

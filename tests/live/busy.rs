@@ -1,0 +1,73 @@
+//! A machine whose processors have other things to do: exposures end on the grid of their periods, each is a frame or counted as missed, and the scene's
+//! time keeps pace with the client's clock.
+
+use crate::support::client::Client;
+use crate::support::{EPOCH, attitude, on_memory};
+use crate::{EXPOSURE_S, mid_s, quick, rest};
+use skyloop::config::Clock;
+use skyloop_protocols::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+const RATE_HZ: f64 = 50.0;
+/// Threads that do nothing but run, for so long.
+const THREADS: usize = 4;
+const LENGTH: Duration = Duration::from_secs(3);
+
+#[test]
+fn a_busy_machine_misses_exposures_at_worst_and_shifts_none() {
+    let (_emulator, line) = on_memory(quick(RATE_HZ), Clock::Wall);
+    let mut client = Client::new(line);
+    // Between these two the first attitude came, and the scene's time began.
+    let before = Instant::now();
+    client.point(attitude(1), EPOCH);
+    client.status();
+    let after = Instant::now();
+    let over = AtomicBool::new(false);
+    let mut frames = Vec::new();
+    std::thread::scope(|scope| {
+        for _ in 0..THREADS {
+            scope.spawn(|| {
+                while !over.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        while before.elapsed() < LENGTH {
+            frames.push(client.frame());
+        }
+        over.store(true, Ordering::Relaxed);
+    });
+    frames.extend(rest(&mut client));
+    let due = before.elapsed().as_secs_f64() * RATE_HZ;
+    let counters = client.status().counters;
+
+    // X-Val: protocols/docs/icd.md, section 5.5: the first exposure ends one period after the attitude.
+    let mut missed = 0;
+    for frame in &frames {
+        let periods = (mid_s(frame) + EXPOSURE_S / 2.0) * RATE_HZ;
+        let whole = periods.round();
+        assert!((periods - whole).abs() < 1e-5, "{periods}");
+        // Those before it are frames with numbers from 0 on, or missed.
+        let until_then = (whole as u32).checked_sub(frame.header.frame + 1);
+        assert!(until_then >= Some(missed), "{until_then:?} after {missed}");
+        missed = until_then.unwrap_or_default();
+    }
+    assert!(missed <= counters.exposures_missed);
+    let exposures = f64::from(counters.frames_rendered + counters.exposures_missed);
+    assert!(exposures <= due, "{exposures} of {due}");
+    // A single shot's exposure starts as it is asked for. What the wire and a busy machine take widens the bounds, and breaks none.
+    let asked = Instant::now();
+    client.done(Command::SingleShot);
+    let done = Instant::now();
+    let start_s = mid_s(&client.frame()) - EXPOSURE_S / 2.0;
+    let bounds = [asked - after, done - before].map(|bound| bound.as_secs_f64());
+    println!(
+        "{} frames, {missed} missed; {start_s} s in {bounds:?}",
+        frames.len()
+    );
+    assert!(
+        (bounds[0] - 1e-6..bounds[1] + 1e-6).contains(&start_s),
+        "{start_s} s is not within {bounds:?}"
+    );
+}
