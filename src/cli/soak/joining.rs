@@ -28,8 +28,8 @@ pub struct Joining {
     begin: Option<Instant>,
     /// Exposures without a frame that were booked, by camera.
     missed: BTreeMap<usize, u32>,
-    /// The last frame of each that has left.
-    last: BTreeMap<usize, u32>,
+    /// The last frame of each that has left, and its deadline.
+    last: BTreeMap<usize, (u32, Option<Instant>)>,
     /// When the first came.
     pub first: Option<Instant>,
     /// What was held meanwhile.
@@ -52,7 +52,7 @@ impl Joining {
         for (camera, told) in left {
             let frame = told.times.frame;
             self.without_frame(camera, told.missed, frame, "before it");
-            self.last.insert(camera, frame);
+            self.last.insert(camera, (frame, told.deadline));
             self.left(camera, told, Instant::now());
             arrivals
                 .try_iter()
@@ -142,14 +142,21 @@ impl Joining {
         }
     }
 
-    /// All of it: what never came counts, but for what had just left and still had time when the clients `ended`; and so do the exposures without a frame, by camera.
-    pub fn end(mut self, ended: Instant, missed: &[u32]) -> Vec<Camera> {
+    /// All of it: what never came counts, but for what had just left and still had time when the clients `ended`; and so do the exposures without a frame, of which each
+    /// camera has so many, and one deadline a period.
+    pub fn end(mut self, ended: Instant, missed: &[(u32, Duration)]) -> Vec<Camera> {
         self.lose(|told, left| {
             left + PARTING < ended || told.deadline.is_some_and(|due| due < ended)
         });
-        for (camera, missed) in missed.iter().enumerate() {
-            let last = self.last.get(&camera).copied().unwrap_or_default();
-            self.without_frame(camera, *missed, last, "after it");
+        for (camera, (missed, period)) in missed.iter().enumerate() {
+            let (last, deadline) = self.last.get(&camera).copied().unwrap_or_default();
+            let due = deadline.map_or(u32::MAX, |deadline| {
+                let since = ended.saturating_duration_since(deadline);
+                (since.as_secs_f64() / period.as_secs_f64()) as u32
+            });
+            let booked = self.missed.get(&camera).copied().unwrap_or_default();
+            let after = missed.saturating_sub(booked).min(due);
+            self.without_frame(camera, booked + after, last, "after it");
         }
         self.cameras
     }
@@ -158,6 +165,8 @@ impl Joining {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const PERIOD: Duration = Duration::from_millis(100);
 
     fn left(frame: u32, trigger: Instant, deadline: Instant) -> Left {
         Left {
@@ -197,7 +206,7 @@ mod tests {
             assert!(joining.came.len() <= 151, "{}", joining.came.len());
         }
         let end = begin + 100 * MS * 10_000;
-        let cameras = joining.end(end + PARTING, &[0]);
+        let cameras = joining.end(end + PARTING, &[(0, PERIOD)]);
         let latencies = &cameras[0].latencies;
         // X-Val: one in four came, in time.
         assert_eq!((latencies.frames, latencies.missed), (10_000, 7_500));
@@ -221,9 +230,28 @@ mod tests {
         assert_eq!(incomplete(&joining), 1);
         joining.give_up(at(70));
         assert_eq!(incomplete(&joining), 2);
-        let cameras = joining.end(at(100), &[0]);
+        let cameras = joining.end(at(100), &[(0, PERIOD)]);
         // X-Val: PARTING, which the last one was still within.
         assert_eq!(cameras[0].latencies.frames, 3);
         assert_eq!(cameras[0].latencies.missed, 3);
+    }
+    /// An exposure that ended as the run did had no time for its frame.
+    #[test]
+    fn exposures_without_a_frame_count_when_their_deadlines_have_passed() {
+        let begin = Instant::now();
+        let counted = |ended: Duration| {
+            let mut joining = Joining::new(vec![Camera::default()], Duration::from_secs(60));
+            joining.last.insert(0, (7, Some(begin)));
+            let cameras = joining.end(begin + ended, &[(3, PERIOD)]);
+            cameras[0].latencies.without_frame
+        };
+        // X-Val: by hand: their deadlines are 100, 200 and 300 ms after the last frame's.
+        for (ended_ms, count) in [(0, 0), (99, 0), (101, 1), (250, 2), (350, 3), (9000, 3)] {
+            assert_eq!(
+                counted(Duration::from_millis(ended_ms)),
+                count,
+                "{ended_ms}"
+            );
+        }
     }
 }

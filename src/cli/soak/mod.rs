@@ -235,7 +235,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     counts.retain(|(_, count)| *count > 0);
     // Each camera hears of every one.
     let attitudes = closed.first().map_or(0, |(_, counters)| counters.attitudes);
-    let missed = closed.iter().map(|(_, counters)| counters.exposures_missed);
+    let of_heads = config.heads.iter().map(|head| head.camera.rate_hz);
+    let rates = std::iter::once(config.camera.rate_hz).chain(of_heads);
+    let missed = closed.iter().zip(rates).map(|((_, counters), rate_hz)| {
+        let period = Duration::from_secs_f64(1.0 / rate_hz);
+        (counters.exposures_missed, period)
+    });
     let (first, memory) = (joining.first, joining.memory);
     let cameras = joining.end(ended, &missed.collect::<Vec<_>>());
     let minutes = ended.duration_since(begin).as_secs_f64() / 60.0;
