@@ -19,7 +19,6 @@ use crate::sky::starlight::StarLight;
 use hifitime::{Epoch, Unit};
 use skyloop_orbit::Ages;
 use skyloop_orbit::sgp4_batch::Level;
-use std::collections::VecDeque;
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -55,18 +54,6 @@ pub struct Emulator {
     rejected_records: u32,
     /// When the ages of element sets were last looked at, and whether they have been told.
     ages: (Option<Epoch>, bool),
-    /// What is left of a warm-up.
-    cold: VecDeque<Lead>,
-}
-
-/// A frame that nobody sees.
-#[derive(Debug)]
-struct Lead {
-    vehicle: VehicleState,
-    repeat: u32,
-    /// Which thread takes the lead, and whether alone.
-    leader: usize,
-    alone: bool,
 }
 
 /// One exposure, rendered.
@@ -190,7 +177,6 @@ impl Emulator {
             next_frame: 0,
             rejected_records: config.rejected.len() as u32,
             ages: (None, false),
-            cold: VecDeque::new(),
         }
     }
 
@@ -298,41 +284,23 @@ impl Emulator {
         })
     }
 
-    /// Makes a frame that nobody sees, so that the first one that counts finds what others find: orbits between whose knots it lies, memory, threads. Of those that
-    /// follow ([`Emulator::warm_on`]) each thread takes the lead, the first few, alone and with the others: who does later, and who has the time to help, is chance, and the
-    /// memory for that is there then. With the others first: the orbits get ready in the first.
+    /// Makes frames that nobody sees, so that the first one that counts finds what others find: orbits between whose knots it lies, memory, threads. Of these each takes the
+    /// lead, the first few, with the others and alone: who does later, and who has the time to help, is chance, and the memory for that is there then. With the others
+    /// first: the orbits get ready in the first.
     pub fn warm_up(&mut self, vehicle: &VehicleState) {
-        let threads = rayon::current_num_threads().min(LEADERS);
-        let alone = (0..threads).map(|leader| (leader, true));
-        let together = (1..threads).map(|leader| (leader, false));
-        let leads = std::iter::once((0, false)).chain(alone).chain(together);
-        let leads = (0..).zip(leads).map(|(repeat, (leader, alone))| Lead {
-            vehicle: vehicle.clone(),
-            repeat,
-            leader,
-            alone,
-        });
-        self.cold = leads.collect();
-        self.warm_on();
-        rayon::broadcast(|thread| (thread.index() < LEADERS).then(reserve));
-    }
-
-    /// Makes the next frame of a warm-up; false where none is left. One emulator at a time: a thread that is to be alone waits for all.
-    pub fn warm_on(&mut self) -> bool {
-        let Some(lead) = self.cold.pop_front() else {
-            return false;
-        };
         let (next_frame, ages) = (self.next_frame, self.ages);
-        // Not the run's first: its plan is logged.
-        self.next_frame = next_frame.max(1);
-        let shot = crew::led_by(lead.leader, lead.alone, || {
-            self.shoot(&lead.vehicle, lead.repeat)
-        });
-        if let Some(Ok(shot)) = shot {
-            self.take_back(shot);
+        let leaders = 0..rayon::current_num_threads().min(LEADERS);
+        let leads = leaders.flat_map(|leader| [(leader, false), (leader, true)]);
+        for (repeat, (leader, alone)) in (0..).zip(leads) {
+            // Not the run's first: its plan is logged.
+            self.next_frame = next_frame.max(1);
+            let shot = crew::led_by(leader, alone, || self.shoot(vehicle, repeat));
+            if let Some(Ok(shot)) = shot {
+                self.take_back(shot);
+            }
         }
         (self.next_frame, self.ages) = (next_frame, ages);
-        true
+        rayon::broadcast(|thread| (thread.index() < LEADERS).then(reserve));
     }
 
     /// Takes a shot back that is not needed any more: the next is made in its memory.

@@ -312,6 +312,7 @@ impl Server {
         let whole = end == End::Whole;
         let mark = whole.then(|| tally.departed.mark());
         let mut pictures = self.pictures.iter_mut();
+        self.channels[at].exchange.stalled &= !whole;
         if let Some(picture) = pictures.find(|picture| picture.number == frame) {
             picture.open = picture.open.saturating_sub(1);
             picture.whole &= whole;
@@ -330,12 +331,12 @@ impl Server {
         let channel = &mut self.channels[at];
         channel.exchange.deaf = !is_alone;
         if !std::mem::replace(&mut channel.exchange.stalled, true) {
-            let frames = match is_alone {
-                true => "its frames are made, and missed,",
-                false => "it gets no frames",
+            let (frames, until) = match is_alone {
+                true => ("its frames are made, and missed,", "takes one whole"),
+                false => ("it gets no frames", "says something"),
             };
             tracing::warn!(
-                "the client at {} takes nothing: {frames} until it says something",
+                "the client at {} takes nothing: {frames} until it {until}",
                 channel.wire.address
             );
         }

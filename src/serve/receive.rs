@@ -76,8 +76,7 @@ impl Server {
         if newer != 0 {
             self.open_exchange(at, inbound.exchange);
         }
-        let exchange = &mut self.channels[at].exchange;
-        (exchange.deaf, exchange.stalled) = (false, false);
+        self.channels[at].exchange.deaf = false;
         let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
             Ok(decoded) => decoded,
             Err(error) => {

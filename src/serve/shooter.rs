@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::engine::{Emulator, Opening, Shot, Witness};
 use crate::fidelity::Fidelity;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
@@ -141,25 +141,9 @@ impl Shooter {
 }
 
 impl Darkroom {
-    /// The first task; none if the server has dropped its end. Until it comes, what is left of a warm-up is made: an exposure takes its time.
-    fn first(&self, emulator: &mut Emulator, turn: &Mutex<()>) -> Option<Task> {
-        loop {
-            match self.tasks.try_recv() {
-                Err(TryRecvError::Empty) => {}
-                told => return told.ok(),
-            }
-            let _turn = take(turn);
-            if !emulator.warm_on() {
-                break;
-            }
-        }
-        self.tasks.recv().ok()
-    }
-
     /// Makes frames until the server drops its end; one camera after another, each by all threads, where several share `turn`.
     pub fn work(mut self, emulator: &mut Emulator, turn: &Mutex<()>) {
-        let first = self.first(emulator, turn);
-        for task in first.into_iter().chain(&self.tasks) {
+        for task in &self.tasks {
             match task {
                 Task::Recycle(shot) => emulator.take_back(*shot),
                 Task::Make(order) => {
@@ -175,7 +159,8 @@ impl Darkroom {
                         ..
                     } = &*order;
                     let ordered = Instant::now();
-                    let turn = take(turn);
+                    // What a thread that panicked leaves behind is nobody's turn.
+                    let turn = turn.lock().unwrap_or_else(PoisonError::into_inner);
                     let shot = emulator.shoot_before(&self.seen, camera, vehicle, *repeat);
                     drop(turn);
                     self.seen.tell(match shot {
@@ -188,12 +173,6 @@ impl Darkroom {
             }
         }
     }
-}
-
-/// Waits for this camera's turn.
-fn take(turn: &Mutex<()>) -> MutexGuard<'_, ()> {
-    // What a thread that panicked leaves behind is nobody's turn.
-    turn.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Seen {

@@ -281,11 +281,14 @@ fn triggers_of_a_time_that_is_set_back_meanwhile_are_forgotten() {
     let mut client = Client::<MemoryLine>::new(line);
     client.point(attitude(1), EPOCH);
     client.done(Command::Pause);
-    trigger(&mut client, 7, 0.1);
-    // Late by no more than a wire may be, and set back by an hour.
-    client.point(attitude(2), later(EPOCH, -0.1));
+    // The time that it stands at, however long the machine took until then.
+    client.point(attitude(2), later(EPOCH, 100.0));
+    trigger(&mut client, 7, 100.1);
+    // Late by no more than a wire may be, and again, and set back by an hour.
+    client.point(attitude(3), later(EPOCH, 99.9));
+    client.point(attitude(4), later(EPOCH, 99.8));
     assert_eq!(client.status().counters.triggers_missed, 0);
-    client.point(attitude(3), later(EPOCH, -3600.0));
+    client.point(attitude(5), later(EPOCH, -3600.0));
     assert_eq!(client.status().counters.triggers_missed, 1);
     client.done(Command::Resume);
     trigger(&mut client, 8, -3599.9);

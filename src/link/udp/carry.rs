@@ -17,6 +17,8 @@ use tokio::sync::mpsc::Receiver;
 
 /// What a limited link may catch up at once, after a timer that came late: timers here go by milliseconds.
 pub(super) const BURST: Duration = Duration::from_millis(5);
+/// Datagrams that are taken in a row.
+const IN_A_ROW: u64 = 16;
 /// Packets that are taken from the queue at a time.
 const TOGETHER: usize = 64;
 
@@ -52,7 +54,11 @@ async fn receive(
 ) {
     // Longer than any packet: a longer datagram is refused for its length.
     let mut buffer = vec![0; 1 << 16];
-    loop {
+    for datagram in 1_u64.. {
+        // What leaves is not to wait for a flood's end.
+        if datagram.is_multiple_of(IN_A_ROW) {
+            tokio::task::yield_now().await;
+        }
         let received = socket.async_io(Interest::READABLE, || datagrams.receive(&mut buffer));
         // An error here answers an earlier datagram to a client that has gone.
         let Ok(Datagram {
@@ -107,8 +113,10 @@ async fn send(mut out: WayOut<'_>, mut departures: Receiver<Outbound>, limit: Op
         let free = pace.as_mut().filter(|_| octets > 0);
         match free.map(|pace| pace.pass(octets, now)) {
             Some(free) if free > now => tokio::time::sleep_until(free.into()).await,
+            // A line that is behind its time catches up.
+            Some(_) => {}
             // What has come meanwhile is not to wait for all that is queued.
-            _ => tokio::task::yield_now().await,
+            None => tokio::task::yield_now().await,
         }
     }
 }
@@ -135,15 +143,13 @@ impl WayOut<'_> {
         let tally = self.exchange.borrow().tally.clone();
         let (mut at, mut octets) = (0, 0);
         while let Some(rest) = batch.packets.get(at..).filter(|rest| !rest.is_empty()) {
-            // Another client may have come while this one's packets waited for room.
-            let client = self.exchange.borrow().client_of(batch.exchange);
-            let sent = match client {
-                Some(to) => {
-                    let send = || self.burst.send(&self.sending, rest, to);
-                    self.socket.async_io(Interest::WRITABLE, send).await.ok()
-                }
-                None => None,
-            };
+            let sent = self.socket.async_io(Interest::WRITABLE, || {
+                // Another client may have come while this one's packets waited for room.
+                let client = self.exchange.borrow().client_of(batch.exchange);
+                let to = client.ok_or(io::ErrorKind::NotConnected)?;
+                self.burst.send(&self.sending, rest, to)
+            });
+            let sent = sent.await.ok();
             let gone = rest.iter().take(sent.unwrap_or(1).max(1));
             for packet in gone {
                 at += 1;

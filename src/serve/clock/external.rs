@@ -24,6 +24,8 @@ pub(super) struct External {
     holdover: Duration,
     /// Triggers that wait for the end of their exposures, the first to end first; none where they ask for nothing.
     triggers: Option<Vec<Asked>>,
+    /// The scene's time that a pause has stopped, or the latest that was told since.
+    stood: Option<Epoch>,
 }
 
 impl External {
@@ -34,7 +36,21 @@ impl External {
             heard: None,
             holdover,
             triggers: packets.then(Vec::new),
+            stood: None,
         }
+    }
+
+    /// Since a pause any time may be told. Where it lies before the one that stood still, triggers of that would wait for it to come again.
+    fn told_anew(&mut self, told: Epoch) -> Heard {
+        let before = self.stood.filter(|stood| told < *stood);
+        let is_set_back = before.is_some_and(|stood| is_set(told, stood));
+        let waits = self.triggers.as_ref().is_some_and(|all| !all.is_empty());
+        if is_set_back && waits {
+            self.stood = Some(told);
+            return Heard::Jumped;
+        }
+        self.stood = before.or(Some(told));
+        Heard::Fits
     }
 
     /// When the exposure of a trigger has ended.
@@ -56,18 +72,12 @@ impl Clock for External {
     fn latched(&mut self, _: &Latched, _: &Arc<Camera>) {}
 
     fn hear(&mut self, told: Epoch, arrived: Instant) -> Heard {
-        let before = self.cadence.scene_at(arrived);
-        let Some(own) = before.filter(|_| !self.cadence.awaits_time()) else {
+        let own = self.cadence.scene_at(arrived);
+        let Some(own) = own.filter(|_| !self.cadence.awaits_time()) else {
             self.discipline = Discipline::default();
             self.cadence.start(told, arrived);
             self.heard = Some(arrived);
-            // Since a pause any time may be told; triggers of a later one would wait for it to come again.
-            let is_set_back = before.is_some_and(|own| is_set(told, own) && told < own);
-            let waits = self.triggers.as_ref().is_some_and(|all| !all.is_empty());
-            return match is_set_back && waits {
-                true => Heard::Jumped,
-                false => Heard::Fits,
-            };
+            return self.told_anew(told);
         };
         match self.discipline.hear(told, own) {
             Correction::Slew(ahead_s) => {
@@ -164,6 +174,7 @@ impl Clock for External {
 
     fn pause(&mut self, now: Instant) {
         self.cadence.pause(now);
+        self.stood = self.cadence.scene_at(now);
     }
 
     fn is_paused(&self) -> bool {
@@ -181,7 +192,7 @@ impl Clock for External {
     fn clear(&mut self, rate_hz: f64, now: Instant) -> u32 {
         let waited = self.end(now);
         self.cadence.clear(rate_hz, now);
-        (self.discipline, self.heard) = (Discipline::default(), None);
+        (self.discipline, self.heard, self.stood) = (Discipline::default(), None, None);
         waited
     }
 
