@@ -247,13 +247,8 @@ fn udp_carries_the_loop() {
     );
 }
 
-#[test]
-fn by_the_wall_clock_attitudes_leave_at_their_rate_and_skipped_frames_are_counted() {
-    let mut emulator = Emulator::new(|attitude, packets| {
-        if attitude % 4 == 2 {
-            packets.clear();
-        }
-    });
+/// Flies 8 attitudes at 20 Hz by the wall clock against an emulator of small frames; its report and what was told.
+fn by_the_wall_clock(mut emulator: Emulator) -> (Emulator, Report, Vec<String>) {
     emulator.field = Field {
         width: 64,
         height: 64,
@@ -266,7 +261,16 @@ fn by_the_wall_clock_attitudes_leave_at_their_rate_and_skipped_frames_are_counte
         ..mission(8)
     };
     let (report, told) = fly(port, wall);
-    let emulator = thread.join().unwrap();
+    (thread.join().unwrap(), report, told)
+}
+
+#[test]
+fn by_the_wall_clock_attitudes_leave_in_order_and_skipped_frames_are_counted() {
+    let (emulator, report, told) = by_the_wall_clock(Emulator::new(|attitude, packets| {
+        if attitude % 4 == 2 {
+            packets.clear();
+        }
+    }));
     assert_eq!(report.frames + report.lost, 8, "{told:?}");
     assert!(
         report.lost >= 1 && told.iter().any(|line| line.contains("went on to the next")),
@@ -280,19 +284,8 @@ fn by_the_wall_clock_attitudes_leave_at_their_rate_and_skipped_frames_are_counte
 #[test]
 #[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
 fn timed_attitudes_leave_at_their_rate() {
-    let mut emulator = Emulator::new(|_, _| {});
-    emulator.field = Field {
-        width: 64,
-        height: 64,
-        ..Field::default()
-    };
-    let (port, thread) = over_memory(emulator);
-    let wall = Mission {
-        pace: Pace::Wall { rate_hz: 20.0 },
-        ..mission(8)
-    };
-    fly(port, wall);
-    let left = periods(&thread.join().unwrap(), 20.0);
+    let (emulator, ..) = by_the_wall_clock(Emulator::new(|_, _| {}));
+    let left = periods(&emulator, 20.0);
     let mut spacings: Vec<f64> = left.windows(2).map(|pair| pair[1] - pair[0]).collect();
     spacings.sort_by(f64::total_cmp);
     assert!(spacings[spacings.len() / 2] < 2.0, "{left:?}");
