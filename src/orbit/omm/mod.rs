@@ -197,7 +197,7 @@ impl<'a> Fields<'a> {
             perigee: angle(Key::Perigee)? * DEGREE,
             mean_anomaly: angle(Key::MeanAnomaly)? * DEGREE,
             mean_motion: self.mean_motion(start)? * REV_PER_DAY,
-            drag: self.number(Key::Drag, -1e3..=1e3, start)?,
+            drag: self.number(Key::Drag, -1e9..=1e9, start)?,
         };
         elements
             .orbit()

@@ -296,7 +296,7 @@ fn every_kind_of_damage_says_what_and_where() {
         (swap("19166.5", "19x66.5"), 1, "bad epoch"),
         (swap("97.5000", "97.5x00"), 2, "bad inclination"),
         (swap(" 97.5000", "197.5000"), 2, "bad inclination"),
-        (swap("0010000", "00100 0"), 2, "bad eccentricity"),
+        (swap("0010000", "00100x0"), 2, "bad eccentricity"),
         (swap("15.20000000", " 0.00000000"), 2, "SGP4 cannot start"),
         (swap("15.20000000", "        inf"), 2, "bad mean motion"),
         (swap("10000-4", "1000x-4"), 1, "bad drag term"),
