@@ -154,6 +154,29 @@ fn names_may_stand_behind_their_sets() {
             ["LOW", "GEO"],
             0,
         ),
+        // A name may begin as element lines do.
+        (
+            format!("2 COSMOS\n{}1 KUNS-PF\n{}", low(), geo()),
+            ["2 COSMOS", "1 KUNS-PF"],
+            0,
+        ),
+        (
+            format!(
+                "0 2 COSMOS 1408 DEBRIS, LONG\n{}1 NAME OF MORE THAN 26 LETTERS\n{}",
+                low(),
+                geo()
+            ),
+            [
+                "2 COSMOS 1408 DEBRIS, LONG",
+                "1 NAME OF MORE THAN 26 LETTERS",
+            ],
+            0,
+        ),
+        (
+            format!("{}2 NAME OF MORE THAN 26 LETTERS\n{}GEO\n", low(), geo()),
+            ["2 NAME OF MORE THAN 26 LETTERS", "GEO"],
+            0,
+        ),
         (
             format!("{}LOW\nMORE\n{}GEO\n", low(), geo()),
             ["LOW", "GEO"],
