@@ -60,7 +60,7 @@ pub use write::{Written, write};
 
 use elements::{Elements, PropagationError};
 use ephemeris::Ephemeris;
-use hifitime::Epoch;
+use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
 use std::borrow::Cow;
 use time::utc_text;
@@ -174,6 +174,18 @@ impl Object {
             epoch: t,
             reason,
         }
+    }
+
+    /// The first and the last instant at which it may have a state.
+    pub fn span(&self) -> Option<(Epoch, Epoch)> {
+        let reach = Unit::Day * elements::MAX_ELAPSED_DAYS;
+        let sets = self.sets().map(|set| (set.epoch - reach, set.epoch + reach));
+        let covered = match &self.orbit {
+            Orbit::Ephemeris(ephemeris) => ephemeris.interval(),
+            Orbit::Elements(..) => None,
+        };
+        let all = sets.chain(covered);
+        all.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)))
     }
 
     /// Its element sets, in their order; none of an ephemeris.
