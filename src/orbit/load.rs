@@ -2,7 +2,7 @@
 
 use crate::format::Format;
 use crate::record::{Found, Record};
-use crate::{Designator, Object, Orbit, oem, omm, read_text, remedy, tle};
+use crate::{Designator, Object, Orbit, oem, omm, read_text, remedy, server, theory, tle};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fmt;
@@ -15,6 +15,8 @@ pub struct Loaded {
     pub objects: Vec<Object>,
     /// The records that could not be read, in the order of the file.
     pub rejected: Vec<Rejected>,
+    /// What was assumed of records that were read, a line for each kind.
+    pub assumed: Vec<String>,
 }
 
 /// What a text holds, as it gives it.
@@ -28,6 +30,8 @@ pub struct Contents {
     pub ephemerides: Vec<Object>,
     /// The records that could not be read, in the order of the text.
     pub rejected: Vec<Rejected>,
+    /// What was assumed of records that were read, a line for each kind.
+    pub assumed: Vec<String>,
 }
 
 /// A record that could not be read. Shown as `file:line: reason`.
@@ -82,12 +86,24 @@ pub enum LoadError {
     },
     /// The text is in no format that is read.
     #[error(
-        "{source_name}: no orbit found; expected two-line element sets (TLE, 3LE), OMM in KVN, XML, JSON or CSV, or a \
+        "{source_name}: no orbit found, it begins with \"{begins}\"; expected two-line element sets (TLE, 3LE), OMM in KVN, XML, JSON or CSV, or a \
          CCSDS OEM in KVN, whose first line is CCSDS_OEM_VERS = ..."
     )]
     NoOrbit {
         /// The source's name.
         source_name: String,
+        /// Its first words.
+        begins: String,
+    },
+    /// The text is a server's answer in place of orbits.
+    #[error(
+        "{source_name}: no orbits, but the answer of a server: \"{says}\"; fetch the file again"
+    )]
+    Answer {
+        /// The source's name.
+        source_name: String,
+        /// The server's words.
+        says: String,
     },
     /// The text has the form of element sets and holds none.
     #[error("{source_name}: {format}, and no record in it")]
@@ -114,9 +130,8 @@ impl LoadError {
             LoadError::Read { error, .. } => error.kind() == std::io::ErrorKind::InvalidData,
             LoadError::NoOrbit { .. } => true,
             // A file that has lost its records is a loss.
-            LoadError::Empty { .. } | LoadError::NoRecord { .. } | LoadError::NoSegment { .. } => {
-                false
-            }
+            LoadError::Empty { .. } | LoadError::Answer { .. } => false,
+            LoadError::NoRecord { .. } | LoadError::NoSegment { .. } => false,
         }
     }
 }
@@ -152,8 +167,17 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
             source_name: source_name(),
         });
     }
-    let format = Format::of(text).ok_or_else(|| LoadError::NoOrbit {
+    let format = Format::of(text);
+    let may_answer = matches!(format, None | Some(Format::OmmJson));
+    if let Some(says) = may_answer.then(|| server::words(text, source)).flatten() {
+        return Err(LoadError::Answer {
+            source_name: source_name(),
+            says,
+        });
+    }
+    let format = format.ok_or_else(|| LoadError::NoOrbit {
         source_name: source_name(),
+        begins: server::quoted(text).chars().take(40).collect(),
     })?;
     let mut found = Found::new(source);
     let mut ephemerides = Vec::new();
@@ -174,6 +198,7 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
     if !records.is_empty() || !ephemerides.is_empty() || !rejected.is_empty() {
         return Ok(Contents {
             format,
+            assumed: theory::assumptions(&records, source),
             records,
             ephemerides,
             rejected,
@@ -205,6 +230,7 @@ impl From<Contents> for Loaded {
         Loaded {
             objects,
             rejected: contents.rejected,
+            assumed: contents.assumed,
         }
     }
 }

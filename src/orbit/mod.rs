@@ -39,7 +39,9 @@ mod omm;
 mod pick;
 mod record;
 mod regime;
+mod server;
 mod text;
+mod theory;
 pub mod time;
 mod tle;
 mod two_line;
@@ -55,6 +57,7 @@ pub use record::Record;
 pub use regime::Regime;
 pub use sgp4;
 pub use text::{LARGEST_FILE, Listing, files, read_text, remedy};
+pub use theory::Theory;
 pub use two_line::{Checksum, ElementsError};
 pub use write::{Written, write};
 

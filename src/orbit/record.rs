@@ -1,7 +1,7 @@
 //! One element set as its file gives it, with what a scene has no use for and another format needs.
 
-use crate::Rejected;
 use crate::elements::Elements;
+use crate::{Rejected, Theory};
 
 /// An element set and what its source says beside it.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +16,8 @@ pub struct Record {
     pub classification: char,
     /// Ephemeris type: 0 for all that are published.
     pub ephemeris_type: u8,
+    /// The theory that the source names.
+    pub theory: Theory,
     /// Number of the element set.
     pub element_set: u32,
     /// Revolution number at the epoch.

@@ -2,14 +2,11 @@
 
 use crate::elements::{Elements, ModelError};
 use crate::record::{Record, long_designator};
+use crate::theory::{self, Theory};
 use crate::time;
 use crate::units::{DEGREE, REV_PER_DAY};
 use hifitime::Epoch;
 use std::borrow::Cow;
-
-/// Why a set of ephemeris type 4 is refused.
-pub(crate) const SGP4_XP: &str =
-    "ephemeris type 4: elements of SGP4-XP, which SGP4 must not read; fetch those of SGP4";
 
 /// Whether the checksum in column 69 must be present and right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,8 +62,8 @@ pub enum ElementsError {
         second: u32,
     },
     /// The elements are those of another theory.
-    #[error("{SGP4_XP}")]
-    Theory,
+    #[error("{0}")]
+    Theory(String),
     /// SGP4 cannot start from these elements.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -79,7 +76,7 @@ impl ElementsError {
             Self::Layout { line, .. } | Self::Checksum { line, .. } | Self::Field { line, .. } => {
                 *line
             }
-            Self::Theory => 1,
+            Self::Theory(_) => 1,
             Self::TwoObjects { .. } | Self::Model(_) => 2,
         }
     }
@@ -94,6 +91,7 @@ impl Elements {
     }
 
     fn of(first: &Line, second: &Line) -> Result<Self, ElementsError> {
+        first.ephemeris_type()?;
         let norad = first.catalogue_number()?;
         let again = second.catalogue_number()?;
         if norad != again {
@@ -131,17 +129,14 @@ impl Record {
     ) -> Result<Self, ElementsError> {
         let first = Line::new(1, line1, checksum)?;
         let second = Line::new(2, line2, checksum)?;
-        let ephemeris_type = first.counter("ephemeris type", 63..64)?;
-        if ephemeris_type == 4 {
-            return Err(ElementsError::Theory);
-        }
         let blank = |columns: Columns| first.text(columns).trim().is_empty();
         Ok(Self {
             line: 0,
             name: String::new(),
             designator: long_designator(first.text(10..18)),
             classification: first.text(8..9).chars().find(|c| *c != ' ').unwrap_or('U'),
-            ephemeris_type: ephemeris_type as u8,
+            ephemeris_type: first.ephemeris_type()?,
+            theory: Theory::default(),
             element_set: first.counter("element set number", 65..69)?,
             revolution: second.counter("revolution number", 64..69)?,
             mean_motion_dot: match blank(34..44) {
@@ -229,6 +224,11 @@ impl<'a> Line<'a> {
     fn catalogue_number(&self) -> Result<u32, ElementsError> {
         let number = alpha_5(self.text(3..8).trim());
         number.ok_or_else(|| self.bad("catalogue number", 3..8))
+    }
+
+    fn ephemeris_type(&self) -> Result<u8, ElementsError> {
+        let number = self.counter("ephemeris type", 63..64)?;
+        theory::ephemeris_type(number).map_err(ElementsError::Theory)
     }
 
     /// Columns `from..to` as characters; columns beyond the end of the line are blank.

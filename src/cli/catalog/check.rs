@@ -62,6 +62,9 @@ struct FileReport {
     last_epoch: Option<String>,
     /// Numbers beyond five digits.
     beyond_99999: usize,
+    /// What was assumed of records, a line for each kind.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    assumed: Vec<String>,
     /// Objects with several sets, and how many.
     several_sets: BTreeMap<String, usize>,
     /// Sets that have no state at their own epoch.
@@ -167,7 +170,12 @@ fn of_source(source: Source, all: &mut All) -> FileReport {
     match source.contents {
         Ok(contents) => {
             let mut report = of_contents(&contents);
-            let Loaded { objects, rejected } = Loaded::from(contents);
+            let Loaded {
+                objects,
+                rejected,
+                assumed,
+            } = Loaded::from(contents);
+            report.assumed = assumed;
             let refused = gather(&mut all.objects, &mut all.register, objects).refused;
             let twice = refused
                 .into_iter()
@@ -281,6 +289,9 @@ impl FileReport {
                     set.line, set.norad, set.reason
                 );
             }
+        }
+        for assumed in &self.assumed {
+            text += &format!("  assumed: {assumed}\n");
         }
         for Refusal { line, reason } in &self.rejected {
             text += &format!("  {file}:{line}: {reason}\n");

@@ -9,7 +9,7 @@ mod draw;
 pub use classes::{CLASSES, Class};
 
 use crate::elements::{EARTH_RADIUS_M, Elements};
-use crate::{Object, Record};
+use crate::{Object, Record, Theory};
 use classes::{Drag, Inclination, Orbit, Size};
 use draw::{Draw, GOLDEN};
 use hifitime::{Epoch, Unit};
@@ -48,6 +48,7 @@ impl Synthetic {
             designator: String::new(),
             classification: 'U',
             ephemeris_type: 0,
+            theory: Theory::default(),
             element_set: 1,
             revolution: 0,
             mean_motion_dot: 0.0,

@@ -244,13 +244,19 @@ fn indented_lines_old_line_ends_and_other_theories() {
     assert_eq!(ids(&loaded), [("NORAD 90001", vec!["LOW"])]);
     assert_eq!(loaded.rejected, []);
     // Column 63 of line 1 is the ephemeris type.
-    let xp = sealed(&format!("{}4{}", &LOW_1[..62], &LOW_1[63..]));
-    let loaded = read(&format!("{xp}\n{}", sealed(LOW_2)));
-    let found = rejections(&loaded);
-    assert!(
-        found[0].starts_with("test.tle:1: ephemeris type 4: elements of SGP4-XP"),
-        "{found:?}"
-    );
+    let of_type = |kind: &str| {
+        let line1 = sealed(&format!("{}{kind}{}", &LOW_1[..62], &LOW_1[63..]));
+        read(&format!("{line1}\n{}", sealed(LOW_2)))
+    };
+    for (kind, reason) in [("4", "elements of SGP4-XP"), ("6", "no elements of SGP4")] {
+        let found = rejections(&of_type(kind));
+        let start = format!("test.tle:1: ephemeris type {kind}: {reason}");
+        assert!(found[0].starts_with(&start), "{found:?}");
+    }
+    let old = of_type("2");
+    assert_eq!(old.objects.len(), 1);
+    assert!(old.assumed[0].starts_with("test.tle:1: ephemeris type"));
+    assert!(of_type("0").assumed.is_empty() && of_type(" ").assumed.is_empty());
 }
 
 #[test]
