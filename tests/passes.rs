@@ -374,7 +374,7 @@ fn elements(eccentricity: f64, mean_motion: f64, drag: f64) -> Object {
     Object {
         id: "NORAD 99999".into(),
         names: Vec::new(),
-        designator: None,
+        identity: skyloop_orbit::Identity::default(),
         orbit: Orbit::Elements(set, Vec::new()),
     }
 }

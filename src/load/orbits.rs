@@ -164,16 +164,17 @@ pub fn gather(objects: &mut Vec<Object>, register: &mut Register, new: Vec<Objec
     let mut gathered = Gathered::default();
     objects.reserve(new.len());
     register.reserve(new.len());
-    for object in new {
+    for mut object in new {
         let place = register.place(&object);
         let Some((place, known)) = place.and_then(|at| Some((at, objects.get_mut(at)?))) else {
-            register.insert(&object, objects.len());
+            register.insert(&mut object, objects.len());
             objects.push(object);
             continue;
         };
         match (&known.orbit, &object.orbit) {
             (Orbit::Elements(..), Orbit::Elements(..)) => {
                 known.join(object);
+                register.note(known, place);
                 gathered.joined.push(place);
             }
             _ => gathered.refused.push(format!(

@@ -9,7 +9,7 @@ pub(crate) mod kvn;
 pub(crate) mod xml;
 
 use crate::elements::Elements;
-use crate::record::{At, Record, shorten};
+use crate::record::{At, Record, long_designator, shorten};
 use crate::theory::{self, Theory};
 use crate::units::{DEGREE, REV_PER_DAY};
 use crate::{bounded_name, time};
@@ -212,7 +212,7 @@ impl<'a> Fields<'a> {
         Ok(Record {
             line: start,
             name: bounded_name(text(Key::Name)),
-            designator: bounded_name(text(Key::Designator)),
+            designator: long_designator(&bounded_name(text(Key::Designator))),
             classification: text(Key::Classification).chars().next().unwrap_or('U'),
             ephemeris_type,
             theory,
@@ -258,7 +258,9 @@ impl<'a> Fields<'a> {
             None => return Err(missing(Key::Theory, start)),
         };
         let number = self.counter(Key::EphemerisType, u32::MAX)?.unwrap_or(0);
-        let place = self.find(Key::EphemerisType).map_or(start, |(_, place)| place);
+        let place = self
+            .find(Key::EphemerisType)
+            .map_or(start, |(_, place)| place);
         let kind = theory::ephemeris_type(number).map_err(|reason| (place, reason))?;
         Ok((theory, kind))
     }

@@ -8,8 +8,9 @@ mod draw;
 
 pub use classes::{CLASSES, Class};
 
+use crate::Theory;
 use crate::elements::{EARTH_RADIUS_M, Elements};
-use crate::{Object, Record, Theory};
+use crate::{Object, Record};
 use classes::{Drag, Inclination, Orbit, Size};
 use draw::{Draw, GOLDEN};
 use hifitime::{Epoch, Unit};
@@ -62,7 +63,7 @@ impl Synthetic {
         Object {
             id: format!("NORAD {}", self.elements.norad),
             names: vec![self.name()],
-            designator: None,
+            identity: crate::Identity::of_set(self.elements.norad, "", ""),
             orbit: crate::Orbit::Elements(self.elements, Vec::new()),
         }
     }

@@ -203,14 +203,35 @@ fn names_may_stand_behind_their_sets() {
 
 #[test]
 fn objects_without_a_number_are_told_apart_by_name() {
-    let unnumbered = |line: &str| sealed(&line.replace("90001", "00000"));
-    let set = format!("{}\n{}\n", unnumbered(LOW_1), unnumbered(LOW_2));
-    let loaded = read(&format!("ONE\n{set}TWO\n{set}ONE\n{set}"));
-    assert_eq!(
-        ids(&loaded),
-        [("NORAD 0 ONE", vec!["ONE"]), ("NORAD 0 TWO", vec!["TWO"])]
-    );
-    assert_eq!(loaded.find(Some("two")).unwrap().id, "NORAD 0 TWO");
+    for number in ["00000", "99999"] {
+        let set = |node: &str| {
+            let bare = [LOW_1, LOW_2].map(|line| {
+                let line = line.replace("90001", number).replace("19001A", "      ");
+                sealed(&line.replace("120.0000", node))
+            });
+            format!("{}\n{}\n", bare[0], bare[1])
+        };
+        let [one, other] = [set("120.0000"), set("130.0000")];
+        let loaded = read(&format!("ONE\n{one}TWO\n{one}ONE\n{one}"));
+        let shown = number.trim_start_matches('0');
+        let id = format!("NORAD {}", if shown.is_empty() { "0" } else { shown });
+        let (first, second) = (format!("{id} ONE"), format!("{id} TWO"));
+        assert_eq!(
+            ids(&loaded),
+            [
+                (first.as_str(), vec!["ONE"]),
+                (second.as_str(), vec!["TWO"])
+            ]
+        );
+        assert_eq!(loaded.find(Some("two")).unwrap().id, second);
+        // Without a name each is an object of its own, and so is one whose name says nothing.
+        for name in ["", "TBA - TO BE ASSIGNED\n"] {
+            let loaded = read(&format!("{name}{one}{name}{other}{name}{one}"));
+            let second = format!("{id} #2");
+            let found: Vec<&str> = loaded.objects.iter().map(|one| one.id.as_str()).collect();
+            assert_eq!(found, [id.as_str(), second.as_str()]);
+        }
+    }
 }
 
 #[test]

@@ -237,16 +237,50 @@ fn a_refusal_is_one_line_with_the_number_of_its_record() {
     assert!(told.iter().all(|line| !line.contains('\n')), "{told:?}");
 }
 
-#[test]
-fn an_oem_behind_another_begins_with_its_version() {
-    let message = |id: &str, minute: u32| {
-        format!(
-            "CCSDS_OEM_VERS = 2.0\nORIGINATOR = X\nMETA_START\nOBJECT_NAME = MADE UP\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\n\
+/// An ephemeris of so many minutes past three.
+fn message(id: &str, minute: u32) -> String {
+    named_message("MADE UP", id, minute)
+}
+
+fn named_message(name: &str, id: &str, minute: u32) -> String {
+    format!(
+        "CCSDS_OEM_VERS = 2.0\nORIGINATOR = X\nMETA_START\nOBJECT_NAME = {name}\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\n\
              REF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = 2026-07-12T03:00:00\nSTOP_TIME = 2026-07-12T04:00:00\nMETA_STOP\n\
              2026-07-12T03:{minute}:00 7000 0 0 0 7.5 0\n2026-07-12T03:{}:00 0 7000 0 -7.5 0 0\n",
-            minute + 25
-        )
-    };
+        minute + 25
+    )
+}
+
+#[test]
+fn ephemerides_of_unknown_objects_stay_apart() {
+    for (first, second, ids) in [
+        (
+            ("A", "UNKNOWN"),
+            ("B", "UNKNOWN"),
+            &["UNKNOWN A", "UNKNOWN B"][..],
+        ),
+        (("A", "TBD"), ("B", "tbd"), &["TBD A", "tbd B"]),
+        (("A", ""), ("B", ""), &["UNKNOWN A", "UNKNOWN B"]),
+        (("A", "0"), ("B", "99999"), &["0 A", "99999 B"]),
+        (("UNKNOWN", "UNKNOWN"), ("", ""), &["UNKNOWN", "UNKNOWN #2"]),
+        // One name, and one object in however many segments.
+        (("A", "UNKNOWN"), ("a", "N/A"), &["UNKNOWN A"]),
+        (("A", "1998-067-A"), ("B", "1998-067A"), &["1998-067-A"]),
+        (("A", "25544"), ("B", "NORAD 025544"), &["25544"]),
+        (("A", "OWN-1"), ("B", "own-1"), &["OWN-1"]),
+        (("A", "OWN-1"), ("A", "OWN-2"), &["OWN-1", "OWN-2"]),
+    ] {
+        let text =
+            [(first, 10), (second, 20)].map(|((name, id), minute)| named_message(name, id, minute));
+        let loaded = parse(&text.concat(), "odd").unwrap();
+        assert_eq!(loaded.rejected, []);
+        let found: Vec<&str> = loaded.objects.iter().map(|one| one.id.as_str()).collect();
+        assert_eq!(found, ids);
+    }
+}
+
+#[test]
+fn an_oem_behind_another_begins_with_its_version() {
     let loaded = parse(
         &[message("2026-101A", 10), message("2026-101B", 20)].concat(),
         "odd",
