@@ -39,7 +39,7 @@ pub fn is_placeholder(text: &str) -> bool {
 }
 
 /// The catalogue number, unless it stands for none: 0, or five or more nines.
-fn assigned(number: u32) -> Option<NonZeroU32> {
+pub(crate) fn assigned(number: u32) -> Option<NonZeroU32> {
     let nines = [99_999, 999_999, 9_999_999, 99_999_999, 999_999_999];
     NonZeroU32::new(number).filter(|_| !nines.contains(&number))
 }
@@ -78,10 +78,16 @@ enum Word {
 impl Identity {
     /// Of an element set.
     pub(crate) fn of_set(number: u32, designator: &str, name: &str) -> Self {
+        let number = assigned(number);
         Identity {
-            number: assigned(number),
+            number,
             designator: Designator::parse(designator),
-            word: Word::of_name(name),
+            // Catalogues are long: what a number tells apart needs no name.
+            word: if number.is_some() {
+                Word::Name
+            } else {
+                Word::of_name(name)
+            },
         }
     }
 
@@ -90,9 +96,10 @@ impl Identity {
         Identity {
             number: catalogue_number(id).and_then(assigned),
             designator: Designator::parse(id),
-            word: match is_placeholder(id) {
-                true => Word::of_name(name),
-                false => Word::Id,
+            word: if is_placeholder(id) {
+                Word::of_name(name)
+            } else {
+                Word::Id
             },
         }
     }
@@ -111,18 +118,20 @@ impl Identity {
 
 impl Word {
     fn of_name(name: &str) -> Self {
-        match is_placeholder(name) {
-            true => Word::Orbit,
-            false => Word::Name,
+        if is_placeholder(name) {
+            Word::Orbit
+        } else {
+            Word::Name
         }
     }
 }
 
 /// What an object is called by that has no number: `UNKNOWN`, or `NORAD 0` with its name behind it.
 pub(crate) fn unnumbered_id(placeholder: &str, name: &str) -> String {
-    match is_placeholder(name) {
-        true => placeholder.to_owned(),
-        false => format!("{placeholder} {name}"),
+    if is_placeholder(name) {
+        placeholder.to_owned()
+    } else {
+        format!("{placeholder} {name}")
     }
 }
 

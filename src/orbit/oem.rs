@@ -159,9 +159,10 @@ impl Reader<'_> {
     fn keep(&mut self, id: String, name: String, segment: Segment) {
         let mut object = Object {
             identity: Identity::of_ephemeris(&id, &name),
-            id: match is_placeholder(&id) {
-                true => unnumbered_id(&id, &name),
-                false => id,
+            id: if is_placeholder(&id) {
+                unnumbered_id(&id, &name)
+            } else {
+                id
             },
             names: Some(name)
                 .filter(|name| !is_placeholder(name))

@@ -1,7 +1,7 @@
 //! One element set as its file gives it, with what a scene has no use for and another format needs.
 
 use crate::elements::Elements;
-use crate::identity::{is_placeholder, unnumbered_id};
+use crate::identity::{assigned, is_placeholder, unnumbered_id};
 use crate::{Designator, Rejected, Theory};
 
 /// An element set and what its source says beside it.
@@ -34,12 +34,11 @@ pub struct Record {
 impl Record {
     /// What the object is called by: `NORAD 44322`. A number such as 0 stands for any object that has none yet, so the name is added.
     pub fn object_id(&self) -> String {
-        let number = self.elements.norad.to_string();
-        let id = format!("NORAD {number}");
-        if is_placeholder(&number) {
-            unnumbered_id(&id, &self.name)
-        } else {
+        let id = format!("NORAD {}", self.elements.norad);
+        if assigned(self.elements.norad).is_some() {
             id
+        } else {
+            unnumbered_id(&id, &self.name)
         }
     }
 }
