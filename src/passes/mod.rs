@@ -96,9 +96,10 @@ pub fn passes(
 ) -> Result<Passes, NoPasses> {
     let Some(search) = &with_states(search, population.objects()) else {
         let middle = search.from + (search.to - search.from) * 0.5;
-        let objects = population.objects().iter();
-        let why =
-            objects.filter_map(|one| Some((one.label(), one.state(middle).err()?.to_string())));
+        let why = population.objects().iter().filter_map(|object| {
+            let state = known::state(object, middle, &Matrix3::identity());
+            Some((object.label(), state.err()?.to_string()))
+        });
         return Ok(Passes {
             passes: Vec::new(),
             unknown: why.collect(),
