@@ -7,7 +7,7 @@ use skyloop::flight::Flight;
 use skyloop::load::Folder;
 use skyloop::orbit::elements::Elements;
 use skyloop::orbit::time::{parse_utc, utc_text};
-use skyloop::orbit::{Object, Orbit, StateVector, parse};
+use skyloop::orbit::{Identity, Object, Orbit, StateVector, parse};
 use skyloop::passes::{Pass, Passes, Search, passes};
 use skyloop::scene::Hidden;
 use skyloop::sky::bodies::Bodies;
@@ -374,7 +374,7 @@ fn elements(eccentricity: f64, mean_motion: f64, drag: f64) -> Object {
     Object {
         id: "NORAD 99999".into(),
         names: Vec::new(),
-        designator: None,
+        identity: Identity::default(),
         orbit: Orbit::Elements(set, Vec::new()),
     }
 }
@@ -416,6 +416,49 @@ fn an_object_that_decays_within_an_exposure_ends_its_stay_and_not_the_search() {
         let pass = the_one(found);
         assert!(pass.begun_before && !pass.goes_on);
         close((pass.exit.point.epoch - mid).to_seconds(), beside_s, 2.1e-3);
+    }
+}
+
+#[test]
+fn only_times_with_states_are_searched() {
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+    // X-Val: PyPI sgp4 2.27: from the fifth day on error code 1, in every minute.
+    let sunk = elements(0.0, 0.0682, 0.1);
+    let epoch = sunk.sets().next().unwrap().epoch;
+    let ephemeris = straight(epoch, Vector3::x() * 7e6, Vector3::y() * 7e3);
+    let (start, _) = ephemeris.span().unwrap();
+    for (object, days, most_steps) in [
+        (&sunk, 20.0, 0),
+        (&ephemeris, 2.0, 0),
+        (&ephemeris, -40.0, 0),
+        // Its ten minutes and a step on either side.
+        (&ephemeris, -15.0, 70),
+    ] {
+        let near = if days == 20.0 { epoch } else { start };
+        let from = near + Unit::Day * days;
+        let search = Search {
+            from,
+            to: from + Unit::Day * 30.0,
+            shortest_s: 0.05,
+        };
+        let flight = at_rest(Vector3::x() * 5e7, -Vector3::x(), Vector3::z());
+        let population = population(vec![object.clone()]);
+        let steps = AtomicUsize::new(0);
+        let tick = |_: f64| _ = steps.fetch_add(1, Relaxed);
+        let found = passes(
+            &search,
+            &flight,
+            &camera(),
+            &population,
+            &Corrections::NONE,
+            tick,
+        );
+        let (found, steps) = (found.unwrap(), steps.into_inner());
+        assert_eq!(found.unknown.len(), 1);
+        assert!(
+            steps <= most_steps && (steps > 0) == (most_steps > 0),
+            "{steps} steps"
+        );
     }
 }
 

@@ -198,6 +198,9 @@ fn orbit(text: &str, start: Epoch) -> Result<OrbitSource> {
         LoadError::Read { .. } => anyhow!("{error}; --orbit takes a TLE, 3LE, OMM or OEM file"),
         other => other.into(),
     })?;
+    for assumed in &loaded.assumed {
+        eprintln!("skyloop-fc: {assumed}");
+    }
     let (object, rejected) = loaded.pick(name).map_err(|why| anyhow!("{file}: {why}"))?;
     for rejected in rejected.iter().take(5) {
         eprintln!("skyloop-fc: {rejected}");

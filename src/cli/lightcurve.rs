@@ -193,7 +193,7 @@ pub(super) fn find(objects: &[Object], name: &str, scene: &str) -> anyhow::Resul
     }
     let all = Loaded {
         objects: objects.to_vec(),
-        rejected: Vec::new(),
+        ..Loaded::default()
     };
     let found = all
         .find(Some(name))

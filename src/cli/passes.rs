@@ -10,7 +10,7 @@ use hifitime::{Epoch, Unit};
 use skyloop::config::{Config, Observer, Sequence};
 use skyloop::flight::{self, Flight, FlightError};
 use skyloop::load::{Folder, orbits};
-use skyloop::orbit::time::{parse_utc, seconds, utc_text};
+use skyloop::orbit::time::{leap_seconds, parse_utc, seconds, utc_text};
 use skyloop::output::passes::{Row, Searched, csv, json, table};
 use skyloop::passes::{NoPasses, Passes, Search, passes};
 use skyloop_firmware_sim::console::say;
@@ -111,6 +111,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let rows: Vec<Row> = bright
         .map(|pass| Row::new(pass, &population.objects()[pass.index]))
         .collect();
+    if unknown.len() == population.objects().len() && passes.is_empty() {
+        tracing::warn!(
+            "no object has states through all of the search, and none passes: choose --from and --to within what their orbits cover"
+        );
+    }
     for reason in unknown.values().take(5) {
         tracing::warn!("{reason}");
     }
@@ -124,6 +129,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         objects: population.objects().len(),
         fainter: all - rows.len(),
         without_state: unknown.into_keys().collect(),
+        leap_seconds: leap_seconds(search.from, search.to),
     };
     let line = searched.line(rows.len());
     if args.json {

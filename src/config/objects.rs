@@ -125,7 +125,7 @@ impl RawPopulation {
             let one = match (&entry.object, &entry.files) {
                 (Some(selector), None) => {
                     let key = format!("{key}.object");
-                    let one = shelf
+                    let mut one = shelf
                         .one(selector, &mut all.findings)
                         .map_err(|error| check.explain(&key, error))?;
                     if selected.has(&one) {
@@ -135,7 +135,7 @@ impl RawPopulation {
                         );
                         return Err(check.explain(&key, reason));
                     }
-                    selected.insert(&one, i);
+                    selected.insert(&mut one, i);
                     Some(one)
                 }
                 (None, Some(files)) if !files.is_empty() => None,

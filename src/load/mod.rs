@@ -5,14 +5,13 @@ mod embedded;
 mod fixed;
 mod folder;
 pub mod orbits;
-mod register;
 mod syntax;
 mod words;
 
 pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
 pub(crate) use fixed::Fixed;
 pub use folder::Folder;
-pub use register::Register;
+pub use skyloop_orbit::Register;
 pub(crate) use syntax::parse;
 pub(crate) use words::{advice, nearest};
 

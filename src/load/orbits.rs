@@ -15,7 +15,7 @@ const NAMED: usize = 3;
 pub struct Findings {
     /// Records that were refused, one line each.
     pub rejected: Vec<String>,
-    /// What was passed over, one line each.
+    /// What was passed over or assumed, one line each.
     pub notices: Vec<String>,
 }
 
@@ -48,7 +48,7 @@ pub fn add_without(
         )));
     }
     let mut loaded = load(folder, name, findings)?;
-    book(&loaded.rejected, &mut findings.rejected);
+    findings.book(&loaded);
     if loaded.objects.is_empty() {
         let why = loaded.pick(None).err().unwrap_or_default();
         return Err(ConfigError::Orbit(format!("{name}: {why}")));
@@ -128,16 +128,26 @@ impl Shelf<'_> {
         let object = loaded
             .find(name)
             .map_err(|why| ConfigError::Orbit(format!("{file}: {why}")))?;
-        book(&loaded.rejected, &mut findings.rejected);
+        findings.book(loaded);
         Ok(object.clone())
     }
 }
 
-/// Adds what was refused, unless another use of the same file has told it already.
-fn book(refused: &[Rejected], rejected: &mut Vec<String>) {
-    let known: HashSet<String> = rejected.iter().cloned().collect();
-    let lines = refused.iter().map(Rejected::to_string);
-    rejected.extend(lines.filter(|line| !known.contains(line)));
+impl Findings {
+    /// Adds what was refused or assumed, unless another use of the same file has said it already.
+    fn book(&mut self, loaded: &Loaded) {
+        add_new(
+            &mut self.rejected,
+            loaded.rejected.iter().map(Rejected::to_string),
+        );
+        add_new(&mut self.notices, loaded.assumed.iter().cloned());
+    }
+}
+
+/// Adds the lines that are not there yet.
+fn add_new(all: &mut Vec<String>, lines: impl Iterator<Item = String>) {
+    let known: HashSet<String> = all.iter().cloned().collect();
+    all.extend(lines.filter(|line| !known.contains(line)));
 }
 
 /// What came of objects that were there already.
@@ -154,16 +164,17 @@ pub fn gather(objects: &mut Vec<Object>, register: &mut Register, new: Vec<Objec
     let mut gathered = Gathered::default();
     objects.reserve(new.len());
     register.reserve(new.len());
-    for object in new {
+    for mut object in new {
         let place = register.place(&object);
         let Some((place, known)) = place.and_then(|at| Some((at, objects.get_mut(at)?))) else {
-            register.insert(&object, objects.len());
+            register.insert(&mut object, objects.len());
             objects.push(object);
             continue;
         };
         match (&known.orbit, &object.orbit) {
             (Orbit::Elements(..), Orbit::Elements(..)) => {
                 known.join(object);
+                register.note(known, place);
                 gathered.joined.push(place);
             }
             _ => gathered.refused.push(format!(
@@ -210,6 +221,7 @@ fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, 
         match given(folder, &file) {
             Given::Orbits(loaded) => {
                 all.rejected.extend(loaded.rejected);
+                all.assumed.extend(loaded.assumed);
                 for reason in gather(&mut all.objects, &mut register, loaded.objects).refused {
                     all.rejected.push(Rejected {
                         source: file.clone(),

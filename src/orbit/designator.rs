@@ -1,10 +1,9 @@
-//! International designators (COSPAR), by which an ephemeris is known to be of the object that an element set is of.
+//! International designators (COSPAR): year, number and piece of a launch, in every spelling of public files.
 
-use crate::record::long_designator;
+use std::fmt;
 use std::num::NonZeroU16;
-use std::ops::RangeInclusive;
 
-/// A launch and its piece, `1998-067A`, in 8 octets: catalogues are long.
+/// A launch and its piece, `1998-067A`, in 8 bytes: catalogues are long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Designator {
     year: NonZeroU16,
@@ -13,29 +12,71 @@ pub struct Designator {
     piece: [u8; 3],
 }
 
+/// What may stand between year, launch and piece.
+const SEPARATORS: [char; 3] = ['-', ' ', '_'];
+
 impl Designator {
-    /// From `1998-067A`, with or without the launch's leading zeros, or the `98067A` of a TLE; nothing where the text is none,
-    /// such as `UNKNOWN`.
+    /// From `1998-067A`, the `98067A` of a TLE, `1998067A`, or `1998-067-A`, which NASA's ephemerides have; in any case of letters,
+    /// and behind a separator without the launch's leading zeros. Nothing where the text is none, such as `UNKNOWN`.
     pub fn parse(text: &str) -> Option<Self> {
-        let long = long_designator(text);
-        let (year, rest) = long.split_once('-')?;
-        let (launch, letters) = rest.split_at(rest.find(|c: char| !c.is_ascii_digit())?);
-        let number = |text: &str, digits: RangeInclusive<usize>| -> Option<u16> {
-            let all = digits.contains(&text.len()) && text.bytes().all(|b| b.is_ascii_digit());
-            all.then(|| text.parse().ok())?
+        let (first, rest) = digits(text.trim())?;
+        let (year, launch, rest) = match first.len() {
+            2 | 4 => {
+                let (launch, rest) = digits(rest.strip_prefix(SEPARATORS)?)?;
+                (first, launch, rest)
+            }
+            5 | 7 => {
+                let (year, launch) = first.split_at(first.len() - 3);
+                (year, launch, rest)
+            }
+            _ => return None,
         };
-        let mut piece = [0; 3];
-        let letters = letters.as_bytes();
+        let letters = rest.strip_prefix(SEPARATORS).unwrap_or(rest).as_bytes();
         if letters.is_empty() || !letters.iter().all(u8::is_ascii_alphabetic) {
             return None;
         }
+        let mut piece = [0; 3];
         piece.get_mut(..letters.len())?.copy_from_slice(letters);
+        let launch: u16 = (launch.len() <= 3).then(|| launch.parse().ok())??;
+        let number: u16 = year.parse().ok()?;
+        let year = match (year.len(), number) {
+            (2, ..57) => number + 2000,
+            (2, _) => number + 1900,
+            _ => number,
+        };
+        if !(1957..2100).contains(&year) || launch == 0 {
+            return None;
+        }
         Some(Designator {
-            year: NonZeroU16::new(number(year, 4..=4)?)?,
-            launch: number(launch, 1..=3)?,
+            year: NonZeroU16::new(year)?,
+            launch,
             piece: piece.map(|letter| letter.to_ascii_uppercase()),
         })
     }
+
+    /// As in the columns of a TLE, `98067A`; nothing for a year that two digits do not give.
+    pub(crate) fn short(&self) -> Option<String> {
+        let text = self.to_string();
+        let (year, rest) = text.split_once('-')?;
+        (self.year.get() < 2057).then(|| format!("{}{rest}", &year[2..]))
+    }
+}
+
+impl fmt::Display for Designator {
+    /// The long form, `1998-067A`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}-{:03}", self.year, self.launch)?;
+        let letters = self.piece.iter().filter(|letter| **letter > 0);
+        letters
+            .map(|letter| char::from(*letter))
+            .try_for_each(|letter| write!(f, "{letter}"))
+    }
+}
+
+/// The digits that a text begins with, and what follows.
+fn digits(text: &str) -> Option<(&str, &str)> {
+    let end = text.find(|c: char| !c.is_ascii_digit())?;
+    (end > 0).then(|| text.split_at(end))
 }
 
 #[cfg(test)]
@@ -43,16 +84,40 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_ways_of_writing_one_are_the_same() {
-        let zarya = Designator::parse("1998-067A");
-        assert!(zarya.is_some());
-        for text in ["98067A", " 98067A  ", "1998-067a", "1998-67A", "1998-67a"] {
-            assert_eq!(Designator::parse(text), zarya, "{text}");
+    fn all_spellings_of_one_are_the_same() {
+        // The first is that of the standard (CCSDS 502.0-B-3, OBJECT_ID), the third that of NASA's ephemerides of the ISS.
+        for text in [
+            "1998-067A",
+            "1998-067a",
+            "1998-067-A",
+            "1998-067-a",
+            "1998-67A",
+            "1998-67a",
+            "1998 067A",
+            "1998_067_A",
+            "1998067A",
+            "1998067-A",
+            "98067A",
+            "98067A  ",
+            " 98067a",
+            "98-067A",
+            "98 67A  ",
+        ] {
+            let read = Designator::parse(text).unwrap();
+            assert_eq!(read.to_string(), "1998-067A", "{text}");
+            assert_eq!(read.short().unwrap(), "98067A", "{text}");
         }
-        for other in ["1998-067B", "1998-067AA", "1998-068A", "1999-067A"] {
-            let other = Designator::parse(other);
-            assert!(other.is_some() && other != zarya);
+        for (text, long) in [
+            ("58002B", "1958-002B"),
+            ("19029BC", "2019-029BC"),
+            ("1999025DQA", "1999-025DQA"),
+            ("56001A", "2056-001A"),
+            ("57001A", "1957-001A"),
+            ("2057-1a", "2057-001A"),
+        ] {
+            assert_eq!(Designator::parse(text).unwrap().to_string(), long);
         }
+        assert_eq!(Designator::parse("2057-001A").unwrap().short(), None);
     }
 
     #[test]
@@ -65,9 +130,16 @@ mod tests {
             "1998-0067A",
             "1998-067ABCD",
             "1998-067é",
+            "1998-067--A",
+            "1998--067A",
+            "1998-067 A B",
             "25544",
+            "980067A",
+            "19980067A",
             "0000-000A",
-            "98-067A",
+            "1998-000A",
+            "1956-001A",
+            "9999-999A",
             "+998-067A",
             "1998-0+7A",
             "TO BE ASSIGNED",
@@ -77,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn it_takes_eight_octets() {
+    fn it_takes_eight_bytes() {
         assert_eq!(size_of::<Option<Designator>>(), 8);
     }
 }

@@ -2,9 +2,8 @@
 
 use crate::format::Format;
 use crate::record::{Found, Record};
-use crate::{Designator, Object, Orbit, oem, omm, read_text, remedy, tle};
+use crate::{Identity, Object, Orbit, Register, oem, omm, read_text, remedy, server, theory, tle};
 use rayon::prelude::*;
-use std::collections::HashMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +14,8 @@ pub struct Loaded {
     pub objects: Vec<Object>,
     /// The records that could not be read, in the order of the file.
     pub rejected: Vec<Rejected>,
+    /// What was assumed of records that were read, a line for each kind.
+    pub assumed: Vec<String>,
 }
 
 /// What a text holds, as it gives it.
@@ -28,6 +29,8 @@ pub struct Contents {
     pub ephemerides: Vec<Object>,
     /// The records that could not be read, in the order of the text.
     pub rejected: Vec<Rejected>,
+    /// What was assumed of records that were read, a line for each kind.
+    pub assumed: Vec<String>,
 }
 
 /// A record that could not be read. Shown as `file:line: reason`.
@@ -82,12 +85,24 @@ pub enum LoadError {
     },
     /// The text is in no format that is read.
     #[error(
-        "{source_name}: no orbit found; expected two-line element sets (TLE, 3LE), OMM in KVN, XML, JSON or CSV, or a \
+        "{source_name}: no orbit found, it begins with \"{begins}\"; expected two-line element sets (TLE, 3LE), OMM in KVN, XML, JSON or CSV, or a \
          CCSDS OEM in KVN, whose first line is CCSDS_OEM_VERS = ..."
     )]
     NoOrbit {
         /// The source's name.
         source_name: String,
+        /// Its first words.
+        begins: String,
+    },
+    /// The text is a server's answer in place of orbits.
+    #[error(
+        "{source_name}: no orbits, but the answer of a server: \"{says}\"; fetch the file again"
+    )]
+    Answer {
+        /// The source's name.
+        source_name: String,
+        /// The server's words.
+        says: String,
     },
     /// The text has the form of element sets and holds none.
     #[error("{source_name}: {format}, and no record in it")]
@@ -114,9 +129,10 @@ impl LoadError {
             LoadError::Read { error, .. } => error.kind() == std::io::ErrorKind::InvalidData,
             LoadError::NoOrbit { .. } => true,
             // A file that has lost its records is a loss.
-            LoadError::Empty { .. } | LoadError::NoRecord { .. } | LoadError::NoSegment { .. } => {
-                false
-            }
+            LoadError::Empty { .. }
+            | LoadError::Answer { .. }
+            | LoadError::NoRecord { .. }
+            | LoadError::NoSegment { .. } => false,
         }
     }
 }
@@ -152,8 +168,17 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
             source_name: source_name(),
         });
     }
-    let format = Format::of(text).ok_or_else(|| LoadError::NoOrbit {
+    let format = Format::of(text);
+    let may_answer = matches!(format, None | Some(Format::OmmJson));
+    if let Some(says) = may_answer.then(|| server::words(text, source)).flatten() {
+        return Err(LoadError::Answer {
+            source_name: source_name(),
+            says,
+        });
+    }
+    let format = format.ok_or_else(|| LoadError::NoOrbit {
         source_name: source_name(),
+        begins: server::quoted(text).chars().take(40).collect(),
     })?;
     let mut found = Found::new(source);
     let mut ephemerides = Vec::new();
@@ -174,6 +199,7 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
     if !records.is_empty() || !ephemerides.is_empty() || !rejected.is_empty() {
         return Ok(Contents {
             format,
+            assumed: theory::assumptions(&records, source),
             records,
             ephemerides,
             rejected,
@@ -191,33 +217,38 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
 }
 
 impl From<Contents> for Loaded {
-    /// Sets of one catalogue number become one object, with every set that differs.
+    /// Sets of one object become one, with every set that differs.
     fn from(contents: Contents) -> Self {
         let sets = contents.records.into_par_iter();
         let mut objects: Vec<Object> = sets.map(Object::from).collect();
         // Catalogues are long: where none comes twice, none is moved.
-        let mut numbers: Vec<u32> = objects.par_iter().map(|one| one.catalogued().0).collect();
+        let numbers = objects.par_iter().map(|one| one.identity.number());
+        let mut numbers: Vec<Option<u32>> = numbers.collect();
         numbers.par_sort_unstable();
-        if !numbers.is_sorted_by(|a, b| a < b) {
+        let are_apart = numbers.is_sorted_by(|a, b| a < b);
+        if numbers.first() == Some(&None) || !are_apart {
             objects = each_once(objects);
         }
         objects.extend(contents.ephemerides);
         Loaded {
             objects,
             rejected: contents.rejected,
+            assumed: contents.assumed,
         }
     }
 }
 
-/// One object of each catalogue number, with every set that differs.
+/// Each object once, with every set that differs.
 fn each_once(all: Vec<Object>) -> Vec<Object> {
-    let (mut objects, mut places) = (Vec::<Object>::new(), HashMap::new());
-    for object in all {
-        let next = objects.len();
-        let place = *places.entry(object.catalogued()).or_insert(next);
-        match objects.get_mut(place) {
-            Some(known) => known.join(object),
-            None => objects.push(object),
+    let (mut objects, mut register) = (Vec::<Object>::new(), Register::default());
+    for mut object in all {
+        let place = register.place(&object);
+        if let Some((place, known)) = place.and_then(|at| Some((at, objects.get_mut(at)?))) {
+            known.join(object);
+            register.note(known, place);
+        } else {
+            register.insert(&mut object, objects.len());
+            objects.push(object);
         }
     }
     objects.shrink_to_fit();
@@ -226,27 +257,20 @@ fn each_once(all: Vec<Object>) -> Vec<Object> {
 
 impl From<Record> for Object {
     fn from(record: Record) -> Self {
-        let id = record.object_id();
+        let (id, number) = (record.object_id(), record.elements.norad);
+        let identity = Identity::of_set(number, &record.designator, &record.name);
         // Catalogues are long: no octet more than it takes.
         let name = Some(record.name).filter(|name| !name.is_empty());
         Object {
             id,
             names: name.map_or(Vec::new(), |name| vec![name.as_str().to_owned()]),
-            designator: Designator::parse(&record.designator),
+            identity,
             orbit: Orbit::Elements(record.elements, Vec::new()),
         }
     }
 }
 
 impl Object {
-    /// What tells it from other objects with element sets: its catalogue number, and where that is 0 all of its id.
-    fn catalogued(&self) -> (u32, Option<String>) {
-        match &self.orbit {
-            Orbit::Elements(set, _) if set.norad > 0 => (set.norad, None),
-            _ => (0, Some(self.id.clone())),
-        }
-    }
-
     /// Adds the element sets and names of `other`, the same object from another record or file, where they differ. Of sets of one epoch the
     /// first is asked, so that one with a state then goes before one without. An ephemeris is left as it is.
     pub fn join(&mut self, other: Object) {
@@ -268,8 +292,21 @@ impl Object {
             }
             others.push(set);
         }
-        self.designator = self.designator.or(other.designator);
-        for name in other.names {
+        self.identity.join(other.identity);
+        self.call(other.names);
+    }
+
+    /// Adds the segments and names of `other`, an ephemeris of the same object from the same message.
+    pub(crate) fn extend(&mut self, other: Object) {
+        if let (Orbit::Ephemeris(own), Orbit::Ephemeris(further)) = (&mut self.orbit, other.orbit) {
+            own.segments.extend(further.segments);
+        }
+        self.call(other.names);
+    }
+
+    /// Adds names where they differ.
+    fn call(&mut self, names: Vec<String>) {
+        for name in names {
             if !self.names.contains(&name) {
                 self.names.push(name);
             }

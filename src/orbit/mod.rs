@@ -32,6 +32,7 @@ pub mod two_body;
 mod age;
 mod designator;
 mod format;
+mod identity;
 mod lines;
 mod load;
 mod oem;
@@ -39,7 +40,9 @@ mod omm;
 mod pick;
 mod record;
 mod regime;
+mod server;
 mod text;
+mod theory;
 pub mod time;
 mod tle;
 mod two_line;
@@ -49,18 +52,20 @@ mod write;
 pub use age::{Ages, FRESH_DAYS};
 pub use designator::Designator;
 pub use format::Format;
+pub use identity::{Identity, Register, catalogue_number, is_placeholder};
 pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
-pub use pick::{catalogue_number, file_and_name};
+pub use pick::file_and_name;
 pub use record::Record;
 pub use regime::Regime;
 pub use sgp4;
 pub use text::{LARGEST_FILE, Listing, files, read_text, remedy};
+pub use theory::Theory;
 pub use two_line::{Checksum, ElementsError};
 pub use write::{Written, write};
 
 use elements::{Elements, PropagationError};
 use ephemeris::Ephemeris;
-use hifitime::Epoch;
+use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
 use std::borrow::Cow;
 use time::utc_text;
@@ -99,12 +104,13 @@ impl StateVector {
 /// A thing in orbit: what it is called and how it moves.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// `NORAD 44322` from an element set, the OBJECT_ID of an OEM.
+    /// `NORAD 44322` from an element set, the OBJECT_ID of an OEM. Where that is a placeholder, with the name behind it:
+    /// `NORAD 0 CUBE`, `UNKNOWN CUBE`.
     pub id: String,
     /// Names: the name line of a 3LE, the OBJECT_NAME of an OEM.
     pub names: Vec<String>,
-    /// The international designator of its element sets; of an OEM the OBJECT_ID, where that is one.
-    pub designator: Option<Designator>,
+    /// What tells it from all others.
+    pub identity: Identity,
     /// Its motion.
     pub orbit: Orbit,
 }
@@ -176,6 +182,20 @@ impl Object {
         }
     }
 
+    /// The first and the last instant at which it may have a state.
+    pub fn span(&self) -> Option<(Epoch, Epoch)> {
+        let reach = Unit::Day * elements::MAX_ELAPSED_DAYS;
+        let sets = self
+            .sets()
+            .map(|set| (set.epoch - reach, set.epoch + reach));
+        let covered = match &self.orbit {
+            Orbit::Ephemeris(ephemeris) => ephemeris.interval(),
+            Orbit::Elements(..) => None,
+        };
+        let all = sets.chain(covered);
+        all.reduce(|(first, last), (start, end)| (first.min(start), last.max(end)))
+    }
+
     /// Its element sets, in their order; none of an ephemeris.
     pub fn sets(&self) -> impl Iterator<Item = &Elements> {
         let (first, others) = match &self.orbit {
@@ -204,7 +224,7 @@ impl Object {
             Orbit::Elements(set, others) if !others.is_empty() => Cow::Owned(Object {
                 id: self.id.clone(),
                 names: self.names.clone(),
-                designator: self.designator,
+                identity: self.identity,
                 orbit: Orbit::Elements(*nearest(set, others, t), Vec::new()),
             }),
             _ => Cow::Borrowed(self),

@@ -1,8 +1,12 @@
 //! CCSDS Orbit Ephemeris Messages in keyword = value notation (502.0-B).
 
 use crate::ephemeris::{Ephemeris, Node, Segment};
+use crate::identity::unnumbered_id;
 use crate::load::{Loaded, Rejected};
-use crate::{Designator, Object, Orbit, StateVector, bounded_name, frames, lines, time};
+use crate::{
+    Identity, Object, Orbit, Register, StateVector, bounded_name, frames, is_placeholder, lines,
+    time,
+};
 use hifitime::{Epoch, TimeScale};
 use nalgebra::{Matrix3, Vector3};
 
@@ -27,6 +31,7 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
     let mut reader = Reader {
         source,
         loaded: Loaded::default(),
+        register: Register::default(),
         section: Section::Outside,
     };
     let mut last = 0;
@@ -54,6 +59,7 @@ fn is_header(line: &str) -> bool {
 struct Reader<'a> {
     source: &'a str,
     loaded: Loaded,
+    register: Register,
     section: Section,
 }
 
@@ -151,26 +157,28 @@ impl Reader<'_> {
     }
 
     fn keep(&mut self, id: String, name: String, segment: Segment) {
-        let known = (self.loaded.objects.iter_mut()).find(|object| object.id == id);
-        if let Some(Object {
-            orbit: Orbit::Ephemeris(ephemeris),
-            names,
-            ..
-        }) = known
-        {
-            ephemeris.segments.push(segment);
-            if !names.contains(&name) {
-                names.push(name);
-            }
+        let mut object = Object {
+            identity: Identity::of_ephemeris(&id, &name),
+            id: if is_placeholder(&id) {
+                unnumbered_id(&id, &name)
+            } else {
+                id
+            },
+            names: Some(name)
+                .filter(|name| !is_placeholder(name))
+                .into_iter()
+                .collect(),
+            orbit: Orbit::Ephemeris(Ephemeris {
+                segments: vec![segment],
+            }),
+        };
+        let objects = &mut self.loaded.objects;
+        let place = self.register.place(&object);
+        if let Some(known) = place.and_then(|place| objects.get_mut(place)) {
+            known.extend(object);
         } else {
-            self.loaded.objects.push(Object {
-                designator: Designator::parse(&id),
-                id,
-                names: vec![name],
-                orbit: Orbit::Ephemeris(Ephemeris {
-                    segments: vec![segment],
-                }),
-            });
+            self.register.insert(&mut object, objects.len());
+            objects.push(object);
         }
     }
 
@@ -202,6 +210,16 @@ impl Meta {
         found.ok_or_else(|| (self.line, format!("the metadata have no {key}")))
     }
 
+    /// Keywords of the object may be empty: whose the states are is then unknown.
+    fn object(&self, key: &str) -> At<String> {
+        let missing = || (self.line, format!("the metadata have no {key}"));
+        let (text, _) = self.find(key).ok_or_else(missing)?;
+        Ok(match bounded_name(text) {
+            none if none.is_empty() => "UNKNOWN".to_owned(),
+            text => text,
+        })
+    }
+
     fn finish(self) -> At<Data> {
         let (center, line) = self.need("CENTER_NAME")?;
         if !center.eq_ignore_ascii_case("EARTH") {
@@ -229,8 +247,8 @@ impl Meta {
         let stop = epoch("USEABLE_STOP_TIME")?.or(stop).ok_or_else(missing)?;
         Ok(Data {
             line: self.line,
-            id: bounded_name(self.need("OBJECT_ID")?.0),
-            name: bounded_name(self.need("OBJECT_NAME")?.0),
+            id: self.object("OBJECT_ID")?,
+            name: self.object("OBJECT_NAME")?,
             axes: self.axes()?,
             scale,
             degree: self.degree()?,

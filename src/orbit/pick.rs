@@ -1,7 +1,6 @@
 //! One object out of a file, by name.
 
-use crate::two_line::alpha_5;
-use crate::{Designator, Loaded, Object, Rejected};
+use crate::{Designator, Loaded, Object, Rejected, catalogue_number};
 
 /// Objects that a message names at most.
 const SHOWN: usize = 8;
@@ -78,17 +77,6 @@ impl Loaded {
     }
 }
 
-/// The catalogue number that an id or a selector gives: `NORAD 5`, `norad5` or, as in element lines, `00005`.
-pub fn catalogue_number(text: &str) -> Option<u32> {
-    let text = text.trim();
-    let named = text
-        .split_at_checked(5)
-        .filter(|(word, _)| word.eq_ignore_ascii_case("NORAD"));
-    let digits = named.map_or(text, |(_, rest)| rest.trim_start_matches([' ', '_', '-']));
-    let is_number = digits.bytes().all(|b| b.is_ascii_digit());
-    is_number.then(|| digits.parse().ok())?
-}
-
 fn list<'a>(objects: impl Iterator<Item = &'a Object>) -> String {
     let labels: Vec<String> = objects.take(SHOWN + 1).map(Object::label).collect();
     match labels.len() {
@@ -101,14 +89,11 @@ fn list<'a>(objects: impl Iterator<Item = &'a Object>) -> String {
 impl Object {
     /// By name, by id, by number as element lines have it, or by international designator.
     fn is_called(&self, name: &str) -> bool {
-        let same = |number: u32| catalogue_number(&self.id) == Some(number);
         let names = self.names.iter().map(String::as_str);
         let mut known = names.chain([self.id.as_str()]);
         known.any(|known| known.eq_ignore_ascii_case(name))
-            || catalogue_number(name)
-                .or_else(|| alpha_5(name))
-                .is_some_and(same)
-            || Designator::parse(name).is_some_and(|name| self.designator == Some(name))
+            || catalogue_number(name).is_some_and(|number| self.written_number() == Some(number))
+            || Designator::parse(name).is_some_and(|name| self.identity.designator == Some(name))
     }
 }
 
@@ -154,13 +139,13 @@ mod tests {
         for name in ["NORAD 5", "norad5", "5", "00005", "Vanguard 1"] {
             assert_eq!(pick(0..9, Some(name)).unwrap(), "NORAD 5 1", "{name}");
         }
-        for name in ["1958-002B", "58002b", "1958-2B"] {
+        for name in ["1958-002B", "58002b", "1958-2B", "1958-002-B", "1958002B"] {
             assert_eq!(pick(0..9, Some(name)).unwrap(), "NORAD 5 1", "{name}");
         }
         // X-Val: space-track.org, Alpha-5: A0005 is 100005; letters count nothing in checksums, as 0 does.
         let six = SETS.replace("00005", "A0005");
         let loaded = crate::parse(&six[..six.find("DELTA").unwrap()], "six.tle").unwrap();
-        for name in ["A0005", "100005", "NORAD 100005"] {
+        for name in ["A0005", "a0005", "100005", "0100005", "NORAD A0005"] {
             assert_eq!(
                 loaded.find(Some(name)).unwrap().id,
                 "NORAD 100005",

@@ -1,7 +1,8 @@
 //! One element set as its file gives it, with what a scene has no use for and another format needs.
 
-use crate::Rejected;
 use crate::elements::Elements;
+use crate::identity::{assigned, is_placeholder, unnumbered_id};
+use crate::{Designator, Rejected, Theory};
 
 /// An element set and what its source says beside it.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +17,8 @@ pub struct Record {
     pub classification: char,
     /// Ephemeris type: 0 for all that are published.
     pub ephemeris_type: u8,
+    /// The theory that the source names.
+    pub theory: Theory,
     /// Number of the element set.
     pub element_set: u32,
     /// Revolution number at the epoch.
@@ -29,11 +32,13 @@ pub struct Record {
 }
 
 impl Record {
-    /// What the object is called by: `NORAD 44322`. Number 0 stands for any object that has none yet, so that its name joins it.
+    /// What the object is called by: `NORAD 44322`. A number such as 0 stands for any object that has none yet, so the name is added.
     pub fn object_id(&self) -> String {
-        match (self.elements.norad, self.name.as_str()) {
-            (0, name) if !name.is_empty() => format!("NORAD 0 {name}"),
-            (number, _) => format!("NORAD {number}"),
+        let id = format!("NORAD {}", self.elements.norad);
+        if assigned(self.elements.norad).is_some() {
+            id
+        } else {
+            unnumbered_id(&id, &self.name)
         }
     }
 }
@@ -75,36 +80,23 @@ impl<'a> Found<'a> {
     }
 }
 
-/// The international designator of a TLE's columns, `98067A`, in the long form, `1998-067A`; any other text as it is.
-pub(crate) fn long_designator(short: &str) -> String {
-    let short = short.trim();
-    let parts = short.get(..2).zip(short.get(2..5)).zip(short.get(5..));
-    match parts {
-        Some(((year, launch), piece)) if is_number(year) && is_number(launch) => {
-            let century = if year < "57" { "20" } else { "19" };
-            format!("{century}{year}-{launch}{piece}")
-        }
-        _ => short.to_owned(),
+/// An international designator in the long form, `1998-067A`; any other text as it is.
+pub(crate) fn long_designator(text: &str) -> String {
+    match Designator::parse(text) {
+        Some(designator) => designator.to_string(),
+        None => text.trim().to_owned(),
     }
 }
 
-/// The eight columns that a designator has in a TLE; nothing where they cannot hold it.
-pub(crate) fn short_designator(long: &str) -> Option<String> {
-    let parts = long.get(..4).zip(long.get(4..5)).zip(long.get(5..));
-    let short = match parts {
-        Some(((year, "-"), rest)) if is_number(year) => {
-            let years = "1957".."2057";
-            years
-                .contains(&year)
-                .then(|| format!("{}{rest}", &year[2..]))?
-        }
-        _ => long.to_owned(),
-    };
-    (short.is_ascii() && short.len() <= 8).then_some(short)
-}
-
-fn is_number(text: &str) -> bool {
-    text.bytes().all(|b| b.is_ascii_digit())
+/// The eight columns that a designator has in a TLE, blank for a placeholder; nothing where they cannot hold it.
+pub(crate) fn short_designator(text: &str) -> Option<String> {
+    if is_placeholder(text) {
+        return Some(String::new());
+    }
+    match Designator::parse(text) {
+        Some(designator) => designator.short(),
+        None => (text.is_ascii() && text.len() <= 8).then(|| text.to_owned()),
+    }
 }
 
 /// The first characters of what a message quotes.
@@ -118,27 +110,20 @@ mod tests {
 
     #[test]
     fn designators_go_there_and_back() {
-        for (short, long) in [
-            ("98067A", "1998-067A"),
-            ("58002B", "1958-002B"),
-            ("19029BC", "2019-029BC"),
-            ("56001A", "2056-001A"),
-            ("57001A", "1957-001A"),
-            ("", ""),
-            ("UNKNOWN", "UNKNOWN"),
+        for (text, short, long) in [
+            ("98067A", Some("98067A"), "1998-067A"),
+            ("1998-067-a", Some("98067A"), "1998-067A"),
+            ("2057-001A", None, "2057-001A"),
+            ("", Some(""), ""),
+            ("UNKNOWN", Some(""), "UNKNOWN"),
+            // What is none stays as it is, where there is room.
+            ("98067", Some("98067"), "98067"),
+            ("1998-067ABCD", None, "1998-067ABCD"),
+            ("1998-067é", None, "1998-067é"),
+            ("é8067A", None, "é8067A"),
         ] {
-            assert_eq!(long_designator(short), long);
-            assert_eq!(short_designator(long).as_deref(), Some(short));
+            assert_eq!(long_designator(text), long);
+            assert_eq!(short_designator(text).as_deref(), short);
         }
-        for unfit in [
-            "2057-001A",
-            "1956-001A",
-            "1998-067ABCD",
-            "TO BE ASSIGNED",
-            "1998-067é",
-        ] {
-            assert_eq!(short_designator(unfit), None, "{unfit}");
-        }
-        let _ = (long_designator("é8067A"), long_designator("9"));
     }
 }

@@ -14,6 +14,17 @@ pub fn seconds(s: f64) -> Duration {
     Duration::from_total_nanoseconds(whole.saturating_add(rest))
 }
 
+/// Leap seconds between two instants: how many seconds more pass between them than their UTC dates and times of day differ by.
+pub fn leap_seconds(from: Epoch, to: Epoch) -> i32 {
+    // What the digits of UTC would be in a scale without leap seconds.
+    let shown = |epoch| {
+        let digits = utc_text(epoch).replace(":60.", ":59.");
+        parse_ccsds(&digits, TimeScale::TAI).unwrap_or(epoch)
+    };
+    let passed = to.to_tai_duration() - from.to_tai_duration();
+    (passed - (shown(to) - shown(from))).to_seconds().round() as i32
+}
+
 /// Reads a CCSDS ASCII time, code A `YYYY-MM-DDThh:mm:ss[.d..]` or code B
 /// `YYYY-DDDThh:mm:ss[.d..]`, with or without a closing `Z` (CCSDS 301.0-B,
 /// section 3.5). Digits past the nanosecond are dropped.
@@ -206,6 +217,14 @@ mod tests {
         // X-Val: IERS Bulletin C 52: a leap second at the end of 2016.
         let long = at("2017-01-01T00:00:00Z") - at("2016-12-31T23:59:59Z");
         assert_eq!(long, Unit::Second * 2);
+        for (from, to, count) in [
+            ("2016-12-31T00:00:00Z", "2017-01-01T00:00:00Z", 1),
+            ("2017-01-01T00:00:00Z", "2016-12-31T00:00:00Z", -1),
+            ("2017-01-01T00:00:00Z", "2026-01-01T00:00:00Z", 0),
+            ("2012-06-30T23:59:59.5Z", "2017-01-01T00:00:00.25Z", 3),
+        ] {
+            assert_eq!(leap_seconds(at(from), at(to)), count, "{from} {to}");
+        }
     }
 
     #[test]

@@ -210,14 +210,14 @@ fn significant(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
         .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
-/// 1 or 2 when the line is that line of a set.
+/// 1 or 2 when the line is that line of a set. A name may begin with these digits too, but has more letters than digits.
 fn element_line(line: &str) -> Option<u8> {
-    if line.len() <= LONGEST_NAME {
-        return None;
-    }
-    match line.get(..2)? {
-        "1 " => Some(1),
-        "2 " => Some(2),
-        _ => None,
-    }
+    let number = match line.get(..2)? {
+        "1 " => 1,
+        "2 " => 2,
+        _ => return None,
+    };
+    let count = |is_one: fn(&u8) -> bool| line.bytes().filter(is_one).count();
+    let has_columns = || count(u8::is_ascii_digit) > count(u8::is_ascii_alphabetic);
+    (line.len() > LONGEST_NAME && has_columns()).then_some(number)
 }

@@ -2,13 +2,11 @@
 
 use crate::elements::{Elements, ModelError};
 use crate::record::{Record, long_designator};
+use crate::theory::{self, Theory};
 use crate::time;
 use crate::units::{DEGREE, REV_PER_DAY};
 use hifitime::Epoch;
-
-/// Why a set of ephemeris type 4 is refused.
-pub(crate) const SGP4_XP: &str =
-    "ephemeris type 4: elements of SGP4-XP, which SGP4 must not read; fetch those of SGP4";
+use std::borrow::Cow;
 
 /// Whether the checksum in column 69 must be present and right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,8 +62,8 @@ pub enum ElementsError {
         second: u32,
     },
     /// The elements are those of another theory.
-    #[error("{SGP4_XP}")]
-    Theory,
+    #[error("{0}")]
+    Theory(String),
     /// SGP4 cannot start from these elements.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -78,7 +76,7 @@ impl ElementsError {
             Self::Layout { line, .. } | Self::Checksum { line, .. } | Self::Field { line, .. } => {
                 *line
             }
-            Self::Theory => 1,
+            Self::Theory(_) => 1,
             Self::TwoObjects { .. } | Self::Model(_) => 2,
         }
     }
@@ -93,6 +91,7 @@ impl Elements {
     }
 
     fn of(first: &Line, second: &Line) -> Result<Self, ElementsError> {
+        first.ephemeris_type()?;
         let norad = first.catalogue_number()?;
         let again = second.catalogue_number()?;
         if norad != again {
@@ -110,11 +109,11 @@ impl Elements {
             epoch: first.epoch()?,
             inclination: inclination * DEGREE,
             node: second.number("right ascension of the node", 18..26)? * DEGREE,
-            eccentricity: second.implied_decimal("eccentricity", 27..34)?,
+            eccentricity: second.assumed_point("eccentricity", 27..34)?,
             perigee: second.number("argument of perigee", 35..43)? * DEGREE,
             mean_anomaly: second.number("mean anomaly", 44..52)? * DEGREE,
             mean_motion: second.number("mean motion", 53..64)? * REV_PER_DAY,
-            drag: first.implied_exponent("drag term B*", 54..62)?,
+            drag: first.assumed_point_and_power("drag term B*", 54..62)?,
         };
         elements.orbit()?;
         Ok(elements)
@@ -130,17 +129,14 @@ impl Record {
     ) -> Result<Self, ElementsError> {
         let first = Line::new(1, line1, checksum)?;
         let second = Line::new(2, line2, checksum)?;
-        let ephemeris_type = first.counter("ephemeris type", 63..64)?;
-        if ephemeris_type == 4 {
-            return Err(ElementsError::Theory);
-        }
         let blank = |columns: Columns| first.text(columns).trim().is_empty();
         Ok(Self {
             line: 0,
             name: String::new(),
             designator: long_designator(first.text(10..18)),
             classification: first.text(8..9).chars().find(|c| *c != ' ').unwrap_or('U'),
-            ephemeris_type: ephemeris_type as u8,
+            ephemeris_type: first.ephemeris_type()?,
+            theory: Theory::default(),
             element_set: first.counter("element set number", 65..69)?,
             revolution: second.counter("revolution number", 64..69)?,
             mean_motion_dot: match blank(34..44) {
@@ -149,7 +145,9 @@ impl Record {
             },
             mean_motion_ddot: match blank(45..53) {
                 true => 0.0,
-                false => first.implied_exponent("second derivative of the mean motion", 45..53)?,
+                false => {
+                    first.assumed_point_and_power("second derivative of the mean motion", 45..53)?
+                }
             },
             elements: Elements::of(&first, &second)?,
         })
@@ -228,12 +226,44 @@ impl<'a> Line<'a> {
         number.ok_or_else(|| self.bad("catalogue number", 3..8))
     }
 
+    fn ephemeris_type(&self) -> Result<u8, ElementsError> {
+        let number = self.counter("ephemeris type", 63..64)?;
+        theory::ephemeris_type(number).map_err(ElementsError::Theory)
+    }
+
+    /// Columns `from..to` as characters; columns beyond the end of the line are blank.
+    fn columns(&self, columns: Columns) -> impl Iterator<Item = u8> {
+        let bytes = self.text.as_bytes();
+        columns.map(|column| bytes.get(column - 1).copied().unwrap_or(b' '))
+    }
+
+    /// The columns as one whole number. A blank is a zero: so FORTRAN reads punched cards, and the checksum counts both as 0.
+    fn digits(&self, columns: Columns) -> Option<u64> {
+        self.columns(columns)
+            .try_fold(0, |number, byte| match byte {
+                b' ' => Some(10 * number),
+                b'0'..=b'9' => Some(10 * number + u64::from(byte - b'0')),
+                _ => None,
+            })
+    }
+
     fn epoch(&self) -> Result<Epoch, ElementsError> {
         let bad = || self.bad("epoch", 19..33);
-        let year = self.text(19..21).trim().parse().map_err(|_| bad())?;
-        let (day, fraction) = self.text(21..33).trim().split_once('.').ok_or_else(bad)?;
+        let year = self.digits(19..21).ok_or_else(bad)? as u8;
+        let text = self.zero_filled(21..33);
+        let (day, fraction) = text.split_once('.').ok_or_else(bad)?;
         let day = day.parse().map_err(|_| bad())?;
         time::from_tle(year, day, fraction).ok_or_else(bad)
+    }
+
+    /// The text of a number with zeros for the blanks between and behind its digits.
+    fn zero_filled(&self, columns: Columns) -> Cow<'a, str> {
+        let text = self.text(columns.clone()).trim_start();
+        if text.contains(' ') {
+            text.replace(' ', "0").into()
+        } else {
+            text.into()
+        }
     }
 
     /// A whole number; blank is 0.
@@ -247,61 +277,57 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// A plain decimal number.
+    /// A decimal number with its point.
     fn number(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
-        let text = self.text(columns.clone()).trim();
-        // no letters: neither `inf` nor `nan` nor exponents belong here
+        let text = self.zero_filled(columns.clone());
+        // No letters: neither `inf` nor `nan` nor exponents belong here. Without its point a number has no scale.
         let plain = |b: u8| b.is_ascii_digit() || matches!(b, b'.' | b'-' | b'+');
-        if !text.bytes().all(plain) {
+        if !text.bytes().all(plain) || !text.contains('.') {
             return Err(self.bad(name, columns));
         }
         text.parse().map_err(|_| self.bad(name, columns))
     }
 
-    /// Digits behind an understood decimal point: `0001413` is 0.0001413.
-    fn implied_decimal(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
-        let text = self.text(columns.clone()).trim();
-        let value = exact(text).and_then(|digits| scaled(digits, -(text.len() as i32)));
+    /// Digits with an assumed decimal point before the first column: `0001413` and `   1413` are 0.0001413.
+    fn assumed_point(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
+        let width = columns.len() as i32;
+        let digits = self.digits(columns.clone());
+        let digits = digits.filter(|_| !self.text(columns.clone()).trim().is_empty());
+        let value = digits.and_then(|digits| scaled(digits as f64, -width));
         value.ok_or_else(|| self.bad(name, columns))
     }
 
-    /// Digits behind an understood decimal point, and a power of ten: `-31515-4` is -0.31515e-4.
-    fn implied_exponent(&self, name: &'static str, columns: Columns) -> Result<f64, ElementsError> {
-        let text = self.text(columns.clone()).trim();
-        let (sign, text) = match text.as_bytes().first() {
-            Some(b'-') => (-1.0, &text[1..]),
-            Some(b'+') => (1.0, &text[1..]),
-            _ => (1.0, text),
+    /// A sign, five digits with an assumed decimal point before the first of their columns, and a power of ten with its sign:
+    /// `-31515-4` is -0.31515e-4, `  1234-4` is 0.01234e-4.
+    fn assumed_point_and_power(
+        &self,
+        name: &'static str,
+        columns: Columns,
+    ) -> Result<f64, ElementsError> {
+        let first = columns.start;
+        let sign = |column: usize| match self.columns(column..column + 1).next() {
+            Some(b'-') => Some(-1),
+            // Some writers have a zero in the place of the sign.
+            Some(b'+' | b' ' | b'0') => Some(1),
+            _ => None,
         };
-        let split = text.rfind(['-', '+']).unwrap_or(text.len());
-        let (digits, exponent) = text.split_at(split);
         let value = || {
-            let exponent = match exponent.is_empty() {
-                true => 0,
-                false => exponent.parse().ok()?,
-            };
-            Some(sign * scaled(exact(digits)?, exponent - digits.len() as i32)?)
+            let digits = self.digits(first + 1..first + 6)?;
+            let power = sign(first + 6)? * self.digits(first + 7..first + 8)? as i32;
+            Some(f64::from(sign(first)?) * scaled(digits as f64, power - 5)?)
         };
-        value().ok_or_else(|| self.bad(name, columns))
+        let is_blank = self.text(columns.clone()).trim().is_empty();
+        let value = (!is_blank).then(value).flatten();
+        value.ok_or_else(|| self.bad(name, columns))
     }
 }
 
-/// The number in so few digits that it is exact.
-fn exact(digits: &str) -> Option<f64> {
-    let is_exact = digits.len() <= 15 && digits.bytes().all(|b| b.is_ascii_digit());
-    let whole: u64 = digits.parse().ok().filter(|_| is_exact)?;
-    Some(whole as f64)
-}
-
-/// An exact number times a power of ten, to the nearest: no power that a set has is beyond 22, up to which they are exact, too.
-fn scaled(exact: f64, power: i32) -> Option<f64> {
+/// A whole number of at most 15 digits times a power of ten, to the nearest: powers up to 22 are exact, and none of a set is beyond.
+fn scaled(whole: f64, power: i32) -> Option<f64> {
     match power {
-        -22..0 => Some(exact / 10f64.powi(-power)),
-        0..=22 => Some(exact * 10f64.powi(power)),
-        _ => {
-            let value: f64 = format!("{exact}e{power}").parse().ok()?;
-            value.is_finite().then_some(value)
-        }
+        -22..0 => Some(whole / 10f64.powi(-power)),
+        0..=22 => Some(whole * 10f64.powi(power)),
+        _ => None,
     }
 }
 
@@ -327,24 +353,25 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// An understood point and exponent give the number that the same text gives with both written out.
+        /// An assumed point and a power give the number that the same digits give with both written out, wherever blanks stand
+        /// for zeros.
         #[test]
-        fn understood_points_give_the_nearest_number(
-            sign in "[-+ ]", digits in "[0-9]{1,5}", exponent in "([-+][0-9]{1,2})?",
+        fn assumed_points_give_the_nearest_number(
+            sign in "[-+ ]", digits in "[0-9 ]{5}", power in "[-+ ][0-9]", tail in "[0-9 ]{0,2}",
         ) {
-            let column = format!("{sign}{digits}{exponent}");
-            prop_assume!(column.len() <= 8);
-            let line = format!("{:44}{column:8}", "");
+            let line = format!("{:44}{sign}{digits}{power}", "");
             let line = Line { number: 1, text: &line };
-            let written = format!("{}0.{digits}e{}", sign.trim(), if exponent.is_empty() { "0" } else { &exponent });
+            let zeros = digits.replace(' ', "0");
+            let written = format!("{}0.{zeros}e{}", sign.trim(), power.trim());
             let exact: f64 = written.parse().unwrap();
-            let read = line.implied_exponent("a number", 45..53).unwrap();
+            let read = line.assumed_point_and_power("a number", 45..53).unwrap();
             prop_assert_eq!(read.to_bits(), exact.to_bits());
 
-            let line = format!("{:44}{digits}", "");
+            prop_assume!(!digits.trim().is_empty());
+            let line = format!("{:44}{digits}{tail}", "");
             let line = Line { number: 1, text: &line };
-            let exact: f64 = format!("0.{digits}").parse().unwrap();
-            prop_assert_eq!(line.implied_decimal("a number", 45..53).unwrap(), exact);
+            let exact: f64 = format!("0.{zeros}{}", tail.replace(' ', "0")).parse().unwrap();
+            prop_assert_eq!(line.assumed_point("a number", 45..52).unwrap(), exact);
         }
     }
 }

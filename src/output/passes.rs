@@ -266,6 +266,8 @@ pub struct Searched {
     pub fainter: usize,
     /// Objects whose orbits have no answer at some time.
     pub without_state: Vec<String>,
+    /// Leap seconds between the first and the last instant: so many seconds more are searched than these differ by.
+    pub leap_seconds: i32,
 }
 
 impl Searched {
@@ -279,9 +281,13 @@ impl Searched {
             0 => String::new(),
             left => format!(", {left} more stay fainter than --mag-limit"),
         };
+        let leap = match self.leap_seconds {
+            0 => "",
+            _ => ", with a leap second in between: durations are SI seconds",
+        };
         let objects = counted(self.objects, "object");
         format!(
-            "{passes} of {objects} from {} to {}{fainter}",
+            "{passes} of {objects} from {} to {}{fainter}{leap}",
             self.from, self.to
         )
     }

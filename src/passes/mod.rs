@@ -22,8 +22,8 @@ use crate::sky::field::Field as Cone;
 use crate::sky::{Corrections, Population};
 use course::Course;
 use field::Field;
-use hifitime::Epoch;
-use nalgebra::Vector3;
+use hifitime::{Epoch, Unit};
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use search::Seeker;
 use skyloop_orbit::time::utc_text;
@@ -94,10 +94,16 @@ pub fn passes(
     corrections: &Corrections,
     tick: impl Fn(f64) + Sync,
 ) -> Result<Passes, NoPasses> {
-    let search = &Search {
-        // Of NaN it is the other.
-        shortest_s: search.shortest_s.max(1e-3),
-        ..*search
+    let Some(search) = &with_states(search, population.objects()) else {
+        let middle = search.from + (search.to - search.from) * 0.5;
+        let why = population.objects().iter().filter_map(|object| {
+            let state = known::state(object, middle, &Matrix3::identity());
+            Some((object.label(), state.err()?.to_string()))
+        });
+        return Ok(Passes {
+            passes: Vec::new(),
+            unknown: why.collect(),
+        });
     };
     let course = Course::new(
         flight,
@@ -137,6 +143,34 @@ pub fn passes(
     passes.sort_by_key(|pass| (pass.entry.point.epoch, pass.index));
     tick(1.0);
     Ok(Passes { passes, unknown })
+}
+
+/// The part of a search in which any object may have a state, and a step on either side of it, so that a stay that begins or ends with the
+/// states is not taken for one that the search cuts off; nothing where no object has any.
+fn with_states(search: &Search, objects: &[Object]) -> Option<Search> {
+    let spans = objects.iter().filter_map(Object::span);
+    let (first, last) = spans.reduce(|(a, b), (start, end)| (a.min(start), b.max(end)))?;
+    let step = Unit::Second * STEP_S;
+    let part = Search {
+        from: search.from.max(first - step),
+        to: search.to.min(last + step),
+        // Of NaN it is the other.
+        shortest_s: search.shortest_s.max(1e-3),
+    };
+    let any = || objects.par_iter().any(|object| has_states(object, &part));
+    (part.from <= part.to && any()).then_some(part)
+}
+
+/// Whether an object has a state in the time of a search. SGP4 has none for longer than a step, or has one at its end.
+fn has_states(object: &Object, search: &Search) -> bool {
+    if let Orbit::Ephemeris(ephemeris) = &object.orbit {
+        let within = |(start, end)| start <= search.to && end >= search.from;
+        return ephemeris.interval().is_some_and(within);
+    }
+    let steps = (search.length_s() / STEP_S).ceil() as usize;
+    let instants = (0..=steps).map(|step| search.from + Unit::Second * (STEP_S * step as f64));
+    let mut instants = instants.map(|instant| instant.min(search.to));
+    instants.any(|instant| known::state(object, instant, &Matrix3::identity()).is_ok())
 }
 
 /// The steps in which each object may be in the field, and the objects without a state. Of those the test of a step's middle says nothing:

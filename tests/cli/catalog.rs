@@ -115,6 +115,75 @@ fn check_tells_what_files_hold_and_what_is_no_use() {
 }
 
 #[test]
+fn check_counts_objects_that_nothing_tells_apart_and_says_what_it_assumed() {
+    let here = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| std::fs::write(here.path().join(name), text).unwrap();
+    // Two orbits without a number, and one of them again in another file.
+    let zero = |set: &str| {
+        let bare = set.split_once('\n').unwrap().1;
+        // Sums of digits behind the lines, which numbers change.
+        let sealed = bare.lines().map(|line| {
+            let line = line.replace("00005", "00000").replace("06251", "00000");
+            let line = line.replace("58002B", "      ").replace("62025E", "      ");
+            let digit = |c: char| c.to_digit(10).unwrap_or((c == '-').into());
+            format!(
+                "{}{}\n",
+                &line[..68],
+                line[..68].chars().map(digit).sum::<u32>() % 10
+            )
+        });
+        sealed.collect::<String>()
+    };
+    file("one.tle", &format!("{}{}", zero(VANGUARD), zero(DELTA)));
+    file("two.tle", &zero(DELTA));
+    let (code, out, log) = run(here.path(), &["catalog", "check", "one.tle", "two.tle"]);
+    assert_eq!(code, Some(0), "{log}");
+    has(
+        &out,
+        &[
+            "one.tle: tle, 2 records of 2 objects",
+            "2 files: 3 records of 2 objects",
+        ],
+    );
+    let (_, out, _) = run(here.path(), &["catalog", "info", "one.tle", "two.tle"]);
+    has(&out, &["  0 #2 ", "  0  "]);
+
+    let omm = NEW.replacen("BSTAR\n", "BSTAR,MEAN_ELEMENT_THEORY\n", 1);
+    file(
+        "old.csv",
+        &omm.replace(".1E-3\n", ".1E-3,SGP\n")
+            .replace("100002,0\n", "100002,0,SGP4-XP\n"),
+    );
+    let (code, out, _) = run(here.path(), &["catalog", "check", "old.csv"]);
+    assert_eq!(code, Some(0));
+    has(
+        &out,
+        &[
+            "old.csv: omm-csv, 1 record of 1 object, 1 rejected",
+            "assumed: old.csv:2: MEAN_ELEMENT_THEORY = SGP: flown by SGP4",
+            "old.csv:3: record 2: MEAN_ELEMENT_THEORY 'SGP4-XP': elements of SGP4-XP",
+        ],
+    );
+    let (_, _, log) = run(
+        here.path(),
+        &["catalog", "convert", "old.csv", "--to", "tle"],
+    );
+    has(&log, &["MEAN_ELEMENT_THEORY = SGP: flown by SGP4"]);
+    file("delta.3le", DELTA);
+    file("scene.toml", &scene("\"old.csv\""));
+    let (_, _, log) = run(here.path(), &["plan", "--scene", "scene.toml"]);
+    has(&log, &["MEAN_ELEMENT_THEORY = SGP: flown by SGP4"]);
+
+    file("answer.json", r#"{"error":"You must be logged in"}"#);
+    let (code, out, _) = run(here.path(), &["catalog", "check", "answer.json"]);
+    assert_eq!(code, Some(1));
+    has(
+        &out,
+        &["answer.json: no orbits, but the answer of a server: \"You must be logged in\""],
+    );
+}
+
+#[test]
 fn check_tells_sets_without_a_state_by_the_references_code() {
     let here = tempfile::tempdir().unwrap();
     // So low that its mean orbit lies inside the Earth.

@@ -239,3 +239,113 @@ fn the_table_has_the_day_where_a_stay_has_several_and_no_name_twice() {
     names.dedup();
     assert_eq!((all, names.len()), (15, 15), "{names:?}");
 }
+
+/// An ephemeris of a circle above the equator, a state every 10 s for ten minutes from noon of 15 June 2019 on.
+fn circle() -> String {
+    let mut text = "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = ROUND\nOBJECT_ID = UNKNOWN\nCENTER_NAME = EARTH\n\
+                    REF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T12:00:00\nSTOP_TIME = 2019-06-15T12:09:50\nMETA_STOP\n"
+        .to_string();
+    let (radius, speed) = (7000.0, 7.546);
+    for step in 0..60 {
+        let (sin, cos) = (f64::from(step) * 10.0 * speed / radius).sin_cos();
+        let place = format!("{} {} 0", radius * cos, radius * sin);
+        let moves = format!("{} {} 0", -speed * sin, speed * cos);
+        let (minute, second) = (step / 6, step % 6 * 10);
+        text += &format!("2019-06-15T12:{minute:02}:{second:02} {place} {moves}\n");
+    }
+    text
+}
+
+#[test]
+fn days_without_states_are_said_to_have_none() {
+    let here = tempfile::tempdir().unwrap();
+    std::fs::write(here.path().join("round.oem"), circle()).unwrap();
+    // X-Val: Vallado et al. 2006, verification set 06251, with so much drag that it has decayed within days.
+    let sunk = crate::catalog::DELTA
+        .replace("12808-3 0  3985", "12808-0 0  3982")
+        .replace("DELTA 1 DEB", "SUNK");
+    std::fs::write(here.path().join("sunk.3le"), sunk).unwrap();
+    for (file, day, stays) in [
+        ("round.oem", "2024-01-01", 0),
+        ("sunk.3le", "2019-06-15", 0),
+        // Within these 30 days it has states for ten minutes.
+        ("round.oem", "2019-06-01", 1),
+    ] {
+        let scene = format!("[objects]\nfiles = [\"{file}\"]\n");
+        std::fs::write(here.path().join("scene.toml"), scene).unwrap();
+        let (from, to) = (
+            format!("{day}T00:00:00Z"),
+            format!("{}-30T00:00:00Z", &day[..7]),
+        );
+        let flags = [
+            "--scene",
+            "scene.toml",
+            "--from",
+            &from,
+            "--to",
+            &to,
+            "--nadir",
+        ];
+        // From the geostationary belt all of its way is in the field.
+        let state = ["--state", "42164,0,0,0,3.0747,0"];
+        let (code, said, log) = passes(here.path(), &[&flags[..], &state].concat());
+        assert_eq!(code, 0, "{log}");
+        assert!(said.contains(&format!("{stays} pass")), "{said}");
+        if stays == 0 {
+            assert!(
+                log.contains("no object has states through all of the search"),
+                "{log}"
+            );
+            assert!(
+                log.contains(": no state at") || log.contains("is outside its ephemeris"),
+                "{log}"
+            );
+        }
+    }
+}
+
+#[test]
+fn durations_over_a_leap_second_are_si_seconds() {
+    let here = tempfile::tempdir().unwrap();
+    let mut oem = circle().replace("2019-06-15T12:00:00", "2016-12-31T23:59:50");
+    oem = oem.replace(
+        "STOP_TIME = 2019-06-15T12:09:50",
+        "STOP_TIME = 2017-01-01T00:00:30",
+    );
+    let (head, states) = oem.split_once("META_STOP\n").unwrap();
+    // X-Val: IERS Bulletin C 52: 2016-12-31T23:59:60 is a second, so states whose digits differ by 9 s are 10 s apart.
+    let times = [
+        "2016-12-31T23:59:50",
+        "2016-12-31T23:59:60",
+        "2017-01-01T00:00:09",
+        "2017-01-01T00:00:19",
+        "2017-01-01T00:00:29",
+    ];
+    let states = times.iter().zip(states.lines());
+    let states: Vec<String> = states
+        .map(|(time, line)| format!("{time} {}\n", line.split_once(' ').unwrap().1))
+        .collect();
+    std::fs::write(
+        here.path().join("leap.oem"),
+        format!("{head}META_STOP\n{}", states.concat()),
+    )
+    .unwrap();
+    std::fs::write(
+        here.path().join("scene.toml"),
+        "[objects]\nfiles = [\"leap.oem\"]\n",
+    )
+    .unwrap();
+    let flags = "--scene scene.toml --from 2016-12-31T23:59:55Z --to 2017-01-01T00:00:25Z --nadir --state 42164,0,0,0,3.0747,0";
+    let flags: Vec<&str> = flags.split_whitespace().collect();
+    let (code, said, log) = passes(here.path(), &flags);
+    assert_eq!(code, 0, "{log}");
+    assert!(said.contains(" >31.0 "), "{said}");
+    assert!(
+        said.contains("with a leap second in between: durations are SI seconds"),
+        "{said}"
+    );
+    let (_, text, _) = passes(here.path(), &[&flags[..], &["--json"]].concat());
+    let json: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(json["leap_seconds"], 1);
+    assert_eq!(json["passes"][0]["duration_s"], 31.0);
+}

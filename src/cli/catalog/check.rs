@@ -62,7 +62,10 @@ struct FileReport {
     last_epoch: Option<String>,
     /// Numbers beyond five digits.
     beyond_99999: usize,
-    /// Objects with several sets, and how many.
+    /// What was assumed of records, a line for each kind.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    assumed: Vec<String>,
+    /// Objects with several sets that differ, and how many.
     several_sets: BTreeMap<String, usize>,
     /// Sets that have no state at their own epoch.
     stateless: Vec<Stateless>,
@@ -167,7 +170,16 @@ fn of_source(source: Source, all: &mut All) -> FileReport {
     match source.contents {
         Ok(contents) => {
             let mut report = of_contents(&contents);
-            let Loaded { objects, rejected } = Loaded::from(contents);
+            let Loaded {
+                objects,
+                rejected,
+                assumed,
+            } = Loaded::from(contents);
+            report.assumed = assumed;
+            report.objects = objects.len();
+            let several = objects.iter().filter(|one| one.sets().count() > 1);
+            let several = several.map(|one| (one.id.clone(), one.sets().count()));
+            report.several_sets = several.collect();
             let refused = gather(&mut all.objects, &mut all.register, objects).refused;
             let twice = refused
                 .into_iter()
@@ -186,21 +198,14 @@ fn of_source(source: Source, all: &mut All) -> FileReport {
 
 fn of_contents(contents: &Contents) -> FileReport {
     let (records, ephemerides) = (&contents.records, &contents.ephemerides);
-    let mut sets: BTreeMap<String, usize> = BTreeMap::new();
-    for record in records {
-        *sets.entry(record.object_id()).or_default() += 1;
-    }
     let (first, last) = epochs(records, ephemerides).unzip();
     let numbers: BTreeSet<u32> = records.iter().map(|record| record.elements.norad).collect();
-    let several = sets.iter().filter(|(_, count)| **count > 1);
     FileReport {
         format: Some(contents.format.name()),
         records: records.len() + ephemerides.len(),
-        objects: sets.len() + ephemerides.len(),
         first_epoch: first.map(utc_text),
         last_epoch: last.map(utc_text),
         beyond_99999: numbers.range(100_000..).count(),
-        several_sets: several.map(|(id, count)| (id.clone(), *count)).collect(),
         stateless: records.iter().filter_map(stateless).collect(),
         ..FileReport::default()
     }
@@ -281,6 +286,9 @@ impl FileReport {
                     set.line, set.norad, set.reason
                 );
             }
+        }
+        for assumed in &self.assumed {
+            text += &format!("  assumed: {assumed}\n");
         }
         for Refusal { line, reason } in &self.rejected {
             text += &format!("  {file}:{line}: {reason}\n");

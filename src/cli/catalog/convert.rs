@@ -53,6 +53,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                     object.label()
                 ));
             }
+            for assumed in &contents.assumed {
+                tracing::warn!("{assumed}");
+            }
             records.extend(contents.records);
         }
     }

@@ -98,11 +98,11 @@ fn objects(args: &Args) -> anyhow::Result<Loaded> {
         let Some(contents) = readable(source, &mut rejected, &mut foreign)? else {
             continue;
         };
-        let gathered = gather(
-            &mut all.objects,
-            &mut register,
-            Loaded::from(contents).objects,
-        );
+        for assumed in &contents.assumed {
+            tracing::warn!("{assumed}");
+        }
+        let objects = Loaded::from(contents).objects;
+        let gathered = gather(&mut all.objects, &mut register, objects);
         let refused = gathered.refused.iter().map(|why| format!("{file}: {why}"));
         rejected.extend(refused);
     }

@@ -9,7 +9,8 @@ pub(crate) mod kvn;
 pub(crate) mod xml;
 
 use crate::elements::Elements;
-use crate::record::{At, Record, shorten};
+use crate::record::{At, Record, long_designator, shorten};
+use crate::theory::{self, Theory};
 use crate::units::{DEGREE, REV_PER_DAY};
 use crate::{bounded_name, time};
 use hifitime::{Epoch, TimeScale};
@@ -44,10 +45,13 @@ pub(crate) enum Key {
     Drag,
     MeanMotionDot,
     MeanMotionDdot,
+    /// With the next, drag and solar radiation pressure of SGP4-XP.
+    BallisticTerm,
+    RadiationTerm,
 }
 
 /// How they are written, in the order of [`Key`].
-pub(crate) const KEYWORDS: [&str; 22] = [
+pub(crate) const KEYWORDS: [&str; 24] = [
     "OBJECT_NAME",
     "OBJECT_ID",
     "CENTER_NAME",
@@ -70,6 +74,8 @@ pub(crate) const KEYWORDS: [&str; 22] = [
     "BSTAR",
     "MEAN_MOTION_DOT",
     "MEAN_MOTION_DDOT",
+    "BTERM",
+    "AGOM",
 ];
 
 /// The place of a keyword in [`KEYWORDS`].
@@ -169,17 +175,13 @@ impl<'a> Fields<'a> {
         }
         for (key, wanted) in [
             (Key::Centre, &["EARTH"][..]),
-            (Key::Frame, &["TEME"]),
+            // The second is the frame's name in the registry of SANA.
+            (Key::Frame, &["TEME", "TEMEOFDATE"]),
             (Key::TimeSystem, &["UTC"]),
-            // The standard's own examples have the second.
-            (Key::Theory, &["SGP4", "SGP/SGP4"]),
         ] {
             self.is_one_of(key, wanted, start, metadata)?;
         }
-        let ephemeris_type = self.counter(Key::EphemerisType, 255)?.unwrap_or(0);
-        if let (4, Some((_, place))) = (ephemeris_type, self.find(Key::EphemerisType)) {
-            return Err((place, crate::two_line::SGP4_XP.to_owned()));
-        }
+        let (theory, ephemeris_type) = self.theory(start, metadata)?;
         let degrees = -360.0..=360.0;
         let angle = |key| self.number(key, degrees.clone(), start);
         let (eccentricity, inclination) = (
@@ -197,7 +199,7 @@ impl<'a> Fields<'a> {
             perigee: angle(Key::Perigee)? * DEGREE,
             mean_anomaly: angle(Key::MeanAnomaly)? * DEGREE,
             mean_motion: self.mean_motion(start)? * REV_PER_DAY,
-            drag: self.number(Key::Drag, -1e3..=1e3, start)?,
+            drag: self.number(Key::Drag, -1e9..=1e9, start)?,
         };
         elements
             .orbit()
@@ -210,9 +212,10 @@ impl<'a> Fields<'a> {
         Ok(Record {
             line: start,
             name: bounded_name(text(Key::Name)),
-            designator: bounded_name(text(Key::Designator)),
+            designator: long_designator(&bounded_name(text(Key::Designator))),
             classification: text(Key::Classification).chars().next().unwrap_or('U'),
-            ephemeris_type: ephemeris_type as u8,
+            ephemeris_type,
+            theory,
             element_set: self.counter(Key::ElementSet, u32::MAX)?.unwrap_or(0),
             revolution: self.counter(Key::Revolution, u32::MAX)?.unwrap_or(0),
             mean_motion_dot: optional(Key::MeanMotionDot)?,
@@ -239,6 +242,29 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// The theory of the elements, and their ephemeris type.
+    fn theory(&self, start: usize, metadata: Metadata) -> At<(Theory, u8)> {
+        for key in [Key::BallisticTerm, Key::RadiationTerm] {
+            if let Some((_, place)) = self.find(key) {
+                return Err((place, theory::SGP4_XP.to_owned()));
+            }
+        }
+        let theory = match self.find(Key::Theory) {
+            Some((text, place)) => Theory::parse(text).map_err(|why| {
+                let reason = format!("MEAN_ELEMENT_THEORY '{}': {why}", shorten(text));
+                (place, reason)
+            })?,
+            None if metadata == Metadata::Understood => Theory::default(),
+            None => return Err(missing(Key::Theory, start)),
+        };
+        let number = self.counter(Key::EphemerisType, u32::MAX)?.unwrap_or(0);
+        let place = self
+            .find(Key::EphemerisType)
+            .map_or(start, |(_, place)| place);
+        let kind = theory::ephemeris_type(number).map_err(|reason| (place, reason))?;
+        Ok((theory, kind))
+    }
+
     fn mean_motion(&self, start: usize) -> At<f64> {
         match (self.find(Key::MeanMotion), self.find(Key::SemiMajorAxis)) {
             (None, Some((_, place))) => {
@@ -253,11 +279,13 @@ impl<'a> Fields<'a> {
         let (text, place) = self
             .find(Key::Epoch)
             .ok_or_else(|| missing(Key::Epoch, start))?;
-        time::parse_ccsds(text, TimeScale::UTC).ok_or_else(|| {
+        // Space-Track had a blank between date and time.
+        let written = text.replacen(' ', "T", 1);
+        time::parse_ccsds(&written, TimeScale::UTC).ok_or_else(|| {
             let reason = format!(
                 "EPOCH '{}' is no UTC time such as 2026-07-11T12:00:00.000000{}",
                 shorten(text),
-                time::why_not(text)
+                time::why_not(&written)
             );
             (place, reason)
         })
@@ -299,6 +327,7 @@ pub(crate) fn unit_of(index: usize) -> &'static str {
         "BSTAR" => "1/ER",
         "MEAN_MOTION_DOT" => "rev/day**2",
         "MEAN_MOTION_DDOT" => "rev/day**3",
+        "BTERM" | "AGOM" => "m**2/kg",
         _ => "",
     }
 }

@@ -8,6 +8,7 @@ mod draw;
 
 pub use classes::{CLASSES, Class};
 
+use crate::Theory;
 use crate::elements::{EARTH_RADIUS_M, Elements};
 use crate::{Object, Record};
 use classes::{Drag, Inclination, Orbit, Size};
@@ -48,6 +49,7 @@ impl Synthetic {
             designator: String::new(),
             classification: 'U',
             ephemeris_type: 0,
+            theory: Theory::default(),
             element_set: 1,
             revolution: 0,
             mean_motion_dot: 0.0,
@@ -61,7 +63,7 @@ impl Synthetic {
         Object {
             id: format!("NORAD {}", self.elements.norad),
             names: vec![self.name()],
-            designator: None,
+            identity: crate::Identity::of_set(self.elements.norad, "", ""),
             orbit: crate::Orbit::Elements(self.elements, Vec::new()),
         }
     }

@@ -130,7 +130,7 @@ fn what_two_lines_cannot_hold_is_told() {
             (|r| r.name = "A NAME OF TWENTY-FIVE LTRS".into()) as fn(&mut Record),
             "is cut to 24",
         ),
-        (|r| r.designator = "TO BE ASSIGNED".into(), "is left blank"),
+        (|r| r.designator = "MADE UP BY ME".into(), "is left blank"),
         (
             |r| r.element_set = 10_000,
             "the set number 10000 has only its last digits",

@@ -154,6 +154,29 @@ fn names_may_stand_behind_their_sets() {
             ["LOW", "GEO"],
             0,
         ),
+        // A name may begin as element lines do.
+        (
+            format!("2 COSMOS\n{}1 KUNS-PF\n{}", low(), geo()),
+            ["2 COSMOS", "1 KUNS-PF"],
+            0,
+        ),
+        (
+            format!(
+                "0 2 COSMOS 1408 DEBRIS, LONG\n{}1 NAME OF MORE THAN 26 LETTERS\n{}",
+                low(),
+                geo()
+            ),
+            [
+                "2 COSMOS 1408 DEBRIS, LONG",
+                "1 NAME OF MORE THAN 26 LETTERS",
+            ],
+            0,
+        ),
+        (
+            format!("{}2 NAME OF MORE THAN 26 LETTERS\n{}GEO\n", low(), geo()),
+            ["2 NAME OF MORE THAN 26 LETTERS", "GEO"],
+            0,
+        ),
         (
             format!("{}LOW\nMORE\n{}GEO\n", low(), geo()),
             ["LOW", "GEO"],
@@ -180,14 +203,35 @@ fn names_may_stand_behind_their_sets() {
 
 #[test]
 fn objects_without_a_number_are_told_apart_by_name() {
-    let unnumbered = |line: &str| sealed(&line.replace("90001", "00000"));
-    let set = format!("{}\n{}\n", unnumbered(LOW_1), unnumbered(LOW_2));
-    let loaded = read(&format!("ONE\n{set}TWO\n{set}ONE\n{set}"));
-    assert_eq!(
-        ids(&loaded),
-        [("NORAD 0 ONE", vec!["ONE"]), ("NORAD 0 TWO", vec!["TWO"])]
-    );
-    assert_eq!(loaded.find(Some("two")).unwrap().id, "NORAD 0 TWO");
+    for number in ["00000", "99999"] {
+        let set = |node: &str| {
+            let bare = [LOW_1, LOW_2].map(|line| {
+                let line = line.replace("90001", number).replace("19001A", "      ");
+                sealed(&line.replace("120.0000", node))
+            });
+            format!("{}\n{}\n", bare[0], bare[1])
+        };
+        let [one, other] = [set("120.0000"), set("130.0000")];
+        let loaded = read(&format!("ONE\n{one}TWO\n{one}ONE\n{one}"));
+        let shown = number.trim_start_matches('0');
+        let id = format!("NORAD {}", if shown.is_empty() { "0" } else { shown });
+        let (first, second) = (format!("{id} ONE"), format!("{id} TWO"));
+        assert_eq!(
+            ids(&loaded),
+            [
+                (first.as_str(), vec!["ONE"]),
+                (second.as_str(), vec!["TWO"])
+            ]
+        );
+        assert_eq!(loaded.find(Some("two")).unwrap().id, second);
+        // Without a name each is an object of its own, and so is one whose name says nothing.
+        for name in ["", "TBA - TO BE ASSIGNED\n"] {
+            let loaded = read(&format!("{name}{one}{name}{other}{name}{one}"));
+            let second = format!("{id} #2");
+            let found: Vec<&str> = loaded.objects.iter().map(|one| one.id.as_str()).collect();
+            assert_eq!(found, [id.as_str(), second.as_str()]);
+        }
+    }
 }
 
 #[test]
@@ -221,13 +265,19 @@ fn indented_lines_old_line_ends_and_other_theories() {
     assert_eq!(ids(&loaded), [("NORAD 90001", vec!["LOW"])]);
     assert_eq!(loaded.rejected, []);
     // Column 63 of line 1 is the ephemeris type.
-    let xp = sealed(&format!("{}4{}", &LOW_1[..62], &LOW_1[63..]));
-    let loaded = read(&format!("{xp}\n{}", sealed(LOW_2)));
-    let found = rejections(&loaded);
-    assert!(
-        found[0].starts_with("test.tle:1: ephemeris type 4: elements of SGP4-XP"),
-        "{found:?}"
-    );
+    let of_type = |kind: &str| {
+        let line1 = sealed(&format!("{}{kind}{}", &LOW_1[..62], &LOW_1[63..]));
+        read(&format!("{line1}\n{}", sealed(LOW_2)))
+    };
+    for (kind, reason) in [("4", "elements of SGP4-XP"), ("6", "no elements of SGP4")] {
+        let found = rejections(&of_type(kind));
+        let start = format!("test.tle:1: ephemeris type {kind}: {reason}");
+        assert!(found[0].starts_with(&start), "{found:?}");
+    }
+    let old = of_type("2");
+    assert_eq!(old.objects.len(), 1);
+    assert!(old.assumed[0].starts_with("test.tle:1: ephemeris type"));
+    assert!(of_type("0").assumed.is_empty() && of_type(" ").assumed.is_empty());
 }
 
 #[test]
@@ -296,7 +346,7 @@ fn every_kind_of_damage_says_what_and_where() {
         (swap("19166.5", "19x66.5"), 1, "bad epoch"),
         (swap("97.5000", "97.5x00"), 2, "bad inclination"),
         (swap(" 97.5000", "197.5000"), 2, "bad inclination"),
-        (swap("0010000", "00100 0"), 2, "bad eccentricity"),
+        (swap("0010000", "00100x0"), 2, "bad eccentricity"),
         (swap("15.20000000", " 0.00000000"), 2, "SGP4 cannot start"),
         (swap("15.20000000", "        inf"), 2, "bad mean motion"),
         (swap("10000-4", "1000x-4"), 1, "bad drag term"),

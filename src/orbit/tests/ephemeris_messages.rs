@@ -252,7 +252,7 @@ fn every_kind_of_damage_says_what_and_where() {
             4,
             "START_TIME 'yesterday'",
         ),
-        (message("OBJECT_ID =\n", &STATES), 3, "no OBJECT_ID"),
+        (message("OBJECT_IDS = A\n", &STATES), 3, "no OBJECT_ID"),
         (
             message("INTERPOLATION = SPLINE\n", &STATES),
             4,

@@ -45,6 +45,76 @@ fn xml(kvn: &str) -> String {
 }
 
 #[test]
+fn theories_that_sgp4_flies_are_taken_and_others_refused_by_name() {
+    let wanted = read(KVN).records[0].elements;
+    for (theory, assumed) in [
+        ("SGP4", ""),
+        ("sgp4", ""),
+        ("SDP4", ""),
+        ("SGP/SGP4", ""),
+        ("SGP4/SDP4", ""),
+        ("SGP", "odd:1: MEAN_ELEMENT_THEORY = SGP: flown by SGP4"),
+        ("TLE", "odd:1: MEAN_ELEMENT_THEORY = TLE: taken as SGP4"),
+    ] {
+        let text = KVN.replace("THEORY = SGP4", &format!("THEORY = {theory}"));
+        let contents = read(&text);
+        assert_eq!(contents.records[0].elements, wanted, "{theory}");
+        let said = contents.assumed.concat();
+        assert!(said.starts_with(assumed), "{theory}: {said}");
+        assert_eq!(said.is_empty(), assumed.is_empty(), "{theory}: {said}");
+    }
+    let twice = KVN.replace("THEORY = SGP4", "THEORY = TLE").repeat(2);
+    assert!(read(&twice).assumed[0].ends_with("so in 2 records"));
+    let of_type = |number: &str| format!("{KVN}EPHEMERIS_TYPE = {number}\n");
+    let xp = "elements of SGP4-XP";
+    for (text, line, reason) in [
+        (KVN.replace("= SGP4", "= SGP4-XP"), 6, xp),
+        (KVN.replace("= SGP4", "= sgp4 xp"), 6, xp),
+        (KVN.replace("= SGP4", "= SGP8"), 6, "only elements of SGP4"),
+        (of_type("4"), 18, xp),
+        (of_type("6"), 18, "no elements of SGP4"),
+        (of_type("300"), 18, "no elements of SGP4"),
+        (format!("{KVN}BTERM = 0.02 [m**2/kg]\n"), 18, xp),
+        (format!("{KVN}AGOM = 0.01\n"), 18, xp),
+    ] {
+        let told = rejections(&text);
+        assert!(told.len() == 1 && told[0].contains(reason), "{told:?}");
+        assert!(told[0].starts_with(&format!("odd:{line}: ")), "{told:?}");
+    }
+    let old = read(&of_type("2"));
+    assert_eq!(old.records[0].elements, wanted);
+    assert!(
+        old.assumed[0].starts_with("odd:1: ephemeris type"),
+        "{:?}",
+        old.assumed
+    );
+}
+
+#[test]
+fn an_answer_of_a_server_is_a_loss_in_its_own_words() {
+    let json = r#"{"error":"You must be logged in"}"#;
+    let page = "<html><body>No GP data found</body></html>";
+    for (text, says) in [
+        (page, "No GP data found"),
+        (json, "You must be logged in"),
+        ("No GP data found", "No GP data found"),
+    ] {
+        let error = parse_contents(text, "odd").unwrap_err();
+        assert!(!error.is_foreign(), "{error}");
+        let wanted =
+            format!("odd: no orbits, but the answer of a server: \"{says}\"; fetch the file again");
+        assert_eq!(error.to_string(), wanted);
+    }
+    let error = parse_contents("Dear reader,\nhello", "odd").unwrap_err();
+    assert!(
+        error.is_foreign()
+            && error
+                .to_string()
+                .contains("it begins with \"Dear reader, hello\"")
+    );
+}
+
+#[test]
 fn a_value_in_another_unit_is_refused() {
     let plain = &read(KVN).records[0];
     for (unit, other, keyword) in [
@@ -167,16 +237,50 @@ fn a_refusal_is_one_line_with_the_number_of_its_record() {
     assert!(told.iter().all(|line| !line.contains('\n')), "{told:?}");
 }
 
-#[test]
-fn an_oem_behind_another_begins_with_its_version() {
-    let message = |id: &str, minute: u32| {
-        format!(
-            "CCSDS_OEM_VERS = 2.0\nORIGINATOR = X\nMETA_START\nOBJECT_NAME = MADE UP\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\n\
+/// An ephemeris of so many minutes past three.
+fn message(id: &str, minute: u32) -> String {
+    named_message("MADE UP", id, minute)
+}
+
+fn named_message(name: &str, id: &str, minute: u32) -> String {
+    format!(
+        "CCSDS_OEM_VERS = 2.0\nORIGINATOR = X\nMETA_START\nOBJECT_NAME = {name}\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\n\
              REF_FRAME = GCRF\nTIME_SYSTEM = UTC\nSTART_TIME = 2026-07-12T03:00:00\nSTOP_TIME = 2026-07-12T04:00:00\nMETA_STOP\n\
              2026-07-12T03:{minute}:00 7000 0 0 0 7.5 0\n2026-07-12T03:{}:00 0 7000 0 -7.5 0 0\n",
-            minute + 25
-        )
-    };
+        minute + 25
+    )
+}
+
+#[test]
+fn ephemerides_of_unknown_objects_stay_apart() {
+    for (first, second, ids) in [
+        (
+            ("A", "UNKNOWN"),
+            ("B", "UNKNOWN"),
+            &["UNKNOWN A", "UNKNOWN B"][..],
+        ),
+        (("A", "TBD"), ("B", "tbd"), &["TBD A", "tbd B"]),
+        (("A", ""), ("B", ""), &["UNKNOWN A", "UNKNOWN B"]),
+        (("A", "0"), ("B", "99999"), &["0 A", "99999 B"]),
+        (("UNKNOWN", "UNKNOWN"), ("", ""), &["UNKNOWN", "UNKNOWN #2"]),
+        // One name, and one object in however many segments.
+        (("A", "UNKNOWN"), ("a", "N/A"), &["UNKNOWN A"]),
+        (("A", "1998-067-A"), ("B", "1998-067A"), &["1998-067-A"]),
+        (("A", "25544"), ("B", "NORAD 025544"), &["25544"]),
+        (("A", "OWN-1"), ("B", "own-1"), &["OWN-1"]),
+        (("A", "OWN-1"), ("A", "OWN-2"), &["OWN-1", "OWN-2"]),
+    ] {
+        let text =
+            [(first, 10), (second, 20)].map(|((name, id), minute)| named_message(name, id, minute));
+        let loaded = parse(&text.concat(), "odd").unwrap();
+        assert_eq!(loaded.rejected, []);
+        let found: Vec<&str> = loaded.objects.iter().map(|one| one.id.as_str()).collect();
+        assert_eq!(found, ids);
+    }
+}
+
+#[test]
+fn an_oem_behind_another_begins_with_its_version() {
     let loaded = parse(
         &[message("2026-101A", 10), message("2026-101B", 20)].concat(),
         "odd",

@@ -165,7 +165,7 @@ fn epochs_with_and_without_z_fractions_and_as_days_of_the_year() {
     for epoch in [
         "2026-07-12T03:04:05.678912Z",
         "2026-193T03:04:05.678912",
-        "2026-193T03:04:05.6789120Z",
+        "2026-07-12 03:04:05.678912",
     ] {
         let text = KVN.replace("2026-07-12T03:04:05.678912", epoch);
         assert_eq!(read(&text).records[0].elements.epoch, first, "{epoch}");
@@ -173,7 +173,7 @@ fn epochs_with_and_without_z_fractions_and_as_days_of_the_year() {
     let whole = KVN.replace("05.678912", "05");
     assert!((first - read(&whole).records[0].elements.epoch).to_seconds() > 0.678);
     for wrong in [
-        "2026-07-12 03:04:05",
+        "2026-07-12  03:04:05",
         "2026-13-12T03:04:05",
         "26193.5",
         "2026-07-12T24:04:05",
@@ -213,12 +213,12 @@ fn a_value_that_cannot_be_used_is_named() {
         (
             "SGP4",
             "DSST",
-            "MEAN_ELEMENT_THEORY 'DSST'; only SGP4 is read (MADE UP 1, NORAD_CAT_ID 100001)",
+            "MEAN_ELEMENT_THEORY 'DSST': only elements of SGP4 are flown: fetch those, or an ephemeris as OEM (MADE UP 1, NORAD_CAT_ID 100001)",
         ),
         (
             "SGP4",
             "SGP4-XP",
-            "MEAN_ELEMENT_THEORY 'SGP4-XP'; only SGP4 is read",
+            "MEAN_ELEMENT_THEORY 'SGP4-XP': elements of SGP4-XP",
         ),
         ("TEME", "EME2000", "REF_FRAME 'EME2000'; only TEME is read"),
         ("UTC", "TAI", "TIME_SYSTEM 'TAI'; only UTC is read"),
@@ -440,12 +440,7 @@ fn what_holds_no_record_is_said_to_hold_none() {
         columns,
         ["test.omm:1: the header has no column NORAD_CAT_ID"]
     );
-    for text in [
-        "<html><body>No GP data found</body></html>",
-        "No GP data found",
-        "<ndm></ndm>",
-        "<",
-    ] {
+    for text in ["<ndm></ndm>", "<", "<html><p></html>"] {
         let error = parse_contents(text, "empty").unwrap_err();
         assert!(matches!(error, LoadError::NoOrbit { .. }), "{text}");
     }

@@ -27,11 +27,17 @@ pub(super) fn write(records: &[Record], names: bool) -> Written {
                 continue;
             }
         };
+        match Elements::parse(&line1, &line2, Checksum::Required) {
+            Ok(read_back) if read_back == record.elements => {}
+            Ok(_) => written.rounded += 1,
+            Err(error) => {
+                let reason = format!("its two lines cannot be read back: {error}");
+                written.left_out.push(format!("{who}: {reason}"));
+                continue;
+            }
+        }
         for change in changes(record, names) {
             written.changed.push(format!("{who}: {change}"));
-        }
-        if Elements::parse(&line1, &line2, Checksum::Required) != Ok(record.elements) {
-            written.rounded += 1;
         }
         if names {
             let name: String = record.name.chars().take(LONGEST_NAME).collect();
@@ -96,7 +102,8 @@ fn lines(record: &Record) -> Result<(String, String), String> {
     let ddot = power(record.mean_motion_ddot).ok_or("the second derivative is beyond a TLE's")?;
     let drag = power(drag).ok_or("the drag term B* is beyond a TLE's")?;
     let set = record.element_set % (LARGEST_SET + 1);
-    let kind = record.ephemeris_type % 10;
+    let kind = Some(record.ephemeris_type).filter(|kind| *kind < 10);
+    let kind = kind.ok_or("a TLE has an ephemeris type of one digit")?;
     let line1 =
         format!("1 {number}{class} {designator:<8} {epoch} {dot} {ddot} {drag} {kind} {set:>4}");
 

@@ -1,0 +1,221 @@
+//! What a server says in place of the orbits that were fetched: in JSON, on a page, or in a line of text.
+
+use crate::omm::index_of;
+use serde_json::{Map, Value};
+
+/// Bytes of an answer that are read.
+const LONGEST: usize = 1 << 16;
+/// Characters of it that a message quotes.
+const SHOWN: usize = 200;
+/// Keys that servers give their reasons in.
+const KEYS: [&str; 8] = [
+    "error",
+    "errors",
+    "error_description",
+    "message",
+    "detail",
+    "details",
+    "reason",
+    "title",
+];
+/// How their answers in plain text begin.
+const BEGINNINGS: [&str; 20] = [
+    "no gp data",
+    "no sup-gp data",
+    "no data",
+    "no tle",
+    "no results",
+    "no records",
+    "gp data has not",
+    "invalid",
+    "error",
+    "you ",
+    "your ",
+    "access denied",
+    "rate limit",
+    "too many requests",
+    "bad request",
+    "bad gateway",
+    "unauthorized",
+    "forbidden",
+    "not found",
+    "internal server error",
+];
+
+/// The words of a server's answer, if the text is one. A page is one unless `source` is the name of a page.
+pub(crate) fn words(text: &str, source: &str) -> Option<String> {
+    let text = text.trim();
+    let words = match text.as_bytes().first()? {
+        b'{' | b'[' if text.len() <= LONGEST => object(&serde_json::from_str(text).ok()?),
+        b'<' if is_page(text, source) => page(text),
+        b'<' => return None,
+        _ => {
+            let lower = text.get(..LONGEST.min(text.len()))?.to_lowercase();
+            let is_answer = BEGINNINGS.iter().any(|start| lower.starts_with(start));
+            let lines = text.lines().filter(|line| !line.trim().is_empty()).count();
+            if is_answer && lines <= 3 {
+                text.to_owned()
+            } else {
+                String::new()
+            }
+        }
+    };
+    Some(quoted(&words)).filter(|words| !words.is_empty())
+}
+
+/// The first characters of a text in one line, without what could command a terminal.
+pub(crate) fn quoted(text: &str) -> String {
+    let words = text.split(|c: char| c.is_whitespace() || c.is_control());
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).take(SHOWN).collect();
+    words.join(" ").chars().take(SHOWN).collect()
+}
+
+/// Reasons in an object, or in the first of an array, that is no element set.
+fn object(value: &Value) -> String {
+    let first = match value {
+        Value::Array(all) => all.first().unwrap_or(value),
+        one => one,
+    };
+    let Value::Object(pairs) = first else {
+        return String::new();
+    };
+    if pairs.keys().any(|key| index_of(key).is_some()) {
+        return String::new();
+    }
+    reasons(pairs).join(": ")
+}
+
+fn reasons(pairs: &Map<String, Value>) -> Vec<String> {
+    let mut found = Vec::new();
+    for key in KEYS {
+        let given = pairs
+            .iter()
+            .filter(|(name, _)| name.eq_ignore_ascii_case(key));
+        for (_, value) in given {
+            match value {
+                Value::String(text) => found.push(text.clone()),
+                Value::Object(inner) => found.extend(reasons(inner)),
+                Value::Array(texts) => {
+                    let texts = texts.iter().filter_map(Value::as_str);
+                    found.extend(texts.map(str::to_owned));
+                }
+                _ => {}
+            }
+        }
+    }
+    found
+}
+
+fn is_page(text: &str, source: &str) -> bool {
+    let start = text.get(..LONGEST).unwrap_or(text).to_ascii_lowercase();
+    let start = match start.split_once("?>") {
+        Some((declaration, rest)) if declaration.starts_with("<?xml") => rest.trim_start(),
+        _ => &start,
+    };
+    let source = source.to_lowercase();
+    let is_named = [".html", ".htm", ".xhtml"]
+        .iter()
+        .any(|end| source.ends_with(end));
+    let tags = ["<html", "<!doctype html", "<error"];
+    !is_named && tags.iter().any(|tag| start.starts_with(tag))
+}
+
+/// The text of a page without its tags, scripts and styles.
+fn page(text: &str) -> String {
+    let mut words = String::new();
+    let mut rest = text.get(..LONGEST).unwrap_or(text);
+    while let Some((before, tag)) = rest.split_once('<') {
+        words += before;
+        words.push(' ');
+        let name = tag.split(|c: char| !c.is_ascii_alphabetic() && c != '!' && c != '-');
+        let end = match name.into_iter().next().map(str::to_lowercase).as_deref() {
+            Some("script") => "</script",
+            Some("style") => "</style",
+            Some(comment) if comment.starts_with("!--") => "-->",
+            _ => "",
+        };
+        let hidden = match end {
+            "" => Some(0),
+            end => tag.to_ascii_lowercase().find(end),
+        };
+        let hidden = hidden.unwrap_or(tag.len());
+        rest = tag.get(hidden..).unwrap_or_default();
+        rest = rest.split_once('>').map_or("", |(_, rest)| rest);
+        if words.len() > 2 * SHOWN {
+            break;
+        }
+    }
+    words + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_servers_answer_is_given_in_its_own_words() {
+        for (text, wanted) in [
+            // As Space-Track answers without a login, and beyond its limit.
+            (
+                r#"{"error":"You must be logged in to complete this action"}"#,
+                "You must be logged in to complete this action",
+            ),
+            (
+                r#"[{"error":"Query rate limit exceeded"}]"#,
+                "Query rate limit exceeded",
+            ),
+            (
+                r#"{"Error":{"code":401,"message":"Invalid\nkey \u001b[31m"}}"#,
+                "Invalid key [31m",
+            ),
+            (r#"{"detail":"Not found.","status":404}"#, "Not found."),
+            (
+                r#"{"errors":["one","two"],"message":"three"}"#,
+                "one: two: three",
+            ),
+            // As CelesTrak answers.
+            ("No GP data found\r\n", "No GP data found"),
+            (
+                "Invalid query: \"CATNR=x&FORMAT=tle\" (CATNR=x)",
+                "Invalid query: \"CATNR=x&FORMAT=tle\" (CATNR=x)",
+            ),
+            (
+                "GP data has not updated since your last successful download of GROUP=active at 2026-07-12 03:04:05 UTC.\nData is updated once every 2 hours.",
+                "GP data has not updated since your last successful download of GROUP=active at 2026-07-12 03:04:05 UTC. Data is updated once every 2 hours.",
+            ),
+            (
+                "<!DOCTYPE html>\n<html><head><title>503 Service Unavailable</title><style>p > a {}</style>\
+                 <SCRIPT>if (a < b) {}</SCRIPT></head><body><!-- <p> --><p>Try again<br>later</body></html>",
+                "503 Service Unavailable Try again later",
+            ),
+            (
+                "<?xml version=\"1.0\"?><error>No such object</error>",
+                "No such object",
+            ),
+        ] {
+            assert_eq!(words(text, "iss.tle").as_deref(), Some(wanted), "{text}");
+        }
+    }
+
+    #[test]
+    fn other_texts_are_none() {
+        for text in [
+            "",
+            "hello\nworld",
+            "Your notes\n1\n2\n3",
+            "[]",
+            "{}",
+            "[1]",
+            r#"{"error":1}"#,
+            r#"{"EPOCH":"now","error":"of what"}"#,
+            "<oem><error>1 m</error></oem>",
+            "<html",
+        ] {
+            assert_eq!(words(text, "iss.tle"), None, "{text}");
+        }
+        assert_eq!(words("<html>A page</html>", "about.html"), None);
+        let long = format!("error {}", "é".repeat(1000));
+        assert_eq!(words(&long, "x").unwrap().chars().count(), SHOWN);
+        let _ = words(&format!("error {}", "é".repeat(LONGEST)), "x");
+    }
+}

@@ -1,0 +1,84 @@
+//! The theories whose mean elements SGP4 and SDP4 can fly, and what is assumed of those that a file names otherwise.
+
+use crate::Record;
+use std::collections::BTreeMap;
+
+/// Why elements of SGP4-XP are refused.
+pub(crate) const SGP4_XP: &str = "elements of SGP4-XP (MEAN_ELEMENT_THEORY = SGP4-XP, ephemeris type 4, BTERM, AGOM), which SGP4 must not \
+                                  fly: fetch those of SGP4, or an ephemeris as OEM";
+
+/// A theory that a file names, of those that SGP4 and SDP4 can fly.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Theory {
+    /// SGP4 or SDP4, which are one.
+    #[default]
+    Sgp4,
+    /// SGP, the one before.
+    Sgp,
+    /// The form of the elements in place of their theory.
+    Tle,
+}
+
+impl Theory {
+    /// From the value of MEAN_ELEMENT_THEORY.
+    ///
+    /// Errors: says why the elements cannot be flown.
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
+        let letters = text.chars().filter(char::is_ascii_alphanumeric);
+        let letters: String = letters.map(|c| c.to_ascii_uppercase()).collect();
+        match letters.as_str() {
+            // SGP/SGP4 is what the standard's own examples have.
+            "SGP4" | "SDP4" | "SGPSGP4" | "SGP4SDP4" => Ok(Theory::Sgp4),
+            "SGP" => Ok(Theory::Sgp),
+            "TLE" | "GP" => Ok(Theory::Tle),
+            "SGP4XP" | "XP" => Err(SGP4_XP.to_owned()),
+            _ => Err(
+                "only elements of SGP4 are flown: fetch those, or an ephemeris as OEM".to_owned(),
+            ),
+        }
+    }
+
+    fn assumed(self) -> Option<&'static str> {
+        match self {
+            Theory::Sgp4 => None,
+            Theory::Sgp => {
+                Some("MEAN_ELEMENT_THEORY = SGP: flown by SGP4, with the drag that BSTAR gives")
+            }
+            Theory::Tle => {
+                Some("MEAN_ELEMENT_THEORY = TLE: taken as SGP4, whose elements a TLE has")
+            }
+        }
+    }
+}
+
+/// The ephemeris type of a set that SGP4 can fly: 0, or 1 to 3, which old sets have.
+///
+/// Errors: says why the elements cannot be flown.
+pub(crate) fn ephemeris_type(number: u32) -> Result<u8, String> {
+    match number {
+        0..=3 => Ok(number as u8),
+        4 => Err(format!("ephemeris type 4: {SGP4_XP}")),
+        _ => Err(format!(
+            "ephemeris type {number}: no elements of SGP4, which have 0; fetch those of SGP4, or an ephemeris as OEM"
+        )),
+    }
+}
+
+/// What was assumed of records, a line for each kind.
+pub(crate) fn assumptions(records: &[Record], source: &str) -> Vec<String> {
+    let mut kinds: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+    for record in records {
+        let odd = (record.ephemeris_type > 0).then_some(
+            "ephemeris type 1, 2 or 3: taken as 0, with Kozai's mean motion (Brouwer's differs by up to 0.1 %)",
+        );
+        for kind in record.theory.assumed().into_iter().chain(odd) {
+            kinds.entry(kind).or_insert((0, record.line)).0 += 1;
+        }
+    }
+    let kinds = kinds.iter();
+    let lines = kinds.map(|(kind, (count, line))| match count {
+        1 => format!("{source}:{line}: {kind}"),
+        _ => format!("{source}:{line}: {kind}; so in {count} records"),
+    });
+    lines.collect()
+}
