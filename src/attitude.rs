@@ -91,6 +91,25 @@ impl Attitude {
         Attitude(UnitQuaternion::from_rotation_matrix(&rotation))
     }
 
+    /// Right ascension, declination and roll (rad) of a camera of this attitude: what [`Attitude::towards`] takes. They are geometric, without
+    /// aberration. At a pole, where the right ascension is any, the roll belongs to the one that is given.
+    ///
+    /// The rows of the rotation matrix are the camera's axes X, Y, Z in the ICRF; with up = -Y, east = (-sin ra, cos ra, 0), north = Z x east:
+    ///
+    /// ```text
+    /// ra = atan2(Zy, Zx),   dec = atan2(Zz, hypot(Zx, Zy)),   roll = atan2(up.east, up.north)
+    /// ```
+    pub fn ra_dec_roll(&self) -> [f64; 3] {
+        let matrix = self.matrix();
+        let (up, z) = (-matrix.row(1).transpose(), matrix.row(2).transpose());
+        let ra = libm::atan2(z.y, z.x);
+        let dec = libm::atan2(z.z, libm::hypot(z.x, z.y));
+        let (sin_ra, cos_ra) = libm::sincos(ra);
+        let east = Vector3::new(-sin_ra, cos_ra, 0.0);
+        let roll = libm::atan2(up.dot(&east), up.dot(&z.cross(&east)));
+        [ra, dec, roll]
+    }
+
     /// The way back.
     pub fn inverse(&self) -> Attitude {
         Attitude(self.0.inverse())
@@ -331,6 +350,20 @@ mod tests {
             .rem_euclid(360.0);
         let dec_deg = boresight.z.asin().to_degrees();
         assert!((ra_deg - 248.112).abs() < 5e-4 && (dec_deg - 9.215).abs() < 5e-4);
+    }
+
+    #[test]
+    fn pointing_angles_give_the_attitude_back() {
+        for dec in [-90.0, -89.9999, -45.0, 0.0, 9.215, 89.9999, 90.0] {
+            for (ra, roll) in [(0.0, 0.0), (248.112, 30.0), (359.9, 359.0), (180.0, 180.0)] {
+                let [ra, dec, roll] = [ra, dec, roll].map(f64::to_radians);
+                let camera = Attitude::towards(ra, dec, roll);
+                let [a, d, r] = camera.ra_dec_roll();
+                let apart = Attitude::towards(a, d, r).matrix() - camera.matrix();
+                assert!(apart.norm() < 1e-14, "{ra} {dec} {roll}: {apart}");
+                assert!((d - dec).abs() < 1e-8, "{ra} {dec} {roll}: {d}");
+            }
+        }
     }
 
     #[test]

@@ -1,16 +1,19 @@
 //! Labels: what is in a frame, exactly. One JSON object a frame; its names are the contract of the README.
 
+mod empty;
 mod fidelity;
 mod objects;
 mod rounded;
 mod spot;
 mod text;
 mod unseen;
+mod wanderer;
 
 pub use fidelity::FidelityLabel;
 pub use objects::Objects;
 pub use spot::{MOST_SPOTS, SpotLabel};
 pub use unseen::MOST_UNSEEN;
+pub use wanderer::WandererLabel;
 
 use objects::OCTETS;
 use rounded::{e4, e6, some_bound, some_e4, some_short};
@@ -43,6 +46,10 @@ pub struct Label {
     pub seed: u64,
     /// Name of the camera.
     pub camera: String,
+    /// Columns of the frame.
+    pub columns: usize,
+    /// Rows of the frame.
+    pub rows: usize,
     /// UTC.
     pub epoch_start: String,
     /// UTC; what attitude, state, ranges and positions hold for.
@@ -61,6 +68,12 @@ pub struct Label {
     pub state_gcrf_km: [f64; 6],
     /// Row by row.
     pub r_icrf_to_camera: [[f64; 3]; 3],
+    /// Right ascension of the boresight, the camera's +Z at mid-exposure: geometric (without aberration), ICRF, from 0 to below 360.
+    pub ra_deg: f64,
+    /// Declination of the boresight.
+    pub dec_deg: f64,
+    /// Position angle of up in the image (the camera's -Y) at the boresight, from north through east, from 0 to below 360.
+    pub roll_deg: f64,
     /// Expected electrons of a pixel that no object lights, dark charge included, averaged over the frame.
     #[serde(serialize_with = "e4")]
     pub background_e_px: f64,
@@ -69,9 +82,12 @@ pub struct Label {
     pub sun_deg: f64,
     /// Whether the Sun is within its exclusion angle and not behind the Earth: the frame saturates.
     pub sun_excluded: bool,
-    /// The effect whose light alone fills every pixel.
+    /// The effect that adds the most charge, where every pixel is full without a star or an object in it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flooded_by: Option<&'static str>,
+    /// Why there are no objects; none where there are some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub no_objects: Option<String>,
     /// By which tolerances it was rendered.
     pub fidelity: FidelityLabel,
     /// What was done because a frame would have been late.
@@ -177,9 +193,9 @@ pub struct ObjectLabel {
     pub electrons: f64,
     /// Signal-to-noise ratio on the detector.
     pub snr: f64,
-    /// Apparent right ascension, ICRF axes, from 0 to below 360.
+    /// Apparent right ascension of the centre of its light that arrives, ICRF axes, from 0 to below 360.
     pub ra_deg: f64,
-    /// Apparent declination.
+    /// Its apparent declination.
     pub dec_deg: f64,
     /// Whether the centroid lies on the detector.
     pub in_frame: bool,
@@ -191,19 +207,6 @@ pub struct ObjectLabel {
     pub rso: Option<RsoLabel>,
     /// What only the Moon and planets have.
     pub wanderer: Option<WandererLabel>,
-}
-
-/// What a label says of the Moon and of planets alone, at mid-exposure.
-#[derive(Debug, Clone, PartialEq)]
-pub struct WandererLabel {
-    /// Distance from the observer.
-    pub range_km: f64,
-    /// Angle Sun - body - observer.
-    pub phase_deg: f64,
-    /// Angular radius.
-    pub radius_deg: f64,
-    /// Part of its light that arrives: what neither the Earth nor its shadow takes, 0..1.
-    pub light: f64,
 }
 
 /// What a label says of an RSO alone; geometric, at mid-exposure.
@@ -248,7 +251,10 @@ impl Label {
         };
         let state = vehicle.orbit.as_ref().unwrap_or(&centre);
         let (r, v) = (km(&state.position_m), km(&state.velocity_m_s));
-        let matrix = view.pointing(0.0).matrix();
+        let pointing = view.pointing(0.0);
+        let matrix = pointing.matrix();
+        let [ra, dec, roll] = pointing.ra_dec_roll();
+        let flooded_by = scene.flooded_by();
         let spots = spot::spots(scene, label_snr);
         let beyond = scene.particles_left_out;
         let unseen = unseen::listed(scene, world, label_snr);
@@ -276,6 +282,8 @@ impl Label {
             frame,
             seed: view.key.seed,
             camera: name.clone(),
+            columns: view.camera.detector.width,
+            rows: view.camera.detector.height,
             epoch_start: utc_text(exposure.start),
             epoch_mid: utc_text(exposure.mid),
             epoch_end: utc_text(exposure.end),
@@ -285,10 +293,16 @@ impl Label {
             rates_rad_s: vehicle.rates.into(),
             state_gcrf_km: [r[0], r[1], r[2], v[0], v[1], v[2]],
             r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
+            ra_deg: degrees_of_turn(ra),
+            dec_deg: dec.to_degrees(),
+            roll_deg: degrees_of_turn(roll),
             background_e_px: scene.background_e(),
             sun_deg: view.sun.angle.to_degrees(),
             sun_excluded: view.sun.excluded && scene.simulated.sunlight,
-            flooded_by: scene.spill.flood.map(|kind| kind.effect),
+            flooded_by,
+            no_objects: objects
+                .is_empty()
+                .then(|| empty::why_no_objects(scene, label_snr, flooded_by)),
             fidelity: scene.fidelity().into(),
             overrun: None,
             effects,
@@ -305,7 +319,7 @@ impl Label {
         }
     }
 
-    /// One line of `labels.jsonl`, without the line's end; the same bytes travel on the wire.
+    /// The text that travels on the wire; `labels.jsonl` adds the frame's files to it.
     pub fn to_json(&self) -> String {
         self.to_json_in(String::new())
     }
@@ -384,14 +398,10 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         ),
     };
     let wanderer = match &source.body {
-        Body::Wanderer(seen) => Some(WandererLabel {
-            range_km: seen.distance_m * 1e-3,
-            phase_deg: seen.phase.to_degrees(),
-            radius_deg: seen.angular_radius.to_degrees(),
-            light: source.electrons / source.clear_e.max(f64::MIN_POSITIVE),
-        }),
+        Body::Wanderer(seen) => Some(WandererLabel::new(seen, source, scene)),
         Body::Star(_) | Body::Rso(_) => None,
     };
+    let [ra_deg, dec_deg] = ra_dec_deg(&direction);
     let in_frame = scene.view.camera.detector.contains([x_px, y_px]);
     let reason = why_not_visible(source, scene, in_frame);
     let irradiance =
@@ -412,8 +422,8 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         band_mag: (irradiance > 0.0).then(|| -2.5 * libm::log10(irradiance)),
         electrons: source.electrons,
         snr: source.snr,
-        ra_deg: degrees_of_turn(libm::atan2(direction.y, direction.x)),
-        dec_deg: libm::atan2(direction.z, libm::hypot(direction.x, direction.y)).to_degrees(),
+        ra_deg,
+        dec_deg,
         in_frame,
         visible: reason.is_none(),
         reason,
@@ -465,6 +475,13 @@ fn rso_label(seen: &SeenObject) -> RsoLabel {
         position_gcrf_km: km(&state.position_m),
         velocity_gcrf_km_s: km(&state.velocity_m_s),
     }
+}
+
+/// Right ascension (from 0 to below 360) and declination of a direction, deg.
+fn ra_dec_deg(direction: &Vector3<f64>) -> [f64; 2] {
+    let dec = libm::atan2(direction.z, libm::hypot(direction.x, direction.y));
+    let ra = libm::atan2(direction.y, direction.x);
+    [degrees_of_turn(ra), dec.to_degrees()]
 }
 
 fn km(v: &Vector3<f64>) -> [f64; 3] {

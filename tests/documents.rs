@@ -153,8 +153,8 @@ fn the_readme_lists_the_labels_fields() {
     }
     // The frame holds stars and satellites, seen ones and (too faint) unseen ones.
     assert!(fields.contains("range_km") && fields.contains("reason"));
-    // Told by the server, where there is one: `tests/live`.
-    fields.insert("timing".to_string());
+    // By the server, where there is one: `tests/live`; by what writes files: `tests/output`; where there are no objects: `tests/area`.
+    fields.extend(["timing", "files", "no_objects"].map(str::to_string));
     assert_eq!(first_column(section(README, "## Labels")), fields);
 }
 

@@ -24,7 +24,7 @@
 #define SKYLOOP_APID_COMMAND 0x102U /* Everything else that a client says, by opcode. */
 #define SKYLOOP_APID_FRAME_HEADER 0x201U /* Opens a frame. */
 #define SKYLOOP_APID_PIXEL_BLOCK 0x202U /* A run of pixels. */
-#define SKYLOOP_APID_LABELS 0x203U /* A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without a newline. */
+#define SKYLOOP_APID_LABELS 0x203U /* A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without its last member `files` and without a newline. */
 #define SKYLOOP_APID_STATUS 0x204U /* Settings and counters, sent after the Ack of a Ping. */
 #define SKYLOOP_APID_ACK 0x205U /* A command was carried out. */
 #define SKYLOOP_APID_NACK 0x206U /* A packet was refused. */
@@ -565,7 +565,7 @@ static inline bool skyloop_is_pixel_level(uint8_t code)
 /* Which labels of a frame are sent. */
 #define SKYLOOP_LABEL_LEVEL_NONE 0U /* No labels. */
 #define SKYLOOP_LABEL_LEVEL_OBJECTS 1U /* A record of fixed size for each of the brightest objects in the frame. */
-#define SKYLOOP_LABEL_LEVEL_TEXT 2U /* All of them: the frame's line of `labels.jsonl`. */
+#define SKYLOOP_LABEL_LEVEL_TEXT 2U /* All of them: the frame's line of `labels.jsonl`, without `files`. */
 
 static inline bool skyloop_is_label_level(uint8_t code)
 {
@@ -842,7 +842,7 @@ typedef struct {
     size_t data_length; /* its octets */
 } skyloop_pixel_block_t;
 
-/* A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without a newline. */
+/* A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without its last member `files` and without a newline. */
 typedef struct {
     uint32_t frame; /* The frame that it belongs to */
     uint16_t part; /* Number of the part; its text begins at octet part * 1375 of the whole */

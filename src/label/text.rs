@@ -57,7 +57,17 @@ impl WandererLabel {
         object.number::<6>(key!("range_km"), self.range_km)?;
         object.number::<6>(key!("phase_deg"), self.phase_deg)?;
         object.number::<9>(key!("radius_deg"), self.radius_deg)?;
-        object.number::<6>(key!("light"), self.light)
+        object.number::<6>(key!("light"), self.light)?;
+        match self.centre_px {
+            Some([x, y]) => {
+                object.number::<6>(concat!(key!("centre_px"), "["), x)?;
+                object.number::<6>(",", y)?;
+                object.0.push(b']');
+            }
+            None => object.any(key!("centre_px"), &())?,
+        }
+        object.number::<9>(key!("centre_ra_deg"), of_turn(self.centre_ra_deg))?;
+        object.number::<9>(key!("centre_dec_deg"), self.centre_dec_deg)
     }
 }
 
@@ -283,11 +293,15 @@ mod tests {
             phase_deg: 90.0,
             radius_deg: 0.25,
             light: 1.0,
+            centre_px: Some([12.5, -3.25]),
+            centre_ra_deg: 359.999_999_999_7,
+            centre_dec_deg: -1.5,
         });
         let (text, value) = read(&label);
         assert_eq!(value["band_mag"], 2.0);
         assert!(text.ends_with(
-            "\"visible\":false,\"range_km\":384400.0,\"phase_deg\":90.0,\"radius_deg\":0.25,\"light\":1.0}"
+            "\"visible\":false,\"range_km\":384400.0,\"phase_deg\":90.0,\"radius_deg\":0.25,\"light\":1.0,\
+             \"centre_px\":[12.5,-3.25],\"centre_ra_deg\":0.0,\"centre_dec_deg\":-1.5}"
         ));
         label.wanderer = None;
         label.rso = Some(RsoLabel {

@@ -5,6 +5,7 @@ use super::wcs::Wcs;
 use crate::camera::Camera;
 use crate::label::Label;
 use nalgebra::Matrix3;
+use skyloop_orbit::time::parse_utc;
 use std::io::{self, Write};
 
 /// Headers and data are filled up to whole blocks.
@@ -15,11 +16,12 @@ const CARD: usize = 80;
 /// What a reader of the header must know; at most 72 characters a line.
 const COMMENT: &str = "\
 Attitudes: unit quaternions, Hamilton, scalar last (W), v' = q v q^-1.
-They and the WCS hold at DATE-AVG. The WCS gives apparent directions on
-ICRF axes. Row 0 of the camera, the first in memory and the top one of
-the PNG, is row 1 here, which most viewers show at the bottom. Pixel
-(x, y) of a label, counted from 0 at the centre of the first pixel, is
-FITS pixel (x + 1, y + 1).";
+They, RA, DEC, PA_PNT and the WCS hold at DATE-AVG; DATE-OBS is
+DATE-BEG. The WCS gives apparent directions on ICRF axes; RA and DEC are
+those of the boresight, equal to CRVAL. Row 0 of the camera, the first
+in memory and the top one of the PNG, is row 1 here, which most viewers
+show at the bottom. Pixel (x, y) of a label, counted from 0 at the
+centre of the first pixel, is FITS pixel (x + 1, y + 1).";
 
 /// The cards of a header that describe the frame, after those that describe the array.
 #[derive(Debug, Clone, Default)]
@@ -36,11 +38,7 @@ impl Header {
         h.integer("FRAME", u64::from(label.frame), "number in the run, from 0");
         h.integer("SEED", label.seed, "seed of the noise");
         h.text("TIMESYS", "UTC", "of all times");
-        // FITS times carry no zone: TIMESYS does.
-        let time = |text: &str| text.trim_end_matches('Z').to_string();
-        h.text("DATE-BEG", &time(&label.epoch_start), "exposure start");
-        h.text("DATE-AVG", &time(&label.epoch_mid), "exposure middle");
-        h.text("DATE-END", &time(&label.epoch_end), "exposure end");
+        h.times(label);
         h.real("XPOSURE", label.exposure_s, "[s] exposure time");
         h.real("EXPTIME", label.exposure_s, "[s] exposure time");
         let detector = &camera.detector;
@@ -49,6 +47,13 @@ impl Header {
         h.real("RDNOISE", detector.read_noise_e, "[electron] read noise");
         let saturate = u64::from(detector.saturation_dn());
         h.integer("SATURATE", saturate, "[adu] full well or full scale");
+        h.real("RA", label.ra_deg, "[deg] boresight, right ascension");
+        h.real("DEC", label.dec_deg, "[deg] boresight, declination");
+        h.real(
+            "PA_PNT",
+            label.roll_deg,
+            "[deg] roll: -Y from north through east",
+        );
         for (axis, q) in ["X", "Y", "Z", "W"].iter().zip(label.q_icrf_to_body) {
             h.real(&format!("Q_{axis}"), q, "attitude, ICRF to body");
         }
@@ -60,6 +65,24 @@ impl Header {
             h.push(format!("COMMENT {line}"));
         }
         h
+    }
+
+    /// Start, middle and end of the exposure, each as a date and as a modified Julian date (FITS 4.0, section 9.5).
+    fn times(&mut self, label: &Label) {
+        for (name, text, comment) in [
+            ("OBS", &label.epoch_start, "exposure start"),
+            ("BEG", &label.epoch_start, "exposure start"),
+            ("AVG", &label.epoch_mid, "exposure middle"),
+            ("END", &label.epoch_end, "exposure end"),
+        ] {
+            // FITS times carry no zone: TIMESYS does.
+            let date = text.trim_end_matches('Z');
+            self.text(&format!("DATE-{name}"), date, comment);
+            if let Ok(epoch) = parse_utc(text) {
+                let days = epoch.to_mjd_utc_days();
+                self.real(&format!("MJD-{name}"), days, &format!("[d] {comment}"));
+            }
+        }
     }
 
     fn world_coordinates(&mut self, camera: &Camera, label: &Label) {

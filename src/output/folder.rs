@@ -35,6 +35,12 @@ fn remedy(error: &io::Error) -> &'static str {
     }
 }
 
+/// What follows [`frame_name`]: digital numbers as FITS and as 16-bit PNG, a picture to look at, and expected electrons.
+pub const FITS: &str = ".fits";
+pub const PNG: &str = ".png";
+pub const PREVIEW: &str = "_preview.png";
+pub const ELECTRONS: &str = "_electrons.fits";
+
 /// The name of a frame's files, without what follows it.
 pub fn frame_name(frame: u32) -> String {
     format!("frame_{frame:05}")
@@ -48,7 +54,7 @@ fn is_ours(name: &str) -> bool {
     let Some(rest) = name.strip_prefix("frame_") else {
         return false;
     };
-    let number = ["_electrons.fits", ".fits", ".png"]
+    let number = [ELECTRONS, PREVIEW, FITS, PNG]
         .iter()
         .find_map(|end| rest.strip_suffix(end));
     // Written back, the number gives the name again: no sign, no missing or extra zero.
@@ -145,6 +151,7 @@ mod tests {
             "frame_00042.png",
             "frame_99999_electrons.fits",
             "frame_123456.png",
+            "frame_00007_preview.png",
             "labels.jsonl",
             "contact_sheet.png",
         ] {
@@ -157,6 +164,8 @@ mod tests {
             "frame_00000.fit",
             "frame_00000.fits.bak",
             "frame_00000_electrons.png",
+            "frame_00000_preview.fits",
+            "frame_0_preview.png",
             "my_frame_00000.fits",
             "frame_.png",
             "frame_99999999999.png",

@@ -3,8 +3,9 @@
 //! ```text
 //! frame_00000.fits            digital numbers, 16 bit, with times, attitude and WCS
 //! frame_00000.png             the same digits, 16-bit grey
+//! frame_00000_preview.png     the same stretched for people to look at, 8-bit grey
 //! frame_00000_electrons.fits  expected electrons, float32, where the frame carries them
-//! labels.jsonl                one JSON object a line and frame
+//! labels.jsonl                one JSON object a line and frame, with the frame's files
 //! contact_sheet.png           up to twelve annotated frames, spread over the run
 //! ```
 //!
@@ -35,11 +36,12 @@ pub use text::{make_folder, remove_file, write_text};
 use crate::camera::Camera;
 use crate::frame::Frame;
 use crate::label::Label;
-use folder::Folder;
+use folder::{ELECTRONS, FITS, Folder, PNG, PREVIEW};
 use sheet::ContactSheet;
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
+use stretch::Levels;
 
 const LABELS: &str = "labels.jsonl";
 const SHEET: &str = "contact_sheet.png";
@@ -70,10 +72,10 @@ impl Writer {
         })
     }
 
-    /// Writes one frame: FITS, PNG, its expected electrons if it carries them, and its line of labels.
+    /// Writes one frame: FITS, PNG, preview, its expected electrons if it carries them, and its line of labels.
     ///
-    /// `camera` is the camera as commanded for this frame (its gain counts); `label_json` is the line of
-    /// `labels.jsonl`, without the line's end, as it travels on the wire.
+    /// `camera` is the camera as commanded for this frame (its gain counts); `label_json` is the label as it travels on the wire. Its
+    /// line of `labels.jsonl` has the names of the frame's files besides, as `files`.
     ///
     /// Errors: a file cannot be written; what was written of it is removed.
     pub fn write_frame(
@@ -86,22 +88,27 @@ impl Writer {
         let name = folder::frame_name(label.frame);
         let size = [frame.width, frame.height];
         let header = || fits::Header::of_frame(camera, label);
+        let mut files = [FITS, PNG, PREVIEW]
+            .map(|end| format!("{name}{end}"))
+            .to_vec();
 
-        self.folder.write(&format!("{name}.fits"), |out| {
+        self.folder.write(&files[0], |out| {
             fits::write_u16(out, header(), size, &frame.digits)
         })?;
-        self.folder.write(&format!("{name}.png"), |out| {
-            png::write_grey16(out, size, &frame.digits)
-        })?;
+        self.folder
+            .write(&files[1], |out| png::write_grey16(out, size, &frame.digits))?;
+        let greys = stretch::preview(Levels::of(camera, label), &frame.digits);
+        self.folder
+            .write(&files[2], |out| png::write_grey8(out, size, &greys))?;
         if let Some(electrons) = &frame.expected_e {
+            let file = format!("{name}{ELECTRONS}");
             self.folder
-                .write(&format!("{name}_electrons.fits"), |out| {
-                    fits::write_f32(out, header(), size, electrons)
-                })?;
+                .write(&file, |out| fits::write_f32(out, header(), size, electrons))?;
+            files.push(file);
         }
         // One call a line, unbuffered: a run that is cut short leaves whole lines.
         self.labels
-            .write_all(format!("{label_json}\n").as_bytes())
+            .write_all(with_files(label_json, &files).as_bytes())
             .map_err(|error| self.folder.error("write", LABELS, error))?;
         self.sheet.see(camera, label, frame);
         Ok(())
@@ -118,4 +125,15 @@ impl Writer {
                 .write(SHEET, |out| png::write_rgb(out, &picture)),
         }
     }
+}
+
+/// A label's line of `labels.jsonl`: the text of its JSON object, with the names of the frame's files as the last member.
+fn with_files(label_json: &str, files: &[String]) -> String {
+    let members = label_json.strip_suffix('}').unwrap_or(label_json);
+    let comma = if members.ends_with('{') { "" } else { "," };
+    // Names of ours have nothing that JSON escapes.
+    format!(
+        "{members}{comma}\"files\":[\"{}\"]}}\n",
+        files.join("\",\"")
+    )
 }

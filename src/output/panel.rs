@@ -2,7 +2,7 @@
 
 use super::canvas::{Canvas, text_size};
 use super::names::shown;
-use super::stretch::{grey, panel_size, scaled};
+use super::stretch::{Levels, Stretch, panel_size, scaled};
 use crate::camera::Camera;
 use crate::frame::Frame;
 use crate::label::{Label, ObjectLabel};
@@ -62,10 +62,11 @@ pub fn draw(camera: &Camera, label: &Label, frame: &Frame) -> RgbImage {
     let scale = [to[0] as f64 / from[0] as f64, to[1] as f64 / from[1] as f64];
     let values = scaled(&frame.digits, from, to);
     // The noise of a panel's pixel is that of the mean of the camera's pixels in it.
-    let sigma = background_sigma_dn(camera, label) * (scale[0] * scale[1]).sqrt().min(1.0);
-    let levels = grey(&values, sigma, range_dn(camera));
+    let averaged = 1.0 / (scale[0] * scale[1]).min(1.0);
+    let stretch = Stretch::new(Levels::of(camera, label), values.iter().copied(), averaged);
     let image = RgbImage::from_fn(to[0] as u32, to[1] as u32, |x, y| {
-        Rgb([levels[y as usize * to[0] + x as usize]; 3])
+        let value = values[y as usize * to[0] + x as usize];
+        Rgb([stretch.grey(f64::from(value)); 3])
     });
     let mut canvas = Canvas(image);
     let marks = marks(label, scale);
@@ -78,23 +79,6 @@ pub fn draw(camera: &Camera, label: &Label, frame: &Frame) -> RgbImage {
         canvas.text_on_shade(text, area, mark.font(), mark.color);
     }
     canvas.0
-}
-
-/// Standard deviation of a pixel without objects, DN: shot noise of background and dark charge, read
-/// noise and rounding.
-fn background_sigma_dn(camera: &Camera, label: &Label) -> f64 {
-    let detector = &camera.detector;
-    let read = detector.read_noise_e * detector.read_noise_e;
-    let variance = label.background_e_px + read + detector.quantisation_variance();
-    variance.max(0.0).sqrt() / detector.gain_e_per_dn
-}
-
-/// The digits of a pixel without charge, and of a full one, DN.
-fn range_dn(camera: &Camera) -> [f64; 2] {
-    let detector = &camera.detector;
-    let full_e = detector.full_well_e.min(detector.converter_reach_e());
-    let offset = detector.offset_dn;
-    [offset, offset + full_e / detector.gain_e_per_dn]
 }
 
 /// RSOs first: their names are placed first, then the Moon and planets.

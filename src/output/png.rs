@@ -1,4 +1,4 @@
-//! PNG: 16-bit grey for frames, 8-bit colour for the contact sheet.
+//! PNG: 16-bit grey for frames, 8-bit grey for their previews, 8-bit colour for the contact sheet.
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, ImageError, RgbImage};
@@ -8,6 +8,11 @@ use std::io::{self, Write};
 pub fn write_grey16(out: &mut impl Write, size: [usize; 2], digits: &[u16]) -> io::Result<()> {
     let bytes: Vec<u8> = digits.iter().flat_map(|dn| dn.to_ne_bytes()).collect();
     encode(out, &bytes, size.map(|n| n as u32), ExtendedColorType::L16)
+}
+
+/// Writes grey levels, row 0 at the top; `size` is columns and rows.
+pub fn write_grey8(out: &mut impl Write, size: [usize; 2], greys: &[u8]) -> io::Result<()> {
+    encode(out, greys, size.map(|n| n as u32), ExtendedColorType::L8)
 }
 
 /// Writes a colour picture.

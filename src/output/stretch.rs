@@ -1,13 +1,146 @@
-//! From digits to grey levels: scaled to a panel's size, stretched so that faint stars show.
+//! From digital numbers to grey levels, for people to look at: the contact sheet's panels and the previews.
+//!
+//! Light counts in standard deviations of its own noise. With the charge e (e-) above the dark level and the variance v (e-^2) of a pixel
+//! without light, the number of them between 0 and e is
+//!
+//! ```text
+//! u(e) = integral of de / sqrt(v + e) = 2 (sqrt(v + e) - sqrt(v)),   e / sqrt(v) below 0
+//! ```
+//!
+//! Let `low` be the level that a tenth of the pixels lie below, or the dark level if that is higher. Grey goes
+//! - in proportion to the light from black at the dark level to `low`, and there is so near to white as `low` is to the full pixel;
+//! - from there as `asinh(u / soft)`, where `soft` grows with the spread between a tenth and nine tenths of the pixels: faint stars stand out
+//!   of an even sky, and a bright Earth beside a dark sky has contrast.
+//!
+//! So what has no light is black and what is full is white, whatever part of the frame they take.
+
+use crate::camera::Camera;
+use crate::label::Label;
 
 /// Longer side of a panel, px.
 const PANEL_PX: usize = 512;
-/// Grey levels go by asinh((DN - median) / (SOFT sigma)) ...
+/// The least `soft`, standard deviations, ...
 const SOFT: f64 = 2.5;
-/// ... from this many sigma (black) ...
-const BLACK: f64 = -1.5;
-/// ... to this many (white).
+/// ... and its part of the spread between a tenth and nine tenths of the pixels (1).
+const SOFT_OF_SPREAD: f64 = 0.5;
+/// White is no less than this above `low`, standard deviations, unless pixels are full there.
 const WHITE: f64 = 250.0;
+/// White is no darker than this part of the pixels (1).
+const WHITE_PART: f64 = 0.999;
+
+/// What the digital numbers of a frame mean.
+#[derive(Debug, Clone, Copy)]
+pub struct Levels {
+    /// Of a pixel without light: offset and dark charge, DN.
+    pub dark_dn: f64,
+    /// Of a full pixel, DN.
+    pub full_dn: f64,
+    /// Electrons a digital number.
+    pub gain_e_per_dn: f64,
+    /// Variance of a pixel without light, e-^2.
+    pub variance_e2: f64,
+}
+
+impl Levels {
+    /// Those of a frame of `camera`.
+    pub fn of(camera: &Camera, label: &Label) -> Levels {
+        let detector = &camera.detector;
+        let full_dn = f64::from(detector.saturation_dn());
+        let dark_e = detector.dark_e(label.exposure_s);
+        let dark_dn = detector.offset_dn + detector.response_e(dark_e) / detector.gain_e_per_dn;
+        let read_e2 = detector.read_noise_e * detector.read_noise_e;
+        Levels {
+            dark_dn: dark_dn.min(full_dn),
+            full_dn,
+            gain_e_per_dn: detector.gain_e_per_dn,
+            variance_e2: (dark_e + read_e2 + detector.quantisation_variance()).max(1e-9),
+        }
+    }
+}
+
+/// Grey levels of one frame.
+#[derive(Debug)]
+pub struct Stretch {
+    levels: Levels,
+    /// Pixels of the camera in one of the picture.
+    averaged: f64,
+    low_dn: f64,
+    soft: f64,
+    /// Standard deviations from `low_dn` to white.
+    white: f64,
+}
+
+impl Stretch {
+    /// For a picture of these values (DN), each the mean of `averaged` pixels.
+    pub fn new(levels: Levels, values: impl Iterator<Item = f32>, averaged: f64) -> Stretch {
+        let [tenth, nine_tenths, bright] = quantiles(values, [0.1, 0.9, WHITE_PART]);
+        let mut stretch = Stretch {
+            levels,
+            averaged: averaged.max(1.0),
+            low_dn: tenth.max(levels.dark_dn).min(levels.full_dn),
+            soft: SOFT,
+            white: WHITE,
+        };
+        stretch.soft = SOFT.max(SOFT_OF_SPREAD * stretch.sigmas(nine_tenths));
+        let most = stretch.sigmas(levels.full_dn);
+        stretch.white = WHITE.max(stretch.sigmas(bright)).min(most).max(1e-9);
+        stretch
+    }
+
+    /// Standard deviations from `low_dn` to a value.
+    fn sigmas(&self, dn: f64) -> f64 {
+        let variance = self.levels.variance_e2;
+        let u = |dn: f64| {
+            let e = (dn - self.levels.dark_dn) * self.levels.gain_e_per_dn;
+            if e > 0.0 {
+                2.0 * ((variance + e).sqrt() - variance.sqrt())
+            } else {
+                e / variance.sqrt()
+            }
+        };
+        (u(dn) - u(self.low_dn)) * self.averaged.sqrt()
+    }
+
+    /// The grey level of a value (DN).
+    pub fn grey(&self, dn: f64) -> u8 {
+        let Levels {
+            dark_dn, full_dn, ..
+        } = self.levels;
+        if dn >= full_dn {
+            return 255;
+        }
+        let part = |dn: f64| ((dn - dark_dn) / (full_dn - dark_dn).max(1e-9)).clamp(0.0, 1.0);
+        if dn <= self.low_dn {
+            return (part(dn) * 255.0).round() as u8;
+        }
+        let lit = part(self.low_dn);
+        let rise = libm::asinh(self.sigmas(dn) / self.soft) / libm::asinh(self.white / self.soft);
+        ((lit + (1.0 - lit) * rise.clamp(0.0, 1.0)) * 255.0).round() as u8
+    }
+}
+
+/// A frame of the camera's own size, 8-bit grey.
+pub fn preview(levels: Levels, digits: &[u16]) -> Vec<u8> {
+    let stretch = Stretch::new(levels, digits.iter().map(|dn| f32::from(*dn)), 1.0);
+    let most = digits.iter().copied().max().unwrap_or(0);
+    let greys: Vec<u8> = (0..=most).map(|dn| stretch.grey(f64::from(dn))).collect();
+    digits.iter().map(|dn| greys[usize::from(*dn)]).collect()
+}
+
+/// The values (DN) that such parts of all lie below, to a digital number.
+fn quantiles<const N: usize>(values: impl Iterator<Item = f32>, parts: [f64; N]) -> [f64; N] {
+    let mut counts = vec![0u64; 1 << 16];
+    values.for_each(|value| counts[usize::from(value.round() as u16)] += 1);
+    let all = counts.iter().sum::<u64>() as f64;
+    parts.map(|part| {
+        let mut below = 0;
+        let reached = counts.iter().position(|count| {
+            below += count;
+            below as f64 >= part * all
+        });
+        reached.unwrap_or(0) as f64
+    })
+}
 
 /// Size of the panel for a camera of `size` columns and rows: a whole multiple of a small camera,
 /// a large one scaled down to [`PANEL_PX`].
@@ -52,36 +185,6 @@ fn resampled(from: usize, to: usize, value: impl Fn(usize) -> f32) -> impl Itera
     })
 }
 
-/// Grey levels of the values: black just below the background, whose level and spread are the median
-/// and the median deviation (stars do not move them), but no less spread than `sigma`. As far as the background is on its way from the first
-/// to the second of `range`, all is so much nearer to white: a frame that is full of light is white.
-pub fn grey(values: &[f32], sigma: f64, range: [f64; 2]) -> Vec<u8> {
-    let level = median(values.to_vec());
-    let way = (f64::from(level) - range[0]) / (range[1] - range[0]).max(1e-9);
-    let lit = way.clamp(0.0, 1.0);
-    let deviation = median(values.iter().map(|v| (v - level).abs()).collect());
-    // 1.4826 makes the median deviation of a normal distribution its sigma.
-    let sigma = sigma.max(1.4826 * f64::from(deviation)).max(1e-9);
-    let curve = |z: f64| libm::asinh(z / SOFT);
-    let (black, white) = (curve(BLACK), curve(WHITE));
-    values
-        .iter()
-        .map(|v| {
-            let part = (curve(f64::from(v - level) / sigma) - black) / (white - black);
-            let part = part.clamp(0.0, 1.0);
-            ((lit + (1.0 - lit) * part) * 255.0).round() as u8
-        })
-        .collect()
-}
-
-fn median(mut values: Vec<f32>) -> f32 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -112,13 +215,70 @@ mod tests {
         assert!((mean(&small) - 2047.5).abs() < 0.5);
     }
 
+    /// A detector of 2 e- noise and 1 e-/DN, dark at 100 DN and full at 4095.
+    const LEVELS: Levels = Levels {
+        dark_dn: 100.0,
+        full_dn: 4095.0,
+        gain_e_per_dn: 1.0,
+        variance_e2: 4.0,
+    };
+
+    /// Pixels of so many (DN) each, and the least and greatest grey level of each group.
     #[test]
-    fn a_flat_noise_free_frame_is_dark_and_a_bright_star_white() {
-        let mut values = vec![100.0; 1000];
-        values[5] = 4000.0;
-        let dark = grey(&values, 2.0, [100.0, 4095.0]);
-        assert!(dark[0] > 5 && dark[0] < 60 && dark[5] == 255);
-        // The same where 100 is the most that a pixel tells.
-        assert!(grey(&values, 2.0, [0.0, 100.0]) == [255; 1000]);
+    fn no_light_is_black_and_full_is_white_whatever_part_of_a_frame_they_take() {
+        let (dark, full) = (100, 4095);
+        for (groups, greys) in [
+            // Dark frames, with a bright star and without.
+            (&[(1000, dark)][..], &[0..=0][..]),
+            (&[(1000, dark), (1, full)], &[0..=0, 255..=255]),
+            // Full of light, all, nearly all, and a part.
+            (&[(1000, full)], &[255..=255]),
+            (&[(10, dark), (990, full)], &[0..=0, 255..=255]),
+            (&[(200, dark), (800, full)], &[0..=0, 255..=255]),
+            (&[(800, dark), (200, full)], &[0..=0, 255..=255]),
+            // A faint sky is dark; a star of 5 standard deviations stands out of it (its own noise: sqrt(4 + 20) = 4.9 e-).
+            (&[(1000, 120), (1, 145)], &[0..=30, 31..=120]),
+            // An evenly bright frame, half of full.
+            (&[(1000, 2100)], &[120..=135]),
+            // A limb by day: black sky, and an Earth with contrast.
+            (
+                &[(500, dark), (150, 900), (150, 1800), (200, 3000)],
+                &[0..=0, 100..=190, 150..=225, 200..=255],
+            ),
+        ] {
+            let values = groups.iter().flat_map(|(count, dn)| vec![*dn; *count]);
+            let values: Vec<u16> = values.collect();
+            let shown = preview(LEVELS, &values);
+            let mut first = 0;
+            let mut last = None;
+            for ((count, dn), range) in groups.iter().zip(greys) {
+                let grey = shown[first];
+                assert!(range.contains(&grey), "{dn} of {groups:?}: {grey}");
+                assert!(
+                    last.is_none_or(|last| grey > last + 9),
+                    "{dn} of {groups:?}"
+                );
+                (first, last) = (first + count, Some(grey));
+            }
+        }
+    }
+
+    #[test]
+    fn means_of_pixels_have_less_noise_and_brighter_light_is_never_darker() {
+        let sky = || (0..1000).map(|i| 120.0 + (i % 7) as f32);
+        let [one, nine] = [1.0, 9.0].map(|averaged| Stretch::new(LEVELS, sky(), averaged));
+        assert!(nine.grey(130.0) > one.grey(130.0));
+        for stretch in [one, nine] {
+            let greys = (0..=4200).map(|dn| stretch.grey(f64::from(dn)));
+            assert!(greys.is_sorted());
+        }
+        // Neither values nor room between dark and full.
+        let full = Levels {
+            dark_dn: 4095.0,
+            ..LEVELS
+        };
+        let stretch = Stretch::new(full, [].into_iter(), 0.0);
+        assert_eq!([4094.0, 4095.0].map(|dn| stretch.grey(dn)), [0, 255]);
+        assert_eq!(preview(LEVELS, &[]), [0u8; 0]);
     }
 }

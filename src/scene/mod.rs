@@ -10,6 +10,7 @@ mod collected;
 mod compared;
 mod disc;
 mod expected;
+mod flood;
 mod imaging;
 mod lit;
 mod observable;
@@ -339,9 +340,13 @@ impl Scene {
 
     /// Expected background of a pixel, on which no star and no object shines, averaged over the frame, e-.
     pub fn background_e(&self) -> f64 {
-        let trail = self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64;
         let areas: f64 = self.areas.iter().map(|area| area.electrons).sum();
-        self.dark_e() + trail + areas / self.view.camera.detector.pixels() as f64
+        self.dark_e() + self.mean_trail_e() + areas / self.view.camera.detector.pixels() as f64
+    }
+
+    /// What frame transfer adds to a pixel, averaged over the columns, e-.
+    fn mean_trail_e(&self) -> f64 {
+        self.trail().iter().sum::<f64>() / self.trail().len().max(1) as f64
     }
 
     /// The tolerances that it was made to.

@@ -31,13 +31,15 @@ pub struct SeenWanderer {
     pub name: &'static str,
     /// Where its light's centre appears at the start, the middle and the end of the view's time: unit vectors, ICRF.
     pub directions: [Vector3<f64>; 3],
+    /// Where the centre of its disc appears at the middle of the view's time: unit vector, ICRF.
+    pub centre: Vector3<f64>,
     /// V magnitude of all of it, in full sunlight.
     pub mag: f64,
     /// Angle Sun - body - observer, rad.
     pub phase: f64,
     /// From the observer, m.
     pub distance_m: f64,
-    /// Angular radius, rad; 0 of planets, which are points.
+    /// Angular radius, rad. Planets are drawn as points all the same.
     pub angular_radius: f64,
     /// What it is cut into where it is larger than a pixel; else nothing.
     pub elements: Vec<Element>,
@@ -152,6 +154,7 @@ impl View {
         let seen = SeenWanderer {
             name: MOON,
             directions,
+            centre: disc.direction,
             mag,
             phase: disc.phase,
             distance_m: disc.distance_m,
@@ -191,10 +194,11 @@ impl View {
             let body = SeenWanderer {
                 name: planet.name,
                 directions: [start.direction, planet.direction, end.direction],
+                centre: planet.direction,
                 mag: planet.magnitude,
                 phase: planet.phase,
                 distance_m: planet.distance_m,
-                angular_radius: 0.0,
+                angular_radius: planet.angular_radius,
                 elements: Vec::new(),
                 area: None,
                 points: 1,

@@ -20,17 +20,17 @@ use super::apparent::{Corrections, Observer};
 use super::bodies::{AU_M, DAY_S, J2000_JD, LIGHT_M_S, aberrate, tt_days_since_j2000};
 use super::photometry::phase_angle;
 
-/// A planet's name, its number in `plan94`, and its law of brightness.
-type Row = (&'static str, i32, fn(&Circumstances) -> f64);
+/// A planet's name, its number in `plan94`, its equatorial radius (km; IAU WGCCRE 2015: Archinal et al. 2018, Table 4), and its law of brightness.
+type Row = (&'static str, i32, f64, fn(&Circumstances) -> f64);
 
 const PLANETS: [Row; 7] = [
-    ("Mercury", 1, mercury),
-    ("Venus", 2, venus),
-    ("Mars", 4, mars),
-    ("Jupiter", 5, jupiter),
-    ("Saturn", 6, saturn),
-    ("Uranus", 7, uranus),
-    ("Neptune", 8, neptune),
+    ("Mercury", 1, 2_440.53, mercury),
+    ("Venus", 2, 6_051.8, venus),
+    ("Mars", 4, 3_396.19, mars),
+    ("Jupiter", 5, 71_492.0, jupiter),
+    ("Saturn", 6, 60_268.0, saturn),
+    ("Uranus", 7, 25_559.0, uranus),
+    ("Neptune", 8, 24_764.0, neptune),
 ];
 
 /// North poles of Saturn and Uranus, unit vectors, ICRF (IAU WGCCRE, as in `magnitudelib`).
@@ -48,6 +48,8 @@ pub struct Planet {
     pub distance_m: f64,
     /// Sun to planet, m.
     pub sun_distance_m: f64,
+    /// Angular radius of its equator, rad.
+    pub angular_radius: f64,
     /// Phase angle Sun - planet - observer, rad.
     pub phase: f64,
     /// V magnitude.
@@ -67,7 +69,7 @@ struct Circumstances {
 
 /// The seven planets that `observer` sees, from Mercury to Neptune. Costs some 10 microseconds.
 pub fn seen_by(observer: &Observer, corrections: &Corrections) -> Vec<Planet> {
-    let seen = |(name, number, law): &Row| -> Option<Planet> {
+    let seen = |(name, number, radius_km, law): &Row| -> Option<Planet> {
         let days = tt_days_since_j2000(observer.epoch);
         let ([position, velocity], _) = sofars::eph::plan94(J2000_JD, days, *number).ok()?;
         let mut from_sun = Vector3::from(position) * AU_M;
@@ -100,6 +102,7 @@ pub fn seen_by(observer: &Observer, corrections: &Corrections) -> Vec<Planet> {
             direction,
             distance_m,
             sun_distance_m,
+            angular_radius: libm::asin((radius_km * 1e3 / distance_m).min(1.0)),
             phase,
             magnitude: 5.0 * libm::log10(distances) + law(&circumstances),
         })

@@ -54,8 +54,10 @@ fn same_over(links: &[&str], flags: &[&str], camera: &str, row: &str) {
         "contact_sheet.png",
         "frame_00000.fits",
         "frame_00000.png",
+        "frame_00000_preview.png",
         "frame_00001.fits",
         "frame_00001.png",
+        "frame_00001_preview.png",
         "labels.jsonl",
     ];
     assert_eq!(files, expected);

@@ -53,6 +53,7 @@ fn a_run_replaces_the_files_of_an_earlier_one_and_nothing_else() {
     let ours = [
         "frame_00000.fits",
         "frame_00000.png",
+        "frame_00000_preview.png",
         "labels.jsonl",
         "contact_sheet.png",
     ];
@@ -72,21 +73,33 @@ fn a_run_without_frames_leaves_no_sheet_and_no_labels() {
 }
 
 #[test]
-fn labels_are_the_lines_given_byte_for_byte_and_whole_before_the_end() {
+fn lines_are_the_labels_given_and_the_frames_files_and_whole_before_the_end() {
     let dir = tempfile::tempdir().unwrap();
     let camera = camera("fai-nir");
     let mut writer = Writer::create(dir.path(), 2).unwrap();
     let mut lines = String::new();
     for i in 0..2 {
         let label = label(&camera, i, &Attitude::identity());
-        let frame = frame(&camera, &label, &mut Numbers(4));
+        let mut frame = frame(&camera, &label, &mut Numbers(4));
+        let mut files = vec![
+            format!("frame_0000{i}.fits"),
+            format!("frame_0000{i}.png"),
+            format!("frame_0000{i}_preview.png"),
+        ];
+        match i {
+            0 => files.push("frame_00000_electrons.fits".to_string()),
+            _ => frame.expected_e = None,
+        }
         let json = label.to_json();
         writer.write_frame(&camera, &label, &json, &frame).unwrap();
-        lines += &format!("{json}\n");
-        assert_eq!(
-            fs::read_to_string(dir.path().join("labels.jsonl")).unwrap(),
-            lines
-        );
+        let members = json.strip_suffix('}').unwrap();
+        lines += &format!("{members},\"files\":{}}}\n", serde_json::json!(files));
+        let written = fs::read_to_string(dir.path().join("labels.jsonl")).unwrap();
+        assert_eq!(written, lines);
+        let line: serde_json::Value =
+            serde_json::from_str(written.lines().last().unwrap()).unwrap();
+        let there = |file: &serde_json::Value| dir.path().join(file.as_str().unwrap()).is_file();
+        assert!(line["files"].as_array().unwrap().iter().all(there));
     }
 }
 
@@ -129,6 +142,7 @@ fn a_full_disk_is_reported_and_leaves_no_part_of_a_file() {
     for name in [
         "frame_00000.fits",
         "frame_00000.png",
+        "frame_00000_preview.png",
         "frame_00000_electrons.fits",
     ] {
         let mut writer = Writer::create(dir.path(), 1).unwrap();

@@ -64,6 +64,16 @@ fn the_png_holds_the_digits_row_0_first() {
     };
     assert_eq!((picture.width(), picture.height()), (1280, 1024));
     assert_eq!(picture.as_raw(), &frame.digits);
+    // The preview: the same pixels in 8 bits, black at no light and white where they are full.
+    let DynamicImage::ImageLuma8(preview) =
+        image::open(dir.path().join("frame_00000_preview.png")).unwrap()
+    else {
+        panic!("not 8-bit grey");
+    };
+    assert_eq!(preview.dimensions(), picture.dimensions());
+    assert_eq!(preview.as_raw()[..2], [0, 255]);
+    let brighter = preview.as_raw().iter().filter(|grey| **grey > 0).count();
+    assert!(brighter > preview.as_raw().len() / 2);
 }
 
 #[test]

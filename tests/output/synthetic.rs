@@ -37,7 +37,9 @@ pub fn camera(name: &str) -> Camera {
 
 /// A label without objects for `camera` at an attitude.
 pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
-    let matrix = attitude.then(&camera.mounting).matrix();
+    let pointing = attitude.then(&camera.mounting);
+    let matrix = pointing.matrix();
+    let [ra_deg, dec_deg, roll_deg] = pointing.ra_dec_roll().map(f64::to_degrees);
     let second = 50 + frame / 2;
     let time = |ms: u32| {
         format!(
@@ -51,6 +53,8 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
         frame,
         seed: 42,
         camera: camera.name.clone(),
+        columns: camera.detector.width,
+        rows: camera.detector.height,
         epoch_start: time(ms),
         epoch_mid: time(ms + 50),
         epoch_end: time(ms + 100),
@@ -60,10 +64,14 @@ pub fn label(camera: &Camera, frame: u32, attitude: &Attitude) -> Label {
         rates_rad_s: [0.0; 3],
         state_gcrf_km: [7000.0, 0.0, 0.0, 0.0, 7.5, 0.0],
         r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
+        ra_deg: ra_deg.rem_euclid(360.0),
+        dec_deg,
+        roll_deg: roll_deg.rem_euclid(360.0),
         background_e_px: 20.0,
         sun_deg: 90.0,
         sun_excluded: false,
         flooded_by: None,
+        no_objects: None,
         spots_left_out: None,
         spots_left_out_snr: None,
         particles_left_out: None,

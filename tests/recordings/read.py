@@ -1,5 +1,6 @@
-"""Reads a recording with a library of others: read.py pcapng FILE REPLAYED, or read.py can FILE."""
+"""Reads a recording with a library of others: read.py pcapng FILE REPLAYED, read.py can FILE, or read.py fits FOLDER."""
 import binascii
+import json
 import re
 import sys
 import time
@@ -48,7 +49,37 @@ def read_can(file):
     print(f"python-can: {lines} frames")
 
 
-if sys.argv[1] == "pcapng":
-    read_pcapng(*sys.argv[2:])
-else:
-    read_can(*sys.argv[2:])
+def read_fits(folder):
+    import numpy
+    from astropy.coordinates import angular_separation
+    from astropy.io import fits
+    from astropy.time import Time
+    from astropy.wcs import WCS
+
+    with open(f"{folder}/labels.jsonl") as text:
+        label = json.loads(text.readline())
+    with fits.open(f"{folder}/{label['files'][0]}") as file:
+        file.verify("exception")
+        header, shape = file[0].header, file[0].data.shape
+    assert shape == (label["rows"], label["columns"])
+    wcs = WCS(header)
+    for part, epoch in [("OBS", "start"), ("BEG", "start"), ("AVG", "mid"), ("END", "end")]:
+        ours = Time(label[f"epoch_{epoch}"].rstrip("Z"), scale="utc")
+        date = Time(header[f"DATE-{part}"], scale=header["TIMESYS"].lower())
+        days = Time(header[f"MJD-{part}"], format="mjd", scale="utc")
+        assert abs((date - ours).sec) < 1e-9 and abs((days - ours).sec) < 2e-6, part
+    assert wcs.wcs.dateobs == header["DATE-OBS"] and wcs.wcs.mjdobs == header["MJD-OBS"]
+    assert (header["INSTRUME"], header["EXPTIME"]) == (label["camera"], label["exposure_s"])
+    # The boresight is at the principal point; a pixel further up lies in the direction of the roll.
+    for key, name in [("RA", "ra_deg"), ("DEC", "dec_deg"), ("PA_PNT", "roll_deg")]:
+        assert abs(header[key] - label[name]) < 1e-10, key
+    x, y = header["CRPIX1"] - 1, header["CRPIX2"] - 1
+    [ra, up_ra], [dec, up_dec] = numpy.radians(wcs.all_pix2world([x, x], [y, y - 0.01], 0))
+    here = numpy.radians([header["RA"], header["DEC"]])
+    assert angular_separation(*here, ra, dec) < 1e-9
+    roll = numpy.degrees(numpy.arctan2((up_ra - ra) * numpy.cos(dec), up_dec - dec)) % 360
+    assert abs(roll - header["PA_PNT"]) < 0.01, roll
+    print(f"astropy: {wcs.wcs.dateobs}, RA {header['RA']:.6f}, Dec {header['DEC']:.6f}, roll {header['PA_PNT']:.6f}")
+
+
+{"pcapng": read_pcapng, "can": read_can, "fits": read_fits}[sys.argv[1]](*sys.argv[2:])

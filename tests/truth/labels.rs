@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use nalgebra::Vector3;
 use serde_json::Value;
-use skyloop::attitude::VehicleState;
+use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::config::Config;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::fidelity::Fidelity;
@@ -16,8 +16,8 @@ use skyloop::sky::catalog::Selection;
 use super::brute::{apparent, emulator, epoch, matrix, pointing, shoot, stamp};
 
 // The contract: the names in the README.
-const FRAME_KEYS: &str = "frame seed camera epoch_start epoch_mid epoch_end exposure_s fidelity q_icrf_to_body q_body_to_camera \
-    rates_rad_s state_gcrf_km sun_deg sun_excluded r_icrf_to_camera background_e_px effects objects";
+const FRAME_KEYS: &str = "frame seed camera columns rows epoch_start epoch_mid epoch_end exposure_s fidelity q_icrf_to_body q_body_to_camera \
+    rates_rad_s state_gcrf_km sun_deg sun_excluded r_icrf_to_camera ra_deg dec_deg roll_deg background_e_px effects objects";
 const OBJECT_KEYS: &str = "kind id names x_px y_px x0_px y0_px x1_px y1_px vx_px_s vy_px_s mag band_mag electrons snr \
     ra_deg dec_deg in_frame visible";
 const RSO_KEYS: &str =
@@ -41,6 +41,16 @@ fn check(shot: &Shot) {
         assert!((turned.row(i).transpose() - Vector3::from(*row)).norm() < 1e-14);
     }
     assert!((turned - pointing(label, 0.0)).norm() < 1e-14);
+    // What `--radec` makes of the boresight's angles.
+    let angles = [label.ra_deg, label.dec_deg, label.roll_deg].map(f64::to_radians);
+    let [ra, dec, roll] = angles;
+    assert!((Attitude::towards(ra, dec, roll).matrix() - turned).norm() < 1e-13);
+    assert!(label.ra_deg < 360.0 && label.roll_deg < 360.0 && ra >= 0.0 && roll >= 0.0);
+    let detector = &camera.detector;
+    assert_eq!(
+        [label.columns, label.rows],
+        [detector.width, detector.height]
+    );
     for object in &label.objects {
         check_object(shot, object);
     }

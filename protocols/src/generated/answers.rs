@@ -233,7 +233,7 @@ pub enum Reply<'a> {
     FrameHeader(FrameHeader),
     /// A run of pixels.
     PixelBlock(PixelBlock<'a>),
-    /// A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without a newline.
+    /// A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without its last member `files` and without a newline.
     Labels(LabelPart<'a>),
     /// Settings and counters, sent after the Ack of a Ping.
     Status(Status),

@@ -41,7 +41,7 @@ wire_enum! {
         None = 0,
         /// A record of fixed size for each of the brightest objects in the frame.
         Objects = 1,
-        /// All of them: the frame's line of `labels.jsonl`.
+        /// All of them: the frame's line of `labels.jsonl`, without `files`.
         Text = 2,
     }
 }
@@ -214,7 +214,7 @@ pub mod apid {
     pub const FRAME_HEADER: u16 = 0x201;
     /// From the emulator: a run of pixels.
     pub const PIXEL_BLOCK: u16 = 0x202;
-    /// From the emulator: a part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without a newline.
+    /// From the emulator: a part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without its last member `files` and without a newline.
     pub const LABELS: u16 = 0x203;
     /// From the emulator: settings and counters, sent after the Ack of a Ping.
     pub const STATUS: u16 = 0x204;

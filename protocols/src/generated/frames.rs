@@ -186,7 +186,7 @@ impl PixelBlock<'_> {
     pub const FIELDS_LENGTH: usize = 15;
 }
 
-/// A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without a newline.
+/// A part of a frame's label text: JSON, byte for byte the frame's line of `labels.jsonl`, without its last member `files` and without a newline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LabelPart<'a> {
     /// The frame that it belongs to.

@@ -1,0 +1,19 @@
+//! Why a label lists no object.
+
+use crate::scene::Scene;
+
+/// The reason, for `label_snr` as the least signal-to-noise ratio of listed objects and `flooded_by` as in the label.
+pub fn why_no_objects(scene: &Scene, label_snr: f64, flooded_by: Option<&str>) -> String {
+    if let Some(light) = flooded_by {
+        return format!("every pixel is full: {light}");
+    }
+    let faint = format!("has a signal-to-noise ratio of {label_snr} or more");
+    match scene.full_part() {
+        0.0 => format!("no object in the field {faint}"),
+        part => {
+            // Rounded down, so that it never reads as all of them.
+            let percent = (part * 1000.0).floor() / 10.0;
+            format!("{percent} % of the pixels are full, and no object {faint} on the others")
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! What a label says of the Moon and of planets alone.
+
+use super::ra_dec_deg;
+use crate::scene::{Scene, SeenWanderer, Source};
+
+/// What a label says of the Moon and of planets alone, at mid-exposure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WandererLabel {
+    /// Distance from the observer.
+    pub range_km: f64,
+    /// Angle Sun - body - observer.
+    pub phase_deg: f64,
+    /// Angular radius.
+    pub radius_deg: f64,
+    /// Part of its light that arrives: what neither the Earth nor its shadow takes, 0..1.
+    pub light: f64,
+    /// Image of the centre of its disc, column and row; none where that has no image.
+    pub centre_px: Option<[f64; 2]>,
+    /// Apparent right ascension of the centre of its disc, ICRF axes, from 0 to below 360.
+    pub centre_ra_deg: f64,
+    /// Its apparent declination.
+    pub centre_dec_deg: f64,
+}
+
+impl WandererLabel {
+    /// That of a body with its image.
+    pub(super) fn new(seen: &SeenWanderer, source: &Source, scene: &Scene) -> WandererLabel {
+        let [centre_ra_deg, centre_dec_deg] = ra_dec_deg(&seen.centre);
+        WandererLabel {
+            range_km: seen.distance_m * 1e-3,
+            phase_deg: seen.phase.to_degrees(),
+            radius_deg: seen.angular_radius.to_degrees(),
+            light: source.electrons / source.clear_e.max(f64::MIN_POSITIVE),
+            centre_px: centre_px(seen, source, scene),
+            centre_ra_deg,
+            centre_dec_deg,
+        }
+    }
+}
+
+/// As far from the centroid as both directions' images at mid-exposure are from each other: the same mean over the exposure, and the same
+/// row of a rolling shutter.
+fn centre_px(seen: &SeenWanderer, source: &Source, scene: &Scene) -> Option<[f64; 2]> {
+    let optics = &scene.view.camera.optics;
+    let ideal = optics.projection.ideal();
+    let projection = if scene.simulated.distortion {
+        &optics.projection
+    } else {
+        &ideal
+    };
+    let pointing = scene.view.pointing(0.0);
+    let [light, centre] = [&seen.directions[1], &seen.centre]
+        .map(|direction| optics.project_by(projection, &pointing.rotate(direction)));
+    let (light, centre) = (light?, centre?);
+    Some([0, 1].map(|axis| source.centroid[axis] + centre[axis] - light[axis]))
+}
