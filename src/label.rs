@@ -3,12 +3,14 @@
 mod fidelity;
 mod objects;
 mod rounded;
+mod schema;
 mod spot;
 mod text;
 mod unseen;
 
 pub use fidelity::FidelityLabel;
 pub use objects::Objects;
+pub use schema::schema;
 pub use spot::{MOST_SPOTS, SpotLabel};
 pub use unseen::MOST_UNSEEN;
 
@@ -23,6 +25,7 @@ use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
@@ -35,7 +38,7 @@ const TASK: usize = 64;
 pub const VISIBLE_SNR: f64 = 3.0;
 
 /// The label of one frame. Its text is [`Label::to_json`]; as serde has it, it lacks its objects.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Label {
     /// Number of the frame in its run, from 0.
     pub frame: u32,
@@ -103,7 +106,7 @@ pub struct Label {
 }
 
 /// The plan's verdict on one effect.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct EffectLabel {
     /// Its name.
     pub effect: &'static str,
@@ -145,7 +148,7 @@ impl EffectLabel {
 }
 
 /// One object in a frame. Its text has no more digits than it is exact to.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct ObjectLabel {
     /// `star`, `rso`, `moon` or `planet`.
     pub kind: &'static str,
@@ -188,13 +191,15 @@ pub struct ObjectLabel {
     /// Why it is not visible.
     pub reason: Option<String>,
     /// What only an RSO has.
+    #[schemars(flatten)]
     pub rso: Option<RsoLabel>,
     /// What only the Moon and planets have.
+    #[schemars(flatten)]
     pub wanderer: Option<WandererLabel>,
 }
 
 /// What a label says of the Moon and of planets alone, at mid-exposure.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct WandererLabel {
     /// Distance from the observer.
     pub range_km: f64,
@@ -207,7 +212,7 @@ pub struct WandererLabel {
 }
 
 /// What a label says of an RSO alone; geometric, at mid-exposure.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct RsoLabel {
     /// Distance from the observer.
     pub range_km: f64,
