@@ -189,6 +189,7 @@ pub struct ObjectLabel {
     /// In frame, lit, not occulted, and of a signal-to-noise ratio of at least [`VISIBLE_SNR`].
     pub visible: bool,
     /// Why it is not visible.
+    #[schemars(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// What only an RSO has.
     #[schemars(flatten)]

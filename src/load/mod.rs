@@ -15,6 +15,7 @@ pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
 pub(crate) use fixed::Fixed;
 pub use folder::Folder;
 pub use register::Register;
+use report::MAX_FAULTS;
 pub(crate) use report::{Noticed, read, read_noticed};
 use words::MEANT;
 pub(crate) use words::{advice, nearest};
@@ -83,13 +84,22 @@ pub enum ConfigError {
         error: Box<ConfigError>,
     },
     /// A file with more than one fault, in the order of its lines.
-    #[error("{file}: {} faults:\n  {}", faults.len(), lines(faults))]
+    #[error("{file}: {} faults{}:\n  {}", faults.len(), more(faults), lines(faults))]
     Several {
         /// As named by the user.
         file: String,
         /// Its faults.
         faults: Vec<ConfigError>,
     },
+}
+
+/// Whether there may be more than are listed.
+fn more(faults: &[ConfigError]) -> &'static str {
+    if faults.len() < MAX_FAULTS {
+        ""
+    } else {
+        " or more"
+    }
 }
 
 /// One line for each fault.

@@ -12,7 +12,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
 /// Faults that are listed at most.
-const MAX_FAULTS: usize = 30;
+pub(super) const MAX_FAULTS: usize = 30;
 /// Times that a file is read at most.
 const MAX_READS: usize = 100;
 

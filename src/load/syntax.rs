@@ -140,7 +140,7 @@ mod tests {
                 "f:3:15: table.rows[0].q[3]: must be a number, not \"ä\"",
             ),
             (
-                "seed = 1\n[table]\nsead = 3",
+                "seed = 1\n[table]\nsead = 3\nrows = []",
                 "f:3:1: table.sead: unknown key `sead`, known: rows, inner",
             ),
             (
@@ -156,16 +156,16 @@ mod tests {
                 "f:2:1: table: the key `rows` is missing",
             ),
             (
-                "seed = 1\n[table.inner]",
-                "f:2:1: table.inner: the key `size` is missing",
+                "seed = 1\n[table]\nrows = []\n[table.inner]",
+                "f:4:1: table.inner: the key `size` is missing",
             ),
             (
                 "seed = 1\n[[table.rows]]",
                 "f:2:1: table.rows[0]: the key `q` is missing",
             ),
             (
-                "seed = 1\n[tabel.inner]\nsize = 1.0",
-                "f:2:2: tabel: unknown key `tabel`: did you mean `table`?",
+                "seed = 1\ntabel.rows = []",
+                "f:2:1: tabel: unknown key `tabel`: did you mean `table`?",
             ),
             ("points = []\n", "f:1:1: the key `seed` is missing"),
             ("", "f:1:1: the key `seed` is missing"),

@@ -106,7 +106,7 @@ fn attitudes() {
             "--state 7000000,0,0,0,7500,0: 7000000.0 km from the Earth's centre at 7500.000 km/s",
             "6356 to 4000000 km",
             "at most 100 km/s",
-            "the option is in km and km/s",
+            "it is in km and km/s",
         ],
     );
     // At rest at mid-exposure it has come through the ground within the 1700 s before.
