@@ -84,6 +84,12 @@ impl Pointing {
 
     fn target(&self, config: &Config) -> anyhow::Result<Option<LookAt>> {
         let Some(text) = &self.look_at else {
+            // Clap does not ask for an option that another one excludes.
+            if self.up.is_some() || self.roll.is_some() {
+                return Err(anyhow!(
+                    "--up and --roll are rules of --look-at: give that, or leave them out"
+                ));
+            }
             return Ok(None);
         };
         let target = Target::parse(text, &config.objects);

@@ -157,7 +157,7 @@ fn everything_that_is_wrong_with_a_file_is_said_at_once() {
             "optics.focal_length_mm = 1000000000: must be 0.5 to 1000000 mm",
         ),
         (
-            "wide\"",
+            "= \"wide",
             "optics.psf.sigma_px: must be a number, not \"wide\"",
         ),
         (

@@ -16,22 +16,22 @@ pub struct Args {
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Sensor, columns x rows
-    #[arg(long, value_name = "WxH")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     size: Option<String>,
     /// Pixel pitch, um
-    #[arg(long, value_name = "UM")]
+    #[arg(long, value_name = "UM", allow_hyphen_values = true)]
     pixel: Option<String>,
     /// Focal length, mm, or the field of view along the rows, such as 20deg
-    #[arg(long, value_name = "MM|DEG")]
+    #[arg(long, value_name = "MM|DEG", allow_hyphen_values = true)]
     focal: Option<String>,
     /// Aperture: diameter in mm, or focal ratio, such as f/1.4
-    #[arg(long, value_name = "MM|f/N")]
+    #[arg(long, value_name = "MM|f/N", allow_hyphen_values = true)]
     aperture: Option<String>,
     /// Exposure time, s
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     exposure: Option<String>,
     /// Full well, e-
-    #[arg(long, value_name = "E")]
+    #[arg(long, value_name = "E", allow_hyphen_values = true)]
     full_well: Option<String>,
     /// Write over a file that is there
     #[arg(long)]
