@@ -2,16 +2,18 @@
 
 mod fidelity;
 mod heads;
+mod look_at;
 mod objects;
 mod run;
+mod sequence;
 mod shapes;
 
-use crate::attitude::Attitude;
+use crate::attitude::{Attitude, MAX_POSITION, MAX_SPEED, MIN_POSITION, check_orbit};
 use crate::camera::Camera;
 use crate::effect::EFFECTS;
 use crate::fidelity::{Choice, Fidelity};
 use crate::load::{
-    Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, advice, orbits, parse,
+    Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, advice, orbits, read, schema_of,
 };
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
@@ -21,9 +23,14 @@ use fidelity::RawFidelity;
 pub use heads::Head;
 use heads::RawHead;
 use hifitime::Epoch;
+pub use look_at::{LookAt, Target, Up};
+use nalgebra::Vector3;
 use objects::{Objects, RawObjects};
 use run::RawRun;
 pub use run::{Clock, Delay, OnOverrun, OnStale, OutOfOrder, Run, Staleness, Trigger};
+use schemars::JsonSchema;
+use sequence::RawSequence;
+pub use sequence::attitude_of_radec;
 use serde::Deserialize;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Object, StateVector};
@@ -93,9 +100,11 @@ pub struct Sequence {
     pub frames: u32,
     /// From one exposure's middle to the next, s.
     pub period_s: f64,
-    /// Slerp between them; of several, the exposures must lie within their span. Without any, which no file can have: +Z to the Earth's
-    /// centre, +X towards the velocity.
+    /// Slerp between them; of several, the exposures must lie within their span. Without any: +Z to the Earth's
+    /// centre, +X towards the velocity, or what `look_at` says.
     pub attitudes: Vec<TimedAttitude>,
+    /// What the camera looks at and follows, instead of attitudes.
+    pub look_at: Option<LookAt>,
     /// Body rates (rad/s) of a single attitude.
     pub rates: [f64; 3],
 }
@@ -109,72 +118,78 @@ pub struct TimedAttitude {
     pub attitude: Attitude,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Raw {
+    /// Seed of all noise; the same seed and inputs give the same pixels
     #[serde(default = "one")]
     seed: u64,
+    /// Fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky, horizon, or a camera file
     #[serde(default = "default_camera")]
     camera: String,
+    /// what errors the renderer may make; `fidelity = "fast"` in one line is a preset alone (README, Fidelity; docs/cost.md)
     #[serde(default)]
     fidelity: RawFidelity,
+    /// Labels list objects down to this signal-to-noise ratio
     #[serde(default = "default_label_snr")]
     label_snr: f64,
+    /// each effect runs only where a scene needs it: `skyloop plan --scene FILE` says which, and why
     #[serde(default)]
     effects: RawEffects,
+    /// Which stars, and what moves and colours them.
     #[serde(default)]
     sky: RawSky,
+    /// Objects in orbit.
     #[serde(default)]
     objects: RawObjects,
+    /// Where the observer is in runs that make their own attitudes.
     #[serde(default)]
     observer: RawObserver,
+    /// the exposures of `render` and `loopback`
     sequence: Option<RawSequence>,
+    /// How a live run listens and keeps time.
     #[serde(default)]
     run: RawRun,
+    /// a further camera of the same vehicle, in `run` and `soak`; may be repeated
     #[serde(default)]
     heads: Vec<RawHead>,
 }
 
-#[derive(Deserialize, Default)]
+#[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct RawEffects {
+    /// Effects to leave out, such as ["zodiacal light", "starlight", "sunlight"]; what that costs stands in the plan
     off: Vec<String>,
+    /// True: all others run, needed or not (the same frames within the tolerances, slower)
     all: bool,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct RawSky {
+    /// Hipparcos (to Hp 9), or bsc (entries of the Bright Star Catalogue only: 9 times fewer stars)
     catalog: String,
+    /// Stars carry their colour into the band; false: band magnitude is V (errs by up to 3 mag)
     colour: bool,
+    /// To the epoch; false: catalogue epoch J1991.25 (errs by up to 5 arcmin (Barnard's star))
     proper_motion: bool,
+    /// False errs by up to 0.77 arcsec
     parallax: bool,
+    /// The Sun's light deflection; false errs by 1.75 arcsec at the limb, 0.004 at 90 degrees
     deflection: bool,
+    /// Stellar and of objects; false errs by up to 26 arcsec
     aberration: bool,
+    /// Of objects; false errs by up to 7 arcsec
     light_time: bool,
 }
 
-#[derive(Deserialize, Default)]
+#[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawObserver {
+    /// Or "FILE", of one object: the observer's orbit where skyloop makes its own attitudes; without it: Earth's centre
     orbit: Option<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawSequence {
-    epoch: RawTime,
-    frames: u32,
-    period_s: f64,
-    attitudes: Vec<RawAttitude>,
-    rates_deg_s: Option<Fixed<f64, 3>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RawAttitude {
-    utc: Option<RawTime>,
-    q: Fixed<f64, 4>,
+    /// Instead of orbit: position and velocity (km, km/s; GCRF) at the first exposure, carried on by two-body motion and J2
+    state: Option<Fixed<f64, 6>>,
 }
 
 fn one() -> u64 {
@@ -220,6 +235,16 @@ impl Config {
         Config::parse("defaults", "", &Folder::current())
     }
 
+    /// The JSON Schema of scene and run files, which have the same keys.
+    pub fn schema(title: &str) -> schemars::Schema {
+        schema_of::<Raw>(title)
+    }
+
+    /// The JSON Schema of population files.
+    pub fn population_schema() -> schemars::Schema {
+        objects::schema()
+    }
+
     /// Reads file `name` of `folder`.
     pub fn read(folder: &Folder, name: &str) -> Result<Config, ConfigError> {
         let (file, text) = folder.read(name)?;
@@ -234,41 +259,53 @@ impl Config {
 
     /// From text; `file` is its name in messages.
     pub fn parse(file: &str, text: &str, folder: &Folder) -> Result<Config, ConfigError> {
-        let raw: Raw = parse(file, text)?;
-        let check = Check { file };
+        read(file, text, EXAMPLE, |raw: Raw, check| {
+            raw.validate(check, folder)
+        })
+    }
+}
+
+/// A valid file with all keys that have no default.
+const EXAMPLE: &str = r#"
+heads = [{ name = "B", camera = "fai-nir", link = "udp://127.0.0.1:4811" }]
+[sequence]
+epoch = "2026-01-01T00:00:00Z"
+frames = 1
+period_s = 1.0
+nadir = true
+"#;
+
+impl Raw {
+    fn validate(self, check: &Check, folder: &Folder) -> Result<Config, ConfigError> {
+        let raw = self;
         let Objects {
             objects,
             looks,
             mut findings,
             sphere,
-        } = raw.objects.validate(&check, folder)?;
-        let observer = match &raw.observer.orbit {
-            None => None,
-            Some(selector) => {
-                let object = orbits::one(folder, selector, &mut findings);
-                let object = object.map_err(|error| check.explain("observer.orbit", error))?;
-                Some(Observer::Object(Box::new(object)))
-            }
-        };
+        } = raw.objects.validate(check, folder)?;
+        let observer = raw.observer.validate(check, folder, &mut findings)?;
         let camera = Camera::load(&raw.camera, folder);
         let camera = camera.map_err(|error| check.named("camera", error))?;
-        let fidelity = raw.fidelity.validate(&check)?;
+        let fidelity = raw.fidelity.validate(check)?;
+        let sequence = raw.sequence.map(|s| s.validate(&camera, &objects, check));
+        let sequence = sequence.transpose()?;
         Ok(Config {
             seed: raw.seed,
-            heads: heads::validate(raw.heads, &camera, &check, folder)?,
+            heads: heads::validate(raw.heads, &camera, check, folder)?,
             camera,
             fidelity,
-            choice: raw.effects.validate(&check)?,
+            choice: raw.effects.validate(check)?,
             label_snr: check.range("label_snr", raw.label_snr, 0.0..=1e9)?,
-            sky: raw.sky.validate(&check)?,
+            sky: raw.sky.validate(check)?,
             objects,
             rejected: findings.rejected,
             notices: findings.notices,
             sphere,
             looks,
             observer,
-            sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
-            run: raw.run.validate(&check)?,
+            sequence: sequence,
+            run: raw.run.validate(check)?,
         })
     }
 }
@@ -334,51 +371,51 @@ impl RawSky {
     }
 }
 
-impl RawSequence {
-    fn validate(self, check: &Check) -> Result<Sequence, ConfigError> {
-        let epoch = utc(check, "sequence.epoch", &self.epoch)?;
-        let mut attitudes = Vec::new();
-        for (i, raw) in self.attitudes.iter().enumerate() {
-            let key = format!("sequence.attitudes[{i}]");
-            attitudes.push(TimedAttitude {
-                epoch: match &raw.utc {
-                    Some(time) => utc(check, &format!("{key}.utc"), time)?,
-                    None if self.attitudes.len() == 1 => epoch,
-                    None => {
-                        let reason = "no utc; each of several attitudes needs one";
-                        return Err(check.explain(&key, reason));
-                    }
-                },
-                attitude: Attitude::from_xyzw(raw.q.0)
-                    .map_err(|error| check.explain(&format!("{key}.q"), error))?,
-            });
+impl RawObserver {
+    fn validate(
+        &self,
+        check: &Check,
+        folder: &Folder,
+        findings: &mut orbits::Findings,
+    ) -> Result<Option<Observer>, ConfigError> {
+        match (&self.orbit, self.state) {
+            (None, None) => Ok(None),
+            (Some(selector), None) => {
+                let object = orbits::one(folder, selector, findings);
+                let object = object.map_err(|error| check.explain("observer.orbit", error))?;
+                Ok(Some(Observer::Object(Box::new(object))))
+            }
+            (None, Some(Fixed(state))) => match Observer::at_km(state) {
+                Ok(observer) => Ok(Some(observer)),
+                Err(why) => Err(check.explain("observer.state", why)),
+            },
+            (Some(_), Some(_)) => {
+                let reason = "given beside observer.orbit: leave one of them out";
+                Err(check.explain("observer.state", reason))
+            }
         }
-        if attitudes.is_empty() {
-            return Err(check.refuse(
-                "sequence.attitudes",
-                "[]",
-                "at least one { utc, q = [x, y, z, w] }",
+    }
+}
+
+impl Observer {
+    /// A state in km and km/s, GCRF.
+    pub fn at_km([x, y, z, vx, vy, vz]: [f64; 6]) -> Result<Observer, String> {
+        let state = StateVector {
+            position_m: Vector3::new(x, y, z) * 1e3,
+            velocity_m_s: Vector3::new(vx, vy, vz) * 1e3,
+        };
+        if check_orbit(&state).is_err() {
+            return Err(format!(
+                "{x},{y},{z},{vx},{vy},{vz}: {:.1} km from the Earth's centre at {:.3} km/s: must be {} to {} km from there, at most \
+                 {} km/s; it is in km and km/s (GCRF)",
+                state.position_m.norm() * 1e-3,
+                state.velocity_m_s.norm() * 1e-3,
+                MIN_POSITION * 1e-3,
+                MAX_POSITION * 1e-3,
+                MAX_SPEED * 1e-3,
             ));
         }
-        if attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
-            let reason =
-                "the utc of an attitude is not after that of the one before it: sort them by time";
-            return Err(check.explain("sequence.attitudes", reason));
-        }
-        let rates = self.rates_deg_s.map_or([0.0; 3], |Fixed(rates)| rates);
-        if attitudes.len() > 1 && rates != [0.0; 3] {
-            let reason =
-                "given beside several attitudes, whose slerp has its own rates: leave it out";
-            return Err(check.explain("sequence.rates_deg_s", reason));
-        }
-        let rates = check.each("sequence.rates_deg_s", rates, -36000.0..=36000.0)?;
-        Ok(Sequence {
-            epoch,
-            frames: check.range("sequence.frames", f64::from(self.frames), 1.0..=1e6)? as u32,
-            period_s: check.range("sequence.period_s", self.period_s, 1e-6..=1e6)?,
-            attitudes,
-            rates: rates.map(f64::to_radians),
-        })
+        Ok(Observer::State(state))
     }
 }
 

@@ -1,8 +1,12 @@
 //! The vehicle's motion in runs that make their own attitudes: what a mock flight computer would send.
 
+mod aim;
+
 use crate::attitude::{AttitudeError, VehicleState};
+use crate::camera::Camera;
 use crate::config::{Config, Observer, Sequence, TimedAttitude};
 use crate::scene::{Exposure, Unobservable, above_the_moon, shutter, turn_at};
+use crate::sky::Corrections;
 use crate::sky::bodies::Bodies;
 use crate::sky::shadow::Earth;
 use hifitime::Epoch;
@@ -27,14 +31,17 @@ pub enum FlightError {
     /// Objects are seen from somewhere.
     #[error(
         "objects without an observer: from the Earth's centre they have no meaningful direction; \
-         give the observer's --state or --orbit ([observer] orbit in a scene)"
+         give the observer's --state or --orbit ([observer] state or orbit in a scene)"
     )]
     NoObserver,
-    /// The Earth is below somebody.
+    /// A direction that depends on where the observer is.
     #[error(
-        "nadir pointing needs an orbit: give the observer's --state or --orbit ([observer] orbit in a scene)"
+        "{what} needs an orbit: give the observer's --state or --orbit ([observer] state or orbit in a scene)"
     )]
-    NadirOfNobody,
+    NeedsOrbit {
+        /// What.
+        what: &'static str,
+    },
     /// A place inside the Earth.
     #[error(
         "{key} = {value}: at {} it is {position_km:?} km (GCRF), {:.1} km from the Earth's centre and below the ground (WGS84): must be above it; \
@@ -92,9 +99,14 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
     if orbit.is_none() && !config.objects.is_empty() {
         return Err(FlightError::NoObserver);
     }
-    let profile = profile(sequence)?;
-    if orbit.is_none() && matches!(profile, Profile::Nadir) {
-        return Err(FlightError::NadirOfNobody);
+    let profile = profile(sequence, &config.camera, config.sky.corrections)?;
+    let needs_orbit = match (&profile, &sequence.look_at) {
+        (Profile::Nadir, _) => Some("nadir pointing"),
+        (_, Some(look)) => look.needs_orbit(),
+        _ => None,
+    };
+    if let Some(what) = needs_orbit.filter(|_| orbit.is_none()) {
+        return Err(FlightError::NeedsOrbit { what });
     }
     let mission = Mission {
         start: sequence.epoch,
@@ -126,6 +138,11 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
             mission.attitude(number, epoch)?;
         }
     }
+    if let Some(look) = &sequence.look_at {
+        for notice in aim::notices(look, &mission)? {
+            tracing::warn!("{notice}");
+        }
+    }
     Ok(mission)
 }
 
@@ -154,7 +171,7 @@ fn above_ground(observer: &Observer, mission: &Mission) -> Result<(), FlightErro
                 let now = *state;
                 *state = propagate_j2(&now, mission.period_s);
                 let value = format!("{:?} km", given.position_m.map(|m| m * 1e-3).as_slice());
-                ("--state", value, now)
+                ("observer.state (--state)", value, now)
             }
             (Observer::State(_), None) => continue,
         };
@@ -227,8 +244,16 @@ pub fn orbit(observer: &Observer, at: Epoch) -> OrbitSource {
     }
 }
 
-/// One attitude turns with the sequence's rates; several are slerped. None: +Z to the Earth's centre, +X towards the velocity.
-pub fn profile(sequence: &Sequence) -> Result<Profile, FlightError> {
+/// A target is followed by the boresight of `camera`. One attitude turns with the sequence's rates; several are slerped. None of these: +Z to
+/// the Earth's centre, +X towards the velocity.
+pub fn profile(
+    sequence: &Sequence,
+    camera: &Camera,
+    corrections: Corrections,
+) -> Result<Profile, FlightError> {
+    if let Some(look) = &sequence.look_at {
+        return Ok(Profile::Aim(aim::aim(look, camera, corrections)));
+    }
     let unit = |timed: &TimedAttitude| {
         let [x, y, z, w] = timed.attitude.xyzw();
         UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))

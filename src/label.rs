@@ -4,6 +4,7 @@ mod empty;
 mod fidelity;
 mod objects;
 mod rounded;
+mod schema;
 mod spot;
 mod text;
 mod unseen;
@@ -11,6 +12,7 @@ mod wanderer;
 
 pub use fidelity::FidelityLabel;
 pub use objects::Objects;
+pub use schema::schema;
 pub use spot::{MOST_SPOTS, SpotLabel};
 pub use unseen::MOST_UNSEEN;
 pub use wanderer::WandererLabel;
@@ -26,6 +28,7 @@ use crate::scene::{Body, Hidden, Scene, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
@@ -38,7 +41,7 @@ const TASK: usize = 64;
 pub const VISIBLE_SNR: f64 = 3.0;
 
 /// The label of one frame. Its text is [`Label::to_json`]; as serde has it, it lacks its objects.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Label {
     /// Number of the frame in its run, from 0.
     pub frame: u32,
@@ -119,7 +122,7 @@ pub struct Label {
 }
 
 /// The plan's verdict on one effect.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct EffectLabel {
     /// Its name.
     pub effect: &'static str,
@@ -161,7 +164,7 @@ impl EffectLabel {
 }
 
 /// One object in a frame. Its text has no more digits than it is exact to.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct ObjectLabel {
     /// `star`, `rso`, `moon` or `planet`.
     pub kind: &'static str,
@@ -202,15 +205,18 @@ pub struct ObjectLabel {
     /// In frame, lit, not occulted, and of a signal-to-noise ratio of at least [`VISIBLE_SNR`].
     pub visible: bool,
     /// Why it is not visible.
+    #[schemars(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// What only an RSO has.
+    #[schemars(flatten)]
     pub rso: Option<RsoLabel>,
     /// What only the Moon and planets have.
+    #[schemars(flatten)]
     pub wanderer: Option<WandererLabel>,
 }
 
 /// What a label says of an RSO alone; geometric, at mid-exposure.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct RsoLabel {
     /// Distance from the observer.
     pub range_km: f64,

@@ -43,6 +43,7 @@ pub mod realtime;
 pub mod render;
 pub mod rng;
 pub mod scene;
+pub mod sensitivity;
 pub mod serve;
 pub mod sky;
 pub mod soak;

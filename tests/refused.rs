@@ -157,8 +157,7 @@ fn words_and_places_that_no_camera_has() {
     let thick = fine.replace("thickness_um = 15.0", "thickness_um = 200.0");
     let message = load(&thick).unwrap_err();
     assert!(
-        message.contains("mine.toml: radiation.diffusion_um = 100")
-            && message.contains("thickness_um"),
+        message.contains(": radiation.diffusion_um = 100") && message.contains("thickness_um"),
         "{message}"
     );
 }
@@ -191,15 +190,15 @@ fn a_key_without_the_one_that_gives_it_meaning() {
     for (text, words) in [
         (
             without(&text, "hot_e_s"),
-            "mine.toml: detector.hot_fraction: needs detector.hot_e_s",
+            ": detector.hot_fraction: needs detector.hot_e_s",
         ),
         (
             without(&text, "hot_fraction"),
-            "mine.toml: detector.hot_e_s: needs detector.hot_fraction",
+            ": detector.hot_e_s: needs detector.hot_fraction",
         ),
         (
             with("detector.stuck_dn", "12.0"),
-            "mine.toml: detector.stuck_dn: needs detector.stuck_fraction or detector.stuck_px",
+            ": detector.stuck_dn: needs detector.stuck_fraction or detector.stuck_px",
         ),
     ] {
         let message = load(&text).unwrap_err();

@@ -62,7 +62,26 @@ pub struct Camera {
 impl Camera {
     /// Reads `name`: a bare name of `configs/cameras/` (also embedded), or a file in `folder`.
     pub fn load(name: &str, folder: &Folder) -> Result<Camera, ConfigError> {
+        let (camera, notices) = Camera::load_noticed(name, folder)?;
+        for notice in notices {
+            tracing::warn!("{notice}");
+        }
+        Ok(camera)
+    }
+
+    /// The same, with what is allowed in the file, but hardly meant, a line each, instead of in the log.
+    pub fn load_noticed(name: &str, folder: &Folder) -> Result<(Camera, Vec<String>), ConfigError> {
         file::load(name, folder)
+    }
+
+    /// The JSON Schema of camera files.
+    pub fn schema() -> schemars::Schema {
+        file::schema()
+    }
+
+    /// Reads the text of a camera file called `file`, which names no other files, likewise.
+    pub fn parse_noticed(file: &str, text: &str) -> Result<(Camera, Vec<String>), ConfigError> {
+        file::parse(file, text, &Folder::current())
     }
 
     /// Electrons a second that a source of band magnitude 0 gives on the whole detector:

@@ -52,7 +52,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     args.records.settle(&config)?;
     let name = scene_name(args.scene.as_deref());
     let span = span(&args, &config, &name)?;
-    let Some(Observer::Object(observer)) = config.observer.take() else {
+    let observer = config.observer.take();
+    if let Some(Observer::State(_)) = observer {
+        bail!(
+            "{name}: [observer] state: a light curve needs an orbit of the observer, [observer] orbit = \"FILE:NAME\""
+        );
+    }
+    let Some(Observer::Object(observer)) = observer else {
         bail!("{name}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\"");
     };
     let population = config.take_population();

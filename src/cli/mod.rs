@@ -2,6 +2,7 @@
 
 mod bench;
 mod budget;
+mod camera;
 mod cameras;
 mod catalog;
 mod cost;
@@ -17,6 +18,8 @@ mod pty;
 mod render;
 mod replay;
 mod run;
+mod schema;
+mod shell;
 mod soak;
 
 use anyhow::{Context, bail};
@@ -69,11 +72,19 @@ enum Command {
     Bench(bench::Args),
     /// Check, count and convert files of orbits
     Catalog(catalog::Args),
+    /// Check camera files and make new ones
+    Camera(camera::Args),
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
     #[cfg(target_os = "linux")]
     Pty(pty::Args),
     /// Feed a recorded run to the emulator again and compare what it sends
     Replay(replay::Args),
+    /// Print the JSON Schema of a kind of file
+    Schema(schema::Args),
+    /// Print a shell's script for completion of commands and options
+    Completions(shell::Completions),
+    /// Print the manual page, or write one for each command
+    Man(shell::Manual),
 }
 
 impl Cli {
@@ -90,6 +101,10 @@ impl Cli {
             Command::Lightcurve(args) => lightcurve::run(args),
             Command::Bench(args) => bench::run(args),
             Command::Catalog(args) => catalog::run(args),
+            Command::Camera(args) => camera::run(args),
+            Command::Schema(args) => schema::run(args),
+            Command::Completions(args) => shell::completions(args),
+            Command::Man(args) => shell::manual(args),
             #[cfg(target_os = "linux")]
             Command::Pty(args) => pty::run(args),
             Command::Replay(args) => replay::run(args, self.verbose),

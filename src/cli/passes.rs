@@ -208,7 +208,7 @@ fn vehicle(
             config.notices.extend(findings.notices);
             Some(Observer::Object(Box::new(object)))
         }
-        (None, Some(Numbers(state))) => Some(Observer::State(state_km(state)?)),
+        (None, Some(Numbers(state))) => Some(state_km(state)?),
         (None, None) => config.observer.take(),
     };
     let Some(observer) = observer else {
@@ -216,7 +216,7 @@ fn vehicle(
             "{scene}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\", or give --orbit or --state"
         );
     };
-    if let Some(sequence) = args.pointing.sequence(search.from, &config.camera)? {
+    if let Some(sequence) = args.pointing.sequence(search.from, config)? {
         config.sequence = Some(sequence);
     }
     if let Observer::Object(object) = &observer {
@@ -229,9 +229,10 @@ fn vehicle(
     let orbit = flight::orbit(&observer, search.from);
     let Some(sequence) = &config.sequence else {
         bail!(
-            "{scene}: no attitude: add a [sequence], or give --attitude x,y,z,w, --radec RA,DEC,ROLL or --nadir"
+            "{scene}: no attitude: add a [sequence], or give --attitude x,y,z,w, --radec RA,DEC,ROLL, --nadir or --look-at TARGET"
         );
     };
-    let profile = flight::profile(sequence).with_context(|| scene.to_string())?;
+    let profile = flight::profile(sequence, &config.camera, config.sky.corrections);
+    let profile = profile.with_context(|| scene.to_string())?;
     Ok(Flight { profile, orbit })
 }

@@ -1,10 +1,12 @@
 //! `skyloop plan`: what a frame of a scene would simulate and what not, why, what that costs and what it saves.
 
+use super::pointing::Pointing;
 use super::{Records, mission, progress, scene, scene_name, warn_of_old};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::camera::Camera;
+use skyloop::config::Sequence;
 use skyloop::effect::{EFFECTS, digits};
 use skyloop::engine::Emulator;
 use skyloop::fidelity::Choice;
@@ -29,6 +31,8 @@ pub struct Args {
     /// Which frame of the sequence, from 0
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(0..=u32::MAX), allow_negative_numbers = true)]
     frame: u32,
+    #[command(flatten)]
+    pointing: Pointing,
     /// Render the frame, and set measured errors and times beside the declared ones (takes seconds, for slow frames minutes)
     #[arg(long)]
     measure: bool,
@@ -84,6 +88,15 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     args.records.settle(&config)?;
     if let Some(camera) = &args.camera {
         config.camera = Camera::load(camera, &Folder::current())?;
+    }
+    if let Some(sequence) = &config.sequence
+        && let Some(pointing) = args.pointing.sequence(sequence.epoch, &config)?
+    {
+        config.sequence = Some(Sequence {
+            frames: sequence.frames,
+            period_s: sequence.period_s,
+            ..pointing
+        });
     }
     let mission = mission(&config, args.scene.as_deref())?;
     if args.frame >= mission.frames {

@@ -1,14 +1,15 @@
-//! Where a camera looks, as `render` and `passes` are told on the command line.
+//! Where a camera looks, as options of `render`, `plan` and `passes`.
 
 use super::render::Numbers;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow};
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use hifitime::Epoch;
 use skyloop::attitude::{Attitude, VehicleState};
-use skyloop::camera::Camera;
-use skyloop::config::{Sequence, TimedAttitude};
+use skyloop::config::{Config, LookAt, Sequence, Target, TimedAttitude, Up, attitude_of_radec};
+use skyloop_firmware_sim::text::number;
 
-/// One of three ways to say it.
+/// One of four ways to say it.
 #[derive(Args)]
 pub struct Pointing {
     /// Unit quaternion x,y,z,w from ICRF to body, scalar last, at the first instant
@@ -17,7 +18,7 @@ pub struct Pointing {
         value_name = "x,y,z,w",
         allow_hyphen_values = true,
         group = "fixed",
-        conflicts_with_all = ["radec", "nadir"]
+        conflicts_with_all = ["radec", "nadir", "look_at"]
     )]
     attitude: Option<Numbers<4>>,
     /// The boresight's right ascension and declination (ICRF), and the position angle of what is up in the image (-Y), from north
@@ -27,12 +28,22 @@ pub struct Pointing {
         value_name = "RA,DEC,ROLL",
         allow_hyphen_values = true,
         group = "fixed",
-        conflicts_with = "nadir"
+        conflicts_with_all = ["nadir", "look_at"]
     )]
     radec: Option<Numbers<3>>,
     /// +Z to the Earth's centre, +X towards the velocity
-    #[arg(long)]
+    #[arg(long, conflicts_with = "look_at")]
     nadir: bool,
+    /// Point the boresight at a target and follow it: Sun, Moon, a planet, an object's name or number, limb:HEIGHT_KM[,AZIMUTH_DEG],
+    /// velocity, or RA,DEC in deg
+    #[arg(long, value_name = "TARGET", allow_hyphen_values = true)]
+    look_at: Option<String>,
+    /// With --look-at: what is up in the image (-Y) [default: north; zenith for the limb and the velocity]
+    #[arg(long, value_name = "WHAT", requires = "look_at", value_parser = PossibleValuesParser::new(Up::ALL.map(|(name, _)| name)))]
+    up: Option<String>,
+    /// With --look-at: position angle of -Y from what is up, in the sense from north through east, deg
+    #[arg(long, value_name = "DEG", requires = "look_at", value_parser = number, allow_hyphen_values = true)]
+    roll: Option<f64>,
     /// Body rates in deg/s, body axes, from the first instant on
     #[arg(
         long,
@@ -44,12 +55,16 @@ pub struct Pointing {
 }
 
 impl Pointing {
-    /// One exposure of `camera` that looks there from `epoch` on; nothing where nothing is said.
-    pub fn sequence(&self, epoch: Epoch, camera: &Camera) -> anyhow::Result<Option<Sequence>> {
+    /// One exposure that looks there from `epoch` on, with the camera and the objects of `config`; nothing where nothing is said.
+    pub fn sequence(&self, epoch: Epoch, config: &Config) -> anyhow::Result<Option<Sequence>> {
+        let look_at = self.target(config)?;
         let attitude = match (self.attitude, self.radec) {
             (Some(Numbers(q)), _) => Some(Attitude::from_xyzw(q).context("--attitude")?),
-            (None, Some(Numbers(angles))) => Some(looking(angles, camera)?),
-            (None, None) if self.nadir => None,
+            (None, Some(Numbers(angles))) => Some(
+                attitude_of_radec(angles, &config.camera)
+                    .map_err(|why| anyhow!("--radec {why}"))?,
+            ),
+            (None, None) if self.nadir || look_at.is_some() => None,
             (None, None) => return Ok(None),
         };
         let rates = self.rates.map_or([0.0; 3], |Numbers(rates)| rates);
@@ -62,19 +77,29 @@ impl Pointing {
             frames: 1,
             period_s: 1.0,
             attitudes: attitude.into_iter().collect(),
+            look_at,
             rates,
         }))
     }
-}
 
-/// The body's attitude in which the camera's boresight is there.
-fn looking([ra, dec, roll]: [f64; 3], camera: &Camera) -> anyhow::Result<Attitude> {
-    if !(-90.0..=90.0).contains(&dec) || ra.abs() > 360.0 || roll.abs() > 360.0 {
-        bail!(
-            "--radec {ra},{dec},{roll}: must be RA -360 to 360, DEC -90 to 90, ROLL -360 to 360; the option is in deg"
-        );
+    fn target(&self, config: &Config) -> anyhow::Result<Option<LookAt>> {
+        let Some(text) = &self.look_at else {
+            // Clap does not ask for an option that another one excludes.
+            if self.up.is_some() || self.roll.is_some() {
+                return Err(anyhow!(
+                    "--up and --roll are rules of --look-at: give that, or leave them out"
+                ));
+            }
+            return Ok(None);
+        };
+        let target = Target::parse(text, &config.objects);
+        let target = target.map_err(|why| anyhow!("--look-at: {why}"))?;
+        let roll = self.roll.unwrap_or(0.0);
+        if roll.abs() > 360.0 {
+            return Err(anyhow!("--roll {roll}: must be -360 to 360 deg"));
+        }
+        let named = |name: &String| Up::ALL.into_iter().find(|(known, _)| known == name);
+        let up = self.up.as_ref().and_then(named).map(|(_, up)| up);
+        Ok(Some(LookAt::new(target, up, roll.to_radians())))
     }
-    let [ra, dec, roll] = [ra, dec, roll].map(f64::to_radians);
-    let camera_attitude = Attitude::towards(ra, dec, roll);
-    Ok(camera_attitude.then(&camera.mounting.inverse()))
 }

@@ -4,17 +4,14 @@ use super::budget::{Budget, FRAMES};
 use super::cost::spread;
 use super::pointing::Pointing;
 use super::{Orbits, Records, mission, progress};
-use anyhow::bail;
+use anyhow::anyhow;
 use clap::{ArgGroup, Args as ClapArgs};
 use hifitime::Epoch;
-use nalgebra::Vector3;
-use skyloop::attitude::{MAX_POSITION, MAX_SPEED, MIN_POSITION, check_orbit};
 use skyloop::camera::Camera;
 use skyloop::config::{Config, Observer};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::load::{Folder, orbits};
-use skyloop::orbit::StateVector;
 use skyloop::orbit::time::parse_utc;
 use skyloop::output::Writer;
 use skyloop::stats::{Absent, RunStats, table};
@@ -25,10 +22,10 @@ use std::sync::atomic::AtomicBool;
 
 /// Arguments of `skyloop render`.
 #[derive(ClapArgs)]
-#[command(group = ArgGroup::new("looks").args(["scene", "attitude", "radec", "nadir"]).required(true))]
+#[command(group = ArgGroup::new("looks").args(["scene", "attitude", "radec", "nadir", "look_at"]).required(true))]
 pub struct Args {
-    /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude, --radec, --nadir, --rates, --state, --orbit, --rso
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["camera", "epoch", "attitude", "radec", "nadir", "rates", "state", "orbit", "rso"])]
+    /// Scene file (see configs/default.toml); instead of --camera, --epoch, --attitude, --radec, --nadir, --look-at, --rates, --state, --orbit, --rso
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["camera", "epoch", "attitude", "radec", "nadir", "look_at", "rates", "state", "orbit", "rso"])]
     scene: Option<PathBuf>,
     /// Camera: fai-nir, fai-630, rigel-l, cots-wide, cmos-rolling, ccd-transfer, all-sky, horizon, or a camera file
     #[arg(long, value_name = "NAME|FILE", default_value = "fai-nir")]
@@ -163,9 +160,6 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
     let here = Folder::current();
     let mut config = Config::defaults()?;
     config.camera = Camera::load(&args.camera, &here)?;
-    if let Some(epoch) = args.epoch {
-        config.sequence = args.pointing.sequence(epoch, &config.camera)?;
-    }
     let state = args
         .state
         .map(|Numbers(state)| state_km(state))
@@ -177,32 +171,20 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
             selector,
             &mut findings,
         )?))),
-        (None, state) => state.map(Observer::State),
+        (None, state) => state,
     };
     for file in &args.rso {
         orbits::add(&here, file, &mut config.objects, &mut findings)?;
+    }
+    if let Some(epoch) = args.epoch {
+        config.sequence = args.pointing.sequence(epoch, &config)?;
     }
     config.rejected = findings.rejected;
     config.notices = findings.notices;
     Ok(config)
 }
 
-/// The state of `--state`; refused in the units that it is given in.
-pub(super) fn state_km([x, y, z, vx, vy, vz]: [f64; 6]) -> anyhow::Result<StateVector> {
-    let state = StateVector {
-        position_m: Vector3::new(x, y, z) * 1e3,
-        velocity_m_s: Vector3::new(vx, vy, vz) * 1e3,
-    };
-    if check_orbit(&state).is_err() {
-        bail!(
-            "--state {x},{y},{z},{vx},{vy},{vz}: {:.1} km from the Earth's centre at {:.3} km/s: must be {} to {} km from there, at most \
-             {} km/s; the option is in km and km/s (GCRF)",
-            state.position_m.norm() * 1e-3,
-            state.velocity_m_s.norm() * 1e-3,
-            MIN_POSITION * 1e-3,
-            MAX_POSITION * 1e-3,
-            MAX_SPEED * 1e-3,
-        );
-    }
-    Ok(state)
+/// The observer of `--state`; refused in the units that it is given in.
+pub(super) fn state_km(state: [f64; 6]) -> anyhow::Result<Observer> {
+    Observer::at_km(state).map_err(|why| anyhow!("--state {why}"))
 }

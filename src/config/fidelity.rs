@@ -2,7 +2,9 @@
 
 use crate::fidelity::{Allowed, Coarser, Fidelity, KNOBS, Knob, PRESETS, Value};
 use crate::load::{Check, ConfigError, advice};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::LazyLock;
 
@@ -31,6 +33,35 @@ static KEYS: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
     let knobs = KNOBS.iter().map(|knob| knob.name);
     [PRESET].into_iter().chain(knobs).collect()
 });
+
+impl JsonSchema for RawFidelity {
+    fn schema_name() -> Cow<'static, str> {
+        "Fidelity".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
+        let mut keys = json_schema!({ PRESET: { "enum": names } });
+        for knob in KNOBS {
+            let mut schema = match knob.allowed {
+                Allowed::Numbers([least, most]) => {
+                    json_schema!({ "type": "number", "minimum": least, "maximum": most })
+                }
+                Allowed::Words(words) => json_schema!({ "enum": words }),
+            };
+            let text = format!("{} ({})", knob.bounds, knob.unit);
+            schema.insert("description".to_string(), text.into());
+            keys.insert(knob.name.to_string(), schema.into());
+        }
+        json_schema!({
+            "description": "What errors the renderer may make: a preset, or a table of a preset and the tolerances that differ from it",
+            "anyOf": [
+                { "enum": names },
+                { "type": "object", "properties": keys, "additionalProperties": false },
+            ],
+        })
+    }
+}
 
 impl Default for RawFidelity {
     fn default() -> Self {

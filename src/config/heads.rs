@@ -3,6 +3,7 @@
 use super::run::OneOrMore;
 use crate::camera::{Camera, RATE_HZ};
 use crate::load::{Check, ConfigError, Folder};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// A further camera, with links of its own. Its mounting and misalignment are those of its camera file.
@@ -18,12 +19,16 @@ pub struct Head {
     pub links: Vec<String>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawHead {
+    /// Its name in tables and verdicts
     name: String,
+    /// The camera: a built-in name or a camera file, with its own mounting and misalignment (README, Cameras)
     camera: String,
+    /// In Hz; without it the camera's own
     rate_hz: Option<f64>,
+    /// Links that bring its frames; attitudes come over the first camera's
     link: OneOrMore,
 }
 

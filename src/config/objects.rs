@@ -2,11 +2,12 @@
 
 use super::shapes::{RawAttitude, RawShape, RawSphere};
 use crate::load::orbits::{Findings, Shelf, add_without, named};
-use crate::load::{Check, ConfigError, Folder, Register, advice, parse};
+use crate::load::{Check, ConfigError, Folder, Register, advice, read, schema_of};
 use crate::sky::look::Body;
 use crate::sky::photometry::Sphere;
 use crate::sky::population::{Look, Looks};
 use crate::sky::shape::Shape;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_orbit::Object;
 use std::collections::BTreeMap;
@@ -25,14 +26,20 @@ pub struct Objects {
     pub sphere: Sphere,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawObjects {
+    /// A file that says which objects there are, with shapes and attitudes (README, Populations)
     population: Option<String>,
+    /// Orbit files (TLE, 3LE, OMM, OEM), or folders of them, of the objects to show, beside those of the population
     files: Vec<String>,
+    /// In m: of the sphere that stands for every object of which the population says nothing
     diameter_m: f64,
+    /// 1
     reflectance: f64,
+    /// Mixing coefficient B_diff
     diffuse: f64,
+    /// Mixing coefficient B_spec
     specular: f64,
 }
 
@@ -55,22 +62,41 @@ impl Default for RawObjects {
     }
 }
 
-#[derive(Deserialize)]
+/// A valid population file with all keys that have no default.
+const EXAMPLE: &str = r#"
+objects = []
+[shapes.NAME]
+parts = [{ kind = "sphere", diameter_m = 1.0 }]
+"#;
+
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawPopulation {
+    /// Which objects there are, and what they look like.
     objects: Option<Vec<RawEntry>>,
+    /// Shapes by name.
     #[serde(default)]
     shapes: BTreeMap<String, RawShape>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawEntry {
+    /// Or all objects of these [orbit files](#orbit-files), or of folders of them
     files: Option<Vec<String>>,
+    /// One object: FILE, or FILE:NAME by name, id or number
     object: Option<String>,
+    /// A reflecting sphere.
     sphere: Option<RawSphere>,
+    /// Instead of a sphere: the name of a shape of this file, with an attitude
     shape: Option<String>,
+    /// How its shape is turned.
     attitude: Option<RawAttitude>,
+}
+
+/// The JSON Schema of population files.
+pub fn schema() -> schemars::Schema {
+    schema_of::<RawPopulation>("skyloop population file")
 }
 
 impl RawObjects {
@@ -90,8 +116,15 @@ impl RawObjects {
             let (file, text) = folder
                 .read(name)
                 .map_err(|error| check.explain("objects.population", error))?;
-            let raw: RawPopulation = parse(&file, &text)?;
-            raw.add(&Check { file: &file }, &folder.beside(name), &mut all)?;
+            let read = read(&file, &text, EXAMPLE, |raw: RawPopulation, check| {
+                let mut all = Objects {
+                    sphere: all.sphere,
+                    ..Objects::default()
+                };
+                raw.add(check, &folder.beside(name), &mut all)?;
+                Ok(all)
+            });
+            all = read.map_err(|error| check.named("objects.population", error))?;
         }
         // What the population says of an object counts: the file has the rest.
         let known = Register::of(&all.objects);

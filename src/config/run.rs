@@ -4,6 +4,7 @@ use super::fidelity;
 use crate::fidelity::Coarser;
 use crate::load::{Check, ConfigError};
 use crate::realtime;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_protocols::Output;
 use skyloop_protocols::output::MAX_WINDOW;
@@ -43,7 +44,7 @@ pub struct Run {
 }
 
 /// What is done where a frame would not have left by its deadline, by the wall clock and the external one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OnOverrun {
     /// It comes late.
@@ -56,7 +57,7 @@ pub enum OnOverrun {
 }
 
 /// Who gives the time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Clock {
     /// Each attitude, or each trigger, gives one frame, of its own time.
@@ -68,7 +69,7 @@ pub enum Clock {
 }
 
 /// What asks for a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Trigger {
     /// An attitude (stepped) or the camera's own rate.
@@ -97,7 +98,7 @@ pub struct Staleness {
 }
 
 /// What is made of a stale attitude. Labels and packets say so in any case.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OnStale {
     /// It is carried on by its rates all the same.
@@ -110,7 +111,7 @@ pub enum OnStale {
 }
 
 /// What is done with an attitude whose time lies before that of one that came earlier.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OutOfOrder {
     /// It is refused.
@@ -175,34 +176,58 @@ impl Delay {
 
 const DEFAULT_LINK: &str = "udp://127.0.0.1:4810";
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct RawRun {
+    /// Where a flight computer reaches the emulator, or an array of links with roles (README, Links)
     link: OneOrMore,
+    /// What frames bring until a client says otherwise: frame (and label text), compressed (and text), windows (and objects), labels
+    /// (objects alone)
     output: String,
+    /// Windows around the brightest stars
     windows: u8,
+    /// In px: columns and rows of a window, 1 to 25
     window_px: u8,
+    /// Objects as numbers, the brightest
     objects: u16,
+    /// Stepped: each attitude gives its frame; wall: the camera's own rate; external: that rate by the client's clock, which its
+    /// attitudes tell
     clock: Clock,
+    /// What asks for a frame: own (an attitude, or the camera's rate), packet (Trigger packets; stepped and external)
     trigger: Trigger,
+    /// In s: silence after which another client may take over the exchange
     idle_s: f64,
+    /// In s: a frame is late that has not left whole by this time after its exposure's end; without it one period of the camera
     latency_s: Option<f64>,
+    /// In s: the device gives a frame out no sooner than this after its exposure's end (wall, external)
     delay_s: f64,
+    /// In s: and up to this later, another time for each frame
     jitter_s: f64,
+    /// Where a frame would miss its deadline: late (it comes late), drop (no frame), coarsen
     on_overrun: OnOverrun,
+    /// By what, one after another until it is in time: presets, or knobs such as "wing_e = 0.5", of what stands before; nothing is made
+    /// finer
     coarsen: Vec<String>,
+    /// In s: an attitude that is older in the middle of an exposure is stale; one that lies further ahead of it, of the future
     stale_s: f64,
+    /// Extrapolate (carried by its rates all the same), hold (the body stands still at the limit), invalid (likewise, and marked so)
     on_stale: OnStale,
+    /// Attitudes earlier than the last one: refuse, or use (they take their place for exposures between others)
     out_of_order: OutOfOrder,
+    /// In s: without a word of the client for so long its clock is not followed any more (external)
     holdover_s: f64,
+    /// Where the figures of the run can be fetched as Prometheus text (wall, external and stepped); none without it
     metrics: Option<String>,
+    /// Real-time priority (SCHED_FIFO, 1 to 99) of the emulator's threads; told as granted or not
     priority: Option<i64>,
+    /// Keep the process in memory (mlockall), likewise
     lock_memory: bool,
+    /// Processors to run on, such as [0, 1]; empty: all
     cpus: Vec<i64>,
 }
 
 /// One text, or an array of them.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "must be a link or a list of links, such as \"udp://127.0.0.1:4810\""

@@ -7,15 +7,20 @@ use crate::sky::body_attitude::BodyAttitude;
 use crate::sky::photometry::Sphere;
 use crate::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
 use nalgebra::{Unit, Vector3};
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawSphere {
+    /// M (10)
     pub diameter_m: f64,
+    /// As below; a sphere follows Eqs. (7) and (8) (0.2)
     pub reflectance: f64,
+    /// As below; a sphere follows Eqs. (7) and (8) (1)
     pub diffuse: f64,
+    /// As below; a sphere follows Eqs. (7) and (8) (0)
     pub specular: f64,
 }
 
@@ -31,38 +36,62 @@ impl Default for RawSphere {
     }
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawShape {
+    /// 1 to 200 parts (required)
     parts: Vec<RawPart>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawPart {
+    /// Plate (area_m2, normal), box (size_m), cylinder and cone (axis, diameter_m, length_m), sphere (diameter_m) (required)
     kind: String,
+    /// M^2, of a plate's one side
     area_m2: Option<f64>,
+    /// Where a plate's front faces, any length
     normal: Option<Fixed<f64, 3>>,
+    /// Whether its back is a surface too (false)
     two_sided: Option<bool>,
+    /// The axis that a plate turns about to face the Sun as well as it can; not along its normal (fixed)
     sun_axis: Option<Fixed<f64, 3>>,
+    /// In m: edges of a box along the body's axes
     size_m: Option<Fixed<f64, 3>>,
+    /// From base to top, any length
     axis: Option<Fixed<f64, 3>>,
+    /// M; of a cone the diameter of its base
     diameter_m: Option<f64>,
+    /// In m: where a cone is cut off (0)
     top_diameter_m: Option<f64>,
+    /// M; of a cone the diameter of its base
     length_m: Option<f64>,
+    /// Which ends are closed: both, base, top or none (`both`)
     ends: Option<String>,
+    /// The share of the light that comes back (0.2)
     reflectance: Option<f64>,
+    /// Hejduk's mixing coefficients B_diff and B_spec of Eq. (6): what of it is diffuse (Lambert) and what is mirrored; at most 1
+    /// together, so that specular needs a diffuse beside it (1)
     diffuse: Option<f64>,
+    /// Hejduk's mixing coefficients B_diff and B_spec of Eq. (6): what of it is diffuse (Lambert) and what is mirrored; at most 1
+    /// together, so that specular needs a diffuse beside it (0)
     specular: Option<f64>,
+    /// Deg, 0.5 to 90: how far from the mirror direction mirrored light goes; it ends smoothly there. A mirror shows the Sun's disc, 0.27
+    /// deg. Of what mirrors, but not of spheres (a mirror)
     lobe_deg: Option<f64>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawAttitude {
+    /// Inertial: at rest among the stars; nadir: turning with its orbit; spin: turning at constant rates (required)
     mode: String,
+    /// [x, y, z, w]: ICRF to body; of nadir from the orbit's axes to the body: +Z to the Earth's centre, +X towards the velocity, +Y
+    /// against the orbit's normal; of spin at utc (nadir: no turn)
     q: Option<Fixed<f64, 4>>,
+    /// Of spin: when q holds, and deg/s about the body's axes
     utc: Option<RawTime>,
+    /// Of spin: when q holds, and deg/s about the body's axes
     rates_deg_s: Option<Fixed<f64, 3>>,
 }
 

@@ -1,16 +1,18 @@
 //! What a label says of the tolerances that its frame was rendered by.
 
 use crate::fidelity::{Fidelity, Value};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// A preset, and the knobs that differ from it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct FidelityLabel {
     /// The preset.
     pub preset: &'static str,
     /// Their values.
     #[serde(flatten)]
+    #[schemars(with = "BTreeMap<String, serde_json::Value>")]
     pub knobs: BTreeMap<&'static str, Value>,
 }
 

@@ -3,10 +3,11 @@
 use super::{VISIBLE_SNR, e4, e6};
 use crate::camera::Detector;
 use crate::scene::Scene;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A particle's charge, or a defective pixel.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct SpotLabel {
     /// `radiation` or `defect`.
     pub kind: &'static str,

@@ -2,9 +2,10 @@
 
 use super::ra_dec_deg;
 use crate::scene::{Scene, SeenWanderer, Source};
+use schemars::JsonSchema;
 
 /// What a label says of the Moon and of planets alone, at mid-exposure.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct WandererLabel {
     /// Distance from the observer.
     pub range_km: f64,

@@ -40,6 +40,9 @@ pub const CAMERAS: &[&str] = &[
     "horizon",
 ];
 
+/// A valid camera file.
+pub const EXAMPLE_CAMERA: &str = include_str!("../../configs/cameras/cots-wide.toml");
+
 /// Every key with its default.
 pub const DEFAULT_TOML: &str = include_str!("../../configs/default.toml");
 

@@ -5,17 +5,25 @@ mod embedded;
 mod fixed;
 mod folder;
 pub mod orbits;
+mod report;
 mod syntax;
 mod words;
 
+pub(crate) use embedded::EXAMPLE_CAMERA;
 pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
 pub(crate) use fixed::Fixed;
 pub use folder::Folder;
+use report::MAX_FAULTS;
+pub(crate) use report::{Noticed, read, read_noticed};
 pub use skyloop_orbit::Register;
-pub(crate) use syntax::parse;
+use words::MEANT;
 pub(crate) use words::{advice, nearest};
 
+use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
+use std::borrow::Cow;
+use std::cell::RefCell;
 use std::fmt;
 use std::ops::RangeInclusive;
 use thiserror::Error;
@@ -66,14 +74,100 @@ pub enum ConfigError {
     /// An orbit file that cannot be used.
     #[error("{0}")]
     Orbit(String),
+    /// What is wrong with another file that a key names.
+    #[error("{error}")]
+    Named {
+        /// Table and key.
+        key: String,
+        /// What is wrong.
+        error: Box<ConfigError>,
+    },
+    /// A file with more than one fault, in the order of its lines.
+    #[error("{file}: {} faults{}:\n  {}", faults.len(), more(faults), lines(faults))]
+    Several {
+        /// As named by the user.
+        file: String,
+        /// Its faults.
+        faults: Vec<ConfigError>,
+    },
+}
+
+/// Whether there may be more than are listed.
+fn more(faults: &[ConfigError]) -> &'static str {
+    if faults.len() < MAX_FAULTS {
+        ""
+    } else {
+        " or more"
+    }
+}
+
+/// One line for each fault.
+fn lines(faults: &[ConfigError]) -> String {
+    let lines: Vec<String> = faults.iter().map(ConfigError::to_string).collect();
+    lines.join("\n").replace('\n', "\n  ")
+}
+
+impl ConfigError {
+    /// The key that a check refused.
+    fn key(&self) -> Option<&str> {
+        match self {
+            ConfigError::Value { key, .. }
+            | ConfigError::Key { key, .. }
+            | ConfigError::Named { key, .. } => Some(key),
+            _ => None,
+        }
+    }
+
+    /// The same with the place of the key in the file, where the error is of this file.
+    fn at(mut self, of_file: &str, place: &str) -> ConfigError {
+        if let ConfigError::Value { file, .. } | ConfigError::Key { file, .. } = &mut self
+            && file == of_file
+        {
+            *file = place.to_string();
+        }
+        self
+    }
+
+    /// The key that is meant by an unknown one.
+    fn meant(&self) -> Option<&str> {
+        let ConfigError::Syntax { reason, .. } = self else {
+            return None;
+        };
+        let (_, meant) = reason.split_once("unknown key ")?.1.split_once(MEANT)?;
+        meant.strip_suffix("`?")
+    }
+}
+
+/// The JSON Schema (draft 2020-12) of a file that is read as `Raw`.
+pub(crate) fn schema_of<Raw: JsonSchema>(title: &str) -> Schema {
+    let generator = SchemaSettings::draft2020_12().into_generator();
+    let mut schema = generator.into_root_schema_for::<Raw>();
+    schema.insert("title".to_string(), title.into());
+    schema
 }
 
 /// Checks values of one file, so that each check is one line.
 pub(crate) struct Check<'a> {
     pub file: &'a str,
+    notices: RefCell<Vec<String>>,
+}
+
+impl<'a> Check<'a> {
+    fn of(file: &'a str) -> Check<'a> {
+        Check {
+            file,
+            notices: RefCell::new(Vec::new()),
+        }
+    }
 }
 
 impl Check<'_> {
+    /// Notes a value that is allowed, but hardly meant; reported if the file is valid.
+    pub fn notice(&self, text: fmt::Arguments) {
+        let notice = format!("{}: {text}", self.file);
+        self.notices.borrow_mut().push(notice);
+    }
+
     /// `value` if it lies in `range` (NaN never does).
     pub fn range(
         &self,
@@ -131,7 +225,10 @@ impl Check<'_> {
     pub fn named(&self, key: &str, error: ConfigError) -> ConfigError {
         match error {
             ConfigError::Read { .. } => self.explain(key, error),
-            other => other,
+            other => ConfigError::Named {
+                key: key.to_string(),
+                error: Box::new(other),
+            },
         }
     }
 
@@ -200,6 +297,16 @@ fn unit_of(key: &str) -> &'static str {
 pub(crate) enum RawTime {
     Text(String),
     Date(toml::value::Datetime),
+}
+
+impl JsonSchema for RawTime {
+    fn schema_name() -> Cow<'static, str> {
+        "UTC".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "description": "A UTC time such as 2019-06-15T23:35:50.500Z, in quotes or not" })
+    }
 }
 
 impl fmt::Display for RawTime {

@@ -1,44 +1,52 @@
 //! TOML into raw keys. What is wrong is told in one line: file, line, column, key, and what is expected there.
 
 use super::ConfigError;
-use super::words::{no_toml, plain};
-use serde::de::DeserializeOwned;
+use super::words::{missing_key, no_toml, plain};
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
 
-/// Parses TOML into raw keys; the error names the file.
-pub(crate) fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, ConfigError> {
-    toml::from_str(text).map_err(|error| explain(file, text, &error))
-}
-
-fn explain(file: &str, text: &str, error: &Error) -> ConfigError {
+/// A text that is not TOML.
+pub(super) fn not_toml(file: &str, text: &str, error: &Error) -> ConfigError {
     let span = error.span().unwrap_or_default();
     let (line, column) = position(text, span.start);
-    let reason = match DeTable::parse(text) {
-        Err(_) => {
-            let line = text.lines().nth(line - 1).unwrap_or_default();
-            format!("not TOML: {}", no_toml(error.message(), line))
-        }
-        // What is missing at the top is missing in no entry.
-        Ok(table) if table.span() == span => plain(error.message()),
-        Ok(table) => match in_table(table.get_ref(), &span) {
-            Some(key) => format!(
-                "{}: {}",
-                key.trim_start_matches('.'),
-                plain(error.message())
-            ),
-            None => plain(error.message()),
-        },
-    };
+    let code = text.lines().nth(line - 1).unwrap_or_default();
     ConfigError::Syntax {
         place: format!("{file}:{line}:{column}"),
-        reason,
+        reason: format!("not TOML: {}", no_toml(error.message(), code)),
     }
 }
 
-/// Line and column, from 1, of the octet at `at`.
-fn position(text: &str, at: usize) -> (usize, usize) {
+/// The key that the parser's error is about, where it stands in the text, and the error in words of the files.
+pub(super) fn locate(
+    file: &str,
+    text: &str,
+    table: &Spanned<DeTable<'_>>,
+    error: &Error,
+) -> (String, Range<usize>, ConfigError) {
+    let span = error.span().unwrap_or_default();
+    let (line, column) = position(text, span.start);
+    let reason = plain(error.message());
+    // What is missing at the top is missing in no entry.
+    let inside = (table.span() != span).then(|| in_table(table.get_ref(), &span));
+    let key = inside.flatten().unwrap_or_default();
+    let key = key.trim_start_matches('.');
+    let reason = match key {
+        "" => reason,
+        key => format!("{key}: {reason}"),
+    };
+    let missing = missing_key(error.message());
+    let key = match (key, missing) {
+        (key, None) => key.to_string(),
+        ("", Some(missing)) => missing.to_string(),
+        (key, Some(missing)) => format!("{key}.{missing}"),
+    };
+    let place = format!("{file}:{line}:{column}");
+    (key, span, ConfigError::Syntax { place, reason })
+}
+
+/// Line and column, from 1, of the byte at `at`.
+pub(super) fn position(text: &str, at: usize) -> (usize, usize) {
     let before = text.get(..at).unwrap_or(text);
     let line = before.rsplit('\n').next().unwrap_or_default();
     (before.matches('\n').count() + 1, line.chars().count() + 1)
@@ -73,8 +81,7 @@ fn holds(outer: &Range<usize>, inner: &Range<usize>) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::load::Fixed;
+    use crate::load::{Fixed, read};
     use serde::Deserialize;
 
     #[derive(Deserialize, Debug)]
@@ -133,7 +140,7 @@ mod tests {
                 "f:3:15: table.rows[0].q[3]: must be a number, not \"ä\"",
             ),
             (
-                "seed = 1\n[table]\nsead = 3",
+                "seed = 1\n[table]\nsead = 3\nrows = []",
                 "f:3:1: table.sead: unknown key `sead`, known: rows, inner",
             ),
             (
@@ -149,16 +156,16 @@ mod tests {
                 "f:2:1: table: the key `rows` is missing",
             ),
             (
-                "seed = 1\n[table.inner]",
-                "f:2:1: table.inner: the key `size` is missing",
+                "seed = 1\n[table]\nrows = []\n[table.inner]",
+                "f:4:1: table.inner: the key `size` is missing",
             ),
             (
                 "seed = 1\n[[table.rows]]",
                 "f:2:1: table.rows[0]: the key `q` is missing",
             ),
             (
-                "seed = 1\n[tabel.inner]\nsize = 1.0",
-                "f:2:2: tabel: unknown key `tabel`: did you mean `table`?",
+                "seed = 1\ntabel.rows = []",
+                "f:2:1: tabel: unknown key `tabel`: did you mean `table`?",
             ),
             ("points = []\n", "f:1:1: the key `seed` is missing"),
             ("", "f:1:1: the key `seed` is missing"),
@@ -195,10 +202,11 @@ mod tests {
                 "f:2:8: not TOML: name = one: texts stand in quotes, name = \"one\"",
             ),
         ] {
-            let error = parse::<Raw>("f", text).unwrap_err();
+            let error = read("f", text, "", |raw: Raw, _| Ok(raw)).unwrap_err();
             assert_eq!(error.to_string(), message);
         }
-        let raw: Raw = parse("f", "seed = 1\npoints = [[0, 1], [2, 3.5]]").unwrap();
+        let text = "seed = 1\npoints = [[0, 1], [2, 3.5]]";
+        let raw: Raw = read("f", text, "", |raw, _| Ok(raw)).unwrap();
         assert_eq!(Fixed::all(raw.points), [[0.0, 1.0], [2.0, 3.5]]);
     }
 }

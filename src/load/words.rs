@@ -28,7 +28,7 @@ pub fn plain(message: &str) -> String {
             let known: Vec<String> = known.iter().map(|word| format!("{word:?}")).collect();
             return format!("must be {}, not {given:?}", known.join(" or "));
         }
-        if message.starts_with("missing field ") {
+        if missing_key(message).is_some() {
             return format!("the key `{given}` is missing");
         }
     }
@@ -38,11 +38,19 @@ pub fn plain(message: &str) -> String {
     }
 }
 
+/// The key that serde misses.
+pub fn missing_key(message: &str) -> Option<&str> {
+    message.strip_prefix("missing field `")?.strip_suffix('`')
+}
+
+/// What stands before the key that may be meant.
+pub const MEANT: &str = ": did you mean `";
+
 /// What may be meant by a word that is none of those known.
 pub fn advice(given: &str, known: &[impl AsRef<str>]) -> String {
     let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
     match nearest(given, &known) {
-        Some(meant) => format!(": did you mean `{meant}`?"),
+        Some(meant) => format!("{MEANT}{meant}`?"),
         None => format!(", known: {}", known.join(", ")),
     }
 }

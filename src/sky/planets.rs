@@ -67,6 +67,11 @@ struct Circumstances {
     year: f64,
 }
 
+/// Their English names.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    PLANETS.iter().map(|(name, ..)| *name)
+}
+
 /// The seven planets that `observer` sees, from Mercury to Neptune. Costs some 10 microseconds.
 pub fn seen_by(observer: &Observer, corrections: &Corrections) -> Vec<Planet> {
     let seen = |(name, number, radius_km, law): &Row| -> Option<Planet> {

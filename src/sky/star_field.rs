@@ -157,6 +157,12 @@ impl StarField {
         &self.catalog
     }
 
+    /// How many stars are of this magnitude in the band, or brighter.
+    pub fn brighter_than(&self, band_mag: f64) -> usize {
+        let stars = self.entries.iter();
+        stars.filter(|star| star.band_mag <= band_mag).count()
+    }
+
     /// The stars within `angle` (rad) of `axis` (unit vector, ICRF), apparent to `observer`, in catalogue order.
     pub fn in_cone(
         &self,

@@ -20,6 +20,7 @@ mod soak;
 #[path = "../support/mod.rs"]
 mod support;
 mod synth;
+mod tools;
 
 use assert_cmd::Command;
 use std::path::Path;

@@ -189,12 +189,12 @@ fn wrong_inputs_are_refused_in_a_line() {
         (&["--scene", "none.toml"], &["none.toml", "[sequence]"]),
         (
             &["--scene", "name.toml"],
-            &["name.toml: effects.off[0] = \"stray dogs\"", "shot noise"],
+            &[": effects.off[0] = \"stray dogs\"", "shot noise"],
         ),
         (
             &["--scene", "last.toml"],
             &[
-                "last.toml: effects.off[0]: \"readout\" cannot be switched off; these can:",
+                ": effects.off[0]: \"readout\" cannot be switched off; these can:",
                 "read noise, stuck pixels",
             ],
         ),

@@ -50,7 +50,11 @@ fn every_knob_takes_what_presets_have_and_nothing_beyond_its_range() {
             let error =
                 read(&format!("[fidelity]\n{} = {beyond:?}", knob.name).replace("NaN", "nan"));
             let error = error.unwrap_err();
-            let key = format!("run.toml: fidelity.{} = ", knob.name);
+            let key = format!(
+                "run.toml:2:{}: fidelity.{} = ",
+                knob.name.len() + 4,
+                knob.name
+            );
             assert!(
                 error.starts_with(&key) && error.contains(&format!(" to {most}")),
                 "{error}"

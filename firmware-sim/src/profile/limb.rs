@@ -31,6 +31,19 @@ struct Plane<'a> {
 }
 
 impl LimbStare {
+    /// The line of sight from a state: unit vector, ICRF.
+    ///
+    /// # Errors
+    /// [`ProfileError`]: no orbital plane, or the state is below the height.
+    pub fn direction(
+        &self,
+        epoch: Epoch,
+        state: &StateVector,
+    ) -> Result<Vector3<f64>, ProfileError> {
+        let attitude = self.attitude(&Earth::at(epoch), epoch, state)?;
+        Ok(attitude.inverse() * Vector3::z())
+    }
+
     /// ICRF to body.
     pub(super) fn attitude(
         &self,

@@ -2,6 +2,7 @@
 //!
 //! Those that follow the orbit get their rates by a central difference over the orbit near the instant (`along`).
 
+mod aim;
 mod limb;
 mod nadir;
 mod scan;
@@ -16,6 +17,7 @@ use skyloop_orbit::two_body::propagate_j2;
 use skyloop_orbit::{Object, StateVector};
 use thiserror::Error;
 
+pub use self::aim::{Aim, Direction};
 pub use self::limb::LimbStare;
 pub use self::scan::Scan;
 use crate::attitude_list::{AttitudeList, OutsideList};
@@ -56,6 +58,8 @@ pub enum Profile {
     Nadir,
     /// +Z to a tangent point over the Earth's limb. Needs an orbit.
     LimbStare(LimbStare),
+    /// The camera's boresight at a target.
+    Aim(Aim),
 }
 
 /// Why there is no attitude at an epoch.
@@ -77,6 +81,20 @@ pub enum ProfileError {
         epoch: Epoch,
         /// What the orbit said.
         source: OrbitSourceError,
+    },
+    /// The direction of a target is not known.
+    #[error("no direction to look in at {}: {source}", utc_text(*epoch))]
+    Target {
+        /// The epoch asked for.
+        epoch: Epoch,
+        /// Why.
+        source: OrbitSourceError,
+    },
+    /// The target is where the spacecraft is.
+    #[error("no direction to look in at {}: the target is at the observer's own place, or the direction is zero", utc_text(*epoch))]
+    NoTarget {
+        /// The epoch asked for.
+        epoch: Epoch,
     },
     /// Position and velocity are parallel or not finite: no orbital plane.
     #[error("no attitude at {}: position and velocity span no orbital plane", utc_text(*epoch))]
@@ -101,7 +119,7 @@ pub enum ProfileError {
 }
 
 impl Profile {
-    /// Attitude and rates at `epoch`. `orbit` serves [`Profile::Nadir`] and [`Profile::LimbStare`] only.
+    /// Attitude and rates at `epoch`. `orbit` serves [`Profile::Nadir`], [`Profile::LimbStare`] and [`Profile::Aim`] only.
     ///
     /// # Errors
     /// [`ProfileError`]: outside the list, or no orbit where one is needed.
@@ -125,6 +143,7 @@ impl Profile {
                 })
             }
             Self::Scan(scan) => Ok(scan.at(epoch)),
+            Self::Aim(aim) => aim.at(epoch, orbit),
             Self::Nadir => {
                 let what = "nadir pointing";
                 let orbit = orbit.ok_or(ProfileError::NeedsOrbit { what })?;
@@ -225,6 +244,19 @@ mod tests {
         Profile::Scan(Scan::new(epoch(), attitude, Vector3::y_axis(), half_width, rate).unwrap())
     }
 
+    /// At something that crosses the sky at 0.05 rad/s, with the velocity up and a camera mounted askew.
+    fn aim() -> Profile {
+        Profile::Aim(Aim {
+            target: Arc::new(|t, _| {
+                let angle = 0.05 * (t - epoch()).to_seconds();
+                Ok(Vector3::new(angle.cos(), angle.sin(), 0.4))
+            }),
+            up: Arc::new(|_, state| Ok(state.velocity_m_s)),
+            roll_rad: 0.3,
+            body_to_camera: UnitQuaternion::from_euler_angles(0.2, -0.4, 0.6),
+        })
+    }
+
     fn limb(azimuth_deg: f64) -> Profile {
         Profile::LimbStare(LimbStare {
             height_m: 80e3,
@@ -247,6 +279,7 @@ mod tests {
             Profile::Nadir,
             limb(0.0),
             limb(-137.0),
+            aim(),
             Profile::List(list()),
         ] {
             // Of the scan 2.0 lies on its way, 1.3 in its turn-round.

@@ -2,45 +2,71 @@
 
 use crate::camera::{Blooming, Detector, GAIN_E_PER_DN, Pattern, PatternFigures};
 use crate::load::{Check, ConfigError, Fixed};
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawDetector {
+    /// Columns and rows, 1 to 8192 (px)
     width_px: u32,
+    /// Columns and rows, 1 to 8192 (px)
     height_px: u32,
+    /// Pixel pitch, 0.3 to 1000 (um)
     pixel_um: f64,
+    /// Averaged over the band (peak, for a named band), 0 to 1 (e-/photon)
     quantum_efficiency: f64,
+    /// Dark current of a pixel at the reference temperature (e-/s)
     dark_e_s: f64,
+    /// That temperature; default 20 (deg C)
     #[serde(default = "room_temperature")]
     dark_reference_c: f64,
+    /// The detector's; default: the reference (deg C)
     temperature_c: Option<f64>,
+    /// Dark current doubles with every so many; 1 to 100, default 6.5 (K)
     #[serde(default = "doubling")]
     dark_doubling_k: f64,
+    /// Sigma of the pixels' relative dark current, lognormal, 0 to 2; default 0
     #[serde(default)]
     dark_nonuniformity: f64,
+    /// Share of hot pixels, 0 to 0.1; default 0; needs hot_e_s, as that needs it
     hot_fraction: Option<f64>,
+    /// Their mean excess at the reference temperature, exponential (e-/s)
     hot_e_s: Option<f64>,
+    /// Sigma of the pixels' relative response, 0 to 0.3; default 0
     #[serde(default)]
     prnu: f64,
+    /// Share of dead pixels, which give no charge, 0 to 0.1; default 0
     #[serde(default)]
     dead_fraction: f64,
+    /// Further ones, [[column, row], ...] (px)
     #[serde(default)]
     dead_px: Vec<Fixed<u32, 2>>,
+    /// Share of stuck pixels, which give one digit, 0 to 0.1; default 0
     stuck_fraction: Option<f64>,
+    /// Further ones, [[column, row], ...] (px)
     stuck_px: Option<Vec<Fixed<u32, 2>>>,
+    /// That digit, where there are such pixels; default: the largest (DN)
     stuck_dn: Option<f64>,
+    /// Rms (e-)
     read_noise_e: f64,
+    /// Most charge of a pixel; above the converter's reach it is warned of (e-)
     full_well_e: f64,
+    /// "none": what is too much is lost; "column": it spills along its column; default none
     #[serde(default)]
     blooming: String,
+    /// Share of the signal that is missing at full well, growing with its square, 0 to 0.5; default 0
     #[serde(default)]
     nonlinearity: f64,
+    /// Electrons of one digital number (e-/DN)
     gain_e_per_dn: f64,
+    /// Digital number of no charge (DN)
     offset_dn: f64,
+    /// 1 to 16 (bit)
     adc_bits: u32,
+    /// True: that is meant, no warning; default false
     #[serde(default)]
     adc_clips_first: bool,
 }
@@ -171,21 +197,19 @@ impl RawDetector {
             .converter_clips_first()
             .filter(|_| !self.adc_clips_first)
         {
-            tracing::warn!(
-                "{}: detector.full_well_e = {}: {warning}",
-                check.file,
+            check.notice(format_args!(
+                "detector.full_well_e = {}: {warning}",
                 self.full_well_e
-            );
+            ));
         }
         let filled = self.full_well_e / detector.gain_e_per_dn / full_scale;
         if filled < LEAST_FILLED {
-            tracing::warn!(
-                "{}: detector.gain_e_per_dn = {}: pixels are full at {:.3} % of the converter's largest number: is it e-/DN (not DN/e-), and \
+            check.notice(format_args!(
+                "detector.gain_e_per_dn = {}: pixels are full at {:.3} % of the converter's largest number: is it e-/DN (not DN/e-), and \
                  detector.full_well_e in e-?",
-                check.file,
                 self.gain_e_per_dn,
                 100.0 * filled
-            );
+            ));
         }
         Ok(detector)
     }

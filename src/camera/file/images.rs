@@ -2,12 +2,15 @@
 
 use crate::camera::psf::{FURTHEST_PX, Flaw, Image, Images, SUM_TOLERANCE};
 use crate::load::{Check, ConfigError, Fixed, Folder};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawImage {
+    /// A text file: rows of samples that sum to 1, the source in their middle.
     file: String,
+    /// Where on the detector it holds (column, row; px).
     at_px: Option<Fixed<f64, 2>>,
 }
 

@@ -11,24 +11,34 @@ mod timing;
 mod vignetting;
 
 use super::Camera;
-use crate::load::{CAMERAS, Check, ConfigError, Folder, nearest, parse};
+use crate::load::{
+    CAMERAS, Check, ConfigError, EXAMPLE_CAMERA, Folder, Noticed, nearest, read_noticed, schema_of,
+};
 use detector::RawDetector;
 use optics::RawOptics;
 use radiation::RawRadiation;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 use timing::{RawMounting, RawTiming};
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RawCamera {
+    /// As labels and FITS give it
     name: String,
+    /// Serial number: another one is another fixed pattern; default 1
     #[serde(default = "first")]
     serial: u64,
+    /// Lens, filter and image.
     optics: RawOptics,
+    /// The sensor and its electronics.
     detector: RawDetector,
+    /// Particles that cross the sensor; none without this table.
     radiation: Option<RawRadiation>,
+    /// Exposures.
     timing: RawTiming,
+    /// From body axes to camera axes.
     #[serde(default)]
     mounting: RawMounting,
 }
@@ -38,8 +48,13 @@ fn first() -> u64 {
     1
 }
 
-/// See [`Camera::load`].
-pub fn load(name: &str, folder: &Folder) -> Result<Camera, ConfigError> {
+/// The JSON Schema of camera files.
+pub fn schema() -> schemars::Schema {
+    schema_of::<RawCamera>("skyloop camera file")
+}
+
+/// See [`Camera::load_noticed`].
+pub fn load(name: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
     let embedded = CAMERAS.contains(&name);
     // Files that the camera's names are in its own folder.
     let (found, beside) = match folder {
@@ -51,8 +66,14 @@ pub fn load(name: &str, folder: &Folder) -> Result<Camera, ConfigError> {
         Folder::Embedded(_) => (folder.read(name), folder.clone()),
     };
     let (file, text) = found.map_err(|error| name_the_cameras(error, name))?;
-    let raw: RawCamera = parse(&file, &text)?;
-    validate(raw, &Check { file: &file }, &beside)
+    parse(&file, &text, &beside)
+}
+
+/// The camera of a text; `file` is its name in messages, `folder` that of the files that it names.
+pub fn parse(file: &str, text: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
+    read_noticed(file, text, EXAMPLE_CAMERA, |raw, check| {
+        validate(raw, check, folder)
+    })
 }
 
 /// A camera that is neither built in nor a file: the remedy lists those that are.
@@ -88,12 +109,11 @@ fn validate(raw: RawCamera, check: &Check, folder: &Folder) -> Result<Camera, Co
         .transpose()?;
     let dark_e = detector.dark_e(timing.exposure_s);
     if dark_e >= detector.full_well_e {
-        tracing::warn!(
-            "{}: detector.dark_e_s: at detector.temperature_c {dark_e:.3e} e- come in timing.exposure_s, and detector.full_well_e is {}: dark \
+        check.notice(format_args!(
+            "detector.dark_e_s: at detector.temperature_c {dark_e:.3e} e- come in timing.exposure_s, and detector.full_well_e is {}: dark \
              current fills every pixel",
-            check.file,
             detector.full_well_e
-        );
+        ));
     }
     Ok(Camera {
         name: raw.name,

@@ -8,27 +8,37 @@ use crate::camera::psf::{Shape, Variation};
 use crate::camera::{Band, Detector, Optics, Psf, Stray, Vignetting};
 use crate::load::{Check, ConfigError, Fixed, Folder};
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 
 /// Focal lengths by apertures that nobody wonders at: from Abbe's sine condition to pinholes.
 const LIKELY_FOCAL_RATIOS: RangeInclusive<f64> = 0.5..=500.0;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawOptics {
+    /// Effective focal length, 0.5 or more (mm)
     focal_length_mm: f64,
+    /// Diameter of the entrance pupil (mm)
     aperture_mm: f64,
+    /// Share of the light that passes, 0 to 1
     transmission: f64,
+    /// [from, to] within 300 to 1200, or "v" (Bessell 1990) or "silicon" (350-1050 nm, a typical sensor) (nm)
     band: RawBand,
+    /// Where the boresight meets the detector; default: its centre (px)
     principal_px: Option<Fixed<f64, 2>>,
+    /// The point spread function.
     psf: RawPsf,
+    /// From directions to pixels; a pinhole without this table.
     projection: Option<RawProjection>,
+    /// How the light falls towards the edge of the field.
     vignetting: Option<RawVignetting>,
+    /// Light from outside the field that is scattered onto the sensor.
     stray: Option<RawStray>,
 }
 
-#[derive(Deserialize, Debug)]
+#[derive(Deserialize, Debug, JsonSchema)]
 #[serde(
     untagged,
     expecting = "must be \"v\", \"silicon\" or two wavelengths [from, to] in nm"
@@ -103,13 +113,12 @@ impl RawOptics {
         raw_projection.check_folds(&optics, detector, check)?;
         raw_projection.check_size(&optics, detector, check);
         if !LIKELY_FOCAL_RATIOS.contains(&lens_ratio) {
-            tracing::warn!(
-                "{}: optics.aperture_mm = {}: with optics.focal_length_mm = {} it is f/{lens_ratio:.3}, where lenses have f/0.5 (an aplanatic \
+            check.notice(format_args!(
+                "optics.aperture_mm = {}: with optics.focal_length_mm = {} it is f/{lens_ratio:.3}, where lenses have f/0.5 (an aplanatic \
                  one in air can have no less) to f/500: are both in mm?",
-                check.file,
                 self.aperture_mm,
                 self.focal_length_mm
-            );
+            ));
         }
         let edge = detector
             .edge(0.0)
@@ -119,10 +128,9 @@ impl RawOptics {
         optics.stray = RawStray::validate(self.stray, lit_deg, check)?;
         for (key, last_deg) in tables {
             if let Some(last_deg) = last_deg.filter(|deg| *deg < field_deg / 20.0) {
-                tracing::warn!(
-                    "{}: optics.{key}: it ends at {last_deg} deg, the field at {field_deg:.1} deg: are its angles in degrees?",
-                    check.file
-                );
+                check.notice(format_args!(
+                    "optics.{key}: it ends at {last_deg} deg, the field at {field_deg:.1} deg: are its angles in degrees?",
+                ));
             }
         }
         Ok(optics)

@@ -3,14 +3,21 @@
 use crate::camera::{Detector, Model, Optics, Projection};
 use crate::load::{Check, ConfigError, Fixed};
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Deserialize;
 
-#[derive(Deserialize, Default)]
+#[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawProjection {
+    /// "pinhole" (default), "brown-conrady", "fisheye" (equidistant)
     model: Option<String>,
+    /// Coefficients in OpenCV's form: [k1, k2, k3] and [p1, p2], of its list k1, k2, p1, p2, k3 the first, second and fifth, and the
+    /// third and fourth; fisheye [k1, k2, k3, k4]. k is required but for a pinhole; the highest orders may be left out
     k: Option<Vec<f64>>,
+    /// Coefficients in OpenCV's form: [k1, k2, k3] and [p1, p2], of its list k1, k2, p1, p2, k3 the first, second and fifth, and the
+    /// third and fourth; fisheye [k1, k2, k3, k4]. k is required but for a pinhole; the highest orders may be left out
     p: Option<Fixed<f64, 2>>,
+    /// Multiplies the coefficients, 0 to 100; default 1
     strength: Option<f64>,
 }
 
@@ -170,11 +177,10 @@ impl RawProjection {
         // The barrel that makes an equidistant fisheye of a pinhole comes to 0.36 of a field of 90 deg.
         if most > field / 2.0 {
             let (key, given) = self.culprit();
-            tracing::warn!(
-                "{}: {key} = {given}: at the detector's edge it sees {most:.2} deg away from where it would without distortion, in a field of \
+            check.notice(format_args!(
+                "{key} = {given}: at the detector's edge it sees {most:.2} deg away from where it would without distortion, in a field of \
                  {field:.2} deg from the boresight: are they for coordinates in focal lengths?",
-                check.file
-            );
+            ));
         }
     }
 

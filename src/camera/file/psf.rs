@@ -5,21 +5,35 @@ use crate::camera::psf::{Airy, Images, Moffat, Shape, Variation, WIDEST_PX};
 use crate::camera::{Band, Projection, Psf};
 use crate::load::{Check, ConfigError, Fixed, Folder};
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawPsf {
+    /// Point spread function: "gaussian", "airy" (diffraction; its width is the band's mean wavelength for sunlight x focal ratio),
+    /// "moffat", "image"
     kind: String,
+    /// Gaussian: standard deviation, 0.01 to 100 (px)
     sigma_px: Option<f64>,
+    /// Airy: part of the aperture's diameter behind a central disc, 0 to 0.9; default 0
     obscuration: Option<f64>,
+    /// Moffat: full width at half maximum, 0.02 to 20, and exponent, 1.5 to 20 (px)
     fwhm_px: Option<f64>,
+    /// Moffat: full width at half maximum, 0.02 to 20, and exponent, 1.5 to 20
     beta: Option<f64>,
+    /// Image: [{ file = "a.csv", at_px = [x, y] }, ...], rows of samples that sum to 1 within 0.001, the source in their middle, at the
+    /// crossings of a grid of pixels (a single image needs no at_px); bilinear between, the nearest beyond
     images: Option<Vec<RawImage>>,
+    /// Image: [{ file = "a.csv", at_px = [x, y] }, ...], rows of samples that sum to 1 within 0.001, the source in their middle, at the
+    /// crossings of a grid of pixels (a single image needs no at_px); bilinear between, the nearest beyond (cells/px)
     oversampling: Option<f64>,
+    /// [[angle, factor], ...]: the width grows by the factor at that angle from the boresight; straight lines between. With it and the
+    /// colour of stars a Gaussian's sigma_px is at most 100, any other width at most 20 px (deg)
     width_by_field: Option<Vec<Fixed<f64, 2>>>,
+    /// Gaussian, moffat: the width goes by this power of a source's mean wavelength in the band, -4 to 4; default 0 (airy has 1)
     wavelength_exponent: Option<f64>,
 }
 

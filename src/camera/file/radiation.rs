@@ -3,22 +3,29 @@
 use super::timing::Timing;
 use crate::camera::{Detector, Flux, MOST_WORK_AN_EVENT, Radiation};
 use crate::load::{Check, ConfigError};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawRadiation {
+    /// Particles through the detector, both ways, or "orbit": by the observer's place, without one as far from the Earth. Without the
+    /// table there are none (1/cm^2/s)
     flux_cm2_s: RawFlux,
+    /// Depth from which charge is collected (um)
     thickness_um: f64,
+    /// Kinetic energy of the particles, protons; 50 to 1e6, default 534 (MeV)
     #[serde(default = "typical_energy")]
     energy_mev: f64,
+    /// Sigma of the charge's spread; default 0 (um)
     #[serde(default)]
     diffusion_um: f64,
+    /// Time after the exposure in which the charge can still be hit, at most 1 / rate_hz; default 0 (s)
     #[serde(default)]
     readout_s: f64,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "must be a number or \"orbit\"")]
 enum RawFlux {
     Fixed(f64),

@@ -2,6 +2,7 @@
 
 use crate::camera::Stray;
 use crate::load::{Check, ConfigError, Fixed};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// The Sun's radius as seen from the Earth, deg.
@@ -9,10 +10,15 @@ const SUN_RADIUS_DEG: f64 = 0.27;
 /// How far from the field the Sun stays, deg, where the file does not say.
 const MARGIN_DEG: f64 = 10.0;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawStray {
+    /// [[angle, transmittance], ...]: irradiance on the detector over that on the aperture for a source at that angle from the boresight
+    /// (point-source transmittance, 1e-12 to 1; the transmission is in it). Monotone cubics in its logarithm between, constant beyond:
+    /// give what is behind the camera its due, such as [105, 1e-12]; without it nothing is scattered (deg)
     pst: Option<Vec<Fixed<f64, 2>>>,
+    /// The Sun nearer to the boresight than this saturates the frame; at least the field's corner and 0.27 deg, default the corner and 10
+    /// deg (where vignetting lets nothing pass, the field ends) (deg)
     sun_exclusion_deg: Option<f64>,
 }
 

@@ -4,6 +4,7 @@ use crate::attitude::Attitude;
 use crate::camera::shutter::SHUTTERS;
 use crate::camera::{EXPOSURE_S, RATE_HZ, Shutter};
 use crate::load::{Check, ConfigError, Fixed};
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 
@@ -13,19 +14,26 @@ const MISALIGNMENT_ARCSEC: RangeInclusive<f64> = -36_000.0..=36_000.0;
 /// A row is hardly shifted or read in less, us.
 const SHORTEST_ROW_US: f64 = 0.1;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawTiming {
+    /// Exposure time (s)
     exposure_s: f64,
+    /// Frames a second at the camera's own cadence (Hz)
     rate_hz: f64,
+    /// "global" (default); "rolling": row after row from row 0 on, the middle one around epoch_mid; or "frame-transfer": all together,
+    /// with light on the way below the cover
     shutter: Option<String>,
+    /// From row to row of a rolling shutter, or shift of a row in frame transfer; required there (us)
     row_us: Option<f64>,
 }
 
-#[derive(Deserialize, Default)]
+#[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawMounting {
+    /// [x, y, z, w], body to camera; default: identity
     q_body_to_camera: Option<Fixed<f64, 4>>,
+    /// [x, y, z]: the camera, so mounted, is turned by this about its own axes; labels have the true q_body_to_camera (arcsec)
     misalignment_arcsec: Option<Fixed<f64, 3>>,
 }
 
@@ -55,11 +63,10 @@ impl RawTiming {
             return Err(check.refuse("timing.rate_hz", rate_hz, reason));
         }
         if self.row_us.is_some_and(|us| us < SHORTEST_ROW_US) {
-            tracing::warn!(
-                "{}: timing.row_us = {}: less than {SHORTEST_ROW_US} us a row is faster than detectors are: is it in us?",
-                check.file,
+            check.notice(format_args!(
+                "timing.row_us = {}: less than {SHORTEST_ROW_US} us a row is faster than detectors are: is it in us?",
                 self.row_us.unwrap_or_default()
-            );
+            ));
         }
         Ok(Timing {
             exposure_s,

@@ -2,12 +2,15 @@
 
 use crate::camera::Vignetting;
 use crate::load::{Check, ConfigError, Fixed};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawVignetting {
+    /// True: the light goes by the fourth power of the cosine of the field angle
     cos4: Option<bool>,
+    /// [[angle, transmission], ...] instead; straight lines between, constant beyond (deg)
     table: Option<Vec<Fixed<f64, 2>>>,
 }
 

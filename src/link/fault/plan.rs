@@ -1,7 +1,7 @@
 //! The schedule of faults, a TOML file.
 
 use super::rule::{Rule, SEED};
-use crate::load::{Check, ConfigError, Folder, parse};
+use crate::load::{Check, ConfigError, Folder, read};
 use serde::Deserialize;
 use skyloop_protocols::{Direction, Fault, FaultKind};
 use std::path::Path;
@@ -47,6 +47,9 @@ struct RawFault {
     seed: Option<u64>,
 }
 
+/// A valid schedule with all keys that have no default.
+const EXAMPLE: &str = r#"faults = [{ direction = "in", kind = "drop", value = 1.0 }]"#;
+
 fn default_seed() -> u64 {
     SEED
 }
@@ -63,12 +66,12 @@ impl Plan {
 
     /// Reads the text of a schedule called `file`.
     pub fn parse(file: &str, text: &str, can: bool) -> Result<Plan, ConfigError> {
-        let raw: Raw = parse(file, text)?;
-        let check = Check { file };
-        let rules = raw.faults.iter().enumerate();
-        let rules = rules.map(|(place, fault)| rule(&check, place, fault, raw.seed, can));
-        Ok(Plan {
-            rules: rules.collect::<Result<_, _>>()?,
+        read(file, text, EXAMPLE, |raw: Raw, check| {
+            let rules = raw.faults.iter().enumerate();
+            let rules = rules.map(|(place, fault)| rule(check, place, fault, raw.seed, can));
+            Ok(Plan {
+                rules: rules.collect::<Result<_, _>>()?,
+            })
         })
     }
 

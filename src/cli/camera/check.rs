@@ -1,0 +1,130 @@
+//! `skyloop camera check`: whether a camera file is valid, and what the camera can see.
+
+use clap::Args as ClapArgs;
+use serde::Serialize;
+use skyloop::camera::Camera;
+use skyloop::load::Folder;
+use skyloop::sensitivity::{CATALOGUE_MAG, LIMIT_SNR, SKY_MAG_ARCSEC2, Sensitivity};
+use skyloop_firmware_sim::console::say;
+
+/// Arguments of `skyloop camera check`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// A camera file, or the name of a built-in camera
+    #[arg(value_name = "NAME|FILE")]
+    camera: String,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// What is printed.
+#[derive(Serialize)]
+struct Report {
+    camera: String,
+    #[serde(flatten)]
+    sensitivity: Sensitivity,
+    warnings: Vec<String>,
+}
+
+/// Stars in a frame below which a star tracker cannot find its attitude.
+const FEW_STARS: f64 = 4.0;
+
+/// Runs the command.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let (camera, notices) = Camera::load_noticed(&args.camera, &Folder::current())?;
+    say(report(&camera, notices, args.json)?)?;
+    Ok(())
+}
+
+/// The text of a camera's report.
+pub fn report(camera: &Camera, notices: Vec<String>, json: bool) -> serde_json::Result<String> {
+    let sensitivity = Sensitivity::of(camera);
+    let mut warnings = notices;
+    warnings.extend(doubts(&sensitivity));
+    let report = Report {
+        camera: camera.name.clone(),
+        sensitivity,
+        warnings,
+    };
+    match json {
+        true => Ok(serde_json::to_string_pretty(&report)? + "\n"),
+        false => Ok(report.table(camera)),
+    }
+}
+
+/// What is unusual for a star tracker.
+fn doubts(found: &Sensitivity) -> Vec<String> {
+    let mut doubts = Vec::new();
+    match (found.limiting_mag, found.stars_per_frame) {
+        (None, _) => doubts.push(
+            "no star can be seen: dark charge and sky fill every pixel, or no light passes"
+                .to_string(),
+        ),
+        (Some(limit), Some(stars)) if limit < CATALOGUE_MAG && stars < FEW_STARS => doubts.push(format!(
+            "{stars:.1} stars a frame: most attitude determination needs {FEW_STARS}; widen the field, or gather more light"
+        )),
+        (Some(limit), _) if limit > CATALOGUE_MAG => doubts.push(format!(
+            "stars fainter than about V {CATALOGUE_MAG} are missing in the embedded catalogue: frames show fewer than this camera would see"
+        )),
+        _ => {}
+    }
+    doubts
+}
+
+impl Report {
+    fn table(&self, camera: &Camera) -> String {
+        let found = &self.sensitivity;
+        let detector = &camera.detector;
+        let [across, down, diagonal] = found.field_deg;
+        let mag = |mag: Option<f64>| mag.map_or("none".to_string(), |mag| format!("{mag:.2}"));
+        let stars = found.stars_per_frame;
+        let rows = [
+            (
+                "pixels".to_string(),
+                format!("{} x {}", detector.width, detector.height),
+            ),
+            (
+                "field of view".to_string(),
+                format!("{across:.3} x {down:.3} deg, diagonal {diagonal:.3} deg"),
+            ),
+            (
+                "scale".to_string(),
+                format!("{:.2} arcsec/px", found.arcsec_per_px),
+            ),
+            (
+                "background".to_string(),
+                format!(
+                    "{:.2} e-/px: dark {:.2}, sky {:.2} (mag {SKY_MAG_ARCSEC2}/arcsec^2)",
+                    found.dark_e_px + found.sky_e_px,
+                    found.dark_e_px,
+                    found.sky_e_px
+                ),
+            ),
+            (
+                format!("limiting magnitude at SNR {LIMIT_SNR}"),
+                mag(found.limiting_mag),
+            ),
+            (
+                "stars a frame to that".to_string(),
+                stars.map_or("none".to_string(), |stars| format!("{stars:.1}")),
+            ),
+            (
+                "saturation magnitude".to_string(),
+                mag(found.saturation_mag),
+            ),
+        ];
+        let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
+        let mut text = format!(
+            "{}, exposed for {} s (a star at rest on the boresight, in the middle of a pixel; magnitudes in the camera's band)\n",
+            self.camera, found.exposure_s
+        );
+        for (name, value) in rows {
+            text += &format!("  {name:width$}  {value}\n");
+        }
+        for warning in &self.warnings {
+            text += &format!("warning: {warning}\n");
+        }
+        text
+    }
+}

@@ -1,0 +1,30 @@
+//! `skyloop camera`: what is done with camera files. A subcommand is a file here and a line in [`Command`].
+
+mod check;
+mod new;
+
+use clap::{Args as ClapArgs, Subcommand};
+
+/// Arguments of `skyloop camera`.
+#[derive(ClapArgs)]
+#[command(arg_required_else_help = true)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Check a camera file and print what the camera can see: field of view, scale, limiting and saturation magnitude
+    Check(check::Args),
+    /// Write a camera file from the figures of a data sheet; asks for those that are not given
+    New(new::Args),
+}
+
+/// Runs the subcommand.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    match args.command {
+        Command::Check(args) => check::run(args),
+        Command::New(args) => new::run(args),
+    }
+}

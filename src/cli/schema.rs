@@ -1,0 +1,42 @@
+//! `skyloop schema`: the JSON Schemas of files.
+
+use clap::{Args as ClapArgs, ValueEnum};
+use skyloop::camera::Camera;
+use skyloop::config::Config;
+use skyloop::label;
+use skyloop_firmware_sim::console::say;
+
+/// Arguments of `skyloop schema`.
+#[derive(ClapArgs)]
+pub struct Args {
+    /// Of what
+    kind: Kind,
+}
+
+/// What has a schema.
+#[derive(Clone, Copy, ValueEnum)]
+enum Kind {
+    /// Camera files
+    Camera,
+    /// Scene files, of `skyloop render --scene` and others
+    Scene,
+    /// Run files, of `skyloop run --config`: the keys of scene files
+    Run,
+    /// Population files, which `[objects]` of a scene names
+    Population,
+    /// Lines of labels.jsonl
+    Labels,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let schema = match args.kind {
+        Kind::Camera => Camera::schema(),
+        Kind::Scene => Config::schema("skyloop scene file"),
+        Kind::Run => Config::schema("skyloop run file"),
+        Kind::Population => Config::population_schema(),
+        Kind::Labels => label::schema(),
+    };
+    say(format_args!("{}\n", serde_json::to_string_pretty(&schema)?))?;
+    Ok(())
+}

@@ -1,0 +1,220 @@
+//! Where the camera of a run looks that makes its own attitudes: `look_at`, `up` and `roll_deg` of `[sequence]` and of the command line.
+
+use crate::load::{Check, ConfigError, Fixed, advice};
+use crate::sky::planets;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use skyloop_orbit::{Loaded, Object};
+
+/// A target and the roll about the line of sight to it.
+#[derive(Debug, Clone)]
+pub struct LookAt {
+    /// At what the boresight points.
+    pub target: Target,
+    /// What is up in the image (-Y).
+    pub up: Up,
+    /// Position angle of -Y from `up`, in the sense from north through east, rad.
+    pub roll_rad: f64,
+}
+
+/// At what a boresight points, and follows it.
+#[derive(Debug, Clone)]
+pub enum Target {
+    /// A right ascension and declination (rad, ICRF), as the observer sees them: aberration is included in them.
+    Direction([f64; 2]),
+    /// The Sun's centre.
+    Sun,
+    /// The centre of the Moon's disc.
+    Moon,
+    /// A planet.
+    Planet(&'static str),
+    /// An object of the scene.
+    Object(Box<Object>),
+    /// A tangent point over the Earth's limb, at a height above WGS84 (m) and an azimuth from the velocity, to the right of it (rad).
+    Limb([f64; 2]),
+    /// The direction of the observer's geocentric velocity.
+    Velocity,
+}
+
+/// What is up in the image, as far as it lies across the line of sight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Up {
+    /// ICRF +Z.
+    North,
+    /// The direction of the observer's geocentric velocity.
+    Velocity,
+    /// The Sun.
+    Sun,
+    /// Away from the Earth's centre.
+    Zenith,
+}
+
+/// A target in words, or right ascension and declination in deg.
+#[derive(Deserialize, JsonSchema)]
+#[serde(
+    untagged,
+    expecting = "must be \"Sun\", \"Moon\", a planet, an object's name or number, \"limb:HEIGHT_KM\", \"velocity\", or [ra, dec] in deg"
+)]
+pub(super) enum RawTarget {
+    Named(String),
+    Direction(Fixed<f64, 2>),
+}
+
+/// The forms of a target.
+const FORMS: &str = "Sun, Moon, a planet, an object's name or number, limb:HEIGHT_KM[,AZIMUTH_DEG], velocity, or RA,DEC in deg";
+/// Names of targets that are not objects, beside the planets.
+const NAMES: &[&str] = &["Sun", "Moon", "velocity"];
+
+impl Up {
+    /// All of them by name.
+    pub const ALL: [(&'static str, Up); 4] = [
+        ("north", Up::North),
+        ("velocity", Up::Velocity),
+        ("sun", Up::Sun),
+        ("zenith", Up::Zenith),
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        let named = Up::ALL.iter().find(|(_, up)| *up == self);
+        named.map_or("", |(name, _)| name)
+    }
+}
+
+impl LookAt {
+    /// With the target's own rule for the roll where none is given: `zenith` for the limb and the velocity, else `north`.
+    pub fn new(target: Target, up: Option<Up>, roll_rad: f64) -> LookAt {
+        let own = match target {
+            Target::Limb(_) | Target::Velocity => Up::Zenith,
+            _ => Up::North,
+        };
+        LookAt {
+            target,
+            up: up.unwrap_or(own),
+            roll_rad,
+        }
+    }
+
+    /// Why it needs an orbit; none if it does not.
+    pub fn needs_orbit(&self) -> Option<&'static str> {
+        match (&self.target, self.up) {
+            (Target::Limb(_), _) => Some("the limb"),
+            (Target::Velocity, _) => Some("the direction of the velocity"),
+            (_, Up::Velocity) => Some("up = \"velocity\""),
+            (_, Up::Zenith) => Some("up = \"zenith\""),
+            _ => None,
+        }
+    }
+}
+
+impl Target {
+    /// From its name; objects are those of a scene. The error says what is allowed.
+    pub fn parse(text: &str, objects: &[Object]) -> Result<Target, String> {
+        let text = text.trim();
+        let is = |name: &str| text.eq_ignore_ascii_case(name);
+        if let Some(limb) = text.strip_prefix("limb:") {
+            return Target::limb(limb);
+        }
+        if let Some(planet) = planets::names().find(|name| is(name)) {
+            return Ok(Target::Planet(planet));
+        }
+        match text {
+            _ if is("sun") => return Ok(Target::Sun),
+            _ if is("moon") => return Ok(Target::Moon),
+            _ if is("velocity") => return Ok(Target::Velocity),
+            _ => {}
+        }
+        if let Some((ra, dec)) = text.split_once(',')
+            && let (Ok(ra), Ok(dec)) = (ra.trim().parse(), dec.trim().parse())
+        {
+            return Target::direction([ra, dec]);
+        }
+        if objects.is_empty() {
+            let known: Vec<&str> = NAMES.iter().copied().chain(planets::names()).collect();
+            let advice = advice(text, &known);
+            return Err(format!(
+                "{text:?} is none of {FORMS}{advice}; there are no objects here"
+            ));
+        }
+        let all = Loaded {
+            objects: objects.to_vec(),
+            rejected: Vec::new(),
+        };
+        match all.find(Some(text)) {
+            Ok(object) => Ok(Target::Object(Box::new(object.clone()))),
+            Err(why) => Err(format!("{text:?} is none of {FORMS}: {why}")),
+        }
+    }
+
+    /// A right ascension and declination in deg.
+    pub fn direction([ra, dec]: [f64; 2]) -> Result<Target, String> {
+        if !(-360.0..=360.0).contains(&ra) || !(-90.0..=90.0).contains(&dec) {
+            return Err(format!(
+                "{ra},{dec}: must be a right ascension of -360 to 360 and a declination of -90 to 90 deg"
+            ));
+        }
+        Ok(Target::Direction([ra, dec].map(f64::to_radians)))
+    }
+
+    /// `HEIGHT_KM` or `HEIGHT_KM,AZIMUTH_DEG`.
+    fn limb(text: &str) -> Result<Target, String> {
+        let (height, azimuth) = text.split_once(',').unwrap_or((text, "0"));
+        let [height_km, azimuth_deg] = [height, azimuth].map(|text| text.trim().parse::<f64>());
+        match (height_km, azimuth_deg) {
+            (Ok(height_km), Ok(azimuth_deg))
+                if (0.0..=1e5).contains(&height_km) && azimuth_deg.abs() <= 360.0 =>
+            {
+                Ok(Target::Limb([height_km * 1e3, azimuth_deg.to_radians()]))
+            }
+            _ => Err(format!(
+                "limb:{text}: must be limb:HEIGHT_KM or limb:HEIGHT_KM,AZIMUTH_DEG, a height of 0 to 100000 km above WGS84 and an azimuth of -360 \
+                 to 360 deg from the velocity, to the right"
+            )),
+        }
+    }
+}
+
+impl RawTarget {
+    pub(super) fn validate(
+        &self,
+        key: &str,
+        objects: &[Object],
+        check: &Check,
+    ) -> Result<Target, ConfigError> {
+        let target = match self {
+            RawTarget::Named(text) => Target::parse(text, objects),
+            RawTarget::Direction(Fixed(angles)) => Target::direction(*angles),
+        };
+        target.map_err(|why| check.explain(key, why))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn targets_are_read_and_refused_by_name() {
+        for (text, shown) in [
+            ("Sun", "Ok(Sun)"),
+            ("moon", "Ok(Moon)"),
+            (" MARS ", "Ok(Planet(\"Mars\"))"),
+            ("velocity", "Ok(Velocity)"),
+            ("180, -90", "Ok(Direction([3.14159"),
+            ("limb:80", "Ok(Limb([80000.0, 0.0]))"),
+            ("limb:80,180", "Ok(Limb([80000.0, 3.14159"),
+            ("180,-91", "declination of -90 to 90"),
+            ("361,0", "right ascension of -360 to 360"),
+            ("limb:-1", "a height of 0 to 100000 km"),
+            ("limb:nan", "a height of 0 to 100000 km"),
+            ("limb:80,", "limb:HEIGHT_KM"),
+            ("Mooon", "did you mean `Moon`?"),
+            ("25544", "no objects here"),
+            ("", "no objects here"),
+        ] {
+            let found = format!("{:?}", Target::parse(text, &[]));
+            assert!(found.contains(shown), "{text}: {found}");
+        }
+    }
+}

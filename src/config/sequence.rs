@@ -1,0 +1,165 @@
+//! `[sequence]`: the exposures of an offline run and where its camera looks.
+
+use super::look_at::RawTarget;
+use super::{LookAt, Sequence, TimedAttitude, Up, utc};
+use crate::attitude::Attitude;
+use crate::camera::Camera;
+use crate::load::{Check, ConfigError, Fixed, RawTime};
+use hifitime::Epoch;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use skyloop_orbit::Object;
+
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawSequence {
+    /// In UTC: middle of the first exposure
+    epoch: RawTime,
+    /// Exposures, 1 to 1000000
+    frames: u32,
+    /// S
+    period_s: f64,
+    /// ICRF to body, [x, y, z, w]; slerp between
+    #[serde(default)]
+    attitudes: Vec<RawAttitude>,
+    /// Instead of attitudes: the boresight's right ascension and declination and the position angle of what is up in the image (-Y), deg, ICRF
+    radec: Option<Fixed<f64, 3>>,
+    /// Instead of attitudes: body +Z to the Earth's centre, +X towards the velocity
+    #[serde(default)]
+    nadir: bool,
+    /// Instead of attitudes: what the boresight points at and follows: "Sun", "Moon", a planet, an object's name or number, "limb:HEIGHT_KM,AZIMUTH_DEG", "velocity", or [ra, dec] in deg
+    look_at: Option<RawTarget>,
+    /// What is up in the image (-Y) of look_at; default: north, of the limb and the velocity zenith
+    up: Option<Up>,
+    /// Position angle of -Y from up, in the sense from north through east, deg; default 0
+    roll_deg: Option<f64>,
+    /// In deg/s: body axes, of a single attitude
+    rates_deg_s: Option<Fixed<f64, 3>>,
+}
+
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct RawAttitude {
+    /// When it holds; of several attitudes each needs one
+    utc: Option<RawTime>,
+    /// Unit quaternion [x, y, z, w] from ICRF to body
+    q: Fixed<f64, 4>,
+}
+
+/// Which keys say where the camera looks.
+const WAYS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], radec = [ra, dec, roll], nadir = true or look_at = \"Moon\"";
+
+/// The body's attitude in which the boresight of `camera` has this right ascension and declination and the image this roll, deg.
+pub fn attitude_of_radec([ra, dec, roll]: [f64; 3], camera: &Camera) -> Result<Attitude, String> {
+    if !(-90.0..=90.0).contains(&dec) || !(ra.abs() <= 360.0 && roll.abs() <= 360.0) {
+        return Err(format!(
+            "{ra},{dec},{roll}: must be RA -360 to 360, DEC -90 to 90, ROLL -360 to 360, in deg"
+        ));
+    }
+    let [ra, dec, roll] = [ra, dec, roll].map(f64::to_radians);
+    Ok(Attitude::towards(ra, dec, roll).then(&camera.mounting.inverse()))
+}
+
+impl RawSequence {
+    pub(super) fn validate(
+        self,
+        camera: &Camera,
+        objects: &[Object],
+        check: &Check,
+    ) -> Result<Sequence, ConfigError> {
+        let epoch = utc(check, "sequence.epoch", &self.epoch)?;
+        self.has_one_way(check)?;
+        let attitudes = match self.radec {
+            Some(Fixed(angles)) => {
+                let attitude = attitude_of_radec(angles, camera)
+                    .map_err(|why| check.explain("sequence.radec", why))?;
+                vec![TimedAttitude { epoch, attitude }]
+            }
+            None => self.attitudes(epoch, check)?,
+        };
+        let look_at = match &self.look_at {
+            Some(raw) => {
+                let target = raw.validate("sequence.look_at", objects, check)?;
+                let roll = self.roll_deg.unwrap_or(0.0);
+                let roll = check.range("sequence.roll_deg", roll, -360.0..=360.0)?;
+                Some(LookAt::new(target, self.up, roll.to_radians()))
+            }
+            None => None,
+        };
+        let rates = self.rates_deg_s.map_or([0.0; 3], |Fixed(rates)| rates);
+        if attitudes.len() != 1 && rates != [0.0; 3] {
+            let reason = match attitudes.len() {
+                0 => "given beside nadir or look_at, which have their own rates: leave it out",
+                _ => "given beside several attitudes, whose slerp has its own rates: leave it out",
+            };
+            return Err(check.explain("sequence.rates_deg_s", reason));
+        }
+        let rates = check.each("sequence.rates_deg_s", rates, -36000.0..=36000.0)?;
+        Ok(Sequence {
+            epoch,
+            frames: check.range("sequence.frames", f64::from(self.frames), 1.0..=1e6)? as u32,
+            period_s: check.range("sequence.period_s", self.period_s, 1e-6..=1e6)?,
+            attitudes,
+            look_at,
+            rates: rates.map(f64::to_radians),
+        })
+    }
+
+    /// Refuses none and more than one of the keys that say where the camera looks, and a rule for the roll without a target.
+    fn has_one_way(&self, check: &Check) -> Result<(), ConfigError> {
+        let given = [
+            ("attitudes", !self.attitudes.is_empty()),
+            ("radec", self.radec.is_some()),
+            ("nadir", self.nadir),
+            ("look_at", self.look_at.is_some()),
+        ];
+        let mut given = given.iter().filter(|(_, is_given)| *is_given);
+        match (given.next(), given.next()) {
+            (None, _) => {
+                let reason = format!("no pointing: give one of {WAYS}");
+                return Err(check.explain("sequence", reason));
+            }
+            (Some((first, _)), Some((second, _))) => {
+                let reason = format!("given beside sequence.{first}: leave one of them out");
+                return Err(check.explain(&format!("sequence.{second}"), reason));
+            }
+            _ => {}
+        }
+        let rules = [
+            ("up", self.up.is_some()),
+            ("roll_deg", self.roll_deg.is_some()),
+        ];
+        match rules.iter().find(|(_, is_given)| *is_given) {
+            Some((key, _)) if self.look_at.is_none() => {
+                let reason = "a rule for the roll of sequence.look_at: leave it out";
+                Err(check.explain(&format!("sequence.{key}"), reason))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn attitudes(&self, epoch: Epoch, check: &Check) -> Result<Vec<TimedAttitude>, ConfigError> {
+        let mut attitudes = Vec::new();
+        for (i, raw) in self.attitudes.iter().enumerate() {
+            let key = format!("sequence.attitudes[{i}]");
+            attitudes.push(TimedAttitude {
+                epoch: match &raw.utc {
+                    Some(time) => utc(check, &format!("{key}.utc"), time)?,
+                    None if self.attitudes.len() == 1 => epoch,
+                    None => {
+                        let reason = "no utc; each of several attitudes needs one";
+                        return Err(check.explain(&key, reason));
+                    }
+                },
+                attitude: Attitude::from_xyzw(raw.q.0)
+                    .map_err(|error| check.explain(&format!("{key}.q"), error))?,
+            });
+        }
+        if attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
+            let reason =
+                "the utc of an attitude is not after that of the one before it: sort them by time";
+            return Err(check.explain("sequence.attitudes", reason));
+        }
+        Ok(attitudes)
+    }
+}

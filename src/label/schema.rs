@@ -1,0 +1,47 @@
+//! The JSON Schema of a label's text.
+
+use super::{Label, ObjectLabel, SpotLabel};
+use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, Schema, json_schema};
+
+/// What a label's text lists.
+#[derive(JsonSchema)]
+#[serde(untagged)]
+#[allow(dead_code, reason = "its schema is used, not its values")]
+enum Listed {
+    Source(ObjectLabel),
+    Spot(SpotLabel),
+}
+
+/// The schema (draft 2020-12) of a line of `labels.jsonl`. Members may be added to labels later: unknown ones are valid.
+pub fn schema() -> Schema {
+    let settings = SchemaSettings::draft2020_12().for_serialize();
+    let mut generator = settings.into_generator();
+    let listed = generator.subschema_for::<Listed>();
+    // Not of the derived type: objects are written by code of their own, times are added by the server.
+    let own = [
+        (
+            "objects",
+            json_schema!({ "description": "What is in the frame", "type": "array", "items": listed }),
+        ),
+        (
+            "timing",
+            json_schema!({ "description": "When the parts of the frame were there, in live runs", "type": "object" }),
+        ),
+    ];
+    let mut schema = generator.into_root_schema_for::<Label>();
+    schema.insert("title".to_string(), "skyloop label".into());
+    if let Some(properties) = schema
+        .get_mut("properties")
+        .and_then(|value| value.as_object_mut())
+    {
+        properties.extend(own.map(|(name, schema)| (name.to_string(), schema.into())));
+    }
+    if let Some(required) = schema
+        .get_mut("required")
+        .and_then(|value| value.as_array_mut())
+    {
+        required.push("objects".into());
+    }
+    schema
+}

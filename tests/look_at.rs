@@ -1,0 +1,232 @@
+//! `look_at`: the target lies where the boresight meets the detector, the image stands as the rule for the roll says, and the rates follow.
+
+use nalgebra::{Rotation3, Vector3};
+use skyloop::config::{Config, LookAt, Target, Up};
+use skyloop::engine::Emulator;
+use skyloop::flight;
+use skyloop::label::{Label, ObjectLabel};
+use skyloop::load::Folder;
+
+/// Above the equator, 770 km high, along it (km, km/s).
+const EQUATOR: &str = "[7150.0, 0.0, 0.0, 0.0, 7.466, 0.0]";
+/// 770 km high, inclined by 50 deg (km, km/s).
+const INCLINED: &str = "[4000.0, -5000.0, 3186.0, 5.0, 4.87, 1.37]";
+
+/// The label of frame `frame` of a scene that looks so.
+fn label(epoch: &str, state: &str, pointing: &str, frame: u32) -> Label {
+    let text = format!(
+        "camera = \"cots-wide\"\n[observer]\nstate = {state}\n[sequence]\nepoch = \"{epoch}\"\nframes = 3\nperiod_s = 60.0\n{pointing}\n"
+    );
+    let config = Config::parse("scene.toml", &text, &Folder::current());
+    shoot(config.unwrap_or_else(|error| panic!("{error}")), frame)
+}
+
+fn shoot(mut config: Config, frame: u32) -> Label {
+    let mission = flight::mission(&config).unwrap();
+    let vehicle = flight::vehicle(&mission, frame).unwrap();
+    let shot = Emulator::new(&mut config).shoot(&vehicle, 0).unwrap();
+    shot.label.clone()
+}
+
+fn object<'a>(label: &'a Label, id: &str) -> &'a ObjectLabel {
+    let found = label.objects.iter().find(|object| object.id == id);
+    found.unwrap_or_else(|| panic!("{id} is not in {:?}", label.objects.len()))
+}
+
+/// Columns and rows from the middle of `cots-wide`, where its boresight is.
+fn off_px(object: &ObjectLabel) -> f64 {
+    (object.x_px - 639.5).hypot(object.y_px - 511.5)
+}
+
+fn row(label: &Label, axis: usize) -> Vector3<f64> {
+    Vector3::from(label.r_icrf_to_camera[axis])
+}
+
+#[test]
+fn a_body_lies_on_the_boresight_in_every_frame_of_a_sequence() {
+    // Jupiter is a point, seen by the same series: what is left is its motion in the exposure. The centre of the Moon's light is not
+    // that of its disc: near full Moon (2026-06-29T23:57, Espenak's table) by less than a tenth of its radius of 0.26 deg, 15 px of 61 arcsec.
+    for (epoch, target, id, tolerance_px) in [
+        ("2026-03-10T06:00:00Z", "Jupiter", "Jupiter", 0.01),
+        ("2026-03-10T06:00:00Z", "uranus", "Uranus", 0.01),
+        ("2026-06-29T23:57:00Z", "Moon", "Moon", 1.5),
+    ] {
+        for frame in [0, 2] {
+            let pointing = format!("look_at = \"{target}\"\nup = \"velocity\"");
+            let label = label(epoch, INCLINED, &pointing, frame);
+            let seen = label.objects.iter().find(|object| object.id == id);
+            // Behind the Earth it is not listed by its light, but listed.
+            let seen = seen.unwrap_or_else(|| panic!("{target}: not in the label"));
+            assert!(
+                off_px(seen) < tolerance_px,
+                "{target} {frame}: {}",
+                off_px(seen)
+            );
+            let moved = (seen.x1_px - seen.x0_px).hypot(seen.y1_px - seen.y0_px);
+            assert!(moved < tolerance_px, "{target} {frame}: moved {moved} px");
+        }
+    }
+    let label = label("2026-03-10T06:00:00Z", INCLINED, "look_at = \"Sun\"", 1);
+    assert!(label.sun_deg < 1e-6, "{}", label.sun_deg);
+}
+
+#[test]
+fn an_object_is_followed_without_a_streak() {
+    for name in ["RCM-1", "RCM-2"] {
+        let mut config = Config::builtin().unwrap();
+        let target = Target::parse(name, &config.objects).unwrap();
+        let Target::Object(wanted) = &target else {
+            panic!("{target:?}");
+        };
+        let id = wanted.id.clone();
+        let sequence = config.sequence.as_mut().unwrap();
+        sequence.attitudes.clear();
+        sequence.look_at = Some(LookAt::new(target, Some(Up::Sun), 0.2));
+        let camera = &config.camera;
+        let middle = camera.optics.principal_px;
+        let mounting = camera.mounting;
+        let label = shoot(config, 7);
+        let seen = object(&label, &id);
+        let off = (seen.x_px - middle[0]).hypot(seen.y_px - middle[1]);
+        assert!(off < 0.01, "{name}: {off}");
+        let moved = (seen.x1_px - seen.x0_px).hypot(seen.y1_px - seen.y0_px);
+        assert!(moved < 0.01, "{name}: moved {moved} px");
+        assert_eq!(mounting.xyzw(), label.q_body_to_camera);
+    }
+}
+
+#[test]
+fn directions_velocity_and_the_limb_are_met() {
+    let epoch = "2026-03-10T06:00:00Z";
+    // X-Val: RA 60, Dec 30 by hand.
+    let direction = Vector3::new(3f64.sqrt() / 4.0, 0.75, 0.5);
+    let found = row(&label(epoch, INCLINED, "look_at = [60.0, 30.0]", 1), 2);
+    assert!((found - direction).norm() < 1e-12, "{found}");
+    let same = label(epoch, INCLINED, "look_at = \"60,30\"\nroll_deg = 25.0", 0);
+    let radec = label(epoch, INCLINED, "radec = [60.0, 30.0, 25.0]", 0);
+    let apart = (row(&same, 0) - row(&radec, 0)).norm();
+    assert!(apart < 1e-12, "roll_deg is that of radec: {apart}");
+
+    let label_of = |pointing: &str| label(epoch, EQUATOR, pointing, 0);
+    let ahead = label_of("look_at = \"velocity\"");
+    assert!((row(&ahead, 2) - Vector3::y()).norm() < 1e-12);
+    // Up is the zenith.
+    assert!((row(&ahead, 1) + Vector3::x()).norm() < 1e-12);
+    let down = label_of("nadir = true");
+    assert!((row(&down, 2) + Vector3::x()).norm() < 1e-12);
+
+    // Along the equator the ellipsoid's section is a circle: the line's distance from the centre is its radius (WGS84, 6,378,137 m) and the
+    // height. The pole of date is 0.15 deg from ICRF +Z: 0.15 m of flattening.
+    for (height_km, azimuth_deg) in [(80.0, 0.0), (0.0, 0.0), (300.0, 180.0)] {
+        let look = format!("look_at = \"limb:{height_km},{azimuth_deg}\"");
+        let label = label_of(&look);
+        let position = Vector3::new(7_150e3, 0.0, 0.0);
+        let line = row(&label, 2);
+        let tangent_m = position.cross(&line).norm();
+        let wanted_m = 6_378_137.0 + height_km * 1e3;
+        assert!((tangent_m - wanted_m).abs() < 2.0, "{look}: {tangent_m}");
+        let is_ahead = if azimuth_deg == 0.0 { 1.0 } else { -1.0 };
+        assert!(line.y * is_ahead > 0.5 && line.x < 0.0, "{look}: {line}");
+    }
+}
+
+#[test]
+fn the_image_stands_as_the_rule_says() {
+    let epoch = "2026-03-10T06:00:00Z";
+    let [x, y] = [Vector3::x(), Vector3::y()];
+    // X-Val: the Sun's RA and Dec on 2026-03-10 at 6 h, Astronomical Almanac's low-precision formulas (0.01 deg), precessed to J2000: 350.174, -4.231 deg.
+    let (ra, dec) = (350.174f64.to_radians(), -4.231f64.to_radians());
+    let sun = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
+    for (rule, up, tolerance) in [
+        ("north", Vector3::z(), 1e-12),
+        ("velocity", y, 1e-12),
+        ("zenith", x, 1e-12),
+        ("sun", sun, 1e-3),
+    ] {
+        for roll_deg in [0.0, 40.0] {
+            let pointing =
+                format!("look_at = [60.0, 30.0]\nup = \"{rule}\"\nroll_deg = {roll_deg}");
+            let label = label(epoch, EQUATOR, &pointing, 0);
+            let line = row(&label, 2);
+            let across = (up - line * up.dot(&line)).normalize();
+            // From north through east is a right turn about the line of sight, seen from behind it: a negative one about the direction.
+            let turn = Rotation3::new(-line * f64::to_radians(roll_deg));
+            let apart = (-row(&label, 1) - turn * across).norm();
+            assert!(apart < tolerance, "{rule} {roll_deg}: {apart}");
+        }
+    }
+}
+
+#[test]
+fn a_sequence_has_one_pointing_and_says_what_it_needs() {
+    let refused = |keys: &str| {
+        let text = format!(
+            "[sequence]\nepoch = \"2026-03-10T06:00:00Z\"\nframes = 1\nperiod_s = 1.0\n{keys}\n"
+        );
+        let config = Config::parse("s.toml", &text, &Folder::current());
+        match config.map(|config| flight::mission(&config).map(drop)) {
+            Err(error) => error.to_string(),
+            Ok(Err(error)) => error.to_string(),
+            Ok(Ok(())) => panic!("{keys}"),
+        }
+    };
+    for (keys, words) in [
+        ("", "s.toml:1:1: sequence: no pointing: give one of"),
+        (
+            "nadir = true\nradec = [0, 0, 0]",
+            "sequence.nadir: given beside sequence.radec",
+        ),
+        (
+            "look_at = \"Sun\"\nnadir = true",
+            "sequence.look_at: given beside sequence.nadir",
+        ),
+        (
+            "nadir = true\nup = \"sun\"",
+            "sequence.up: a rule for the roll of sequence.look_at",
+        ),
+        (
+            "look_at = \"Sun\"\nup = \"left\"",
+            "sequence.up: must be \"north\"",
+        ),
+        (
+            "look_at = \"Sun\"\nrates_deg_s = [0, 0, 1]",
+            "sequence.rates_deg_s: given beside nadir or look_at",
+        ),
+        ("look_at = \"Sum\"", "sequence.look_at: \"Sum\" is none of"),
+        ("look_at = [0, 91]", "a declination of -90 to 90 deg"),
+        ("look_at = 5", "sequence.look_at: must be \"Sun\""),
+        (
+            "radec = [0, 91, 0]",
+            "sequence.radec: 0,91,0: must be RA -360 to 360",
+        ),
+        ("nadir = true", "nadir pointing needs an orbit"),
+        ("look_at = \"limb:80\"", "the limb needs an orbit"),
+        (
+            "look_at = \"velocity\"",
+            "the direction of the velocity needs an orbit",
+        ),
+        (
+            "look_at = \"Sun\"\nup = \"zenith\"",
+            "up = \"zenith\" needs an orbit",
+        ),
+        (
+            "nadir = true\n[observer]\nstate = [1, 2, 3, 4, 5, 6]",
+            "observer.state: 1,2,3,4,5,6: 3.7 km from the Earth's centre",
+        ),
+    ] {
+        let error = refused(keys);
+        assert!(error.contains(words), "{keys}: {error}");
+    }
+    // From the Earth's centre what has a direction there can be looked at.
+    let text = "[sequence]\nepoch = \"2026-03-10T06:00:00Z\"\nframes = 1\nperiod_s = 1.0\nlook_at = \"Moon\"\n";
+    let config = Config::parse("s.toml", text, &Folder::current()).unwrap();
+    assert!(off_px_of_moon(config) < 15.0);
+}
+
+/// From the boresight of the default camera to the Moon's light, px of 389 arcsec.
+fn off_px_of_moon(config: Config) -> f64 {
+    let middle = config.camera.optics.principal_px;
+    let label = shoot(config, 0);
+    let moon = object(&label, "Moon");
+    (moon.x_px - middle[0]).hypot(moon.y_px - middle[1])
+}
