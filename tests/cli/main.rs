@@ -4,6 +4,7 @@ mod beside;
 mod catalog;
 mod cost;
 mod drills;
+mod files;
 mod folders;
 mod ground;
 mod inputs;
@@ -14,12 +15,14 @@ mod orbit_folders;
 mod passes;
 mod plan;
 mod pty;
+mod python;
 mod replay;
 mod run;
 mod soak;
 #[path = "../support/mod.rs"]
 mod support;
 mod synth;
+mod verdicts;
 
 use assert_cmd::Command;
 use std::path::Path;
