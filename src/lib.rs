@@ -11,7 +11,7 @@
 //! [`plan`] and [`render`] turn that into a [`frame`]; [`label`] says what is in it; [`engine`] drives
 //! them; [`kernels`] are the loops that take the time; [`light_curve`] follows one object without a frame, [`passes`] says which cross the field; [`link`] and [`serve`] connect them to a wire; [`output`] writes files.
 //! Around a run that must keep time: [`realtime`] asks the system for help, [`timing`] holds what was measured, [`metrics`] and [`stats`] show it,
-//! [`host`] says what the machine did meanwhile, [`soak`] judges, [`junit`] tells continuous integration.
+//! [`host`] says what the machine did meanwhile, [`soak`] judges.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -26,7 +26,6 @@ pub mod flight;
 pub mod footprint;
 pub mod frame;
 pub mod host;
-pub mod junit;
 pub mod kernels;
 pub mod label;
 mod lanes;

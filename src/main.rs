@@ -3,7 +3,7 @@
 mod cli;
 
 use clap::Parser;
-use skyloop_firmware_sim::console::in_one_line;
+use skyloop_firmware_sim::console::{in_one_line, printable, refuse};
 use snmalloc_rs::SnMalloc;
 use std::process::ExitCode;
 
@@ -13,12 +13,12 @@ use std::process::ExitCode;
 static MEMORY: SnMalloc = SnMalloc;
 
 fn main() -> ExitCode {
-    let cli = cli::Cli::parse();
+    let cli = cli::Cli::try_parse().unwrap_or_else(|error| refuse(&error));
     cli::start_log(cli.verbose);
     match cli.run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {}", in_one_line(error.as_ref()));
+            eprintln!("error: {}", printable(&in_one_line(error.as_ref())));
             ExitCode::FAILURE
         }
     }

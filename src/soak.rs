@@ -6,8 +6,9 @@ mod report;
 use crate::host::Memory;
 use crate::timing::Latencies;
 pub use drift::Drift;
-pub use report::Report;
+pub use report::{Report, suite};
 use serde::Serialize;
+pub use skyloop_firmware_sim::verdict::Verdict;
 use std::time::Duration;
 
 /// What a run must keep.
@@ -46,21 +47,6 @@ pub struct Measured {
     pub first_frame_s: Option<f64>,
 }
 
-/// Whether one of them was kept.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Verdict {
-    /// Of what: `deadlines`, `p99`, `memory` or `minutes`.
-    pub name: &'static str,
-    /// Of which camera, where there are several.
-    pub camera: Option<String>,
-    /// Whether it was.
-    pub passed: bool,
-    /// What was found, against what; where it was not kept, the first frame that did not.
-    pub text: String,
-    /// That frame.
-    pub frame: Option<u32>,
-}
-
 impl Limits {
     /// What is to be measured so that the first frame that breaks a limit can be named.
     #[must_use]
@@ -91,13 +77,8 @@ impl Limits {
         let is_told = found.stopped.is_none() || found.memory.warm.is_some();
         let most = self.max_growth.filter(|_| is_told);
         verdicts.extend(most.map(|most| growth(most, &found.memory)));
-        verdicts.extend(found.stopped.as_ref().map(|text| Verdict {
-            name: "minutes",
-            camera: None,
-            passed: false,
-            text: text.clone(),
-            frame: None,
-        }));
+        let stopped = found.stopped.clone();
+        verdicts.extend(stopped.map(|text| Verdict::new("minutes", false, text)));
         verdicts
     }
 
@@ -122,11 +103,8 @@ impl Limits {
             ),
         };
         Verdict {
-            name: "deadlines",
-            camera: None,
-            passed,
-            text,
             frame: first.map(|miss| miss.frame),
+            ..Verdict::new("deadlines", passed, text)
         }
     }
 }
@@ -162,24 +140,16 @@ fn p99(most_ms: f64, found: &Latencies) -> Verdict {
         }
     };
     Verdict {
-        name: "p99",
-        camera: None,
-        passed,
-        text,
         frame: first.map(|slow| slow.frame),
+        ..Verdict::new("p99", passed, text)
     }
 }
 
 fn growth(most: f64, memory: &Memory) -> Verdict {
     let passed = memory.growth().is_some_and(|growth| growth <= most);
     let is = if passed { "within" } else { "is not within" };
-    Verdict {
-        name: "memory",
-        camera: None,
-        passed,
-        text: format!("memory {} {is} {:+} %", memory.told(), most * 1e2),
-        frame: None,
-    }
+    let text = format!("memory {} {is} {:+} %", memory.told(), most * 1e2);
+    Verdict::new("memory", passed, text)
 }
 
 /// A rate in two figures: `0`, `6.7e-4`, `1e-3`, `0.5`, `1`.

@@ -13,8 +13,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[&[&str]] = &[
     &["range"],
     &[
-        "attitude", "crew", "fidelity", "host", "junit", "lanes", "load", "realtime", "rng",
-        "timing",
+        "attitude", "crew", "fidelity", "host", "lanes", "load", "realtime", "rng", "timing",
     ],
     &["kernels"],
     &["camera", "frame", "link", "track"],
@@ -33,8 +32,8 @@ const LAYERS: &[&[&str]] = &[
 /// The modules of `firmware-sim/src/`, likewise.
 const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &[
-        "burst", "console", "datagram", "earth", "image", "pacing", "pointing", "port", "reader",
-        "roles", "text", "time", "times",
+        "burst", "console", "datagram", "earth", "image", "junit", "pacing", "pointing", "port",
+        "reader", "roles", "text", "time", "times",
     ],
     &[
         "attitude_list",
@@ -51,7 +50,7 @@ const FLIGHT_COMPUTER_LAYERS: &[&[&str]] = &[
     &["control", "received"],
     &["contents", "reassembly", "score"],
     &["join", "recovery", "report"],
-    &["event", "exchange"],
+    &["event", "exchange", "verdict"],
     &["links"],
     &["flight_computer"],
 ];
@@ -71,7 +70,9 @@ const FENCES: &[(&str, &[&str])] = &[
     ),
     (
         "skyloop_firmware_sim::",
-        &["cli", "flight", "link", "main", "serve", "stats", "timing"],
+        &[
+            "cli", "flight", "link", "main", "serve", "soak", "stats", "timing",
+        ],
     ),
     ("tokio::", &["link/udp"]),
     (
@@ -138,11 +139,11 @@ const FENCES: &[(&str, &[&str])] = &[
         "std::fs::",
         &[
             "cli/camera",
-            "cli/catalog/convert",
+            "cli/ready",
             "cli/shell",
-            "cli/soak",
             "host",
             "link/capture",
+            "link/claim",
             "link/fault/book",
             "link/name",
             "output",

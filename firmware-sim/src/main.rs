@@ -3,6 +3,7 @@
 mod cli;
 
 use std::cmp::Ordering;
+use std::fmt::Display;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::ExitCode;
@@ -13,7 +14,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::Parser;
 use cli::{LoopArgs, OutputArgs, ProfileArgs, parse_fault, parse_pause, within};
 use hifitime::Epoch;
-use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
+use skyloop_firmware_sim::console::{in_one_line, printable, refuse, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, Pause, RunError};
 use skyloop_firmware_sim::link;
@@ -22,6 +23,7 @@ use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::profile::{OrbitSource, orbit_of};
 use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::text::whole;
+use skyloop_firmware_sim::verdict::{self, Limits, Suite, Verdict};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Ages, LoadError, file_and_name};
 use skyloop_protocols::{Fault, LabelLevel};
@@ -78,30 +80,46 @@ struct Args {
     closed: LoopArgs,
     #[command(flatten)]
     output: OutputArgs,
+    #[command(flatten)]
+    limits: Limits,
 }
 
 /// Refusals that are told as they come.
 const TOLD: u32 = 5;
 
 fn main() -> ExitCode {
-    match run(Args::parse()) {
+    let args = Args::try_parse().unwrap_or_else(|error| refuse(&error));
+    match run(args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("skyloop-fc: {}", in_one_line(error.as_ref()));
+            note(in_one_line(error.as_ref()));
             ExitCode::FAILURE
         }
     }
 }
 
+/// Prints a line on standard error.
+fn note(text: impl Display) {
+    eprintln!("skyloop-fc: {}", printable(&text.to_string()));
+}
+
 fn run(args: Args) -> Result<()> {
+    let started = Instant::now();
     // What begins now is under way while the emulator is waited for.
-    let zero = args.epoch.is_none().then(Instant::now);
+    let zero = args.epoch.is_none().then_some(started);
     let mission = mission(&args)?;
     let closed = args.closed.settings(args.wall, &mission)?;
+    let mut suite = Suite {
+        name: "skyloop-fc",
+        classname: "skyloop.fc".to_string(),
+        properties: vec![("link".to_string(), args.link.join(" "))],
+        ..Suite::default()
+    };
+    args.limits.begin(&suite).map_err(anyhow::Error::msg)?;
     let links = args.link.iter().map(|link| link::open(link));
     let mut links = links.collect::<Result<Vec<_>, _>>()?;
     for (link, _) in &mut links {
-        link.on_news(Box::new(|news| eprintln!("skyloop-fc: {news}")));
+        link.on_news(Box::new(|news| note(news)));
     }
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let (mut refusals, listens) = (0, args.profile.listens());
@@ -130,15 +148,25 @@ fn run(args: Args) -> Result<()> {
         Err(RunError::CutShort { report, source }) => (*report, Some(source)),
         Err(error) => return Err(error.into()),
     };
-    say(&report)?;
+    let held = report.control.as_ref();
+    let off = held.and_then(|control| args.closed.broken(control));
+    let mut verdicts = args.limits.judge(&report);
+    verdicts.extend(off.map(|off| Verdict::new("pointing", false, off)));
+    if let Some(error) = &cut_short {
+        verdicts.push(Verdict::new("run", false, error.to_string()));
+    }
+    suite.seconds = started.elapsed().as_secs_f64();
+    suite.table = report.to_string();
+    args.limits
+        .finish(&suite, &verdicts)
+        .map_err(anyhow::Error::msg)?;
+    say(format_args!("{report}{}", verdict::table(&verdicts[1..])))?;
     if let Some(error) = cut_short {
         return Err((*error).into());
     }
     let (came, asked) = (report.frames, report.requested);
     let gone = report.gone.map(|gone| format!(": {gone}"));
     let gone = gone.unwrap_or_default();
-    let held = report.control.as_ref();
-    let off = held.and_then(|control| args.closed.broken(control));
     if came < asked && stop.load(atomic::Ordering::Relaxed) {
         bail!("stopped after {came} of {asked} frames{gone}");
     }
@@ -150,10 +178,7 @@ fn run(args: Args) -> Result<()> {
             "{came} of {asked} frames came whole: see the losses and refusals above, and the emulator's own messages"
         );
     }
-    if let Some(off) = off {
-        bail!(off);
-    }
-    Ok(())
+    verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
 }
 
 fn mission(args: &Args) -> Result<Mission> {
@@ -203,16 +228,14 @@ fn orbit(text: &str, start: Epoch) -> Result<OrbitSource> {
     }
     let (object, rejected) = loaded.pick(name).map_err(|why| anyhow!("{file}: {why}"))?;
     for rejected in rejected.iter().take(5) {
-        eprintln!("skyloop-fc: {rejected}");
+        note(rejected);
     }
     if rejected.len() > 5 {
-        eprintln!(
-            "skyloop-fc: and {} more records of {file} are no use",
-            rejected.len() - 5
-        );
+        let more = rejected.len() - 5;
+        note(format_args!("and {more} more records of {file} are no use"));
     }
     if let Some(ages) = Ages::of(std::slice::from_ref(&object), start).filter(Ages::are_old) {
-        eprintln!("skyloop-fc: {}: {ages}", object.label());
+        note(format_args!("{}: {ages}", object.label()));
     }
     Ok(orbit_of(object))
 }

@@ -125,14 +125,26 @@ pub struct Totals {
     pub missed: u64,
     /// Detections without labelled light.
     pub false_detections: u64,
+    /// Frames whose pixels were compared with labels.
+    pub compared: u32,
     /// Frames whose labels could not be read.
     pub unscored: u32,
     residuals_px: Vec<[f64; 2]>,
 }
 
 impl Totals {
+    /// Those of frames with these residuals alone.
+    #[cfg(test)]
+    pub(crate) fn with_residuals(residuals_px: Vec<[f64; 2]>) -> Self {
+        Self {
+            residuals_px,
+            ..Self::default()
+        }
+    }
+
     /// Adds a frame.
     pub fn add(&mut self, score: &Score) {
+        self.compared += u32::from(score.is_compared);
         self.stars += score.stars as u64;
         self.rsos += score.rsos as u64;
         self.detections += score.detections as u64;

@@ -5,7 +5,7 @@ use skyloop_protocols::{LabelLevel, ObjectRecord};
 use thiserror::Error;
 
 use crate::detector::Detections;
-use crate::received::{ReceivedFrame, SealError};
+use crate::received::{Content, ReceivedFrame, SealError};
 
 /// A detection and a label farther apart than this are not the same thing, px.
 pub const MATCH_RADIUS_PX: f64 = 2.0;
@@ -110,6 +110,8 @@ impl Match {
 /// How a frame's detections compare with its labels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Score {
+    /// Whether there were pixels and labels to compare.
+    pub is_compared: bool,
     /// Labelled stars that are visible.
     pub stars: usize,
     /// Labelled RSOs that are visible.
@@ -184,6 +186,7 @@ fn compare(
             .count()
     };
     let mut score = Score {
+        is_compared: frame.content != Content::None,
         stars: visible("star"),
         rsos: visible("rso"),
         detections: found.len(),

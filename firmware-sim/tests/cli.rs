@@ -92,6 +92,30 @@ fn a_run_over_udp_prints_its_table() {
     let limb = skyloop_fc(&[&["--link", &link], &limb[..], &epoch[..]].concat());
     let scan = ["--scan", "0,0,0,1,2,1.5,x"];
     let scan = skyloop_fc(&[&["--link", &link], &scan[..], &epoch[..]].concat());
+    let verdicts = file("verdicts.xml", "");
+    let limits = [
+        "--max-missed",
+        "1000",
+        "--max-centroid-rms",
+        "1e-9",
+        "--junit",
+        &verdicts,
+    ];
+    let broken = ["--hold", "0,0,0,1"];
+    let broken = skyloop_fc(&[&["--link", &link], &broken[..], &limits[..], &epoch[..]].concat());
+    assert_eq!(broken.status.code(), Some(1));
+    let table = String::from_utf8_lossy(&broken.stdout);
+    for line in [
+        "kept: bright labelled objects missed: 0, within 1000",
+        "broken: centroids: rms 0.0",
+    ] {
+        assert!(table.contains(line), "no {line:?} in {table}");
+    }
+    let verdicts = std::fs::read_to_string(verdicts).unwrap();
+    assert!(
+        verdicts.contains("tests=\"3\" failures=\"1\""),
+        "{verdicts}"
+    );
     for output in [&nadir, &hold, &limb, &scan] {
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(
@@ -105,7 +129,7 @@ fn a_run_over_udp_prints_its_table() {
         );
     }
     let attitudes = thread.join().unwrap().attitudes;
-    assert_eq!(attitudes.len(), 12);
+    assert_eq!(attitudes.len(), 15);
     // Above the equator the nadir attitude turns about -Y once an orbit.
     assert!(
         (attitudes[0].1.rates_rad_s[1] + 1.078e-3).abs() < 1e-6,
@@ -318,17 +342,28 @@ fn errors_say_what_to_do() {
         ),
         (
             &["--nadir", "--orbit", "/dev/zero"],
-            "cannot read the orbit file /dev/zero: not a text file",
+            "cannot read the orbit file /dev/zero: this is a device or a socket",
         ),
         (
             &["--nadir", "--orbit", &old],
             "NORAD 5 (VANGUARD 1): old elements: 1 of 1 are more than 14 days",
         ),
-        (&["--attitudes", "/dev/zero"], "not a text file"),
+        (
+            &["--attitudes", "/dev/zero"],
+            "this is a device or a socket",
+        ),
         (&["--attitudes", &bad_list], "attitudes.txt:2: \"now\""),
         (
             &["--attitudes", &short_list],
             "give attitudes on both sides of every frame",
+        ),
+        (
+            &["--hold", "0,0,0,1", "--junit", "no/such.xml"],
+            "cannot write no/such.xml: No such file or directory (os error 2); name another file",
+        ),
+        (
+            &["--hold", "0,0,0,1", "--junit", &orbit, "--orbit", &orbit],
+            "this run reads this file",
         ),
         (&["--hold", "0,0,0,1", "--frames", "0"], "--frames"),
         (&["--hold", "0,0,0,1", "--nadir"], "cannot be used with"),

@@ -1,14 +1,14 @@
 //! `skyloop cost`: what each setting of the tolerances costs in time, and what it is off by.
 
 use super::budget::{chosen_text, positive_ms};
-use super::{Records, mission, progress, scene, scene_name, warn_of_old};
+use super::{Force, Records, mission, progress, scene, scene_name, warn_of_old};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::attitude::VehicleState;
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::measure::cost::{Effort, ROUNDS, Report, Row};
-use skyloop::output::{Dot, Scatter, make_folder, write_scatter, write_text};
+use skyloop::output::{Dot, Scatter, make_folder, may_replace, write_scatter, write_text};
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_firmware_sim::text::whole;
@@ -41,6 +41,8 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    force: Force,
+    #[command(flatten)]
     records: Records,
 }
 
@@ -49,6 +51,8 @@ const LIMIT: Duration = Duration::from_secs(120);
 /// The folder's files.
 const LINES: &str = "cost.csv";
 const PICTURE: &str = "cost.png";
+/// What the table begins with.
+const HEAD: &str = "setting,knob,value,";
 
 /// As JSON.
 #[derive(Serialize)]
@@ -70,6 +74,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mission = mission(&config, args.scene.as_deref())?;
     if let Some(dir) = &args.out {
         make_folder(dir)?;
+        if !args.force.force {
+            may_replace(dir, LINES, HEAD, PICTURE)?;
+        }
     }
     let vehicles = spread(&mission, args.frames)?;
     let mut emulator = Emulator::new(&mut config);

@@ -2,10 +2,14 @@
 
 use anyhow::{anyhow, bail};
 use clap::Args;
-use skyloop::link::capture::Capture;
+use skyloop::engine::Emulator;
+use skyloop::link::capture::{Capture, Origin};
 use skyloop::link::fault::{Book, BusFaults, Plan, wrap};
 use skyloop::link::{self, BusInstruments, LinkError, Roles, Wire};
+use skyloop::orbit::{Input, inputs, is_same_file};
+use skyloop::output::is_of_run;
 use skyloop::stats::row;
+use skyloop_protocols::Output;
 use skyloop_protocols::personality::NATIVE;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -29,30 +33,32 @@ pub struct Choice {
 pub struct Instruments {
     faults: Option<(Plan, Arc<Mutex<Book>>)>,
     capture: Option<Capture>,
+    /// The fault log, as given.
+    log: Option<PathBuf>,
+    /// The files that the run was made from.
+    inputs: Vec<Input>,
     /// Of each link, whether it is a CAN bus: faults stand at the bus.
     buses: Vec<bool>,
 }
 
 impl Choice {
-    /// Opens their files, for these links. `read` is the option and the file that the run itself is read from.
+    /// Opens their files, for these links, and changes nothing in them before [`Instruments::begin`]. `others` are the
+    /// options of the run that name files, with these.
     pub fn prepare(
         &self,
         links: &[String],
-        read: Option<(&'static str, &Path)>,
+        others: &[(&'static str, &Path)],
     ) -> anyhow::Result<Instruments> {
-        self.are_different(read)?;
+        self.are_different(others)?;
+        // Without the faults: a replay needs none.
+        let inputs = inputs();
         let buses: Vec<bool> = links.iter().map(|link| link::is_bus(link)).collect();
         let plan = match &self.faults {
             Some(file) => Some(Plan::load(file, buses.iter().all(|bus| *bus))?),
             None => self.fault_log.as_ref().map(|_| Plan::default()),
         };
         let book = match &self.fault_log {
-            Some(file) => Book::writing(file).map_err(|why| {
-                let file = file.display();
-                anyhow!(
-                    "--fault-log {file}: {why}; check that its folder exists, may be written and has room"
-                )
-            })?,
+            Some(file) => Book::writing(file).map_err(|why| unwritten(file, &why))?,
             None => Book::default(),
         };
         let capture = match &self.capture {
@@ -63,23 +69,64 @@ impl Choice {
         Ok(Instruments {
             faults: plan.map(|plan| (plan, Arc::new(Mutex::new(book)))),
             capture,
+            log: self.fault_log.clone(),
+            inputs,
             buses,
         })
     }
 }
 
+/// Why there is no fault log.
+fn unwritten(file: &Path, why: &std::io::Error) -> anyhow::Error {
+    let file = file.display();
+    anyhow!("--fault-log {file}: {why}; check that its folder exists, may be written and has room")
+}
+
+/// What a run has been set to beside its files, as recordings tell it.
+pub fn settings(output: Output, emulator: &Emulator) -> Vec<(String, String)> {
+    let level = (output.pixels, output.labels);
+    let level = Output::PRESETS
+        .into_iter()
+        .find(|(_, pixels, labels)| level == (*pixels, *labels));
+    let output = level.map_or(format!("{output:?}"), |(name, ..)| name.to_string());
+    let (preset, knobs) = emulator.fidelity().told();
+    let knobs = knobs
+        .iter()
+        .map(|(name, value)| format!(", {name} = {value}"));
+    let fidelity = preset.to_string() + &knobs.collect::<String>();
+    let version = env!("CARGO_PKG_VERSION").to_string();
+    let settings = [
+        ("version", version),
+        ("--output", output),
+        ("fidelity", fidelity),
+    ];
+    settings
+        .map(|(name, value)| (name.to_string(), value))
+        .to_vec()
+}
+
 impl Choice {
-    /// Refuses to write into a file that is written or read already.
-    fn are_different(&self, read: Option<(&'static str, &Path)>) -> anyhow::Result<()> {
+    /// The options that name files which are written.
+    pub fn written(&self) -> Vec<(&'static str, &Path)> {
         let files = [
-            ("--faults", &self.faults),
             ("--fault-log", &self.fault_log),
             ("--capture", &self.capture),
         ];
-        let options = files
+        files
             .into_iter()
-            .filter_map(|(name, file)| Some((name, file.as_deref()?)));
-        let given: Vec<_> = read.into_iter().chain(options).collect();
+            .filter_map(|(name, file)| Some((name, file.as_deref()?)))
+            .collect()
+    }
+
+    /// Refuses to write into a file that is written or read already.
+    fn are_different(&self, others: &[(&'static str, &Path)]) -> anyhow::Result<()> {
+        let faults = self.faults.as_deref().map(|file| ("--faults", file));
+        let given: Vec<_> = others
+            .iter()
+            .copied()
+            .chain(faults)
+            .chain(self.written())
+            .collect();
         are_different(&given)
     }
 }
@@ -87,7 +134,10 @@ impl Choice {
 /// Refuses two options that name the same file, of which one at least is written.
 pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
     for (place, (name, file)) in given.iter().enumerate() {
-        if let Some((other, _)) = given[..place].iter().find(|(_, other)| is_one(other, file)) {
+        if let Some((other, _)) = given[..place]
+            .iter()
+            .find(|(_, other)| is_same_file(other, file))
+        {
             bail!(
                 "{name} {}: {other} names the same file; choose another",
                 file.display()
@@ -97,11 +147,15 @@ pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Whether two paths lead to one file, which need not be there yet. A terminal or a pipe may be written twice.
-fn is_one(a: &Path, b: &Path) -> bool {
-    match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b && a.is_file(),
-        _ => a == b,
+/// Refuses options that name a file which the run writes into its output folder.
+pub fn are_outside(out: &Path, given: &[(&str, &Path)]) -> anyhow::Result<()> {
+    match given.iter().find(|(_, file)| is_of_run(out, file)) {
+        None => Ok(()),
+        Some((name, file)) => bail!(
+            "{name} {}: --out {} has a file of this name; choose another",
+            file.display(),
+            out.display()
+        ),
     }
 }
 
@@ -155,6 +209,26 @@ impl Instruments {
             around.push((wire, roles));
         }
         Ok(around)
+    }
+
+    /// Begins their files, in place of earlier ones: everything else has been checked. `settings` are those of [`settings`].
+    pub fn begin(&mut self, settings: Vec<(String, String)>) -> anyhow::Result<()> {
+        if let (Some((_, book)), Some(file)) = (&self.faults, &self.log) {
+            let mut book = book.lock().unwrap_or_else(PoisonError::into_inner);
+            book.begin().map_err(|why| unwritten(file, &why))?;
+        }
+        let inputs = std::mem::take(&mut self.inputs);
+        if let Some(capture) = &mut self.capture {
+            capture.begin(&Origin { settings, inputs })?;
+        }
+        Ok(())
+    }
+
+    /// The fault that lets nothing through any more, for good.
+    pub fn stopped(&self) -> Option<String> {
+        let (plan, book) = self.faults.as_ref()?;
+        let book = book.lock().unwrap_or_else(PoisonError::into_inner);
+        book.stopped(plan)
     }
 
     /// What they have to say in a run's table.

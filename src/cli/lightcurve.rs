@@ -1,6 +1,8 @@
 //! `skyloop lightcurve`: the magnitude of an object against time, as an observer in orbit sees it.
 
-use super::{Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old};
+use super::{
+    Force, Records, not_itself, progress, scene, scene_name, warn_of_observer, warn_of_old,
+};
 use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
@@ -9,7 +11,7 @@ use skyloop::effect::counted;
 use skyloop::light_curve::{NoLightCurve, Point, Span, point};
 use skyloop::orbit::time::{parse_utc, seconds, utc_text};
 use skyloop::orbit::{Loaded, Object, OrbitError};
-use skyloop::output::write_light_curve;
+use skyloop::output::{may_replace_light_curve, write_light_curve};
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::text::number;
 use std::collections::BTreeMap;
@@ -40,6 +42,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
+    force: Force,
+    #[command(flatten)]
     records: Records,
 }
 
@@ -61,6 +65,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let Some(Observer::Object(observer)) = observer else {
         bail!("{name}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\"");
     };
+    if !args.force.force {
+        may_replace_light_curve(&args.out)?;
+    }
     let population = config.take_population();
     let index = find(population.objects(), &args.object, &name)?;
     let object = &population.objects()[index];

@@ -66,6 +66,12 @@ pub fn of_head(name: &str) -> tracing::Span {
 }
 
 impl Help {
+    /// Where the figures are served.
+    pub fn metrics_address(&self) -> Option<String> {
+        let (_, metrics) = self.metrics.as_ref()?;
+        Some(metrics.address().to_string())
+    }
+
     /// Lets the `server` of a camera leave its figures there; 0 is the first.
     pub fn serve(&self, camera: usize, server: &mut Server) {
         let places = self.metrics.as_ref().map(|(places, _)| places);

@@ -2,8 +2,11 @@
 
 use super::budget::{Budget, FRAMES};
 use super::cost::spread;
-use super::{Orbits, PANICKED, Records, instruments, levels, mission, progress, scene, with_level};
-use anyhow::{Context, anyhow, bail};
+use super::instruments::{are_outside, settings};
+use super::{
+    Force, Orbits, PANICKED, Records, instruments, levels, mission, progress, scene, with_level,
+};
+use anyhow::{Context, Error, anyhow, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::Clock;
 use skyloop::effect::counted;
@@ -17,12 +20,13 @@ use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::text::whole;
+use skyloop_firmware_sim::verdict::{self, Limits, Suite, Verdict};
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, sync_channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Arguments of `skyloop loopback`.
 #[derive(ClapArgs)]
@@ -44,6 +48,10 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "skyloop-out")]
     out: PathBuf,
     #[command(flatten)]
+    force: Force,
+    #[command(flatten)]
+    limits: Limits,
+    #[command(flatten)]
     instruments: instruments::Choice,
     #[command(flatten)]
     records: Records,
@@ -56,8 +64,12 @@ pub struct Args {
 /// Frames that may wait to be written; then the emulator waits.
 const WRITE_QUEUE: usize = 8;
 
+/// Without a frame for this long, a line that a fault has stopped for good is given up.
+const STOPPED: Duration = Duration::from_secs(5);
+
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
+    let started = Instant::now();
     let mut config = scene(args.scene.as_deref())?;
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
@@ -69,15 +81,28 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let frames = mission.frames;
     let idle = Duration::from_secs_f64(config.run.idle_s);
     let links = std::slice::from_ref(&args.link);
+    let junit = args.limits.junit().map(|file| ("--junit", file));
     let scene = args.scene.as_deref().map(|scene| ("--scene", scene));
-    let instruments = args.instruments.prepare(links, scene)?;
+    let others: Vec<_> = scene.into_iter().chain(junit).collect();
+    let mut instruments = args.instruments.prepare(links, &others)?;
+    let written: Vec<_> = junit
+        .into_iter()
+        .chain(args.instruments.written())
+        .collect();
+    are_outside(&args.out, &written)?;
+    let mut suite = Suite {
+        name: "skyloop loopback",
+        classname: "skyloop.loopback".to_string(),
+        properties: vec![("link".to_string(), args.link.clone())],
+        ..Suite::default()
+    };
+    args.limits.begin(&suite).map_err(Error::msg)?;
     let options = link::Options {
         idle,
         personality: &NATIVE,
         bus: Some(instruments.bus()),
     };
     let (wire, port) = link::loopback(&args.link, &options)?;
-    let writer = Writer::create(&args.out, frames)?;
     let links = instruments.around(vec![(wire, Roles::ALL)])?;
     let output = config.run.output;
     let mut emulator = Emulator::new(&mut config);
@@ -85,6 +110,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let chosen = args
         .budget
         .settle(&mut emulator, &interrupted, || spread(&mission, FRAMES))?;
+    let writer = Writer::create_over(&args.out, frames, args.force.force)?;
+    instruments.begin(settings(output, &emulator))?;
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     say(format_args!(
         "{chosen}{}{} of {} over {}\n",
@@ -97,6 +124,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let (stop, over) = (AtomicBool::new(false), AtomicBool::new(false));
     let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
     let bar = progress(frames, "frames");
+    let mut stopped = None;
     let (report, served, written) = std::thread::scope(|scope| {
         let emulator = scope.spawn(|| {
             // The flight computer hangs up when it has its frames, and tells of all other ends.
@@ -109,7 +137,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             (server.stats, ended)
         });
         let writing = scope.spawn(|| write(writer, to_write));
+        let mut moved = Instant::now();
         let report = FlightComputer::new(port, mission).run(|event| {
+            if !matches!(event, Event::Tick) {
+                moved = Instant::now();
+            }
             match event {
                 Event::Frame { .. } => bar.inc(1),
                 Event::Lost { sequence, loss } => {
@@ -119,7 +151,11 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                 Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
                 Event::Tick => {}
             }
-            match interrupted.load(Ordering::Relaxed) || over.load(Ordering::Relaxed) {
+            if moved.elapsed() > STOPPED {
+                stopped = instruments.stopped();
+            }
+            let ends = interrupted.load(Ordering::Relaxed) || over.load(Ordering::Relaxed);
+            match ends || stopped.is_some() {
                 true => ControlFlow::Break(()),
                 false => ControlFlow::Continue(()),
             }
@@ -136,10 +172,30 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Ok(report) => (report, None),
         Err(error) => blamed(error, instruments.faults())?,
     };
+    let stopped = stopped.map(|fault| {
+        let s = STOPPED.as_secs();
+        anyhow!(
+            "{}: nothing passes any more: the fault {fault} has no end, and no frame has come for {s} s; give it a for_s, or an \
+             at_s after the last frame",
+            args.link
+        )
+    });
+    let cut_short = cut_short.or(stopped);
     let mut rows = rows(&stats, &report);
     rows.extend(instruments.rows());
     let table = table(&rows);
-    say(format_args!("{table}wrote {}\n", args.out.display()))?;
+    let mut verdicts = args.limits.judge(&report);
+    if let Some(error) = &cut_short {
+        verdicts.push(Verdict::new("run", false, error.to_string()));
+    }
+    say(format_args!(
+        "{table}{}wrote {}\n",
+        verdict::table(&verdicts[1..]),
+        args.out.display()
+    ))?;
+    suite.seconds = started.elapsed().as_secs_f64();
+    suite.table = table;
+    args.limits.finish(&suite, &verdicts).map_err(Error::msg)?;
     instruments.finish()?;
     if let Some(error) = cut_short {
         return Err(error);
@@ -159,7 +215,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             counted(frames as usize, "frame")
         );
     }
-    Ok(())
+    verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
 }
 
 /// The report of a run that its faults may have ended, and how that is told; an error that has nothing to do with them.

@@ -15,6 +15,7 @@ mod plan;
 mod pointing;
 #[cfg(target_os = "linux")]
 mod pty;
+mod ready;
 mod render;
 mod replay;
 mod run;
@@ -33,11 +34,14 @@ use skyloop::flight;
 use skyloop::load::Register;
 use skyloop::load::orbits::several_sets;
 use skyloop::orbit::{Ages, Object};
+use skyloop_firmware_sim::console::printable_line;
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_protocols::Output;
 use std::io::IsTerminal;
 use std::path::Path;
 use tracing::level_filters::LevelFilter;
+use tracing_subscriber::field::MakeExt;
+use tracing_subscriber::fmt::format::debug_fn;
 
 /// Hardware-in-the-loop star-tracker emulator: attitude in, labelled frames out.
 #[derive(Parser)]
@@ -119,7 +123,17 @@ pub fn start_log(verbose: bool) {
     } else {
         LevelFilter::WARN
     };
+    // Names in a message come from outside.
+    let fields = debug_fn(|writer, field, value| {
+        let text = format!("{value:?}");
+        let text = printable_line(&text);
+        match field.name() {
+            "message" => write!(writer, "{text}"),
+            name => write!(writer, "{name}={text}"),
+        }
+    });
     tracing_subscriber::fmt()
+        .fmt_fields(fields.delimited(" "))
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .with_max_level(level)
@@ -166,6 +180,14 @@ struct Records {
     /// Stop with an error if a record or a file of orbits cannot be used, which is else left out
     #[arg(long)]
     strict: bool,
+}
+
+/// What is done about files in an output folder that skyloop did not make.
+#[derive(clap::Args)]
+struct Force {
+    /// Replace files in the output folder that have the names of this command's, whoever made them
+    #[arg(long)]
+    force: bool,
 }
 
 /// Records that are named at most.

@@ -13,7 +13,7 @@ use skyloop::load::{Folder, orbits};
 use skyloop::orbit::time::{leap_seconds, parse_utc, seconds, utc_text};
 use skyloop::output::passes::{Row, Searched, csv, json, table};
 use skyloop::passes::{NoPasses, Passes, Search, passes};
-use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::console::{say, write_out};
 use skyloop_firmware_sim::profile::ProfileError;
 use skyloop_firmware_sim::text::number;
 use std::io::Write;
@@ -135,7 +135,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if args.json {
         say(json(&searched, &rows))?;
     } else if args.csv {
-        say(csv(&rows))?;
+        write_out(csv(&rows))?;
         // Rows alone on standard output.
         let _ = writeln!(std::io::stderr(), "{line}");
     } else if rows.is_empty() {

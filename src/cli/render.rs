@@ -3,8 +3,8 @@
 use super::budget::{Budget, FRAMES};
 use super::cost::spread;
 use super::pointing::Pointing;
-use super::{Orbits, Records, mission, progress};
-use anyhow::anyhow;
+use super::{Force, Orbits, Records, mission, progress};
+use anyhow::{anyhow, bail};
 use clap::{ArgGroup, Args as ClapArgs};
 use hifitime::Epoch;
 use skyloop::camera::Camera;
@@ -68,6 +68,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
+    force: Force,
+    #[command(flatten)]
     records: Records,
     #[command(flatten)]
     orbits: Orbits,
@@ -122,7 +124,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         })?;
     say(format_args!("{chosen}"))?;
     emulator.keep_expected = args.no_noise;
-    let mut writer = Writer::create(&args.out, mission.frames)?;
+    let mut writer = Writer::create_over(&args.out, mission.frames, args.force.force)?;
     let mut stats = RunStats::default();
     let mut absent = Absent::default();
     let bar = progress(mission.frames, "frames");

@@ -1,12 +1,15 @@
 //! `skyloop replay`: the inputs of a recording once more, and what comes of them compared.
 
+use super::instruments::settings;
 use super::{Records, levels, scene, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::config::Clock;
 use skyloop::effect::counted;
 use skyloop::engine::Emulator;
+use skyloop::link::capture::Origin;
 use skyloop::link::capture::replay::{Progress, Recording, Replay, Same, load};
+use skyloop::orbit::inputs;
 use skyloop::serve::{Ended, Server};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_protocols::Direction;
@@ -78,9 +81,22 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     ))?;
 
     let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
-    let (links, replay) = Replay::of(recording, &NATIVE);
     let output = with_level(config.run.output, args.output.as_deref());
     let emulator = Emulator::new(&mut config);
+    let now = Origin {
+        settings: settings(output, &emulator),
+        inputs: inputs()
+            .into_iter()
+            .filter(|input| input.path != args.file)
+            .collect(),
+    };
+    let origin = recording.origin.as_ref();
+    let differences = origin.map(|origin| origin.differences(&now));
+    for difference in differences.iter().flatten() {
+        tracing::warn!("not as recorded: {difference}");
+    }
+    let hint = hint(&args, differences.as_deref());
+    let (links, replay) = Replay::of(recording, &NATIVE);
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     server.set_run(&config.run);
     // Not scoped: a frame that takes too long cannot be stopped, only left alone.
@@ -107,8 +123,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         }
         if replay.still() > args.patience {
             bail!(
-                "{}: after {} that came back the same, the emulator works on what comes next for more than {} s: give it longer \
-                 with --patience",
+                "{}: after {} that came back the same, the emulator works on what comes next for more than {} s (--patience); {hint}",
                 args.file.display(),
                 counted(whole_of(&replay.progress()), "frame"),
                 args.patience.as_secs_f64()
@@ -135,14 +150,8 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     }
     if let Some(difference) = progress.difference {
         bail!(
-            "after {} that came back the same: {difference} ({})",
-            counted(whole, "frame"),
-            match (&args.config, &args.scene) {
-                (Some(_), _) => "is it the same --config, and --output?",
-                (None, Some(_)) => "is it the same --scene, and --output?",
-                (None, None) =>
-                    "it was a loopback's built-in scene? A run needs its --config, another scene its --scene, both their --output",
-            }
+            "after {} that came back the same: {difference}; {hint}",
+            counted(whole, "frame")
         );
     }
     if whole == 0 {
@@ -160,6 +169,20 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         say(format_args!("{}\n", gaps.trim_start_matches("; ")))?;
     }
     Ok(())
+}
+
+/// What may be behind a difference: what is not as it was, where the recording says so.
+fn hint(args: &Args, differences: Option<&[String]>) -> String {
+    match (differences, &args.config, &args.scene) {
+        (Some([]), ..) => "files and settings are those of the recording: has the recording itself been changed, or was it made by \
+                           another build?"
+            .to_string(),
+        (Some(differences), ..) => format!("not as recorded: {}", differences.join("; ")),
+        (None, Some(_), _) => "is it the same --config, and --output?".to_string(),
+        (None, None, Some(_)) => "is it the same --scene, and --output?".to_string(),
+        (None, None, None) => "was it a loopback's built-in scene? A run needs its --config, another scene its --scene, both their --output"
+            .to_string(),
+    }
 }
 
 /// Whole frames that were the same.

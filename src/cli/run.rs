@@ -2,6 +2,8 @@
 
 use super::budget::{Budget, FRAMES, around};
 use super::cost::spread;
+use super::instruments::settings;
+use super::ready::{self, Head, Ready, ReadyFile};
 use super::{Orbits, PANICKED, Records, cameras, instruments, levels, live, mission, with_level};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
@@ -13,12 +15,13 @@ use skyloop::link;
 use skyloop::serve::Ended;
 use skyloop::stats::{RunStats, row, table};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
-use skyloop_firmware_sim::text::whole;
+use skyloop_firmware_sim::text::{decimal, whole};
 use skyloop_protocols::Counters;
 use skyloop_protocols::personality::NATIVE;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Arguments of `skyloop run`.
 #[derive(ClapArgs)]
@@ -39,6 +42,15 @@ pub struct Args {
     /// Where the figures of the run can be fetched as Prometheus text, such as 127.0.0.1:9464 [default: the file's, else nowhere]
     #[arg(long, value_name = "ADDRESS")]
     metrics: Option<String>,
+    /// End with an error if no client has come after this many seconds
+    #[arg(long, value_name = "S", value_parser = decimal(0.001..=1e7), allow_negative_numbers = true)]
+    wait_for_client: Option<f64>,
+    /// End after this many seconds; with an error if --frames have not been sent by then
+    #[arg(long, value_name = "S", value_parser = decimal(0.001..=1e7), allow_negative_numbers = true)]
+    timeout: Option<f64>,
+    /// Write a JSON file with the actual addresses once all links listen; removed at the end
+    #[arg(long, value_name = "FILE")]
+    ready_file: Option<PathBuf>,
     #[command(flatten)]
     instruments: instruments::Choice,
     #[command(flatten)]
@@ -62,9 +74,17 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         ),
         false => (&args.link, "--link".to_string()),
     };
-    let instruments = args
-        .instruments
-        .prepare(urls, Some(("--config", &args.config)))?;
+    let ready_file = args.ready_file.as_deref();
+    let named = ready_file.map(|file| ("--ready-file", file));
+    let named: Vec<_> = [("--config", args.config.as_path())]
+        .into_iter()
+        .chain(named)
+        .collect();
+    let mut instruments = args.instruments.prepare(urls, &named)?;
+    // After the inputs are known: it is none.
+    if let Some(file) = ready_file {
+        ready::check(file)?;
+    }
     let options = link::Options {
         idle,
         personality: &NATIVE,
@@ -74,12 +94,16 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let help = live::help(&config, args.metrics.as_deref())?;
     let links = link::open_all(urls, &options).context(from)?;
-    let links = instruments.around(links)?;
+    let mut links = instruments.around(links)?;
     let further = config.heads.iter().map(|head| {
         let beside = || format!("head {} beside {}", head.name, urls.join(" and "));
         link::open_further(&head.links, &options).with_context(beside)
     });
-    let further: Vec<_> = further.collect::<Result<_, _>>()?;
+    let mut further: Vec<_> = further.collect::<Result<_, _>>()?;
+    let seen = Arc::new(AtomicBool::new(false));
+    for (wire, _) in links.iter_mut().chain(further.iter_mut().flatten()) {
+        wire.note_client(|packet| (NATIVE.decode_command)(packet).is_ok(), &seen);
+    }
     let (objects, clock) = (config.objects.len(), config.run.clock);
     let output = with_level(config.run.output, args.output.as_deref());
     let scene = match config.sequence {
@@ -95,6 +119,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Some(mission) if clock != Clock::Stepped => Some(flight::vehicle(mission, 0)?),
         _ => None,
     };
+    instruments.begin(settings(output, &emulator))?;
     let links = std::iter::once(links).chain(further).collect();
     let (mut server, heads) =
         cameras::serve(&config, emulator, links, first.as_ref(), output, &help)?;
@@ -120,8 +145,20 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             at.addresses()[1..].join(" and ")
         ))?;
     }
+    let of_heads = config.heads.iter().zip(&heads).map(|(head, at)| Head {
+        name: &head.name,
+        links: at.addresses()[1..].to_vec(),
+    });
+    let ready = Ready {
+        pid: std::process::id(),
+        links: server.addresses().iter().map(ToString::to_string).collect(),
+        heads: of_heads.collect(),
+        metrics: help.metrics_address(),
+    };
+    let ready = ready_file.map(|file| ReadyFile::write(file, &ready));
+    let ready = ready.transpose()?;
     let ended = AtomicBool::new(false);
-    let (mut served, heads) = std::thread::scope(|scope| {
+    let (mut served, heads, cut) = std::thread::scope(|scope| {
         let heads = config.heads.iter().zip(heads).map(|(head, mut server)| {
             let (ended, stop, name) = (&ended, &stop, &head.name);
             scope.spawn(move || {
@@ -134,11 +171,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             })
         });
         let heads: Vec<_> = heads.collect();
+        let limits = scope.spawn(|| limit(&args, &seen, &ended, &stop));
         let served = server.run(&stop, args.frames, |_| {});
         ended.store(true, Ordering::Relaxed);
         let heads: Vec<_> = heads.into_iter().map(|head| head.join()).collect();
-        (served, heads)
+        (served, heads, limits.join().ok().flatten())
     });
+    drop(ready);
 
     let gone = server.gone().unwrap_or("of the run").to_string();
     let (stats, counters) = server.close();
@@ -159,9 +198,55 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     instruments.finish()?;
     match served {
-        Ended::AsAsked => Ok(()),
+        Ended::AsAsked => ended_in_time(&args, cut, stats.frames),
         Ended::Panicked => bail!(PANICKED),
         Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),
+    }
+}
+
+/// A limit of time that has ended a run.
+#[derive(Clone, Copy, PartialEq)]
+enum Cut {
+    /// No client has come.
+    NoClient,
+    /// Its time is over.
+    TimedOut,
+}
+
+/// Stops the run when `--wait-for-client` or `--timeout` is over, counted from now.
+fn limit(args: &Args, seen: &AtomicBool, ended: &AtomicBool, stop: &AtomicBool) -> Option<Cut> {
+    const LOOK: Duration = Duration::from_millis(20);
+    let begin = Instant::now();
+    let is_over = |s: Option<f64>| s.is_some_and(|s| begin.elapsed().as_secs_f64() >= s);
+    while !ended.load(Ordering::Relaxed) {
+        let cut = if is_over(args.wait_for_client) && !seen.load(Ordering::Relaxed) {
+            Some(Cut::NoClient)
+        } else {
+            is_over(args.timeout).then_some(Cut::TimedOut)
+        };
+        if cut.is_some() {
+            stop.store(true, Ordering::Relaxed);
+            return cut;
+        }
+        std::thread::sleep(LOOK);
+    }
+    None
+}
+
+/// Errors: a limit of time has ended the run before it had what was asked for.
+fn ended_in_time(args: &Args, cut: Option<Cut>, frames: u32) -> anyhow::Result<()> {
+    let seconds = |s: Option<f64>| s.unwrap_or_default();
+    match (cut, args.frames) {
+        (Some(Cut::NoClient), _) => bail!(
+            "no client has come within {} s (--wait-for-client): check that it sends to the address above",
+            seconds(args.wait_for_client)
+        ),
+        (Some(Cut::TimedOut), Some(wanted)) if frames < wanted => bail!(
+            "stopped after {} s (--timeout) with {frames} of {}",
+            seconds(args.timeout),
+            counted(wanted as usize, "frame")
+        ),
+        _ => Ok(()),
     }
 }
 

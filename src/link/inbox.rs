@@ -29,7 +29,7 @@ pub(crate) fn inbox(tally: Arc<Tally>) -> (Intake, Inbox) {
         Inbox {
             shared,
             looked: AtomicBool::new(false),
-            observer: None,
+            observers: Vec::new(),
         },
     )
 }
@@ -49,7 +49,7 @@ pub struct Inbox {
     shared: Arc<Shared>,
     /// Whether the emulator has looked in vain since the last packet.
     looked: AtomicBool,
-    observer: Option<Box<dyn Observer>>,
+    observers: Vec<Box<dyn Observer>>,
 }
 
 /// Sees how the emulator takes packets.
@@ -160,7 +160,7 @@ impl Inbox {
 
     /// Lets `observer` see every packet as it is taken.
     pub(crate) fn observe(&mut self, observer: Box<dyn Observer>) {
-        self.observer = Some(observer);
+        self.observers.push(observer);
     }
 
     /// The next packet, if there is one.
@@ -173,7 +173,7 @@ impl Inbox {
             None if intakes == 0 => Err(TryRecvError::Disconnected),
             None => {
                 self.looked.store(true, Ordering::Relaxed);
-                if let Some(observer) = &self.observer {
+                for observer in &self.observers {
                     observer.empty();
                 }
                 Err(TryRecvError::Empty)
@@ -183,7 +183,7 @@ impl Inbox {
 
     fn observed(&self, inbound: Inbound) -> Inbound {
         let first = self.looked.swap(false, Ordering::Relaxed);
-        if let Some(observer) = &self.observer {
+        for observer in &self.observers {
             observer.taken(&inbound, first);
         }
         inbound

@@ -4,6 +4,7 @@
 mod bus;
 mod can;
 pub mod capture;
+mod claim;
 mod departed;
 pub mod fault;
 mod inbox;
@@ -43,6 +44,7 @@ pub use skyloop_firmware_sim::roles::Roles;
 use skyloop_protocols::{FaultKind, Personality};
 use std::borrow::Cow;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tally::count;
@@ -177,7 +179,29 @@ pub struct Wire {
     pub sender: Option<JoinHandle<()>>,
 }
 
+/// Notes that a client has come.
+struct ClientSeen {
+    is_valid: fn(&[u8]) -> bool,
+    seen: Arc<AtomicBool>,
+}
+
+impl inbox::Observer for ClientSeen {
+    fn taken(&self, inbound: &Inbound, _: bool) {
+        if (self.is_valid)(&inbound.packet) {
+            self.seen.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
 impl Wire {
+    /// Sets `seen` when a valid packet of a client comes, as `is_valid` says.
+    pub fn note_client(&mut self, is_valid: fn(&[u8]) -> bool, seen: &Arc<AtomicBool>) {
+        self.inbox.observe(Box::new(ClientSeen {
+            is_valid,
+            seen: seen.clone(),
+        }));
+    }
+
     /// Lets what is queued leave, until `standstill` is over; what is left then is lost.
     pub(crate) fn close(&mut self, mut standstill: Standstill) {
         // Without an outbox the sender ends when its queue is empty.

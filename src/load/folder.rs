@@ -1,10 +1,18 @@
 //! Where configuration and orbit files are read from: a folder on disk, or the files built into the binary.
 
 use super::{ConfigError, embedded};
+use skyloop_orbit::{LARGEST_CONFIG, LARGEST_FILE};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// What stands for a folder where a scene is wanted.
 const SCENE: &str = "scene.toml";
+
+/// What to do about a file of settings that is too long.
+fn too_long(error: &std::io::Error) -> Option<&'static str> {
+    (error.kind() == ErrorKind::FileTooLarge)
+        .then_some("check that it is the right file; long tables of orbits and attitudes have files of their own")
+}
 
 /// The folder that relative file names in a configuration refer to.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,12 +40,12 @@ impl Folder {
             false => (path.to_path_buf(), "check the path"),
         };
         let shown = path.display().to_string();
-        match skyloop_orbit::read_text(&path) {
+        match skyloop_orbit::read_text_within(&path, LARGEST_CONFIG) {
             Ok(text) => Ok((Folder::of(&path), shown, text)),
             Err(source) => Err(ConfigError::Read {
                 file: shown,
+                remedy: too_long(&source).unwrap_or(remedy).to_string(),
                 source,
-                remedy: remedy.to_string(),
             }),
         }
     }
@@ -87,8 +95,18 @@ impl Folder {
         Ok(Some(all.map(|all| all.into_iter().map(below).collect())))
     }
 
-    /// The file called `name`, and the name to use for it in messages.
+    /// The TOML file called `name`, and the name to use for it in messages.
     pub fn read(&self, name: &str) -> Result<(String, String), ConfigError> {
+        self.read_within(name, LARGEST_CONFIG)
+    }
+
+    /// The file of orbits called `name`, likewise.
+    pub fn read_orbits(&self, name: &str) -> Result<(String, String), ConfigError> {
+        self.read_within(name, LARGEST_FILE)
+    }
+
+    /// The file called `name`, of at most `most` bytes, likewise.
+    pub fn read_within(&self, name: &str, most: u64) -> Result<(String, String), ConfigError> {
         let failed = |file: String, source: std::io::Error| {
             let path = match self {
                 Folder::Disk(folder) if folder.as_os_str().is_empty() => "check the path",
@@ -98,7 +116,12 @@ impl Folder {
             };
             ConfigError::Read {
                 file,
-                remedy: skyloop_orbit::remedy(&source).unwrap_or(path).to_string(),
+                remedy: match most {
+                    LARGEST_FILE => skyloop_orbit::remedy(&source),
+                    _ => too_long(&source),
+                }
+                .unwrap_or(path)
+                .to_string(),
                 source,
             }
         };
@@ -109,7 +132,7 @@ impl Folder {
                     "" => "\"\"".to_string(),
                     _ => path.display().to_string(),
                 };
-                match skyloop_orbit::read_text(&path) {
+                match skyloop_orbit::read_text_within(&path, most) {
                     Ok(text) => Ok((shown, text)),
                     Err(source) => Err(failed(shown, source)),
                 }

@@ -211,7 +211,7 @@ pub fn passed_over(names: &[String]) -> Option<String> {
 /// A file, or all files of a folder, of which those that are in no format of orbits are passed over.
 fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, ConfigError> {
     let Some([files, others]) = folder.listing(name)? else {
-        let (file, text) = folder.read(name)?;
+        let (file, text) = folder.read_orbits(name)?;
         return skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit(e.to_string()));
     };
     let mut all = Loaded::default();
@@ -248,7 +248,7 @@ enum Given {
 }
 
 fn given(folder: &Folder, name: &str) -> Given {
-    let (file, text) = match folder.read(name) {
+    let (file, text) = match folder.read_orbits(name) {
         Ok(read) => read,
         Err(ConfigError::Read { source, .. }) if source.kind() == ErrorKind::InvalidData => {
             return Given::Foreign;

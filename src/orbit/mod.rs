@@ -38,6 +38,7 @@ mod load;
 mod oem;
 mod omm;
 mod pick;
+mod read;
 mod record;
 mod regime;
 mod server;
@@ -55,10 +56,14 @@ pub use format::Format;
 pub use identity::{Identity, Register, catalogue_number, is_placeholder};
 pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
 pub use pick::file_and_name;
+pub use read::{
+    Input, LARGEST_CONFIG, LARGEST_FILE, LARGEST_PIPE, LARGEST_TABLE, inputs, is_input,
+    is_same_file, not_input, read_bytes, write_file,
+};
 pub use record::Record;
 pub use regime::Regime;
 pub use sgp4;
-pub use text::{LARGEST_FILE, Listing, files, read_text, remedy};
+pub use text::{Listing, files, read_text, read_text_within, remedy};
 pub use theory::Theory;
 pub use two_line::{Checksum, ElementsError};
 pub use write::{Written, write};

@@ -1,36 +1,29 @@
-//! Text files from outside, bounded: a file may be anything, a device without an end too.
+//! Text files from outside.
 
-use std::io::{Error, ErrorKind, Read, Result};
+use crate::read::{LARGEST_FILE, read_bytes};
+use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
-/// Octets that a file may have: a million OMM in XML, as `write` has them, take 1.1 billion.
-pub const LARGEST_FILE: u64 = 2 << 30;
-/// Octets after which what is no text is known to be none.
-const HEAD: u64 = 1 << 16;
-
-/// The text of a file of at most 2 GiB, without its byte order mark. Where that says so it is UTF-16, as some programs of
-/// Windows write it. Names in it may be in any encoding (what is no UTF-8 is replaced); all that is read as numbers is ASCII.
+/// The text of a file of orbits, of at most 2 GiB; see [`read_text_within`].
 ///
-/// Errors: the file cannot be read, is longer ([`ErrorKind::FileTooLarge`]), or is no text ([`ErrorKind::InvalidData`]): it holds a NUL.
+/// Errors: as there.
 pub fn read_text(path: &Path) -> Result<String> {
-    let mut file = std::fs::File::open(path)?;
-    let about = file.metadata()?;
-    let octets = if about.is_file() { about.len() } else { 0 };
-    let mut bytes = Vec::new();
-    file.by_ref().take(HEAD).read_to_end(&mut bytes)?;
-    let is_utf_16 = matches!(bytes.as_slice(), [0xff, 0xfe, ..] | [0xfe, 0xff, ..]);
-    if !is_utf_16 && bytes.contains(&0) {
-        return Err(no_text());
-    }
-    if octets <= LARGEST_FILE {
-        bytes.try_reserve_exact(octets as usize)?;
-        let left = LARGEST_FILE + 1 - bytes.len() as u64;
-        file.take(left).read_to_end(&mut bytes)?;
-    }
-    if octets.max(bytes.len() as u64) > LARGEST_FILE {
-        let why = format!("longer than {} GiB", LARGEST_FILE >> 30);
-        return Err(Error::new(ErrorKind::FileTooLarge, why));
-    }
+    read_text_within(path, LARGEST_FILE)
+}
+
+/// The text of a file of at most `most` bytes, without its byte order mark. Where that says so it is UTF-16, as some
+/// programs of Windows write it. Names in it may be in any encoding (what is no UTF-8 is replaced); all that is read as
+/// numbers is ASCII.
+///
+/// Errors: as of [`read_bytes`], and where the file is no text ([`ErrorKind::InvalidData`]): it holds a NUL.
+pub fn read_text_within(path: &Path, most: u64) -> Result<String> {
+    let bytes = read_bytes(path, most, |head| {
+        let is_utf_16 = matches!(head, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]);
+        if !is_utf_16 && head.contains(&0) {
+            return Err(no_text());
+        }
+        Ok(())
+    })?;
     let text = match bytes.as_slice() {
         [0xff, 0xfe, rest @ ..] => utf_16(rest, u16::from_le_bytes),
         [0xfe, 0xff, rest @ ..] => utf_16(rest, u16::from_be_bytes),
@@ -97,18 +90,10 @@ mod tests {
     use super::*;
 
     #[test]
-    #[cfg(unix)]
-    fn a_file_without_an_end_is_refused() {
-        let error = read_text(Path::new("/dev/zero")).unwrap_err();
-        assert_eq!(error.kind(), ErrorKind::InvalidData);
-        assert_eq!(read_text(Path::new("/dev/null")).unwrap(), "");
-    }
-
-    #[test]
     fn what_is_too_long_is_told_with_what_helps() {
         let here = std::env::temp_dir().join(format!("skyloop-long-{}", std::process::id()));
         let mut file = std::fs::File::create(&here).unwrap();
-        std::io::Write::write_all(&mut file, &[b' '; HEAD as usize]).unwrap();
+        std::io::Write::write_all(&mut file, &[b' '; 1 << 16]).unwrap();
         // The rest is a hole that takes no room.
         file.set_len(LARGEST_FILE + 1).unwrap();
         let error = crate::load(&here).unwrap_err().to_string();

@@ -1,7 +1,8 @@
 //! The folder of a run: our names in it, and errors that say which file and what to do.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, ErrorKind, Write};
+use std::io::{self, BufRead, BufReader, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
@@ -65,6 +66,56 @@ fn is_ours(name: &str) -> bool {
     })
 }
 
+/// The frames that the labels of an earlier run list; `None` where the file is no list of labels, or is not there.
+fn earlier_frames(labels: &Path) -> Option<BTreeSet<u32>> {
+    let mut from = BufReader::new(File::open(labels).ok().filter(is_file)?);
+    let mut frames = BTreeSet::new();
+    loop {
+        let mut head = Vec::new();
+        from.by_ref().take(LABEL_HEAD).read_to_end(&mut head).ok()?;
+        if head.is_empty() {
+            return Some(frames);
+        }
+        // The last line of a run that was killed may be short.
+        let text = String::from_utf8_lossy(&head);
+        let number = text.strip_prefix("{\"frame\":")?;
+        let digits = number.split(|c: char| !c.is_ascii_digit()).next()?;
+        frames.insert(digits.parse().ok()?);
+        from.skip_until(b'\n').ok()?;
+    }
+}
+
+/// Bytes that a line of labels is known by: the longest number of a frame is in them, and no line is as short.
+const LABEL_HEAD: u64 = 24;
+
+fn is_file(file: &File) -> bool {
+    file.metadata().is_ok_and(|about| about.is_file())
+}
+
+/// Whether a file of one of our names is of the earlier run whose labels list these frames. A run that was killed may have
+/// left one frame more.
+fn is_earlier(name: &str, frames: Option<&BTreeSet<u32>>) -> bool {
+    let Some(frames) = frames else { return false };
+    let Some(rest) = name.strip_prefix("frame_") else {
+        return true;
+    };
+    let digits = rest.split(|c: char| !c.is_ascii_digit()).next();
+    let number = digits.and_then(|digits| digits.parse().ok());
+    let next = frames.last().map_or(0, |last| last.saturating_add(1));
+    number.is_some_and(|number| frames.contains(&number) || number == next)
+}
+
+fn foreign() -> io::Error {
+    let why = "skyloop did not make this file (--force replaces it all the same)";
+    io::Error::new(ErrorKind::InvalidInput, why)
+}
+
+/// Whether a run that writes into the folder `dir` would write a file at `path`.
+pub fn is_of_run(dir: &Path, path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    name.is_some_and(|name| is_ours(name) && skyloop_orbit::is_same_file(&dir.join(name), path))
+}
+
 /// An output folder.
 #[derive(Debug)]
 pub struct Folder {
@@ -72,10 +123,14 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Creates the folder if need be, and removes an earlier run's files.
-    pub fn open(dir: &Path) -> Result<Folder, OutputError> {
+    /// Creates the folder if need be, and removes an earlier run's files; with `force` all that have their names.
+    ///
+    /// An earlier run's files are those that its `labels.jsonl` lists, and that itself. Nothing is removed where another file has one of these names, or
+    /// where this process has read one of them.
+    pub fn open(dir: &Path, force: bool) -> Result<Folder, OutputError> {
         let folder = Folder::shared(dir)?;
         let read = |e| folder.error("read the folder", "", e);
+        let mut names = Vec::new();
         for entry in fs::read_dir(dir).map_err(read)? {
             let entry = entry.map_err(read)?;
             let name = entry.file_name();
@@ -84,11 +139,39 @@ impl Folder {
             };
             // A folder of such a name is not of an earlier run.
             if !entry.file_type().map_err(read)?.is_dir() {
-                fs::remove_file(entry.path())
-                    .map_err(|e| folder.error("remove the earlier run's", name, e))?;
+                names.push(name.to_string());
             }
         }
+        let earlier = earlier_frames(&folder.path(super::LABELS));
+        for name in &names {
+            let replace = |e| folder.error("replace", name, e);
+            skyloop_orbit::not_input(&folder.path(name)).map_err(replace)?;
+            if !force && !is_earlier(name, earlier.as_ref()) {
+                return Err(replace(foreign()));
+            }
+        }
+        for name in &names {
+            fs::remove_file(folder.path(name))
+                .map_err(|e| folder.error("remove the earlier run's", name, e))?;
+        }
         Ok(folder)
+    }
+
+    /// Refuses to replace a table and other files that come with it, unless the table begins as skyloop's do.
+    pub fn may_replace(&self, table: &str, head: &str, others: &[&str]) -> Result<(), OutputError> {
+        let mut begin = Vec::new();
+        let file = File::open(self.path(table));
+        let read = file.and_then(|file| file.take(head.len() as u64).read_to_end(&mut begin));
+        let is_ours = read.is_ok() && begin == head.as_bytes();
+        let names = std::iter::once(&table).chain(others);
+        for name in names.filter(|name| self.path(name).is_file()) {
+            let replace = |e| self.error("replace", name, e);
+            skyloop_orbit::not_input(&self.path(name)).map_err(replace)?;
+            if !is_ours {
+                return Err(replace(foreign()));
+            }
+        }
+        Ok(())
     }
 
     /// Creates the folder if need be, and leaves alone what is in it.

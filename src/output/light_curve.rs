@@ -18,6 +18,13 @@ const HEAD: &str = "utc,t_s,mag,band_mag,range_km,phase_deg,illumination,reason"
 const ARRIVING: Rgb888 = Rgb888::new(255, 200, 80);
 const SUNLIT: Rgb888 = Rgb888::new(110, 140, 190);
 
+/// Whether the files in `dir` may be replaced.
+///
+/// Errors: skyloop did not make them.
+pub fn may_replace_light_curve(dir: &Path) -> Result<(), OutputError> {
+    Folder::shared(dir)?.may_replace(TABLE, HEAD, &[PICTURE])
+}
+
 /// Writes `lightcurve.csv` and `lightcurve.png` into `dir`, which is made if it does not exist; other files in it are left alone.
 ///
 /// Errors: the folder or a file cannot be written.

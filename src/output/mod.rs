@@ -28,8 +28,8 @@ mod stretch;
 mod text;
 mod wcs;
 
-pub use folder::OutputError;
-pub use light_curve::write_light_curve;
+pub use folder::{OutputError, is_of_run};
+pub use light_curve::{may_replace_light_curve, write_light_curve};
 pub use scatter::{Dot, Scatter, write_scatter};
 pub use text::{make_folder, remove_file, write_text};
 
@@ -42,6 +42,13 @@ use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 use stretch::Levels;
+
+/// Refuses to replace a table called `table` in `dir`, and the picture `picture`, unless the table begins with `head`.
+///
+/// Errors: it does not, this process has read one of them, or the folder cannot be created.
+pub fn may_replace(dir: &Path, table: &str, head: &str, picture: &str) -> Result<(), OutputError> {
+    Folder::shared(dir)?.may_replace(table, head, &[picture])
+}
 
 const LABELS: &str = "labels.jsonl";
 const SHEET: &str = "contact_sheet.png";
@@ -58,12 +65,19 @@ impl Writer {
     /// Opens `dir` for a run of `frames` frames (which choose the contact sheet's panels; more or fewer
     /// may come), creating it if need be.
     ///
-    /// Files of an earlier run, known by their exact names, are removed; no other file is touched.
+    /// Files of an earlier run, those that its labels list, are removed; no other file is touched.
     ///
-    /// Errors: the folder cannot be created or is a file, an earlier file cannot be removed, the labels
-    /// cannot be created.
+    /// Errors: the folder cannot be created or is a file, a file that skyloop did not make, or that this process has read,
+    /// has the name of one of the run's, an earlier file cannot be removed, the labels cannot be created.
     pub fn create(dir: &Path, frames: u32) -> Result<Writer, OutputError> {
-        let folder = Folder::open(dir)?;
+        Writer::create_over(dir, frames, false)
+    }
+
+    /// [`Writer::create`]; with `force` whatever has the name of one of the run's files is replaced, whoever made it.
+    ///
+    /// Errors: as there.
+    pub fn create_over(dir: &Path, frames: u32, force: bool) -> Result<Writer, OutputError> {
+        let folder = Folder::open(dir, force)?;
         let labels = folder.create(LABELS)?;
         Ok(Writer {
             folder,

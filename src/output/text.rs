@@ -11,7 +11,7 @@ pub fn write_text(path: &Path, text: &str) -> Result<(), OutputError> {
     if let Some(folder) = path.parent() {
         make_folder(folder)?;
     }
-    fs::write(path, text).map_err(|e| fail("write", path, e))
+    skyloop_orbit::write_file(path, text).map_err(|e| fail("write", path, e))
 }
 
 /// Makes a folder, if it is not there: before long work whose outcome it is to hold.
@@ -25,7 +25,8 @@ pub fn make_folder(folder: &Path) -> Result<(), OutputError> {
 ///
 /// Errors: it cannot be removed.
 pub fn remove_file(path: &Path) -> Result<(), OutputError> {
-    fs::remove_file(path).map_err(|e| fail("remove", path, e))
+    let removed = skyloop_orbit::not_input(path).and_then(|()| fs::remove_file(path));
+    removed.map_err(|e| fail("remove", path, e))
 }
 
 fn fail(action: &'static str, path: &Path, source: std::io::Error) -> OutputError {

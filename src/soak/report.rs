@@ -1,10 +1,10 @@
-//! The report of a long run: as a table, as JSON, as cases for JUnit.
+//! The report of a long run: as a table, as JSON, as JUnit XML.
 
 use super::{Camera, Limits, Measured, Verdict};
 use crate::host::{HostReport, Memory};
-use crate::junit::Case;
 use crate::realtime::Granted;
 use serde::{Serialize, Serializer};
+use skyloop_firmware_sim::verdict::Suite;
 use std::path::Path;
 
 /// What a long run is told by.
@@ -81,32 +81,34 @@ impl Report {
         rows
     }
 
-    /// A case for each verdict, for [`crate::junit::document`]; each has what the machine did, and the table of times.
+    /// The suite of a JUnit file: with what the machine did, and the table of times.
     #[must_use]
-    pub fn cases(&self) -> Vec<Case> {
+    pub fn suite(&self) -> Suite {
         let mut properties = self.host.rows();
         properties.push(("real time".to_string(), self.realtime.to_string()));
         let rows = self.rows();
-        let table: String = rows
-            .iter()
-            .map(|(name, value)| format!("{name}: {value}\n"))
-            .collect();
-        // The same wherever the file lies: what collects such files goes by it.
-        let file = Path::new(&self.scene).file_name();
-        let file = file.map_or(self.scene.as_str().into(), |file| file.to_string_lossy());
-        let file = file.replace(['.', ' '], "_");
-        let case = |verdict: &Verdict| Case {
-            name: match &verdict.camera {
-                None => verdict.name.to_string(),
-                Some(camera) => format!("{} of {camera}", verdict.name),
-            },
-            classname: format!("skyloop.soak.{file}"),
+        Suite {
             seconds: self.minutes * 60.0,
-            failure: (!verdict.passed).then(|| (verdict.text.clone(), verdict.text.clone())),
-            properties: properties.clone(),
-            system_out: format!("{}\n{table}", verdict.text),
-        };
-        self.verdicts.iter().map(case).collect()
+            properties,
+            table: rows
+                .iter()
+                .map(|(name, value)| format!("{name}: {value}\n"))
+                .collect(),
+            ..suite(Path::new(&self.scene))
+        }
+    }
+}
+
+/// The suite of a run of this file. Its class is the same in whatever folder the file lies: what collects such files goes
+/// by it.
+#[must_use]
+pub fn suite(scene: &Path) -> Suite {
+    let file = scene.file_name().unwrap_or(scene.as_os_str());
+    let file = file.to_string_lossy().replace(['.', ' '], "_");
+    Suite {
+        name: "skyloop soak",
+        classname: format!("skyloop.soak.{file}"),
+        ..Suite::default()
     }
 }
 
@@ -147,14 +149,14 @@ mod tests {
         assert!(json["first_frame_s"].is_null() && json["memory"]["warm"].is_null());
         assert!(json["host"]["processor"].is_string());
         assert!(json["realtime"].as_array().unwrap().is_empty());
-        let cases = report.cases();
-        assert_eq!(cases.len(), 2);
-        assert!(cases[0].failure.is_none());
-        assert_eq!(cases[1].classname, "skyloop.soak.leo_1_toml");
-        assert_eq!(cases[1].seconds, 1800.0);
-        let (message, _) = cases[1].failure.as_ref().unwrap();
-        assert!(message.contains("frame 512"), "{message}");
-        let out = &cases[1].system_out;
-        assert!(out.contains("\nto the last octet: "), "{out}");
+        let junit = report.suite().document(&report.verdicts);
+        for part in [
+            "tests=\"2\" failures=\"1\"",
+            "classname=\"skyloop.soak.leo_1_toml\" time=\"1800.000\"",
+            "frame 512",
+            "\nto the last octet: ",
+        ] {
+            assert!(junit.contains(part), "no {part:?} in {junit}");
+        }
     }
 }

@@ -51,9 +51,74 @@ fn a_recorded_loopback_is_replayed() {
             "pixel (column ",
             "recorded ",
             "replayed ",
-            "--scene",
+            "files and settings are those of the recording",
         ],
     );
+}
+
+/// Whatever of its files has changed, a replay names it.
+#[test]
+fn a_replay_of_another_input_says_what_differs() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = |seed: u32| {
+        let text = format!(
+            "seed = {seed}\ncamera = \"camera.toml\"\n[sequence]\nepoch = \"2026-01-01T00:00:00Z\"\nframes = 1\nperiod_s = 1.0\n\
+             attitudes = [{{ q = [0.0, 0.0, 0.0, 1.0] }}]\n"
+        );
+        std::fs::write(at.join("scene.toml"), text).unwrap();
+    };
+    let camera = std::fs::read_to_string(crate::repository("configs/cameras/fai-nir.toml"));
+    let camera = camera.unwrap();
+    std::fs::write(at.join("camera.toml"), &camera).unwrap();
+    scene(1);
+    let record = "loopback --scene scene.toml --frames 1 --capture run.pcapng";
+    let (code, text) = say(at, record);
+    assert_eq!(code, Some(0), "{text}");
+    let (code, text) = say(at, "replay run.pcapng --scene scene.toml");
+    assert!(
+        code == Some(0) && !text.contains("not as recorded"),
+        "{text}"
+    );
+    scene(2);
+    let slow = camera.replace("exposure_s = 0.1 ", "exposure_s = 0.2 ");
+    for (change, words, says) in [
+        ("scene", "", "scene.toml: changed since the recording"),
+        ("camera", "", "camera.toml: changed since the recording"),
+        // The frame would have come.
+        (
+            "camera",
+            "--patience 0.0001",
+            "camera.toml: changed since the recording",
+        ),
+        (
+            "none",
+            "--output labels",
+            "--output: recorded frame, now labels",
+        ),
+        (
+            "built-in",
+            "",
+            "scene.toml: read for the recording, not now",
+        ),
+    ] {
+        scene(if change == "scene" { 2 } else { 1 });
+        let text = if change == "camera" { &slow } else { &camera };
+        std::fs::write(at.join("camera.toml"), text).unwrap();
+        let scene = if change == "built-in" {
+            ""
+        } else {
+            "--scene scene.toml"
+        };
+        let (code, text) = say(at, &format!("replay run.pcapng {scene} {words}"));
+        assert_eq!(code, Some(1), "{change}: {text}");
+        let error = text.lines().last().unwrap();
+        assert!(
+            error.starts_with("error: ") && error.contains(says),
+            "{change}: {text}"
+        );
+        assert!(!text.contains("give it longer"), "{text}");
+    }
 }
 
 /// Frames over the bus, recorded there. Few packets a frame: a machine that is busy for a second delays one message of the
@@ -238,6 +303,10 @@ fn a_run_at_another_output_level_is_replayed_at_it() {
     let (code, text) = say(at, "replay run.pcapng");
     assert_eq!(code, Some(1), "{text}");
     has(&text, &["pixel_level", "recorded None", "replayed Frame"]);
+    has(
+        &text,
+        &["not as recorded: --output: recorded labels, now frame"],
+    );
 }
 
 #[test]

@@ -226,3 +226,21 @@ fn what_cannot_be_soaked_is_told_before() {
         &["run.delay_s", "at most 16"],
     );
 }
+
+/// A level that the line can carry at the camera's rate, where the file's cannot.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_soak_takes_the_level_that_it_is_given() {
+    let here = tempfile::tempdir().unwrap();
+    files(here.path(), "clock = \"wall\"");
+    let words = "soak --config run.toml --minutes 0.02 --max-miss-rate 1 --link pty?baud=921600";
+    for (level, code) in [
+        ("", Some(1)),
+        (" --output labels", Some(0)),
+        (" --output x", Some(2)),
+    ] {
+        let output = soak(here.path(), &format!("{words}{level}"));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), code, "{level}: {said}");
+    }
+}

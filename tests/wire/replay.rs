@@ -5,8 +5,8 @@ use crate::support::{EPOCH, PATIENCE, Running, attitude, later, options, scene};
 use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
 use skyloop::link;
-use skyloop::link::capture::Capture;
 use skyloop::link::capture::replay::{Progress, Replay, load};
+use skyloop::link::capture::{Capture, Origin};
 use skyloop::link::fault::{Book, Plan, wrap};
 use skyloop::serve::Server;
 use skyloop_protocols::personality::NATIVE;
@@ -48,7 +48,8 @@ fn record(file: &Path) -> (Counters, u64) {
     let wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
     let mut line = UdpLine::to(&wire.address);
     let mut wire = wrap(wire, &plan, &NATIVE, &book).unwrap();
-    let capture = Capture::packets(file, std::slice::from_ref(&wire.address)).unwrap();
+    let mut capture = Capture::packets(file, std::slice::from_ref(&wire.address)).unwrap();
+    capture.begin(&Origin::default()).unwrap();
     capture.tap(&mut wire, 0);
     let emulator = Running::start(small(), Clock::Stepped, wire);
     let mut buffer = [0; MAX_PACKET];
@@ -201,7 +202,8 @@ fn several_links_are_replayed_together() {
     let file = folder.path().join("run.pcapng");
     let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
     let mut links = link::open_all(&urls, &options(5.0)).unwrap();
-    let capture = Capture::packets(&file, &urls).unwrap();
+    let mut capture = Capture::packets(&file, &urls).unwrap();
+    capture.begin(&Origin::default()).unwrap();
     let mut lines = Vec::new();
     for (number, (wire, _)) in (0..).zip(&mut links) {
         lines.push(UdpLine::to(&wire.address));
@@ -272,7 +274,8 @@ fn refused_faults_are_refused_again() {
             let book = Arc::new(Mutex::new(Book::default()));
             wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
         }
-        let capture = Capture::packets(&file, std::slice::from_ref(&wire.address)).unwrap();
+        let mut capture = Capture::packets(&file, std::slice::from_ref(&wire.address)).unwrap();
+        capture.begin(&Origin::default()).unwrap();
         capture.tap(&mut wire, 0);
         let emulator = Running::start(small(), Clock::Stepped, wire);
         let delay = refused(&mut line, 0, &fault(FaultKind::Delay));
@@ -298,7 +301,8 @@ fn addresses_in_refusals_are_not_compared() {
     let file = folder.path().join("run.pcapng");
     let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
     let mut links = link::open_all(&urls, &options(5.0)).unwrap();
-    let capture = Capture::packets(&file, &urls).unwrap();
+    let mut capture = Capture::packets(&file, &urls).unwrap();
+    capture.begin(&Origin::default()).unwrap();
     capture.tap(&mut links[0].0, 0);
     capture.tap(&mut links[1].0, 1);
     let mut line = UdpLine::to(&links[1].0.address);
@@ -329,7 +333,8 @@ fn a_frame_that_was_given_up_is_given_up_again() {
     let file = folder.path().join("run.pcapng");
     let mut wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
     let mut line = UdpLine::to(&wire.address);
-    let capture = Capture::packets(&file, std::slice::from_ref(&wire.address)).unwrap();
+    let mut capture = Capture::packets(&file, std::slice::from_ref(&wire.address)).unwrap();
+    capture.begin(&Origin::default()).unwrap();
     capture.tap(&mut wire, 0);
     let emulator = Running::start(small(), Clock::Stepped, wire);
     says(&mut line, &[Command::Credit { packets: 5 }]);

@@ -9,7 +9,7 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::AttitudeList;
 use skyloop_firmware_sim::profile::{LimbStare, Profile, Scan};
 use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion};
-use skyloop_orbit::read_text;
+use skyloop_orbit::{LARGEST_TABLE, read_text_within};
 
 /// Heights that a limb stare may have, km.
 const HEIGHTS_KM: std::ops::RangeInclusive<f64> = 0.0..=10_000.0;
@@ -83,7 +83,7 @@ impl ProfileArgs {
     pub fn profile(&self, start: Epoch) -> Result<Profile> {
         if let Some(path) = &self.attitudes {
             let name = path.display().to_string();
-            let text = read_text(path).map_err(|error| {
+            let text = read_text_within(path, LARGEST_TABLE).map_err(|error| {
                 anyhow!("cannot read the attitudes in {name}: {error}; --attitudes takes a text file of lines UTC x y z w")
             })?;
             return Ok(Profile::List(AttitudeList::parse(&text, &name)?));

@@ -72,7 +72,7 @@ fn read(
     folder: &Folder,
 ) -> Result<Image, ConfigError> {
     let key = format!("{key}.file");
-    let found = folder.read(&raw.file);
+    let found = folder.read_within(&raw.file, skyloop_orbit::LARGEST_TABLE);
     let (file, text) = found.map_err(|error| check.explain(&key, error))?;
     let most = (2.0 * FURTHEST_PX * oversampling).min(4096.0) as usize;
     let wrong = |reason: String| check.explain(&key, format!("{file}: {reason}"));

@@ -8,8 +8,8 @@ use clap::builder::PossibleValuesParser;
 use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::load::orbits::passed_over;
-use skyloop::orbit::{Format, write};
-use skyloop_firmware_sim::console::say;
+use skyloop::orbit::{Format, write, write_file};
+use skyloop_firmware_sim::console::{say, write_out};
 use std::path::PathBuf;
 
 /// Arguments of `skyloop catalog convert`.
@@ -79,9 +79,9 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let remedy = "convert the files one by one into a folder, or --to omm-csv";
     super::fits(&sets, format, written.text.len() as f64, remedy)?;
     match &args.out {
-        None => say(&written.text)?,
+        None => write_out(&written.text)?,
         Some(out) => {
-            std::fs::write(out, &written.text).with_context(|| out.display().to_string())?;
+            write_file(out, &written.text).with_context(|| out.display().to_string())?;
             say(format_args!("wrote {sets} to {}\n", out.display()))?;
         }
     }

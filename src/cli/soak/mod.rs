@@ -3,18 +3,17 @@
 mod joining;
 
 use super::instruments::are_different;
-use super::{Orbits, PANICKED, Records, cameras, live, mission};
-use anyhow::{Context, anyhow, bail};
+use super::{Orbits, PANICKED, Records, cameras, levels, live, mission, with_level};
+use anyhow::{Context, Error, bail};
 use clap::Args as ClapArgs;
 use joining::{Arrival, Joining};
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::host::Host;
-use skyloop::junit::{self, Case};
 use skyloop::link::{self, Roles};
 use skyloop::serve::{Ended, Left, OnLeft, Server};
-use skyloop::soak::{Camera, Drift, Limits, Measured, Report};
+use skyloop::soak::{Camera, Drift, Limits, Measured, Report, suite};
 use skyloop::stats::{row, table};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
@@ -22,10 +21,11 @@ use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::decimal;
+use skyloop_firmware_sim::verdict::{self, UNFINISHED, Verdict};
 use skyloop_protocols::Counters;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -52,6 +52,9 @@ pub struct Args {
     /// Link between emulator and client: memory, udp, serial, pty, can or slcan, as in `loopback`
     #[arg(long, default_value = "udp")]
     link: String,
+    /// What frames bring [default: the file's]
+    #[arg(long, value_name = "LEVEL", value_parser = levels())]
+    output: Option<String>,
     /// Attitudes a second [default: two a frame]
     #[arg(long, value_name = "HZ", value_parser = decimal(1e-3..=1e5), allow_negative_numbers = true)]
     rate: Option<f64>,
@@ -104,7 +107,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         links.push(vec![(wire, roles)]);
         ports.push((port, roles));
     }
-    let output = config.run.output;
+    let output = with_level(config.run.output, args.output.as_deref());
     let (mut server, mut heads) =
         cameras::serve(&config, emulator, links, Some(&first), output, &help)?;
     let (to_tell, left) = channel::<(usize, Left)>();
@@ -265,12 +268,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let reached_hz = f64::from(attitudes) / (60.0 * minutes);
     let rate = format!("{reached_hz:.1} a second, of {rate_hz} asked for");
     tell(&report, &args, rate)?;
-    if !report.passed {
-        let broken = report.verdicts.iter().filter(|verdict| !verdict.passed);
-        let broken: Vec<&str> = broken.map(|verdict| verdict.text.as_str()).collect();
-        bail!("{}", broken.join("; "));
-    }
-    Ok(())
+    verdict::broken(&report.verdicts).map_or(Ok(()), |broken| bail!(broken))
 }
 
 /// Errors: what cannot be soaked, told before minutes are spent on it.
@@ -351,30 +349,16 @@ fn short(minutes: f64) -> String {
 
 /// The files that were asked for, as they are of a run that has told no verdict.
 fn write_untold(args: &Args) -> anyhow::Result<()> {
-    const UNTOLD: &str = "the run has not come to its end";
     if let Some(path) = &args.junit {
-        let case = Case {
-            name: "verdict".to_string(),
-            classname: "skyloop.soak".to_string(),
-            failure: Some((UNTOLD.to_string(), UNTOLD.to_string())),
-            ..Case::default()
-        };
-        write(path, junit::document("skyloop soak", &[case]))?;
+        let unfinished = Verdict::new("run", false, UNFINISHED.to_string());
+        let text = suite(&args.config).document(&[unfinished]);
+        verdict::write(path, &text).map_err(Error::msg)?;
     }
     if let Some(path) = &args.json {
-        let untold = serde_json::json!({ "passed": false, "error": UNTOLD });
-        write(path, format!("{untold:#}\n"))?;
+        let unfinished = serde_json::json!({ "passed": false, "error": UNFINISHED });
+        verdict::write(path, &format!("{unfinished:#}\n")).map_err(Error::msg)?;
     }
     Ok(())
-}
-
-fn write(path: &Path, text: String) -> anyhow::Result<()> {
-    std::fs::write(path, text).map_err(|error| {
-        anyhow!(
-            "cannot write {}: {error}; name another file",
-            path.display()
-        )
-    })
 }
 
 /// The table, with the rate of attitudes, and the files that were asked for.
@@ -390,18 +374,14 @@ fn tell(report: &Report, args: &Args, rate: String) -> anyhow::Result<()> {
         .collect();
     rows.push(row("counters", counts.join(", ")));
     say(format_args!("\n{}", table(&rows)))?;
-    for verdict in &report.verdicts {
-        say(format_args!(
-            "{}: {}\n",
-            if verdict.passed { "kept" } else { "broken" },
-            verdict.text
-        ))?;
-    }
+    say(verdict::table(&report.verdicts))?;
     if let Some(path) = &args.junit {
-        write(path, junit::document("skyloop soak", &report.cases()))?;
+        let text = report.suite().document(&report.verdicts);
+        verdict::write(path, &text).map_err(Error::msg)?;
     }
     if let Some(path) = &args.json {
-        write(path, serde_json::to_string_pretty(report)? + "\n")?;
+        let text = serde_json::to_string_pretty(report)? + "\n";
+        verdict::write(path, &text).map_err(Error::msg)?;
     }
     Ok(())
 }

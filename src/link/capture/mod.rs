@@ -4,19 +4,21 @@
 mod bus;
 pub mod candump;
 mod difference;
+mod origin;
 pub mod pcapng;
 mod recording;
 pub mod replay;
 mod silence;
 mod whole;
 
+use super::claim::Claim;
 use super::inbox::Observer;
 use super::{Inbound, LinkError, Outbound, Outbox, Wire};
+pub use origin::Origin;
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::{Direction, FaultKind};
 use std::borrow::Cow;
 use std::collections::VecDeque;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -92,10 +94,16 @@ pub struct Capture {
     queue: SyncSender<Message>,
     thread: Option<JoinHandle<Result<u64, CaptureError>>>,
     clock: WallTime,
+    file: Claim,
+    name: String,
+    /// The links of a recording of packets; none of one of CAN frames.
+    links: Option<Vec<String>>,
 }
 
 /// To the thread that writes.
 enum Message {
+    /// What the file begins with.
+    Head(Vec<u8>),
     /// One record in the file's format.
     Record(Vec<u8>),
     /// The run has ended.
@@ -130,15 +138,15 @@ impl WallTime {
 }
 
 impl Capture {
-    /// Begins a recording in `file`, which starts with `head`.
-    fn create(file: &Path, head: &[u8]) -> Result<Capture, CaptureError> {
+    /// Opens `file` for a recording; it is changed by [`Capture::begin`] only.
+    fn create(file: &Path, links: Option<Vec<String>>) -> Result<Capture, CaptureError> {
         let name = file.display().to_string();
         let failed = |source| CaptureError::Create {
             file: name.clone(),
             source,
         };
-        let mut to = File::create(file).map_err(failed)?;
-        to.write_all(head).map_err(failed)?;
+        let claim = Claim::new(file).map_err(failed)?;
+        let to = claim.file().map_err(failed)?;
         let (queue, records) = sync_channel(QUEUE);
         let thread = std::thread::Builder::new()
             .name("capture".to_string())
@@ -151,17 +159,35 @@ impl Capture {
             queue,
             thread: Some(thread),
             clock: WallTime::now(),
+            file: claim,
+            name,
+            links,
         })
     }
 
     /// Records packets of these links in `file` (pcapng).
     pub fn packets(file: &Path, links: &[String]) -> Result<Capture, CaptureError> {
-        Capture::create(file, &pcapng::head(links))
+        Capture::create(file, Some(links.to_vec()))
     }
 
     /// Records CAN frames in `file` (candump's log format); they are given to the [`Recorder`].
     pub fn frames(file: &Path) -> Result<Capture, CaptureError> {
-        Capture::create(file, b"")
+        Capture::create(file, None)
+    }
+
+    /// Begins the recording, in place of what the file had. One of packets starts with `origin`; candump's format has no
+    /// place for it.
+    pub fn begin(&mut self, origin: &Origin) -> Result<(), CaptureError> {
+        self.file.begin().map_err(|source| CaptureError::Create {
+            file: self.name.clone(),
+            source,
+        })?;
+        if let Some(links) = &self.links {
+            let head = pcapng::head(links, &origin.to_lines());
+            // A thread that has gone has left its reason.
+            let _ = self.queue.send(Message::Head(head));
+        }
+        Ok(())
     }
 
     /// The way into the recording for a thread of its own.
@@ -303,6 +329,10 @@ fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u6
         let mut done = Ok(());
         let mut is_over = false;
         match records.recv_timeout(FLUSH) {
+            Ok(Message::Head(head)) => {
+                end += head.len() as u64;
+                done = to.write_all(&head);
+            }
             Ok(Message::Record(record)) => {
                 taken += 1;
                 end += record.len() as u64;

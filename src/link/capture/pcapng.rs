@@ -34,8 +34,8 @@ const OUTBOUND: u32 = 2;
 /// Largest block that is read.
 const LARGEST: usize = 1 << 20;
 
-/// What a file starts with: the section, and an interface for each of the links.
-pub fn head(links: &[String]) -> Vec<u8> {
+/// What a file starts with: the section with its comments, and an interface for each of the links.
+pub fn head(links: &[String], comments: &[String]) -> Vec<u8> {
     let mut section = Vec::new();
     section.extend(MAGIC.to_le_bytes());
     // Version 1.0; the section's length is not known.
@@ -43,6 +43,9 @@ pub fn head(links: &[String]) -> Vec<u8> {
     section.extend((-1_i64).to_le_bytes());
     let program = concat!("skyloop ", env!("CARGO_PKG_VERSION"));
     option(&mut section, PROGRAM, program.as_bytes());
+    for comment in comments {
+        option(&mut section, COMMENT, comment.as_bytes());
+    }
     option(&mut section, END, b"");
     let mut head = framed(SECTION, &section);
     for link in links {
@@ -112,6 +115,8 @@ pub fn is_pcapng(octets: &[u8]) -> bool {
 /// What a file holds.
 #[derive(Debug, PartialEq)]
 pub struct Packets {
+    /// Comments of the section.
+    pub comments: Vec<String>,
     /// Its links, by number.
     pub links: Vec<String>,
     /// Their packets.
@@ -120,12 +125,12 @@ pub struct Packets {
 
 /// Reads the records of a file that skyloop has written; blocks of other kinds are passed over. A last block that is cut
 /// off (the run was killed) is left out, and the log says so.
-pub fn read(file: &Path, octets: &[u8]) -> Result<Packets, CaptureError> {
+pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
     let wrong = |at: usize, what: &str| CaptureError::Format {
         file: file.display().to_string(),
         reason: format!("octet {at}: {what}"),
     };
-    let (mut links, mut records) = (Vec::new(), Vec::new());
+    let (mut comments, mut links, mut records) = (Vec::new(), Vec::new(), Vec::new());
     let mut at = 0;
     while at < octets.len() {
         let block = &octets[at..];
@@ -146,6 +151,10 @@ pub fn read(file: &Path, octets: &[u8]) -> Result<Packets, CaptureError> {
             SECTION if word(body, 0) != Some(MAGIC) => {
                 return Err(wrong(at, "not the order of octets that skyloop writes"));
             }
+            SECTION => {
+                let texts = values(body, 16, COMMENT);
+                comments.extend(texts.map(|text| String::from_utf8_lossy(text).into_owned()));
+            }
             INTERFACE => {
                 let link = word(body, 0).map(|word| word as u16);
                 if link != Some(UPPER_PDU) || value(body, 8, RESOLUTION) != Some(&[NANOSECONDS]) {
@@ -158,7 +167,7 @@ pub fn read(file: &Path, octets: &[u8]) -> Result<Packets, CaptureError> {
                 links.push(String::from_utf8_lossy(name).into_owned());
             }
             PACKET => {
-                let record = packet(body).ok_or_else(|| {
+                let record = packet(octets, body).ok_or_else(|| {
                     wrong(
                         at,
                         "a packet without skyloop's tags: only its own recordings can be replayed",
@@ -177,11 +186,15 @@ pub fn read(file: &Path, octets: &[u8]) -> Result<Packets, CaptureError> {
             octets.len() - at
         );
     }
-    Ok(Packets { links, records })
+    Ok(Packets {
+        comments,
+        links,
+        records,
+    })
 }
 
-/// A packet's block without its frame.
-fn packet(body: &[u8]) -> Option<Record<Bytes>> {
+/// A packet's block without its frame, a part of `octets`.
+fn packet(octets: &Bytes, body: &[u8]) -> Option<Record<Bytes>> {
     let ns = u64::from(word(body, 4)?) << 32 | u64::from(word(body, 8)?);
     let length = word(body, 12)? as usize;
     let data = body.get(20..20 + length)?;
@@ -197,23 +210,25 @@ fn packet(body: &[u8]) -> Option<Record<Bytes>> {
         link: word(body, 0)?,
         exchange: number(QUEUE).unwrap_or(0),
         first: value(body, options, COMMENT) == Some(FIRST),
-        item: Bytes::copy_from_slice(data.strip_prefix(&TAGS)?),
+        item: octets.slice_ref(data.strip_prefix(&TAGS)?),
     })
 }
 
-/// The value of option `code` among those that start at `at`.
-fn value(body: &[u8], mut at: usize, code: u16) -> Option<&[u8]> {
-    loop {
+/// The first value of option `code` among those that start at `at`.
+fn value(body: &[u8], at: usize, code: u16) -> Option<&[u8]> {
+    values(body, at, code).next()
+}
+
+/// All values of option `code` among those that start at `at`.
+fn values(body: &[u8], mut at: usize, code: u16) -> impl Iterator<Item = &[u8]> {
+    let options = std::iter::from_fn(move || {
         let head = word(body, at)?;
         let (found, length) = (head as u16, (head >> 16) as usize);
-        if found == END {
-            return None;
-        }
-        if found == code {
-            return body.get(at + 4..at + 4 + length);
-        }
+        let value = body.get(at + 4..at + 4 + length)?;
         at += 4 + length.next_multiple_of(4);
-    }
+        (found != END).then_some((found, value))
+    });
+    options.filter_map(move |(found, value)| (found == code).then_some(value))
 }
 
 fn word(octets: &[u8], at: usize) -> Option<u32> {
@@ -244,7 +259,7 @@ mod tests {
     }
 
     fn file() -> Vec<u8> {
-        let mut file = head(&links());
+        let mut file = head(&links(), &["one".to_string(), "a longer one".to_string()]);
         for record in records() {
             file.extend(block(&record));
         }
@@ -254,11 +269,14 @@ mod tests {
     #[test]
     fn what_is_written_reads_back() {
         let file = file();
+        let length = file.len();
         assert!(is_pcapng(&file) && file.len().is_multiple_of(4));
-        let packets = read(Path::new("x"), &file).unwrap();
+        let packets = read(Path::new("x"), &Bytes::from(file.clone())).unwrap();
+        assert_eq!(packets.comments, ["one", "a longer one"]);
         assert_eq!((packets.links, packets.records), (links(), records()));
         // Killed while it wrote: the last packet is left out.
-        let cut = read(Path::new("x"), &file[..file.len() - 5]).unwrap();
+        let cut = Bytes::from(file).slice(..length - 5);
+        let cut = read(Path::new("x"), &cut).unwrap();
         assert_eq!(cut.records, records()[..8]);
     }
 
@@ -266,7 +284,12 @@ mod tests {
     fn other_files_are_refused_and_nothing_panics() {
         let file = file();
         let section = file[4] as usize;
-        let said = |octets: &[u8]| read(Path::new("x.pcapng"), octets).unwrap_err().to_string();
+        let said = |octets: &[u8]| {
+            let octets = Bytes::copy_from_slice(octets);
+            read(Path::new("x.pcapng"), &octets)
+                .unwrap_err()
+                .to_string()
+        };
         let mut big_endian = file.clone();
         big_endian[8..12].reverse();
         assert!(said(&big_endian).contains("octet 0: not the order"));
@@ -284,7 +307,7 @@ mod tests {
             for octet in [0, 0x7f, 0xff] {
                 let mut spoilt = file.clone();
                 spoilt[at] = octet;
-                let _ = read(Path::new("x"), &spoilt);
+                let _ = read(Path::new("x"), &Bytes::from(spoilt));
             }
         }
     }

@@ -2,16 +2,20 @@
 
 use super::pcapng::Packets;
 use super::whole::{OnTheBus, Place, sorted_out};
-use super::{CaptureError, Record, candump, pcapng};
+use super::{CaptureError, Origin, Record, candump, pcapng};
 use crate::link::{LinkUrl, Roles};
 use bytes::Bytes;
+use skyloop_orbit::LARGEST_FILE;
 use skyloop_protocols::Personality;
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// A recording.
 #[derive(Debug, Default)]
 pub struct Recording {
+    /// What the recorded run was made from, where the recording says so.
+    pub origin: Option<Origin>,
     /// The links of the run.
     pub links: Vec<Roles>,
     /// Their packets.
@@ -29,25 +33,44 @@ pub struct Recording {
 
 /// Reads a recording, whichever format it has.
 pub fn load(file: &Path, personality: &Personality) -> Result<Recording, CaptureError> {
-    let octets = std::fs::read(file).map_err(|source| CaptureError::Read {
+    let no_recording = || CaptureError::Format {
         file: file.display().to_string(),
-        source,
+        reason: "neither pcapng nor a log of candump: record one with --capture".to_string(),
+    };
+    // Before the rest is read.
+    let check = |head: &[u8]| match pcapng::is_pcapng(head) || is_candump(head) {
+        true => Ok(()),
+        false => Err(ErrorKind::InvalidData.into()),
+    };
+    let octets = skyloop_orbit::read_bytes(file, LARGEST_FILE, check);
+    let octets = octets.map_err(|source| match source.kind() {
+        ErrorKind::InvalidData => no_recording(),
+        _ => CaptureError::Read {
+            file: file.display().to_string(),
+            source,
+        },
     })?;
     if pcapng::is_pcapng(&octets) {
-        let Packets { links, records } = pcapng::read(file, &octets)?;
+        let found = pcapng::read(file, &Bytes::from(octets))?;
+        let Packets {
+            comments,
+            links,
+            records,
+        } = found;
         let roles = |link: &String| match LinkUrl::parse(link) {
             Ok(url) => url.roles().unwrap_or(Roles::ALL),
             // A loopback.
             Err(_) => Roles::ALL,
         };
         return Ok(Recording {
+            origin: Origin::of_lines(&comments),
             links: links.iter().map(roles).collect(),
             events: records,
             ..Recording::default()
         });
     }
     match String::from_utf8(octets) {
-        Ok(text) if text.trim_start().starts_with('(') => {
+        Ok(text) => {
             let events = candump::packets(&candump::read(file, &text)?);
             let OnTheBus {
                 events,
@@ -56,6 +79,7 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
                 doubled,
             } = sorted_out(personality, events);
             Ok(Recording {
+                origin: None,
                 links: vec![Roles::ALL],
                 events,
                 on_the_bus: true,
@@ -64,9 +88,11 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
                 doubled,
             })
         }
-        _ => Err(CaptureError::Format {
-            file: file.display().to_string(),
-            reason: "neither pcapng nor a log of candump: record one with --capture".to_string(),
-        }),
+        Err(_) => Err(no_recording()),
     }
+}
+
+/// Whether a file that begins so may be a log of candump.
+fn is_candump(head: &[u8]) -> bool {
+    head.trim_ascii_start().starts_with(b"(")
 }

@@ -110,6 +110,7 @@ impl Replay {
         personality: &'static Personality,
     ) -> (Vec<(Wire, Roles)>, Replay) {
         let Recording {
+            origin: _,
             links,
             events,
             on_the_bus,

@@ -1,7 +1,8 @@
 //! The book of what was injected: counted, and written down line by line as JSON.
 
 use super::engine::{How, Injection, What};
-use super::plan::name;
+use super::plan::{Plan, name};
+use crate::link::claim::Claim;
 use skyloop_protocols::Direction;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -14,6 +15,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 #[derive(Default)]
 pub struct Book {
     counts: BTreeMap<(bool, &'static str), u64>,
+    /// When faults of a kind and direction last began.
+    begun: BTreeMap<(bool, &'static str), Duration>,
     log: Option<Log>,
     /// The wall clock's time at the engine's zero, since 1970.
     zero: Duration,
@@ -22,6 +25,7 @@ pub struct Book {
 /// The file.
 struct Log {
     name: String,
+    claim: Claim,
     file: BufWriter<File>,
     /// Why it could not be written; then nothing more is.
     failed: Option<String>,
@@ -31,16 +35,23 @@ struct Log {
 const BITS: usize = 64;
 
 impl Book {
-    /// A book that writes into `file` too.
+    /// A book that writes into `file` too, from [`Book::begin`] on.
     pub fn writing(file: &Path) -> std::io::Result<Book> {
+        let claim = Claim::new(file)?;
         Ok(Book {
             log: Some(Log {
                 name: file.display().to_string(),
-                file: BufWriter::new(File::create(file)?),
+                file: BufWriter::new(claim.file()?),
+                claim,
                 failed: None,
             }),
             ..Book::default()
         })
+    }
+
+    /// Removes what the file had before.
+    pub fn begin(&mut self) -> std::io::Result<()> {
+        self.log.as_mut().map_or(Ok(()), |log| log.claim.begin())
     }
 
     /// The engine's zero is now.
@@ -52,8 +63,11 @@ impl Book {
     /// Books injections into the link at `address`.
     pub fn note(&mut self, address: &str, injections: &[Injection]) {
         for injection in injections {
+            let out = injection.direction == Direction::Out;
+            if let What::Begins(_) = injection.what {
+                self.begun.insert((out, name(injection.kind)), injection.at);
+            }
             if let What::Item { .. } = injection.what {
-                let out = injection.direction == Direction::Out;
                 *self.counts.entry((out, name(injection.kind))).or_default() += 1;
             }
             if let Some(log) = &mut self.log {
@@ -79,6 +93,15 @@ impl Book {
             }
         };
         format!("in: {}; out: {}", of(false), of(true))
+    }
+
+    /// The fault of `plan` that has begun and lets nothing through for good, such as `stuck, out`; `None` if there is none.
+    pub fn stopped(&self, plan: &Plan) -> Option<String> {
+        plan.stops().find_map(|(fault, from)| {
+            let (out, name) = (fault.direction == Direction::Out, name(fault.kind));
+            let begun = self.begun.get(&(out, name))?;
+            (*begun >= from).then(|| format!("{name}, {}", if out { "out" } else { "in" }))
+        })
     }
 
     /// Lets what is written reach the file.

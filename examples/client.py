@@ -1,0 +1,160 @@
+#!/usr/bin/env python3
+"""A client of skyloop over UDP, with Python's standard library alone: sends attitudes, writes each frame as a PGM picture
+and its label as JSON. Pixels of every camera, lost packets and a camera's full rate are taken care of.
+
+    skyloop run --config configs/run.toml                  the emulator; in another terminal:
+    python3 examples/client.py --frames 3                  a frame for each attitude, or, where the emulator's clock is "wall",
+    python3 examples/client.py --frames 3 --wall 4         frames at the camera's rate, from 4 attitudes a second
+"""
+import argparse, binascii, json, socket, struct, time
+
+ATTITUDE, COMMAND = 0x101, 0x102
+HEADER, PIXELS, LABELS, STATUS, NACK, END = 0x201, 0x202, 0x203, 0x204, 0x206, 0x20A
+CREDIT, RESEND, PING, RESET = 7, 10, 6, 5
+ROOM = 256  # frame packets that may be under way; many systems limit the receive buffer to about as many
+
+options = argparse.ArgumentParser()
+options.add_argument("--address", default="127.0.0.1:4810")
+options.add_argument("--frames", type=int, default=1)
+options.add_argument("--wall", type=float, metavar="HZ", help="attitudes a second; default: the next after each frame")
+options.add_argument("--out", default="frame-", help="what the files' names begin with")
+options = options.parse_args()
+host, port = options.address.rsplit(":", 1)
+emulator = (host, int(port))
+link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)  # not connected: that would end at the emulator's end
+link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8 << 20)
+counts = {ATTITUDE: 0, COMMAND: 0}
+
+
+def send(apid, payload, when=0):
+    head = struct.pack(">HHHQB", 0x1800 | apid, 0xC000 | counts[apid], len(payload) + 10, when, 3)
+    counts[apid] = (counts[apid] + 1) & 0x3FFF
+    link.sendto(head + payload + struct.pack(">H", binascii.crc_hqx(head + payload, 0xFFFF)), emulator)
+
+
+def send_attitude(number):
+    s = number / (options.wall or 2)  # from 2019-06-15T23:35:50 UTC on: TAI seconds since 1958, and units of 2^-32 s
+    send(ATTITUDE, struct.pack(">IB13d", number, 1, -0.070834, -0.644137, 0.733522, -0.204975, 0, 0, 0,
+                               -4340768.444, 848975.278, -5362534.303, 5544.406469, -3022.740430, -4386.550226),
+         (1939332987 << 32) + int(s * 2**32))
+
+
+class Frame:
+    """Its packets are numbered: 0 is the FrameHeader, then those with pixels, those with labels, and the FrameEnd."""
+
+    def __init__(self, body):
+        (self.number, self.attitude, self.width, self.height, self.bits, self.packing, self.blocks, parts,
+         length) = struct.unpack_from(">IIHHBB5xIHI", body)
+        self.missing = set(range(1, self.blocks + parts + 2))
+        self.pixels = bytearray((self.width * self.height * self.packing + 7) // 8)
+        self.label = bytearray(length)
+
+    def take(self, apid, body):
+        index = struct.unpack_from(">I" if apid == PIXELS else ">H", body, 4)[0]
+        if apid == PIXELS:  # a full block has 1368 bytes of pixels
+            self.pixels[1368 * index:1368 * index + len(body) - 15] = body[15:]
+            self.missing.discard(1 + index)
+        elif apid == LABELS:
+            self.label[1375 * index:1375 * index + len(body) - 8] = body[8:]
+            self.missing.discard(1 + self.blocks + index)
+        else:
+            self.crc = struct.unpack_from(">I", body, 4)[0]
+            self.missing.discard(self.last())
+
+    def last(self):
+        return self.blocks + (len(self.label) + 1374) // 1375 + 1
+
+    def ask_again(self):
+        first = last = None
+        for number in sorted(self.missing) + [1 << 30]:
+            if first is not None and number != last + 1:
+                send(COMMAND, struct.pack(">BIII", RESEND, self.number, first, last - first + 1))
+                first = None
+            first, last = number if first is None else first, number
+
+    def image(self):
+        """The pixels as 16-bit numbers, the high byte first."""
+        if self.packing == 16:
+            return bytes(self.pixels)
+        data = bytes(self.pixels) + bytes(-len(self.pixels) % 3)  # two pixels in three bytes: AA AB BB
+        a, b, c = data[0::3], data[1::3], data[2::3]
+        table = lambda f: bytes(f(x) & 255 for x in range(256))
+        low = (int.from_bytes(a.translate(table(lambda x: x << 4)), "big")
+               | int.from_bytes(b.translate(table(lambda x: x >> 4)), "big"))
+        image = bytearray(4 * len(a))
+        image[0::4], image[1::4] = a.translate(table(lambda x: x >> 4)), low.to_bytes(len(a), "big")
+        image[2::4], image[3::4] = b.translate(table(lambda x: x & 15)), c
+        return bytes(image[:2 * self.width * self.height])
+
+    def write(self):
+        image, name = self.image(), f"{options.out}{self.number:05}"
+        if binascii.crc32(image) != self.crc:
+            raise SystemExit(f"frame {self.number}: its pixels do not have the checksum of its FrameEnd")
+        with open(name + ".pgm", "wb") as file:
+            file.write(b"P5 %d %d %d\n" % (self.width, self.height, max((1 << self.bits) - 1, 256)) + image)
+        with open(name + ".json", "wb") as file:
+            file.write(self.label)
+        objects = len(json.loads(self.label)["objects"]) if self.label else 0
+        print(f"{name}: {self.width} x {self.height} pixels of {self.bits} bits, {objects} objects", flush=True)
+
+
+def run():
+    frames, expected, buffer, pause = {}, {}, bytearray(1400), 0.05
+    whole = attitudes = newest = sent = granted = 0  # `sent`: frame packets that have left the emulator
+    accepted = None  # attitudes that it had accepted before
+    heard = asked = begin = time.monotonic()
+    send(COMMAND, struct.pack(">B", PING))
+    while whole < options.frames:
+        now = time.monotonic()
+        if accepted is not None and sent + ROOM > granted + ROOM // 4:
+            granted = sent + ROOM
+            send(COMMAND, struct.pack(">BI", CREDIT, granted & 0xFFFFFFFF))
+        if accepted is not None and (now - begin >= attitudes / options.wall if options.wall else attitudes == whole):
+            send_attitude(attitudes)
+            attitudes += 1
+        if now - heard > 30:
+            raise SystemExit(f"{whole} of {options.frames} frames; nothing has come from {options.address} for 30 s")
+        try:
+            link.settimeout(pause)
+            packet = memoryview(buffer)[:link.recv_into(buffer)]
+        except socket.timeout:
+            send(COMMAND, struct.pack(">B", PING))  # the Status that answers tells what has been sent
+            pause = min(2 * pause, 1)
+            continue
+        apid, body, heard = int.from_bytes(packet[:2], "big") & 0x7FF, packet[15:-2], now
+        count, number = int.from_bytes(packet[2:4], "big") & 0x3FFF, int.from_bytes(body[:4], "big")
+        if apid == NACK:
+            print("refused:", bytes(body[5:]).decode(), flush=True)
+        elif apid == STATUS:
+            sent, total = struct.unpack_from(">I", body, 41)[0], struct.unpack_from(">I", body, 106)[0]
+            accepted = total if accepted is None else accepted
+            for frame in frames.values():  # what was sent and has not come is lost
+                frame.ask_again()
+            if not options.wall and total - accepted < attitudes:
+                send_attitude(attitudes - 1)
+        if apid not in (HEADER, PIXELS, LABELS, END):
+            continue
+        pause = 0.05
+        ahead = (count - expected.get(apid, count)) & 0x3FFF
+        if ahead < 8192:  # else it is an earlier packet, sent again
+            sent, expected[apid] = sent + ahead + 1, count + 1
+        if apid == HEADER and number >= newest:
+            frames[number], newest = Frame(body), number + 1
+            for old in [old for old in frames if old < number - 1]:  # the emulator keeps the last two frames
+                print(f"frame {old} is lost: {len(frames.pop(old).missing)} packets are missing", flush=True)
+            if number - 1 in frames:
+                frames[number - 1].ask_again()
+        elif apid != HEADER and number in frames:
+            frames[number].take(apid, body)
+        elif number >= newest and now - asked > 0.05:  # its FrameHeader is missing
+            send(COMMAND, struct.pack(">BIII", RESEND, number, 0, 1))
+            asked = now
+        if number in frames and not frames[number].missing:
+            frames.pop(number).write()
+            whole += 1
+
+
+try:
+    run()
+finally:
+    send(COMMAND, struct.pack(">B", RESET))  # the next client need not wait

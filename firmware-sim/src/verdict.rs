@@ -1,0 +1,331 @@
+//! Limits of a run and whether they were kept: one table and one JUnit file for all commands that judge.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde::Serialize;
+
+use crate::junit::{self, Case};
+use crate::report::Report;
+use crate::text::{decimal, whole};
+
+/// Whether a limit was kept.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// Of what: `deadlines`, `p99`, `memory`, `minutes`, `frames`, `centroids`, `missed`, `false`, `pointing` or `run`.
+    pub name: &'static str,
+    /// Of which camera, where there are several.
+    pub camera: Option<String>,
+    /// Whether it was kept.
+    pub passed: bool,
+    /// What was found, against what; where it was not kept, the first frame that did not.
+    pub text: String,
+    /// That frame.
+    pub frame: Option<u32>,
+}
+
+impl Verdict {
+    /// A verdict of the whole run.
+    #[must_use]
+    pub fn new(name: &'static str, passed: bool, text: String) -> Self {
+        Self {
+            name,
+            camera: None,
+            passed,
+            text,
+            frame: None,
+        }
+    }
+}
+
+/// A line for each verdict.
+#[must_use]
+pub fn table(verdicts: &[Verdict]) -> String {
+    let line = |verdict: &Verdict| {
+        let word = if verdict.passed { "kept" } else { "broken" };
+        format!("{word}: {}\n", verdict.text)
+    };
+    verdicts.iter().map(line).collect()
+}
+
+/// The limits that were not kept, in one line; `None` if all were.
+#[must_use]
+pub fn broken(verdicts: &[Verdict]) -> Option<String> {
+    let broken = verdicts.iter().filter(|verdict| !verdict.passed);
+    let texts: Vec<&str> = broken.map(|verdict| verdict.text.as_str()).collect();
+    (!texts.is_empty()).then(|| texts.join("; "))
+}
+
+/// What a JUnit file says of a run beside its verdicts.
+#[derive(Debug, Clone, Default)]
+pub struct Suite {
+    /// The name of the suite: the command.
+    pub name: &'static str,
+    /// The class of its cases, with dots between its parts.
+    pub classname: String,
+    /// How long the run took, s.
+    pub seconds: f64,
+    /// Names and values to go with each case.
+    pub properties: Vec<(String, String)>,
+    /// The table of the run.
+    pub table: String,
+}
+
+impl Suite {
+    /// A case for each verdict.
+    #[must_use]
+    pub fn document(&self, verdicts: &[Verdict]) -> String {
+        let case = |verdict: &Verdict| Case {
+            name: match &verdict.camera {
+                None => verdict.name.to_string(),
+                Some(camera) => format!("{} of {camera}", verdict.name),
+            },
+            classname: self.classname.clone(),
+            seconds: self.seconds,
+            failure: (!verdict.passed).then(|| (verdict.text.clone(), verdict.text.clone())),
+            properties: self.properties.clone(),
+            system_out: format!("{}\n{}", verdict.text, self.table),
+        };
+        let cases: Vec<Case> = verdicts.iter().map(case).collect();
+        junit::document(self.name, &cases)
+    }
+}
+
+/// What the verdict files say until the run has ended.
+pub const UNFINISHED: &str = "the run has not come to its end";
+
+/// Writes a verdict file.
+///
+/// # Errors
+/// It cannot be written, or this process has read it: with the file and the remedy.
+pub fn write(file: &Path, text: &str) -> Result<(), String> {
+    let failed = |error| {
+        format!(
+            "cannot write {}: {error}; name another file",
+            file.display()
+        )
+    };
+    skyloop_orbit::write_file(file, text).map_err(failed)
+}
+
+/// Limits of a run against a mock flight computer.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub struct Limits {
+    /// Exit with 1 if the distance of measured from labelled centroids is above this, px rms
+    #[arg(long, value_name = "PX", value_parser = decimal(0.0..=1e6), allow_negative_numbers = true)]
+    max_centroid_rms: Option<f64>,
+    /// Exit with 1 if more bright, isolated, labelled objects were not detected, over all frames
+    #[arg(long, value_name = "N", value_parser = whole(0..=u64::MAX), allow_negative_numbers = true)]
+    max_missed: Option<u64>,
+    /// Exit with 1 if there are more detections without a labelled object, over all frames
+    #[arg(long, value_name = "N", value_parser = whole(0..=u64::MAX), allow_negative_numbers = true)]
+    max_false: Option<u64>,
+    /// Exit with 1 if 99 frames in 100 take longer from the attitude to the last block; a lost frame takes longer than any
+    #[arg(long, value_name = "MS", value_parser = decimal(0.001..=1e6), allow_negative_numbers = true)]
+    max_latency_p99_ms: Option<f64>,
+    /// Write the verdicts as JUnit XML
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+}
+
+impl Limits {
+    /// The JUnit file that was asked for.
+    #[must_use]
+    pub fn junit(&self) -> Option<&Path> {
+        self.junit.as_deref()
+    }
+
+    /// Begins the JUnit file as that of a run that failed: a run that never ends has not passed.
+    ///
+    /// # Errors
+    /// As of [`write`].
+    pub fn begin(&self, suite: &Suite) -> Result<(), String> {
+        self.finish(suite, &[Verdict::new("run", false, UNFINISHED.to_string())])
+    }
+
+    /// Writes the JUnit file.
+    ///
+    /// # Errors
+    /// As of [`write`].
+    pub fn finish(&self, suite: &Suite, verdicts: &[Verdict]) -> Result<(), String> {
+        match &self.junit {
+            Some(file) => write(file, &suite.document(verdicts)),
+            None => Ok(()),
+        }
+    }
+
+    /// A verdict on the frames, and one for each limit. What was not measured keeps no limit.
+    #[must_use]
+    pub fn judge(&self, report: &Report) -> Vec<Verdict> {
+        let (came, asked) = (report.frames, report.requested);
+        let frames = format!("{came} of {asked} frames came whole");
+        let mut verdicts = vec![Verdict::new("frames", came >= asked, frames)];
+        verdicts.extend(self.max_centroid_rms.map(|most| centroids(most, report)));
+        let totals = &report.totals;
+        let counts = [
+            (
+                "missed",
+                "bright labelled objects missed",
+                totals.missed,
+                self.max_missed,
+            ),
+            (
+                "false",
+                "false detections",
+                totals.false_detections,
+                self.max_false,
+            ),
+        ];
+        for (name, what, count, most) in counts {
+            verdicts.extend(most.map(|most| {
+                let kept = count <= most;
+                let is = if kept { "within" } else { "above" };
+                match unscored(report) {
+                    Some(why) => Verdict::new(name, false, format!("{what}: not known: {why}")),
+                    None => Verdict::new(name, kept, format!("{what}: {count}, {is} {most}")),
+                }
+            }));
+        }
+        verdicts.extend(self.max_latency_p99_ms.map(|most| p99(most, report)));
+        verdicts
+    }
+}
+
+/// Why not every frame was compared with its labels.
+fn unscored(report: &Report) -> Option<String> {
+    let (frames, compared) = (report.frames, report.totals.compared);
+    (compared == 0 || compared < frames).then(|| {
+        format!(
+            "{compared} of {frames} frames brought both pixels and readable labels; choose another --output"
+        )
+    })
+}
+
+fn centroids(most_px: f64, report: &Report) -> Verdict {
+    let why = || "no isolated, unsaturated object was matched".to_string();
+    let residual = report.totals.residual().ok_or_else(why);
+    let residual = unscored(report).map_or(residual, Err);
+    match residual {
+        Err(why) => Verdict::new("centroids", false, format!("centroids: not known: {why}")),
+        Ok(residual) => {
+            let kept = residual.rms_px <= most_px;
+            let is = if kept { "within" } else { "above" };
+            let text = format!(
+                "centroids: rms {:.4} px, {is} {most_px} px",
+                residual.rms_px
+            );
+            Verdict::new("centroids", kept, text)
+        }
+    }
+}
+
+/// Frames that did not come whole take longer than all others.
+fn p99(most_ms: f64, report: &Report) -> Verdict {
+    let measured = report.latencies.count();
+    let lost = u64::from(report.requested.saturating_sub(report.frames));
+    let part = 0.99 * (1.0 + lost as f64 / measured as f64);
+    let p99 = report.latencies.quantile(part).filter(|_| part <= 1.0);
+    let kept = p99.is_some_and(|p99| p99 <= Duration::from_secs_f64(most_ms * 1e-3));
+    let text = match p99 {
+        None if measured == 0 => {
+            "latency p99: not known: no frame of an attitude of this client came".to_string()
+        }
+        None => format!("latency p99: above {most_ms} ms: {lost} frames did not come whole"),
+        Some(p99) => {
+            let is = if kept { "within" } else { "above" };
+            format!(
+                "latency p99: {:.2} ms, {is} {most_ms} ms",
+                p99.as_secs_f64() * 1e3
+            )
+        }
+    };
+    Verdict::new("p99", kept, text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::Totals;
+
+    fn limits() -> Limits {
+        Limits {
+            max_centroid_rms: Some(0.5),
+            max_missed: Some(2),
+            max_false: Some(0),
+            max_latency_p99_ms: Some(10.0),
+            junit: None,
+        }
+    }
+
+    /// A run of 200 frames, of which `whole` came, each after 5 ms and the last two after 20 ms.
+    fn report(whole: u32, compared: u32, missed: u64, rms_px: Option<f64>) -> Report {
+        let mut report = Report {
+            requested: 200,
+            frames: whole,
+            totals: Totals {
+                compared,
+                missed,
+                ..Totals::with_residuals(rms_px.into_iter().map(|rms| [rms, 0.0]).collect())
+            },
+            ..Report::default()
+        };
+        for frame in 0..whole {
+            let ms = if frame + 2 < whole { 5 } else { 20 };
+            report.latencies.add(Duration::from_millis(ms));
+        }
+        report
+    }
+
+    #[test]
+    fn limits_are_kept_broken_or_not_known() {
+        // X-Val: by hand. p99 of 200 frames is the 198th, 5 ms; with one lost frame the 199th of 199, 20 ms.
+        for (report, passed) in [
+            (report(200, 200, 2, Some(0.5)), [true; 5]),
+            (
+                report(200, 200, 3, Some(0.6)),
+                [true, false, false, true, true],
+            ),
+            (
+                report(199, 199, 0, Some(0.1)),
+                [false, true, true, true, false],
+            ),
+            (
+                report(197, 197, 0, Some(0.1)),
+                [false, true, true, true, false],
+            ),
+            (report(200, 0, 0, None), [true, false, false, false, true]),
+            (
+                report(200, 199, 0, Some(0.1)),
+                [true, false, false, false, true],
+            ),
+            (report(200, 200, 0, None), [true, false, true, true, true]),
+            (report(0, 0, 0, None), [false; 5]),
+        ] {
+            let verdicts = limits().judge(&report);
+            let found: Vec<bool> = verdicts.iter().map(|verdict| verdict.passed).collect();
+            assert_eq!(found, passed, "{verdicts:#?}");
+            assert_eq!(broken(&verdicts).is_none(), passed == [true; 5]);
+        }
+        let only = Limits::default().judge(&report(200, 0, 9, None));
+        assert_eq!(table(&only), "kept: 200 of 200 frames came whole\n");
+    }
+
+    #[test]
+    fn a_suite_has_a_case_for_each_verdict() {
+        let suite = Suite {
+            name: "skyloop loopback",
+            classname: "skyloop.loopback".to_string(),
+            table: "frames 1\n".to_string(),
+            ..Suite::default()
+        };
+        let text = suite.document(&limits().judge(&report(200, 200, 3, Some(0.1))));
+        for part in [
+            "tests=\"5\" failures=\"1\"",
+            "<testcase name=\"missed\" classname=\"skyloop.loopback\"",
+            "<failure message=\"bright labelled objects missed: 3, above 2\">",
+            "frames 1\n",
+        ] {
+            assert!(text.contains(part), "no {part:?} in {text}");
+        }
+    }
+}

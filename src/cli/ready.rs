@@ -1,0 +1,73 @@
+//! `--ready-file`: says for scripts that all links listen, and where.
+
+use anyhow::{Context, bail};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// What the file says.
+#[derive(Serialize)]
+pub struct Ready<'a> {
+    /// The process.
+    pub pid: u32,
+    /// Where the first camera listens: addresses with the ports and names that the system gave.
+    pub links: Vec<String>,
+    /// Where each further camera does.
+    pub heads: Vec<Head<'a>>,
+    /// Where figures are served.
+    pub metrics: Option<String>,
+}
+
+/// A further camera.
+#[derive(Serialize)]
+pub struct Head<'a> {
+    /// Its name in the run file.
+    pub name: &'a str,
+    /// Where it listens.
+    pub links: Vec<String>,
+}
+
+/// A file that is there; it is removed at the end of the run.
+pub struct ReadyFile(PathBuf);
+
+/// Refuses to replace what is no file of this kind. One that a killed run has left is replaced.
+pub fn check(file: &Path) -> anyhow::Result<()> {
+    let shown = file.display();
+    if !file.exists() {
+        return Ok(());
+    }
+    let text = skyloop::orbit::read_text_within(file, 1 << 20).unwrap_or_default();
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+    if value.get("pid").is_none() || value.get("links").is_none() {
+        bail!(
+            "--ready-file {shown}: there is another file of that name; choose another, or remove it"
+        );
+    }
+    Ok(())
+}
+
+impl ReadyFile {
+    /// Writes the file: who finds it finds all of it.
+    pub fn write(file: &Path, ready: &Ready<'_>) -> anyhow::Result<ReadyFile> {
+        let shown = file.display();
+        let mut name = file.file_name().unwrap_or_default().to_os_string();
+        name.push(format!(".{}", ready.pid));
+        let part = file.with_file_name(name);
+        let text = serde_json::to_string_pretty(ready)? + "\n";
+        let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, file));
+        written.with_context(|| {
+            format!("--ready-file {shown}: check that its folder exists and may be written")
+        })?;
+        Ok(ReadyFile(file.to_owned()))
+    }
+}
+
+impl Drop for ReadyFile {
+    fn drop(&mut self) {
+        if let Err(error) = std::fs::remove_file(&self.0) {
+            tracing::warn!(
+                "--ready-file {}: cannot be removed: {error}",
+                self.0.display()
+            );
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! What a recorded run was made from: settings and input files. A replay compares them with its own.
+
+use skyloop_orbit::Input;
+use std::path::{Path, PathBuf};
+
+/// Files that a recording lists; of more only their number.
+const LISTED: usize = 1000;
+const SETTING: &str = "setting ";
+const INPUT: &str = "input ";
+const UNLISTED: &str = "further inputs, not listed: ";
+
+/// Settings and input files of a run.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Origin {
+    /// Names and values of what the command line can set, and the version of skyloop.
+    pub settings: Vec<(String, String)>,
+    /// The files that were read.
+    pub inputs: Vec<Input>,
+}
+
+impl Origin {
+    /// As a recording has it, an item a line.
+    pub(super) fn to_lines(&self) -> Vec<String> {
+        let settings = self.settings.iter();
+        let settings = settings.map(|(name, value)| format!("{SETTING}{name} = {value}"));
+        let inputs = self.inputs.iter().take(LISTED).map(|input| {
+            let file = input.path.display();
+            format!("{INPUT}{:08x} {} {file}", input.crc32, input.bytes)
+        });
+        let more = self.inputs.len().saturating_sub(LISTED);
+        let more = (more > 0).then(|| format!("{UNLISTED}{more}"));
+        settings.chain(inputs).chain(more).collect()
+    }
+
+    /// From the lines of a recording; `None` if it has none of them.
+    pub(super) fn of_lines(lines: &[String]) -> Option<Origin> {
+        let mut origin = Origin::default();
+        for line in lines {
+            if let Some((name, value)) = line
+                .strip_prefix(SETTING)
+                .and_then(|line| line.split_once(" = "))
+            {
+                let setting = (name.to_string(), value.to_string());
+                origin.settings.push(setting);
+            }
+            origin.inputs.extend(input(line));
+        }
+        (origin != Origin::default()).then_some(origin)
+    }
+
+    /// What differs in `now`, a line for each setting and file.
+    #[must_use]
+    pub fn differences(&self, now: &Origin) -> Vec<String> {
+        let mut lines = Vec::new();
+        for (name, was) in &self.settings {
+            let is = now.settings.iter().find(|(other, _)| other == name);
+            match is {
+                Some((_, is)) if is == was => {}
+                Some((_, is)) => lines.push(format!("{name}: recorded {was}, now {is}")),
+                None => lines.push(format!("{name}: recorded {was}, now not set")),
+            }
+        }
+        let mut left: Vec<&Input> = now.inputs.iter().collect();
+        for was in &self.inputs {
+            let file = was.path.display();
+            // The same path, else the same name in another folder.
+            let place = left.iter().position(|is| is.path == was.path);
+            let place =
+                place.or_else(|| left.iter().position(|is| name(&is.path) == name(&was.path)));
+            match place.map(|place| left.swap_remove(place)) {
+                None => lines.push(format!("{file}: read for the recording, not now")),
+                Some(is) if (is.bytes, is.crc32) != (was.bytes, was.crc32) => lines.push(format!(
+                    "{}: changed since the recording ({} bytes with CRC-32 {:08x}, then {} with {:08x})",
+                    is.path.display(),
+                    is.bytes,
+                    is.crc32,
+                    was.bytes,
+                    was.crc32
+                )),
+                Some(_) => {}
+            }
+        }
+        // A list that was cut names no more.
+        if self.inputs.len() < LISTED {
+            let more = left.iter().map(|is| is.path.display());
+            lines.extend(more.map(|file| format!("{file}: read now, not for the recording")));
+        }
+        lines
+    }
+}
+
+fn name(path: &Path) -> Option<&std::ffi::OsStr> {
+    path.file_name()
+}
+
+/// A file from its line.
+fn input(line: &str) -> Option<Input> {
+    let (crc32, rest) = line.strip_prefix(INPUT)?.split_once(' ')?;
+    let (bytes, path) = rest.split_once(' ')?;
+    Some(Input {
+        path: PathBuf::from(path),
+        bytes: bytes.parse().ok()?,
+        crc32: u32::from_str_radix(crc32, 16).ok()?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn input(path: &str, crc32: u32) -> Input {
+        Input {
+            path: path.into(),
+            bytes: 10,
+            crc32,
+        }
+    }
+
+    fn origin(output: &str, inputs: Vec<Input>) -> Origin {
+        Origin {
+            settings: vec![("output".to_string(), output.to_string())],
+            inputs,
+        }
+    }
+
+    #[test]
+    fn lines_read_back_and_others_are_no_origin() {
+        let origin = origin(
+            "frame",
+            vec![input("a b/c = d.toml", 7), input("e", u32::MAX)],
+        );
+        assert_eq!(
+            Origin::of_lines(&origin.to_lines()),
+            Some(origin),
+            "whatever a path holds"
+        );
+        for lines in [vec![], vec!["first of a batch".to_string()]] {
+            assert_eq!(Origin::of_lines(&lines), None);
+        }
+    }
+
+    #[test]
+    fn what_differs_is_named() {
+        let was = origin("frame", vec![input("x/a.toml", 1), input("x/b.tle", 2)]);
+        for (now, lines) in [
+            (was.clone(), vec![]),
+            (
+                origin("frame", vec![input("y/a.toml", 1), input("y/b.tle", 2)]),
+                vec![],
+            ),
+            (
+                origin("labels", vec![input("x/a.toml", 1), input("y/b.tle", 3)]),
+                vec![
+                    "output: recorded frame, now labels",
+                    "y/b.tle: changed since the recording (10 bytes with CRC-32 00000003, then 10 with 00000002)",
+                ],
+            ),
+            (
+                origin("frame", vec![input("x/a.toml", 1), input("c", 2)]),
+                vec![
+                    "x/b.tle: read for the recording, not now",
+                    "c: read now, not for the recording",
+                ],
+            ),
+        ] {
+            assert_eq!(was.differences(&now), lines);
+        }
+    }
+}

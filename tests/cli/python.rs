@@ -1,0 +1,134 @@
+//! The Python client of the README: with every built-in camera, with loss, and at a camera's full rate.
+#![cfg(unix)]
+
+use crate::run::Process;
+use crate::{EPOCH, Q, repository, skyloop};
+use skyloop::load::CAMERAS;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// The state that the client sends, km and km/s.
+const STATE: &str = "-4340.768444,848.975278,-5362.534303,5.544406469,-3.022740430,-4.386550226";
+
+/// The emulator of a run file whose keys before `[run]` are `keys`.
+fn emulator(at: &Path, keys: &str, run: &str, flags: &[&str]) -> Process {
+    let text = format!("{keys}\n[run]\nlink = \"udp://127.0.0.1:0\"\n{run}\n");
+    std::fs::write(at.join("run.toml"), text).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
+    let command = command.args(["run", "--config", "run.toml"]).args(flags);
+    Process::spawned(command.current_dir(at), "listening on ")
+}
+
+/// What the client prints; it exits with 0.
+fn client(at: &Path, process: &Process, flags: &[&str]) -> String {
+    let address = process.address.strip_prefix("udp://").unwrap();
+    let mut command = Command::new("python3");
+    let command = command
+        .arg(repository("examples/client.py"))
+        .current_dir(at);
+    let output = command.args(["--address", address]).args(flags).output();
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = output.expect("python3 runs: apt-get install python3-minimal");
+    let text = String::from_utf8([stdout, stderr].concat()).unwrap();
+    assert!(status.success(), "{text}");
+    text
+}
+
+/// Columns, rows and pixels of a PGM picture with two bytes a pixel.
+fn pgm(file: &Path) -> (u32, u32, Vec<u16>) {
+    let bytes = std::fs::read(file).unwrap();
+    let end = bytes.iter().position(|byte| *byte == b'\n').unwrap();
+    let head = std::str::from_utf8(&bytes[..end]).unwrap();
+    let numbers: Vec<u32> = head
+        .split(' ')
+        .skip(1)
+        .map(|n| n.parse().unwrap())
+        .collect();
+    let (pairs, rest) = bytes[end + 1..].as_chunks();
+    assert!(rest.is_empty());
+    let pixels = pairs.iter().map(|pair| u16::from_be_bytes(*pair));
+    (numbers[0], numbers[1], pixels.collect())
+}
+
+/// Against `skyloop render`, which knows no wire.
+#[test]
+fn the_client_gets_the_frames_of_every_built_in_camera() {
+    for camera in CAMERAS {
+        let here = tempfile::tempdir().unwrap();
+        let at = here.path();
+        let process = emulator(at, &format!("camera = {camera:?}"), "", &[]);
+        let told = client(at, &process, &["--out", "got-"]);
+        assert!(told.starts_with("got-00000: "), "{told}");
+        process.signal("-INT");
+        let (code, table) = process.end();
+        assert_eq!(code, Some(0), "{table}");
+        let state = format!("--state={STATE}");
+        skyloop(at)
+            .args(["render", "--camera", camera, "--epoch", EPOCH])
+            .args([&format!("--attitude={Q}"), &state, "--out", "rendered"])
+            .assert()
+            .success();
+        let rendered = image::open(at.join("rendered/frame_00000.png")).unwrap();
+        let rendered = rendered.into_luma16();
+        let (width, height, pixels) = pgm(&at.join("got-00000.pgm"));
+        assert_eq!((width, height), rendered.dimensions(), "{camera}");
+        let same = pixels.iter().zip(rendered.as_raw()).all(|(a, b)| a == b);
+        assert!(same && pixels.len() == rendered.as_raw().len(), "{camera}");
+    }
+}
+
+#[test]
+fn the_client_asks_again_for_what_is_lost() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let drop = |direction| {
+        format!("[[faults]]\ndirection = {direction:?}\nkind = \"drop\"\nvalue = 0.05\n")
+    };
+    std::fs::write(at.join("faults.toml"), drop("in") + &drop("out")).unwrap();
+    let process = emulator(at, "camera = \"rigel-l\"", "", &["--faults", "faults.toml"]);
+    let told = client(at, &process, &["--frames", "3"]);
+    process.signal("-INT");
+    let (_, table) = process.end();
+    // It checks the pixels itself against the checksum of each frame.
+    assert_eq!(
+        told.matches("1024 x 1024 pixels of 12 bits").count(),
+        3,
+        "{told}{table}"
+    );
+    let dropped = table.split("out: drop ").nth(1).unwrap();
+    let dropped: u32 = dropped.split_whitespace().next().unwrap().parse().unwrap();
+    assert!(dropped > 20 && table.contains("resent_blocks"), "{table}");
+}
+
+/// 24,000 packets a second.
+#[test]
+fn the_client_takes_large_frames_at_four_a_second() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let camera = std::fs::read_to_string(repository("configs/cameras/rigel-l.toml")).unwrap();
+    let camera = camera
+        .replace("width_px = 1024", "width_px = 2048")
+        .replace("height_px = 1024", "height_px = 2048")
+        .replace("rate_hz = 10.0", "rate_hz = 4.0");
+    std::fs::write(at.join("large.toml"), camera).unwrap();
+    let run = "clock = \"wall\"";
+    let process = emulator(at, "camera = \"large.toml\"\nfidelity = \"fast\"", run, &[]);
+    let told = client(at, &process, &["--frames", "4", "--wall", "4"]);
+    process.signal("-INT");
+    process.end();
+    assert_eq!(told.matches("2048 x 2048 pixels").count(), 4, "{told}");
+}
+
+/// The README shows the first part of the file.
+#[test]
+fn the_readme_shows_the_client() {
+    let readme = std::fs::read_to_string(repository("README.md")).unwrap();
+    let file = std::fs::read_to_string(repository("examples/client.py")).unwrap();
+    let mut blocks = readme.split("```python\n").skip(1);
+    let (block, rest) = blocks.next().unwrap().split_once("```").unwrap();
+    assert!(file.contains(block) && block.lines().count() > 10);
+    assert!(blocks.next().is_none() && rest.contains("examples/client.py"));
+}

@@ -1,0 +1,178 @@
+//! For continuous integration: limits of a loopback, and what `run` offers scripts.
+#![cfg(unix)]
+
+use crate::run::Process;
+use crate::skyloop;
+use crate::support::client::Client;
+use crate::support::line::UdpLine;
+use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+/// Exit code and all that a command printed.
+fn say(at: &Path, words: &str) -> (Option<i32>, String) {
+    let output = skyloop(at).args(words.split_whitespace()).output().unwrap();
+    let text = [output.stdout, output.stderr].concat();
+    (output.status.code(), String::from_utf8(text).unwrap())
+}
+
+#[test]
+fn a_loopback_keeps_its_limits_or_fails() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    for (limits, code, failures, says) in [
+        (
+            "--max-centroid-rms 0.5 --max-missed 0 --max-false 50 --max-latency-p99-ms 60000",
+            Some(0),
+            "tests=\"5\" failures=\"0\"",
+            "kept: centroids: rms 0.",
+        ),
+        (
+            "--max-centroid-rms 0.001",
+            Some(1),
+            "tests=\"2\" failures=\"1\"",
+            "broken: centroids: rms 0.",
+        ),
+        (
+            "--max-latency-p99-ms 0.001",
+            Some(1),
+            "failures=\"1\"",
+            "broken: latency p99: ",
+        ),
+        // No pixels: nothing was compared, and no limit is kept by that.
+        (
+            "--output labels --max-missed 9 --max-false 9 --max-centroid-rms 9",
+            Some(1),
+            "tests=\"4\" failures=\"3\"",
+            "not known: 0 of 2 frames brought both pixels and readable labels",
+        ),
+    ] {
+        let (found, text) = say(at, &format!("loopback --frames 2 --junit v.xml {limits}"));
+        assert_eq!(found, code, "{limits}: {text}");
+        assert!(text.contains(says), "{limits}: {text}");
+        let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
+        assert!(junit.contains(failures), "{limits}: {junit}");
+    }
+    // What has not begun has not passed.
+    let (_, text) = say(
+        at,
+        "loopback --frames 2 --junit v.xml --link memory?roles=truth",
+    );
+    let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
+    assert!(junit.contains("failures=\"1\""), "{text}{junit}");
+    let (code, text) = say(at, "loopback --junit no/such/v.xml");
+    assert!(
+        code == Some(1) && text.contains("name another file"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_line_that_a_fault_has_stopped_ends_a_loopback_in_seconds() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    for (direction, kind, at_s) in [
+        ("out", "stuck", 0.0),
+        ("in", "stuck", 0.2),
+        ("in", "drop", 0.2),
+        ("out", "down", 0.2),
+    ] {
+        let fault = format!(
+            "[[faults]]\ndirection = {direction:?}\nkind = {kind:?}\nvalue = 1\nat_s = {at_s}\n"
+        );
+        std::fs::write(at.join("faults.toml"), fault).unwrap();
+        let started = Instant::now();
+        let (code, text) = say(at, "loopback --faults faults.toml --junit v.xml");
+        let took = started.elapsed();
+        assert_eq!(code, Some(1), "{text}");
+        let told =
+            format!("memory: nothing passes any more: the fault {kind}, {direction} has no end");
+        assert!(
+            text.contains(&told) && text.contains("give it a for_s"),
+            "{text}"
+        );
+        // 5 s without a frame; a busy machine needs time for the frames before.
+        assert!(took < Duration::from_secs(20), "{took:?}: {text}");
+        let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
+        assert!(
+            junit.contains("<testcase name=\"run\"") && junit.contains(&told),
+            "{junit}"
+        );
+    }
+}
+
+/// The emulator of a run file with a free port, in a folder.
+fn process(at: &Path, flags: &[&str]) -> Process {
+    std::fs::write(at.join("run.toml"), "[run]\nlink = \"udp://127.0.0.1:0\"\n").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
+    let command = command.args(["run", "--config", "run.toml"]).args(flags);
+    let command = command.current_dir(at).stderr(std::process::Stdio::piped());
+    Process::spawned(command, "listening on ")
+}
+
+#[test]
+fn a_run_waits_for_a_client_and_for_its_end_only_so_long() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let (code, _, log) = process(at, &["--wait-for-client", "0.2"]).end_with_log();
+    assert!(
+        code == Some(1) && log.contains("no client has come within 0.2 s"),
+        "{log}"
+    );
+    // What is no packet of the wire is no client.
+    let stranger = process(at, &["--wait-for-client", "1"]);
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let to = stranger.address.strip_prefix("udp://").unwrap();
+    socket.send_to(b"hello, is anybody there?", to).unwrap();
+    assert_eq!(stranger.end().0, Some(1));
+    let (code, _, log) = process(at, &["--timeout", "0.2"]).end_with_log();
+    assert_eq!(code, Some(0), "{log}");
+    let (code, _, log) = process(at, &["--timeout", "0.2", "--frames", "2"]).end_with_log();
+    let says = "stopped after 0.2 s (--timeout) with 0 of 2 frames";
+    assert!(code == Some(1) && log.contains(says), "{log}");
+    let served = process(
+        at,
+        &["--wait-for-client", "5", "--timeout", "60", "--frames", "2"],
+    );
+    let mut client = Client::new(UdpLine::to(&served.address));
+    client.good_frame(1);
+    client.good_frame(2);
+    let (code, table, log) = served.end_with_log();
+    assert_eq!(code, Some(0), "{table}{log}");
+}
+
+#[test]
+fn the_ready_file_says_where_links_listen_and_goes_with_the_run() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let file = at.join("ready.json");
+    // A killed run has left one.
+    std::fs::write(&file, "{ \"pid\": 1, \"links\": [] }").unwrap();
+    let flags = ["--ready-file", "ready.json", "--metrics", "127.0.0.1:0"];
+    let running = process(at, &flags);
+    crate::support::await_that("the file is there", || {
+        std::thread::sleep(Duration::from_millis(5));
+        std::fs::read_to_string(&file).is_ok_and(|text| !text.contains("\"pid\": 1,"))
+    });
+    let ready: Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+    assert_eq!(ready["pid"], running.id());
+    assert_eq!(ready["links"], serde_json::json!([running.address]));
+    assert_eq!(ready["heads"], serde_json::json!([]));
+    let metrics = ready["metrics"].as_str().unwrap().parse().unwrap();
+    assert!(!crate::support::fetched(metrics).is_empty());
+    running.signal("-INT");
+    assert_eq!(running.end().0, Some(0));
+    assert_eq!(crate::names(at), ["run.toml"]);
+    std::fs::write(&file, "{}").unwrap();
+    let (code, text) = say(at, "run --config run.toml --ready-file ready.json");
+    assert!(
+        code == Some(1) && text.contains("another file of that name"),
+        "{text}"
+    );
+    let (code, text) = say(at, "run --config run.toml --ready-file no/such");
+    assert!(
+        code == Some(1) && text.contains("--ready-file no/such: "),
+        "{text}"
+    );
+}
