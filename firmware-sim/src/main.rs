@@ -208,6 +208,9 @@ fn orbit(text: &str, start: Epoch) -> Result<OrbitSource> {
             rejected.len() - 5
         );
     }
+    for (line, remark) in object.remarks() {
+        eprintln!("skyloop-fc: {file}:{line}: {remark}");
+    }
     if let Some(ages) = Ages::of(std::slice::from_ref(&object), start).filter(Ages::are_old) {
         eprintln!("skyloop-fc: {}: {ages}", object.label());
     }

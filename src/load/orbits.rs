@@ -201,7 +201,10 @@ pub fn passed_over(names: &[String]) -> Option<String> {
 fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, ConfigError> {
     let Some([files, others]) = folder.listing(name)? else {
         let (file, text) = folder.read(name)?;
-        return skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit(e.to_string()));
+        let loaded = skyloop_orbit::parse(&text, &file);
+        let loaded = loaded.map_err(|e| ConfigError::Orbit(e.to_string()))?;
+        findings.notices.extend(remarks(&file, &loaded.objects));
+        return Ok(loaded);
     };
     let mut all = Loaded::default();
     let mut register = Register::default();
@@ -209,6 +212,7 @@ fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, 
     for file in files {
         match given(folder, &file) {
             Given::Orbits(loaded) => {
+                findings.notices.extend(remarks(&file, &loaded.objects));
                 all.rejected.extend(loaded.rejected);
                 for reason in gather(&mut all.objects, &mut register, loaded.objects).refused {
                     all.rejected.push(Rejected {
@@ -224,6 +228,14 @@ fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, 
     }
     findings.notices.extend(passed_over(&foreign));
     Ok(all)
+}
+
+/// What was assumed of objects of a file, a line each.
+fn remarks(file: &str, objects: &[Object]) -> Vec<String> {
+    let remarks = objects.iter().flat_map(Object::remarks);
+    remarks
+        .map(|(line, remark)| format!("{file}:{line}: {remark}"))
+        .collect()
 }
 
 /// What a file of a folder gives.

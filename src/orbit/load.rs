@@ -2,7 +2,7 @@
 
 use crate::format::Format;
 use crate::record::{Found, Record};
-use crate::{Designator, Object, Orbit, oem, omm, read_text, remedy, tle};
+use crate::{Designator, Object, Orbit, oem, omm, read_text, remedy, tle, unread};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fmt;
@@ -83,11 +83,21 @@ pub enum LoadError {
     /// The text is in no format that is read.
     #[error(
         "{source_name}: no orbit found; expected two-line element sets (TLE, 3LE), OMM in KVN, XML, JSON or CSV, or a \
-         CCSDS OEM in KVN, whose first line is CCSDS_OEM_VERS = ..."
+         CCSDS OEM in KVN, whose first line is CCSDS_OEM_VERS = ..., or in XML"
     )]
     NoOrbit {
         /// The source's name.
         source_name: String,
+    },
+    /// The text is in a known format that is not read.
+    #[error("{source_name}: {found}")]
+    Unread {
+        /// The source's name.
+        source_name: String,
+        /// What it is, and the remedy.
+        found: String,
+        /// Whether it holds orbits, or attitudes alone.
+        has_orbits: bool,
     },
     /// The text has the form of element sets and holds none.
     #[error("{source_name}: {format}, and no record in it")]
@@ -113,6 +123,7 @@ impl LoadError {
         match self {
             LoadError::Read { error, .. } => error.kind() == std::io::ErrorKind::InvalidData,
             LoadError::NoOrbit { .. } => true,
+            LoadError::Unread { has_orbits, .. } => !has_orbits,
             // A file that has lost its records is a loss.
             LoadError::Empty { .. } | LoadError::NoRecord { .. } | LoadError::NoSegment { .. } => {
                 false
@@ -152,8 +163,15 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
             source_name: source_name(),
         });
     }
-    let format = Format::of(text).ok_or_else(|| LoadError::NoOrbit {
-        source_name: source_name(),
+    let format = Format::of(text).ok_or_else(|| match unread::found(text) {
+        Some(found) => LoadError::Unread {
+            source_name: source_name(),
+            found,
+            has_orbits: unread::has_orbits(text),
+        },
+        None => LoadError::NoOrbit {
+            source_name: source_name(),
+        },
     })?;
     let mut found = Found::new(source);
     let mut ephemerides = Vec::new();
@@ -163,10 +181,13 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
         Format::OmmXml => omm::xml::read(text, &mut found),
         Format::OmmJson => omm::json::read(text, &mut found),
         Format::OmmCsv => omm::csv::read(text, &mut found),
-        Format::OemKvn => {
-            let loaded = oem::parse(text, source);
-            (ephemerides, found.rejected) = (loaded.objects, loaded.rejected);
-        }
+        Format::OemKvn => add_ephemerides(oem::parse(text, source), &mut ephemerides, &mut found),
+        Format::OemXml => {}
+    }
+    // An NDM may hold messages of both kinds.
+    if matches!(format, Format::OmmXml | Format::OemXml) && oem::xml::looks_like(text) {
+        let loaded = oem::xml::parse(text, source);
+        add_ephemerides(loaded, &mut ephemerides, &mut found);
     }
     let Found {
         records, rejected, ..
@@ -180,7 +201,7 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
         });
     }
     Err(match format {
-        Format::OemKvn => LoadError::NoSegment {
+        Format::OemKvn | Format::OemXml => LoadError::NoSegment {
             source_name: source_name(),
         },
         _ => LoadError::NoRecord {
@@ -188,6 +209,11 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
             format,
         },
     })
+}
+
+fn add_ephemerides(loaded: Loaded, ephemerides: &mut Vec<Object>, found: &mut Found) {
+    ephemerides.extend(loaded.objects);
+    found.rejected.extend(loaded.rejected);
 }
 
 impl From<Contents> for Loaded {

@@ -67,6 +67,8 @@ struct FileReport {
     /// Sets that have no state at their own epoch.
     stateless: Vec<Stateless>,
     rejected: Vec<Refusal>,
+    /// What was assumed where an ephemeris leaves it open.
+    assumed: Vec<Refusal>,
 }
 
 /// A set that SGP4 gives no state for at its own epoch.
@@ -202,8 +204,17 @@ fn of_contents(contents: &Contents) -> FileReport {
         beyond_99999: numbers.range(100_000..).count(),
         several_sets: several.map(|(id, count)| (id.clone(), *count)).collect(),
         stateless: records.iter().filter_map(stateless).collect(),
+        assumed: ephemerides.iter().flat_map(assumed).collect(),
         ..FileReport::default()
     }
+}
+
+fn assumed(object: &Object) -> impl Iterator<Item = Refusal> {
+    let remarks = object.remarks().into_iter();
+    remarks.map(|(line, remark)| Refusal {
+        line,
+        reason: remark.to_string(),
+    })
 }
 
 /// The set, if SGP4 has no state for it at its own epoch.
@@ -246,7 +257,7 @@ impl FileReport {
             self.rejected.len()
         );
         if let (Some(first), Some(last)) = (&self.first_epoch, &self.last_epoch) {
-            let what = if format == "oem-kvn" {
+            let what = if format.starts_with("oem") {
                 "covers"
             } else {
                 "epochs"
@@ -282,7 +293,7 @@ impl FileReport {
                 );
             }
         }
-        for Refusal { line, reason } in &self.rejected {
+        for Refusal { line, reason } in self.assumed.iter().chain(&self.rejected) {
             text += &format!("  {file}:{line}: {reason}\n");
         }
         text
