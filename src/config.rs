@@ -25,6 +25,7 @@ use objects::{Objects, RawObjects};
 use run::RawRun;
 pub use run::{Clock, Delay, OnOverrun, OnStale, OutOfOrder, Run, Staleness, Trigger};
 use serde::Deserialize;
+use skyloop_orbit::aem;
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Object, StateVector};
 use std::path::Path;
@@ -96,8 +97,19 @@ pub struct Sequence {
     /// Slerp between them; of several, the exposures must lie within their span. Without any, which no file can have: +Z to the Earth's
     /// centre, +X towards the velocity.
     pub attitudes: Vec<TimedAttitude>,
+    /// A file of attitudes instead.
+    pub attitude_file: Option<AttitudeFile>,
     /// Body rates (rad/s) of a single attitude.
     pub rates: [f64; 3],
+}
+
+/// A file of attitudes: a CCSDS AEM, or lines `UTC x y z w`.
+#[derive(Debug, Clone)]
+pub struct AttitudeFile {
+    /// As messages name it.
+    pub name: String,
+    /// What it holds.
+    pub text: String,
 }
 
 /// An attitude at an instant.
@@ -166,7 +178,9 @@ struct RawSequence {
     epoch: RawTime,
     frames: u32,
     period_s: f64,
+    #[serde(default)]
     attitudes: Vec<RawAttitude>,
+    attitude_file: Option<String>,
     rates_deg_s: Option<Fixed<f64, 3>>,
 }
 
@@ -253,6 +267,11 @@ impl Config {
         let camera = Camera::load(&raw.camera, folder);
         let camera = camera.map_err(|error| check.named("camera", error))?;
         let fidelity = raw.fidelity.validate(&check)?;
+        let sequence = raw.sequence.map(|s| s.validate(&check, folder));
+        let sequence = sequence.transpose()?;
+        let attitude_file = sequence.as_ref().and_then(|s| s.attitude_file.as_ref());
+        let remarks = attitude_file.map(AttitudeFile::remarks);
+        findings.notices.extend(remarks.unwrap_or_default());
         Ok(Config {
             seed: raw.seed,
             heads: heads::validate(raw.heads, &camera, &check, folder)?,
@@ -267,7 +286,7 @@ impl Config {
             sphere,
             looks,
             observer,
-            sequence: raw.sequence.map(|s| s.validate(&check)).transpose()?,
+            sequence,
             run: raw.run.validate(&check)?,
         })
     }
@@ -334,8 +353,21 @@ impl RawSky {
     }
 }
 
+impl AttitudeFile {
+    /// What of it is not used, or was assumed: a line each. What is wrong with it shows when it is flown.
+    fn remarks(&self) -> Vec<String> {
+        let Some(Ok(message)) = aem::is_message(&self.text).then(|| aem::parse(&self.text)) else {
+            return Vec::new();
+        };
+        let remarks = message.remarks.iter();
+        let shown = remarks.map(|(line, remark)| format!("{}:{line}: {remark}", self.name));
+        shown.collect()
+    }
+}
+
 impl RawSequence {
-    fn validate(self, check: &Check) -> Result<Sequence, ConfigError> {
+    fn validate(self, check: &Check, folder: &Folder) -> Result<Sequence, ConfigError> {
+        let attitude_file = attitude_file(&self, check, folder)?;
         let epoch = utc(check, "sequence.epoch", &self.epoch)?;
         let mut attitudes = Vec::new();
         for (i, raw) in self.attitudes.iter().enumerate() {
@@ -353,11 +385,11 @@ impl RawSequence {
                     .map_err(|error| check.explain(&format!("{key}.q"), error))?,
             });
         }
-        if attitudes.is_empty() {
+        if attitudes.is_empty() && attitude_file.is_none() {
             return Err(check.refuse(
                 "sequence.attitudes",
                 "[]",
-                "at least one { utc, q = [x, y, z, w] }",
+                "at least one { utc, q = [x, y, z, w] }, or sequence.attitude_file given",
             ));
         }
         if attitudes.windows(2).any(|w| w[1].epoch <= w[0].epoch) {
@@ -377,9 +409,30 @@ impl RawSequence {
             frames: check.range("sequence.frames", f64::from(self.frames), 1.0..=1e6)? as u32,
             period_s: check.range("sequence.period_s", self.period_s, 1e-6..=1e6)?,
             attitudes,
+            attitude_file,
             rates: rates.map(f64::to_radians),
         })
     }
+}
+
+/// The file that a sequence names for its attitudes.
+fn attitude_file(
+    raw: &RawSequence,
+    check: &Check,
+    folder: &Folder,
+) -> Result<Option<AttitudeFile>, ConfigError> {
+    let (key, Some(file)) = ("sequence.attitude_file", &raw.attitude_file) else {
+        return Ok(None);
+    };
+    if !raw.attitudes.is_empty() || raw.rates_deg_s.is_some() {
+        let reason = "given beside sequence.attitudes or rates_deg_s: keep one of them";
+        return Err(check.explain(key, reason));
+    }
+    let read = folder
+        .read(file)
+        .map_err(|error| check.explain(key, error))?;
+    let (name, text) = read;
+    Ok(Some(AttitudeFile { name, text }))
 }
 
 fn utc(check: &Check, key: &str, time: &RawTime) -> Result<Epoch, ConfigError> {

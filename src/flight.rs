@@ -1,7 +1,7 @@
 //! The vehicle's motion in runs that make their own attitudes: what a mock flight computer would send.
 
 use crate::attitude::{AttitudeError, VehicleState};
-use crate::config::{Config, Observer, Sequence, TimedAttitude};
+use crate::config::{AttitudeFile, Config, Observer, Sequence, TimedAttitude};
 use crate::scene::{Exposure, Unobservable, above_the_moon, shutter, turn_at};
 use crate::sky::bodies::Bodies;
 use crate::sky::shadow::Earth;
@@ -233,6 +233,9 @@ pub fn profile(sequence: &Sequence) -> Result<Profile, FlightError> {
         let [x, y, z, w] = timed.attitude.xyzw();
         UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
     };
+    if let Some(AttitudeFile { name, text }) = &sequence.attitude_file {
+        return Ok(Profile::List(AttitudeList::parse(text, name)?));
+    }
     match &sequence.attitudes[..] {
         [] => return Ok(Profile::Nadir),
         [one] => {

@@ -82,6 +82,7 @@ fn scene(objects: &[Object], images: u32) -> anyhow::Result<Config> {
         frames: images,
         period_s: PERIOD_S,
         attitudes: vec![TimedAttitude { epoch, attitude }],
+        attitude_file: None,
         rates: [0.0; 3],
     });
     Ok(config)

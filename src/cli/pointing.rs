@@ -62,6 +62,7 @@ impl Pointing {
             frames: 1,
             period_s: 1.0,
             attitudes: attitude.into_iter().collect(),
+            attitude_file: None,
             rates,
         }))
     }

@@ -20,6 +20,7 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+pub mod aem;
 pub mod cone;
 pub mod elements;
 pub mod ephemeris;

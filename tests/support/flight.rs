@@ -51,6 +51,7 @@ fn config(course: Course) -> Config {
         frames: course.frames,
         period_s: 0.1,
         attitudes,
+        attitude_file: None,
         rates: [0.001, -0.002, 0.0005],
     });
     config
