@@ -105,8 +105,19 @@ pub struct Sequence {
     pub attitudes: Vec<TimedAttitude>,
     /// What the camera looks at and follows, instead of attitudes.
     pub look_at: Option<LookAt>,
+    /// A file of attitudes instead.
+    pub attitude_file: Option<AttitudeFile>,
     /// Body rates (rad/s) of a single attitude.
     pub rates: [f64; 3],
+}
+
+/// A file of attitudes: a CCSDS AEM, or lines `UTC x y z w`.
+#[derive(Debug, Clone)]
+pub struct AttitudeFile {
+    /// As messages name it.
+    pub name: String,
+    /// What it holds.
+    pub text: String,
 }
 
 /// An attitude at an instant.
@@ -288,8 +299,12 @@ impl Raw {
         let camera = Camera::load(&raw.camera, folder);
         let camera = camera.map_err(|error| check.named("camera", error))?;
         let fidelity = raw.fidelity.validate(check)?;
-        let sequence = raw.sequence.map(|s| s.validate(&camera, &objects, check));
+        let sequence = raw.sequence;
+        let sequence = sequence.map(|s| s.validate(&camera, &objects, check, folder));
         let sequence = sequence.transpose()?;
+        let attitude_file = sequence.as_ref().and_then(|s| s.attitude_file.as_ref());
+        let remarks = attitude_file.map(AttitudeFile::remarks);
+        findings.notices.extend(remarks.unwrap_or_default());
         Ok(Config {
             seed: raw.seed,
             heads: heads::validate(raw.heads, &camera, check, folder)?,
@@ -304,7 +319,7 @@ impl Raw {
             sphere,
             looks,
             observer,
-            sequence: sequence,
+            sequence,
             run: raw.run.validate(check)?,
         })
     }

@@ -4,7 +4,7 @@ mod aim;
 
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::camera::Camera;
-use crate::config::{Config, Observer, Sequence, TimedAttitude};
+use crate::config::{AttitudeFile, Config, Observer, Sequence, TimedAttitude};
 use crate::scene::{Exposure, Unobservable, above_the_moon, shutter, turn_at};
 use crate::sky::Corrections;
 use crate::sky::bodies::Bodies;
@@ -258,6 +258,9 @@ pub fn profile(
         let [x, y, z, w] = timed.attitude.xyzw();
         UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
     };
+    if let Some(AttitudeFile { name, text }) = &sequence.attitude_file {
+        return Ok(Profile::List(AttitudeList::parse(text, name)?));
+    }
     match &sequence.attitudes[..] {
         [] => return Ok(Profile::Nadir),
         [one] => {

@@ -83,6 +83,7 @@ fn scene(objects: &[Object], images: u32) -> anyhow::Result<Config> {
         period_s: PERIOD_S,
         attitudes: vec![TimedAttitude { epoch, attitude }],
         look_at: None,
+        attitude_file: None,
         rates: [0.0; 3],
     });
     Ok(config)

@@ -2,15 +2,29 @@
 
 use hifitime::Epoch;
 use nalgebra::UnitQuaternion;
+use skyloop_orbit::aem::{self, AttitudeMessage, AttitudeSegment};
 use skyloop_orbit::time::{parse_utc, utc_text};
+use skyloop_orbit::unread_format;
 use thiserror::Error;
 
 use crate::pointing::{Pointing, rate_between, turn};
-use crate::text::parse_quaternion;
+use crate::text::{parse_quaternion, quaternion};
 
-/// Attitudes at increasing epochs, two at least.
+/// Attitudes at increasing epochs, in one or more segments.
 #[derive(Clone, Debug)]
-pub struct AttitudeList(Vec<(Epoch, UnitQuaternion<f64>)>);
+pub struct AttitudeList {
+    /// In the order of the file; where two hold an epoch, the first counts.
+    segments: Vec<Segment>,
+    remarks: Vec<String>,
+}
+
+/// Attitudes between which there may be a slerp, two at least.
+#[derive(Clone, Debug)]
+struct Segment {
+    first: Epoch,
+    last: Epoch,
+    attitudes: Vec<(Epoch, UnitQuaternion<f64>)>,
+}
 
 /// Why a list of attitudes is refused.
 #[derive(Debug, Error)]
@@ -26,6 +40,24 @@ pub enum ListError {
         line: usize,
         /// What is wrong with it.
         reason: String,
+    },
+    /// A CCSDS AEM that cannot be used.
+    #[error("{name}:{line}: {reason}")]
+    Message {
+        /// The file or other origin.
+        name: String,
+        /// Line number, from 1.
+        line: usize,
+        /// What is wrong there, and the remedy.
+        reason: String,
+    },
+    /// A known format that is not read.
+    #[error("{name}: {found}")]
+    Unread {
+        /// The file or other origin.
+        name: String,
+        /// What it is, and the remedy.
+        found: String,
     },
     /// Fewer than two attitudes.
     #[error("{name}: {count} attitudes; a list needs two at least (for one attitude, hold it)")]
@@ -83,15 +115,29 @@ impl AttitudeList {
                 name: name.into(),
                 epoch: pair[1].0,
             }),
-            None => Ok(Self(attitudes)),
+            None => Ok(Self {
+                segments: vec![Segment {
+                    first: attitudes[0].0,
+                    last: attitudes[attitudes.len() - 1].0,
+                    attitudes,
+                }],
+                remarks: Vec::new(),
+            }),
         }
     }
 
-    /// Reads lines of `UTC x y z w` (blanks or commas between; `#` starts a comment).
+    /// Reads a CCSDS AEM, or lines of `UTC x y z w` (blanks or commas between; `#` starts a comment).
     ///
     /// # Errors
     /// [`ListError`] with file and line.
     pub fn parse(text: &str, name: &str) -> Result<Self, ListError> {
+        if aem::is_message(text) {
+            return Self::of_message(text, name);
+        }
+        if let Some(found) = unread_format(text) {
+            let name = name.into();
+            return Err(ListError::Unread { name, found });
+        }
         let mut attitudes = Vec::new();
         for (index, line) in text.lines().enumerate() {
             let content = line.split('#').next().unwrap_or_default().trim();
@@ -108,35 +154,82 @@ impl AttitudeList {
         Self::new(attitudes, name)
     }
 
+    fn of_message(text: &str, name: &str) -> Result<Self, ListError> {
+        let refused = |(line, reason)| ListError::Message {
+            name: name.into(),
+            line,
+            reason,
+        };
+        let AttitudeMessage { segments, remarks } = aem::parse(text).map_err(refused)?;
+        let segments = segments
+            .iter()
+            .map(|segment| Segment::of(segment).map_err(refused));
+        let remarks = remarks.iter();
+        Ok(Self {
+            segments: segments.collect::<Result<_, _>>()?,
+            remarks: remarks
+                .map(|(line, remark)| format!("{name}:{line}: {remark}"))
+                .collect(),
+        })
+    }
+
+    /// What of the file is not used, or was assumed: a line each.
+    #[must_use]
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
+
     /// Attitude and rates at `epoch`.
     ///
     /// # Errors
     /// [`OutsideList`].
     pub fn at(&self, epoch: Epoch) -> Result<Pointing, OutsideList> {
-        // The segment whose end is the first entry after the epoch; the last entry belongs to the last segment.
-        let after = self
-            .0
-            .partition_point(|(at, _)| *at <= epoch)
-            .min(self.0.len() - 1);
-        let outside = OutsideList {
-            epoch,
-            first: self.0[0].0,
-            last: self.0[self.0.len() - 1].0,
-        };
-        let (Some(&(t0, q0)), Some(&(t1, q1))) =
-            (self.0.get(after.wrapping_sub(1)), self.0.get(after))
-        else {
-            return Err(outside);
-        };
-        if epoch > t1 {
-            return Err(outside);
+        let holds = |segment: &&Segment| (segment.first..=segment.last).contains(&epoch);
+        if let Some(segment) = self.segments.iter().find(holds) {
+            return Ok(segment.at(epoch));
         }
+        let distance = |segment: &&Segment| (segment.first - epoch).max(epoch - segment.last);
+        let nearest = self.segments.iter().min_by_key(distance);
+        let (first, last) = nearest.map_or((epoch, epoch), |segment| (segment.first, segment.last));
+        Err(OutsideList { epoch, first, last })
+    }
+}
+
+impl Segment {
+    /// The segment of a message; the error is a line and what is wrong there.
+    fn of(segment: &AttitudeSegment) -> Result<Self, (usize, String)> {
+        let unit = segment.attitudes.iter().map(|timed| {
+            let attitude = quaternion(timed.q_icrf_to_body);
+            Ok((timed.epoch, attitude.map_err(|why| (timed.line, why))?))
+        });
+        let attitudes: Vec<_> = unit.collect::<Result<_, _>>()?;
+        let (Some((first, _)), Some((last, _))) = (attitudes.first(), attitudes.last()) else {
+            return Err((segment.line, "no attitudes".into()));
+        };
+        let (first, last) = (segment.start.max(*first), segment.stop.min(*last));
+        if first > last {
+            let why = "no attitude lies between the segment's start and stop time";
+            return Err((segment.line, why.into()));
+        }
+        Ok(Self {
+            first,
+            last,
+            attitudes,
+        })
+    }
+
+    /// Attitude and rates at an epoch that it holds.
+    fn at(&self, epoch: Epoch) -> Pointing {
+        // The pair whose end is the first entry after the epoch; the last entry belongs to the last pair.
+        let after = self.attitudes.partition_point(|(at, _)| *at <= epoch);
+        let after = after.clamp(1, self.attitudes.len() - 1);
+        let ((t0, q0), (t1, q1)) = (self.attitudes[after - 1], self.attitudes[after]);
         let rates_rad_s = rate_between(&q0, &q1, (t1 - t0).to_seconds());
         let attitude = turn(rates_rad_s * (epoch - t0).to_seconds()) * q0;
-        Ok(Pointing {
+        Pointing {
             attitude,
             rates_rad_s,
-        })
+        }
     }
 }
 

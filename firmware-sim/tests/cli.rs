@@ -242,6 +242,18 @@ fn errors_say_what_to_do() {
         "attitudes.txt",
         "2019-06-15T23:35:50 0 0 0 1\nnow 0 0 0 1\n",
     );
+    let spinner = file(
+        "spinner.aem",
+        "CCSDS_AEM_VERS = 2.0\nMETA_START\nOBJECT_ID = A\nREF_FRAME_A = ICRF\nREF_FRAME_B = SC_BODY_1\nTIME_SYSTEM = UTC\n\
+         START_TIME = 2019-06-15T23:35:50\nSTOP_TIME = 2019-06-15T23:35:59\nATTITUDE_TYPE = SPIN\nMETA_STOP\n",
+    );
+    let still = std::fs::read_to_string(&spinner)
+        .unwrap()
+        .replace("SPIN", "QUATERNION");
+    let still = file(
+        "still.aem",
+        &(still + "2019-06-15T23:35:50 0 0 0 1\n2019-06-15T23:35:51 0 0 0 1\n"),
+    );
     let short_list = file(
         "short.txt",
         "2019-06-15T23:35:50 0 0 0 1\n2019-06-15T23:35:51 0 0 0 1\n",
@@ -351,6 +363,14 @@ fn errors_say_what_to_do() {
         (
             &["--attitudes", "/dev/zero"],
             "this is a device or a socket",
+        ),
+        (
+            &["--attitudes", &spinner],
+            "spinner.aem:9: ATTITUDE_TYPE 'SPIN'",
+        ),
+        (
+            &["--attitudes", &still],
+            "covers 2019-06-15T23:35:50.000Z to 2019-06-15T23:35:51.000Z",
         ),
         (&["--attitudes", &bad_list], "attitudes.txt:2: \"now\""),
         (

@@ -78,6 +78,7 @@ impl Pointing {
             period_s: 1.0,
             attitudes: attitude.into_iter().collect(),
             look_at,
+            attitude_file: None,
             rates,
         }))
     }

@@ -139,7 +139,7 @@ impl Target {
         }
         let all = Loaded {
             objects: objects.to_vec(),
-            rejected: Vec::new(),
+            ..Loaded::default()
         };
         match all.find(Some(text)) {
             Ok(object) => Ok(Target::Object(Box::new(object.clone()))),

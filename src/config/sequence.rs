@@ -1,14 +1,14 @@
 //! `[sequence]`: the exposures of an offline run and where its camera looks.
 
 use super::look_at::RawTarget;
-use super::{LookAt, Sequence, TimedAttitude, Up, utc};
+use super::{AttitudeFile, LookAt, Sequence, TimedAttitude, Up, utc};
 use crate::attitude::Attitude;
 use crate::camera::Camera;
-use crate::load::{Check, ConfigError, Fixed, RawTime};
+use crate::load::{Check, ConfigError, Fixed, Folder, RawTime};
 use hifitime::Epoch;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use skyloop_orbit::Object;
+use skyloop_orbit::{LARGEST_TABLE, Object, aem};
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -22,6 +22,8 @@ pub(super) struct RawSequence {
     /// ICRF to body, [x, y, z, w]; slerp between
     #[serde(default)]
     attitudes: Vec<RawAttitude>,
+    /// Instead of attitudes: a file of them, a CCSDS AEM (KVN) or lines UTC x y z w
+    attitude_file: Option<String>,
     /// Instead of attitudes: the boresight's right ascension and declination and the position angle of what is up in the image (-Y), deg, ICRF
     radec: Option<Fixed<f64, 3>>,
     /// Instead of attitudes: body +Z to the Earth's centre, +X towards the velocity
@@ -47,7 +49,7 @@ struct RawAttitude {
 }
 
 /// Which keys say where the camera looks.
-const WAYS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], radec = [ra, dec, roll], nadir = true or look_at = \"Moon\"";
+const WAYS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], attitude_file = \"FILE\", radec = [ra, dec, roll], nadir = true or look_at = \"Moon\"";
 
 /// The body's attitude in which the boresight of `camera` has this right ascension and declination and the image this roll, deg.
 pub fn attitude_of_radec([ra, dec, roll]: [f64; 3], camera: &Camera) -> Result<Attitude, String> {
@@ -66,6 +68,7 @@ impl RawSequence {
         camera: &Camera,
         objects: &[Object],
         check: &Check,
+        folder: &Folder,
     ) -> Result<Sequence, ConfigError> {
         let epoch = utc(check, "sequence.epoch", &self.epoch)?;
         self.has_one_way(check)?;
@@ -76,6 +79,15 @@ impl RawSequence {
                 vec![TimedAttitude { epoch, attitude }]
             }
             None => self.attitudes(epoch, check)?,
+        };
+        let attitude_file = match &self.attitude_file {
+            Some(file) => {
+                let read = folder.read_within(file, LARGEST_TABLE);
+                let (name, text) =
+                    read.map_err(|error| check.explain("sequence.attitude_file", error))?;
+                Some(AttitudeFile { name, text })
+            }
+            None => None,
         };
         let look_at = match &self.look_at {
             Some(raw) => {
@@ -89,7 +101,7 @@ impl RawSequence {
         let rates = self.rates_deg_s.map_or([0.0; 3], |Fixed(rates)| rates);
         if attitudes.len() != 1 && rates != [0.0; 3] {
             let reason = match attitudes.len() {
-                0 => "given beside nadir or look_at, which have their own rates: leave it out",
+                0 => "given beside attitude_file, nadir or look_at, which have their own rates: leave it out",
                 _ => "given beside several attitudes, whose slerp has its own rates: leave it out",
             };
             return Err(check.explain("sequence.rates_deg_s", reason));
@@ -100,6 +112,7 @@ impl RawSequence {
             frames: check.range("sequence.frames", f64::from(self.frames), 1.0..=1e6)? as u32,
             period_s: check.range("sequence.period_s", self.period_s, 1e-6..=1e6)?,
             attitudes,
+            attitude_file,
             look_at,
             rates: rates.map(f64::to_radians),
         })
@@ -109,6 +122,7 @@ impl RawSequence {
     fn has_one_way(&self, check: &Check) -> Result<(), ConfigError> {
         let given = [
             ("attitudes", !self.attitudes.is_empty()),
+            ("attitude_file", self.attitude_file.is_some()),
             ("radec", self.radec.is_some()),
             ("nadir", self.nadir),
             ("look_at", self.look_at.is_some()),
@@ -161,5 +175,17 @@ impl RawSequence {
             return Err(check.explain("sequence.attitudes", reason));
         }
         Ok(attitudes)
+    }
+}
+
+impl AttitudeFile {
+    /// What of it is not used, or was assumed: a line each. What is wrong with it is reported when it is flown.
+    pub(super) fn remarks(&self) -> Vec<String> {
+        let Some(Ok(message)) = aem::is_message(&self.text).then(|| aem::parse(&self.text)) else {
+            return Vec::new();
+        };
+        let remarks = message.remarks.iter();
+        let shown = remarks.map(|(line, remark)| format!("{}:{line}: {remark}", self.name));
+        shown.collect()
     }
 }

@@ -16,11 +16,22 @@ pub struct Ephemeris {
 pub(crate) struct Segment {
     /// In order of time, at least one.
     pub nodes: Vec<Node>,
-    /// Degree of the interpolating polynomial.
-    pub degree: usize,
+    pub method: Method,
     /// Interval that is answered, ns since 1900 TAI, both ends included.
     pub start_ns: i128,
     pub stop_ns: i128,
+    /// Lines of the file, and what was assumed there.
+    pub remarks: Vec<(usize, String)>,
+}
+
+/// How states between the nodes are found, and through how many nodes; near the ends of a segment these lie to one side, and a
+/// segment with fewer takes all that it has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Method {
+    /// Lagrange's polynomial, of degree `n - 1`, through `n` positions, and another through their velocities.
+    Lagrange(usize),
+    /// Hermite's polynomial, of degree `2 n - 1`, through `n` positions with their velocities; the velocity is its derivative.
+    Hermite(usize),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -40,11 +51,7 @@ pub struct NotCovered {
 }
 
 impl Ephemeris {
-    /// The state at `t`, GCRF, m and m/s.
-    ///
-    /// Position and velocity are each interpolated by Lagrange's polynomial
-    /// through the `degree + 1` nodes around `t`: as many before as after,
-    /// fewer near the ends of a segment. A segment with fewer nodes uses all.
+    /// The state at `t`, GCRF, m and m/s, interpolated as the file says.
     ///
     /// Error: `t` is in no segment; nothing is extrapolated.
     pub fn state(&self, t: Epoch) -> Result<StateVector, NotCovered> {
@@ -53,6 +60,18 @@ impl Ephemeris {
             Some(segment) => Ok(segment.interpolate(ns)),
             None => Err(self.nearest(ns)),
         }
+    }
+
+    /// What was assumed where the file leaves it open, such as the Earth's rotation: the line of its first segment that this is
+    /// true of, and the text.
+    pub fn remarks(&self) -> Vec<(usize, &str)> {
+        let mut all: Vec<(usize, &str)> = Vec::new();
+        for (line, text) in self.segments.iter().flat_map(|segment| &segment.remarks) {
+            if all.iter().all(|(_, known)| known != text) {
+                all.push((*line, text));
+            }
+        }
+        all
     }
 
     /// The first and the last instant that it covers; there may be gaps between them.
@@ -80,7 +99,8 @@ impl Segment {
     }
 
     fn interpolate(&self, ns: i128) -> StateVector {
-        let window = self.window(ns);
+        let (Method::Lagrange(count) | Method::Hermite(count)) = self.method;
+        let window = self.window(count, ns);
         // seconds from the asked instant: small numbers, exact differences
         let x = |node: &Node| (node.tai_ns - ns) as f64 / 1e9;
         let mut state = StateVector {
@@ -88,20 +108,45 @@ impl Segment {
             velocity_m_s: Vector3::zeros(),
         };
         for (j, node) in window.iter().enumerate() {
-            // w_j = prod_{k != j} x_k / (x_k - x_j), Lagrange's basis at x = 0
-            let weight: f64 = (window.iter().enumerate())
-                .filter(|&(k, _)| k != j)
-                .map(|(_, other)| x(other) / (x(other) - x(node)))
-                .product();
-            state.position_m += node.state.position_m * weight;
-            state.velocity_m_s += node.state.velocity_m_s * weight;
+            let (
+                xj,
+                StateVector {
+                    position_m: r,
+                    velocity_m_s: v,
+                },
+            ) = (x(node), node.state);
+            // Lagrange's basis L_j(t) = prod_{k != j} (t - x_k) / (x_j - x_k): its value and derivative at t = 0,
+            // and its derivative at x_j, sum_{k != j} 1 / (x_j - x_k)
+            let (mut value, mut slope, mut own_slope) = (1.0, 0.0, 0.0);
+            for (_, other) in window.iter().enumerate().filter(|&(k, _)| k != j) {
+                let per = 1.0 / (xj - x(other));
+                let factor = -x(other) * per;
+                slope = slope * factor + value * per;
+                value *= factor;
+                own_slope += per;
+            }
+            match self.method {
+                Method::Lagrange(_) => {
+                    state.position_m += r * value;
+                    state.velocity_m_s += v * value;
+                }
+                // r(t) = sum_j L_j(t)^2 ((1 - 2 L_j'(x_j) (t - x_j)) r_j + (t - x_j) v_j)
+                // (Burden & Faires, Numerical Analysis, 9th edition, theorem 3.9), and dr/dt
+                Method::Hermite(_) => {
+                    let (square, square_slope) = (value * value, 2.0 * value * slope);
+                    let share = 1.0 + 2.0 * own_slope * xj;
+                    state.position_m += (r * share - v * xj) * square;
+                    state.velocity_m_s +=
+                        (r * share - v * xj) * square_slope + (v - r * (2.0 * own_slope)) * square;
+                }
+            }
         }
         state
     }
 
-    /// The `degree + 1` nodes centred on an instant, moved inward at the ends.
-    fn window(&self, ns: i128) -> &[Node] {
-        let count = (self.degree + 1).min(self.nodes.len());
+    /// The `count` nodes centred on an instant, moved inward at the ends.
+    fn window(&self, count: usize, ns: i128) -> &[Node] {
+        let count = count.min(self.nodes.len());
         let after = self.nodes.partition_point(|node| node.tai_ns <= ns);
         // an odd count is centred on the nearer of the two neighbours
         let nearer_before = match (self.nodes.get(after.wrapping_sub(1)), self.nodes.get(after)) {

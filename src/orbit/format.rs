@@ -20,11 +20,13 @@ pub enum Format {
     OmmCsv,
     /// A CCSDS Orbit Ephemeris Message in keyword = value notation.
     OemKvn,
+    /// The same in XML, alone or in an NDM.
+    OemXml,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Format; 7] = [
+    pub const ALL: [Format; 8] = [
         Format::Tle,
         Format::ThreeLine,
         Format::OmmKvn,
@@ -32,6 +34,7 @@ impl Format {
         Format::OmmJson,
         Format::OmmCsv,
         Format::OemKvn,
+        Format::OemXml,
     ];
 
     /// What commands and reports call it: `omm-kvn`.
@@ -44,7 +47,13 @@ impl Format {
             Format::OmmJson => "omm-json",
             Format::OmmCsv => "omm-csv",
             Format::OemKvn => "oem-kvn",
+            Format::OemXml => "oem-xml",
         }
+    }
+
+    /// Whether it holds ephemerides, which no other format can hold.
+    pub fn is_ephemeris(self) -> bool {
+        matches!(self, Format::OemKvn | Format::OemXml)
     }
 
     /// The format of a text, by its first line that says something; nothing where it is none of these.
@@ -52,7 +61,8 @@ impl Format {
         let mut lines = lines::numbered(text).map(|(_, line)| line.trim_start());
         let first = lines.find(|line| !lines::is_remark(line))?;
         match first.as_bytes().first()? {
-            b'<' => omm::xml::looks_like(text).then_some(Format::OmmXml),
+            b'<' if omm::xml::looks_like(text) => Some(Format::OmmXml),
+            b'<' => oem::xml::looks_like(text).then_some(Format::OemXml),
             b'[' | b'{' if omm::json::begins(text) => Some(Format::OmmJson),
             _ if oem::begins(first) => Some(Format::OemKvn),
             _ if omm::kvn::begins(first) => Some(Format::OmmKvn),

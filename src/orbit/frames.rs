@@ -6,8 +6,10 @@
 //! appendix C). The true-of-date frame counts Greenwich APPARENT sidereal time
 //! from the true equinox, so the two differ by a turn about the pole.
 
+use crate::StateVector;
+use crate::time::seconds;
 use hifitime::Epoch;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use sofars::consts::DJ00;
 
 /// Nanoseconds from 1900-01-01T00:00, where hifitime counts from, to 2000-01-01T12:00.
@@ -25,23 +27,15 @@ pub(crate) const DAY_NS: i128 = 86_400_000_000_000;
 /// Measured against two independent libraries out to that belt (`tests/frames.rs`):
 /// at most 3.0 mm over 1960 to 2060 (skyfield), 2.5 mm over 1975 to 2026 (astropy).
 pub fn teme_to_gcrf(t: Epoch) -> Matrix3<f64> {
-    let tt = days_since_j2000(t.to_tt_duration().total_nanoseconds());
+    let tt = days_of_tt(t);
     let ut1 = days_since_j2000(t.to_utc_duration().total_nanoseconds());
-
     // r_true = NPB r_gcrf  (Capitaine & Wallace 2006, IAU 2006/2000A)
     let npb = sofars::pnp::pnm06a(DJ00, tt);
     // both reach the Earth-fixed axes: R3(GMST82) r_teme = R3(GAST) r_true
     // r_teme = R3(GAST - GMST82) r_true
     let angle = sofars::erst::gst06(DJ00, ut1, DJ00, tt, &npb) - sofars::erst::gmst82(DJ00, ut1);
-    let (sin, cos) = libm::sincos(angle);
-    #[rustfmt::skip]
-    let equinox = Matrix3::new(
-         cos, sin, 0.0,
-        -sin, cos, 0.0,
-         0.0, 0.0, 1.0,
-    );
     // r_gcrf = (R3 NPB)^T r_teme
-    (equinox * matrix(&npb)).transpose()
+    (about_z(angle) * matrix(&npb)).transpose()
 }
 
 /// Rotation from EME2000 (mean equator and equinox of J2000.0) to GCRF: the
@@ -50,6 +44,103 @@ pub fn eme2000_to_gcrf() -> Matrix3<f64> {
     // r_eme2000 = B r_gcrf
     let (bias, _, _) = sofars::pnp::bp06(DJ00, 0.0);
     matrix(&bias).transpose()
+}
+
+/// Mean angular velocity of the Earth, rad/s: 2 pi 1.00273781191135448 / 86400 (IERS Conventions 2010, Eq. 5.15).
+const EARTH_RATE: f64 = 7.292_115_146_706_98e-5;
+
+/// The axes of the reference frames in which messages give states. The origin is the Earth's centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Axes {
+    /// GCRF; ICRF about the Earth's centre has the same axes.
+    Gcrf,
+    /// Mean equator and equinox of J2000.0; also called J2000.
+    Eme2000,
+    /// Mean equator and equinox of date, IAU 2006.
+    MeanOfDate,
+    /// True equator and equinox of date, IAU 2006/2000A.
+    TrueOfDate,
+    /// True equator and mean equinox of date, as of SGP4.
+    Teme,
+    /// Earth-fixed, without the pole's motion.
+    EarthFixed {
+        /// UT1 - UTC, s.
+        ut1_utc_s: f64,
+    },
+}
+
+/// What [`Axes::named`] knows, for messages.
+pub(crate) const FRAMES: &str =
+    "GCRF, ICRF, EME2000, J2000, MOD, TOD, TEME, ITRF (of any year), WGS84, TDR, GTOD and PEF";
+
+impl Axes {
+    /// By the name that CCSDS messages use, in any case of letters: `ITRF2014`, `ITRF-97`. Realisations of the ITRF differ by
+    /// less than 0.2 m.
+    pub fn named(name: &str, ut1_utc_s: f64) -> Option<Axes> {
+        let name = name.to_ascii_uppercase();
+        let year = name.strip_prefix("ITRF");
+        let year = year.map(|year| year.trim_start_matches(['-', '_', ' ']));
+        if year.is_some_and(|year| year.bytes().all(|b| b.is_ascii_digit())) {
+            return Some(Axes::EarthFixed { ut1_utc_s });
+        }
+        match name.as_str() {
+            "GCRF" | "ICRF" => Some(Axes::Gcrf),
+            "EME2000" | "J2000" => Some(Axes::Eme2000),
+            "MOD" => Some(Axes::MeanOfDate),
+            "TOD" => Some(Axes::TrueOfDate),
+            "TEME" => Some(Axes::Teme),
+            "WGS84" | "WGS-84" | "TDR" | "GTOD" | "PEF" => Some(Axes::EarthFixed { ut1_utc_s }),
+            _ => None,
+        }
+    }
+
+    /// Rotation from these axes to GCRF: 3 x 3, `r_gcrf = axes.to_gcrf(t) * r`.
+    pub fn to_gcrf(self, t: Epoch) -> Matrix3<f64> {
+        match self {
+            Axes::Gcrf => Matrix3::identity(),
+            Axes::Eme2000 => eme2000_to_gcrf(),
+            Axes::MeanOfDate => matrix(&sofars::pnp::pmat06(DJ00, days_of_tt(t))).transpose(),
+            Axes::TrueOfDate => matrix(&sofars::pnp::pnm06a(DJ00, days_of_tt(t))).transpose(),
+            Axes::Teme => teme_to_gcrf(t),
+            Axes::EarthFixed { ut1_utc_s } => {
+                let ut1 = t.to_utc_duration() + seconds(ut1_utc_s);
+                let ut1_ns = ut1.total_nanoseconds() - J2000_NS;
+                // In one number a day's fraction would be rounded to 0.2 us: 0.5 mm at the geostationary belt.
+                let day = ut1_ns.div_euclid(DAY_NS) as f64;
+                let fraction = ut1_ns.rem_euclid(DAY_NS) as f64 / DAY_NS as f64;
+                let tt = days_of_tt(t);
+                let npb = sofars::pnp::pnm06a(DJ00, tt);
+                let angle = sofars::erst::gst06(DJ00 + day, fraction, DJ00, tt, &npb);
+                // r_fixed = R3(GAST) NPB r_gcrf
+                (about_z(angle) * matrix(&npb)).transpose()
+            }
+        }
+    }
+
+    /// A state in these axes at `t`, as a state in GCRF. Of Earth-fixed axes the velocity is that against the turning Earth.
+    pub fn state(self, t: Epoch, mut state: StateVector) -> StateVector {
+        if let Axes::EarthFixed { .. } = self {
+            // v_inertial = v_fixed + w x r
+            state.velocity_m_s += Vector3::new(0.0, 0.0, EARTH_RATE).cross(&state.position_m);
+        }
+        state.rotated(&self.to_gcrf(t))
+    }
+}
+
+/// R3: what turning the axes by `angle` (rad) about z does to coordinates.
+fn about_z(angle: f64) -> Matrix3<f64> {
+    let (sin, cos) = libm::sincos(angle);
+    #[rustfmt::skip]
+    let rotation = Matrix3::new(
+         cos, sin, 0.0,
+        -sin, cos, 0.0,
+         0.0, 0.0, 1.0,
+    );
+    rotation
+}
+
+fn days_of_tt(t: Epoch) -> f64 {
+    days_since_j2000(t.to_tt_duration().total_nanoseconds())
 }
 
 fn days_since_j2000(ns_since_1900: i128) -> f64 {

@@ -2,7 +2,9 @@
 
 use crate::format::Format;
 use crate::record::{Found, Record};
-use crate::{Identity, Object, Orbit, Register, oem, omm, read_text, remedy, server, theory, tle};
+use crate::{
+    Identity, Object, Orbit, Register, oem, omm, read_text, remedy, server, theory, tle, unread,
+};
 use rayon::prelude::*;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -86,7 +88,7 @@ pub enum LoadError {
     /// The text is in no format that is read.
     #[error(
         "{source_name}: no orbit found, it begins with \"{begins}\"; expected two-line element sets (TLE, 3LE), OMM in KVN, XML, JSON or CSV, or a \
-         CCSDS OEM in KVN, whose first line is CCSDS_OEM_VERS = ..."
+         CCSDS OEM in KVN, whose first line is CCSDS_OEM_VERS = ..., or in XML"
     )]
     NoOrbit {
         /// The source's name.
@@ -103,6 +105,16 @@ pub enum LoadError {
         source_name: String,
         /// The server's words.
         says: String,
+    },
+    /// The text is in a known format that is not read.
+    #[error("{source_name}: {found}")]
+    Unread {
+        /// The source's name.
+        source_name: String,
+        /// What it is, and the remedy.
+        found: String,
+        /// Whether it holds orbits, or attitudes alone.
+        has_orbits: bool,
     },
     /// The text has the form of element sets and holds none.
     #[error("{source_name}: {format}, and no record in it")]
@@ -128,6 +140,7 @@ impl LoadError {
         match self {
             LoadError::Read { error, .. } => error.kind() == std::io::ErrorKind::InvalidData,
             LoadError::NoOrbit { .. } => true,
+            LoadError::Unread { has_orbits, .. } => !has_orbits,
             // A file that has lost its records is a loss.
             LoadError::Empty { .. }
             | LoadError::Answer { .. }
@@ -176,9 +189,16 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
             says,
         });
     }
-    let format = format.ok_or_else(|| LoadError::NoOrbit {
-        source_name: source_name(),
-        begins: server::quoted(text).chars().take(40).collect(),
+    let format = format.ok_or_else(|| match unread::found(text) {
+        Some(found) => LoadError::Unread {
+            source_name: source_name(),
+            found,
+            has_orbits: unread::has_orbits(text),
+        },
+        None => LoadError::NoOrbit {
+            source_name: source_name(),
+            begins: server::quoted(text).chars().take(40).collect(),
+        },
     })?;
     let mut found = Found::new(source);
     let mut ephemerides = Vec::new();
@@ -188,25 +208,31 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
         Format::OmmXml => omm::xml::read(text, &mut found),
         Format::OmmJson => omm::json::read(text, &mut found),
         Format::OmmCsv => omm::csv::read(text, &mut found),
-        Format::OemKvn => {
-            let loaded = oem::parse(text, source);
-            (ephemerides, found.rejected) = (loaded.objects, loaded.rejected);
-        }
+        Format::OemKvn => add_ephemerides(oem::parse(text, source), &mut ephemerides, &mut found),
+        Format::OemXml => {}
+    }
+    // An NDM may hold messages of both kinds.
+    if matches!(format, Format::OmmXml | Format::OemXml) && oem::xml::looks_like(text) {
+        let loaded = oem::xml::parse(text, source);
+        add_ephemerides(loaded, &mut ephemerides, &mut found);
     }
     let Found {
         records, rejected, ..
     } = found;
     if !records.is_empty() || !ephemerides.is_empty() || !rejected.is_empty() {
+        let mut assumed = theory::assumptions(&records, source);
+        let remarks = ephemerides.iter().flat_map(Object::remarks);
+        assumed.extend(remarks.map(|(line, remark)| format!("{source}:{line}: {remark}")));
         return Ok(Contents {
             format,
-            assumed: theory::assumptions(&records, source),
+            assumed,
             records,
             ephemerides,
             rejected,
         });
     }
     Err(match format {
-        Format::OemKvn => LoadError::NoSegment {
+        Format::OemKvn | Format::OemXml => LoadError::NoSegment {
             source_name: source_name(),
         },
         _ => LoadError::NoRecord {
@@ -214,6 +240,11 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
             format,
         },
     })
+}
+
+fn add_ephemerides(loaded: Loaded, ephemerides: &mut Vec<Object>, found: &mut Found) {
+    ephemerides.extend(loaded.objects);
+    found.rejected.extend(loaded.rejected);
 }
 
 impl From<Contents> for Loaded {

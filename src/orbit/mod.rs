@@ -10,7 +10,7 @@
 //! | module | source | model | frame it comes in |
 //! |---|---|---|---|
 //! | [`elements`] | TLE, 3LE, OMM | SGP4/SDP4 | TEME, turned by [`frames`] |
-//! | [`ephemeris`] | CCSDS OEM (KVN) | Lagrange interpolation | turned at loading |
+//! | [`ephemeris`] | CCSDS OEM (KVN, XML) | Hermite or Lagrange interpolation | turned at loading |
 //! | [`two_body`] | one state | two bodies and J2 | GCRF |
 //!
 //! [`synth`] makes populations for scale tests, with the mix of the real one.
@@ -20,6 +20,7 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+pub mod aem;
 pub mod cone;
 pub mod elements;
 pub mod ephemeris;
@@ -35,6 +36,7 @@ mod format;
 mod identity;
 mod lines;
 mod load;
+mod meta;
 mod oem;
 mod omm;
 mod pick;
@@ -48,6 +50,7 @@ pub mod time;
 mod tle;
 mod two_line;
 mod units;
+mod unread;
 mod write;
 
 pub use age::{Ages, FRESH_DAYS};
@@ -66,6 +69,7 @@ pub use sgp4;
 pub use text::{Listing, files, read_text, read_text_within, remedy};
 pub use theory::Theory;
 pub use two_line::{Checksum, ElementsError};
+pub use unread::found as unread_format;
 pub use write::{Written, write};
 
 use elements::{Elements, PropagationError};
@@ -208,6 +212,14 @@ impl Object {
             Orbit::Ephemeris(_) => (None, &[][..]),
         };
         first.into_iter().chain(others)
+    }
+
+    /// What was assumed where its ephemeris leaves it open: lines of its file, and a text each. None of element sets.
+    pub fn remarks(&self) -> Vec<(usize, &str)> {
+        match &self.orbit {
+            Orbit::Elements(..) => Vec::new(),
+            Orbit::Ephemeris(ephemeris) => ephemeris.remarks(),
+        }
     }
 
     /// Which of its element sets counts at `t`, in their order; 0 where there is no choice.

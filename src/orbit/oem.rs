@@ -1,22 +1,32 @@
-//! CCSDS Orbit Ephemeris Messages in keyword = value notation (502.0-B).
+//! CCSDS Orbit Ephemeris Messages (502.0-B): segments of states, in keyword = value notation or in XML.
 
-use crate::ephemeris::{Ephemeris, Node, Segment};
+pub(crate) mod xml;
+
+use crate::ephemeris::{Ephemeris, Method, Node, Segment};
+use crate::frames::Axes;
 use crate::identity::unnumbered_id;
 use crate::load::{Loaded, Rejected};
-use crate::{
-    Identity, Object, Orbit, Register, StateVector, bounded_name, frames, is_placeholder, lines,
-    time,
-};
-use hifitime::{Epoch, TimeScale};
-use nalgebra::{Matrix3, Vector3};
+use crate::meta::{Clock, Meta};
+use crate::record::{At, shorten};
+use crate::{Identity, Object, Orbit, Register, StateVector, is_placeholder, lines};
+use hifitime::Epoch;
+use nalgebra::Vector3;
 
-/// Degree when the message names none; the standard leaves it to the reader.
+/// Degree where the message names none; the standard leaves it to the reader.
 const DEFAULT_DEGREE: usize = 7;
 /// Highest degree accepted: beyond it equidistant nodes only amplify rounding.
 const MAX_DEGREE: usize = 25;
-/// Farthest and fastest state about the Earth; metres in place of kilometres lie beyond.
+/// Nearest, farthest and fastest state about the Earth; other units than km and km/s lie beyond.
+const NEAREST_M: f64 = 1e6;
 const FARTHEST_M: f64 = 4e9;
 const FASTEST_M_S: f64 = 1e5;
+/// Steps along less than this share of the radius tell whether velocities belong to the positions: on a circle the mean of two
+/// velocities and the chord between them differ by its square over 12, here 2 %.
+const SHORT_STEP: f64 = 0.5;
+/// Steps must be longer than this, m, to tell it: positions may be rounded to 1 m.
+const LEAST_STEP_M: f64 = 1e3;
+/// Share of the speed by which they may differ at most. Velocities against inertial axes in an Earth-fixed frame are 7 % off.
+const VELOCITY_TOLERANCE: f64 = 0.05;
 
 /// Whether a text whose first line is this one is an OEM.
 pub(crate) fn begins(line: &str) -> bool {
@@ -29,21 +39,21 @@ pub(crate) fn begins(line: &str) -> bool {
 /// with a line that cannot be read is rejected whole, and the rest loads.
 pub(crate) fn parse(text: &str, source: &str) -> Loaded {
     let mut reader = Reader {
-        source,
-        loaded: Loaded::default(),
-        register: Register::default(),
+        read: Segments::new(source),
         section: Section::Outside,
     };
     let mut last = 0;
     for (number, line) in lines::numbered(text) {
         last = number;
         let line = line.trim_start();
-        if !line.is_empty() && line.split_whitespace().next() != Some("COMMENT") {
+        let is_comment = line.split_whitespace().next() == Some("COMMENT");
+        let in_metadata = matches!(reader.section, Section::Meta(_));
+        if !line.is_empty() && (in_metadata || !is_comment) {
             reader.line(last, line);
         }
     }
     reader.close(last);
-    reader.loaded
+    reader.read.loaded
 }
 
 /// Whether a line is `KEYWORD = value`, as the header's are.
@@ -57,10 +67,15 @@ fn is_header(line: &str) -> bool {
 }
 
 struct Reader<'a> {
+    read: Segments<'a>,
+    section: Section,
+}
+
+/// What was read of a message so far.
+struct Segments<'a> {
     source: &'a str,
     loaded: Loaded,
     register: Register,
-    section: Section,
 }
 
 /// Where in the message the reader is.
@@ -72,36 +87,22 @@ enum Section {
     Covariance(Data),
 }
 
-/// A META block: the line it starts in, and its keywords with their lines.
-struct Meta {
-    line: usize,
-    pairs: Vec<(String, String, usize)>,
-}
-
 /// A segment being read.
 struct Data {
     line: usize,
     id: String,
     name: String,
     axes: Axes,
-    scale: TimeScale,
-    degree: usize,
+    clock: Clock,
+    method: Method,
     start: Epoch,
     stop: Epoch,
     nodes: Vec<Node>,
+    /// Line of INTERPOLATION_DEGREE.
+    degree_line: Option<usize>,
+    /// Lines, and what was assumed there.
+    remarks: Vec<(usize, String)>,
 }
-
-/// Axes of the states; the origin is always the Earth's centre.
-enum Axes {
-    /// GCRF or ICRF.
-    Gcrf,
-    /// Constant rotation to GCRF.
-    Fixed(Matrix3<f64>),
-    Teme,
-}
-
-/// A reason with the line it stands in.
-type At<T> = Result<T, (usize, String)>;
 
 impl Reader<'_> {
     fn line(&mut self, number: usize, line: &str) {
@@ -110,10 +111,7 @@ impl Reader<'_> {
             ("META_START", section) => {
                 self.section = section;
                 self.close(number);
-                Ok(Section::Meta(Meta {
-                    line: number,
-                    pairs: Vec::new(),
-                }))
+                Ok(Section::Meta(Meta::new(number)))
             }
             // Another message, behind the first in one file.
             (line, section) if begins(line) => {
@@ -121,23 +119,23 @@ impl Reader<'_> {
                 self.close(number);
                 Ok(Section::Outside)
             }
-            ("META_STOP", Section::Meta(meta)) => meta.finish().map(Section::Data),
+            ("META_STOP", Section::Meta(meta)) => Data::new(&meta).map(Section::Data),
             ("COVARIANCE_START", Section::Data(data)) => Ok(Section::Covariance(data)),
             ("COVARIANCE_STOP", Section::Covariance(data)) => Ok(Section::Data(data)),
             // The rest of a segment that was rejected is passed over: one record, one reason.
-            (_, Section::Outside) if !self.loaded.rejected.is_empty() => Ok(Section::Outside),
+            (_, Section::Outside) if !self.read.loaded.rejected.is_empty() => Ok(Section::Outside),
             (line, Section::Outside) if is_header(line) => Ok(Section::Outside),
             (_, Section::Outside) => Err((
                 number,
                 "a line outside of every segment; a segment starts with META_START".to_owned(),
             )),
             (_, Section::Covariance(data)) => Ok(Section::Covariance(data)),
-            (_, Section::Meta(mut meta)) => meta.pair(number, line).map(|()| Section::Meta(meta)),
-            (_, Section::Data(mut data)) => data.state(number, line).map(|()| Section::Data(data)),
+            (_, Section::Meta(mut meta)) => meta.add(number, line).map(|()| Section::Meta(meta)),
+            (_, Section::Data(mut data)) => data.line(number, line).map(|()| Section::Data(data)),
         };
         match next {
             Ok(section) => self.section = section,
-            Err((line, reason)) => self.reject(line, reason),
+            Err((line, reason)) => self.read.reject(line, &reason),
         }
     }
 
@@ -147,12 +145,27 @@ impl Reader<'_> {
             Section::Outside => {}
             Section::Meta(_) => {
                 let reason = "META_START without META_STOP; restore the metadata block";
-                self.reject(number, reason.to_owned());
+                self.read.reject(number, reason);
             }
-            Section::Data(data) | Section::Covariance(data) => match data.finish() {
-                Ok((id, name, segment)) => self.keep(id, name, segment),
-                Err((line, reason)) => self.reject(line, reason),
-            },
+            Section::Data(data) | Section::Covariance(data) => self.read.finish(data),
+        }
+    }
+}
+
+impl<'a> Segments<'a> {
+    fn new(source: &'a str) -> Self {
+        Segments {
+            source,
+            loaded: Loaded::default(),
+            register: Register::default(),
+        }
+    }
+
+    /// Adds a segment whose states are all read.
+    fn finish(&mut self, data: Data) {
+        match data.finish() {
+            Ok((id, name, segment)) => self.keep(id, name, segment),
+            Err((line, reason)) => self.reject(line, &reason),
         }
     }
 
@@ -182,180 +195,96 @@ impl Reader<'_> {
         }
     }
 
-    fn reject(&mut self, line: usize, reason: String) {
-        let rejected = Rejected::new(self.source, line, &reason);
+    fn reject(&mut self, line: usize, reason: &str) {
+        let rejected = Rejected::new(self.source, line, reason);
         self.loaded.rejected.push(rejected);
     }
 }
 
-impl Meta {
-    fn pair(&mut self, number: usize, line: &str) -> At<()> {
-        let (key, value) = line
-            .split_once('=')
-            .ok_or_else(|| (number, format!("'{}' is not KEY = VALUE", shorten(line))))?;
-        let pair = (key.trim().to_owned(), value.trim().to_owned(), number);
-        self.pairs.push(pair);
-        Ok(())
-    }
-
-    fn find(&self, key: &str) -> Option<(&str, usize)> {
-        self.pairs
-            .iter()
-            .find(|(k, _, _)| k == key)
-            .map(|(_, value, line)| (value.as_str(), *line))
-    }
-
-    fn need(&self, key: &str) -> At<(&str, usize)> {
-        let found = self.find(key).filter(|(value, _)| !value.is_empty());
-        found.ok_or_else(|| (self.line, format!("the metadata have no {key}")))
-    }
-
-    /// Keywords of the object may be empty: whose the states are is then unknown.
-    fn object(&self, key: &str) -> At<String> {
-        let missing = || (self.line, format!("the metadata have no {key}"));
-        let (text, _) = self.find(key).ok_or_else(missing)?;
-        Ok(match bounded_name(text) {
-            none if none.is_empty() => "UNKNOWN".to_owned(),
-            text => text,
-        })
-    }
-
-    fn finish(self) -> At<Data> {
-        let (center, line) = self.need("CENTER_NAME")?;
+impl Data {
+    /// The segment that metadata begin.
+    fn new(meta: &Meta) -> At<Data> {
+        let (center, line) = meta.need("CENTER_NAME")?;
         if !center.eq_ignore_ascii_case("EARTH") {
-            return Err((line, format!("CENTER_NAME '{center}'; only EARTH is read")));
+            let center = shorten(center);
+            let reason = format!(
+                "CENTER_NAME '{center}'; only EARTH is read: give the states from the Earth's centre"
+            );
+            return Err((line, reason));
         }
-        let scale = self.scale()?;
-        let epoch = |key: &str| -> At<Option<Epoch>> {
-            self.find(key)
-                .map(|(text, line)| {
-                    time::parse_ccsds(text, scale).ok_or_else(|| {
-                        let why = time::why_not(text);
-                        (
-                            line,
-                            format!("{key} '{}' is not a time{why}", shorten(text)),
-                        )
-                    })
-                })
-                .transpose()
-        };
-        let (_, _) = (self.need("START_TIME")?, self.need("STOP_TIME")?);
-        let start = epoch("START_TIME")?;
-        let stop = epoch("STOP_TIME")?;
-        let missing = || (self.line, "the metadata have no interval".to_owned());
-        let start = epoch("USEABLE_START_TIME")?.or(start).ok_or_else(missing)?;
-        let stop = epoch("USEABLE_STOP_TIME")?.or(stop).ok_or_else(missing)?;
+        let clock = meta.clock()?;
+        let (start, stop) = meta.span(clock)?;
+        let (axes, assumed) = meta.axes("REF_FRAME")?;
+        let mut remarks: Vec<_> = assumed.into_iter().map(|it| (meta.line, it)).collect();
         Ok(Data {
-            line: self.line,
-            id: self.object("OBJECT_ID")?,
-            name: self.object("OBJECT_NAME")?,
-            axes: self.axes()?,
-            scale,
-            degree: self.degree()?,
+            line: meta.line,
+            id: meta.object("OBJECT_ID")?,
+            name: meta.object("OBJECT_NAME")?,
+            axes,
+            clock,
+            method: method(meta, &mut remarks)?,
+            degree_line: meta.find("INTERPOLATION_DEGREE").map(|(_, line)| line),
             start,
             stop,
             nodes: Vec::new(),
+            remarks,
         })
     }
 
-    fn axes(&self) -> At<Axes> {
-        let (name, line) = self.need("REF_FRAME")?;
-        match name.to_ascii_uppercase().as_str() {
-            "GCRF" | "ICRF" => Ok(Axes::Gcrf),
-            "EME2000" => Ok(Axes::Fixed(frames::eme2000_to_gcrf())),
-            "TEME" => Ok(Axes::Teme),
-            _ => Err((
-                line,
-                format!("REF_FRAME '{name}'; read are GCRF, ICRF, EME2000 and TEME"),
-            )),
-        }
-    }
-
-    fn scale(&self) -> At<TimeScale> {
-        let (name, line) = self.need("TIME_SYSTEM")?;
-        match name.to_ascii_uppercase().as_str() {
-            "UTC" => Ok(TimeScale::UTC),
-            "TAI" => Ok(TimeScale::TAI),
-            "TT" => Ok(TimeScale::TT),
-            "GPS" => Ok(TimeScale::GPST),
-            "TDB" => Ok(TimeScale::TDB),
-            _ => Err((
-                line,
-                format!("TIME_SYSTEM '{name}'; read are UTC, TAI, TT, GPS and TDB"),
-            )),
-        }
-    }
-
-    /// All methods are carried out as Lagrange's of the stated degree.
-    fn degree(&self) -> At<usize> {
-        let method = self.find("INTERPOLATION");
-        let by_default = match method.map(|(name, line)| (name.to_ascii_uppercase(), line)) {
-            None => DEFAULT_DEGREE,
-            Some((name, _)) if name == "LINEAR" => 1,
-            Some((name, _)) if matches!(name.as_str(), "LAGRANGE" | "HERMITE") => DEFAULT_DEGREE,
-            Some((name, line)) => {
-                let reason =
-                    format!("INTERPOLATION '{name}'; read are LAGRANGE, HERMITE and LINEAR");
-                return Err((line, reason));
-            }
-        };
-        let Some((text, line)) = self.find("INTERPOLATION_DEGREE") else {
-            return Ok(by_default);
-        };
-        let degree = text.parse().ok();
-        degree
-            .filter(|degree| (1..=MAX_DEGREE).contains(degree))
-            .ok_or_else(|| {
-                let reason = format!("INTERPOLATION_DEGREE '{text}' is not 1 to {MAX_DEGREE}");
-                (line, reason)
-            })
-    }
-}
-
-impl Data {
     /// `epoch x y z vx vy vz [ax ay az]`, km and km/s.
-    fn state(&mut self, number: usize, line: &str) -> At<()> {
+    fn line(&mut self, number: usize, line: &str) -> At<()> {
         let bad = |what: &str| (number, format!("{what} in '{}'", shorten(line)));
         let mut words = line.split_whitespace();
-        let epoch = words
-            .next()
-            .and_then(|text| time::parse_ccsds(text, self.scale))
-            .ok_or_else(|| bad("no epoch"))?;
+        let epoch = words.next().unwrap_or_default();
         let numbers: Vec<f64> = words
             .map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()))
             .collect::<Option<_>>()
             .ok_or_else(|| bad("a value that is not a number"))?;
-        let (&[x, y, z, vx, vy, vz] | &[x, y, z, vx, vy, vz, _, _, _]) = numbers.as_slice() else {
-            return Err(bad("not 6 values (or 9 with accelerations)"));
-        };
+        self.state(epoch, &numbers).map_err(|what| bad(&what))
+    }
 
+    /// Adds a state, or says what is wrong with it.
+    fn state(&mut self, epoch: &str, numbers: &[f64]) -> Result<(), String> {
+        let epoch = self.clock.read(epoch).ok_or("no epoch")?;
+        let (&[x, y, z, vx, vy, vz] | &[x, y, z, vx, vy, vz, _, _, _]) = numbers else {
+            return Err("not 6 values (or 9 with accelerations)".to_owned());
+        };
         let tai_ns = epoch.to_tai_duration().total_nanoseconds();
         if self.nodes.last().is_some_and(|node| node.tai_ns >= tai_ns) {
-            return Err(bad("an epoch that is not after the one before"));
+            return Err("an epoch that is not after the one before".to_owned());
         }
         let state = StateVector {
             position_m: Vector3::new(x, y, z) * 1e3,
             velocity_m_s: Vector3::new(vx, vy, vz) * 1e3,
         };
-        let state = match &self.axes {
-            Axes::Gcrf => state,
-            Axes::Fixed(rotation) => state.rotated(rotation),
-            Axes::Teme => state.rotated(&frames::teme_to_gcrf(epoch)),
-        };
+        let state = self.axes.state(epoch, state);
+        let (radius_m, speed_m_s) = (state.position_m.norm(), state.velocity_m_s.norm());
         // NaN lies within nothing.
-        let within =
-            state.position_m.norm() <= FARTHEST_M && state.velocity_m_s.norm() <= FASTEST_M_S;
-        if !within {
-            return Err(bad("beyond 4e6 km or 100 km/s (states are in km and km/s)"));
+        let is_within = radius_m <= FARTHEST_M && speed_m_s <= FASTEST_M_S;
+        if !is_within {
+            return Err("beyond 4e6 km or 100 km/s (states are in km and km/s)".to_owned());
         }
-        self.nodes.push(Node { tai_ns, state });
+        if radius_m < NEAREST_M {
+            let reason = "nearer than 1000 km to the Earth's centre (states are in km and km/s)";
+            return Err(reason.to_owned());
+        }
+        let node = Node { tai_ns, state };
+        if let Some(last) = self.nodes.last() {
+            agree(last, &node)?;
+        }
+        self.nodes.push(node);
         Ok(())
     }
 
-    fn finish(self) -> At<(String, String, Segment)> {
+    fn finish(mut self) -> At<(String, String, Segment)> {
         let (Some(first), Some(last)) = (self.nodes.first(), self.nodes.last()) else {
             return Err((self.line, "the segment has no states".to_owned()));
         };
+        if self.nodes.len() == 1 {
+            let reason =
+                "the segment has a single state, and nothing is extrapolated: give two at least";
+            return Err((self.line, reason.to_owned()));
+        }
         // nothing is extrapolated: the states bound the stated interval
         let start_ns = self.start.to_tai_duration().total_nanoseconds();
         let stop_ns = self.stop.to_tai_duration().total_nanoseconds();
@@ -365,16 +294,94 @@ impl Data {
             let reason = "no state lies between the segment's start and stop time";
             return Err((self.line, reason.to_owned()));
         }
+        let (Method::Lagrange(count) | Method::Hermite(count), has) =
+            (self.method, self.nodes.len());
+        if let Some(line) = self.degree_line.filter(|_| has < count) {
+            let remark = format!(
+                "INTERPOLATION_DEGREE takes {count} states, and the segment has {has}: the degree is lower"
+            );
+            self.remarks.push((line, remark));
+        }
         let segment = Segment {
             nodes: self.nodes,
-            degree: self.degree,
+            method: self.method,
             start_ns,
             stop_ns,
+            remarks: self.remarks,
         };
         Ok((self.id, self.name, segment))
     }
 }
 
-fn shorten(text: &str) -> String {
-    text.chars().take(60).collect()
+/// The interpolation that metadata ask for: without INTERPOLATION Hermite's, without a degree that of 7.
+fn method(meta: &Meta, remarks: &mut Vec<(usize, String)>) -> At<Method> {
+    let degree = match meta.find("INTERPOLATION_DEGREE") {
+        None => DEFAULT_DEGREE,
+        Some((text, line)) => {
+            let degree = text
+                .parse()
+                .ok()
+                .filter(|degree| (1..=MAX_DEGREE).contains(degree));
+            degree.ok_or_else(|| {
+                let text = shorten(text);
+                let reason = format!(
+                    "INTERPOLATION_DEGREE '{text}' is not 1 to {MAX_DEGREE}: write one of these"
+                );
+                (line, reason)
+            })?
+        }
+    };
+    let (name, line) = meta.find("INTERPOLATION").unwrap_or(("HERMITE", meta.line));
+    match name.to_ascii_uppercase().as_str() {
+        "LINEAR" => {
+            if degree > 1 && meta.find("INTERPOLATION_DEGREE").is_some() {
+                let remark =
+                    format!("INTERPOLATION LINEAR is of degree 1, not {degree}: 1 is taken");
+                remarks.push((line, remark));
+            }
+            Ok(Method::Lagrange(2))
+        }
+        "LAGRANGE" => Ok(Method::Lagrange(degree + 1)),
+        "HERMITE" => {
+            // Each state gives two conditions: n of them a polynomial of degree 2 n - 1.
+            let states = (degree / 2 + 1).max(2);
+            let taken = 2 * states - 1;
+            if taken != degree {
+                let remark = format!(
+                    "INTERPOLATION HERMITE is of degree 3, 5, 7 and so on, not {degree}: {taken} is taken"
+                );
+                remarks.push((line, remark));
+            }
+            Ok(Method::Hermite(states))
+        }
+        _ => {
+            let name = shorten(name);
+            let reason = format!(
+                "INTERPOLATION '{name}'; read are LAGRANGE, HERMITE and LINEAR: name one of them, or none for HERMITE"
+            );
+            Err((line, reason))
+        }
+    }
+}
+
+/// Whether the velocities of two neighbours belong to their positions.
+fn agree(a: &Node, b: &Node) -> Result<(), String> {
+    let step_m = b.state.position_m - a.state.position_m;
+    let seconds = (b.tai_ns - a.tai_ns) as f64 / 1e9;
+    let mean_m_s = (a.state.velocity_m_s + b.state.velocity_m_s) / 2.0;
+    // Either may be the wrong one: a long way round ends near where it began, too.
+    let way_m = step_m.norm().max(mean_m_s.norm() * seconds);
+    if way_m > SHORT_STEP * a.state.position_m.norm() || step_m.norm() < LEAST_STEP_M {
+        return Ok(());
+    }
+    let chord_m_s = step_m / seconds;
+    let off = (mean_m_s - chord_m_s).norm() / chord_m_s.norm();
+    if off <= VELOCITY_TOLERANCE {
+        return Ok(());
+    }
+    Err(format!(
+        "velocities {:.0} % off what the positions move by since the state before (states are in km and km/s, velocities \
+         against the axes of REF_FRAME)",
+        100.0 * off
+    ))
 }

@@ -119,7 +119,11 @@ fn an_observer_inside_the_moon() {
         let at = moon_km(s) + Vector3::new(0.0, 0.0, 1747.0 - 2.0 * f64::from(s));
         let epoch = utc_text(start + Unit::Second * f64::from(s));
         let epoch = epoch.trim_end_matches('Z');
-        oem += &format!("{epoch} {} {} {} 0 0 0\n", at.x, at.y, at.z);
+        let by = moon_km(s + 1) - moon_km(s) - Vector3::new(0.0, 0.0, 2.0);
+        oem += &format!(
+            "{epoch} {} {} {} {} {} {}\n",
+            at.x, at.y, at.z, by.x, by.y, by.z
+        );
     }
     write("diver.oem", &oem);
     write(

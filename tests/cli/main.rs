@@ -1,5 +1,6 @@
 //! The binary: what it makes, and what it says of wrong inputs.
 
+mod attitude_files;
 mod beside;
 mod catalog;
 mod cost;

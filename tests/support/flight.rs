@@ -52,6 +52,7 @@ fn config(course: Course) -> Config {
         period_s: 0.1,
         attitudes,
         look_at: None,
+        attitude_file: None,
         rates: [0.001, -0.002, 0.0005],
     });
     config

@@ -22,7 +22,7 @@ const FASTEST_DEG_S: f64 = 360.0;
 #[derive(Clone, Debug, Args)]
 #[group(id = "profile", required = true, multiple = false)]
 pub struct ProfileArgs {
-    /// A file of lines "UTC x y z w": attitudes (ICRF to body, scalar last) to slerp between
+    /// Attitudes to slerp between: a file of lines "UTC x y z w" (ICRF to body, scalar last), or a CCSDS AEM
     #[arg(long, value_name = "FILE")]
     attitudes: Option<PathBuf>,
     /// One attitude for all frames
@@ -84,9 +84,13 @@ impl ProfileArgs {
         if let Some(path) = &self.attitudes {
             let name = path.display().to_string();
             let text = read_text_within(path, LARGEST_TABLE).map_err(|error| {
-                anyhow!("cannot read the attitudes in {name}: {error}; --attitudes takes a text file of lines UTC x y z w")
+                anyhow!("cannot read the attitudes in {name}: {error}; --attitudes takes a text file of lines UTC x y z w, or a CCSDS AEM")
             })?;
-            return Ok(Profile::List(AttitudeList::parse(&text, &name)?));
+            let list = AttitudeList::parse(&text, &name)?;
+            for remark in list.remarks() {
+                eprintln!("skyloop-fc: {remark}");
+            }
+            return Ok(Profile::List(list));
         }
         if let Some(attitude) = self.hold {
             return Ok(Profile::Hold(attitude));

@@ -62,7 +62,7 @@ struct FileReport {
     last_epoch: Option<String>,
     /// Numbers beyond five digits.
     beyond_99999: usize,
-    /// What was assumed of records, a line for each kind.
+    /// What was assumed of records and ephemerides, a line for each kind.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     assumed: Vec<String>,
     /// Objects with several sets that differ, and how many.
@@ -251,7 +251,7 @@ impl FileReport {
             self.rejected.len()
         );
         if let (Some(first), Some(last)) = (&self.first_epoch, &self.last_epoch) {
-            let what = if format == "oem-kvn" {
+            let what = if format.starts_with("oem") {
                 "covers"
             } else {
                 "epochs"

@@ -32,7 +32,7 @@ pub struct Args {
 fn formats() -> PossibleValuesParser {
     let formats = Format::ALL
         .into_iter()
-        .filter(|format| *format != Format::OemKvn);
+        .filter(|format| !format.is_ephemeris());
     PossibleValuesParser::new(formats.map(Format::name))
 }
 

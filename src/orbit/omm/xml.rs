@@ -10,7 +10,7 @@ use std::borrow::Cow;
 
 /// Whether an XML text has a message of this kind.
 pub(crate) fn looks_like(text: &str) -> bool {
-    tags(text, 0).any(|tag| tag.opens())
+    tags(text, 0).any(|tag| tag.opens("omm"))
 }
 
 /// Reads every message by itself, so that one which is damaged does not take the others with it.
@@ -44,23 +44,24 @@ pub(crate) fn read(text: &str, found: &mut Found) {
 }
 
 /// A tag, or what of it there is.
-struct Tag<'a> {
-    start: usize,
+pub(crate) struct Tag<'a> {
+    pub start: usize,
     /// Behind its closing bracket.
-    end: usize,
+    pub end: usize,
     /// Without prefix.
-    name: &'a str,
-    closing: bool,
+    pub name: &'a str,
+    pub closing: bool,
 }
 
 impl Tag<'_> {
-    fn opens(&self) -> bool {
-        self.name == "omm" && !self.closing
+    /// Whether it begins an element of this name.
+    pub fn opens(&self, name: &str) -> bool {
+        self.name == name && !self.closing
     }
 }
 
 /// The tags from an offset on; comments and quoted sections are passed over.
-fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
+pub(crate) fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
     std::iter::from_fn(move || {
         loop {
             let start = at + text.get(at..)?.find('<')?;
@@ -100,6 +101,13 @@ fn record(message: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
             let offset = start + reader.error_position() as usize;
             (finder.line(offset), format!("not XML: {error}"))
         })?;
+        let is_text = decode(&event, &mut value).map_err(|reason| {
+            let offset = start + reader.buffer_position() as usize;
+            (finder.line(offset), reason)
+        })?;
+        if is_text {
+            continue;
+        }
         match event {
             Event::Start(tag) => {
                 let keyword = index_of(tag.local_name().into_inner());
@@ -109,19 +117,6 @@ fn record(message: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
                 if let (Some((index, offset)), Some(unit)) = (open, unit) {
                     fields.unit(index, &unit.value, start + offset);
                 }
-            }
-            Event::Text(text) => value += &text.xml10_content(),
-            Event::CData(text) => value += &text.xml10_content(),
-            Event::GeneralRef(entity) => {
-                let known = resolve_xml_entity(&entity).map(Cow::Borrowed);
-                let letter = entity.resolve_char_ref().ok().flatten();
-                let letter = letter.map(|letter| Cow::Owned(letter.to_string()));
-                let text = known.or(letter).ok_or_else(|| {
-                    let offset = start + reader.buffer_position() as usize;
-                    let reason = format!("not XML: unknown entity &{};", shorten(&entity));
-                    (finder.line(offset), reason)
-                })?;
-                value += &text;
             }
             Event::End(_) => {
                 if let Some((index, offset)) = open.take() {
@@ -135,4 +130,21 @@ fn record(message: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
     }
     let record = fields.record(start, Metadata::Required);
     record.map_err(|(offset, reason)| (finder.line(offset), reason))
+}
+
+/// Adds what an event says to the text of the element that is open. Whether it is text.
+pub(crate) fn decode(event: &Event, value: &mut String) -> Result<bool, String> {
+    match event {
+        Event::Text(text) => *value += &text.xml10_content(),
+        Event::CData(text) => *value += &text.xml10_content(),
+        Event::GeneralRef(entity) => {
+            let known = resolve_xml_entity(entity).map(Cow::Borrowed);
+            let letter = entity.resolve_char_ref().ok().flatten();
+            let letter = letter.map(|letter| Cow::Owned(letter.to_string()));
+            let unknown = || format!("not XML: unknown entity &{};", shorten(entity));
+            *value += &known.or(letter).ok_or_else(unknown)?;
+        }
+        _ => return Ok(false),
+    }
+    Ok(true)
 }

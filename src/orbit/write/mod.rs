@@ -32,7 +32,7 @@ pub fn write(records: &[Record], format: Format, created: Epoch) -> Option<Writt
         Format::OmmXml => omm::xml(records, created),
         Format::OmmJson => omm::json(records),
         Format::OmmCsv => omm::csv(records),
-        Format::OemKvn => return None,
+        Format::OemKvn | Format::OemXml => return None,
     };
     Some(Written {
         text,

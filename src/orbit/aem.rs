@@ -1,0 +1,356 @@
+//! CCSDS Attitude Ephemeris Messages in keyword = value notation: versions 1.0 (504.0-B-1) and 2.0 (504.0-B-2).
+
+use crate::frames::{Axes, FRAMES};
+use crate::lines;
+use crate::meta::{Clock, Meta};
+use crate::record::{At, shorten};
+use hifitime::Epoch;
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
+
+const VERSION: &str = "CCSDS_AEM_VERS";
+
+/// Types of data lines that are read, and how many numbers follow the quaternion.
+const TYPES: [(&str, usize); 4] = [
+    ("QUATERNION", 0),
+    ("QUATERNION/DERIVATIVE", 4),
+    ("QUATERNION/RATE", 3),
+    ("QUATERNION/ANGVEL", 3),
+];
+
+/// The attitudes of an object.
+#[derive(Clone, Debug, Default)]
+pub struct AttitudeMessage {
+    /// In the order of the file.
+    pub segments: Vec<AttitudeSegment>,
+    /// Lines of the file, and what of it is not used or was assumed there.
+    pub remarks: Vec<(usize, String)>,
+}
+
+/// Attitudes that one interpolation may run through.
+#[derive(Clone, Debug)]
+pub struct AttitudeSegment {
+    /// Line of its META_START.
+    pub line: usize,
+    /// First instant that it is meant for.
+    pub start: Epoch,
+    /// Last instant that it is meant for.
+    pub stop: Epoch,
+    /// At increasing epochs.
+    pub attitudes: Vec<TimedAttitude>,
+}
+
+/// An attitude at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimedAttitude {
+    /// Line of the file.
+    pub line: usize,
+    /// When.
+    pub epoch: Epoch,
+    /// `[x, y, z, w]`, Hamilton, ICRF to body: `v_body = q v_icrf q^-1`. Of the norm that the file gives it.
+    pub q_icrf_to_body: [f64; 4],
+}
+
+/// Whether a text is such a message.
+pub fn is_message(text: &str) -> bool {
+    let mut lines = lines::numbered(text).map(|(_, line)| line.trim_start());
+    let first = lines.find(|line| !lines::is_remark(line));
+    first.is_some_and(|line| line.starts_with(VERSION))
+}
+
+/// Reads a message. Attitudes that are missing would leave a gap, so that one line that cannot be read refuses the whole file.
+///
+/// Errors: the line, and what is wrong there.
+pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
+    let mut reader = Reader {
+        message: AttitudeMessage::default(),
+        version: None,
+        object: None,
+        section: Section::Outside,
+    };
+    let mut last = 0;
+    for (number, line) in lines::numbered(text) {
+        last = number;
+        let line = line.trim_start();
+        let is_comment = line.split_whitespace().next() == Some("COMMENT");
+        let in_metadata = matches!(reader.section, Section::Meta(_));
+        if !lines::is_remark(line) || is_comment && in_metadata {
+            reader.line(number, line)?;
+        }
+    }
+    reader.close(last)?;
+    if reader.message.segments.is_empty() {
+        let reason = "no attitudes; a segment is META_START ... META_STOP and its attitudes";
+        return Err((last, reason.to_owned()));
+    }
+    Ok(reader.message)
+}
+
+struct Reader {
+    message: AttitudeMessage,
+    /// 1 or 2.
+    version: Option<u8>,
+    object: Option<String>,
+    section: Section,
+}
+
+enum Section {
+    Outside,
+    Meta(Meta),
+    Data(Data),
+}
+
+/// How the lines of a segment are read.
+struct Data {
+    clock: Clock,
+    axes: Axes,
+    /// Whether the quaternion is of the rotation from the body to the reference frame.
+    is_from_body: bool,
+    is_scalar_first: bool,
+    /// Numbers in a line.
+    columns: usize,
+    segment: AttitudeSegment,
+}
+
+impl Reader {
+    fn line(&mut self, number: usize, line: &str) -> At<()> {
+        let section = std::mem::replace(&mut self.section, Section::Outside);
+        self.section = match (line, section) {
+            ("META_START", section) => {
+                self.section = section;
+                self.close(number)?;
+                Section::Meta(Meta::new(number))
+            }
+            ("META_STOP", Section::Meta(meta)) => Section::Data(self.data(&meta)?),
+            ("DATA_START", Section::Data(data)) => Section::Data(data),
+            ("DATA_STOP", section @ Section::Data(_)) => {
+                self.section = section;
+                self.close(number)?;
+                Section::Outside
+            }
+            (_, Section::Meta(mut meta)) => {
+                meta.add(number, line)?;
+                Section::Meta(meta)
+            }
+            (_, Section::Data(mut data)) => {
+                data.add(number, line)?;
+                Section::Data(data)
+            }
+            (_, Section::Outside) => {
+                self.header(number, line)?;
+                Section::Outside
+            }
+        };
+        Ok(())
+    }
+
+    fn header(&mut self, number: usize, line: &str) -> At<()> {
+        let Some((key, value)) = line.split_once('=') else {
+            let line = shorten(line);
+            return Err((
+                number,
+                format!("'{line}' outside of every segment; a segment starts with META_START"),
+            ));
+        };
+        if key.trim() == VERSION {
+            let version = match value.trim() {
+                "1" | "1.0" => 1,
+                "2" | "2.0" => 2,
+                other => {
+                    let other = shorten(other);
+                    return Err((number, format!("{VERSION} '{other}'; read are 1.0 and 2.0")));
+                }
+            };
+            self.version = Some(version);
+        }
+        Ok(())
+    }
+
+    /// Ends the section that is open, at line `number`.
+    fn close(&mut self, number: usize) -> At<()> {
+        match std::mem::replace(&mut self.section, Section::Outside) {
+            Section::Outside => Ok(()),
+            Section::Meta(meta) => Err((meta.line, "META_START without META_STOP".to_owned())),
+            Section::Data(Data { segment, .. }) => {
+                if segment.attitudes.len() < 2 {
+                    let count = segment.attitudes.len();
+                    let reason = format!(
+                        "{count} attitudes in a segment; give two at least, nothing is extrapolated"
+                    );
+                    return Err((number, reason));
+                }
+                self.message.segments.push(segment);
+                Ok(())
+            }
+        }
+    }
+
+    /// The segment that metadata begin.
+    fn data(&mut self, meta: &Meta) -> At<Data> {
+        let (object, line) = meta.need("OBJECT_ID")?;
+        if self.object.get_or_insert_with(|| object.to_owned()) != object {
+            let reason = "another OBJECT_ID than before: give the attitudes of each object in a file of its own";
+            return Err((line, reason.to_owned()));
+        }
+        let clock = meta.clock()?;
+        let (start, stop) = meta.span(clock)?;
+        let (from_a, is_scalar_first) = self.order(meta)?;
+        let (axes, a_is_body, assumed) = frames(meta)?;
+        let more = self.columns(meta)?;
+        if let Some(assumed) = assumed {
+            self.remark(meta.line, assumed);
+        }
+        if let Some((method, line)) = meta.find("INTERPOLATION_METHOD")
+            && !method.eq_ignore_ascii_case("LINEAR")
+        {
+            let method = shorten(method);
+            let remark = format!(
+                "INTERPOLATION_METHOD {method}: attitudes are slerped between neighbours instead, which is off by an eighth of \
+                 the angular acceleration times the square of their distance in time at most"
+            );
+            self.remark(line, remark);
+        }
+        Ok(Data {
+            clock,
+            axes,
+            is_from_body: from_a == a_is_body,
+            is_scalar_first,
+            columns: 4 + more,
+            segment: AttitudeSegment {
+                line: meta.line,
+                start,
+                stop,
+                attitudes: Vec::new(),
+            },
+        })
+    }
+
+    /// How many numbers follow the quaternion in a line.
+    fn columns(&mut self, meta: &Meta) -> At<usize> {
+        let (given, line) = meta.need("ATTITUDE_TYPE")?;
+        let known = TYPES
+            .iter()
+            .find(|(name, _)| given.eq_ignore_ascii_case(name));
+        let Some((name, more)) = known else {
+            let (given, names) = (shorten(given), TYPES.map(|(name, _)| name).join(", "));
+            let reason = format!(
+                "ATTITUDE_TYPE '{given}'; read are {names}: export the attitudes as QUATERNION"
+            );
+            return Err((line, reason));
+        };
+        if *more > 0 {
+            let remark = format!(
+                "ATTITUDE_TYPE {name}: attitudes are slerped and have the rates of the slerp, those of the file are not used"
+            );
+            self.remark(line, remark);
+        }
+        Ok(*more)
+    }
+
+    /// What is said of one segment is not said of each.
+    fn remark(&mut self, line: usize, remark: String) {
+        let remarks = &mut self.message.remarks;
+        if remarks.iter().all(|(_, known)| *known != remark) {
+            remarks.push((line, remark));
+        }
+    }
+
+    /// Whether the quaternion is of the rotation from REF_FRAME_A to REF_FRAME_B, and whether its scalar comes first. Version 1.0
+    /// says both by keywords; version 2.0 has none and fixes A to B and the scalar as the last (504.0-B-2, tables 4-3 and 4-4).
+    fn order(&self, meta: &Meta) -> At<(bool, bool)> {
+        let one_of = |key: &str, yes: &str, no: &str| -> At<Option<bool>> {
+            let Some((text, line)) = meta.find(key) else {
+                return Ok(None);
+            };
+            match text.to_ascii_uppercase() {
+                text if text == yes => Ok(Some(true)),
+                text if text == no => Ok(Some(false)),
+                _ => Err((
+                    line,
+                    format!("{key} '{}' is not {yes} or {no}", shorten(text)),
+                )),
+            }
+        };
+        let from_a = one_of("ATTITUDE_DIR", "A2B", "B2A")?;
+        let is_scalar_first = one_of("QUATERNION_TYPE", "FIRST", "LAST")?;
+        let missing = |key: &str| {
+            (
+                meta.line,
+                format!("the metadata have no {key}, which version 1.0 needs"),
+            )
+        };
+        match (self.version, from_a, is_scalar_first) {
+            (Some(2), None | Some(true), None | Some(false)) => Ok((true, false)),
+            (Some(2), ..) => {
+                let reason = "ATTITUDE_DIR B2A or QUATERNION_TYPE FIRST in version 2.0, which has A to B and the scalar last: \
+                              if the keyword is right, write CCSDS_AEM_VERS = 1.0";
+                Err((meta.line, reason.to_owned()))
+            }
+            (_, None, _) => Err(missing("ATTITUDE_DIR")),
+            (_, _, None) => Err(missing("QUATERNION_TYPE")),
+            (_, Some(from_a), Some(is_scalar_first)) => Ok((from_a, is_scalar_first)),
+        }
+    }
+}
+
+/// The axes of the reference frame, whether REF_FRAME_A is the body's (then B is the reference), and what was assumed.
+fn frames(meta: &Meta) -> At<(Axes, bool, Option<String>)> {
+    let ((a, _), (b, line)) = (meta.need("REF_FRAME_A")?, meta.need("REF_FRAME_B")?);
+    let is_body = |name: &str| name.to_ascii_uppercase().starts_with("SC_BODY");
+    let (key, a_is_body) = match (is_body(a), is_body(b)) {
+        (false, true) => ("REF_FRAME_A", false),
+        (true, false) => ("REF_FRAME_B", true),
+        _ => {
+            let (a, b) = (shorten(a), shorten(b));
+            let reason = format!(
+                "REF_FRAME_A '{a}' and REF_FRAME_B '{b}': one must be the body, SC_BODY or SC_BODY_1, and the other one of {FRAMES}; \
+                 give the attitude of the body, not of an instrument"
+            );
+            return Err((line, reason));
+        }
+    };
+    let (axes, assumed) = meta.axes(key)?;
+    Ok((axes, a_is_body, assumed))
+}
+
+impl Data {
+    /// `epoch q q q q [rates]`.
+    fn add(&mut self, number: usize, line: &str) -> At<()> {
+        let bad = |what: String| (number, format!("{what} in '{}'", shorten(line)));
+        let mut words = line.split_whitespace();
+        let epoch = words.next().and_then(|text| self.clock.read(text));
+        let epoch = epoch.ok_or_else(|| bad("no epoch".to_owned()))?;
+        let numbers = words.map(|word| word.parse().ok().filter(|x: &f64| x.is_finite()));
+        let numbers: Option<Vec<f64>> = numbers.collect();
+        let numbers = numbers.ok_or_else(|| bad("a value that is not a number".to_owned()))?;
+        let &[first, second, third, fourth, ..] = numbers.as_slice() else {
+            return Err(bad("no quaternion".to_owned()));
+        };
+        if numbers.len() != self.columns {
+            let (columns, count) = (self.columns, numbers.len());
+            return Err(bad(format!(
+                "{count} values, not {columns} as ATTITUDE_TYPE says,"
+            )));
+        }
+        let attitudes = &mut self.segment.attitudes;
+        if attitudes.last().is_some_and(|last| last.epoch >= epoch) {
+            return Err(bad("an epoch that is not after the one before".to_owned()));
+        }
+        let q = if self.is_scalar_first {
+            Quaternion::new(first, second, third, fourth)
+        } else {
+            Quaternion::new(fourth, first, second, third)
+        };
+        // A message's quaternion from frame A to frame B turns the axes of A into those of B: it takes coordinates in A to those
+        // in B by v_B = q^-1 v_A q (504.0-B-2, annex F2), where here v_B = q v_A q^-1.
+        let to_body = if self.is_from_body { q } else { q.conjugate() };
+        // q_icrf_to_body = q_frame_to_body q_icrf_to_frame
+        let from_icrf = Rotation3::from_matrix_unchecked(self.axes.to_gcrf(epoch).transpose());
+        let q = to_body * UnitQuaternion::from_rotation_matrix(&from_icrf).into_inner();
+        attitudes.push(TimedAttitude {
+            line: number,
+            epoch,
+            q_icrf_to_body: [q.i, q.j, q.k, q.w],
+        });
+        Ok(())
+    }
+}

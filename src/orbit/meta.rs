@@ -1,0 +1,169 @@
+//! The metadata of a segment, as CCSDS ephemeris messages of orbits (OEM) and attitudes (AEM) have them.
+
+use crate::frames::{Axes, FRAMES};
+use crate::record::{At, shorten};
+use crate::{bounded_name, time};
+use hifitime::{Duration, Epoch, TimeScale};
+
+/// Beyond it, in s, UT1 - UTC is in another unit; leap seconds hold it within 0.9 s.
+const LARGEST_UT1_UTC_S: f64 = 10.0;
+
+/// How to give UT1 - UTC, which no keyword of these messages holds.
+const GIVE_UT1: &str =
+    "write COMMENT UT1-UTC = SECONDS (IERS Bulletin A has it) between META_START and META_STOP";
+
+/// A metadata block: the line that it starts in, and its keywords with their lines.
+pub(crate) struct Meta {
+    pub line: usize,
+    pairs: Vec<(String, String, usize)>,
+}
+
+/// A time system, which reads times as text.
+#[derive(Clone, Copy)]
+pub(crate) enum Clock {
+    Scale(TimeScale),
+    /// UT1, with UT1 - UTC.
+    Ut1(Duration),
+}
+
+impl Clock {
+    pub fn read(self, text: &str) -> Option<Epoch> {
+        match self {
+            Clock::Scale(scale) => time::parse_ccsds(text, scale),
+            Clock::Ut1(ut1_utc) => Some(time::parse_ccsds(text, TimeScale::UTC)? - ut1_utc),
+        }
+    }
+}
+
+impl Meta {
+    pub fn new(line: usize) -> Self {
+        let pairs = Vec::new();
+        Meta { line, pairs }
+    }
+
+    /// Adds a line of text: `KEY = VALUE`, or a comment.
+    pub fn add(&mut self, number: usize, line: &str) -> At<()> {
+        if let Some(comment) = line.strip_prefix("COMMENT") {
+            self.comment(comment, number);
+            return Ok(());
+        }
+        let (key, value) = line
+            .split_once('=')
+            .ok_or_else(|| (number, format!("'{}' is not KEY = VALUE", shorten(line))))?;
+        self.set(key.trim(), value.trim(), number);
+        Ok(())
+    }
+
+    pub fn set(&mut self, key: &str, value: &str, line: usize) {
+        self.pairs.push((key.to_owned(), value.to_owned(), line));
+    }
+
+    /// A comment is for people, but for the one that gives UT1 - UTC.
+    pub fn comment(&mut self, text: &str, line: usize) {
+        if let Some((key, value)) = text.split_once('=')
+            && key.trim().eq_ignore_ascii_case("UT1-UTC")
+        {
+            self.set("UT1-UTC", value.trim(), line);
+        }
+    }
+
+    pub fn find(&self, key: &str) -> Option<(&str, usize)> {
+        let pair = self.pairs.iter().find(|(k, _, _)| k == key);
+        pair.map(|(_, value, line)| (value.as_str(), *line))
+    }
+
+    pub fn need(&self, key: &str) -> At<(&str, usize)> {
+        let found = self.find(key).filter(|(value, _)| !value.is_empty());
+        found.ok_or_else(|| (self.line, format!("the metadata have no {key}")))
+    }
+
+    /// A keyword of the object. It may be empty: the object is then unknown.
+    pub fn object(&self, key: &str) -> At<String> {
+        let missing = || (self.line, format!("the metadata have no {key}"));
+        let (text, _) = self.find(key).ok_or_else(missing)?;
+        Ok(match bounded_name(text) {
+            none if none.is_empty() => "UNKNOWN".to_owned(),
+            text => text,
+        })
+    }
+
+    /// UT1 - UTC in s, where a comment gives it.
+    fn ut1_utc_s(&self) -> At<Option<f64>> {
+        let Some((text, line)) = self.find("UT1-UTC") else {
+            return Ok(None);
+        };
+        let number = text.trim_end_matches("[s]").trim_end_matches('s').trim();
+        let value = number.parse().ok();
+        let value = value.filter(|value: &f64| value.abs() <= LARGEST_UT1_UTC_S);
+        let reason = || format!("UT1-UTC '{}' is not a number of seconds", shorten(text));
+        value.map(Some).ok_or_else(|| (line, reason()))
+    }
+
+    pub fn clock(&self) -> At<Clock> {
+        let (name, line) = self.need("TIME_SYSTEM")?;
+        let scale = match name.to_ascii_uppercase().as_str() {
+            "UTC" => TimeScale::UTC,
+            "TAI" => TimeScale::TAI,
+            "TT" => TimeScale::TT,
+            "GPS" => TimeScale::GPST,
+            "TDB" => TimeScale::TDB,
+            "UT1" => {
+                let ut1_utc_s = self.ut1_utc_s()?.ok_or_else(|| {
+                    let reason = "TIME_SYSTEM UT1 needs UT1 - UTC: as UTC it would move a low orbit by up to 7 km";
+                    (line, format!("{reason}; {GIVE_UT1}, or give the times in UTC"))
+                })?;
+                return Ok(Clock::Ut1(time::seconds(ut1_utc_s)));
+            }
+            _ => {
+                let name = shorten(name);
+                let reason = format!(
+                    "TIME_SYSTEM '{name}'; read are UTC, TAI, TT, GPS, TDB and UT1: give the times in one of them"
+                );
+                return Err((line, reason));
+            }
+        };
+        Ok(Clock::Scale(scale))
+    }
+
+    /// From USEABLE_START_TIME to USEABLE_STOP_TIME or, without these, from START_TIME to STOP_TIME.
+    pub fn span(&self, clock: Clock) -> At<(Epoch, Epoch)> {
+        let epoch = |(text, line): (&str, usize), key: &str| {
+            clock.read(text).ok_or_else(|| {
+                let why = time::why_not(text);
+                let text = shorten(text);
+                (line, format!("{key} '{text}' is not a time{why}"))
+            })
+        };
+        let of = |key: &str, useable: &str| {
+            let whole = epoch(self.need(key)?, key)?;
+            let part = self.find(useable).map(|found| epoch(found, useable));
+            Ok(part.transpose()?.unwrap_or(whole))
+        };
+        let start = of("START_TIME", "USEABLE_START_TIME")?;
+        Ok((start, of("STOP_TIME", "USEABLE_STOP_TIME")?))
+    }
+
+    /// The axes that a keyword names, and what was assumed of them.
+    pub fn axes(&self, key: &str) -> At<(Axes, Option<String>)> {
+        let (name, line) = self.need(key)?;
+        let ut1_utc_s = self.ut1_utc_s()?;
+        let axes = Axes::named(name, ut1_utc_s.unwrap_or(0.0)).ok_or_else(|| {
+            let name = shorten(name);
+            (
+                line,
+                format!(
+                    "{key} '{name}'; read are {FRAMES}: give the data in one of them, GCRF at best"
+                ),
+            )
+        })?;
+        let is_assumed = matches!(axes, Axes::EarthFixed { .. }) && ut1_utc_s.is_none();
+        let remark = is_assumed.then(|| {
+            format!(
+                "{key} {name} without Earth-orientation data: UT1 is taken as UTC, which turns it by up to 13.5 arcsec (460 m at 7,000 km \
+                 from the Earth's centre, 2.8 km at the geostationary belt), and the pole's motion is left out (0.6 arcsec, 20 m and 120 m); \
+                 {GIVE_UT1}, or give the data in GCRF"
+            )
+        });
+        Ok((axes, remark))
+    }
+}

@@ -1,0 +1,311 @@
+//! OEM against independent programs: the states between the states, and the frames.
+
+use hifitime::{Epoch, Unit};
+use skyloop_orbit::time::parse_utc;
+use skyloop_orbit::{Loaded, Object, StateVector, parse};
+
+/// A message whose states are these lines behind their epochs.
+fn message(frame: &str, meta: &str, states: &[(Epoch, String)]) -> String {
+    let utc = |epoch: Epoch| skyloop_orbit::time::utc_text(epoch);
+    let (start, stop) = (utc(states[0].0), utc(states[states.len() - 1].0));
+    let lines = states
+        .iter()
+        .map(|(epoch, state)| format!("{} {state}\n", utc(*epoch)));
+    format!(
+        "CCSDS_OEM_VERS = 2.0\nMETA_START\n{meta}OBJECT_NAME = MADE UP\nOBJECT_ID = 2019-001A\nCENTER_NAME = EARTH\nREF_FRAME = {frame}\n\
+         TIME_SYSTEM = UTC\nSTART_TIME = {start}\nSTOP_TIME = {stop}\nMETA_STOP\n{}",
+        lines.collect::<String>()
+    )
+}
+
+fn only(text: &str) -> Object {
+    let Loaded {
+        mut objects,
+        rejected,
+    } = parse(text, "test.oem").unwrap();
+    assert_eq!(rejected, [], "{text}");
+    objects.remove(0)
+}
+
+fn remarks(object: &Object) -> Vec<&str> {
+    object
+        .remarks()
+        .into_iter()
+        .map(|(_, remark)| remark)
+        .collect()
+}
+
+/// Distances in m and m/s from a state in km and km/s.
+fn off(state: &StateVector, km: &[f64]) -> (f64, f64) {
+    let (r, v) = (&state.position_m * 1e-3, &state.velocity_m_s * 1e-3);
+    let square = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    (
+        square(r.as_slice(), &km[..3]).sqrt() * 1e3,
+        square(v.as_slice(), &km[3..]).sqrt() * 1e3,
+    )
+}
+
+/// A line of data/oem_interpolated.txt: words, and numbers from the time on.
+struct Row {
+    method: String,
+    degree: usize,
+    step_s: u32,
+    t: f64,
+    state_km: Vec<f64>,
+}
+
+fn rows() -> (Vec<Row>, Vec<(u32, f64, String)>) {
+    // X-Val: data/make_ephemeris_references.py: an analytic Kepler orbit, and scipy's interpolators on its states
+    let (mut rows, mut states) = (Vec::new(), Vec::new());
+    for line in include_str!("data/oem_interpolated.txt").lines().skip(1) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        if words[0] == "state" {
+            states.push((
+                words[1].parse().unwrap(),
+                words[2].parse().unwrap(),
+                words[3..].join(" "),
+            ));
+        } else {
+            rows.push(Row {
+                method: words[0].to_owned(),
+                degree: words[1].parse().unwrap(),
+                step_s: words[2].parse().unwrap(),
+                t: words[3].parse().unwrap(),
+                state_km: words[4..]
+                    .iter()
+                    .map(|word| word.parse().unwrap())
+                    .collect(),
+            });
+        }
+    }
+    (rows, states)
+}
+
+fn start() -> Epoch {
+    parse_utc("2019-06-15T00:00:00Z").unwrap()
+}
+
+/// The orbit of the reference, its states `step_s` apart, in a message with these metadata.
+fn orbit(states: &[(u32, f64, String)], step_s: u32, meta: &str) -> Object {
+    let of_step = states.iter().filter(|(step, ..)| *step == step_s);
+    let states = of_step.map(|(_, t, state)| (start() + *t * Unit::Second, state.clone()));
+    only(&message("GCRF", meta, &states.collect::<Vec<_>>()))
+}
+
+#[test]
+fn states_between_states_are_those_of_an_independent_program() {
+    let (rows, states) = rows();
+    let mut compared = 0;
+    for Row {
+        method,
+        degree,
+        step_s,
+        t,
+        state_km,
+    } in rows.iter().filter(|row| row.method != "true")
+    {
+        let meta = format!("INTERPOLATION = {method}\nINTERPOLATION_DEGREE = {degree}\n");
+        let object = orbit(&states, *step_s, &meta);
+        assert_eq!(remarks(&object), [""; 0], "{meta}");
+        let (m, m_s) = off(
+            &object.state(start() + *t * Unit::Second).unwrap(),
+            state_km,
+        );
+        assert!(
+            m < 1e-5 && m_s < 1e-7,
+            "{method} {degree}, {step_s} s at {t}: {m} m, {m_s} m/s"
+        );
+        compared += 1;
+    }
+    assert_eq!(compared, 2 * 9 * 6);
+}
+
+#[test]
+fn the_methods_own_error_is_known_from_the_analytic_orbit() {
+    let (rows, states) = rows();
+    let worst = |meta: &str, step_s: u32| {
+        let object = orbit(&states, step_s, meta);
+        let truth = rows
+            .iter()
+            .filter(|row| row.method == "true" && row.step_s == step_s);
+        let errors = truth.map(|row| {
+            off(
+                &object.state(start() + row.t * Unit::Second).unwrap(),
+                &row.state_km,
+            )
+        });
+        errors.fold((0.0_f64, 0.0_f64), |worst, (m, m_s)| {
+            (worst.0.max(m), worst.1.max(m_s))
+        })
+    };
+    // From below: what the file's method gives. HERMITE of degree 1, of two states, is a straight line by LINEAR.
+    for (meta, step_s, least_m, most_m, most_m_s) in [
+        ("INTERPOLATION = LINEAR\n", 60, 3e3, 4e3, 5.0),
+        (
+            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 1\n",
+            60,
+            0.1,
+            0.4,
+            0.02,
+        ),
+        (
+            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 3\n",
+            60,
+            0.1,
+            0.4,
+            0.02,
+        ),
+        (
+            "INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = 7\n",
+            240,
+            1.0,
+            4.0,
+            5e-3,
+        ),
+        (
+            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 7\n",
+            240,
+            1e-3,
+            0.01,
+            1e-4,
+        ),
+        // No method: Hermite's of degree 7.
+        ("", 240, 1e-3, 0.01, 1e-4),
+        ("", 60, 0.0, 1e-5, 1e-7),
+    ] {
+        let (m, m_s) = worst(meta, step_s);
+        println!("{meta:?} {step_s} s: {m:.2e} m, {m_s:.2e} m/s");
+        assert!(
+            (least_m..most_m).contains(&m) && m_s < most_m_s,
+            "{meta} {step_s} s: {m} m, {m_s} m/s"
+        );
+    }
+}
+
+#[test]
+fn the_velocity_is_the_derivative_of_the_position() {
+    let (_, states) = rows();
+    let h = 0.01;
+    // Hermite's exactly, but for the difference; Lagrange's as far as the file's velocities belong to its positions.
+    for (method, degree, step_s, most_m_s) in [
+        ("HERMITE", 3, 60, 1e-5),
+        ("HERMITE", 7, 240, 1e-5),
+        ("LAGRANGE", 7, 60, 1e-4),
+        ("LAGRANGE", 7, 240, 0.1),
+    ] {
+        let meta = format!("INTERPOLATION = {method}\nINTERPOLATION_DEGREE = {degree}\n");
+        let object = orbit(&states, step_s, &meta);
+        // Between nodes, at one, and near both ends.
+        for share in [0.3, 1.0, 5.5, 6.0, 10.7] {
+            let t = start() + share * f64::from(step_s) * Unit::Second;
+            let at = |dt: f64| object.state(t + dt * Unit::Second).unwrap();
+            // Eighth order is not needed: over 0.02 s the third derivative is 2e-10 m/s.
+            let slope = (at(h).position_m - at(-h).position_m) / (2.0 * h);
+            let error = (slope - at(0.0).velocity_m_s).norm();
+            assert!(
+                error < most_m_s,
+                "{meta} {step_s} s at {share}: {error} m/s"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_not_as_the_file_says_is_remarked() {
+    let (_, states) = rows();
+    for (meta, remark) in [
+        (
+            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 8\n",
+            "not 8: 9 is taken",
+        ),
+        (
+            "INTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 1\n",
+            "not 1: 3 is taken",
+        ),
+        (
+            "INTERPOLATION = LINEAR\nINTERPOLATION_DEGREE = 5\n",
+            "not 5: 1 is taken",
+        ),
+        (
+            "INTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = 15\n",
+            "takes 16 states, and the segment has 12",
+        ),
+    ] {
+        let object = orbit(&states, 60, meta);
+        let all = remarks(&object);
+        assert!(all.len() == 1 && all[0].contains(remark), "{meta}: {all:?}");
+        assert!(object.remarks()[0].0 >= 3, "the line of the keyword");
+    }
+    assert_eq!(remarks(&orbit(&states, 60, "")), [""; 0]);
+}
+
+/// Two states 1 s apart along a straight line through one in m and m/s, as a message has them.
+fn around(epoch: Epoch, place: &[f64]) -> Vec<(Epoch, String)> {
+    let states = [-0.5, 0.5].map(|dt| {
+        let r = (0..3).map(|i| format!("{:.12}", (place[i] + dt * place[3 + i]) / 1e3));
+        let v = (3..6).map(|i| format!("{:.12}", place[i] / 1e3));
+        (
+            epoch + dt * Unit::Second,
+            r.chain(v).collect::<Vec<_>>().join(" "),
+        )
+    });
+    states.to_vec()
+}
+
+#[test]
+fn frames_are_turned_as_by_independent_programs() {
+    // X-Val: data/make_ephemeris_references.py: erfa, and astropy with the Earth orientation of IERS Bulletin B
+    let mut worst = [0.0_f64; 4];
+    for line in include_str!("data/frames_to_gcrf.txt").lines().skip(1) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let (source, frame, ut1_utc, utc) = (words[0], words[1], words[2], words[3]);
+        let numbers: Vec<f64> = words[4..]
+            .iter()
+            .map(|word| word.parse().unwrap())
+            .collect();
+        let epoch = parse_utc(utc).unwrap();
+        let places = around(epoch, &numbers[..6]);
+        let names: &[&str] = match frame {
+            "ITRF" => &["ITRF", "ITRF2014", "itrf-97", "ITRF2000", "TDR"],
+            other => &[other],
+        };
+        for name in names {
+            let meta = format!(
+                "COMMENT UT1-UTC = {ut1_utc}\nINTERPOLATION = HERMITE\nINTERPOLATION_DEGREE = 3\n"
+            );
+            let object = only(&message(name, &meta, &places));
+            assert_eq!(remarks(&object), [""; 0], "{name}");
+            let state = object.state(epoch).unwrap();
+            let km: Vec<f64> = numbers[6..].iter().map(|x| x / 1e3).collect();
+            let (m, m_s) = off(&state, &km);
+            if source == "erfa" {
+                worst = [worst[0].max(m), worst[1].max(m_s), worst[2], worst[3]];
+                continue;
+            }
+            // The pole's motion is left out, and without UT1 - UTC the Earth's rotation is off by it.
+            worst[2] = worst[2].max(m / (numbers[0].hypot(numbers[1]).hypot(numbers[2])));
+            let without = only(&message(name, "", &places));
+            let said = remarks(&without).concat();
+            assert!(
+                said.contains("without Earth-orientation data")
+                    && said.contains("460 m at 7,000 km"),
+                "{said}"
+            );
+            let turned = 7.292_115e-5 * ut1_utc.parse::<f64>().unwrap();
+            let by = off(&without.state(epoch).unwrap(), &km).0;
+            let expected = turned.abs() * numbers[0].hypot(numbers[1]);
+            worst[3] = worst[3].max((by - expected).abs() / numbers[0].hypot(numbers[1]));
+        }
+    }
+    println!(
+        "erfa: {:.2e} m, {:.2e} m/s; the pole's motion: {:.2e} rad; UT1 as UTC: {:.2e} rad",
+        worst[0], worst[1], worst[2], worst[3]
+    );
+    // Axes of date turn by up to 2e-11 rad/s, which velocities leave out: 0.8 mm/s at 42,000 km.
+    assert!(worst[0] < 1e-4 && worst[1] < 2e-3, "{worst:?}");
+    // 0.6 arcsec, the most that the pole has moved since 1988.
+    assert!(
+        worst[2] > 1e-8 && worst[2] < 2.9e-6 && worst[3] < 2.9e-6,
+        "{worst:?}"
+    );
+}

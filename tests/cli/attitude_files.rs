@@ -1,0 +1,140 @@
+//! `[sequence] attitude_file`: an AEM or lines of attitudes are flown as the file means them.
+
+use crate::{Q, skyloop};
+use std::path::Path;
+
+/// A scene whose first of three frames, 1 s apart, is at the touchstone's time, and the files beside it.
+fn scene(here: &Path, sequence: &str, files: &[(&str, &str)]) {
+    let text = format!(
+        "[sequence]\nepoch = \"2019-06-15T23:35:50Z\"\nframes = 3\nperiod_s = 1.0\n{sequence}\n"
+    );
+    std::fs::write(here.join("scene.toml"), text).unwrap();
+    for (name, text) in files {
+        std::fs::write(here.join(name), text).unwrap();
+    }
+}
+
+const RENDER: [&str; 5] = ["render", "--scene", "scene.toml", "--out", "o"];
+
+/// An AEM of version 1.0; its second segment holds the third frame alone.
+fn message(meta: &str, first: &str, second: &str) -> String {
+    let segment = |start: u32, stop: u32, q: &str| {
+        let at = |second| format!("2019-06-15T23:35:{second}");
+        let (start, stop) = (at(start), at(stop));
+        format!(
+            "META_START\nOBJECT_NAME = A\nOBJECT_ID = 2013-055A\nREF_FRAME_A = ICRF\nREF_FRAME_B = SC_BODY_1\n{meta}TIME_SYSTEM = UTC\n\
+             START_TIME = {start}\nSTOP_TIME = {stop}\nATTITUDE_TYPE = QUATERNION/RATE\nMETA_STOP\nDATA_START\n{start} {q} 0 0 0\n{stop} {q} 0 0 0\nDATA_STOP\n"
+        )
+    };
+    let segments = segment(49, 51, first) + &segment(52, 53, second);
+    format!(
+        "CCSDS_AEM_VERS = 1.0\nCREATION_DATE = 2026-01-01T00:00:00\nORIGINATOR = TEST\n{segments}"
+    )
+}
+
+#[test]
+fn attitudes_of_a_file_are_those_of_the_labels() {
+    // The same attitude, `Q` to the body, in each spelling: the quaternion of CCSDS from A to B is its conjugate.
+    let a2b_last = message(
+        "ATTITUDE_DIR = A2B\nQUATERNION_TYPE = LAST\n",
+        "0.070834 0.644137 -0.733522 -0.204975",
+        "0 0 0 1",
+    );
+    let b2a_first = message(
+        "ATTITUDE_DIR = B2A\nQUATERNION_TYPE = FIRST\n",
+        "-0.204975 -0.070834 -0.644137 0.733522",
+        "1 0 0 0",
+    );
+    let blanks = Q.replace(',', " ");
+    let lines = format!(
+        "# UTC x y z w\n2019-06-15T23:35:49 {blanks}\n2019-06-15T23:35:51 {blanks}\n2019-06-15T23:35:52 0 0 0 1\n"
+    );
+    let wanted: Vec<f64> = Q.split(',').map(|x| x.parse().unwrap()).collect();
+    let norm = wanted.iter().map(|x| x * x).sum::<f64>().sqrt();
+    for (name, text) in [
+        ("a.aem", &a2b_last),
+        ("b.txt", &b2a_first),
+        ("lines", &lines),
+    ] {
+        let here = tempfile::tempdir().unwrap();
+        scene(
+            here.path(),
+            &format!("attitude_file = \"{name}\""),
+            &[(name, text)],
+        );
+        let done = skyloop(here.path()).args(RENDER).assert().success();
+        let log = String::from_utf8(done.get_output().stderr.clone()).unwrap();
+        let is_message = name != "lines";
+        assert_eq!(
+            log.contains("those of the file are not used"),
+            is_message,
+            "{log}"
+        );
+        let labels = std::fs::read_to_string(here.path().join("o/labels.jsonl")).unwrap();
+        let attitudes = labels.lines().map(|line| {
+            let label: serde_json::Value = serde_json::from_str(line).unwrap();
+            let q = label["q_icrf_to_body"].as_array().unwrap();
+            q.iter().map(|x| x.as_f64().unwrap()).collect::<Vec<f64>>()
+        });
+        let attitudes: Vec<Vec<f64>> = attitudes.collect();
+        let dot = |q: &[f64], other: &[f64]| q.iter().zip(other).map(|(a, b)| a * b).sum::<f64>();
+        for q in &attitudes[..2] {
+            assert!(
+                (dot(q, &wanted) / norm).abs() > 1.0 - 1e-12,
+                "{name}: {q:?}"
+            );
+        }
+        assert!(
+            dot(&attitudes[2], &[0.0, 0.0, 0.0, 1.0]).abs() > 1.0 - 1e-12,
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn attitude_files_that_cannot_be_flown_say_why() {
+    let good = "2019-06-15T23:35:50 0 0 0 1\n2019-06-15T23:35:55 0 0 0 1\n";
+    let stk = "stk.v.11.0\nBEGIN Attitude\n";
+    let spin = message(
+        "ATTITUDE_DIR = A2B\nQUATERNION_TYPE = LAST\n",
+        "0 0 0 1",
+        "0 0 0 1",
+    );
+    let gap = spin.replace("2019-06-15T23:35:52", "2019-06-15T23:35:52.5");
+    let odd = spin.replacen("0 0 0 1 0 0 0", "0 0 0 2 0 0 0", 1);
+    let spin = spin.replace("QUATERNION/RATE", "SPIN");
+    let named = "attitude_file = \"f\"";
+    for (sequence, text, part) in [
+        (
+            named,
+            &spin[..],
+            "f:14: ATTITUDE_TYPE 'SPIN'; read are QUATERNION",
+        ),
+        (
+            named,
+            &gap,
+            "covers 2019-06-15T23:35:52.500Z to 2019-06-15T23:35:53.000Z",
+        ),
+        (named, &odd, "f:17: the quaternion's norm is 2"),
+        (
+            named,
+            stk,
+            "f: an STK attitude file (.a), which is not read: export it as a CCSDS AEM",
+        ),
+        (named, "now 0 0 0 1\n", "f:1: "),
+        ("attitude_file = \"none\"", good, "sequence.attitude_file: "),
+        (
+            "attitude_file = \"f\"\nattitudes = [{ q = [0, 0, 0, 1] }]",
+            good,
+            "given beside sequence.attitudes or rates_deg_s: keep one of them",
+        ),
+        ("", good, "or sequence.attitude_file given"),
+    ] {
+        let here = tempfile::tempdir().unwrap();
+        scene(here.path(), sequence, &[("f", text)]);
+        let failed = skyloop(here.path()).args(RENDER).assert().failure();
+        let log = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
+        assert!(log.contains(part), "{part}: {log}");
+        assert!(!here.path().join("o").exists(), "{part}");
+    }
+}
