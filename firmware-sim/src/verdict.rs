@@ -99,12 +99,12 @@ pub const UNFINISHED: &str = "the run has not come to its end";
 /// # Errors
 /// It cannot be written, or this process has read it: with the file and the remedy.
 pub fn write(file: &Path, text: &str) -> Result<(), String> {
-    let failed = |error| {
-        format!(
-            "cannot write {}: {error}; name another file",
-            file.display()
-        )
+    let remedy = |error: &std::io::Error| match error.kind() {
+        // It has its own.
+        std::io::ErrorKind::InvalidInput => "",
+        _ => "; name another file",
     };
+    let failed = |error| format!("cannot write {}: {error}{}", file.display(), remedy(&error));
     skyloop_orbit::write_file(file, text).map_err(failed)
 }
 

@@ -5,6 +5,11 @@ use crate::{EPOCH, Q, repository, skyloop};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+/// The head of a table of element sets, and a made-up set.
+const HEAD: &str = "OBJECT_NAME,OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,\
+                    MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\n";
+const SET: &str = "2026-101A,2026-07-12T03:04:05,15.2,.001,51.6,120,90,270,5,0\n";
+
 /// Exit code and all that a command printed.
 fn say(at: &Path, words: &str) -> (Option<i32>, String) {
     let output = skyloop(at).args(words.split_whitespace()).output().unwrap();
@@ -98,6 +103,7 @@ fn what_has_no_end_or_no_writer_or_is_no_file_is_refused_everywhere() {
                 "no usable",
                 "no object",
                 "scene.toml",
+                "no element set",
                 "no files",
             ],
         ),
@@ -196,6 +202,8 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
     let orbit = repository("configs/scenes/rcm-2019-06-15/cassiope-B.oem");
     std::fs::copy(&orbit, at.join("orbit.oem")).unwrap();
     std::fs::hard_link(at.join("orbit.oem"), at.join("hard.oem")).unwrap();
+    std::fs::write(at.join("sets.csv"), format!("{HEAD}A,{SET}")).unwrap();
+    std::fs::hard_link(at.join("sets.csv"), at.join("hard.csv")).unwrap();
     let camera = repository("configs/cameras/fai-nir.toml");
     std::fs::create_dir(at.join("o")).unwrap();
     std::fs::copy(camera, at.join("o/labels.jsonl")).unwrap();
@@ -222,7 +230,7 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
             "this run reads this file",
         ),
         (
-            format!("{run} --ready-file run.toml"),
+            format!("{run} --ready-file orbit.oem"),
             "another file of that name",
         ),
         (
@@ -258,8 +266,8 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
             "this run reads this file",
         ),
         (
-            "catalog convert orbit.oem --to tle --out hard.oem".to_string(),
-            "no element set",
+            "catalog convert sets.csv --to omm-json --out hard.csv".to_string(),
+            "this run reads this file",
         ),
     ] {
         std::fs::create_dir_all(at.join("p")).unwrap();
@@ -317,11 +325,9 @@ fn names_do_not_steer_the_terminal() {
     let at = here.path();
     // X-Val: ECMA-48: ESC [ 31 m turns letters red; Unicode Standard Annex 9: U+202E turns their order.
     let evil = "E\u{1b}[31mVIL\u{9b}2J\u{202e}X";
-    let sets = "OBJECT_NAME,OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,\
-                MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\n";
-    let set = format!("{evil},2026-101A,2026-07-12T03:04:05,15.2,.001,51.6,120,90,270,5,0\n");
-    let bad = format!("{evil},2026-101B,2026-07-12T03:04:05,15.2,7,51.6,120,90,270,6,0\n");
-    std::fs::write(at.join("sets.csv"), format!("{sets}{set}{bad}")).unwrap();
+    let bad = SET.replace(".001", "7").replace(",5,0", ",6,0");
+    let text = format!("{HEAD}{evil},{SET}{evil},{bad}");
+    std::fs::write(at.join("sets.csv"), text).unwrap();
     std::fs::write(at.join(format!("{evil}.toml")), "seed = -1\n").unwrap();
     let camera = std::fs::read_to_string(repository("configs/cameras/fai-nir.toml")).unwrap();
     let camera = camera.replace("\"fai-nir\"", "\"fai\u{202e}rin\"");
@@ -352,7 +358,6 @@ fn names_do_not_steer_the_terminal() {
             "loopback", "--scene", "of.toml", "--frames", "1", "--out", "o",
         ],
         vec!["plan", "--scene", "of.toml"],
-        vec!["-v", "render", "--scene", "of.toml", "--out", "o"],
     ] {
         let output = skyloop(at).args(&words).output().unwrap();
         let text = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();

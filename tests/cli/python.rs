@@ -56,7 +56,7 @@ fn pgm(file: &Path) -> (u32, u32, Vec<u16>) {
 /// Against `skyloop render`, which knows no wire.
 #[test]
 fn the_client_gets_the_frames_of_every_built_in_camera() {
-    for camera in CAMERAS {
+    for &camera in CAMERAS {
         let here = tempfile::tempdir().unwrap();
         let at = here.path();
         let process = emulator(at, &format!("camera = {camera:?}"), "", &[]);
@@ -65,10 +65,11 @@ fn the_client_gets_the_frames_of_every_built_in_camera() {
         process.signal("-INT");
         let (code, table) = process.end();
         assert_eq!(code, Some(0), "{table}");
-        let state = format!("--state={STATE}");
         skyloop(at)
             .args(["render", "--camera", camera, "--epoch", EPOCH])
-            .args([&format!("--attitude={Q}"), &state, "--out", "rendered"])
+            .arg(format!("--attitude={Q}"))
+            .arg(format!("--state={STATE}"))
+            .args(["--out", "rendered"])
             .assert()
             .success();
         let rendered = image::open(at.join("rendered/frame_00000.png")).unwrap();
@@ -84,7 +85,7 @@ fn the_client_gets_the_frames_of_every_built_in_camera() {
 fn the_client_asks_again_for_what_is_lost() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
-    let drop = |direction| {
+    let drop = |direction: &str| {
         format!("[[faults]]\ndirection = {direction:?}\nkind = \"drop\"\nvalue = 0.05\n")
     };
     std::fs::write(at.join("faults.toml"), drop("in") + &drop("out")).unwrap();
