@@ -51,7 +51,8 @@ impl RawStray {
         let exclusion_deg = raw.sun_exclusion_deg.unwrap_or(default_deg);
         if !(least_deg..=180.0).contains(&exclusion_deg) {
             let allowed = format!(
-                "{:.2} to 180 deg: the Sun is never in the image, whose corner is {field_deg:.2} deg from the boresight",
+                "{:.2} to 180 deg: the Sun is never in the image, whose corner is {field_deg:.2} deg from the boresight by \
+                 optics.focal_length_mm, detector.pixel_um, detector.width_px and detector.height_px",
                 (least_deg * 100.0).ceil() / 100.0
             );
             return Err(check.refuse("optics.stray.sun_exclusion_deg", exclusion_deg, allowed));
