@@ -109,14 +109,14 @@ fn planet(name: &str, observer: &Observer) -> Planet {
 
 #[test]
 fn planets_stand_and_shine_as_de440_and_another_program_have_them() {
-    // Largest errors of `plan94`: directions over 1991 to 2060, daily to weekly, from DE440, arcsec; distances from the Earth over 1991 to
-    // 2050, every third day, from DE421 (jplephem 2.24), km. As the README has them.
+    // Largest errors of `plan94` over 1991 to 2060: directions, daily to weekly, from DE440, arcsec; distances from the Earth, every third day, from
+    // DE405 (PyPI jplephem 2.24), rounded up, km. The README has them.
     const BOUNDS: [(&str, f64, f64); 7] = [
         ("Mercury", 2.0, 1_000.0),
         ("Venus", 11.0, 2_700.0),
         ("Mars", 52.0, 18_400.0),
         ("Jupiter", 54.0, 89_000.0),
-        ("Saturn", 90.0, 171_000.0),
+        ("Saturn", 90.0, 191_000.0),
         ("Uranus", 73.0, 543_000.0),
         ("Neptune", 11.0, 130_000.0),
     ];

@@ -292,5 +292,5 @@ fn a_reader_of_the_table_that_leaves_early_is_no_error() {
     let ended = child.wait_with_output().unwrap();
     let log = String::from_utf8_lossy(&ended.stderr);
     assert!(ended.status.success() && log.is_empty(), "{log}");
-    assert_eq!(names(&here.path().join("skyloop-out")).len(), 4);
+    assert_eq!(names(&here.path().join("skyloop-out")).len(), 5);
 }
