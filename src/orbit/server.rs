@@ -127,8 +127,8 @@ fn page(text: &str) -> String {
     while let Some((before, tag)) = rest.split_once('<') {
         words += before;
         words.push(' ');
-        let name = tag.split(|c: char| !c.is_ascii_alphabetic() && c != '!' && c != '-');
-        let end = match name.into_iter().next().map(str::to_lowercase).as_deref() {
+        let mut names = tag.split(|c: char| !c.is_ascii_alphabetic() && c != '!' && c != '-');
+        let end = match names.next().map(str::to_lowercase).as_deref() {
             Some("script") => "</script",
             Some("style") => "</style",
             Some(comment) if comment.starts_with("!--") => "-->",
