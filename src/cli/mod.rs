@@ -69,6 +69,8 @@ enum Command {
     /// Render a scene at each setting of the tolerances, and set their errors against their times
     Cost(cost::Args),
     /// Say which objects cross the camera's field, when, and how bright
+    ///
+    /// Durations are SI seconds: over a leap second they are one longer than the UTC times differ.
     Passes(Box<passes::Args>),
     /// Write the magnitude of an object against time, as a table and a plot
     Lightcurve(lightcurve::Args),

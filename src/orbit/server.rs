@@ -5,6 +5,8 @@ use serde_json::{Map, Value};
 
 /// Bytes of an answer that are read.
 const LONGEST: usize = 1 << 16;
+/// Lines of an answer in plain text.
+const MOST_LINES: usize = 4;
 /// Characters of it that a message quotes.
 const SHOWN: usize = 200;
 /// Keys that servers give their reasons in.
@@ -50,10 +52,10 @@ pub(crate) fn words(text: &str, source: &str) -> Option<String> {
         b'<' if is_page(text, source) => page(text),
         b'<' => return None,
         _ => {
-            let lower = text.get(..LONGEST.min(text.len()))?.to_lowercase();
-            let is_answer = BEGINNINGS.iter().any(|start| lower.starts_with(start));
-            let lines = text.lines().filter(|line| !line.trim().is_empty()).count();
-            if is_answer && lines <= 3 {
+            let start: String = text.chars().take(40).collect();
+            let start = start.to_lowercase();
+            let is_answer = BEGINNINGS.iter().any(|known| start.starts_with(known));
+            if is_answer && text.lines().nth(MOST_LINES).is_none() {
                 text.to_owned()
             } else {
                 String::new()
@@ -65,6 +67,7 @@ pub(crate) fn words(text: &str, source: &str) -> Option<String> {
 
 /// The first characters of a text in one line, without what could command a terminal.
 pub(crate) fn quoted(text: &str) -> String {
+    let text: String = text.chars().take(10 * SHOWN).collect();
     let words = text.split(|c: char| c.is_whitespace() || c.is_control());
     let words: Vec<&str> = words.filter(|word| !word.is_empty()).take(SHOWN).collect();
     words.join(" ").chars().take(SHOWN).collect()
@@ -127,8 +130,8 @@ fn page(text: &str) -> String {
     while let Some((before, tag)) = rest.split_once('<') {
         words += before;
         words.push(' ');
-        let name = tag.split(|c: char| !c.is_ascii_alphabetic() && c != '!' && c != '-');
-        let end = match name.into_iter().next().map(str::to_lowercase).as_deref() {
+        let mut names = tag.split(|c: char| !c.is_ascii_alphabetic() && c != '!' && c != '-');
+        let end = match names.next().map(str::to_lowercase).as_deref() {
             Some("script") => "</script",
             Some("style") => "</style",
             Some(comment) if comment.starts_with("!--") => "-->",
@@ -202,7 +205,7 @@ mod tests {
         for text in [
             "",
             "hello\nworld",
-            "Your notes\n1\n2\n3",
+            "Your notes\n1\n2\n3\n4",
             "[]",
             "{}",
             "[1]",
