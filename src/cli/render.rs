@@ -4,7 +4,7 @@ use super::budget::{Budget, FRAMES};
 use super::cost::spread;
 use super::pointing::Pointing;
 use super::{Force, Orbits, Records, mission, progress};
-use anyhow::{anyhow, bail};
+use anyhow::anyhow;
 use clap::{ArgGroup, Args as ClapArgs};
 use hifitime::Epoch;
 use skyloop::camera::Camera;

@@ -101,7 +101,9 @@ impl RawSequence {
         let rates = self.rates_deg_s.map_or([0.0; 3], |Fixed(rates)| rates);
         if attitudes.len() != 1 && rates != [0.0; 3] {
             let reason = match attitudes.len() {
-                0 => "given beside attitude_file, nadir or look_at, which have their own rates: leave it out",
+                0 => {
+                    "given beside attitude_file, nadir or look_at, which have their own rates: leave it out"
+                }
                 _ => "given beside several attitudes, whose slerp has its own rates: leave it out",
             };
             return Err(check.explain("sequence.rates_deg_s", reason));
