@@ -5,6 +5,7 @@ mod bus;
 mod can;
 pub mod capture;
 mod departed;
+mod every;
 pub mod fault;
 mod inbox;
 mod line;
@@ -28,6 +29,7 @@ mod udp;
 mod url;
 
 pub(crate) use departed::Mark;
+pub(crate) use every::Every;
 pub use inbox::{Inbox, Intake};
 #[cfg(target_os = "linux")]
 pub use pty::Pair;
