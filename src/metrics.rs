@@ -223,10 +223,17 @@ fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
                 std::thread::sleep(LEAVING);
                 continue;
             }
-            let Ok((stream, _)) = listener.accept() else {
-                // None is there; or one has gone already, or the system is out of something for now.
-                std::thread::sleep(POLL);
-                continue;
+            let stream = match listener.accept() {
+                Ok((stream, _)) => stream,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    wait_for_connection(listener);
+                    continue;
+                }
+                // It has gone already, or the system is out of something for now.
+                Err(_) => {
+                    std::thread::sleep(POLL);
+                    continue;
+                }
             };
             open.retain(|connection| !connection.state.is_over());
             if open.len() >= AT_ONCE {
@@ -251,6 +258,24 @@ fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
         }
         open.into_iter().for_each(Connection::close);
     });
+}
+
+/// Waits for a connection, [`POLL`] at most. The system keeps 128 that nobody has accepted; the next one would be tried again after 1 s.
+#[cfg(target_os = "linux")]
+fn wait_for_connection(listener: &TcpListener) {
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    let wait = Timespec {
+        tv_sec: 0,
+        tv_nsec: i64::from(POLL.subsec_nanos()),
+    };
+    if poll(&mut [PollFd::new(listener, PollFlags::IN)], Some(&wait)).is_err() {
+        std::thread::sleep(POLL);
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn wait_for_connection(_: &TcpListener) {
+    std::thread::sleep(POLL);
 }
 
 /// A connection that is being answered.
