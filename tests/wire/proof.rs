@@ -63,10 +63,10 @@ fn a_forged_address_gets_three_bytes_for_each_by_every_clock() {
 fn a_client_that_sends_nothing_any_more_gets_no_stream() {
     let (_emulator, line) = on_udp(scene(), Clock::Wall, 1.0);
     let mut client = Client::new(line);
-    client.window = None;
     client.status();
-    client.point(attitude(1), EPOCH);
-    client.frame();
+    client.good_frame(1);
+    // Credit is not what holds the stream back.
+    client.send(Command::Credit { packets: 1 << 30 });
     // From now on it returns nothing.
     let mut deaf = Deaf(client.line);
     let started = Instant::now();
@@ -88,10 +88,9 @@ fn a_client_that_has_closed_its_socket_leaves_the_place_at_once() {
     let (_emulator, line) = on_udp(scene(), Clock::Wall, 3600.0);
     let mut second = Client::new(line.another());
     let mut first = Client::new(line);
-    first.window = None;
     first.status();
-    first.point(attitude(1), EPOCH);
-    first.frame();
+    first.good_frame(1);
+    first.send(Command::Credit { packets: 1 << 30 });
     drop(first);
     await_that("the second client has the place", || {
         second.send(Command::Ping);
