@@ -9,7 +9,7 @@ and its label as JSON. Pixels of every camera, lost packets and a camera's full 
 import argparse, binascii, json, socket, struct, time
 
 ATTITUDE, COMMAND = 0x101, 0x102
-HEADER, PIXELS, LABELS, STATUS, NACK, END = 0x201, 0x202, 0x203, 0x204, 0x206, 0x20A
+HEADER, PIXELS, LABELS, STATUS, NACK, END, CHALLENGE = 0x201, 0x202, 0x203, 0x204, 0x206, 0x20A, 0x20B
 CREDIT, RESEND, PING, RESET = 7, 10, 6, 5
 ROOM = 256  # frame packets that may be under way; many systems limit the receive buffer to about as many
 
@@ -123,10 +123,12 @@ def run():
             continue
         apid, body, heard = int.from_bytes(packet[:2], "big") & 0x7FF, packet[15:-2], now
         count, number = int.from_bytes(packet[2:4], "big") & 0x3FFF, int.from_bytes(body[:4], "big")
-        if apid == NACK:
+        if apid == CHALLENGE:  # proves this address: sent back as it came
+            link.sendto(packet, emulator)
+        elif apid == NACK:
             print("refused:", bytes(body[5:]).decode(), flush=True)
         elif apid == STATUS:
-            sent, total = struct.unpack_from(">I", body, 41)[0], struct.unpack_from(">I", body, 106)[0]
+            sent, total = struct.unpack_from(">I", body, 41)[0], struct.unpack_from(">I", body, 107)[0]
             accepted = total if accepted is None else accepted
             for frame in frames.values():  # what was sent and has not come is lost
                 frame.ask_again()

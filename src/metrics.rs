@@ -8,11 +8,12 @@ mod page;
 mod text;
 
 use crate::timing::Latencies;
+use std::collections::VecDeque;
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
+use std::thread::{JoinHandle, ScopedJoinHandle};
 use std::time::Duration;
 
 /// The figures of a run at one moment.
@@ -126,10 +127,14 @@ impl Metrics {
     }
 }
 
-/// Connections that are answered at once: whoever says nothing holds one for 2 s.
+/// Connections that are answered at once. One more takes the place of the oldest, one that has not sent its request first.
 const AT_ONCE: usize = 32;
+/// Threads at most: those of closed connections take a moment to end.
+const MAX_THREADS: usize = 2 * AT_ONCE;
 /// How often the thread looks for a connection, and whether it is to end.
 const POLL: Duration = Duration::from_millis(50);
+/// How long the thread waits for threads of closed connections.
+const LEAVING: Duration = Duration::from_millis(1);
 
 /// The thread that answers; it ends with this.
 #[derive(Debug)]
@@ -159,8 +164,8 @@ impl Drop for Server {
 
 /// Serves the figures of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9464`, `[::1]:9464`, or a port alone, on 127.0.0.1.
 ///
-/// 32 connections are answered at once, each by a thread; the next ones wait in the system's queue. Errors: `address` is none, or the system refuses
-/// it; they name it and the remedy.
+/// 32 connections are answered at once, each by a thread; one more closes the oldest, so that connections which send nothing delay nobody. Errors:
+/// `address` is none, or the system refuses it; they name it and the remedy.
 pub fn serve(address: &str, cameras: Vec<Metrics>) -> io::Result<Server> {
     let refused =
         |kind, why: String| Err(io::Error::new(kind, format!("metrics at {address}: {why}")));
@@ -208,31 +213,92 @@ fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
             .map(|camera| (camera.head.clone(), camera.last()));
         text::page(&figures.collect::<Vec<_>>())
     };
-    let (page, answered) = (&page, AtomicUsize::new(0));
-    let answered = &answered;
+    let page = &page;
+    let mut open: VecDeque<Connection> = VecDeque::new();
     std::thread::scope(|scope| {
+        let mut threads = Vec::new();
         while !stop.load(Ordering::Relaxed) {
-            let has_room = answered.load(Ordering::Relaxed) < AT_ONCE;
-            let Some(Ok((stream, _))) = has_room.then(|| listener.accept()) else {
-                // None is there; or one has gone already, or the system is out of something for now.
-                std::thread::sleep(POLL);
+            threads.retain(|thread: &ScopedJoinHandle<'_, ()>| !thread.is_finished());
+            if threads.len() >= MAX_THREADS {
+                std::thread::sleep(LEAVING);
+                continue;
+            }
+            let stream = match listener.accept() {
+                Ok((stream, _)) => stream,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    wait_for_connection(listener);
+                    continue;
+                }
+                // It has gone already, or the system is out of something for now.
+                Err(_) => {
+                    std::thread::sleep(POLL);
+                    continue;
+                }
+            };
+            open.retain(|connection| !connection.state.is_over());
+            if open.len() >= AT_ONCE {
+                let silent = open.iter().position(|one| !one.state.has_asked());
+                let oldest = open.remove(silent.unwrap_or(0));
+                oldest.into_iter().for_each(Connection::close);
+            }
+            // Where the system has no handle or no thread left the connection is closed without an answer.
+            let Ok(connection) = Connection::of(&stream) else {
                 continue;
             };
-            answered.fetch_add(1, Ordering::Relaxed);
+            let state = Arc::clone(&connection.state);
             let answer = move || {
                 // Whoever hangs up early has had his answer.
-                let _ = http::answer(stream, page, stop);
-                answered.fetch_sub(1, Ordering::Relaxed);
+                let _ = http::answer(stream, page, &state);
+                state.end();
             };
-            // Where the system has no thread left the connection is closed without an answer.
-            if std::thread::Builder::new()
-                .spawn_scoped(scope, answer)
-                .is_err()
-            {
-                answered.fetch_sub(1, Ordering::Relaxed);
+            if let Ok(thread) = std::thread::Builder::new().spawn_scoped(scope, answer) {
+                threads.push(thread);
+                open.push_back(connection);
             }
         }
+        open.into_iter().for_each(Connection::close);
     });
+}
+
+/// Waits for a connection, [`POLL`] at most. The system keeps 128 that nobody has accepted; the next one would be tried again after 1 s.
+#[cfg(target_os = "linux")]
+fn wait_for_connection(listener: &TcpListener) {
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    let wait = Timespec {
+        tv_sec: 0,
+        tv_nsec: i64::from(POLL.subsec_nanos()),
+    };
+    if poll(&mut [PollFd::new(listener, PollFlags::IN)], Some(&wait)).is_err() {
+        std::thread::sleep(POLL);
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn wait_for_connection(_: &TcpListener) {
+    std::thread::sleep(POLL);
+}
+
+/// A connection that is being answered.
+struct Connection {
+    /// The handle that closes it while its thread waits.
+    stream: TcpStream,
+    state: Arc<http::State>,
+}
+
+impl Connection {
+    fn of(stream: &TcpStream) -> io::Result<Self> {
+        Ok(Self {
+            stream: stream.try_clone()?,
+            state: Arc::default(),
+        })
+    }
+
+    /// Ends it at once: its thread wakes up.
+    fn close(self) {
+        self.state.end();
+        // It may have been closed by the other end.
+        let _ = self.stream.shutdown(Shutdown::Both);
+    }
 }
 
 #[cfg(test)]

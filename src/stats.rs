@@ -32,6 +32,8 @@ pub struct RunStats {
     pub rsos_visible: usize,
     /// Objects in the field that labels do not list, by why.
     pub unseen: BTreeMap<&'static str, usize>,
+    /// Frames that did not reach a client, by why, over all links.
+    pub withheld: BTreeMap<&'static str, usize>,
     /// Frames that are full of one light.
     pub flooded: u32,
     /// Objects that had no state at some frame.
@@ -78,7 +80,10 @@ impl RunStats {
         ];
         if self.objects > 0 {
             rows.insert(2, row("objects", self.objects.to_string()));
-            rows.push(row("RSOs unseen", self.unseen()));
+            rows.push(row("RSOs unseen", by_reason(&self.unseen)));
+        }
+        if !self.withheld.is_empty() {
+            rows.push(row("frames withheld", by_reason(&self.withheld)));
         }
         if self.flooded > 0 {
             rows.push(row("frames full of light", self.flooded.to_string()));
@@ -121,18 +126,15 @@ impl RunStats {
         }
         rows
     }
+}
 
-    /// How many: `5 (3 behind the Earth, 2 too faint)`.
-    fn unseen(&self) -> String {
-        let all: usize = self.unseen.values().sum();
-        let by_reason = self
-            .unseen
-            .iter()
-            .map(|(why, count)| format!("{count} {why}"));
-        match all {
-            0 => "0".to_string(),
-            _ => format!("{all} ({})", by_reason.collect::<Vec<_>>().join(", ")),
-        }
+/// How many: `5 (3 behind the Earth, 2 too faint)`.
+fn by_reason(counts: &BTreeMap<&'static str, usize>) -> String {
+    let all: usize = counts.values().sum();
+    let reasons = counts.iter().map(|(why, count)| format!("{count} {why}"));
+    match all {
+        0 => "0".to_string(),
+        _ => format!("{all} ({})", reasons.collect::<Vec<_>>().join(", ")),
     }
 }
 
@@ -265,5 +267,8 @@ mod tests {
         stats.unseen = [("too faint", 2), ("behind the Earth", 3)].into();
         let said = "5 (3 behind the Earth, 2 too faint)".to_string();
         assert_eq!(stats.rows().pop(), Some(row("RSOs unseen", said)));
+        stats.withheld = [("no credit", 2)].into();
+        let said = "2 (2 no credit)".to_string();
+        assert_eq!(stats.rows().pop(), Some(row("frames withheld", said)));
     }
 }

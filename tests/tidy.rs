@@ -85,6 +85,7 @@ const FENCES: &[(&str, &[&str])] = &[
             "link/low_latency",
             "link/pseudo",
             "measure",
+            "metrics",
             "realtime/linux",
         ],
     ),

@@ -38,7 +38,15 @@ impl Burst {
             let length = packets.first().map_or(0, |first| first.as_ref().len());
             match system::send_cut(socket, packets.get(..count).unwrap_or_default(), length, to) {
                 Ok(()) => return Ok(count),
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Err(error),
+                // The second answers an earlier datagram: nobody listens there. It is reported once.
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionRefused
+                    ) =>
+                {
+                    return Err(error);
+                }
                 // An old system, a device that cannot, or a way that takes no datagrams of this length whole. What else stands against it will pass.
                 Err(error) => self.cuts = !system::never_cuts(&error),
             }

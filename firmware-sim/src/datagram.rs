@@ -37,6 +37,18 @@ impl Datagrams {
         Ok(Self { socket, lost: 0 })
     }
 
+    /// A socket at the same address for the datagrams of `peer` alone, and its receiving side: the system sorts them before they wait, so that a flood
+    /// of others takes no room from them. It also reports when nobody listens at `peer` any more ([`io::ErrorKind::ConnectionRefused`]).
+    /// Datagrams of `peer` that have come before stay where they are.
+    ///
+    /// # Errors
+    /// The system's; [`io::ErrorKind::Unsupported`] but on Linux.
+    pub fn split_off(&self, peer: SocketAddr) -> io::Result<(UdpSocket, Self)> {
+        let socket = system::split_off(&self.socket, peer)?;
+        let datagrams = Self::of(&socket)?;
+        Ok((socket, datagrams))
+    }
+
     /// Asks for room for so many octets that wait to be read; how many there is room for, as far as the system tells.
     pub fn make_room(&self, octets: usize) -> Option<usize> {
         system::make_room(&self.socket, octets)
@@ -77,8 +89,8 @@ struct Told {
 mod system {
     use crate::datagram::Told;
     use nix::sys::socket::{
-        ControlMessageOwned, MsgFlags, SockaddrStorage, cmsg_space, getsockopt, recvmsg,
-        setsockopt, sockopt,
+        AddressFamily, ControlMessageOwned, MsgFlags, SockFlag, SockType, SockaddrStorage, bind,
+        cmsg_space, getsockopt, recvmsg, setsockopt, sockopt,
     };
     use std::io::{self, IoSliceMut};
     use std::net::{SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
@@ -97,6 +109,27 @@ mod system {
     pub(super) fn join(socket: &UdpSocket) {
         // An old system gives them one by one.
         let _ = setsockopt(socket, sockopt::UdpGroSegment, &true);
+    }
+
+    /// Two sockets have one address while both allow it (`SO_REUSEADDR`, socket(7)): for this moment alone, so that no other program gets it.
+    /// Of both the connected one gets the datagrams of its peer.
+    pub(super) fn split_off(socket: &UdpSocket, peer: SocketAddr) -> io::Result<UdpSocket> {
+        let local = socket.local_addr()?;
+        let family = match local {
+            SocketAddr::V4(_) => AddressFamily::Inet,
+            SocketAddr::V6(_) => AddressFamily::Inet6,
+        };
+        let flags = SockFlag::SOCK_CLOEXEC | SockFlag::SOCK_NONBLOCK;
+        let own = nix::sys::socket::socket(family, SockType::Datagram, flags, None)?;
+        let own = UdpSocket::from(own);
+        setsockopt(socket, sockopt::ReuseAddr, &true)?;
+        let shared = setsockopt(&own, sockopt::ReuseAddr, &true)
+            .and_then(|()| bind(own.as_raw_fd(), &SockaddrStorage::from(local)));
+        setsockopt(socket, sockopt::ReuseAddr, &false)?;
+        shared?;
+        own.connect(peer)?;
+        setsockopt(&own, sockopt::ReuseAddr, &false)?;
+        Ok(own)
     }
 
     pub(super) fn receive(
@@ -142,6 +175,10 @@ mod system {
     }
 
     pub(super) fn join(_: &UdpSocket) {}
+
+    pub(super) fn split_off(_: &UdpSocket, _: SocketAddr) -> io::Result<UdpSocket> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
 
     pub(super) fn receive(
         socket: &UdpSocket,
@@ -190,6 +227,43 @@ mod tests {
                 "{round}"
             );
         }
+    }
+
+    #[test]
+    fn a_peer_has_a_socket_of_its_own_and_others_do_not_reach_it() {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.set_nonblocking(true).unwrap();
+        let mut all = Datagrams::of(&socket).unwrap();
+        let to = socket.local_addr().unwrap();
+        let [peer, other] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
+        peer.send_to(b"before", to).unwrap();
+        let (own_socket, mut own) = all.split_off(peer.local_addr().unwrap()).unwrap();
+        for n in 0..3000 {
+            other.send_to(&[1; 1400], to).unwrap();
+            if n % 100 == 0 {
+                peer.send_to(b"peer", to).unwrap();
+            }
+        }
+        let mut buffer = [0; 2000];
+        // What came before the split stays; of the flood behind it most found no room.
+        let first = all.receive(&mut buffer).unwrap();
+        assert_eq!((first.from, first.length), (peer.local_addr().unwrap(), 6));
+        let mut came = 0;
+        while let Ok(datagram) = own.receive(&mut buffer) {
+            assert_eq!(datagram.from, peer.local_addr().unwrap());
+            assert_eq!(datagram.lost, 0);
+            came += 1;
+        }
+        assert_eq!(came, 30);
+        // Nobody else gets the address.
+        assert!(UdpSocket::bind(to).is_err());
+        // An answer comes from where the peer has sent to; when the peer has gone that is reported.
+        own_socket.send(b"answer").unwrap();
+        assert_eq!(peer.recv_from(&mut buffer).unwrap().1, to);
+        drop(peer);
+        own_socket.send(b"answer").unwrap();
+        let refused = own.receive(&mut buffer).unwrap_err();
+        assert_eq!(refused.kind(), io::ErrorKind::ConnectionRefused);
     }
 
     #[test]

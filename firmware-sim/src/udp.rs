@@ -6,6 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use skyloop_protocols::packet::{apid, identify};
+
 use crate::datagram::Datagrams;
 use crate::port::{OpenError, Port, PortError, Scheme};
 use crate::reader::{READ_TIMEOUT, Reader};
@@ -67,6 +69,7 @@ impl UdpPort {
                 datagrams.join();
                 // The longest datagram fits, or as many as come joined: what is longer than a packet stays too long, and is refused as such.
                 let mut buffer = vec![0; 1 << 16];
+                let answering = socket;
                 Reader::start("skyloop-fc udp", move |intake| {
                     let datagram = datagrams
                         .receive(&mut buffer)
@@ -75,7 +78,12 @@ impl UdpPort {
                     let octets = &buffer[..datagram.length];
                     // One without any is a packet, too.
                     for packet in octets.chunks(datagram.each.max(1)) {
-                        intake.take(packet);
+                        if is_challenge(packet) {
+                            // One that is lost comes again.
+                            let _ = answering.send(packet);
+                        } else {
+                            intake.take(packet);
+                        }
                     }
                     if octets.is_empty() {
                         intake.take(octets);
@@ -106,6 +114,11 @@ const LEAST_WINDOW: u32 = 64;
 fn window_of(room: Option<usize>) -> u32 {
     let fit = room.map_or(0, |octets| octets / TAKES * 3 / 4);
     u32::try_from(fit).map_or(MOST_WINDOW, |fit| fit.clamp(LEAST_WINDOW, MOST_WINDOW))
+}
+
+/// Whether a packet asks for the proof of this address: it is sent back as it came (ICD, section 5.1), however busy the flight computer is.
+fn is_challenge(packet: &[u8]) -> bool {
+    identify(packet).is_some_and(|(apid, _)| apid == apid::CHALLENGE)
 }
 
 fn note_refusal(unheard: &AtomicBool, error: &io::Error) {

@@ -158,11 +158,20 @@ impl Drop for Running {
 
 #[test]
 #[cfg(unix)]
-fn ctrl_c_ends_a_run_with_its_report() {
+fn a_signal_ends_a_run_with_its_report() {
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        ends_with_its_report(signal);
+    }
+}
+
+#[cfg(unix)]
+fn ends_with_its_report(signal: &str) {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let link = format!("udp://{}", socket.local_addr().unwrap());
     let mut emulator = Emulator::new(|_, _| {});
-    let child = Command::new(env!("CARGO_BIN_EXE_skyloop-fc"))
+    // Whatever started the tests may ignore it.
+    let child = Command::new("env")
+        .args(["--default-signal=HUP", env!("CARGO_BIN_EXE_skyloop-fc")])
         .args(["--link", &link, "--epoch", "2019-06-15T23:35:50"])
         .args(["--hold", "0,0,0,1", "--frames", "1000000"])
         .stdout(std::process::Stdio::piped())
@@ -174,7 +183,7 @@ fn ctrl_c_ends_a_run_with_its_report() {
         .set_read_timeout(Some(Duration::from_secs(4)))
         .unwrap();
     let mut buffer = [0; 2048];
-    // Three frames, then Ctrl-C; the second Reset ends the exchange.
+    // Three frames, then the signal; the second Reset ends the exchange.
     while emulator.resets < 2 {
         let (length, client) = socket.recv_from(&mut buffer).expect("it goes on, or ends");
         let before = emulator.attitudes.len();
@@ -183,7 +192,7 @@ fn ctrl_c_ends_a_run_with_its_report() {
         }
         if before == 2 && emulator.attitudes.len() == 3 {
             let pid = running.0.id().to_string();
-            let kill = Command::new("kill").args(["-INT", &pid]).status();
+            let kill = Command::new("kill").args([signal, &pid]).status();
             assert!(kill.unwrap().success());
         }
     }

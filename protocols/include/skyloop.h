@@ -32,6 +32,7 @@
 #define SKYLOOP_APID_OBJECTS 0x208U /* Records of the brightest objects in a frame, brightest first. */
 #define SKYLOOP_APID_COMPRESSED 0x209U /* A run of pixels, losslessly compressed. */
 #define SKYLOOP_APID_FRAME_END 0x20AU /* Closes a frame: what is known only when all of it has been rendered and sent. */
+#define SKYLOOP_APID_CHALLENGE 0x20BU /* UDP: asks the client to prove its address by sending this packet back as it came (section 5.1). */
 
 /* ---- errors ------------------------------------------------------------------------------------------------------ */
 
@@ -634,6 +635,30 @@ static inline bool skyloop_is_sync_state(uint8_t code)
            (code == SKYLOOP_SYNC_STATE_PAUSED);
 }
 
+/* Why the client has not got the last frame whole. */
+#define SKYLOOP_WITHHELD_NONE 0U /* It has, or there was no frame. */
+#define SKYLOOP_WITHHELD_NO_CREDIT 1U /* The frame has more packets than Credit grants: send `packets = received + window` after every few frame packets. */
+#define SKYLOOP_WITHHELD_NOT_READ 2U /* The link has had no room for 2 s: the client does not read. */
+#define SKYLOOP_WITHHELD_SLOW_LINK 3U /* A frame takes longer on the link than there is time: ask for less with Output, or use a faster link. */
+#define SKYLOOP_WITHHELD_NO_PROOF 4U /* UDP: the client has not returned the Challenge: send it back as it came. */
+#define SKYLOOP_WITHHELD_LOST 5U /* Packets got lost on the way: the client grants less than was sent, or asks for packets again. Enlarge its receive buffer (SO_RCVBUF), grant less, or limit the link (`rate_mbit`). */
+#define SKYLOOP_WITHHELD_TOO_LONG 6U /* The frame cannot be encoded, such as a label text longer than 65,535 packets: ask for other labels. */
+#define SKYLOOP_WITHHELD_REFUSED 7U /* The attitude or Trigger was refused, or could not be decoded: a Nack says why. */
+#define SKYLOOP_WITHHELD_NO_CLIENT 8U /* No valid packet has come on this link. */
+
+static inline bool skyloop_is_withheld(uint8_t code)
+{
+    return (code == SKYLOOP_WITHHELD_NONE) ||
+           (code == SKYLOOP_WITHHELD_NO_CREDIT) ||
+           (code == SKYLOOP_WITHHELD_NOT_READ) ||
+           (code == SKYLOOP_WITHHELD_SLOW_LINK) ||
+           (code == SKYLOOP_WITHHELD_NO_PROOF) ||
+           (code == SKYLOOP_WITHHELD_LOST) ||
+           (code == SKYLOOP_WITHHELD_TOO_LONG) ||
+           (code == SKYLOOP_WITHHELD_REFUSED) ||
+           (code == SKYLOOP_WITHHELD_NO_CLIENT);
+}
+
 /* What goes wrong on the link. */
 #define SKYLOOP_FAULT_KIND_BIT_FLIPS 1U /* Bits are flipped; value: probability of each bit. */
 #define SKYLOOP_FAULT_KIND_DROP 2U /* Packets are lost; value: probability of each. */
@@ -872,6 +897,7 @@ typedef struct {
     float latency_p50_s; /* From the trigger until a frame's last octet left, half of the run's frames in this time; 0 before the first [s] */
     float latency_p99_s; /* The same for 99 of 100 frames [s] */
     float latency_max_s; /* The same for all [s] */
+    uint8_t withheld; /* Why the client has not got the last frame whole */
     uint32_t attitudes; /* Attitudes accepted */
     uint32_t commands; /* Commands accepted, Credit included */
     uint32_t frames_rendered; /* Frames rendered */
@@ -968,6 +994,11 @@ typedef struct {
     double clock_offset_s; /* What the client's clock is ahead of the emulator's own, counted from when it was first heard; 0 where the emulator keeps its own time [s] */
 } skyloop_frame_end_t;
 
+/* UDP: asks the client to prove its address by sending this packet back as it came (section 5.1). */
+typedef struct {
+    uint64_t token; /* A secret of this address and time */
+} skyloop_challenge_t;
+
 /* Any packet towards the emulator; header.apid says which. */
 typedef struct {
     skyloop_header_t header;
@@ -991,6 +1022,7 @@ typedef struct {
         skyloop_object_part_t object_part;
         skyloop_compressed_block_t compressed_block;
         skyloop_frame_end_t frame_end;
+        skyloop_challenge_t challenge;
     } as;
 } skyloop_downlink_t;
 
@@ -1169,7 +1201,8 @@ static inline bool skyloop_is_known(uint16_t apid)
            (apid == SKYLOOP_APID_WINDOWS) ||
            (apid == SKYLOOP_APID_OBJECTS) ||
            (apid == SKYLOOP_APID_COMPRESSED) ||
-           (apid == SKYLOOP_APID_FRAME_END);
+           (apid == SKYLOOP_APID_FRAME_END) ||
+           (apid == SKYLOOP_APID_CHALLENGE);
 }
 
 /* ---- packets ----------------------------------------------------------------------------------------------------- */
@@ -1862,6 +1895,10 @@ static inline void skyloop_read_status(skyloop_reader_t *reader, skyloop_status_
     out->latency_p50_s = skyloop_read_f32(reader);
     out->latency_p99_s = skyloop_read_f32(reader);
     out->latency_max_s = skyloop_read_f32(reader);
+    out->withheld = skyloop_read_u8(reader);
+    if (!skyloop_is_withheld(out->withheld)) {
+        skyloop_fail(reader, SKYLOOP_BAD_VALUE);
+    }
     out->attitudes = skyloop_read_u32(reader);
     out->commands = skyloop_read_u32(reader);
     out->frames_rendered = skyloop_read_u32(reader);
@@ -1920,6 +1957,7 @@ static inline void skyloop_write_status(skyloop_writer_t *writer, const skyloop_
     skyloop_write_f32(writer, in->latency_p50_s);
     skyloop_write_f32(writer, in->latency_p99_s);
     skyloop_write_f32(writer, in->latency_max_s);
+    skyloop_write_u8(writer, in->withheld);
     skyloop_write_u32(writer, in->attitudes);
     skyloop_write_u32(writer, in->commands);
     skyloop_write_u32(writer, in->frames_rendered);
@@ -2178,6 +2216,22 @@ static inline void skyloop_write_frame_end(skyloop_writer_t *writer, const skylo
     skyloop_write_f64(writer, in->clock_offset_s);
 }
 
+static inline skyloop_error_t skyloop_valid_challenge(const skyloop_challenge_t *in)
+{
+    (void)in;
+    return SKYLOOP_OK;
+}
+
+static inline void skyloop_read_challenge(skyloop_reader_t *reader, skyloop_challenge_t *out)
+{
+    out->token = skyloop_read_u64(reader);
+}
+
+static inline void skyloop_write_challenge(skyloop_writer_t *writer, const skyloop_challenge_t *in)
+{
+    skyloop_write_u64(writer, in->token);
+}
+
 /* Reads exactly one packet. */
 static inline skyloop_error_t skyloop_decode_uplink(const uint8_t *packet, size_t length, skyloop_uplink_t *out)
 {
@@ -2306,6 +2360,13 @@ static inline skyloop_error_t skyloop_decode_downlink(const uint8_t *packet, siz
             error = skyloop_valid_frame_end(&out->as.frame_end);
         }
         break;
+    case SKYLOOP_APID_CHALLENGE:
+        skyloop_read_challenge(&reader, &out->as.challenge);
+        error = skyloop_read_end(&reader);
+        if (error == SKYLOOP_OK) {
+            error = skyloop_valid_challenge(&out->as.challenge);
+        }
+        break;
     default:
         error = SKYLOOP_UNKNOWN_APID;
         break;
@@ -2348,6 +2409,9 @@ static inline skyloop_error_t skyloop_encode_downlink(const skyloop_downlink_t *
         break;
     case SKYLOOP_APID_FRAME_END:
         skyloop_write_frame_end(&writer, &in->as.frame_end);
+        break;
+    case SKYLOOP_APID_CHALLENGE:
+        skyloop_write_challenge(&writer, &in->as.challenge);
         break;
     default:
         writer.error = SKYLOOP_UNKNOWN_APID;

@@ -58,7 +58,8 @@ pub use output::{LabelLevel, Output, PixelLevel, Positions};
 pub use packet::{Header, MAX_PACKET, apid};
 pub use personality::{PERSONALITIES, Personality};
 pub use reply::{
-    Ack, AttitudeSource, CompressedBlock, FrameEnd, FrameHeader, LabelPart, Mode, Nack, ObjectPart,
-    ObjectRecord, Overrun, Packing, PixelBlock, Reply, Status, SyncState, Timing, WindowBlock,
+    Ack, AttitudeSource, Challenge, CompressedBlock, FrameEnd, FrameHeader, LabelPart, Mode, Nack,
+    ObjectPart, ObjectRecord, Overrun, Packing, PixelBlock, Reply, Status, SyncState, Timing,
+    WindowBlock, Withheld,
 };
 pub use time::WireTime;

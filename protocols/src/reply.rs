@@ -8,8 +8,8 @@ pub use crate::frame::{
     AttitudeSource, FrameEnd, FrameHeader, LabelPart, Overrun, Packing, PixelBlock, SyncState,
     Timing,
 };
-pub use crate::generated::answers::{Ack, Nack, Reply, Status};
-pub use crate::generated::codes::Mode;
+pub use crate::generated::answers::{Ack, Challenge, Nack, Reply, Status};
+pub use crate::generated::codes::{Mode, Withheld};
 use crate::packet::{self, Header};
 pub use crate::parts::{
     CompressedBlock, ID_LENGTH, ObjectPart, ObjectRecord, Window, WindowBlock, window_length,
@@ -18,6 +18,13 @@ use crate::time::WireTime;
 
 /// Longest detail text of a `Nack`, octets.
 pub const MAX_DETAIL: usize = 200;
+
+impl Default for Withheld {
+    /// Nothing is withheld.
+    fn default() -> Self {
+        Self::None
+    }
+}
 
 impl Status {
     /// Refuses fields that contradict each other. Every decoded status has passed this.

@@ -6,10 +6,11 @@ use common::{Vector, golden, hex};
 use skyloop_protocols::command::Opcode;
 use skyloop_protocols::pixels::{pack, packed_length, unpack};
 use skyloop_protocols::{
-    Ack, Attitude, AttitudeSource, Command, CompressedBlock, Counters, DecodeError, Direction,
-    Fault, FaultKind, FrameEnd, FrameHeader, Header, LabelLevel, LabelPart, MAX_PACKET, Mode, Nack,
-    ObjectPart, ObjectRecord, OrbitState, Output, Overrun, PERSONALITIES, Packing, PixelBlock,
-    PixelLevel, Positions, Reason, Reply, Status, SyncState, Timing, WindowBlock, WireTime, apid,
+    Ack, Attitude, AttitudeSource, Challenge, Command, CompressedBlock, Counters, DecodeError,
+    Direction, Fault, FaultKind, FrameEnd, FrameHeader, Header, LabelLevel, LabelPart, MAX_PACKET,
+    Mode, Nack, ObjectPart, ObjectRecord, OrbitState, Output, Overrun, PERSONALITIES, Packing,
+    PixelBlock, PixelLevel, Positions, Reason, Reply, Status, SyncState, Timing, WindowBlock,
+    WireTime, Withheld, apid,
 };
 use std::collections::BTreeSet;
 
@@ -240,6 +241,7 @@ fn status(v: &Vector) -> Status {
         latency_p50_s: v.float("latency_p50_s") as f32,
         latency_p99_s: v.float("latency_p99_s") as f32,
         latency_max_s: v.float("latency_max_s") as f32,
+        withheld: Withheld::from_code(v.integer("withheld")).expect("withheld"),
         counters: counters(v),
     }
 }
@@ -263,6 +265,9 @@ fn reply<'a>(v: &'a Vector, data: &'a [u8]) -> Reply<'a> {
             text: v.text("text").as_bytes(),
         }),
         "Status" => Reply::Status(status(v)),
+        "Challenge" => Reply::Challenge(Challenge {
+            token: v.integer("token"),
+        }),
         "Ack" => Reply::Ack(Ack {
             apid: v.integer("answers_apid"),
             sequence_count: v.integer("answers_sequence_count"),

@@ -15,7 +15,7 @@ use skyloop_protocols::{
     Ack, Attitude, AttitudeSource, Command, Counters, DecodeError, Direction, Fault, FaultKind,
     FrameEnd, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, Mode, Nack, OrbitState, Output,
     Overrun, Packing, PixelBlock, PixelLevel, Positions, Reason, Reply, Status, SyncState, Timing,
-    WireTime, apid, slip,
+    WireTime, Withheld, apid, slip,
 };
 use std::sync::LazyLock;
 
@@ -307,6 +307,7 @@ fn status() -> impl Strategy<Value = Status> {
                 latency_p50_s: timing.spare_s,
                 latency_p99_s: timing.first_octet_s,
                 latency_max_s: timing.last_octet_s,
+                withheld: Withheld::SlowLink,
                 counters,
             }
         },

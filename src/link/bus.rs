@@ -227,7 +227,7 @@ impl Above for End {
                 count(&tally.bus_off);
                 count(&tally.bus_errors);
                 let restart = if address.starts_with("slcan") {
-                    "the adapter is opened anew"
+                    "the adapter is closed and opened again"
                 } else {
                     "it waits for a restart (`ip link set NAME type can restart-ms 100` makes it automatic)"
                 };

@@ -6,6 +6,7 @@ mod can;
 pub mod capture;
 mod claim;
 mod departed;
+mod every;
 pub mod fault;
 mod inbox;
 mod line;
@@ -29,6 +30,7 @@ mod udp;
 mod url;
 
 pub(crate) use departed::Mark;
+pub(crate) use every::Every;
 pub use inbox::{Inbox, Intake};
 #[cfg(target_os = "linux")]
 pub use pty::Pair;

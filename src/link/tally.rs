@@ -15,6 +15,10 @@ pub struct Tally {
     moved: AtomicU32,
     /// Whether nobody waits any more for what has not left.
     given_up: AtomicBool,
+    /// Whether packets wait for the client's proof of its address.
+    awaits_proof: AtomicBool,
+    /// The exchange whose client has gone, by its number; 0: none.
+    ended: AtomicU32,
     /// Packets from others than the client.
     pub(super) foreign: AtomicU32,
     /// Packets thrown away because the inbound queue was full.
@@ -93,6 +97,26 @@ impl Tally {
     /// Whether all that waits is lost: who holds a link lets go of it.
     pub(super) fn is_given_up(&self) -> bool {
         self.given_up.load(Ordering::Relaxed)
+    }
+
+    /// Whether packets wait for the client's proof of its address.
+    pub(crate) fn awaits_proof(&self) -> bool {
+        self.awaits_proof.load(Ordering::Relaxed)
+    }
+
+    /// Notes whether packets wait for that proof.
+    pub(super) fn await_proof(&self, awaits: bool) {
+        self.awaits_proof.store(awaits, Ordering::Relaxed);
+    }
+
+    /// Whether the client of an exchange has gone.
+    pub(crate) fn has_ended(&self, exchange: u32) -> bool {
+        exchange != 0 && self.ended.load(Ordering::Relaxed) == exchange
+    }
+
+    /// Notes that the client of an exchange has gone.
+    pub(super) fn end(&self, exchange: u32) {
+        self.ended.store(exchange, Ordering::Relaxed);
     }
 
     /// Packets that have not left yet.

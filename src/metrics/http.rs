@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(2);
 /// How long a client has to take leave, who may still be sending when its answer is there.
 const LEAVE: Duration = Duration::from_millis(200);
-/// How long one read or write waits, before it is asked whether to stop.
+/// How long one read or write waits, before it is asked whether the connection is over.
 const STEP: Duration = Duration::from_millis(50);
 /// Octets of a request's line and headers.
 const MOST: usize = 8192;
@@ -27,26 +27,51 @@ enum Verdict {
     TooLong,
 }
 
-/// Answers a connection's one request; `page` makes what it may have asked for. Ends soon when it is to `stop`.
+/// How far a connection has come.
+#[derive(Debug, Default)]
+pub(super) struct State {
+    has_asked: AtomicBool,
+    is_over: AtomicBool,
+}
+
+impl State {
+    /// Whether its request has come whole.
+    pub fn has_asked(&self) -> bool {
+        self.has_asked.load(Ordering::Relaxed)
+    }
+
+    /// Whether it has been answered or given up.
+    pub fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+
+    /// It is over.
+    pub fn end(&self) {
+        self.is_over.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Answers a connection's one request; `page` makes what it may have asked for. Ends soon when `state` is over.
 pub(super) fn answer(
     mut stream: TcpStream,
     page: impl Fn() -> String,
-    stop: &AtomicBool,
+    state: &State,
 ) -> io::Result<()> {
     // Some systems hand on the listener's mode.
     stream.set_nonblocking(false)?;
     stream.set_read_timeout(Some(STEP))?;
     stream.set_write_timeout(Some(STEP))?;
-    let Some((verdict, is_head)) = receive(&mut stream, stop)? else {
+    let Some((verdict, is_head)) = receive(&mut stream, state)? else {
         return Ok(());
     };
+    state.has_asked.store(true, Ordering::Relaxed);
     let (head, body) = response(verdict, page);
-    send(&mut stream, head.as_bytes(), stop)?;
+    send(&mut stream, head.as_bytes(), state)?;
     if !is_head {
-        send(&mut stream, body.as_bytes(), stop)?;
+        send(&mut stream, body.as_bytes(), state)?;
     }
     stream.shutdown(Shutdown::Write)?;
-    take_leave(&mut stream, stop)
+    take_leave(&mut stream, state)
 }
 
 /// Whether an error only says that the time of a step is over.
@@ -55,12 +80,12 @@ fn is_pause(error: &io::Error) -> bool {
     matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
 }
 
-/// The request's line and headers, judged, and whether the answer's are all that is asked for; `None` where the client hung up or it is time to stop.
-fn receive(stream: &mut impl Read, stop: &AtomicBool) -> io::Result<Option<(Verdict, bool)>> {
+/// The request's line and headers, judged, and whether the answer's are all that is asked for; `None` where the client hung up or it is over.
+fn receive(stream: &mut impl Read, state: &State) -> io::Result<Option<(Verdict, bool)>> {
     let end = Instant::now() + PATIENCE;
     let mut head = Vec::new();
     let mut piece = [0; 1024];
-    while !stop.load(Ordering::Relaxed) {
+    while !state.is_over() {
         let before = head.len();
         match stream.read(&mut piece) {
             Ok(0) => return Ok(None),
@@ -141,9 +166,9 @@ fn response(verdict: Verdict, page: impl Fn() -> String) -> (String, String) {
 }
 
 /// Sends all, as long as the client takes some.
-fn send(stream: &mut impl Write, mut rest: &[u8], stop: &AtomicBool) -> io::Result<()> {
+fn send(stream: &mut impl Write, mut rest: &[u8], state: &State) -> io::Result<()> {
     let end = Instant::now() + PATIENCE;
-    while !rest.is_empty() && !stop.load(Ordering::Relaxed) {
+    while !rest.is_empty() && !state.is_over() {
         match stream.write(rest) {
             Ok(count) => rest = rest.get(count..).unwrap_or_default(),
             Err(error) if is_pause(&error) => {}
@@ -157,10 +182,10 @@ fn send(stream: &mut impl Write, mut rest: &[u8], stop: &AtomicBool) -> io::Resu
 }
 
 /// Takes what still comes: a connection that is closed on octets unread is reset, and the answer with it.
-fn take_leave(stream: &mut impl Read, stop: &AtomicBool) -> io::Result<()> {
+fn take_leave(stream: &mut impl Read, state: &State) -> io::Result<()> {
     let end = Instant::now() + LEAVE;
     let mut piece = [0; 1024];
-    while Instant::now() < end && !stop.load(Ordering::Relaxed) {
+    while Instant::now() < end && !state.is_over() {
         match stream.read(&mut piece) {
             Ok(0) => break,
             Err(error) if !is_pause(&error) => return Err(error),
@@ -173,7 +198,7 @@ fn take_leave(stream: &mut impl Read, stop: &AtomicBool) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::{Metrics, Server, serve};
+    use crate::metrics::{AT_ONCE, Metrics, Server, serve};
 
     fn server() -> Server {
         serve("0", vec![Metrics::default()]).unwrap()
@@ -280,20 +305,31 @@ mod tests {
         }
     }
 
+    /// A scrape takes the place of the oldest connection, which closes without an answer; those that stay are cut off after their time.
     #[test]
-    fn requests_that_never_end_are_cut_off_together_and_the_next_is_answered() {
-        let server = server();
-        // X-Val: more than are answered at once.
-        let mut slow: Vec<TcpStream> = (0..40).map(|_| connect(&server)).collect();
-        for stream in &mut slow {
-            stream.write_all(b"GET /metrics HTTP/1.1\r\nHost:").unwrap();
-        }
-        let answer = ask(&server, b"GET /metrics HTTP/1.1\r\n\r\n");
-        assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
-        for mut stream in slow {
-            let mut answer = String::new();
-            stream.read_to_string(&mut answer).unwrap();
-            assert!(answer.starts_with("HTTP/1.1 408 "), "{answer}");
+    fn half_open_connections_give_way_to_a_scrape() {
+        for idle in [40, 129, 500] {
+            let server = server();
+            let mut slow: Vec<TcpStream> = (0..idle).map(|_| connect(&server)).collect();
+            for stream in &mut slow {
+                // The first may have been closed already.
+                let _ = stream.write_all(b"GET /metrics HTTP/1.1\r\nHost:");
+            }
+            let answer = ask(&server, b"GET /metrics HTTP/1.1\r\n\r\n");
+            assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+            let answers = slow.into_iter().map(|mut stream| {
+                let mut answer = Vec::new();
+                // Closed or reset.
+                let _ = stream.read_to_end(&mut answer);
+                String::from_utf8(answer).unwrap()
+            });
+            let answers: Vec<String> = answers.collect();
+            let first_kept = idle - (AT_ONCE - 1);
+            for (at, answer) in answers.iter().enumerate() {
+                let begins = if at < first_kept { "" } else { "HTTP/1.1 408 " };
+                assert!(answer.starts_with(begins), "{at} of {idle}: {answer}");
+                assert_eq!(answer.is_empty(), begins.is_empty(), "{at} of {idle}");
+            }
         }
     }
 
@@ -331,7 +367,8 @@ mod tests {
 
     #[test]
     fn an_answer_is_not_waited_for_without_end() {
-        let (go, stop) = (AtomicBool::new(false), AtomicBool::new(true));
+        let (go, stop) = (State::default(), State::default());
+        stop.end();
         assert!(send(&mut Client(3), &[0; 100], &go).is_ok());
         let error = send(&mut Client(0), &[0; 100], &go).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::TimedOut);

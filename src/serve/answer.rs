@@ -10,7 +10,7 @@ use hifitime::Epoch;
 use skyloop_firmware_sim::time::to_wire;
 use skyloop_protocols::{
     Ack, Counters, Header, MAX_PACKET, Nack, Packing, Reason, Reply, Status, SyncState, Timing,
-    WireTime,
+    WireTime, Withheld,
 };
 use std::time::Instant;
 
@@ -109,6 +109,7 @@ impl Server {
             latency_p50_s: latency_s(0.5),
             latency_p99_s: latency_s(0.99),
             latency_max_s: latency_s(1.0),
+            withheld: of.map_or(Withheld::None, |of| of.exchange.withheld),
             counters: Counters {
                 deadlines_missed: of.map_or(0, |of| of.latencies.missed as u32),
                 ..self.counters()

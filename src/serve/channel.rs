@@ -2,13 +2,14 @@
 
 use super::deliver::Delivery;
 use super::leaving::Left;
+use super::withheld::Messages;
 use crate::link::{LinkError, Outbound, Roles, Wire};
 use crate::timing::Latencies;
 use bytes::{Bytes, BytesMut};
 use skyloop_protocols::credit::{CreditAccount, PAID};
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::sequence::{GapDetector, SequenceCounts};
-use skyloop_protocols::{MAX_PACKET, Output, Positions};
+use skyloop_protocols::{MAX_PACKET, Output, Positions, Withheld};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -37,8 +38,8 @@ pub(super) struct Channel {
     pub last: Option<Left>,
     /// Of the last frame, which may not have left.
     pub latest: Option<Left>,
-    /// Whether the log says that nobody is there.
-    pub told: bool,
+    /// What the log says about frames that its client does not get.
+    pub messages: Messages,
     /// Whether the link has ended.
     pub gone: bool,
     /// Packets that the link got after the last frame packet.
@@ -53,9 +54,11 @@ pub(super) struct Exchange {
     pub heard: bool,
     /// Whether its client took nothing for so long that it gets no frames until it says something.
     pub deaf: bool,
-    /// Whether the log says that its client takes nothing.
-    pub stalled: bool,
+    /// Why its client has not got the last frame whole.
+    pub withheld: Withheld,
     pub credit: CreditAccount,
+    /// What its client granted first.
+    pub window: Option<u32>,
     pub gaps: GapDetector,
     /// What each frame brings.
     pub output: Output,
@@ -97,7 +100,7 @@ impl Channel {
             latencies: Latencies::default(),
             last: None,
             latest: None,
-            told: false,
+            messages: Messages::default(),
             gone: false,
             behind: 0,
         }

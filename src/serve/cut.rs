@@ -131,9 +131,14 @@ impl Cut {
         }))
     }
 
+    /// How many packets the frame has.
+    pub fn packets(&self) -> u32 {
+        self.header.blocks + u32::from(self.header.label_parts) + 2
+    }
+
     /// Whether all packets have been given.
     pub fn is_over(&self) -> bool {
-        self.given > self.header.blocks + u32::from(self.header.label_parts) + 1
+        self.given >= self.packets()
     }
 
     /// Gives the next packet to `encode`, if what it holds is there; its link has it on its way after a `backlog`.

@@ -4,10 +4,11 @@ use super::Server;
 use super::channel::Channel;
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
+use super::withheld::{SOON, standstill};
 use crate::link::LinkError;
 use bytes::Bytes;
 use skyloop_protocols::packet::identify;
-use skyloop_protocols::{MAX_PACKET, Reply};
+use skyloop_protocols::{MAX_PACKET, Reply, Withheld};
 use std::time::{Duration, Instant};
 
 /// A client that takes nothing, and grants nothing for what it has got, for this long has gone: its frame is abandoned.
@@ -30,6 +31,8 @@ pub(super) struct Delivery {
     /// A packet that waits for room, and whether the link has refused it.
     waiting: Option<(Bytes, bool)>,
     watch: Watch,
+    /// Whether the log says that it stands still.
+    pub reported: bool,
 }
 
 /// Since when nothing has moved, neither frame packets nor credit.
@@ -71,6 +74,7 @@ impl Delivery {
             resets: channel.exchange.resets,
             waiting: None,
             watch: Watch::of(channel),
+            reported: false,
         }
     }
 
@@ -90,6 +94,8 @@ enum Step {
     Done,
     /// It cannot be sent.
     Hopeless,
+    /// It cannot be encoded, for this reason.
+    TooLong(String),
     /// Nobody waits for it any more: its client has gone, or begins anew.
     Forsaken,
 }
@@ -142,10 +148,15 @@ impl Server {
                 }
             };
             match step {
-                Step::Done | Step::Hopeless | Step::Forsaken => {
+                Step::Done | Step::Hopeless | Step::TooLong(_) | Step::Forsaken => {
                     let end = match step {
                         Step::Done => End::Whole,
                         Step::Hopeless => End::Lost,
+                        Step::TooLong(why) => {
+                            let detail = format!("frame {}: {why}", delivery.frame);
+                            self.withhold(at, Withheld::TooLong, &detail);
+                            End::Lost
+                        }
                         _ => End::Forsaken,
                     };
                     round.moved = true;
@@ -164,8 +175,11 @@ impl Server {
                     let blocked = delivery.waiting.is_some();
                     let standstill = delivery.watch.standstill(&self.channels[at], blocked);
                     if standstill >= STALL {
-                        self.give_up(at, &delivery);
+                        self.give_up(at, &delivery, !is_full);
                         continue;
+                    }
+                    if standstill >= SOON {
+                        self.report_standstill(at, &mut delivery, !is_full);
                     }
                 }
             }
@@ -177,8 +191,9 @@ impl Server {
     /// Sends one packet, if link, client and renderer let it.
     fn step(&mut self, at: usize, delivery: &mut Delivery) -> Result<Step, LinkError> {
         let channel = &mut self.channels[at];
-        // Another client has come: the one that this is for will never have all of it.
-        if channel.exchange.number != delivery.exchange {
+        // Its client has gone, or another has come: the one that this is for will never have all of it.
+        let has_ended = channel.wire.tally.has_ended(delivery.exchange);
+        if channel.exchange.number != delivery.exchange || has_ended {
             return Ok(Step::Hopeless);
         }
         if channel.exchange.resets != delivery.resets {
@@ -198,9 +213,14 @@ impl Server {
             match Cut::open(picture, &exchange.output, positions, channel.roles) {
                 Ok(None) => return Ok(Step::NotYet(None)),
                 Ok(cut) => delivery.cut = cut,
-                Err(why) => return Ok(unencodable(why)),
+                Err(why) => return Ok(Step::TooLong(why)),
             }
             channel.keep(delivery.frame);
+            if let Some(cut) = &delivery.cut {
+                let packets = cut.packets();
+                self.report_slow(at, delivery.frame, packets);
+                return Ok(Step::Moved);
+            }
         }
         let Some(cut) = &mut delivery.cut else {
             return Ok(Step::NotYet(None));
@@ -227,7 +247,7 @@ impl Server {
                 Next::Over => return Ok(Step::Done),
                 Next::NotYet => return Ok(Step::NotYet(None)),
                 Next::Packet(Ok(packet)) => delivery.waiting = Some((packet, false)),
-                Next::Packet(Err(error)) => return Ok(unencodable(error)),
+                Next::Packet(Err(error)) => return Ok(Step::TooLong(error.to_string())),
             }
         }
         let Some((packet, refused)) = &mut delivery.waiting else {
@@ -269,18 +289,15 @@ impl Server {
             return;
         };
         picture.begun = true;
-        let mut passed_over = Vec::new();
+        let (mut passed_over, mut without) = (Vec::new(), Vec::new());
         for (at, channel) in self.channels.iter_mut().enumerate() {
-            if !channel.roles.bring_frames() || channel.exchange.deaf {
+            if !channel.roles.bring_frames() {
                 continue;
             }
-            if !channel.exchange.heard {
-                if !std::mem::replace(&mut channel.told, true) {
-                    tracing::warn!(
-                        "{} has no client yet, and gets nothing of frame {frame}: a client says Ping or Credit first",
-                        channel.wire.address,
-                    );
-                }
+            let number = channel.exchange.number;
+            channel.exchange.deaf |= channel.wire.tally.has_ended(number);
+            if channel.exchange.deaf || !channel.exchange.heard {
+                without.push(at);
                 continue;
             }
             let delivery = Delivery::new(frame, channel);
@@ -291,7 +308,16 @@ impl Server {
         }
         // Where nobody wants it nobody has all of it.
         picture.whole = picture.open > 0;
+        for at in without {
+            let exchange = &self.channels[at].exchange;
+            let (why, detail) = match exchange.heard {
+                true => (Withheld::NotRead, "the client takes nothing, or has gone"),
+                false => (Withheld::NoClient, "nobody has sent a valid packet yet"),
+            };
+            self.withhold(at, why, &format!("frame {frame}: {detail}"));
+        }
         for (at, frame) in passed_over {
+            self.withhold_older(at, frame);
             self.counters.frames_dropped = self.counters.frames_dropped.wrapping_add(1);
             self.end(at, frame, End::Lost);
         }
@@ -312,7 +338,9 @@ impl Server {
         let whole = end == End::Whole;
         let mark = whole.then(|| tally.departed.mark());
         let mut pictures = self.pictures.iter_mut();
-        self.channels[at].exchange.stalled &= !whole;
+        if whole {
+            self.channels[at].exchange.withheld = Withheld::None;
+        }
         if let Some(picture) = pictures.find(|picture| picture.number == frame) {
             picture.open = picture.open.saturating_sub(1);
             picture.whole &= whole;
@@ -323,23 +351,16 @@ impl Server {
     }
 
     /// A client that takes nothing gets nothing more of this frame, and where there are others of none.
-    fn give_up(&mut self, at: usize, delivery: &Delivery) {
+    fn give_up(&mut self, at: usize, delivery: &Delivery, has_room: bool) {
         let others = self.channels.iter().enumerate();
         let mut others =
             others.filter(|(other, channel)| *other != at && channel.roles.bring_frames());
         let is_alone = others.next().is_none();
         let channel = &mut self.channels[at];
         channel.exchange.deaf = !is_alone;
-        if !std::mem::replace(&mut channel.exchange.stalled, true) {
-            let (frames, until) = match is_alone {
-                true => ("its frames are made, and missed,", "takes one whole"),
-                false => ("it gets no frames", "says something"),
-            };
-            tracing::warn!(
-                "the client at {} takes nothing: {frames} until it {until}",
-                channel.wire.address
-            );
-        }
+        let (why, detail) = standstill(channel, has_room);
+        let detail = format!("frame {} is given up: {detail}", delivery.frame);
+        self.withhold(at, why, &detail);
         self.lose_refused(at, delivery);
         self.end(at, delivery.frame, End::Lost);
     }
@@ -390,10 +411,4 @@ impl Server {
         }
         Ok(true)
     }
-}
-
-/// A packet that the wire language cannot hold: the frame is given up, and the log says why.
-fn unencodable(error: impl std::fmt::Display) -> Step {
-    tracing::error!(%error, "a packet of a frame could not be encoded");
-    Step::Hopeless
 }

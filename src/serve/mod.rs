@@ -25,6 +25,7 @@ mod select;
 mod settled;
 mod shooter;
 mod told;
+mod withheld;
 
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
@@ -333,6 +334,7 @@ impl Server {
                 }
             }
             let round = self.deliver()?;
+            self.report_unproved(Instant::now());
             let settled = self.settle(shooter, on_shot);
             self.publish(Instant::now());
             if limit.is_some_and(|most| self.stats.frames >= most) && self.pictures.is_empty() {

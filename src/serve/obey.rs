@@ -112,6 +112,7 @@ impl Server {
             Command::Credit { packets } => {
                 let credit = &mut self.channels[at].exchange.credit;
                 let sent = credit.sent();
+                let is_first = credit.granted() == 0;
                 if !credit.grant(packets) {
                     return Err(Refusal {
                         reason: Reason::ValueOutOfRange,
@@ -119,6 +120,9 @@ impl Server {
                             "Credit.packets = {packets}: the first lies behind the {sent} packets sent, or 2^31 ahead"
                         ),
                     });
+                }
+                if is_first {
+                    self.channels[at].exchange.window = Some(packets.wrapping_sub(sent));
                 }
             }
             Command::Output(output) => {

@@ -3,7 +3,7 @@
 use super::Server;
 use super::deliver::LISTEN;
 use crate::link::{Inbound, LinkError, QUEUE};
-use skyloop_protocols::{Command, Reason, Reply, packet};
+use skyloop_protocols::{Command, Reason, Reply, Withheld, packet};
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
 
@@ -83,6 +83,7 @@ impl Server {
                 self.counters.refuse_undecodable(&error);
                 let (apid, count) = packet::identify(&inbound.packet).unwrap_or((0, 0));
                 self.see_refused(at, apid, count);
+                self.report(at, Withheld::Refused, &error.to_string());
                 return self.nack(at, apid, count, error.reason(), &error.to_string());
             }
         };
@@ -110,6 +111,9 @@ impl Server {
         }
         if let Err(Refusal { reason, detail }) = done {
             self.counters.refuse(reason);
+            if matches!(command, Command::Attitude(_) | Command::Trigger { .. }) {
+                self.report(at, Withheld::Refused, &detail);
+            }
             return self.nack(at, header.apid, header.sequence_count, reason, &detail);
         }
         match command {

@@ -23,6 +23,17 @@ impl Process {
         Process::of(&[&run, flags].concat(), "listening on ")
     }
 
+    /// Listening on a free UDP port, started by another program.
+    fn started_by(program: &[&str]) -> Process {
+        let config = repository("configs/run.toml");
+        let mut command = Command::new(program[0]);
+        command
+            .args(&program[1..])
+            .arg(env!("CARGO_BIN_EXE_skyloop"));
+        command.args(["run", "--config", &config, "--link", "udp://127.0.0.1:0"]);
+        Process::spawned(&mut command, "listening on ")
+    }
+
     /// `skyloop` once it has printed a line that begins so; behind that stands its address.
     pub fn of(flags: &[&str], begin: &str) -> Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
@@ -140,12 +151,27 @@ fn a_client_over_a_serial_line_is_served_until_it_is_told_to_end() {
 }
 
 #[test]
-fn ctrl_c_ends_a_run_that_never_had_a_client() {
-    let process = Process::start(&["--link", "udp://127.0.0.1:0"]);
-    process.signal("-INT");
+fn each_signal_to_end_ends_a_run_that_never_had_a_client() {
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        let process = Process::started_by(&["env", "--default-signal=HUP"]);
+        process.signal(signal);
+        let (code, table) = process.end();
+        assert_eq!(code, Some(0), "{signal}: {table}");
+        assert!(table.contains("all 0"), "{signal}: {table}");
+    }
+}
+
+#[test]
+fn a_run_under_nohup_outlives_its_terminal() {
+    let process = Process::started_by(&["nohup"]);
+    let mut client = Client::new(UdpLine::to(&process.address));
+    process.signal("-HUP");
+    // It still serves after the signal.
+    client.good_frame(1);
+    process.signal("-TERM");
     let (code, table) = process.end();
     assert_eq!(code, Some(0), "{table}");
-    assert!(table.contains("all 0"), "{table}");
+    assert!(table.contains("frames_delivered 1"), "{table}");
 }
 
 #[test]

@@ -57,6 +57,10 @@ impl Line for UdpLine {
         let mut buffer = [0; 2048];
         loop {
             match self.0.recv(&mut buffer) {
+                // ICD, section 5.1: the client returns a Challenge as it came.
+                Ok(length) if is_challenge(&buffer[..length]) => {
+                    let _ = self.0.send(&buffer[..length]);
+                }
                 Ok(length) => return Some(buffer[..length].to_vec()),
                 // Our last Credit found the emulator gone; what it had sent is still here.
                 Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
@@ -64,6 +68,11 @@ impl Line for UdpLine {
             }
         }
     }
+}
+
+/// Whether a packet is a Challenge: APID 0x20B in the last 11 bits of its first two bytes.
+pub fn is_challenge(packet: &[u8]) -> bool {
+    matches!(packet, [first, second, ..] if [first & 7, *second] == [0x02, 0x0B])
 }
 
 /// The in-process link's own port.

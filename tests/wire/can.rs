@@ -2,6 +2,9 @@
 
 use crate::support::client::moved;
 use crate::support::{PATIENCE, Running, await_that, options, scene};
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
 use serialport::{SerialPort, TTYPort};
 use skyloop::config::Clock;
 use skyloop::link;
@@ -31,6 +34,16 @@ impl Far {
 
     fn write(&mut self, lines: &str) {
         self.line.write_all(lines.as_bytes()).unwrap();
+    }
+
+    /// Whether `wanted` comes at once.
+    fn finds(&mut self, wanted: &str) -> bool {
+        let mut buffer = [0; 4096];
+        while let Ok(length) = self.line.read(&mut buffer) {
+            let text = String::from_utf8_lossy(&buffer[..length]);
+            self.text.push_str(&text);
+        }
+        self.text.contains(wanted)
     }
 
     /// Reads until `wanted` has come, and no further.
@@ -84,8 +97,10 @@ fn a_terminal_can_talk_to_the_emulator() {
 fn what_goes_wrong_on_the_line_moves_its_counter() {
     for (lines, expected) in [
         ("t1107\rhello\r", ("bad_framing", 2)),
-        // An adapter that refuses: its queue is full, or it is off the bus.
-        ("z\r\x07", ("bus_errors", 1)),
+        // A refusal of nothing that was sent.
+        ("z\r\x07", ("bad_framing", 1)),
+        // An acknowledgement missed, as Linux's slcan driver reads it.
+        ("e1a\r", ("bus_errors", 1)),
         // A first frame of 20 octets (ISO 15765-2, 9.6.3: 0x014), and nothing after it for 1 s.
         ("t12081014010203040506\r", ("incomplete", 1)),
         // One of 2,000.
@@ -107,6 +122,40 @@ fn what_goes_wrong_on_the_line_moves_its_counter() {
         let mut expected = [expected, ("lost_outbound", 1)];
         expected.sort_unstable();
         assert_eq!(counted, expected, "{lines:?}");
+    }
+}
+
+/// Whatever comes on the line, a Ping that begins on a line of its own is answered.
+#[test]
+fn no_bytes_on_the_line_make_the_link_deaf() {
+    let noise = proptest::collection::vec(proptest::num::u8::ANY, 0..600);
+    // Letters that lines begin with, digits and ends: noise that is nearly right.
+    let lines = proptest::string::string_regex(
+        "([tTrRdDbBsSeEzZVNFCOLY][0-9A-Fa-f]{0,12}[\r\x07]{0,3}){0,60}",
+    );
+    let lines = lines.unwrap().prop_map(String::into_bytes);
+    let worst = Just(Vec::from([7; 300]));
+    let bus_off = Just(b"sb000256\r".repeat(3));
+    let mut runner = TestRunner::deterministic();
+    for strategy in [noise.boxed(), lines.boxed(), worst.boxed(), bus_off.boxed()] {
+        for _ in 0..3 {
+            let bytes = strategy.new_tree(&mut runner).unwrap().current();
+            let here = tempfile::tempdir().unwrap();
+            let name = here.path().join("adapter");
+            let mut far = Far::at(&name);
+            let emulator = emulator(&name);
+            far.read("O\r");
+            far.line.write_all(&bytes).unwrap();
+            let started = Instant::now();
+            loop {
+                far.write(&format!("\r{PING}"));
+                if far.finds("t2104") {
+                    break;
+                }
+                assert!(started.elapsed() < PATIENCE, "deaf after {bytes:02X?}");
+            }
+            emulator.end();
+        }
     }
 }
 

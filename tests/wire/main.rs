@@ -14,6 +14,7 @@ mod levels;
 mod on_can;
 mod overrun;
 mod pacing;
+mod proof;
 mod refusals;
 mod replay;
 mod replay_on_can;

@@ -8,7 +8,7 @@ use crate::support::{
 use skyloop::camera::Camera;
 use skyloop::config::{Clock, Config};
 use skyloop::load::Folder;
-use skyloop_protocols::{Command, Reply};
+use skyloop_protocols::{Command, Reply, Withheld};
 use std::time::Duration;
 
 /// The built-in scene with the camera that has most pixels: 1280 x 1024 in some 1,400 packets.
@@ -101,6 +101,37 @@ fn a_client_that_stops_granting_loses_its_frame_and_nothing_else() {
     client.good_frame(2);
     let after = client.status().counters;
     assert_eq!((after.frames_delivered, after.frames_abandoned), (1, 1));
+}
+
+/// Each reason that a client can bring about, as Status tells it before the frame is given up; a whole frame clears it.
+#[test]
+fn status_tells_why_a_frame_does_not_come() {
+    let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
+    let mut client = Client::new(line);
+    let tells = |client: &mut Client<_>, why| {
+        await_that("Status tells why", || client.status().withheld == why);
+        let abandoned = client.status().counters.frames_abandoned;
+        client.done(Command::Reset);
+        client.forget();
+        client.start_anew();
+        abandoned
+    };
+    client.window = None;
+    client.send(Command::Credit { packets: 5 });
+    client.point(attitude(1), EPOCH);
+    tells(&mut client, Withheld::NoCredit);
+    // It grants as if 3 of 64 had come.
+    client.window = None;
+    client.send(Command::Credit { packets: 64 });
+    client.point(attitude(2), EPOCH);
+    client.send(Command::Credit { packets: 3 + 64 });
+    tells(&mut client, Withheld::Lost);
+    client.line.send(b"not a packet, but as long as some are");
+    client.nack();
+    assert_eq!(client.status().withheld, Withheld::Refused);
+    client.window = Some(32);
+    client.good_frame(3);
+    assert_eq!(client.status().withheld, Withheld::None);
 }
 
 /// Sends attitudes and reads nothing until the emulator is through with all of them.

@@ -198,7 +198,7 @@ fn roles_that_make_no_run_are_refused_by_name() {
         // A mistyped key comes before what its lack leads to.
         (
             &["truth", "truth&role=pixels"],
-            "unknown option \"role\"; udp has rate_mbit, roles",
+            "unknown option \"role\"; udp has rate_mbit, proof, roles",
         ),
     ] {
         let text = refused(roles);

@@ -126,6 +126,7 @@ pub fn start<A: Above>(
         waiting: None,
         under_way: [false; 2],
         frame: None,
+        restart: None,
         closed: false,
         start: Instant::now(),
     };
@@ -133,6 +134,23 @@ pub fn start<A: Above>(
         .name(format!("{name}-send"))
         .spawn(move || while carrier.turn() {})?;
     Ok((Waker(wake), thread))
+}
+
+/// In place of a bus that has gone.
+struct Absent;
+
+impl CanBus for Absent {
+    fn send(&mut self, _: &CanFrame) -> io::Result<Sending> {
+        Err(io::ErrorKind::NotConnected.into())
+    }
+
+    fn recv(&mut self, _: Duration) -> io::Result<Option<CanFrame>> {
+        Err(io::ErrorKind::NotConnected.into())
+    }
+
+    fn share(&self) -> io::Result<Box<dyn CanBus>> {
+        Err(io::ErrorKind::NotConnected.into())
+    }
 }
 
 /// The thread that reads.
@@ -199,6 +217,8 @@ struct Carrier<A: Above> {
     under_way: [bool; 2],
     /// A frame that the bus did not take yet.
     frame: Option<CanFrame>,
+    /// When a controller that has left the bus is put back on it.
+    restart: Option<Instant>,
     closed: bool,
     start: Instant,
 }
@@ -207,7 +227,7 @@ impl<A: Above> Carrier<A> {
     /// Sends what may go, then waits for the next event and takes all there are. False: this is the end.
     fn turn(&mut self) -> bool {
         self.feed();
-        let due = match self.push() {
+        let due = match self.restart().and_then(|()| self.push()) {
             Ok(due) => due,
             Err(error) => return self.recover(error),
         };
@@ -258,7 +278,9 @@ impl<A: Above> Carrier<A> {
             None => self.node.wake_at(),
         };
         let node = node.map(|at| Duration::from_micros(at.saturating_sub(self.now_us(now))));
+        let restart = self.restart.map(|at| at.saturating_duration_since(now));
         due.into_iter()
+            .chain(restart)
             .chain(node)
             .chain([NAP])
             .min()
@@ -337,8 +359,20 @@ impl<A: Above> Carrier<A> {
         }
     }
 
+    /// Puts the controller back on the bus, if it is time.
+    fn restart(&mut self) -> io::Result<()> {
+        if self.restart.is_some_and(|at| at <= Instant::now()) {
+            let is_sent = self.bus.restart()? == Sending::Sent;
+            self.restart = (!is_sent).then(|| Instant::now() + RETRY);
+        }
+        Ok(())
+    }
+
     fn receive(&mut self, frame: &CanFrame, at: Instant) -> bool {
         if let Some(trouble) = Trouble::of(frame) {
+            if trouble == Trouble::BusOff {
+                self.restart.get_or_insert(at + RETRY);
+            }
             self.above.note(Note::Trouble(trouble));
             return true;
         }
@@ -397,6 +431,8 @@ impl<A: Above> Carrier<A> {
         }
         self.above.note(Note::Gone(error));
         self.dismiss_reader();
+        // A serial port is open once: this end of it is closed before it is opened again.
+        (self.bus, self.restart) = (Box::new(Absent), None);
         loop {
             std::thread::sleep(RETRY);
             if !self.above.is_wanted() {

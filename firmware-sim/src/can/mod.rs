@@ -48,6 +48,15 @@ pub trait CanBus: Send {
     /// The system gives no second handle.
     fn share(&self) -> io::Result<Box<dyn CanBus>>;
 
+    /// Puts a controller that has left the bus back on it, after [`Trouble::BusOff`]; the handle that sends does it. [`Sending::Full`]: call it
+    /// again later. A kernel's interface restarts by itself (`restart-ms`).
+    ///
+    /// # Errors
+    /// The bus has gone.
+    fn restart(&mut self) -> io::Result<Sending> {
+        Ok(Sending::Sent)
+    }
+
     /// What has come since the last call and was no frame.
     fn garbled(&mut self) -> u32 {
         0

@@ -12,6 +12,8 @@ use skyloop_protocols::can::slcan::{
 };
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
 /// How long a write waits for a line that does not take more now.
@@ -25,17 +27,32 @@ const REFUSED: u32 = 64;
 /// An adapter, or a line to another host.
 pub struct SlcanBus {
     line: Box<dyn SerialPort>,
-    /// What is left of the frame under way.
+    /// The commands that open the adapter.
+    set_up: Vec<u8>,
+    /// Bytes that the line has not taken yet: a frame under way, or the commands.
     rest: VecDeque<u8>,
+    /// Whether `rest` is the commands.
+    is_set_up: bool,
     decoder: Decoder,
     received: VecDeque<CanFrame>,
     garbled: u32,
-    /// Commands that the adapter may still answer.
-    unanswered: usize,
+    unanswered: Arc<Unanswered>,
     /// Frames that it has refused since it took one.
     refused: u32,
-    /// Whether it takes no part in the bus any more, which it does again after it is opened anew.
-    off: bool,
+}
+
+/// What the adapter may still answer. The thread that sends counts up, the one that receives counts down.
+#[derive(Default)]
+struct Unanswered {
+    commands: AtomicU32,
+    frames: AtomicU32,
+}
+
+/// Takes one off a count; false if it is 0.
+fn take_one(count: &AtomicU32) -> bool {
+    count
+        .fetch_update(Relaxed, Relaxed, |count| count.checked_sub(1))
+        .is_ok()
 }
 
 /// The adapter's commands for the bit rates of `settings`.
@@ -100,26 +117,33 @@ pub fn over(
     let commands = commands(settings)
         .map_err(|reason| failed(io::Error::new(ErrorKind::InvalidInput, reason)))?;
     // An empty line first ends whatever the adapter has of an older one.
-    let mut octets = vec![b'\r'];
+    let mut set_up = vec![b'\r'];
     for command in &commands {
-        encode(&Line::Command(*command), &mut |octet| octets.push(octet));
+        encode(&Line::Command(*command), &mut |byte| set_up.push(byte));
     }
     line.set_timeout(Duration::from_secs(1))
         .map_err(|error| failed(error.into()))?;
-    line.write_all(&octets).map_err(failed)?;
-    Ok(Box::new(SlcanBus {
-        line,
-        rest: VecDeque::with_capacity(MAX_LINE + 1),
-        decoder: Decoder::new(),
-        received: VecDeque::new(),
-        garbled: 0,
-        unanswered: commands.len(),
-        refused: 0,
-        off: false,
-    }))
+    line.write_all(&set_up).map_err(failed)?;
+    let unanswered = Unanswered::default();
+    unanswered.commands.store(commands.len() as u32, Relaxed);
+    Ok(Box::new(SlcanBus::new(line, set_up, unanswered.into())))
 }
 
 impl SlcanBus {
+    fn new(line: Box<dyn SerialPort>, set_up: Vec<u8>, unanswered: Arc<Unanswered>) -> Self {
+        Self {
+            line,
+            set_up,
+            rest: VecDeque::with_capacity(MAX_LINE + 1),
+            is_set_up: false,
+            decoder: Decoder::new(),
+            received: VecDeque::new(),
+            garbled: 0,
+            unanswered,
+            refused: 0,
+        }
+    }
+
     fn take(&mut self, octets: &[u8]) {
         for octet in octets {
             match self.decoder.push(*octet) {
@@ -131,9 +155,10 @@ impl SlcanBus {
         }
     }
 
-    /// The adapter refuses a frame: its transmit queue is full, or it has left the bus. The command to close it may be refused:
-    /// it was closed.
+    /// A refusal of a frame: the adapter's transmit queue is full, or it has left the bus. The command to close it may be refused: it was
+    /// closed. A refusal of nothing that was sent is noise on the line.
     fn hear(&mut self, answer: Answer) {
+        let unanswered = &self.unanswered;
         let trouble = match answer {
             // The empty line in front is answered by some.
             Answer::Done => {
@@ -141,25 +166,29 @@ impl SlcanBus {
                 return;
             }
             Answer::Sent { .. } => {
-                (self.unanswered, self.refused) = (0, 0);
+                unanswered.commands.store(0, Relaxed);
+                take_one(&unanswered.frames);
+                self.refused = 0;
                 return;
             }
-            Answer::Refused if self.unanswered > 0 => {
-                self.unanswered -= 1;
+            Answer::Refused if take_one(&unanswered.commands) => return,
+            Answer::Refused if !take_one(&unanswered.frames) => {
+                self.garbled += 1;
                 return;
             }
             Answer::Refused => {
                 self.refused += 1;
-                self.off |= self.refused >= REFUSED;
-                overflow()
+                if self.refused >= REFUSED {
+                    self.refused = 0;
+                    Trouble::BusOff.frame()
+                } else {
+                    overflow()
+                }
             }
             Answer::State {
                 state: State::BusOff,
                 ..
-            } => {
-                self.off = true;
-                Trouble::BusOff.frame()
-            }
+            } => Trouble::BusOff.frame(),
             Answer::State {
                 state: State::Active,
                 ..
@@ -168,6 +197,21 @@ impl SlcanBus {
             Answer::Status(_) | Answer::Version(_) | Answer::Serial(_) => return,
         };
         self.received.push_back(trouble);
+    }
+
+    /// Writes what the line has not taken yet; `Full` while some of it is left.
+    fn write_rest(&mut self) -> io::Result<Sending> {
+        self.line.set_timeout(WRITE_TIMEOUT)?;
+        while !self.rest.is_empty() {
+            match self.line.write(self.rest.make_contiguous()) {
+                Ok(0) => return Err(ErrorKind::WriteZero.into()),
+                Ok(length) => drop(self.rest.drain(..length)),
+                Err(error) if is_passing(&error) => return Ok(Sending::Full),
+                Err(error) => return Err(error),
+            }
+        }
+        self.is_set_up = false;
+        Ok(Sending::Sent)
     }
 }
 
@@ -196,6 +240,9 @@ fn is_passing(error: &io::Error) -> bool {
 
 impl CanBus for SlcanBus {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
+        if self.is_set_up && self.write_rest()? == Sending::Full {
+            return Ok(Sending::Full);
+        }
         // After `Full` the same frame comes again: then this is about what is left of it.
         if self.rest.is_empty() {
             let line = Line::Frame {
@@ -203,26 +250,18 @@ impl CanBus for SlcanBus {
                 time_ms: None,
             };
             encode(&line, &mut |octet| self.rest.push_back(octet));
-            self.line.set_timeout(WRITE_TIMEOUT)?;
         }
-        while !self.rest.is_empty() {
-            match self.line.write(self.rest.make_contiguous()) {
-                Ok(0) => return Err(ErrorKind::WriteZero.into()),
-                Ok(length) => drop(self.rest.drain(..length)),
-                Err(error) if is_passing(&error) => return Ok(Sending::Full),
-                Err(error) => return Err(error),
-            }
+        let sending = self.write_rest()?;
+        if sending == Sending::Sent {
+            let frames = &self.unanswered.frames;
+            let _ = frames.fetch_update(Relaxed, Relaxed, |frames| frames.checked_add(1));
         }
-        Ok(Sending::Sent)
+        Ok(sending)
     }
 
     fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
         if let Some(frame) = self.received.pop_front() {
             return Ok(Some(frame));
-        }
-        if self.off {
-            let why = "the adapter has left the bus, or refuses every frame";
-            return Err(io::Error::new(ErrorKind::NotConnected, why));
         }
         self.line.set_timeout(timeout)?;
         let mut octets = [0; 4096];
@@ -238,16 +277,24 @@ impl CanBus for SlcanBus {
     }
 
     fn share(&self) -> io::Result<Box<dyn CanBus>> {
-        Ok(Box::new(SlcanBus {
-            line: self.line.try_clone()?,
-            rest: VecDeque::new(),
-            decoder: Decoder::new(),
-            received: VecDeque::new(),
-            garbled: 0,
-            unanswered: self.unanswered,
-            refused: 0,
-            off: false,
-        }))
+        let (line, unanswered) = (self.line.try_clone()?, Arc::clone(&self.unanswered));
+        Ok(Box::new(SlcanBus::new(
+            line,
+            self.set_up.clone(),
+            unanswered,
+        )))
+    }
+
+    fn restart(&mut self) -> io::Result<Sending> {
+        if !self.is_set_up {
+            self.rest = self.set_up.iter().copied().collect();
+            self.is_set_up = true;
+            // The empty line in front is none.
+            let commands = self.set_up.iter().filter(|byte| **byte == b'\r').count() - 1;
+            self.unanswered.commands.store(commands as u32, Relaxed);
+            self.unanswered.frames.store(0, Relaxed);
+        }
+        self.write_rest()
     }
 
     fn garbled(&mut self) -> u32 {
@@ -294,6 +341,7 @@ mod tests {
         assert_eq!(heard, Some(frame));
         assert_eq!(bus.garbled(), 1, "too many digits");
         assert_eq!(bus.recv(Duration::from_millis(5)).unwrap(), None);
+        assert_eq!(bus.send(&frame).unwrap(), Sending::Sent);
         other.write_all(b"\x07").unwrap();
         let refused = bus.recv(Duration::from_secs(5)).unwrap().unwrap();
         assert!(
@@ -302,34 +350,67 @@ mod tests {
         );
     }
 
+    fn trouble(bus: &mut Box<dyn CanBus>) -> Option<Trouble> {
+        let frame = bus.recv(Duration::from_secs(5)).unwrap();
+        frame.as_ref().and_then(Trouble::of)
+    }
+
+    const SET_UP: &str = "\rC\rS5\rO\r";
+
     #[test]
-    fn an_adapter_that_leaves_the_bus_is_to_be_opened_anew() {
-        let trouble = |bus: &mut Box<dyn CanBus>| {
-            let frame = bus.recv(Duration::from_secs(5))?;
-            io::Result::Ok(frame.as_ref().and_then(Trouble::of))
-        };
+    fn an_adapter_that_leaves_the_bus_is_opened_again() {
         // X-Val: lines of Linux's slcan driver: an acknowledgement missed, error passive, bus-off.
         let (mut bus, mut other) = line("bitrate=250000");
+        assert_eq!(read(&mut other, SET_UP.len()), SET_UP);
         other.write_all(b"e1a\rsp000128\rsb000256\r").unwrap();
-        assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::Error));
-        assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::Error));
-        assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::BusOff));
-        let gone = trouble(&mut bus).unwrap_err();
-        assert_eq!(gone.kind(), ErrorKind::NotConnected);
+        let all = [(); 3].map(|()| trouble(&mut bus).unwrap());
+        assert_eq!(all, [Trouble::Error, Trouble::Error, Trouble::BusOff]);
+        assert_eq!(bus.restart().unwrap(), Sending::Sent);
+        assert_eq!(read(&mut other, SET_UP.len()), SET_UP);
         assert_eq!(bus.garbled(), 0);
-        // One that does not say so refuses all it is to send. The first three may answer C, S and O.
-        let (mut bus, mut other) = line("bitrate=250000");
-        let most = REFUSED as usize - 1;
-        other.write_all(&vec![0x07; 3 + most]).unwrap();
-        other.write_all(b"z\r").unwrap();
-        other.write_all(&vec![0x07; most]).unwrap();
-        for _ in 0..2 * most {
-            // It took one in between.
-            assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::Error));
+    }
+
+    /// Refusals show bus-off after [`REFUSED`] in a row, each of a frame that was sent: others are noise.
+    #[test]
+    fn refusals_count_against_frames_that_were_sent() {
+        let frame = CanFrame::new(0x123, false, &[]).unwrap();
+        let most = REFUSED as usize;
+        // Frames sent, what the adapter says (the first three may answer C, S and O), whether it shows that it is off the bus, bytes of noise.
+        for (sent, said, is_off, noise) in [
+            (0, vec![7; most + 3], false, most),
+            (0, vec![7; 1000], false, 997),
+            (most - 1, vec![7; most + 3], false, 1),
+            (most, vec![7; most + 3], true, 0),
+            (most, vec![7; most + 2], false, 0),
+            (
+                2 * most,
+                [&[7; 66][..], b"z\r", &[7; 63]].concat(),
+                false,
+                0,
+            ),
+            (2 * most, [&[7; 66][..], b"z\r", &[7; 64]].concat(), true, 0),
+        ] {
+            let (mut bus, mut other) = line("bitrate=250000");
+            read(&mut other, SET_UP.len());
+            for _ in 0..sent {
+                assert_eq!(bus.send(&frame).unwrap(), Sending::Sent);
+                read(&mut other, "t1230\r".len());
+            }
+            let mut reader = bus.share().unwrap();
+            other.write_all(&[&said[..], b"t3210\r"].concat()).unwrap();
+            let mut all = Vec::new();
+            let came = loop {
+                let next = reader.recv(Duration::from_secs(5)).unwrap().unwrap();
+                match Trouble::of(&next) {
+                    Some(trouble) => all.push(trouble),
+                    None => break next,
+                }
+            };
+            let case = format!("{sent} sent, {} bytes", said.len());
+            assert_eq!(came.id, 0x321, "{case}");
+            assert_eq!(all.contains(&Trouble::BusOff), is_off, "{case}");
+            assert_eq!(reader.garbled() as usize, noise, "{case}");
         }
-        other.write_all(b"\x07").unwrap();
-        assert_eq!(trouble(&mut bus).unwrap(), Some(Trouble::Error));
-        assert!(trouble(&mut bus).is_err());
     }
 
     #[test]

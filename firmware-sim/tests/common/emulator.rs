@@ -9,7 +9,7 @@ use skyloop_protocols::packet::identify;
 use skyloop_protocols::reply::Mode;
 use skyloop_protocols::{
     Ack, Command, Counters, DecodeError, Fault, Header, LabelLevel, Nack, Output, Packing,
-    PixelLevel, Reason, Reply, Status, SyncState, Timing, WireTime,
+    PixelLevel, Reason, Reply, Status, SyncState, Timing, WireTime, Withheld,
 };
 
 use super::levels::Exposed;
@@ -297,6 +297,7 @@ impl Emulator {
             latency_p50_s: 0.0,
             latency_p99_s: 0.0,
             latency_max_s: 0.0,
+            withheld: Withheld::None,
             counters: Counters {
                 attitudes: self.attitudes.len() as u32,
                 ..Counters::default()

@@ -1,7 +1,7 @@
 // Generated from protocols/schema by `cargo run -p skyloop-schema`: do not edit.
 //! The answers of the emulator, and all of its packets.
 
-use super::codes::{Mode, Packing, Reason, SyncState, apid};
+use super::codes::{Mode, Packing, Reason, SyncState, Withheld, apid};
 use super::commands::Output;
 use super::counters::Counters;
 use super::ends::{FrameEnd, Timing};
@@ -52,6 +52,8 @@ pub struct Status {
     pub latency_p99_s: f32,
     /// The same for all. Unit: s.
     pub latency_max_s: f32,
+    /// Why the client has not got the last frame whole.
+    pub withheld: Withheld,
     /// Counts since the emulator started.
     pub counters: Counters,
 }
@@ -77,6 +79,7 @@ impl Status {
         let latency_p50_s = reader.f32()?;
         let latency_p99_s = reader.f32()?;
         let latency_max_s = reader.f32()?;
+        let withheld = reader.code(Withheld::from_code, "Status.withheld", "must be 0 to 8")?;
         let mut counters = Counters::default();
         for counter in counters.iter_mut() {
             *counter = reader.u32()?;
@@ -101,6 +104,7 @@ impl Status {
             latency_p50_s,
             latency_p99_s,
             latency_max_s,
+            withheld,
             counters,
         })
     }
@@ -125,6 +129,7 @@ impl Status {
         writer.f32(self.latency_p50_s)?;
         writer.f32(self.latency_p99_s)?;
         writer.f32(self.latency_max_s)?;
+        writer.u8(self.withheld.code())?;
         for (_, value) in self.counters.iter() {
             writer.u32(value)?;
         }
@@ -226,6 +231,32 @@ impl<'a> Nack<'a> {
     }
 }
 
+/// UDP: asks the client to prove its address by sending this packet back as it came (section 5.1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Challenge {
+    /// A secret of this address and time.
+    pub token: u64,
+}
+
+impl Challenge {
+    pub(crate) fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
+        let token = reader.u64()?;
+        Ok(Self {
+            token,
+        })
+    }
+
+    pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+        writer.u64(self.token)?;
+        Ok(())
+    }
+
+    /// Refuses values that the fields do not allow. What was decoded has passed this.
+    pub fn check(&self) -> Result<(), DecodeError> {
+        Ok(())
+    }
+}
+
 /// Everything that the emulator can say.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reply<'a> {
@@ -249,6 +280,8 @@ pub enum Reply<'a> {
     Compressed(CompressedBlock<'a>),
     /// Closes a frame: what is known only when all of it has been rendered and sent.
     FrameEnd(FrameEnd),
+    /// UDP: asks the client to prove its address by sending this packet back as it came (section 5.1).
+    Challenge(Challenge),
 }
 
 impl<'a> Reply<'a> {
@@ -265,6 +298,7 @@ impl<'a> Reply<'a> {
             Self::Objects(_) => apid::OBJECTS,
             Self::Compressed(_) => apid::COMPRESSED,
             Self::FrameEnd(_) => apid::FRAME_END,
+            Self::Challenge(_) => apid::CHALLENGE,
         }
     }
 
@@ -281,6 +315,7 @@ impl<'a> Reply<'a> {
             Self::Objects(inner) => inner.check(),
             Self::Compressed(inner) => inner.check(),
             Self::FrameEnd(inner) => inner.check(),
+            Self::Challenge(inner) => inner.check(),
         }
     }
 
@@ -296,6 +331,7 @@ impl<'a> Reply<'a> {
             apid::OBJECTS => Self::Objects(ObjectPart::read(reader)?),
             apid::COMPRESSED => Self::Compressed(CompressedBlock::read(reader)?),
             apid::FRAME_END => Self::FrameEnd(FrameEnd::read(reader)?),
+            apid::CHALLENGE => Self::Challenge(Challenge::read(reader)?),
             apid => return Err(DecodeError::UnknownApid { apid }),
         })
     }
@@ -312,6 +348,7 @@ impl<'a> Reply<'a> {
             Self::Objects(inner) => inner.write(writer),
             Self::Compressed(inner) => inner.write(writer),
             Self::FrameEnd(inner) => inner.write(writer),
+            Self::Challenge(inner) => inner.write(writer),
         }
     }
 }

@@ -107,6 +107,30 @@ wire_enum! {
 }
 
 wire_enum! {
+    /// Why the client has not got the last frame whole.
+    pub enum Withheld: u8 {
+        /// It has, or there was no frame.
+        None = 0,
+        /// The frame has more packets than Credit grants: send `packets = received + window` after every few frame packets.
+        NoCredit = 1,
+        /// The link has had no room for 2 s: the client does not read.
+        NotRead = 2,
+        /// A frame takes longer on the link than there is time: ask for less with Output, or use a faster link.
+        SlowLink = 3,
+        /// UDP: the client has not returned the Challenge: send it back as it came.
+        NoProof = 4,
+        /// Packets got lost on the way: the client grants less than was sent, or asks for packets again. Enlarge its receive buffer (SO_RCVBUF), grant less, or limit the link (`rate_mbit`).
+        Lost = 5,
+        /// The frame cannot be encoded, such as a label text longer than 65,535 packets: ask for other labels.
+        TooLong = 6,
+        /// The attitude or Trigger was refused, or could not be decoded: a Nack says why.
+        Refused = 7,
+        /// No valid packet has come on this link.
+        NoClient = 8,
+    }
+}
+
+wire_enum! {
     /// What goes wrong on the link.
     pub enum FaultKind: u8 {
         /// Bits are flipped; value: probability of each bit.
@@ -230,9 +254,11 @@ pub mod apid {
     pub const COMPRESSED: u16 = 0x209;
     /// From the emulator: closes a frame: what is known only when all of it has been rendered and sent.
     pub const FRAME_END: u16 = 0x20a;
+    /// From the emulator: UDP: asks the client to prove its address by sending this packet back as it came (section 5.1).
+    pub const CHALLENGE: u16 = 0x20b;
 
     /// All of them with their names in the ICD.
-    pub const ALL: [(u16, &str); 12] = [
+    pub const ALL: [(u16, &str); 13] = [
         (ATTITUDE, "Attitude"),
         (COMMAND, "Command"),
         (FRAME_HEADER, "FrameHeader"),
@@ -245,6 +271,7 @@ pub mod apid {
         (OBJECTS, "Objects"),
         (COMPRESSED, "Compressed"),
         (FRAME_END, "FrameEnd"),
+        (CHALLENGE, "Challenge"),
     ];
 
     /// Whether packets with this APID go towards the emulator (type bit 1).

@@ -45,6 +45,10 @@ impl CanBus for TappedBus {
         Ok(self.recorder.around(self.bus.share()?))
     }
 
+    fn restart(&mut self) -> io::Result<Sending> {
+        self.bus.restart()
+    }
+
     fn garbled(&mut self) -> u32 {
         self.bus.garbled()
     }

@@ -5,7 +5,7 @@ use skyloop_protocols::pixels::{OBJECTS_PER_PART, unpack};
 use skyloop_protocols::reply::Window;
 use skyloop_protocols::{
     Counters, MAX_PACKET, Nack, ObjectPart, Personality, PixelBlock, Reply, Status, Timing,
-    WindowBlock, WireTime,
+    WindowBlock, WireTime, Withheld,
 };
 
 /// What a packet is called.
@@ -73,6 +73,7 @@ pub fn first(
                 latency_p50_s: 0.0,
                 latency_p99_s: 0.0,
                 latency_max_s: 0.0,
+                withheld: Withheld::None,
                 ..status
             };
             if blind(was) == blind(is) {

@@ -46,7 +46,7 @@ pub fn place_of(personality: &Personality, packet: &[u8]) -> Option<Place> {
         Reply::Labels(labels) => (2, labels.part.into()),
         Reply::Objects(objects) => (2, objects.part.into()),
         Reply::FrameEnd(_) => (3, 0),
-        Reply::Status(_) | Reply::Ack(_) | Reply::Nack(_) => return None,
+        Reply::Status(_) | Reply::Ack(_) | Reply::Nack(_) | Reply::Challenge(_) => return None,
     };
     // The first field of all packets of frames.
     let frame = packet.get(HEADER_LENGTH..)?.first_chunk()?;

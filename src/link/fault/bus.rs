@@ -289,6 +289,10 @@ impl CanBus for FaultyBus {
         Ok(self.faults.around(self.bus.share()?))
     }
 
+    fn restart(&mut self) -> io::Result<Sending> {
+        self.bus.restart()
+    }
+
     fn garbled(&mut self) -> u32 {
         self.bus.garbled()
     }

@@ -1,18 +1,22 @@
 //! The socket's two ways, which one thread carries side by side: what comes is stamped and handed on while what leaves waits for room.
 
-use super::exchange::Exchange;
+use super::exchange::{Exchange, Heard, Permit};
+use super::own::Own;
 use crate::link::pace::Pace;
 use crate::link::{Inbound, Intake, Outbound, count};
 use bytes::Bytes;
 use skyloop_firmware_sim::burst::Burst;
 use skyloop_firmware_sim::datagram::{Datagram, Datagrams};
 use std::cell::RefCell;
+use std::future::pending;
 use std::io;
-use std::net::UdpSocket as SystemSocket;
+use std::net::{SocketAddr, UdpSocket as SystemSocket};
+use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use tokio::io::Interest;
 use tokio::net::UdpSocket;
+use tokio::sync::Notify;
 use tokio::sync::mpsc::Receiver;
 
 /// What a limited link may catch up at once, after a timer that came late: timers here go by milliseconds.
@@ -21,6 +25,14 @@ pub(super) const BURST: Duration = Duration::from_millis(5);
 const IN_A_ROW: u64 = 16;
 /// Packets that are taken from the queue at a time.
 const TOGETHER: usize = 64;
+/// Datagrams of strangers that are read in each [`PAUSE`] while a client has a socket of its own. More find the system's buffer full, which costs
+/// this process nothing.
+const STRANGERS: u32 = 64;
+const PAUSE: Duration = Duration::from_millis(50);
+/// Datagrams that may have come before a client got its own socket: more than the system's buffer holds.
+const BEFORE: u32 = 1024;
+/// How often it is looked whether a Challenge is due.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// Carries packets until the emulator drops its end; `limit` octets a second leave at most.
 pub(super) async fn carry(
@@ -31,57 +43,258 @@ pub(super) async fn carry(
     exchange: Exchange,
     limit: Option<f64>,
 ) -> io::Result<()> {
-    let way_out = WayOut {
+    let shared = &Shared {
         sending: socket.try_clone()?,
-        socket: &UdpSocket::from_std(socket)?,
-        exchange: &RefCell::new(exchange),
+        socket: UdpSocket::from_std(socket)?,
+        exchange: RefCell::new(exchange),
+        own: RefCell::default(),
+        changed: Notify::new(),
+    };
+    let way_out = WayOut {
+        shared,
         burst: Burst::default(),
     };
-    let come = receive(way_out.socket, datagrams, arrivals, way_out.exchange);
     tokio::select! {
-        () = come => {}
+        () = receive(shared, datagrams, arrivals) => {}
         () = send(way_out, departures, limit) => {}
+        () = prove(shared) => {}
     }
     Ok(())
 }
 
+/// What both ways use.
+struct Shared {
+    /// Where everybody's datagrams come, but those of a client that has a socket of its own.
+    socket: UdpSocket,
+    /// The same socket, as calls take it that send several datagrams.
+    sending: SystemSocket,
+    exchange: RefCell<Exchange>,
+    /// The client's own socket.
+    own: RefCell<Option<Rc<Own>>>,
+    /// Another client has come, or this one has proved its address or has gone.
+    changed: Notify,
+}
+
+impl Shared {
+    fn own(&self) -> Option<Rc<Own>> {
+        self.own.borrow().clone()
+    }
+
+    /// Nobody listens at the address of a client's own socket.
+    fn end(&self, own: &Own) {
+        self.exchange.borrow_mut().end(own.peer);
+        self.own.take_if_same(own);
+        self.changed.notify_waiters();
+    }
+
+    /// Gives an established client a socket of its own, and takes it from one that has lost the exchange; whether there is a new one.
+    fn settle(&self, datagrams: &Datagrams, now: Instant) -> bool {
+        let (address, established) = {
+            let exchange = self.exchange.borrow();
+            (exchange.address(), exchange.established(now))
+        };
+        let peer = self.own.borrow().as_ref().map(|own| own.peer);
+        if peer.is_some() && peer != address {
+            // What the last client sent meanwhile is a stranger's.
+            if let Some(own) = self.own.take() {
+                let left = own.leftover();
+                let tally = &self.exchange.borrow().tally;
+                tally.foreign.fetch_add(left, Ordering::Relaxed);
+            }
+        }
+        let Some(peer) = established.filter(|established| peer != Some(*established)) else {
+            return false;
+        };
+        // Where the system gives none the common socket does.
+        match Own::of(datagrams, peer) {
+            Ok(own) => {
+                self.own.replace(Some(Rc::new(own)));
+                true
+            }
+            Err(error) => {
+                tracing::debug!(%error, "no socket for the client alone");
+                false
+            }
+        }
+    }
+
+    /// Sends a Challenge, if it is time.
+    fn challenge(&self, now: Instant) {
+        let due = self.exchange.borrow_mut().challenge(now);
+        if let Some((to, packet)) = due {
+            // One that is lost is sent again.
+            let _ = self.sending.send_to(&packet, to);
+        }
+    }
+}
+
+/// Removes a socket if it is still that one.
+trait TakeIfSame {
+    fn take_if_same(&self, own: &Own);
+}
+
+impl TakeIfSame for RefCell<Option<Rc<Own>>> {
+    fn take_if_same(&self, own: &Own) {
+        let mut place = self.borrow_mut();
+        if place.as_deref().is_some_and(|one| std::ptr::eq(one, own)) {
+            *place = None;
+        }
+    }
+}
+
+/// Repeats Challenges, without end.
+async fn prove(shared: &Shared) {
+    loop {
+        tokio::time::sleep(LOOK).await;
+        shared.challenge(Instant::now());
+    }
+}
+
+/// Where the next datagram is read.
+enum From {
+    All,
+    Own(Rc<Own>),
+}
+
 /// Hands on what comes from the exchange's client, until nobody takes it.
-async fn receive(
-    socket: &UdpSocket,
-    mut datagrams: Datagrams,
-    arrivals: Intake,
-    exchange: &RefCell<Exchange>,
-) {
+async fn receive(shared: &Shared, mut datagrams: Datagrams, arrivals: Intake) {
     // Longer than any packet: a longer datagram is refused for its length.
-    let mut buffer = vec![0; 1 << 16];
-    for datagram in 1_u64.. {
+    let [mut buffer, mut own_buffer] = [(); 2].map(|()| vec![0; 1 << 16]);
+    // Of strangers, while a client has its own socket; of all, when it has just got it.
+    let (mut strangers, mut before) = (Strangers::default(), 0_u32);
+    for number in 1_u64.. {
         // What leaves is not to wait for a flood's end.
-        if datagram.is_multiple_of(IN_A_ROW) {
+        if number.is_multiple_of(IN_A_ROW) {
             tokio::task::yield_now().await;
         }
-        let received = socket.async_io(Interest::READABLE, || datagrams.receive(&mut buffer));
-        // An error here answers an earlier datagram to a client that has gone.
-        let Ok(Datagram {
-            length, from, lost, ..
-        }) = received.await
-        else {
-            continue;
+        let own = shared.own();
+        let is_guarded =
+            own.is_some() && before == 0 && shared.exchange.borrow().is_held(Instant::now());
+        let (received, from) = if before > 0 {
+            before -= 1;
+            let received = datagrams.receive(&mut buffer);
+            if received.is_err() {
+                before = 0;
+                continue;
+            }
+            (received, From::All)
+        } else {
+            let of_own = async {
+                match &own {
+                    Some(own) => own.receive(&mut own_buffer).await,
+                    None => pending().await,
+                }
+            };
+            let of_all = async {
+                if is_guarded {
+                    strangers.wait().await;
+                }
+                let receive = || datagrams.receive(&mut buffer);
+                shared.socket.async_io(Interest::READABLE, receive).await
+            };
+            tokio::select! {
+                biased;
+                received = of_own => match own.clone() {
+                    Some(own) => (received, From::Own(own)),
+                    None => (received, From::All),
+                },
+                received = of_all => (received, From::All),
+            }
         };
-        let (packet, arrived) = (&buffer[..length], Instant::now());
-        let mut exchange = exchange.borrow_mut();
-        exchange.tally.dropped.fetch_add(lost, Ordering::Relaxed);
-        if !exchange.admit(from, packet, arrived) {
-            exchange.ignore(from);
-            continue;
+        let datagram = match (received, &from) {
+            (Ok(datagram), _) => datagram,
+            (Err(error), From::Own(own)) => {
+                if error.kind() == io::ErrorKind::ConnectionRefused {
+                    shared.end(own);
+                }
+                continue;
+            }
+            // An error here answers an earlier datagram to a client that has gone.
+            (Err(_), From::All) => continue,
+        };
+        let packet = match &from {
+            From::All => buffer.get(..datagram.length),
+            From::Own(_) => own_buffer.get(..datagram.length),
+        };
+        let is_stranger = is_guarded && matches!(from, From::All);
+        if is_stranger {
+            strangers.took();
         }
-        let inbound = Inbound {
-            exchange: exchange.number,
-            packet: Bytes::copy_from_slice(packet),
-            arrived,
-        };
-        if arrivals.push(inbound).is_err() {
+        let packet = packet.unwrap_or_default();
+        if !hand_on(shared, &arrivals, datagram, packet, is_stranger) {
             return;
         }
+        if shared.settle(&datagrams, Instant::now()) {
+            before = BEFORE;
+        }
+    }
+}
+
+/// Takes a datagram; `is_stranger`: of one that came where strangers' do. False when nobody takes packets any more.
+fn hand_on(
+    shared: &Shared,
+    arrivals: &Intake,
+    datagram: Datagram,
+    packet: &[u8],
+    is_stranger: bool,
+) -> bool {
+    let Datagram { from, lost, .. } = datagram;
+    let arrived = Instant::now();
+    let mut exchange = shared.exchange.borrow_mut();
+    let lost_by = match is_stranger {
+        true => &exchange.tally.foreign,
+        false => &exchange.tally.dropped,
+    };
+    lost_by.fetch_add(lost, Ordering::Relaxed);
+    let number = exchange.number;
+    let heard = exchange.hear(from, packet, arrived);
+    let is_new = exchange.number != number;
+    let taken = match heard {
+        Heard::Stranger => {
+            exchange.ignore(from, arrived);
+            true
+        }
+        Heard::Proof => true,
+        Heard::Packet(exchange) => {
+            let inbound = Inbound {
+                exchange,
+                packet: Bytes::copy_from_slice(packet),
+                arrived,
+            };
+            arrivals.push(inbound).is_ok()
+        }
+    };
+    drop(exchange);
+    if heard == Heard::Proof || is_new {
+        shared.changed.notify_waiters();
+    }
+    shared.challenge(arrived);
+    taken
+}
+
+/// How many datagrams of strangers are read: [`STRANGERS`] in each [`PAUSE`].
+#[derive(Default)]
+struct Strangers {
+    read: u32,
+    since: Option<Instant>,
+}
+
+impl Strangers {
+    /// Waits until one more may be read.
+    async fn wait(&mut self) {
+        if self.read >= STRANGERS
+            && let Some(since) = self.since
+        {
+            tokio::time::sleep_until((since + PAUSE).into()).await;
+            self.read = 0;
+        }
+    }
+
+    fn took(&mut self) {
+        if self.read == 0 {
+            self.since = Some(Instant::now());
+        }
+        self.read += 1;
     }
 }
 
@@ -97,7 +310,7 @@ async fn send(mut out: WayOut<'_>, mut departures: Receiver<Outbound>, limit: Op
             match departure {
                 Outbound::Release { exchange, asked } => {
                     octets += out.send(&mut batch).await;
-                    out.exchange.borrow_mut().release(exchange, asked);
+                    out.shared.exchange.borrow_mut().release(exchange, asked);
                 }
                 Outbound::Packet { exchange, packet } => {
                     if batch.exchange != exchange {
@@ -130,26 +343,20 @@ struct Batch {
 
 /// From the queue to the exchange's client.
 struct WayOut<'a> {
-    socket: &'a UdpSocket,
-    /// The same socket, as calls take it that send several datagrams.
-    sending: SystemSocket,
-    exchange: &'a RefCell<Exchange>,
+    shared: &'a Shared,
     burst: Burst,
 }
 
 impl WayOut<'_> {
     /// Sends what there is, if its exchange still stands; what the system refuses is lost, and counted. The octets that have left.
     async fn send(&mut self, batch: &mut Batch) -> usize {
-        let tally = self.exchange.borrow().tally.clone();
+        let tally = self.shared.exchange.borrow().tally.clone();
         let (mut at, mut octets) = (0, 0);
         while let Some(rest) = batch.packets.get(at..).filter(|rest| !rest.is_empty()) {
-            let sent = self.socket.async_io(Interest::WRITABLE, || {
-                // Another client may have come while this one's packets waited for room.
-                let client = self.exchange.borrow().client_of(batch.exchange);
-                let to = client.ok_or(io::ErrorKind::NotConnected)?;
-                self.burst.send(&self.sending, rest, to)
-            });
-            let sent = sent.await.ok();
+            let sent = match self.permit(batch.exchange, rest).await {
+                Some((rest, to)) => self.hand_over(rest, to).await,
+                None => None,
+            };
             let gone = rest.iter().take(sent.unwrap_or(1).max(1));
             for packet in gone {
                 at += 1;
@@ -164,5 +371,49 @@ impl WayOut<'_> {
         }
         batch.packets.clear();
         octets
+    }
+
+    /// Waits until some of the packets of an exchange may leave: those and their address; none if its client has gone.
+    async fn permit<'p>(
+        &self,
+        exchange: u32,
+        rest: &'p [Bytes],
+    ) -> Option<(&'p [Bytes], SocketAddr)> {
+        let length = rest.first()?.len();
+        loop {
+            let changed = self.shared.changed.notified();
+            let permit = {
+                let mut exchanges = self.shared.exchange.borrow_mut();
+                if exchanges.tally.is_given_up() {
+                    return None;
+                }
+                exchanges.permit(exchange, length, Instant::now())
+            };
+            match permit {
+                Permit::All(to) => return Some((rest, to)),
+                Permit::One(to) => return Some((rest.get(..1)?, to)),
+                Permit::Never => return None,
+                // More of what it sends allows more, too.
+                Permit::Wait => drop(tokio::time::timeout(LOOK, changed).await),
+            }
+        }
+    }
+
+    /// Hands the first of `packets` to the system; how many it took, none if it refuses the first.
+    async fn hand_over(&mut self, packets: &[Bytes], to: SocketAddr) -> Option<usize> {
+        let own = self.shared.own().filter(|own| own.peer == to);
+        let (socket, sending) = match &own {
+            Some(own) => (&own.socket, &own.sending),
+            None => (&self.shared.socket, &self.shared.sending),
+        };
+        let burst = &mut self.burst;
+        let send = || burst.send(sending, packets, to);
+        let sent = socket.async_io(Interest::WRITABLE, send).await;
+        if let (Err(error), Some(own)) = (&sent, &own)
+            && error.kind() == io::ErrorKind::ConnectionRefused
+        {
+            self.shared.end(own);
+        }
+        sent.ok()
     }
 }

@@ -1,16 +1,21 @@
 //! Who the emulator talks with over UDP: one client at a time.
 
-use crate::link::{Options, Tally, count};
+use super::proof::{Proof, Prover};
+use crate::link::{Every, Options, Tally, count};
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// How long a client without proof of its address keeps others out.
+const GRACE: Duration = Duration::from_secs(1);
 
 /// Who the emulator talks with.
 pub(super) struct Exchange {
     pub number: u32,
     client: Option<Client>,
-    /// Whether the log names a stranger already.
-    told: bool,
+    prover: Prover,
+    /// Messages about strangers.
+    strangers: Every,
     options: Options,
     pub tally: Arc<Tally>,
 }
@@ -18,56 +23,170 @@ pub(super) struct Exchange {
 struct Client {
     address: SocketAddr,
     /// Whether it has sent a valid packet, and no Reset since. Without, anybody may take its place.
-    proven: bool,
+    holds: bool,
+    opened: Instant,
     heard: Instant,
+    proof: Proof,
+}
+
+/// What a datagram is.
+#[derive(Debug, PartialEq)]
+pub(super) enum Heard {
+    /// A packet of this exchange.
+    Packet(u32),
+    /// A Challenge that was returned.
+    Proof,
+    /// A packet of somebody else.
+    Stranger,
+}
+
+/// Whether a packet may leave.
+#[derive(Debug, PartialEq)]
+pub(super) enum Permit {
+    /// It and all behind it, to this address.
+    All(SocketAddr),
+    /// It alone: the address is not proved.
+    One(SocketAddr),
+    /// Not before the address is proved.
+    Wait,
+    /// Its client has gone.
+    Never,
 }
 
 impl Exchange {
-    /// Nobody yet.
-    pub fn new(options: Options, tally: Arc<Tally>) -> Exchange {
+    /// Nobody yet. `proves`: addresses are to be proved.
+    pub fn new(options: Options, tally: Arc<Tally>, proves: bool) -> Exchange {
         Exchange {
             number: 0,
             client: None,
-            told: false,
+            prover: Prover::new(proves, options.idle),
+            strangers: Every::default(),
             options,
             tally,
         }
     }
 
-    /// Whether a packet from `from` that has come `now` belongs to the exchange; opens a new one if it may.
-    pub fn admit(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> bool {
-        let valid = (self.options.personality.decode_command)(packet).is_ok();
-        if let Some(client) = &mut self.client {
-            if client.address == from {
-                client.proven |= valid;
-                client.heard = now;
-                return true;
+    /// Takes a datagram from `from` that has come `now`; opens a new exchange if it may.
+    pub fn hear(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> Heard {
+        let proves = self.prover.is_returned(from, packet, now);
+        let valid = proves || (self.options.personality.decode_command)(packet).is_ok();
+        match &self.client {
+            Some(client) if client.address == from => {}
+            Some(client) if client.holds && (self.stands(client, now) || !valid) => {
+                return Heard::Stranger;
             }
-            let idle = now.saturating_duration_since(client.heard) >= self.options.idle;
-            if client.proven && !(idle && valid) {
-                return false;
-            }
+            _ => self.open(from, now),
         }
-        self.number = self.number.wrapping_add(1);
-        self.told = false;
-        self.client = Some(Client {
-            address: from,
-            proven: valid,
-            heard: now,
-        });
-        true
+        let Some(client) = &mut self.client else {
+            return Heard::Stranger;
+        };
+        client.holds |= valid;
+        client.heard = now;
+        if proves {
+            client.proof.returned(now);
+            self.tally.await_proof(false);
+            return Heard::Proof;
+        }
+        client.proof.received(from, packet.len());
+        Heard::Packet(self.number)
     }
 
-    /// Counts a packet of a stranger, and says why it is not answered.
-    pub fn ignore(&mut self, from: SocketAddr) {
+    /// Whether a client that has sent a valid packet keeps others out.
+    fn stands(&self, client: &Client, now: Instant) -> bool {
+        let within = |since, limit| now.saturating_duration_since(since) < limit;
+        let idle = self.options.idle;
+        if self.prover.holds(&client.proof, now) {
+            within(client.heard, idle)
+        } else {
+            within(client.opened, GRACE.min(idle))
+        }
+    }
+
+    fn open(&mut self, from: SocketAddr, now: Instant) {
+        // 0 is no exchange's number.
+        self.number = self.number.wrapping_add(1).max(1);
+        self.tally.await_proof(false);
+        self.client = Some(Client {
+            address: from,
+            holds: false,
+            opened: now,
+            heard: now,
+            proof: Proof::default(),
+        });
+    }
+
+    /// The client, if it is to have a socket of its own: its address is proved, and it has sent a valid packet.
+    pub fn established(&self, now: Instant) -> Option<SocketAddr> {
+        let client = self.client.as_ref();
+        let client = client.filter(|one| one.holds && self.prover.holds(&one.proof, now));
+        client.map(|client| client.address)
+    }
+
+    /// The client's address.
+    pub fn address(&self) -> Option<SocketAddr> {
+        self.client.as_ref().map(|client| client.address)
+    }
+
+    /// Whether a client keeps others out now.
+    pub fn is_held(&self, now: Instant) -> bool {
+        let client = self.client.as_ref();
+        client.is_some_and(|client| client.holds && self.stands(client, now))
+    }
+
+    /// Counts a packet of a stranger, and says now and then why such are not answered.
+    pub fn ignore(&mut self, from: SocketAddr, now: Instant) {
         count(&self.tally.foreign);
         if let Some(client) = &self.client
-            && !std::mem::replace(&mut self.told, true)
+            && let Some(packets) = self.strangers.count(now)
         {
+            let more = match packets {
+                1 => String::new(),
+                more => format!(" ({more} others before them)"),
+            };
             tracing::warn!(
-                "packets from {from} are ignored: {} is the client until it sends Reset or nothing for {} s",
+                "packets from {from} are ignored{more}: {} is the client until it sends Reset or nothing for {} s",
                 client.address,
                 self.options.idle.as_secs_f64()
+            );
+        }
+    }
+
+    /// Whether a packet of so many bytes of exchange `number` may leave. One that leaves without proof is booked.
+    pub fn permit(&mut self, number: u32, length: usize, now: Instant) -> Permit {
+        let Some(client) = self.client.as_mut().filter(|_| number == self.number) else {
+            return Permit::Never;
+        };
+        let permit = if self.prover.holds(&client.proof, now) {
+            Permit::All(client.address)
+        } else if client.proof.spend(client.address, length) {
+            Permit::One(client.address)
+        } else {
+            Permit::Wait
+        };
+        self.tally.await_proof(permit == Permit::Wait);
+        permit
+    }
+
+    /// The next Challenge and its address, if it is time for one.
+    pub fn challenge(&mut self, now: Instant) -> Option<(SocketAddr, Vec<u8>)> {
+        let client = self.client.as_mut().filter(|client| client.holds)?;
+        let (proof, address) = (&mut client.proof, client.address);
+        let personality = self.options.personality;
+        let packet = self.prover.challenge(proof, address, now, personality)?;
+        Some((address, packet))
+    }
+
+    /// Nobody listens at the client's address any more: its exchange ends.
+    pub fn end(&mut self, address: SocketAddr) {
+        let Some(client) = self.client.take_if(|client| client.address == address) else {
+            return;
+        };
+        self.tally.end(self.number);
+        self.tally.await_proof(false);
+        // After a Reset it may go.
+        if client.holds {
+            tracing::warn!(
+                "{address} has closed its socket without a Reset: its exchange has ended, what waits for it is lost"
             );
         }
     }
@@ -77,15 +196,8 @@ impl Exchange {
             && number == self.number
             && client.heard <= asked
         {
-            client.proven = false;
+            client.holds = false;
         }
-    }
-
-    pub fn client_of(&self, number: u32) -> Option<SocketAddr> {
-        self.client
-            .as_ref()
-            .filter(|_| number == self.number)
-            .map(|client| client.address)
     }
 }
 
@@ -94,52 +206,118 @@ mod tests {
     use super::*;
     use skyloop_protocols::personality::NATIVE;
     use skyloop_protocols::{Command, MAX_PACKET, WireTime};
-    use std::time::Duration;
 
     fn at(port: u16) -> SocketAddr {
         SocketAddr::from(([127, 0, 0, 1], port))
     }
 
-    #[test]
-    fn an_exchange_stands_until_it_is_idle_or_released() {
+    fn exchange(idle_ms: u64, proves: bool) -> Exchange {
         let options = Options {
-            idle: Duration::from_millis(40),
+            idle: Duration::from_millis(idle_ms),
             personality: &NATIVE,
             bus: None,
         };
+        Exchange::new(options, Arc::default(), proves)
+    }
+
+    /// A valid packet and one that is not.
+    fn packets() -> (Vec<u8>, Vec<u8>) {
         let mut buffer = [0; MAX_PACKET];
         let length = Command::Ping.encode(0, WireTime(0), &mut buffer).unwrap();
-        let (good, bad) = (&buffer[..length], &buffer[..length - 1]);
-        let tally = Arc::new(Tally::default());
-        let mut exchange = Exchange::new(options, tally);
+        (buffer[..length].to_vec(), buffer[..length - 1].to_vec())
+    }
+
+    #[test]
+    fn an_exchange_stands_until_it_is_idle_or_released() {
+        let (good, bad) = packets();
+        let mut exchange = exchange(40, false);
         let begun = Instant::now();
         let ms = |ms| begun + Duration::from_millis(ms);
-        assert!(
-            exchange.admit(at(1), bad, ms(0)),
-            "anybody may be told that a first packet is bad"
+        use Heard::{Packet, Stranger};
+        // From whom, when, what, and what it is. Releases stand between them.
+        let hear = |exchange: &mut Exchange, steps: &[(u16, u64, &[u8], Heard)]| {
+            for (port, when, packet, expected) in steps {
+                let heard = exchange.hear(at(*port), packet, ms(*when));
+                assert_eq!(heard, *expected, "{port} at {when} ms");
+            }
+        };
+        hear(
+            &mut exchange,
+            &[
+                // Anybody's first packet may be bad, and the next one's too.
+                (1, 0, &bad, Packet(1)),
+                (2, 0, &bad, Packet(2)),
+                // A good one makes it stand, until it is idle.
+                (2, 0, &good, Packet(2)),
+                (1, 39, &good, Stranger),
+                (2, 39, &bad, Packet(2)),
+                (1, 78, &good, Stranger),
+                (1, 79, &bad, Stranger),
+                (1, 79, &good, Packet(3)),
+            ],
         );
-        assert!(exchange.admit(at(2), bad, ms(0)), "and the next one too");
-        assert!(exchange.admit(at(2), good, ms(0)));
-        assert_eq!(
-            (exchange.client_of(1), exchange.client_of(2)),
-            (None, Some(at(2)))
-        );
-        let stands = !exchange.admit(at(1), good, ms(39));
-        assert!(stands, "a good one makes it stand");
-        assert!(exchange.admit(at(2), bad, ms(39)));
-        assert!(!exchange.admit(at(1), good, ms(78)));
-        assert!(!exchange.admit(at(1), bad, ms(79)));
-        assert!(exchange.admit(at(1), good, ms(79)), "until it is idle");
+        let now = ms(80);
+        assert_eq!(exchange.permit(2, 9, now), Permit::Never);
+        assert_eq!(exchange.permit(3, 9, now), Permit::All(at(1)));
+        // Another's release is none, nor one that its client has gone on from.
         exchange.release(2, ms(80));
-        let stands = !exchange.admit(at(2), good, ms(80));
-        assert!(stands, "another's release is none");
-        assert!(exchange.admit(at(1), good, ms(81)));
+        hear(
+            &mut exchange,
+            &[(2, 80, &good, Stranger), (1, 81, &good, Packet(3))],
+        );
         exchange.release(3, ms(80));
-        let stands = !exchange.admit(at(2), good, ms(82));
-        assert!(stands, "nor one that its client has gone on from");
+        hear(&mut exchange, &[(2, 82, &good, Stranger)]);
         exchange.release(3, ms(81));
-        assert!(exchange.admit(at(2), bad, ms(82)), "or released");
-        assert!(exchange.admit(at(3), good, ms(82)));
-        assert_eq!(exchange.client_of(5), Some(at(3)));
+        hear(
+            &mut exchange,
+            &[(2, 82, &bad, Packet(4)), (3, 82, &good, Packet(5))],
+        );
+    }
+
+    #[test]
+    fn a_client_without_proof_gets_little_and_keeps_nobody_out_for_long() {
+        let (good, _) = packets();
+        let mut exchange = exchange(5000, true);
+        let begun = Instant::now();
+        let ms = |ms| begun + Duration::from_millis(ms);
+        assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
+        let (to, challenge) = exchange.challenge(ms(0)).unwrap();
+        assert_eq!(to, at(1));
+        assert_eq!(exchange.established(ms(0)), None);
+        assert_eq!(exchange.permit(1, 21, ms(0)), Permit::One(at(1)));
+        assert_eq!(exchange.permit(1, 264, ms(0)), Permit::Wait);
+        assert!(exchange.tally.awaits_proof());
+        assert_eq!(exchange.hear(at(2), &good, ms(999)), Heard::Stranger);
+        // What another returns proves nothing of the client.
+        assert_eq!(exchange.hear(at(2), &challenge, ms(999)), Heard::Stranger);
+        assert_eq!(exchange.hear(at(1), &challenge, ms(999)), Heard::Proof);
+        assert!(!exchange.tally.awaits_proof());
+        assert_eq!(exchange.permit(1, 1400, ms(999)), Permit::All(at(1)));
+        assert_eq!(exchange.established(ms(999)), Some(at(1)));
+        // Its packets go on, which anybody can forge, and no Challenge comes back.
+        for when in [2000, 4000, 5900] {
+            assert_eq!(exchange.hear(at(1), &good, ms(when)), Heard::Packet(1));
+            assert_eq!(exchange.hear(at(2), &good, ms(when)), Heard::Stranger);
+        }
+        assert_eq!(exchange.permit(1, 1400, ms(5998)), Permit::All(at(1)));
+        assert_eq!(exchange.permit(1, 1400, ms(5999)), Permit::Wait);
+        assert_eq!(exchange.hear(at(2), &good, ms(5999)), Heard::Packet(2));
+        // Without proof that one is out after 1 s, and what proves the next comes first.
+        assert_eq!(exchange.hear(at(3), &good, ms(6998)), Heard::Stranger);
+        assert_eq!(exchange.hear(at(3), &good, ms(6999)), Heard::Packet(3));
+    }
+
+    #[test]
+    fn a_client_that_has_gone_leaves_the_place_free() {
+        let (good, _) = packets();
+        let mut exchange = exchange(5000, false);
+        let now = Instant::now();
+        assert_eq!(exchange.hear(at(1), &good, now), Heard::Packet(1));
+        exchange.end(at(2));
+        assert!(exchange.is_held(now) && !exchange.tally.has_ended(1));
+        exchange.end(at(1));
+        assert!(exchange.tally.has_ended(1));
+        assert_eq!(exchange.permit(1, 9, now), Permit::Never);
+        assert_eq!(exchange.hear(at(2), &good, now), Heard::Packet(2));
     }
 }

@@ -2,6 +2,8 @@
 
 mod carry;
 mod exchange;
+mod own;
+mod proof;
 
 use super::{
     Airtime, BothEnds, Link, LinkError, LinkUrl, Options, Outbound, Outbox, QUEUE, Tally, Wire,
@@ -21,7 +23,7 @@ pub const UDP: Link = Link {
     scheme: "udp",
     example: "udp://127.0.0.1:4810",
     is_bus: false,
-    keys: &["rate_mbit"],
+    keys: &["rate_mbit", "proof"],
     open,
     loopback,
 };
@@ -54,6 +56,15 @@ const RATES_MBIT: std::ops::RangeInclusive<f64> = 0.01..=100_000.0;
 fn limit(url: &LinkUrl) -> Result<Option<f64>, LinkError> {
     let rate = url.decimal_in("rate_mbit", RATES_MBIT)?;
     Ok(rate.map(|mbit| mbit * 1e6 / 8.0))
+}
+
+/// Whether clients of a URL are to prove their addresses.
+fn proves(url: &LinkUrl) -> Result<bool, LinkError> {
+    match url.value("proof") {
+        None | Some("on") => Ok(true),
+        Some("off") => Ok(false),
+        Some(other) => Err(url.refuse(format!("proof = {other}: on or off"))),
+    }
 }
 
 fn airtime(octets_per_s: f64) -> Airtime {
@@ -101,7 +112,7 @@ fn start(
     let tally = Arc::new(Tally::default());
     let (arrivals, inbox) = inbox(tally.clone());
     let (outbox, departures) = channel(QUEUE);
-    let exchange = Exchange::new(options.clone(), tally.clone());
+    let exchange = Exchange::new(options.clone(), tally.clone(), proves(url)?);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_io()
         .enable_time()
@@ -177,7 +188,7 @@ mod tests {
             personality: &NATIVE,
             bus: None,
         };
-        let url = LinkUrl::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}")).unwrap();
+        let url = LinkUrl::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}&proof=off")).unwrap();
         let (mut wire, address) = listen(&url, at(0), &options).unwrap();
         let client = SystemSocket::bind("127.0.0.1:0").unwrap();
         client.send_to(b"hello", address).unwrap();

@@ -85,7 +85,7 @@ pub(super) fn answers(schema: &Schema) -> String {
         .map(Message::type_name)
         .collect();
     let mut out = format!(
-        "use super::codes::{{Mode, Packing, Reason, SyncState, apid}};\nuse super::commands::Output;\nuse super::counters::Counters;\nuse super::ends::{{FrameEnd, Timing}};\nuse super::frames::{{{}}};\n\
+        "use super::codes::{{Mode, Packing, Reason, SyncState, Withheld, apid}};\nuse super::commands::Output;\nuse super::counters::Counters;\nuse super::ends::{{FrameEnd, Timing}};\nuse super::frames::{{{}}};\n\
          use crate::error::{{DecodeError, EncodeError}};\nuse crate::rules::{{positive, rule}};\nuse crate::time::WireTime;\nuse crate::wire::{{Reader, Writer}};\n",
         names.join(", ")
     );

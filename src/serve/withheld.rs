@@ -1,0 +1,170 @@
+//! Frames that a client does not get, and why: logged with the remedy, told in Status, counted in the run's table.
+
+use super::Server;
+use super::channel::Channel;
+use super::deliver::Delivery;
+use crate::link::Every;
+use skyloop_protocols::{MAX_PACKET, Withheld};
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+/// A client that holds a frame up for so long is reported, before the frame is given up.
+pub(super) const SOON: Duration = Duration::from_millis(500);
+/// A frame that takes longer on its link is reported: a client may not wait for it.
+const SLOW: Duration = Duration::from_secs(5);
+
+/// The messages of one link, and since when its client's proof is waited for.
+#[derive(Debug, Default)]
+pub(super) struct Messages {
+    every: BTreeMap<u8, Every>,
+    unproved: Option<Instant>,
+}
+
+/// A reason in a few words, for the run's table.
+fn name(why: Withheld) -> &'static str {
+    match why {
+        Withheld::None => "other",
+        Withheld::NoCredit => "no credit",
+        Withheld::NotRead => "client does not read",
+        Withheld::SlowLink => "link too slow",
+        Withheld::NoProof => "address not proved",
+        Withheld::Lost => "packets lost on the way",
+        Withheld::TooLong => "cannot be encoded",
+        Withheld::Refused => "refused",
+        Withheld::NoClient => "no client",
+    }
+}
+
+/// What to do about it.
+fn remedy(why: Withheld) -> &'static str {
+    match why {
+        Withheld::NoCredit => "grant `received + window` (Credit) after every few frame packets",
+        Withheld::NotRead => "read the link, or send Reset when the client ends",
+        Withheld::SlowLink => "ask for less (Output), a lower rate or a faster link",
+        Withheld::NoProof => {
+            "let the client send the Challenge (APID 0x20B) back as it came, or add proof=off to the link where nobody can forge addresses"
+        }
+        Withheld::Lost => {
+            "enlarge the client's receive buffer (SO_RCVBUF), grant less at a time, or limit the link (rate_mbit)"
+        }
+        Withheld::TooLong => "ask for other labels (Output)",
+        Withheld::Refused => "see the Nack's detail",
+        Withheld::NoClient => "let the client send Ping or Credit first",
+        Withheld::None => "see the counters",
+    }
+}
+
+/// Why a client that has room on its link and no credit holds a frame up.
+fn of_credit(channel: &Channel) -> (Withheld, String) {
+    let credit = &channel.exchange.credit;
+    let (granted, sent) = (credit.granted(), credit.sent());
+    match channel.exchange.window {
+        // It grants what it has received and a window: the window is missing in what has not come.
+        Some(window) if window != granted => (
+            Withheld::Lost,
+            format!(
+                "{sent} packets are sent, and the client grants as if {} of them had come",
+                granted.wrapping_sub(window)
+            ),
+        ),
+        _ => (
+            Withheld::NoCredit,
+            format!("{sent} packets are sent, and Credit grants {granted}"),
+        ),
+    }
+}
+
+/// Why a frame does not move on a link, which `has_room` for it.
+pub(super) fn standstill(channel: &Channel, has_room: bool) -> (Withheld, String) {
+    if channel.wire.tally.awaits_proof() {
+        return (Withheld::NoProof, "its address is not proved".to_string());
+    }
+    if has_room {
+        return of_credit(channel);
+    }
+    (Withheld::NotRead, "the link has no room".to_string())
+}
+
+impl Server {
+    /// Reports that the client of a link does not get a frame, or will not: in the log, not too often, and in Status.
+    pub(super) fn report(&mut self, at: usize, why: Withheld, detail: &str) {
+        let channel = &mut self.channels[at];
+        channel.exchange.withheld = why;
+        let every = channel.messages.every.entry(why.code()).or_default();
+        let Some(times) = every.count(Instant::now()) else {
+            return;
+        };
+        let before = match times {
+            1 => String::new(),
+            more => format!(" ({more} times since the last message)"),
+        };
+        let address = &channel.wire.address;
+        tracing::warn!(
+            "{address}: frames do not reach the client ({}): {detail}; {}{before}",
+            name(why),
+            remedy(why)
+        );
+    }
+
+    /// Counts a frame that a client has not got, and reports it.
+    pub(super) fn withhold(&mut self, at: usize, why: Withheld, detail: &str) {
+        let count = self.stats.withheld.entry(name(why)).or_default();
+        *count = count.saturating_add(1);
+        self.report(at, why, detail);
+    }
+
+    /// Counts a frame that gives way to a newer one.
+    pub(super) fn withhold_older(&mut self, at: usize, frame: u32) {
+        let channel = &self.channels[at];
+        let may_send = channel.exchange.credit.may_send();
+        let (why, detail) = match standstill(channel, !may_send) {
+            (Withheld::NotRead, _) => (Withheld::SlowLink, "the one before still leaves".into()),
+            other => other,
+        };
+        let detail = format!("frame {frame} gives way to a newer one: {detail}");
+        self.withhold(at, why, &detail);
+    }
+
+    /// Reports a frame of so many packets that its link takes long for.
+    pub(super) fn report_slow(&mut self, at: usize, frame: u32, packets: u32) {
+        let Some(airtime) = &self.channels[at].wire.airtime else {
+            return;
+        };
+        let takes = airtime(MAX_PACKET).saturating_mul(packets);
+        if takes >= SLOW {
+            let s = takes.as_secs_f64();
+            let detail =
+                format!("frame {frame} has {packets} packets and takes some {s:.0} s here");
+            self.report(at, Withheld::SlowLink, &detail);
+        }
+    }
+
+    /// Reports links whose client has not proved its address for a while.
+    pub(super) fn report_unproved(&mut self, now: Instant) {
+        for at in 0..self.channels.len() {
+            let channel = &mut self.channels[at];
+            let unproved = &mut channel.messages.unproved;
+            *unproved = match channel.wire.tally.awaits_proof() {
+                true => Some(unproved.unwrap_or(now)),
+                false => None,
+            };
+            let is_due = unproved.is_some_and(|since| now.saturating_duration_since(since) >= SOON);
+            if is_due && channel.exchange.withheld != Withheld::NoProof {
+                self.report(
+                    at,
+                    Withheld::NoProof,
+                    "the client has not returned the Challenge",
+                );
+            }
+        }
+    }
+
+    /// Reports once a frame that has stood still for a while.
+    pub(super) fn report_standstill(&mut self, at: usize, delivery: &mut Delivery, has_room: bool) {
+        if !std::mem::replace(&mut delivery.reported, true) {
+            let (why, detail) = standstill(&self.channels[at], has_room);
+            let detail = format!("frame {} waits: {detail}", delivery.frame);
+            self.report(at, why, &detail);
+        }
+    }
+}

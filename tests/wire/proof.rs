@@ -1,0 +1,104 @@
+//! Whom frames go to over UDP: clients that prove their address, and only while they are there.
+
+use crate::support::client::Client;
+use crate::support::line::{Line, UdpLine, is_challenge};
+use crate::support::{EPOCH, PATIENCE, attitude, await_that, later, on_udp, scene};
+use skyloop::config::Clock;
+use skyloop_protocols::Command;
+use std::time::{Duration, Instant};
+
+/// Bytes of a datagram with its headers: IPv4 20 (RFC 791), UDP 8 (RFC 768).
+fn on_the_wire(packet: &[u8]) -> usize {
+    packet.len() + 28
+}
+
+/// A client of a line that never returns a Challenge.
+struct Deaf(UdpLine);
+
+impl Line for Deaf {
+    fn send(&mut self, packet: &[u8]) {
+        self.0.send(packet);
+    }
+
+    fn recv(&mut self, timeout: Duration) -> Option<Vec<u8>> {
+        self.0.0.set_read_timeout(Some(timeout)).unwrap();
+        let mut buffer = [0; 2048];
+        let length = self.0.0.recv(&mut buffer).ok()?;
+        Some(buffer[..length].to_vec())
+    }
+}
+
+/// What the owner of a forged address sees: it has asked for nothing and answers nothing. X-Val: RFC 9000, section 8.1: at most three times what was sent
+/// in its name.
+#[test]
+fn a_forged_address_gets_three_bytes_for_each_by_every_clock() {
+    for clock in [Clock::Stepped, Clock::Wall, Clock::External] {
+        let (_emulator, line) = on_udp(scene(), clock, 5.0);
+        let mut forged = Client::new(Deaf(line));
+        let (mut sent, mut came, mut challenges) = (0, 0, 0);
+        for sequence in 0..40 {
+            let time = later(EPOCH, 0.05 * f64::from(sequence));
+            let commands = [
+                Command::Credit { packets: 1 << 30 },
+                Command::Attitude(attitude(sequence)),
+                Command::Ping,
+            ];
+            for command in commands {
+                let (packet, _) = forged.prepare(&command, time);
+                forged.line.send(&packet);
+                sent += on_the_wire(&packet);
+            }
+            while let Some(packet) = forged.line.recv(Duration::from_millis(50)) {
+                came += on_the_wire(&packet);
+                challenges += usize::from(is_challenge(&packet));
+                assert!(came <= 3 * sent, "{clock:?}: {came} for {sent}");
+            }
+        }
+        println!("{clock:?}: {came} bytes for {sent}, {challenges} Challenges");
+        assert!(challenges > 1, "{clock:?}");
+    }
+}
+
+#[test]
+fn a_client_that_sends_nothing_any_more_gets_no_stream() {
+    let (_emulator, line) = on_udp(scene(), Clock::Wall, 1.0);
+    let mut client = Client::new(line);
+    client.status();
+    client.good_frame(1);
+    // Credit is not what holds the stream back.
+    client.send(Command::Credit { packets: 1 << 30 });
+    // From now on it returns nothing.
+    let mut deaf = Deaf(client.line);
+    let started = Instant::now();
+    while deaf.recv(Duration::from_secs(2)).is_some() {
+        assert!(started.elapsed() < PATIENCE, "the stream goes on");
+    }
+    // Whoever sends the Challenges back has it again.
+    let mut client = Client::new(deaf.0);
+    client.window = None;
+    await_that("it is heard again", || {
+        client.send(Command::Ping);
+        client.recv(Duration::from_millis(50)).is_some()
+    });
+}
+
+#[test]
+fn a_client_that_has_closed_its_socket_leaves_the_place_at_once() {
+    // An hour of silence is not waited for.
+    let (_emulator, line) = on_udp(scene(), Clock::Wall, 3600.0);
+    let mut second = Client::new(line.another());
+    let mut first = Client::new(line);
+    first.status();
+    first.good_frame(1);
+    first.send(Command::Credit { packets: 1 << 30 });
+    drop(first);
+    await_that("the second client has the place", || {
+        second.send(Command::Ping);
+        second.recv(Duration::from_millis(20)).is_some()
+    });
+    second.start_anew();
+    let before = second.status().counters;
+    second.good_frame(2);
+    // What did not reach the first is lost, or was never sent.
+    assert!(before.frames_abandoned + before.lost_outbound + before.deadlines_missed > 0);
+}
