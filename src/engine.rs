@@ -1,5 +1,6 @@
 //! The engine: one vehicle state in, one labelled frame out.
 
+use crate::abort::Abort;
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::config::Config;
@@ -48,6 +49,8 @@ pub struct Emulator {
     memory: Memory,
     /// And of an earlier label, its objects and its text.
     label: (Vec<ObjectLabel>, String),
+    /// Cancels the frame that is made, from another thread.
+    pub abort: Abort,
     /// What labels say was done because a frame would have been late.
     pub overrun: Option<&'static str>,
     next_frame: u32,
@@ -173,6 +176,7 @@ impl Emulator {
             level: Some(Level::best()),
             memory: Memory::default(),
             label: Default::default(),
+            abort: Abort::default(),
             overrun: None,
             next_frame: 0,
             rejected_records: config.rejected.len() as u32,
@@ -223,7 +227,8 @@ impl Emulator {
         self.shoot_before(&(), &self.camera(), vehicle, repeat)
     }
 
-    /// [`Emulator::shoot`] with the camera as it was set at another time, seen by `witness`.
+    /// [`Emulator::shoot`] with the camera as it was set at another time, seen by `witness`. Fails with [`Unobservable::Abandoned`] once
+    /// [`Emulator::abort`] is set.
     pub fn shoot_before(
         &mut self,
         witness: &dyn Witness,
@@ -233,7 +238,12 @@ impl Emulator {
     ) -> Result<Shot, Unobservable> {
         // What the log says of it is said on another thread.
         let span = tracing::Span::current();
-        crew::together(|| span.in_scope(|| self.made(witness, camera, vehicle, repeat)))
+        let made = crew::together(|| span.in_scope(|| self.made(witness, camera, vehicle, repeat)));
+        // A frame that is abandoned has a number, too: those of later frames do not depend on how far it came.
+        if matches!(made, Ok(_) | Err(Unobservable::Abandoned)) {
+            self.next_frame = self.next_frame.wrapping_add(1);
+        }
+        made
     }
 
     fn made(
@@ -245,6 +255,7 @@ impl Emulator {
     ) -> Result<Shot, Unobservable> {
         let started = Instant::now();
         let scene = self.scene(camera, vehicle, repeat, &self.choice)?;
+        go_on(&scene.view.abort)?;
         let plan = Plan::new(&scene, &self.fidelity, &self.choice);
         if self.next_frame == 0 {
             plan.log();
@@ -258,6 +269,7 @@ impl Emulator {
         let mut label = Label::new_in(objects, number, &scene, &plan, world, self.label_snr);
         label.overrun = self.overrun;
         let json = Arc::new(label.to_json_in(text));
+        go_on(&scene.view.abort)?;
         witness.labelled(Opening {
             number,
             json: json.clone(),
@@ -268,7 +280,7 @@ impl Emulator {
         let done = |first, digits: &[u16]| witness.developed(first, digits);
         let frame = render(&plan, &scene, self.level, self.keep_expected, memory, &done);
         drop(plan);
-        self.next_frame = self.next_frame.wrapping_add(1);
+        go_on(&scene.view.abort)?;
         Ok(Shot {
             number,
             frame,
@@ -351,6 +363,7 @@ impl Emulator {
         let (world, fidelity) = (&self.world, &self.fidelity);
         let mut view = View::new(world, camera, vehicle, exposure, fidelity, key, faint)?;
         view.level = self.level;
+        view.abort = self.abort.clone();
         let view = view.where_shine(&self.world, |name| !choice.off.contains(&name));
         let simulated = simulated(&view, &self.fidelity, choice);
         Ok(Scene::new(view, simulated, &self.fidelity))
@@ -380,6 +393,14 @@ impl Emulator {
     /// Renders by other tolerances from the next frame on, each brought into its range ([`Fidelity::within_ranges`]).
     pub fn set_fidelity(&mut self, fidelity: Fidelity) {
         self.fidelity = fidelity.within_ranges();
+    }
+}
+
+/// Fails if a frame is cancelled.
+fn go_on(abort: &Abort) -> Result<(), Unobservable> {
+    match abort.is_set() {
+        true => Err(Unobservable::Abandoned),
+        false => Ok(()),
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod streak;
 
+use crate::abort::Abort;
 use crate::camera::psf::square;
 use crate::camera::{Camera, LocalPsf, Stamp};
 use crate::fidelity::Fidelity;
@@ -161,6 +162,18 @@ impl Footprint {
         light: &Light,
         level: Option<Level>,
     ) -> Footprint {
+        Footprint::unless(&Abort::default(), track, camera, fidelity, light, level)
+    }
+
+    /// [`Footprint::of`]; empty if it is cancelled.
+    pub(crate) fn unless(
+        abort: &Abort,
+        track: &Track,
+        camera: &Camera,
+        fidelity: &Fidelity,
+        light: &Light,
+        level: Option<Level>,
+    ) -> Footprint {
         if let Some(streak) = Footprint::streak(track, camera, fidelity, light, level) {
             return streak;
         }
@@ -204,6 +217,9 @@ impl Footprint {
         let (mut evaluated, mut wings) = (0, Wings::default());
         let mut collected = Vec::new();
         for (sample, drawn, columns, rows) in boxes {
+            if abort.is_set() {
+                return Footprint::default();
+            }
             let Sample { at, weight, .. } = sample;
             evaluated += (columns.end - columns.start) as u64 * (rows.end - rows.start) as u64;
             let psf = &drawn.psf;

@@ -32,7 +32,7 @@ impl View {
         simulated: &Simulated,
         fidelity: &Fidelity,
     ) -> Option<Source> {
-        if !self.may_hold(candidate) {
+        if self.abort.is_set() || !self.may_hold(candidate) {
             return None;
         }
         let camera = &self.camera;
@@ -86,7 +86,14 @@ impl View {
         Point {
             light,
             centre,
-            footprint: Footprint::of(&track, &self.camera, fidelity, &shine, self.level),
+            footprint: Footprint::unless(
+                &self.abort,
+                &track,
+                &self.camera,
+                fidelity,
+                &shine,
+                self.level,
+            ),
         }
     }
 

@@ -47,6 +47,9 @@ pub enum Unobservable {
         /// What is wrong with it there.
         source: AttitudeError,
     },
+    /// The frame was cancelled while it was made.
+    #[error("the frame was abandoned before it was complete")]
+    Abandoned,
     /// The observer is inside the Moon.
     #[error(
         "the observer is {:.1} km from the Moon's centre at {}: must be above its ground, {:.1} km from there; check state or orbit, units and epochs",

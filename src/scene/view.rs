@@ -3,6 +3,7 @@
 use super::area::{STEPS_PX, most_steps};
 use super::observable::{Unobservable, shutter, turn_at};
 use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
+use crate::abort::Abort;
 use crate::attitude::{Attitude, VehicleState};
 use crate::camera::{Camera, SUN_MAGNITUDE, Side, Stamp};
 use crate::fidelity::Fidelity;
@@ -97,6 +98,8 @@ pub struct View {
     pub key: NoiseKey,
     /// The vector instructions that streaks are drawn with; none: pixel by pixel. All give the same.
     pub level: Option<Level>,
+    /// Cancels the work on the frame: sources then have no image.
+    pub abort: Abort,
     /// Who looks, in the middle of the exposure: without an orbit, from the Earth's centre.
     pub observer: Observer,
     /// Stars in catalogue order, then objects in the population's, planets, the Moon.
@@ -180,6 +183,7 @@ impl View {
             scale_and_corner_px: camera.scale_and_corner_px(),
             key,
             level: Some(Level::best()),
+            abort: Abort::default(),
             observer: shutter[1],
             candidates: Vec::new(),
             moon: (Vector3::zeros(), 1.0),

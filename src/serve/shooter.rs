@@ -1,9 +1,11 @@
 //! The thread that makes frames, so that packets come and go meanwhile.
 
+use crate::abort::Abort;
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::engine::{Emulator, Opening, Shot, Witness};
 use crate::fidelity::Fidelity;
+use crate::scene::Unobservable;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Thread;
@@ -29,6 +31,8 @@ pub(super) struct Order {
     pub overrun: Option<&'static str>,
     /// Whether rows are wanted before all are there.
     pub streams: bool,
+    /// Cancels it.
+    pub abort: Abort,
 }
 
 /// How far a frame is.
@@ -39,6 +43,8 @@ pub(super) enum Progress {
     Developed(usize, Vec<u16>, Instant),
     /// All of it, when, and how long after it was asked for: other cameras may have had their turn first.
     Made(Box<Shot>, Instant, Duration),
+    /// It was cancelled.
+    Abandoned,
     /// It cannot be made.
     Failed(String),
 }
@@ -151,6 +157,7 @@ impl Darkroom {
                         emulator.set_fidelity(fidelity);
                     }
                     emulator.overrun = order.overrun;
+                    emulator.abort = order.abort.clone();
                     self.seen.streams = order.streams;
                     let Order {
                         camera,
@@ -167,6 +174,7 @@ impl Darkroom {
                         Ok(shot) => {
                             Progress::Made(Box::new(shot), Instant::now(), ordered.elapsed())
                         }
+                        Err(Unobservable::Abandoned) => Progress::Abandoned,
                         Err(error) => Progress::Failed(error.to_string()),
                     });
                 }

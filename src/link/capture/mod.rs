@@ -19,6 +19,7 @@ use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -37,6 +38,8 @@ pub struct Record<P> {
     pub exchange: u32,
     /// The emulator had looked for a packet in vain before it took this one: what it did meanwhile may depend on that.
     pub first: bool,
+    /// How many frames the emulator had made when it took this one (in); none: not recorded, and it made no frame at that moment.
+    pub made: Option<u32>,
     /// The packet, or the frame.
     pub item: P,
 }
@@ -176,6 +179,7 @@ impl Capture {
     pub fn tap(&self, wire: &mut Wire, link: u32) {
         wire.inbox.observe(Box::new(Tap {
             link,
+            made: AtomicU32::new(0),
             recorder: self.recorder(),
         }));
         let to = std::mem::replace(&mut wire.outbox, Box::new(super::Closed));
@@ -211,6 +215,7 @@ impl Recorder {
             link: 0,
             exchange: 0,
             first: false,
+            made: None,
             item: *frame,
         });
         self.send(line.into_bytes());
@@ -225,6 +230,8 @@ impl Recorder {
 /// Records what is taken from one link.
 struct Tap {
     link: u32,
+    /// Frames that the emulator has made.
+    made: AtomicU32,
     recorder: Recorder,
 }
 
@@ -236,8 +243,13 @@ impl Observer for Tap {
             link: self.link,
             exchange: inbound.exchange,
             first,
+            made: Some(self.made.load(Ordering::Relaxed)),
             item: inbound.packet.clone(),
         }));
+    }
+
+    fn making(&self, is: bool) {
+        self.made.fetch_add(u32::from(!is), Ordering::Relaxed);
     }
 }
 
@@ -263,6 +275,7 @@ impl Outbox for TappedOutbox {
                 link: self.link,
                 exchange,
                 first: false,
+                made: None,
                 item,
             }));
         }

@@ -13,6 +13,7 @@ use super::lines::Lines;
 use super::near::Near;
 use super::runs::Run;
 use super::sampled::Block;
+use crate::abort::Abort;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use rayon::prelude::*;
@@ -59,6 +60,7 @@ impl<'a> Blur<'a> {
     /// What pixels on and near `sampled` blocks have more than `lines` say, whose grid begins `rim` columns and rows before the detector.
     pub fn runs(
         &self,
+        abort: &Abort,
         lines: &Lines,
         rim: usize,
         sampled: &[Block],
@@ -66,7 +68,8 @@ impl<'a> Blur<'a> {
     ) -> Vec<Run> {
         let patches = self.patches(rim, sampled);
         let places = lines.places();
-        let near = patches.into_par_iter().map(|(at, blocks)| {
+        let patches = patches.into_par_iter().filter(|_| !abort.is_set());
+        let near = patches.map(|(at, blocks)| {
             let near = Near::new(self, at, &blocks, rim);
             (near.runs(lines, &places), near.count())
         });

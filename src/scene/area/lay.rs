@@ -118,7 +118,7 @@ pub fn lay(
     }
     let lines = Lines::new(size, LARGEST, even);
     let sampled = grid.sampled(sampled, &mut asked);
-    let runs = blur.runs(&lines, grid.rim, &sampled, &mut asked);
+    let runs = blur.runs(plane.abort(), &lines, grid.rim, &sampled, &mut asked);
     let light = Light::new(lines.within(grid.rim, detector), Runs::new(detector, runs));
     (light, asked)
 }
@@ -177,8 +177,11 @@ impl Grid<'_, '_> {
     }
 
     /// The light (e-) of a pixel around a place: the mean over its time, or where the pattern moves by little, that in its
-    /// middle; none where the plane has no direction.
+    /// middle; none where the plane has no direction, or the work is cancelled.
     pub fn at(&self, x: f64, y: f64, asked: &mut Asked) -> Option<f64> {
+        if self.plane.abort().is_set() {
+            return None;
+        }
         let (seen, taken) = self.plane.taken([x, y])?;
         let [middle_s, duration_s] = self.plane.open_s(y);
         let moved_px = self.motion * self.plane.scale_px();

@@ -77,7 +77,7 @@ impl Grid<'_, '_> {
         for (j, (row, skies)) in block.e.iter_mut().zip(skies).enumerate() {
             for (i, e) in row.iter_mut().enumerate() {
                 let at = [at[0] + i, at[1] + j];
-                if !self.is_needed(at, 1) {
+                if !self.is_needed(at, 1) || self.plane.abort().is_set() {
                     continue;
                 }
                 let [x, y] = at.map(|from| from as f64 - self.rim as f64);
