@@ -30,6 +30,8 @@ pub struct Run {
     pub on_overrun: OnOverrun,
     /// What is made coarser then, one after another.
     pub coarsen: Vec<Coarser>,
+    /// What the work on a frame may cost, s on one core for each megapixel, and at least so much for smaller frames.
+    pub work_limit_s: f64,
     /// What is made of an attitude that is too old.
     pub staleness: Staleness,
     /// What is done with an attitude that is older than one before it.
@@ -133,6 +135,7 @@ impl Default for Run {
             delay: Delay::default(),
             on_overrun: raw.on_overrun,
             coarsen: Vec::new(),
+            work_limit_s: raw.work_limit_s,
             staleness: Staleness {
                 limit_s: raw.stale_s,
                 then: raw.on_stale,
@@ -191,6 +194,7 @@ pub(super) struct RawRun {
     jitter_s: f64,
     on_overrun: OnOverrun,
     coarsen: Vec<String>,
+    work_limit_s: f64,
     stale_s: f64,
     on_stale: OnStale,
     out_of_order: OutOfOrder,
@@ -241,6 +245,7 @@ impl Default for RawRun {
             jitter_s: 0.0,
             on_overrun: OnOverrun::default(),
             coarsen: vec!["fast".to_string()],
+            work_limit_s: 2.0,
             stale_s: 1.0,
             on_stale: OnStale::default(),
             out_of_order: OutOfOrder::default(),
@@ -292,6 +297,7 @@ impl RawRun {
             },
             on_overrun: self.on_overrun,
             coarsen: fidelity::steps(&self.coarsen, check)?,
+            work_limit_s: check.range("run.work_limit_s", self.work_limit_s, 0.01..=1e6)?,
             staleness: Staleness {
                 limit_s: check.range("run.stale_s", self.stale_s, 0.0..=1e6)?,
                 then: self.on_stale,

@@ -88,6 +88,7 @@ impl Server {
             false => overrun,
         };
         let order = Order {
+            number,
             camera,
             vehicle: pointing.vehicle,
             repeat,
@@ -95,6 +96,7 @@ impl Server {
             overrun,
             streams: !in_step && self.wants_rows(),
             abort: Abort::default(),
+            coarser: self.overrun.coarser_than(level),
         };
         self.abort = order.abort.clone();
         let asked = Asked {
@@ -169,11 +171,16 @@ impl Server {
         };
         let picture = &mut self.pictures[at];
         match news {
-            // It was complete before the renderer saw that it is cancelled.
+            Progress::Coarsened => {
+                picture.asked.level += 1;
+                picture.asked.overrun = Some("coarsen");
+            }
+            // It was complete, or refused, before the renderer saw that it is cancelled.
             Progress::Made(shot, ..) if self.abort.is_set() => {
                 self.kept.keep(shot);
                 self.abandon_picture(at);
             }
+            Progress::Failed(_) if self.abort.is_set() => self.abandon_picture(at),
             Progress::Abandoned => self.abandon_picture(at),
             Progress::Labelled(opening) => {
                 picture.opening = Some(opening);

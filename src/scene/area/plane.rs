@@ -1,6 +1,6 @@
 //! From a pixel to the sky: where its middle looks, and how much of an evenly bright sky it takes.
 
-use crate::abort::Abort;
+use crate::abort::WorkLimit;
 use crate::camera::{Camera, Projection, Vignetting};
 use crate::scene::{Simulated, View};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -35,9 +35,9 @@ impl<'a> Plane<'a> {
         }
     }
 
-    /// Cancels the work on its light.
-    pub fn abort(&self) -> &Abort {
-        &self.view.abort
+    /// What the work on its light may cost.
+    pub fn limit(&self) -> &WorkLimit {
+        &self.view.limit
     }
 
     fn camera(&self) -> &Camera {
