@@ -1,5 +1,6 @@
 //! The engine: one vehicle state in, one labelled frame out.
 
+use crate::abort::{Abort, WorkLimit};
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::config::Config;
@@ -7,7 +8,7 @@ use crate::crew;
 use crate::fidelity::{Choice, Fidelity};
 use crate::frame::{Frame, Memory};
 use crate::label::{Label, ObjectLabel};
-use crate::plan::{Plan, simulated};
+use crate::plan::{Plan, allowed, simulated_at};
 use crate::render::render;
 use crate::rng::NoiseKey;
 use crate::scene::{Exposure, Faint, Scene, Unknown, Unobservable, View, World};
@@ -25,6 +26,10 @@ use std::time::{Duration, Instant};
 
 /// Room for a label's text, octets, as much as most ever have: it does not move to other memory where more is in view. What is not touched is not resident.
 const LABEL: usize = 2 << 20;
+
+/// How many times the limit a frame's work is estimated to be where it is refused before it begins. Else it is counted as it is done: of edges that do not
+/// cross the field, or are full of light, prices are some 30 times too high.
+const SURELY: f64 = 100.0;
 
 /// Threads that are warmed up, of many the first few.
 const LEADERS: usize = 4;
@@ -48,6 +53,10 @@ pub struct Emulator {
     memory: Memory,
     /// And of an earlier label, its objects and its text.
     label: (Vec<ObjectLabel>, String),
+    /// What the work on a frame may cost, s on one core for each megapixel, and at least so much for smaller frames; none: anything.
+    pub work_limit_s: Option<f64>,
+    /// Cancels the frame that is made, from another thread.
+    pub abort: Abort,
     /// What labels say was done because a frame would have been late.
     pub overrun: Option<&'static str>,
     next_frame: u32,
@@ -173,6 +182,8 @@ impl Emulator {
             level: Some(Level::best()),
             memory: Memory::default(),
             label: Default::default(),
+            work_limit_s: None,
+            abort: Abort::default(),
             overrun: None,
             next_frame: 0,
             rejected_records: config.rejected.len() as u32,
@@ -210,6 +221,11 @@ impl Emulator {
         self.rejected_records
     }
 
+    /// Gives the next frame another number.
+    pub fn number_next(&mut self, number: u32) {
+        self.next_frame = number;
+    }
+
     /// Number of the next frame.
     pub fn next_frame(&self) -> u32 {
         self.next_frame
@@ -218,12 +234,13 @@ impl Emulator {
     /// The frame of an exposure whose middle is `vehicle`'s epoch. `repeat`: how many frames were made of the
     /// same attitude message before; 0 gives the same noise again.
     ///
-    /// Fails only where [`View::new`] does.
+    /// Fails only where [`Emulator::scene`] does.
     pub fn shoot(&mut self, vehicle: &VehicleState, repeat: u32) -> Result<Shot, Unobservable> {
         self.shoot_before(&(), &self.camera(), vehicle, repeat)
     }
 
-    /// [`Emulator::shoot`] with the camera as it was set at another time, seen by `witness`.
+    /// [`Emulator::shoot`] with the camera as it was set at another time, seen by `witness`. Fails with [`Unobservable::Abandoned`] once
+    /// [`Emulator::abort`] is set.
     pub fn shoot_before(
         &mut self,
         witness: &dyn Witness,
@@ -233,7 +250,12 @@ impl Emulator {
     ) -> Result<Shot, Unobservable> {
         // What the log says of it is said on another thread.
         let span = tracing::Span::current();
-        crew::together(|| span.in_scope(|| self.made(witness, camera, vehicle, repeat)))
+        let made = crew::together(|| span.in_scope(|| self.made(witness, camera, vehicle, repeat)));
+        // A frame that is abandoned has a number, too: those of later frames do not depend on how far it came.
+        if matches!(made, Ok(_) | Err(Unobservable::Abandoned)) {
+            self.next_frame = self.next_frame.wrapping_add(1);
+        }
+        made
     }
 
     fn made(
@@ -245,6 +267,7 @@ impl Emulator {
     ) -> Result<Shot, Unobservable> {
         let started = Instant::now();
         let scene = self.scene(camera, vehicle, repeat, &self.choice)?;
+        go_on(&scene.view.limit)?;
         let plan = Plan::new(&scene, &self.fidelity, &self.choice);
         if self.next_frame == 0 {
             plan.log();
@@ -258,6 +281,11 @@ impl Emulator {
         let mut label = Label::new_in(objects, number, &scene, &plan, world, self.label_snr);
         label.overrun = self.overrun;
         let json = Arc::new(label.to_json_in(text));
+        go_on(&scene.view.limit)?;
+        // Bounds in the label may have the images made once more.
+        if scene.view.limit.is_exceeded() {
+            return Err(scene.view.too_much(self.limit_s(camera)));
+        }
         witness.labelled(Opening {
             number,
             json: json.clone(),
@@ -269,6 +297,7 @@ impl Emulator {
         let frame = render(&plan, &scene, self.level, self.keep_expected, memory, &done);
         drop(plan);
         self.next_frame = self.next_frame.wrapping_add(1);
+        go_on(&scene.view.limit)?;
         Ok(Shot {
             number,
             frame,
@@ -333,7 +362,8 @@ impl Emulator {
 
     /// What an exposure sees, its middle at `vehicle`'s epoch, with the effects that `choice` allows.
     ///
-    /// Fails only where [`View::new`] does.
+    /// Fails only where [`View::new`] does, and where the work exceeds [`Emulator::work_limit_s`]. Where area light fills every pixel, a frame that would exceed it
+    /// is made as if nothing moved.
     pub fn scene(
         &self,
         camera: &Arc<Camera>,
@@ -346,14 +376,47 @@ impl Emulator {
             sequence: vehicle.sequence,
             repeat,
         };
+        let limit_s = self.limit_s(camera);
         let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
         let faint = self.faint(camera, choice);
         let (world, fidelity) = (&self.world, &self.fidelity);
         let mut view = View::new(world, camera, vehicle, exposure, fidelity, key, faint)?;
         view.level = self.level;
-        let view = view.where_shine(&self.world, |name| !choice.off.contains(&name));
-        let simulated = simulated(&view, &self.fidelity, choice);
-        Ok(Scene::new(view, simulated, &self.fidelity))
+        let mut view = view.where_shine(&self.world, |name| !choice.off.contains(&name));
+        loop {
+            view.limit = WorkLimit::new(limit_s, self.abort.clone());
+            let (simulated, price_ms) = simulated_at(&view, fidelity, choice);
+            let foreseen_s = price_ms * 1e-3 / SURELY;
+            let too_much = view.too_much(limit_s);
+            let is_exceeded = limit_s.is_some_and(|limit_s| foreseen_s > limit_s);
+            if !is_exceeded {
+                let scene = Scene::new(view, simulated, fidelity);
+                if !scene.view.limit.is_exceeded() {
+                    tracing::debug!(
+                        "images and light: {:.3} s on one core",
+                        scene.view.limit.spent_s()
+                    );
+                    return Ok(scene);
+                }
+                view = scene.view;
+            }
+            if view.still_in_flood || view.limit.is_cancelled() {
+                return Err(too_much);
+            }
+            // Where light fills every pixel nobody sees what moves.
+            view.limit = WorkLimit::new(limit_s, self.abort.clone());
+            if !view.is_flooded(&allowed(choice), fidelity) {
+                return Err(too_much);
+            }
+            view.still_in_flood = true;
+        }
+    }
+
+    /// What a frame may cost, s on one core.
+    fn limit_s(&self, camera: &Camera) -> Option<f64> {
+        let megapixels = camera.detector.pixels() as f64 * 1e-6;
+        self.work_limit_s
+            .map(|limit_s| limit_s * megapixels.max(1.0))
     }
 
     /// What is too faint for an image: what is lost in read noise and in the steps of the converter, but nothing that labels are to list.
@@ -380,6 +443,14 @@ impl Emulator {
     /// Renders by other tolerances from the next frame on, each brought into its range ([`Fidelity::within_ranges`]).
     pub fn set_fidelity(&mut self, fidelity: Fidelity) {
         self.fidelity = fidelity.within_ranges();
+    }
+}
+
+/// Fails if a frame is cancelled.
+fn go_on(limit: &WorkLimit) -> Result<(), Unobservable> {
+    match limit.is_cancelled() {
+        true => Err(Unobservable::Abandoned),
+        false => Ok(()),
     }
 }
 

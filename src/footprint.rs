@@ -1,12 +1,14 @@
 //! Where the light of a point source falls: its share on each pixel of the detector.
 
+mod drawn;
 mod streak;
 
-use crate::camera::psf::square;
-use crate::camera::{Camera, LocalPsf, Stamp};
+use crate::abort::WorkLimit;
+use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use crate::kernels::{self, Span};
 use crate::track::{Sample, Track, Window};
+use drawn::Drawn;
 use skyloop_orbit::sgp4_batch::Level;
 use std::ops::Range;
 
@@ -62,57 +64,14 @@ impl Default for Light {
 /// Light (e-) that counts for nothing: its shares are near what is too small for single precision, where processors are slow.
 const LEAST_E: f64 = 1e-20;
 
-/// How the light of a point is drawn.
-struct Drawn<'a> {
-    psf: LocalPsf<'a>,
-    /// Columns and rows of pixels around it, on the unbounded plane.
-    square: [Range<i64>; 2],
-    /// Half its side, px.
-    reach: f64,
-}
-
-impl Drawn<'_> {
-    fn around<'a>(
-        at: [f64; 2],
-        camera: &'a Camera,
-        fidelity: &Fidelity,
-        light: &Light,
-    ) -> Drawn<'a> {
-        let psf = camera.optics.psf_at(at, light.wavelength_ratio);
-        let reach = psf.drawn_px(fidelity, light.electrons);
-        let square = square(at, reach);
-        Drawn { psf, square, reach }
-    }
-
-    /// Where the centre of `rest` must be for it and the `light` of all the square's pixels to be centred on `at`.
-    fn rest_around(&self, at: [f64; 2], rest: f64, light: &[f64]) -> [f64; 2] {
-        let [columns, rows] = &self.square;
-        let mut moments = [0.0; 2];
-        for (row, light) in rows
-            .clone()
-            .zip(light.chunks_exact(columns.end.abs_diff(columns.start) as usize))
-        {
-            let (mut sum, mut along) = (0.0, 0.0);
-            for (column, light) in columns.clone().zip(light) {
-                sum += light;
-                along += light * (column as f64 - at[0]);
-            }
-            moments = [moments[0] + along, moments[1] + sum * (row as f64 - at[1])];
-        }
-        [0, 1].map(|axis| at[axis] - moments[axis] / rest)
-    }
-
-    /// A share for each of the square's pixels `i` along an axis, so that all make 1 and their centre is at `centre`, as far
-    /// as none is below 0: `w_i = (1 + 12 (i - m) (centre - m) / (n^2 - 1)) / n` for `n` pixels around `m`.
-    fn even(&self, axis: usize, centre: [f64; 2]) -> impl Fn(i64) -> f64 {
-        let Range { start, end } = self.square[axis];
-        let (n, middle) = ((end - start) as f64, (start + end - 1) as f64 / 2.0);
-        let steepest = 2.0 / (n - 1.0).max(1.0);
-        let tilt = 12.0 * (centre[axis] - middle) / (n * n - 1.0).max(1.0);
-        let tilt = tilt.clamp(-steepest, steepest) / n;
-        move |i| 1.0 / n + tilt * (i as f64 - middle)
-    }
-}
+/// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds, memory that is new.
+pub const PIXEL_NS: f64 = 9.0;
+/// The same of large footprints, which caches do not hold, and drawn.
+pub const HELD_NS: f64 = 25.0;
+/// ns of a point of a streak of a Gaussian.
+pub const DOT_NS: f64 = 25.0;
+/// ns of each pixel around it.
+pub const LAID_NS: f64 = 0.3;
 
 /// The spans of rows that are `reached` from a column up to another, one after another on a detector so wide, and how many pixels they have.
 fn spans_of(reached: &[(i64, i64)], width: i64) -> (Vec<Span>, u32) {
@@ -161,7 +120,19 @@ impl Footprint {
         light: &Light,
         level: Option<Level>,
     ) -> Footprint {
-        if let Some(streak) = Footprint::streak(track, camera, fidelity, light, level) {
+        Footprint::unless(&WorkLimit::default(), track, camera, fidelity, light, level)
+    }
+
+    /// [`Footprint::of`], of work that is limited; empty once that is over.
+    pub(crate) fn unless(
+        limit: &WorkLimit,
+        track: &Track,
+        camera: &Camera,
+        fidelity: &Fidelity,
+        light: &Light,
+        level: Option<Level>,
+    ) -> Footprint {
+        if let Some(streak) = Footprint::streak(limit, track, camera, fidelity, light, level) {
             return streak;
         }
         let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
@@ -190,6 +161,12 @@ impl Footprint {
             .max()
             .unwrap_or(first_row);
 
+        let stamps_ns = boxes.iter().map(|(_, _, columns, rows)| {
+            let [wide, high] = [columns, rows].map(|range| (range.end - range.start) as f64);
+            camera.optics.psf.stamp_ns((wide * high).sqrt())
+        });
+        limit.spend(stamps_ns.sum());
+
         let mut reached = vec![(i64::MAX, 0); (past_row - first_row) as usize];
         for (_, _, columns, rows) in &boxes {
             for row in
@@ -199,11 +176,18 @@ impl Footprint {
             }
         }
         let (spans, total) = spans_of(&reached, width);
+        limit.spend(f64::from(total) * HELD_NS);
+        if limit.is_over() {
+            return Footprint::default();
+        }
         let mut shares = vec![0.0f32; total as usize];
         let mut stamp = Stamp::of(level);
         let (mut evaluated, mut wings) = (0, Wings::default());
         let mut collected = Vec::new();
         for (sample, drawn, columns, rows) in boxes {
+            if limit.is_over() {
+                return Footprint::default();
+            }
             let Sample { at, weight, .. } = sample;
             evaluated += (columns.end - columns.start) as u64 * (rows.end - rows.start) as u64;
             let psf = &drawn.psf;

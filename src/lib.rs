@@ -15,6 +15,7 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+pub mod abort;
 pub mod attitude;
 pub mod camera;
 pub mod config;

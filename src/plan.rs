@@ -30,6 +30,21 @@ pub struct Plan<'s> {
 /// The effects that this view's frame has: those that shape images where they are needed, and all others but those that
 /// are switched off. (What they leave out where they are not needed lies within the tolerances.)
 pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated {
+    simulated_at(view, fidelity, choice).0
+}
+
+/// All effects that are not switched off.
+pub fn allowed(choice: &Choice) -> Simulated {
+    let mut allowed = Simulated::default();
+    let effects = EFFECTS.iter();
+    let effects = effects.filter(|effect| switched_off(effect, choice).is_none());
+    effects.for_each(|effect| (effect.mark)(&mut allowed));
+    allowed
+}
+
+/// [`simulated`], and what those that shape images are expected to take, ms on one core.
+pub fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (Simulated, f64) {
+    let mut price_ms = 0.0;
     let mut simulated = Simulated {
         noise: choice.noise,
         ..Simulated::default()
@@ -39,7 +54,9 @@ pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated
             Judge::Images(judge, _) => {
                 switched_off(effect, choice).is_none() && {
                     let need = judge(view, &simulated, fidelity);
-                    refusal(&need, fidelity, choice).is_none()
+                    let runs = refusal(&need, fidelity, choice).is_none();
+                    price_ms += if runs { need.price_ms } else { 0.0 };
+                    runs
                 }
             }
             Judge::Pixels(_) => !choice.off.contains(&effect.name),
@@ -48,7 +65,7 @@ pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> Simulated
             (effect.mark)(&mut simulated);
         }
     }
-    simulated
+    (simulated, price_ms)
 }
 
 /// Why an effect is not asked; none if it is.

@@ -113,7 +113,10 @@ fn bands(
     let band = width * BAND_ROWS;
     // Each thread takes the next band from the top: what is done is a whole upper part of the frame, which can leave.
     let left = Mutex::new(digits.chunks_mut(band).enumerate());
-    let next = || left.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let next = || {
+        let mut left = left.lock().unwrap_or_else(PoisonError::into_inner);
+        left.next().filter(|_| !scene.view.limit.is_cancelled())
+    };
     (0..rayon::current_num_threads())
         .into_par_iter()
         .for_each(|_| {
@@ -147,12 +150,17 @@ fn run(
 ) {
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     for group in passes.chunk_by(|a, b| !is_whole(a) && !is_whole(b)) {
+        if scene.view.limit.is_cancelled() {
+            return;
+        }
         if let [Pass::Frame(pass)] = group {
             pass(&mut Charge { width, electrons });
             continue;
         }
         if level.is_some() {
-            tiles(scene, level, electrons, digits).for_each(|mut tile| go_over(&mut tile, group));
+            let tiles = tiles(scene, level, electrons, digits);
+            let tiles = tiles.filter(|_| !scene.view.limit.is_cancelled());
+            tiles.for_each(|mut tile| go_over(&mut tile, group));
             continue;
         }
         let mut whole = Tile {

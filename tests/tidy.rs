@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The modules of `src/`; each imports from lines above its own only.
 const LAYERS: &[&[&str]] = &[
-    &["range"],
+    &["range", "abort"],
     &[
         "attitude", "crew", "fidelity", "host", "lanes", "load", "realtime", "rng", "timing",
     ],

@@ -99,10 +99,20 @@ impl Radiation {
     /// The particles of one exposure: a Poisson number about `expected`, each keyed by its own index. No more
     /// are drawn than [`Radiation::most_events`]: the anomaly reaches that in exposures of hours.
     pub fn events(&self, detector: &Detector, expected: f64, key: NoiseKey) -> Vec<Event> {
+        self.each_event(detector, expected, key).collect()
+    }
+
+    /// [`Radiation::events`], one after another.
+    pub(crate) fn each_event(
+        &self,
+        detector: &Detector,
+        expected: f64,
+        key: NoiseKey,
+    ) -> impl Iterator<Item = Event> {
         let expected = nearest(expected, 0.0..=self.most_events(detector));
         let count = PixelStream::new(key, STREAM, 0).poisson(expected) as u32;
-        let events = (1..=count).map(|index| self.event(detector, key, index));
-        events.filter(|event| !event.pixels.is_empty()).collect()
+        let events = (1..=count).map(move |index| self.event(detector, key, index));
+        events.filter(|event| !event.pixels.is_empty())
     }
 
     /// One particle of an isotropic flux. Through a plane its direction has the density `2 cos(theta)`.

@@ -64,6 +64,9 @@ pub struct Args {
     /// List objects in the labels down to this signal-to-noise ratio [default: 1, or the scene's]
     #[arg(long, value_name = "SNR", value_parser = not_negative, allow_hyphen_values = true)]
     label_snr: Option<f64>,
+    /// Refuse a frame that costs more than so many seconds on one core for each megapixel, and at least so much for smaller frames [default: no limit]
+    #[arg(long, value_name = "S", value_parser = work_limit, allow_hyphen_values = true)]
+    work_limit: Option<f64>,
     /// Folder for frames and labels; made if it does not exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -109,6 +112,13 @@ fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
+fn work_limit(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.01..=1e6).contains(&value) => Ok(value),
+        _ => Err("a number of seconds from 0.01 to 1e6 is wanted".to_string()),
+    }
+}
+
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = configure(&args)?;
@@ -117,6 +127,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mission = mission(&config, args.scene.as_deref())?;
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = !args.no_noise;
+    emulator.work_limit_s = args.work_limit;
     let chosen = args
         .budget
         .settle(&mut emulator, &AtomicBool::new(false), || {

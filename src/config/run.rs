@@ -31,6 +31,8 @@ pub struct Run {
     pub on_overrun: OnOverrun,
     /// What is made coarser then, one after another.
     pub coarsen: Vec<Coarser>,
+    /// What the work on a frame may cost, s on one core for each megapixel, and at least so much for smaller frames.
+    pub work_limit_s: f64,
     /// What is made of an attitude that is too old.
     pub staleness: Staleness,
     /// What is done with an attitude that is older than one before it.
@@ -134,6 +136,7 @@ impl Default for Run {
             delay: Delay::default(),
             on_overrun: raw.on_overrun,
             coarsen: Vec::new(),
+            work_limit_s: raw.work_limit_s,
             staleness: Staleness {
                 limit_s: raw.stale_s,
                 then: raw.on_stale,
@@ -208,6 +211,8 @@ pub(super) struct RawRun {
     /// By what, one after another until it is in time: presets, or knobs such as "wing_e = 0.5", of what stands before; nothing is made
     /// finer
     coarsen: Vec<String>,
+    /// In s of a core per megapixel, at least one: the most work on a frame; one that is estimated dearer is refused
+    work_limit_s: f64,
     /// In s: an attitude that is older in the middle of an exposure is stale; one that lies further ahead of it, of the future
     stale_s: f64,
     /// Extrapolate (carried by its rates all the same), hold (the body stands still at the limit), invalid (likewise, and marked so)
@@ -266,6 +271,7 @@ impl Default for RawRun {
             jitter_s: 0.0,
             on_overrun: OnOverrun::default(),
             coarsen: vec!["fast".to_string()],
+            work_limit_s: 2.0,
             stale_s: 1.0,
             on_stale: OnStale::default(),
             out_of_order: OutOfOrder::default(),
@@ -317,6 +323,7 @@ impl RawRun {
             },
             on_overrun: self.on_overrun,
             coarsen: fidelity::steps(&self.coarsen, check)?,
+            work_limit_s: check.range("run.work_limit_s", self.work_limit_s, 0.01..=1e6)?,
             staleness: Staleness {
                 limit_s: check.range("run.stale_s", self.stale_s, 0.0..=1e6)?,
                 then: self.on_stale,

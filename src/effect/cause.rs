@@ -3,6 +3,10 @@
 use crate::scene::{Body, Hidden, MOON, Scene, Source};
 use crate::sky::field::Unseen;
 
+/// Why nothing moves in a frame that costs too much.
+pub(super) const STILL_IN_FLOOD: &str =
+    "all pixels are full of other light, and motion would cost more than the limit of work";
+
 /// A figure of a text: three digits.
 pub fn digits(value: f64) -> String {
     match value.abs() {

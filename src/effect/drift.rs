@@ -17,6 +17,7 @@
 //!
 //! Price: some ten products each time a star is looked at.
 
+use super::cause::STILL_IN_FLOOD;
 use super::shown::changed_e;
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
@@ -35,6 +36,9 @@ pub const ABERRATION_DRIFT: Effect = Effect {
 };
 
 fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
+    if view.still_in_flood {
+        return Need::none(STILL_IN_FLOOD);
+    }
     let [start, end] = view.velocity_change_m_s.map(|dv| dv.norm());
     if start.max(end) == 0.0 {
         return Need::none(why_none(view));

@@ -9,7 +9,7 @@
 //! Reference: the integral above, held against direct integration. Validity: body rates are constant during the exposure; an object's
 //! own track is a parabola. Price: the pixels of an image once more for each step of half a PSF's width along its track.
 
-use super::cause::digits;
+use super::cause::{STILL_IN_FLOOD, digits};
 use super::shown::{areas_changed_e, changed_e};
 use super::{Effect, Judge, Loss, Need, Stage};
 use crate::fidelity::Fidelity;
@@ -25,6 +25,9 @@ pub const SMEAR: Effect = Effect {
 };
 
 fn judge(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> Need<'static> {
+    if view.still_in_flood {
+        return Need::none(STILL_IN_FLOOD);
+    }
     let length_px = view.longest_track_px(view.exposure.duration_s);
     let swing_px = view.areas_swing_px(view.exposure.duration_s);
     // What stands still does so for a rolling shutter too, whose rows see it elsewhere.

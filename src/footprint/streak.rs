@@ -1,6 +1,7 @@
 //! The footprint of a streak whose light a Gaussian spreads that is the same everywhere: points of it are laid on pixels by a kernel.
 
-use super::{Footprint, Light, Wings};
+use super::{DOT_NS, Footprint, HELD_NS, LAID_NS, Light, Wings};
+use crate::abort::WorkLimit;
 use crate::camera::Camera;
 use crate::fidelity::Fidelity;
 use crate::kernels::{self, BESIDE, Circle, Dot, Ends, ROWS, Real, Sheet, Span};
@@ -27,6 +28,7 @@ struct Rows {
 impl Footprint {
     /// That of a track of several points whose light all rows collect; none of other tracks and spreads.
     pub(super) fn streak(
+        limit: &WorkLimit,
         track: &Track,
         camera: &Camera,
         fidelity: &Fidelity,
@@ -64,6 +66,11 @@ impl Footprint {
             }
         }
         let circle = Circle::new(radius);
+        let side = circle.side as f64;
+        limit.spend(dots.len() as f64 * (DOT_NS + side * side * LAID_NS));
+        if limit.is_over() {
+            return Some(Footprint::default());
+        }
         let Some(rows) = Rows::of(&dots, &circle, level) else {
             return Some(Footprint::default());
         };
@@ -80,6 +87,7 @@ impl Footprint {
                 rows.cut(&light, sides)
             }
         };
+        limit.spend(footprint.shares.len() as f64 * HELD_NS);
         Some(Footprint {
             evaluated: (dots.len() * circle.side * circle.side) as u64,
             wings: Wings {
@@ -221,7 +229,14 @@ mod tests {
             samples: samples.collect(),
         };
         let fidelity = Fidelity::REALTIME;
-        let streak = Footprint::streak(&track, &camera, &fidelity, &Light::default(), None);
+        let streak = Footprint::streak(
+            &WorkLimit::default(),
+            &track,
+            &camera,
+            &fidelity,
+            &Light::default(),
+            None,
+        );
         let mut pixels = vec![0.0; 256 * 256];
         streak.unwrap().light(None, 1.0, 0..256, 256, &mut pixels);
         pixels

@@ -59,6 +59,14 @@ pub(crate) trait Observer: Send + Sync {
 
     /// It looks in vain.
     fn empty(&self) {}
+
+    /// It begins to make a frame, or ends.
+    fn making(&self, _is: bool) {}
+
+    /// Whether it may not end the frame that it makes before it has taken another packet: a recorded one had come meanwhile.
+    fn holds_frame(&self) -> bool {
+        false
+    }
 }
 
 /// The emulator has dropped its end.
@@ -179,6 +187,19 @@ impl Inbox {
                 Err(TryRecvError::Empty)
             }
         }
+    }
+
+    /// The emulator begins to make a frame, or ends.
+    pub(crate) fn making(&self, is: bool) {
+        if let Some(observer) = &self.observer {
+            observer.making(is);
+        }
+    }
+
+    /// Whether the frame that is made may not end before another packet is taken.
+    pub(crate) fn holds_frame(&self) -> bool {
+        let observer = self.observer.as_ref();
+        observer.is_some_and(|observer| observer.holds_frame())
     }
 
     fn observed(&self, inbound: Inbound) -> Inbound {

@@ -3,11 +3,12 @@
 use super::collected::Collected;
 use super::view::{Candidate, View};
 use super::wanderer::Element;
+use super::work::{LOOK_NS, POINT_NS, ROW_NS};
 use super::{Area, Body, Full, Simulated, Source};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
 use crate::footprint::Footprint;
-use crate::track::{Course, Even, Place, Rows, Track};
+use crate::track::{Course, Even, Lit, Place, Rows, Track};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -32,7 +33,7 @@ impl View {
         simulated: &Simulated,
         fidelity: &Fidelity,
     ) -> Option<Source> {
-        if !self.may_hold(candidate) {
+        if self.limit.is_over() || !self.may_hold(candidate) {
             return None;
         }
         let camera = &self.camera;
@@ -79,6 +80,14 @@ impl View {
     ) -> Point {
         // Where nothing takes of the light, not even the last digit of a sum does.
         let whole = !simulated.rolling && !simulated.vignetting;
+        self.limit.spend(self.track_ns(&track, candidate, fidelity));
+        if self.limit.is_over() {
+            return Point {
+                light: 0.0,
+                centre: track.start,
+                footprint: Footprint::default(),
+            };
+        }
         let shine = candidate.shine();
         let Collected { light, centre } = Collected::of(&track, &self.camera, fidelity, &shine);
         let light = if whole { 1.0 } else { light };
@@ -86,8 +95,28 @@ impl View {
         Point {
             light,
             centre,
-            footprint: Footprint::of(&track, &self.camera, fidelity, &shine, self.level),
+            footprint: Footprint::unless(
+                &self.limit,
+                &track,
+                &self.camera,
+                fidelity,
+                &shine,
+                self.level,
+            ),
         }
+    }
+
+    /// What sampling a track takes, and what rows collect of it, ns.
+    fn track_ns(&self, track: &Track, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
+        let detector = &self.camera.detector;
+        let reach_px = self
+            .camera
+            .optics
+            .psf
+            .drawn_px(fidelity, candidate.shine().electrons);
+        let rows = (2.0 * reach_px + 1.0).min(detector.height as f64);
+        let cut = track.samples.iter().filter(|s| s.lit != Lit::ALL).count() as f64;
+        track.samples.len() as f64 * 2.0 * LOOK_NS + cut * (POINT_NS + rows * ROW_NS)
     }
 
     /// The light of a disc that is cut into elements.

@@ -377,6 +377,10 @@ fn background_e(view: &View, simulated: &Simulated) -> f64 {
     view.camera.detector.dark_e(view.exposure.duration_s)
 }
 
+/// ns of a particle, and of a pixel at a step of its track that its charge diffuses to.
+const EVENT_NS: f64 = 1000.0;
+const DIFFUSED_NS: f64 = 20.0;
+
 /// The particles of this exposure, and the number that is left out. Without an orbit the observer counts as far outside
 /// the Earth's field.
 fn events(view: &View, simulated: &Simulated) -> (Vec<Event>, f64) {
@@ -395,6 +399,10 @@ fn events(view: &View, simulated: &Simulated) -> (Vec<Event>, f64) {
     };
     let expected = particles.expected_events(&camera.detector, flux, view.exposure.duration_s);
     let left_out = (expected - particles.most_events(&camera.detector)).max(0.0);
-    let events = particles.events(&camera.detector, expected, view.key);
-    (events, left_out)
+    let drawn = expected.min(particles.most_events(&camera.detector));
+    let pixels = particles.work_an_event(&camera.detector);
+    view.limit.spend(drawn * (EVENT_NS + pixels * DIFFUSED_NS));
+    let events = particles.each_event(&camera.detector, expected, view.key);
+    let events = events.take_while(|_| !view.limit.is_over());
+    (events.collect(), left_out)
 }

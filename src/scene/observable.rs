@@ -47,6 +47,24 @@ pub enum Unobservable {
         /// What is wrong with it there.
         source: AttitudeError,
     },
+    /// The frame was cancelled while it was made.
+    #[error("the frame was abandoned before it was complete")]
+    Abandoned,
+    /// The frame costs too much.
+    #[error(
+        "the frame would cost more than {limit_s} s on one core, the limit for its size: {sources} sources in the field, images move by up to \
+         {length_px:.0} px in the exposure of {exposure_s} s; lower the rates or the exposure, choose a coarser fidelity or raise the limit"
+    )]
+    TooMuchWork {
+        /// Sources near the field.
+        sources: usize,
+        /// How far their images move, px.
+        length_px: f64,
+        /// The exposure time, s.
+        exposure_s: f64,
+        /// The limit, s on one core.
+        limit_s: f64,
+    },
     /// The observer is inside the Moon.
     #[error(
         "the observer is {:.1} km from the Moon's centre at {}: must be above its ground, {:.1} km from there; check state or orbit, units and epochs",

@@ -3,6 +3,7 @@
 use super::area::{STEPS_PX, most_steps};
 use super::observable::{Unobservable, shutter, turn_at};
 use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
+use crate::abort::WorkLimit;
 use crate::attitude::{Attitude, VehicleState};
 use crate::camera::{Camera, SUN_MAGNITUDE, Side, Stamp};
 use crate::fidelity::Fidelity;
@@ -97,6 +98,10 @@ pub struct View {
     pub key: NoiseKey,
     /// The vector instructions that streaks are drawn with; none: pixel by pixel. All give the same.
     pub level: Option<Level>,
+    /// What the work on the frame may cost: once it is over, sources have no image.
+    pub limit: WorkLimit,
+    /// Whether every pixel is full of light whatever moves, and the frame would cost too much: then nothing moves.
+    pub still_in_flood: bool,
     /// Who looks, in the middle of the exposure: without an orbit, from the Earth's centre.
     pub observer: Observer,
     /// Stars in catalogue order, then objects in the population's, planets, the Moon.
@@ -180,6 +185,8 @@ impl View {
             scale_and_corner_px: camera.scale_and_corner_px(),
             key,
             level: Some(Level::best()),
+            limit: WorkLimit::default(),
+            still_in_flood: false,
             observer: shutter[1],
             candidates: Vec::new(),
             moon: (Vector3::zeros(), 1.0),
@@ -270,6 +277,16 @@ impl View {
     fn greatest_swing(&self) -> f64 {
         let swings = self.candidates.iter().map(|candidate| candidate.swing);
         swings.fold(0.0, f64::max)
+    }
+
+    /// That it costs more than the limit (s on one core).
+    pub fn too_much(&self, limit_s: Option<f64>) -> Unobservable {
+        Unobservable::TooMuchWork {
+            sources: self.candidates.len(),
+            length_px: self.longest_track_px(self.open_s),
+            exposure_s: self.exposure.duration_s,
+            limit_s: limit_s.unwrap_or(f64::INFINITY),
+        }
     }
 
     /// Whether the image of a candidate may touch the detector, as far as its direction tells.

@@ -3,6 +3,7 @@
 use super::view::Candidate;
 use super::{Scene, Simulated, Source, View};
 use crate::fidelity::Fidelity;
+use crate::footprint::{DOT_NS, LAID_NS, PIXEL_NS as FOOTPRINT_NS};
 use crate::track::rule;
 
 /// Places of a track that are looked at.
@@ -13,23 +14,18 @@ const SOURCES: usize = 64;
 const BRIGHT: f64 = 4.0;
 
 /// ns of a look at a source: its pointing, its line and its projection.
-const LOOK_NS: f64 = 90.0;
+pub(super) const LOOK_NS: f64 = 90.0;
 /// ns of a source whose image stands still, beside its pixels.
 const SOURCE_NS: f64 = 500.0;
-/// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds, memory that is new.
-const FOOTPRINT_NS: f64 = 9.0;
 /// The same of a point of a disc, whose light is added to that of others.
 const ADDED_NS: f64 = 1.0;
 /// ns of a pixel of a footprint when it is drawn.
 const DRAWN_NS: f64 = 1.0;
-/// ns of a point of a streak of a Gaussian, and of each pixel around it.
-const DOT_NS: f64 = 25.0;
-const LAID_NS: f64 = 0.3;
 /// Looks at the way of one.
 const WAY_LOOKS: f64 = 7.0;
 /// ns of a point of a panel in which rows open or close, and of each row there: weights, parts in light and centre.
-const POINT_NS: f64 = 2000.0;
-const ROW_NS: f64 = 180.0;
+pub(super) const POINT_NS: f64 = 2000.0;
+pub(super) const ROW_NS: f64 = 180.0;
 /// Looks for the instants at which an image's own row opens and closes.
 const CROSSING: f64 = 100.0;
 

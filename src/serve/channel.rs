@@ -221,6 +221,12 @@ impl Channel {
         self.deliveries.remove(at).map(|delivery| delivery.frame)
     }
 
+    /// Whether its client waits for that frame.
+    pub fn awaits(&self, frame: u32) -> bool {
+        let mut deliveries = self.deliveries.iter();
+        deliveries.any(|delivery| delivery.frame == frame && delivery.is_for(&self.exchange))
+    }
+
     /// Makes room for the packets of another frame.
     pub fn keep(&mut self, frame: u32) {
         while self.exchange.kept.len() >= KEPT_FRAMES {

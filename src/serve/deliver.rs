@@ -1,7 +1,7 @@
 //! To the wire: pictures as their packets, on every link that brings frames, paced by each client's credit.
 
 use super::Server;
-use super::channel::Channel;
+use super::channel::{Channel, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
 use super::withheld::{SOON, standstill};
@@ -76,6 +76,11 @@ impl Delivery {
             watch: Watch::of(channel),
             reported: false,
         }
+    }
+
+    /// Whether the exchange is the one that it was begun for.
+    pub fn is_for(&self, exchange: &Exchange) -> bool {
+        (self.exchange, self.resets) == (exchange.number, exchange.resets)
     }
 
     /// Whether some of it has left.

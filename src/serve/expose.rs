@@ -1,5 +1,6 @@
 //! An exposure that is due becomes a frame that is asked for, and what is told of that becomes a picture.
 
+use super::channel::Channel;
 use super::clock::Due;
 use super::history::Pointing;
 use super::latch::tellable;
@@ -7,6 +8,7 @@ use super::overrun::Verdict;
 use super::picture::{Asked, Picture};
 use super::shooter::{Order, Progress, Shooter, Spare, Task};
 use super::{POLL, Server};
+use crate::abort::Abort;
 use crate::config::Clock as Kind;
 use crate::engine::Shot;
 use crate::link::LinkError;
@@ -86,13 +88,17 @@ impl Server {
             false => overrun,
         };
         let order = Order {
+            number,
             camera,
             vehicle: pointing.vehicle,
             repeat,
             fidelity: self.overrun.fidelity(level),
             overrun,
             streams: !in_step && self.wants_rows(),
+            abort: Abort::default(),
+            coarser: self.overrun.coarser_than(level),
         };
+        self.abort = order.abort.clone();
         let asked = Asked {
             release,
             due,
@@ -109,16 +115,9 @@ impl Server {
         };
         let digits = std::mem::take(&mut self.digits);
         self.pictures.push(Picture::new(number, asked, digits));
-        self.making = Some(number);
+        self.makes(Some(number));
         if !shooter.give(Task::Make(Box::new(order))) {
             tracing::error!("the renderer's thread has ended");
-        }
-        // In step nothing is heard until it is made.
-        while self.kind == Kind::Stepped && self.making.is_some() {
-            match shooter.await_news() {
-                Ok(news) => self.learn(news, shooter.spare())?,
-                Err(()) => return Err(LinkError::Closed("of the renderer".to_string())),
-            }
         }
         Ok(true)
     }
@@ -172,6 +171,17 @@ impl Server {
         };
         let picture = &mut self.pictures[at];
         match news {
+            Progress::Coarsened => {
+                picture.asked.level += 1;
+                picture.asked.overrun = Some("coarsen");
+            }
+            // It was complete, or refused, before the renderer saw that it is cancelled.
+            Progress::Made(shot, ..) if self.abort.is_set() => {
+                self.kept.keep(shot);
+                self.abandon_picture(at);
+            }
+            Progress::Failed(_) if self.abort.is_set() => self.abandon_picture(at),
+            Progress::Abandoned => self.abandon_picture(at),
             Progress::Labelled(opening) => {
                 picture.opening = Some(opening);
                 self.begin(number);
@@ -187,18 +197,36 @@ impl Server {
                 self.stats.coarsened = self.stats.coarsened.wrapping_add(coarsened);
                 self.absent.report(&shot);
                 self.digits = picture.complete(shot, at);
-                self.making = None;
+                self.makes(None);
                 self.next_frame = self.next_frame.wrapping_add(1);
                 self.begin(number);
             }
             Progress::Failed(why) => {
                 let picture = self.pictures.remove(at);
-                self.making = None;
+                self.makes(None);
                 let message = (picture.asked.message, picture.asked.header);
                 self.refuse_later(message, &picture.asked.due, &why)?;
             }
         }
         Ok(())
+    }
+
+    /// The frame that was made is given up. It has a number, however far it came.
+    fn abandon_picture(&mut self, at: usize) {
+        self.pictures.remove(at);
+        self.makes(None);
+        self.next_frame = self.next_frame.wrapping_add(1);
+        self.abandon(1);
+    }
+
+    /// Cancels the frame that is made if nobody gets it.
+    pub(super) fn cancel_unwanted(&mut self) {
+        let Some(number) = self.making else { return };
+        let is_begun = |picture: &Picture| picture.number == number && picture.begun;
+        let is_wanted = |channel: &Channel| channel.awaits(number);
+        if self.pictures.iter().any(is_begun) && !self.channels.iter().any(is_wanted) {
+            self.abort.set();
+        }
     }
 
     /// Frames that are on their way nowhere any more are done with; whether there was one.

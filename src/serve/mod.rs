@@ -2,7 +2,7 @@
 //!
 //! One thread takes turns: receive, latch, deliver, expose. Another makes the frames (`shooter`), and the links have theirs: so packets come and go
 //! while a frame is made, its upper rows leave while the lower ones are made, and the next is made while the last one leaves. In step one
-//! frame is made and sent after the other, whatever that takes: a run is a function of what comes.
+//! frame is made and sent after the other, whatever that takes: a run is a function of what comes, and of how many frames had been made by then.
 
 mod answer;
 mod budget;
@@ -27,6 +27,7 @@ mod shooter;
 mod told;
 mod withheld;
 
+use crate::abort::Abort;
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::config::{Clock as Kind, Delay, OnOverrun, OutOfOrder, Run, Staleness};
@@ -126,6 +127,8 @@ pub struct Server {
     leaving: Vec<Leaving>,
     /// The frame that is being made.
     making: Option<u32>,
+    /// Cancels it.
+    abort: Abort,
     next_frame: u32,
     /// Memory for the pixels of the next frame, as they come.
     digits: Vec<u16>,
@@ -202,6 +205,7 @@ impl Server {
             kept: Kept::new(),
             leaving: Vec::new(),
             making: None,
+            abort: Abort::default(),
             digits: Vec::new(),
             counters: Counters::default(),
             missed: 0,
@@ -302,6 +306,7 @@ impl Server {
         }
         let ended = self.turn(&shooter, stop, limit, &mut on_shot);
         self.give_all_up();
+        self.abort.set();
         while self.making.is_some()
             && let Ok(news) = shooter.await_news()
         {
@@ -322,16 +327,16 @@ impl Server {
         on_shot: &mut impl FnMut(&Shot),
     ) -> Result<Ended, LinkError> {
         while !stop.load(Ordering::Relaxed) {
-            // Whatever else there is to do: commands and attitudes come first.
-            if !self.receive_waiting()? {
-                return Ok(Ended::LinkGone);
-            }
-            loop {
+            while !self.holds_frame() {
                 match shooter.news() {
                     Ok(Some(news)) => self.learn(news, shooter.spare())?,
                     Ok(None) => break,
                     Err(()) => return Ok(Ended::Panicked),
                 }
+            }
+            // Whatever else there is to do: commands and attitudes come first.
+            if !self.receive_waiting()? {
+                return Ok(Ended::LinkGone);
             }
             let round = self.deliver()?;
             self.report_unproved(Instant::now());
@@ -350,6 +355,20 @@ impl Server {
             }
         }
         Ok(Ended::AsAsked)
+    }
+
+    /// Whether a replay has a packet to be taken before the frame that is made may end.
+    fn holds_frame(&self) -> bool {
+        let channels = || self.channels.iter();
+        self.making.is_some() && channels().any(|channel| channel.wire.inbox.holds_frame())
+    }
+
+    /// The frame `number` is made from now on; none: no frame is.
+    fn makes(&mut self, number: Option<u32>) {
+        self.making = number;
+        for channel in &self.channels {
+            channel.wire.inbox.making(number.is_some());
+        }
     }
 
     /// The link that brings the truth.

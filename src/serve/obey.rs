@@ -108,6 +108,7 @@ impl Server {
                 channel.reset(self.output, arrived);
                 let gaps = &mut channel.exchange.gaps;
                 gaps.missing(header.apid, header.sequence_count);
+                self.cancel_unwanted();
             }
             Command::Credit { packets } => {
                 let credit = &mut self.channels[at].exchange.credit;

@@ -197,6 +197,12 @@ impl Overrun {
         self.levels.get(level).map(|level| level.fidelity)
     }
 
+    /// The tolerances of all coarser levels.
+    pub fn coarser_than(&self, level: usize) -> Vec<Fidelity> {
+        let coarser = self.levels.iter().skip(level + 1);
+        coarser.map(|level| level.fidelity).collect()
+    }
+
     /// A frame took so long to leave, once all of it could.
     pub fn learn_way(&mut self, took: Duration) {
         self.way.learn(took);

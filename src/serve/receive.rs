@@ -154,6 +154,7 @@ impl Server {
         if self.channels[at].roles.truth {
             self.clear_truth(Instant::now());
         }
+        self.cancel_unwanted();
     }
 
     fn not_the_truth(&self) -> Refusal {

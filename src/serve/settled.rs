@@ -21,6 +21,9 @@ impl Server {
         (self.staleness, self.out_of_order) = (run.staleness, run.out_of_order);
         let (overrun, idle) = Overrun::new(run.on_overrun, self.fidelity, &run.coarsen);
         self.overrun = overrun;
+        if let Some(emulator) = &mut self.emulator {
+            emulator.work_limit_s = Some(run.work_limit_s);
+        }
         // Of the run once.
         for step in idle.iter().filter(|_| !self.is_led) {
             tracing::warn!(

@@ -1,9 +1,11 @@
 //! The thread that makes frames, so that packets come and go meanwhile.
 
+use crate::abort::Abort;
 use crate::attitude::VehicleState;
 use crate::camera::Camera;
 use crate::engine::{Emulator, Opening, Shot, Witness};
 use crate::fidelity::Fidelity;
+use crate::scene::Unobservable;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Thread;
@@ -19,6 +21,7 @@ pub(super) enum Task {
 
 /// A frame to make.
 pub(super) struct Order {
+    pub number: u32,
     pub camera: Arc<Camera>,
     pub vehicle: VehicleState,
     /// How many frames were made of the same attitude before.
@@ -29,6 +32,10 @@ pub(super) struct Order {
     pub overrun: Option<&'static str>,
     /// Whether rows are wanted before all are there.
     pub streams: bool,
+    /// Cancels it.
+    pub abort: Abort,
+    /// Ever coarser tolerances to make it by, where it costs more than it may.
+    pub coarser: Vec<Fidelity>,
 }
 
 /// How far a frame is.
@@ -39,6 +46,10 @@ pub(super) enum Progress {
     Developed(usize, Vec<u16>, Instant),
     /// All of it, when, and how long after it was asked for: other cameras may have had their turn first.
     Made(Box<Shot>, Instant, Duration),
+    /// By the tolerances so far it costs more than it may: it is made by the next coarser ones.
+    Coarsened,
+    /// It was cancelled.
+    Abandoned,
     /// It cannot be made.
     Failed(String),
 }
@@ -151,6 +162,8 @@ impl Darkroom {
                         emulator.set_fidelity(fidelity);
                     }
                     emulator.overrun = order.overrun;
+                    emulator.abort = order.abort.clone();
+                    emulator.number_next(order.number);
                     self.seen.streams = order.streams;
                     let Order {
                         camera,
@@ -161,12 +174,25 @@ impl Darkroom {
                     let ordered = Instant::now();
                     // What a thread that panicked leaves behind is nobody's turn.
                     let turn = turn.lock().unwrap_or_else(PoisonError::into_inner);
-                    let shot = emulator.shoot_before(&self.seen, camera, vehicle, *repeat);
+                    let mut coarser = order.coarser.iter();
+                    let shot = loop {
+                        let shot = emulator.shoot_before(&self.seen, camera, vehicle, *repeat);
+                        let Err(Unobservable::TooMuchWork { .. }) = shot else {
+                            break shot;
+                        };
+                        let Some(fidelity) = coarser.next() else {
+                            break shot;
+                        };
+                        emulator.set_fidelity(*fidelity);
+                        emulator.overrun = Some("coarsen");
+                        self.seen.tell(Progress::Coarsened);
+                    };
                     drop(turn);
                     self.seen.tell(match shot {
                         Ok(shot) => {
                             Progress::Made(Box::new(shot), Instant::now(), ordered.elapsed())
                         }
+                        Err(Unobservable::Abandoned) => Progress::Abandoned,
                         Err(error) => Progress::Failed(error.to_string()),
                     });
                 }

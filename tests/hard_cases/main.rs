@@ -13,6 +13,7 @@
 //! | object at 1 m, at the sensor's own position, at 10^6 km | `near`; at the observer's place without direction: `tests/apparent.rs`, nearer than its own way: `tests/rso/close.rs` |
 //! | magnitudes -30 to +40 | `brightness` |
 //! | PSF sigma 0.01 to 100 px | `brightness`; other profiles against GalSim and integration: `tests/optics/psf.rs` |
+//! | the dearest exposures, turns, spreads and particles under a limit of work | `work` |
 //! | Poisson means 0 to 10^9 | `charge`; digits against theory: `tests/noise.rs` |
 //! | full well, converter and 16-bit saturation | `charge`; with noise: `tests/noise.rs`, spilling: `tests/detector/main.rs` |
 //! | grazing penumbra | `near`; against rays on the ellipsoid, contact: `tests/shadow.rs` |
@@ -49,3 +50,4 @@ mod sky_functions;
 mod stage;
 mod time;
 mod whole_sky;
+mod work;

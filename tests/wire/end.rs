@@ -23,9 +23,13 @@ fn attitudes_that_wait_are_abandoned() {
     for sequence in 0..6 {
         client.send(Command::Attitude(attitude(sequence)));
     }
-    await_that("they have come", || client.status().counters.attitudes == 6);
+    // One that is being made would be cut short.
+    await_that("they have come, and the first frame is made", || {
+        let counters = client.status().counters;
+        (counters.attitudes, counters.frames_rendered) == (6, 1)
+    });
     let counters = emulator.end();
-    // The frame under way, and five that were never made.
+    // The frame that waits for credit, and five that were never made.
     assert_eq!(counters.frames_abandoned, 6);
     assert_eq!(counters.frames_rendered, 1);
 }

@@ -1,5 +1,6 @@
 //! The emulator at the wire, with a client that knows nothing but `skyloop-protocols`.
 
+mod abandoned;
 mod bad_packets;
 mod bus_faults;
 #[cfg(unix)]

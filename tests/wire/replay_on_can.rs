@@ -44,6 +44,7 @@ fn log(exchange: &Exchange) -> String {
                         link: 0,
                         exchange: 0,
                         first: false,
+                        made: None,
                         item: frame,
                     });
                 }

@@ -96,6 +96,7 @@ fn parse(line: &str) -> Option<Record<CanFrame>> {
         link: 0,
         exchange: 0,
         first: false,
+        made: None,
         item,
     })
 }
@@ -152,6 +153,7 @@ pub fn packets(frames: &[Record<CanFrame>]) -> Vec<Record<Bytes>> {
                 link: 0,
                 exchange: frame.exchange,
                 first: false,
+                made: None,
                 item: Bytes::copy_from_slice(packet),
             });
         }
@@ -172,6 +174,7 @@ mod tests {
             link: 0,
             exchange: 0,
             first: false,
+            made: None,
             item,
         }
     }

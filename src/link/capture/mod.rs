@@ -21,6 +21,7 @@ use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::io::{BufWriter, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -39,6 +40,8 @@ pub struct Record<P> {
     pub exchange: u32,
     /// The emulator had looked for a packet in vain before it took this one: what it did meanwhile may depend on that.
     pub first: bool,
+    /// How many frames the emulator had made when it took this one (in); none: not recorded, and it made no frame at that moment.
+    pub made: Option<u32>,
     /// The packet, or the frame.
     pub item: P,
 }
@@ -202,6 +205,7 @@ impl Capture {
     pub fn tap(&self, wire: &mut Wire, link: u32) {
         wire.inbox.observe(Box::new(Tap {
             link,
+            made: AtomicU32::new(0),
             recorder: self.recorder(),
         }));
         let to = std::mem::replace(&mut wire.outbox, Box::new(super::Closed));
@@ -237,6 +241,7 @@ impl Recorder {
             link: 0,
             exchange: 0,
             first: false,
+            made: None,
             item: *frame,
         });
         self.send(line.into_bytes());
@@ -251,6 +256,8 @@ impl Recorder {
 /// Records what is taken from one link.
 struct Tap {
     link: u32,
+    /// Frames that the emulator has made.
+    made: AtomicU32,
     recorder: Recorder,
 }
 
@@ -262,8 +269,13 @@ impl Observer for Tap {
             link: self.link,
             exchange: inbound.exchange,
             first,
+            made: Some(self.made.load(Ordering::Relaxed)),
             item: inbound.packet.clone(),
         }));
+    }
+
+    fn making(&self, is: bool) {
+        self.made.fetch_add(u32::from(!is), Ordering::Relaxed);
     }
 }
 
@@ -289,6 +301,7 @@ impl Outbox for TappedOutbox {
                 link: self.link,
                 exchange,
                 first: false,
+                made: None,
                 item,
             }));
         }

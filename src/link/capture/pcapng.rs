@@ -28,6 +28,8 @@ const PROGRAM: u16 = 4;
 const NANOSECONDS: u8 = 9;
 /// Comment at packets before which the emulator had looked in vain.
 const FIRST: &[u8] = b"first of a batch";
+/// Comment at packets that were taken after so many frames had been made.
+const MADE: &str = "frames made before: ";
 /// Direction in the flags.
 const INBOUND: u32 = 1;
 const OUTBOUND: u32 = 2;
@@ -80,6 +82,9 @@ pub fn block(record: &Record<Bytes>) -> Vec<u8> {
     option(&mut body, QUEUE, &record.exchange.to_le_bytes());
     if record.first {
         option(&mut body, COMMENT, FIRST);
+    }
+    if let Some(made) = record.made {
+        option(&mut body, COMMENT, format!("{MADE}{made}").as_bytes());
     }
     option(&mut body, END, b"");
     framed(PACKET, &body)
@@ -209,9 +214,16 @@ fn packet(octets: &Bytes, body: &[u8]) -> Option<Record<Bytes>> {
         },
         link: word(body, 0)?,
         exchange: number(QUEUE).unwrap_or(0),
-        first: value(body, options, COMMENT) == Some(FIRST),
+        first: values(body, options, COMMENT).any(|comment| comment == FIRST),
+        made: values(body, options, COMMENT).find_map(frames_made),
         item: octets.slice_ref(data.strip_prefix(&TAGS)?),
     })
+}
+
+/// The number in a comment that tells how many frames had been made.
+fn frames_made(comment: &[u8]) -> Option<u32> {
+    let comment = std::str::from_utf8(comment).ok()?;
+    comment.strip_prefix(MADE)?.parse().ok()
 }
 
 /// The first value of option `code` among those that start at `at`.
@@ -247,6 +259,7 @@ mod tests {
             link: i % 2,
             exchange: i / 3,
             first: i.is_multiple_of(4),
+            made: (i % 3 < 2).then_some(i * 1000),
             item: Bytes::from(vec![i as u8; i as usize]),
         };
         (0..9).map(record).collect()

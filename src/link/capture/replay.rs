@@ -60,6 +60,9 @@ struct State {
     at: usize,
     /// Whether the next event is a packet that waits in the inbox.
     fed: bool,
+    /// Frames that the emulator has made, and whether it makes another.
+    made: u32,
+    making: bool,
     ends: Vec<End>,
     progress: Progress,
     /// Packets of frames that were recorded on the bus, and have not been sent yet.
@@ -155,6 +158,8 @@ impl Replay {
                 on_the_bus,
                 at: 0,
                 fed: false,
+                made: 0,
+                making: false,
                 ends,
                 progress: Progress::default(),
                 ahead,
@@ -225,7 +230,7 @@ impl Replay {
     }
 
     /// Puts the next event into the inbox, if it is a packet that was received. One that came after the emulator had
-    /// looked in vain waits until it has.
+    /// looked in vain waits until it has; one that came when more frames had been made, until they are.
     fn feed(&self, state: &mut State) {
         let Some(event) = state.events.get(state.at) else {
             self.end(state);
@@ -235,6 +240,13 @@ impl Replay {
             return;
         };
         if event.direction == Direction::Out || state.fed || (event.first && !end.looked) {
+            return;
+        }
+        let is_early = match event.made {
+            Some(made) => state.made < made,
+            None => state.making,
+        };
+        if is_early {
             return;
         }
         let inbound = Inbound {
@@ -293,7 +305,30 @@ impl Observer for Played {
         let mut state = self.replay.lock();
         state.ends[self.link].looked = true;
         state.silence.looked(Instant::now());
+        if state.making {
+            // It has work, though not for this thread.
+            state.silence.excused();
+        }
         self.replay.feed(&mut state);
+    }
+
+    fn making(&self, is: bool) {
+        // All links tell it, one after another.
+        if self.link > 0 {
+            return;
+        }
+        let mut state = self.replay.lock();
+        state.making = is;
+        state.made = state.made.wrapping_add(u32::from(!is));
+        self.replay.feed(&mut state);
+    }
+
+    fn holds_frame(&self) -> bool {
+        let state = self.replay.lock();
+        let rest = state.events.get(state.at..).unwrap_or_default();
+        let mut received = rest.iter().filter(|event| event.direction == Direction::In);
+        let next = received.next().and_then(|event| event.made);
+        state.progress.difference.is_none() && next.is_some_and(|made| made <= state.made)
     }
 }
 

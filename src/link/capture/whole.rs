@@ -186,6 +186,7 @@ mod tests {
             link: 0,
             exchange: 0,
             first: false,
+            made: None,
             item: Bytes::copy_from_slice(item),
         }
     }

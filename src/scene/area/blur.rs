@@ -13,6 +13,7 @@ use super::lines::Lines;
 use super::near::Near;
 use super::runs::Run;
 use super::sampled::Block;
+use crate::abort::WorkLimit;
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
 use rayon::prelude::*;
@@ -26,6 +27,9 @@ pub const PATCH: usize = u64::BITS as usize;
 const NARROW_PX: f64 = 0.5;
 /// Pixels of a row that are added up side by side, and so looked at beyond the last.
 pub const LANES: usize = 8;
+
+/// ns of the light that a pixel gives to another.
+const SPREAD_NS: f64 = 1.4;
 
 /// How a camera spreads area light.
 pub struct Blur<'a> {
@@ -59,6 +63,7 @@ impl<'a> Blur<'a> {
     /// What pixels on and near `sampled` blocks have more than `lines` say, whose grid begins `rim` columns and rows before the detector.
     pub fn runs(
         &self,
+        limit: &WorkLimit,
         lines: &Lines,
         rim: usize,
         sampled: &[Block],
@@ -66,8 +71,10 @@ impl<'a> Blur<'a> {
     ) -> Vec<Run> {
         let patches = self.patches(rim, sampled);
         let places = lines.places();
-        let near = patches.into_par_iter().map(|(at, blocks)| {
+        let patches = patches.into_par_iter().filter(|_| !limit.is_over());
+        let near = patches.map(|(at, blocks)| {
             let near = Near::new(self, at, &blocks, rim);
+            limit.spend(near.count() as f64 * (2.0 * self.reach as f64 + 1.0).powi(2) * SPREAD_NS);
             (near.runs(lines, &places), near.count())
         });
         let near: Vec<(Vec<Run>, usize)> = near.collect();

@@ -7,6 +7,7 @@
 //! at all corners of a cell and of those around it, as far as light is spread and moves while pixels are open.
 
 use super::blur::Blur;
+use super::lay::LOOK_NS;
 use super::plane::Plane;
 use super::{Area, lay};
 use crate::camera::Blooming;
@@ -16,6 +17,9 @@ use rayon::prelude::*;
 
 /// Side of a cell, px.
 const CELL_PX: usize = 16;
+/// And where only a whole frame is asked about, at most, and so many for the way that light moves.
+const LARGEST_PX: usize = 256;
+const CELLS_A_WAY: usize = 32;
 /// How many times as much as fills a pixel for certain its light is at the corners.
 const SURE: f64 = 2.0;
 /// Light that must be right to a smaller part than this must be so in full pixels too: it is what others are held against.
@@ -24,6 +28,8 @@ const LEAST_PART: f64 = 1e-5;
 /// Cells of the detector, and of as many pixels around it as give light to it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Full {
+    /// Side of a cell, px.
+    side: usize,
     /// Columns and rows of cells before the detector's first.
     before: usize,
     across: usize,
@@ -39,6 +45,28 @@ impl Full {
         areas: impl Iterator<Item = &'a Area>,
         simulated: &Simulated,
         fidelity: &Fidelity,
+    ) -> Full {
+        Full::by_cells(view, areas, simulated, fidelity, |_| CELL_PX)
+    }
+
+    /// Whether they fill all pixels of a frame with those effects, on cells that are larger the further light moves.
+    pub fn is_all(view: &View, simulated: &Simulated, fidelity: &Fidelity) -> bool {
+        let side = |moved_px: usize| (moved_px / CELLS_A_WAY).clamp(CELL_PX, LARGEST_PX);
+        let full = Full::by_cells(view, view.areas.iter(), simulated, fidelity, side);
+        let detector = &view.camera.detector;
+        let last = [detector.width, detector.height].map(|pixels| pixels - 1);
+        let step = full.side.max(1);
+        let places = |last: usize| (0..last).step_by(step).chain([last]);
+        places(last[1]).all(|y| places(last[0]).all(|x| full.has([x as i64, y as i64], 1)))
+    }
+
+    /// [`Full::of`], by cells whose side (px) follows from how far light moves (px).
+    fn by_cells<'a>(
+        view: &View,
+        areas: impl Iterator<Item = &'a Area>,
+        simulated: &Simulated,
+        fidelity: &Fidelity,
+        side: impl Fn(usize) -> usize,
     ) -> Full {
         let detector = &view.camera.detector;
         let is_lost = simulated.full_well
@@ -56,30 +84,46 @@ impl Full {
             .iter()
             .map(|area| Blur::new(&view.camera, area.peak_e, area.has_edges(), fidelity).margin());
         let margin = margins.max().unwrap_or(0);
-        let reach = (margin + sky.moved_px() as usize + 1).div_ceil(CELL_PX);
-        let before = margin.div_ceil(CELL_PX) + reach;
-        let cells = |pixels: usize| pixels.div_ceil(CELL_PX) + 2 * before;
+        let moved_px = sky.moved_px() as usize;
+        let side = side(moved_px);
+        let reach = (margin + moved_px + 1).div_ceil(side);
+        let before = margin.div_ceil(side) + reach;
+        let cells = |pixels: usize| pixels.div_ceil(side) + 2 * before;
         let [across, down] = [detector.width, detector.height].map(cells);
-        let place = |i: usize| i as f64 * CELL_PX as f64 - (before * CELL_PX) as f64;
+        let looks = (across + 1) as f64 * (down + 1) as f64 * sky.sources.len() as f64;
+        view.limit.spend(looks * LOOK_NS);
+        if view.limit.is_over() {
+            return Full::default();
+        }
+        let place = |i: usize| i as f64 * side as f64 - (before * side) as f64;
         let lit = (0..(across + 1) * (down + 1)).into_par_iter().map(|i| {
             let at = [i % (across + 1), i / (across + 1)].map(place);
             sky.e(at) >= enough_e
         });
         let lit: Vec<bool> = lit.collect();
+        // How many corners are not lit before a column and above a row.
+        let wide = across + 2;
+        let mut dark = vec![0u32; wide * (down + 2)];
+        for (row, lit) in lit.chunks_exact(across + 1).enumerate() {
+            let mut here = 0;
+            for (column, lit) in lit.iter().enumerate() {
+                here += u32::from(!lit);
+                dark[(row + 1) * wide + column + 1] = dark[row * wide + column + 1] + here;
+            }
+        }
         // A cell and as many around it, from one corner of all to the other.
         let is_full = |x: usize, y: usize| {
             let around =
-                |i: usize, all: usize| i.saturating_sub(reach)..(i + reach + 2).min(all + 1);
-            around(y, down).all(|y| {
-                lit[y * (across + 1)..][around(x, across)]
-                    .iter()
-                    .all(|lit| *lit)
-            })
+                |i: usize, all: usize| [i.saturating_sub(reach), (i + reach + 2).min(all + 1)];
+            let ([left, right], [top, bottom]) = (around(x, across), around(y, down));
+            let before = |x: usize, y: usize| dark[y * wide + x];
+            before(right, bottom) + before(left, top) == before(left, bottom) + before(right, top)
         };
         let cells: Vec<bool> = (0..across * down)
             .map(|i| is_full(i % across, i / across))
             .collect();
         Full {
+            side,
             before,
             across,
             cells: if cells.contains(&true) {
@@ -95,7 +139,7 @@ impl Full {
         if self.cells.is_empty() {
             return false;
         }
-        let cell = |at: i64| (at.div_euclid(CELL_PX as i64) + self.before as i64).max(0) as usize;
+        let cell = |at: i64| (at.div_euclid(self.side as i64) + self.before as i64).max(0) as usize;
         let [left, top] = [x, y].map(cell);
         let [right, bottom] = [x, y].map(|at| cell(at + side as i64 - 1));
         right < self.across

@@ -35,6 +35,8 @@ const KINK: f64 = 2.0;
 /// ends, in units of what lines may miss: what Simpson's rule then errs by is far less.
 const PANEL_PX: f64 = 4.0;
 const BEND: f64 = 12.0;
+/// ns of a look at a place of what moves: the pointing then, and the radiance.
+pub const LOOK_NS: f64 = 330.0;
 /// How often a part is halved at most.
 const HALVINGS: u32 = 5;
 
@@ -118,7 +120,7 @@ pub fn lay(
     }
     let lines = Lines::new(size, LARGEST, even);
     let sampled = grid.sampled(sampled, &mut asked);
-    let runs = blur.runs(&lines, grid.rim, &sampled, &mut asked);
+    let runs = blur.runs(plane.limit(), &lines, grid.rim, &sampled, &mut asked);
     let light = Light::new(lines.within(grid.rim, detector), Runs::new(detector, runs));
     (light, asked)
 }
@@ -177,8 +179,11 @@ impl Grid<'_, '_> {
     }
 
     /// The light (e-) of a pixel around a place: the mean over its time, or where the pattern moves by little, that in its
-    /// middle; none where the plane has no direction.
+    /// middle; none where the plane has no direction, or the work is over.
     pub fn at(&self, x: f64, y: f64, asked: &mut Asked) -> Option<f64> {
+        if self.plane.limit().is_over() {
+            return None;
+        }
         let (seen, taken) = self.plane.taken([x, y])?;
         let [middle_s, duration_s] = self.plane.open_s(y);
         let moved_px = self.motion * self.plane.scale_px();
@@ -196,6 +201,7 @@ impl Grid<'_, '_> {
         };
         asked.lights += 1;
         asked.smeared += looks - 1;
+        self.plane.limit().spend(looks as f64 * LOOK_NS);
         Some(mean)
     }
 

@@ -316,6 +316,11 @@ impl View {
         e <= fidelity.skip_e && snr <= fidelity.skip_snr
     }
 
+    /// Whether area light alone fills every pixel of a frame with those effects.
+    pub fn is_flooded(&self, simulated: &Simulated, fidelity: &Fidelity) -> bool {
+        Full::is_all(self, simulated, fidelity)
+    }
+
     /// The light of an area source on the pixels of a frame with those effects, of which area light fills some.
     pub fn lit_by(
         &self,

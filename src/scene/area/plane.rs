@@ -1,5 +1,6 @@
 //! From a pixel to the sky: where its middle looks, and how much of an evenly bright sky it takes.
 
+use crate::abort::WorkLimit;
 use crate::camera::{Camera, Projection, Vignetting};
 use crate::scene::{Simulated, View};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -32,6 +33,11 @@ impl<'a> Plane<'a> {
             turning,
             middle: view.pointing(0.0).matrix().transpose(),
         }
+    }
+
+    /// What the work on its light may cost.
+    pub fn limit(&self) -> &WorkLimit {
+        &self.view.limit
     }
 
     fn camera(&self) -> &Camera {

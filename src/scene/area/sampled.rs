@@ -1,7 +1,7 @@
 //! Pixels of area light that are worked out each for itself: where there is an edge, or detail as small as a few pixels.
 
 use super::Asked;
-use super::lay::{Grid, SMALLEST};
+use super::lay::{Grid, LOOK_NS, SMALLEST};
 use super::lines::Square;
 use super::patch::Patch;
 use super::{Radiance, plane::Plane};
@@ -21,6 +21,9 @@ const LEAST_STEPS: usize = 64;
 /// Edges of this radius (px) are straight enough, and more cells than this a side are none the better.
 const STRAIGHT: f64 = 8.0;
 const MOST_CELLS: f64 = 16.0;
+
+/// ns of the angle from an edge, at one of the steps.
+const EDGE_NS: f64 = 110.0;
 
 /// How the pixels of a square get their light, each for itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,7 +80,7 @@ impl Grid<'_, '_> {
         for (j, (row, skies)) in block.e.iter_mut().zip(skies).enumerate() {
             for (i, e) in row.iter_mut().enumerate() {
                 let at = [at[0] + i, at[1] + j];
-                if !self.is_needed(at, 1) {
+                if !self.is_needed(at, 1) || self.plane.limit().is_over() {
                     continue;
                 }
                 let [x, y] = at.map(|from| from as f64 - self.rim as f64);
@@ -87,6 +90,9 @@ impl Grid<'_, '_> {
                 } as f32;
             }
         }
+        let looks = (asked.lights + asked.smeared) as f64 * LOOK_NS;
+        let edges = (asked.edges * skies[0].len()) as f64 * EDGE_NS;
+        self.plane.limit().spend(looks + edges);
         (block, asked)
     }
 
