@@ -121,6 +121,7 @@ const FENCES: &[(&str, &[&str])] = &[
             "cli/cost",
             "cli/soak",
             "cli/plan",
+            "cli/ready",
             "label",
             "link/fault/book",
             "output/passes",
