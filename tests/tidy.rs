@@ -123,6 +123,7 @@ const FENCES: &[(&str, &[&str])] = &[
             "cli/cost",
             "cli/soak",
             "cli/plan",
+            "cli/ready",
             "cli/schema",
             "label",
             "link/fault/book",

@@ -257,16 +257,19 @@ mod tests {
         }
     }
 
+    fn totals(compared: u32, missed: u64, rms_px: Option<f64>) -> Totals {
+        let residuals_px = rms_px.into_iter().map(|rms| [rms, 0.0]);
+        let mut totals = Totals::with_residuals(residuals_px.collect());
+        (totals.compared, totals.missed) = (compared, missed);
+        totals
+    }
+
     /// A run of 200 frames, of which `whole` came, each after 5 ms and the last two after 20 ms.
     fn report(whole: u32, compared: u32, missed: u64, rms_px: Option<f64>) -> Report {
         let mut report = Report {
             requested: 200,
             frames: whole,
-            totals: Totals {
-                compared,
-                missed,
-                ..Totals::with_residuals(rms_px.into_iter().map(|rms| [rms, 0.0]).collect())
-            },
+            totals: totals(compared, missed, rms_px),
             ..Report::default()
         };
         for frame in 0..whole {

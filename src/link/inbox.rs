@@ -191,15 +191,14 @@ impl Inbox {
 
     /// The emulator begins to make a frame, or ends.
     pub(crate) fn making(&self, is: bool) {
-        if let Some(observer) = &self.observer {
+        for observer in &self.observers {
             observer.making(is);
         }
     }
 
     /// Whether the frame that is made may not end before another packet is taken.
     pub(crate) fn holds_frame(&self) -> bool {
-        let observer = self.observer.as_ref();
-        observer.is_some_and(|observer| observer.holds_frame())
+        self.observers.iter().any(|one| one.holds_frame())
     }
 
     fn observed(&self, inbound: Inbound) -> Inbound {

@@ -44,7 +44,7 @@ fn frame(client: &mut Client<UdpLine>, sequence: u32) -> u32 {
 /// The packets of a recording, and how many of them end a frame.
 fn recorded(file: &Path) -> (usize, usize) {
     let octets = std::fs::read(file).unwrap();
-    let packets = pcapng::read(file, &octets).unwrap().records;
+    let packets = pcapng::read(file, &octets.into()).unwrap().records;
     let ends = packets.iter().filter(|record| {
         let reply = Reply::decode(&record.item);
         matches!(reply, Ok((_, Reply::FrameEnd(_))))

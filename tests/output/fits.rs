@@ -16,7 +16,9 @@ use std::path::Path;
 
 fn write(dir: &Path, camera: &Camera, label: &Label, frame: &Frame) {
     let mut writer = Writer::create(dir, 1).unwrap();
-    writer.write_frame(camera, label, "{}", frame).unwrap();
+    writer
+        .write_frame(camera, label, &label.to_json(), frame)
+        .unwrap();
     writer.finish().unwrap();
 }
 

@@ -22,6 +22,7 @@ fn only(text: &str) -> Object {
     let Loaded {
         mut objects,
         rejected,
+        ..
     } = parse(text, "test.oem").unwrap();
     assert_eq!(rejected, [], "{text}");
     objects.remove(0)
