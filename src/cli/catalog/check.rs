@@ -9,7 +9,7 @@ use skyloop::effect::counted;
 use skyloop::load::Register;
 use skyloop::load::orbits::{gather, passed_over};
 use skyloop::orbit::time::utc_text;
-use skyloop::orbit::{Contents, Loaded, Object, Orbit, Record, Rejected};
+use skyloop::orbit::{Contents, Loaded, Object, Orbit, Record, Rejected, is_placeholder};
 use skyloop_firmware_sim::console::say;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -65,7 +65,7 @@ struct FileReport {
     /// What was assumed of records and ephemerides, a line for each kind.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     assumed: Vec<String>,
-    /// Objects with several sets that differ, and how many.
+    /// Objects with several sets, and how many.
     several_sets: BTreeMap<String, usize>,
     /// Sets that have no state at their own epoch.
     stateless: Vec<Stateless>,
@@ -177,9 +177,6 @@ fn of_source(source: Source, all: &mut All) -> FileReport {
             } = Loaded::from(contents);
             report.assumed = assumed;
             report.objects = objects.len();
-            let several = objects.iter().filter(|one| one.sets().count() > 1);
-            let several = several.map(|one| (one.id.clone(), one.sets().count()));
-            report.several_sets = several.collect();
             let refused = gather(&mut all.objects, &mut all.register, objects).refused;
             let twice = refused
                 .into_iter()
@@ -198,6 +195,12 @@ fn of_source(source: Source, all: &mut All) -> FileReport {
 
 fn of_contents(contents: &Contents) -> FileReport {
     let (records, ephemerides) = (&contents.records, &contents.ephemerides);
+    let mut sets: BTreeMap<String, usize> = BTreeMap::new();
+    for record in records {
+        *sets.entry(record.object_id()).or_default() += 1;
+    }
+    // Those with neither number nor name may be of any object.
+    sets.retain(|id, count| *count > 1 && !is_placeholder(id));
     let (first, last) = epochs(records, ephemerides).unzip();
     let numbers: BTreeSet<u32> = records.iter().map(|record| record.elements.norad).collect();
     FileReport {
@@ -206,6 +209,7 @@ fn of_contents(contents: &Contents) -> FileReport {
         first_epoch: first.map(utc_text),
         last_epoch: last.map(utc_text),
         beyond_99999: numbers.range(100_000..).count(),
+        several_sets: sets,
         stateless: records.iter().filter_map(stateless).collect(),
         ..FileReport::default()
     }
