@@ -139,7 +139,6 @@ const FENCES: &[(&str, &[&str])] = &[
         &[
             "cli/ready",
             "host",
-            "link/capture",
             "link/claim",
             "link/fault/book",
             "link/name",
