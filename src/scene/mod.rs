@@ -283,6 +283,10 @@ impl Scene {
             lights.collect()
         };
         let (mut sources, areas) = rayon::join(images, areas);
+        if view.limit.is_over() {
+            // What is incomplete is not looked at.
+            sources.clear();
+        }
         let pixels = sources.iter().map(|source| source.footprint.shares().len());
         let areas_light = Together::of(&areas, &view, pixels.sum());
         let together = areas_light.light().into_iter().map(Lit::from);
