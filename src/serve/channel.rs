@@ -59,6 +59,8 @@ pub(super) struct Exchange {
     pub credit: CreditAccount,
     /// What its client granted first.
     pub window: Option<u32>,
+    /// The most that it has granted at once since.
+    pub step: u32,
     pub gaps: GapDetector,
     /// What each frame brings.
     pub output: Output,

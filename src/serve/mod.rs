@@ -339,7 +339,7 @@ impl Server {
                 return Ok(Ended::LinkGone);
             }
             let round = self.deliver()?;
-            self.report_unproved(Instant::now());
+            self.report_silence(Instant::now());
             let settled = self.settle(shooter, on_shot);
             self.publish(Instant::now());
             if limit.is_some_and(|most| self.stats.frames >= most) && self.pictures.is_empty() {

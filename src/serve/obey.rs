@@ -113,7 +113,7 @@ impl Server {
             Command::Credit { packets } => {
                 let credit = &mut self.channels[at].exchange.credit;
                 let sent = credit.sent();
-                let is_first = credit.granted() == 0;
+                let before = credit.granted();
                 if !credit.grant(packets) {
                     return Err(Refusal {
                         reason: Reason::ValueOutOfRange,
@@ -122,8 +122,11 @@ impl Server {
                         ),
                     });
                 }
-                if is_first {
-                    self.channels[at].exchange.window = Some(packets.wrapping_sub(sent));
+                let step = credit.granted().wrapping_sub(before);
+                let exchange = &mut self.channels[at].exchange;
+                match exchange.window {
+                    Some(_) => exchange.step = exchange.step.max(step),
+                    None => exchange.window = Some(packets.wrapping_sub(sent)),
                 }
             }
             Command::Output(output) => {

@@ -1,7 +1,7 @@
 //! Frames that a client does not get, and why: logged with the remedy, told in Status, counted in the run's table.
 
 use super::Server;
-use super::channel::Channel;
+use super::channel::{Channel, Exchange};
 use super::deliver::Delivery;
 use crate::link::Every;
 use skyloop_protocols::{MAX_PACKET, Withheld};
@@ -13,11 +13,13 @@ pub(super) const SOON: Duration = Duration::from_millis(500);
 /// A frame that takes longer on its link is reported: a client may not wait for it.
 const SLOW: Duration = Duration::from_secs(5);
 
-/// The messages of one link, and since when its client's proof is waited for.
+/// The messages of one link, and since when its client is silent about what it got.
 #[derive(Debug, Default)]
 pub(super) struct Messages {
     every: BTreeMap<u8, Every>,
     unproved: Option<Instant>,
+    /// Packets granted and sent, since when, and whether it is reported.
+    silent: Option<([u32; 2], Instant, bool)>,
 }
 
 /// A reason in a few words, for the run's table.
@@ -85,6 +87,40 @@ pub(super) fn standstill(channel: &Channel, has_room: bool) -> (Withheld, String
     (Withheld::NotRead, "the link has no room".to_string())
 }
 
+impl Channel {
+    /// Packets that its client has not granted for, when all has left for a while: more than it grants at once. Each is told once.
+    fn is_silent_about(&mut self, now: Instant) -> Option<u32> {
+        let Exchange {
+            credit,
+            window: Some(window),
+            step,
+            ..
+        } = &self.exchange
+        else {
+            return None;
+        };
+        let state = [credit.granted(), credit.sent()];
+        let waiting = self.wire.tally.waiting() > 0 || !self.deliveries.is_empty();
+        let silent = &mut self.messages.silent;
+        match silent {
+            Some((of, since, reported)) if *of == state && !waiting => {
+                // Of packets sent the client knows all but those that it does not grant for.
+                let known = credit.granted().wrapping_sub(*window);
+                let lost = credit.sent().wrapping_sub(known);
+                let is_due = !*reported && now.saturating_duration_since(*since) >= SOON;
+                // A grant far ahead says nothing.
+                let is_lost = *step > 0 && lost > *step && lost <= *window;
+                *reported |= is_due;
+                (is_due && is_lost).then_some(lost)
+            }
+            _ => {
+                *silent = Some((state, now, false));
+                None
+            }
+        }
+    }
+}
+
 impl Server {
     /// Reports that the client of a link does not get a frame, or will not: in the log, not too often, and in Status.
     pub(super) fn report(&mut self, at: usize, why: Withheld, detail: &str) {
@@ -139,9 +175,14 @@ impl Server {
         }
     }
 
-    /// Reports links whose client has not proved its address for a while.
-    pub(super) fn report_unproved(&mut self, now: Instant) {
+    /// Reports clients that for a while have not proved their address, or have not granted for what was sent.
+    pub(super) fn report_silence(&mut self, now: Instant) {
         for at in 0..self.channels.len() {
+            if let Some(lost) = self.channels[at].is_silent_about(now) {
+                let detail =
+                    format!("{lost} packets sent, and the client grants as if they had not come");
+                self.report(at, Withheld::Lost, &detail);
+            }
             let channel = &mut self.channels[at];
             let unproved = &mut channel.messages.unproved;
             *unproved = match channel.wire.tally.awaits_proof() {

@@ -130,8 +130,21 @@ fn status_tells_why_a_frame_does_not_come() {
     client.nack();
     assert_eq!(client.status().withheld, Withheld::Refused);
     client.window = Some(32);
-    client.good_frame(3);
+    let packets = client.good_frame(3).packets;
     assert_eq!(client.status().withheld, Withheld::None);
+    // Of a frame that has left whole it grants for all but the last 20 packets.
+    client.done(Command::Reset);
+    client.window = None;
+    client.send(Command::Credit { packets: 64 });
+    client.point(attitude(4), EPOCH);
+    client.frame_granting(|client, taken| {
+        if taken + 20 <= packets {
+            client.send(Command::Credit {
+                packets: taken + 64,
+            });
+        }
+    });
+    tells(&mut client, Withheld::Lost);
 }
 
 /// Sends attitudes and reads nothing until the emulator is through with all of them.

@@ -150,82 +150,112 @@ async fn prove(shared: &Shared) {
     }
 }
 
-/// Where the next datagram is read.
-enum From {
+/// Where a datagram was read.
+#[derive(Clone, Copy, PartialEq)]
+enum Origin {
+    /// On the common socket.
     All,
-    Own(Rc<Own>),
+    /// There, while a client has its own: it is a stranger's.
+    Strangers,
+    /// On the client's own socket.
+    Own,
+}
+
+/// What comes on both sockets.
+struct Reader {
+    datagrams: Datagrams,
+    /// Longer than any packet: a longer datagram is refused for its length.
+    buffer: Vec<u8>,
+    own_buffer: Vec<u8>,
+    strangers: Strangers,
+    /// How many may have come before a client got its own socket.
+    before: u32,
+}
+
+impl Reader {
+    /// The next datagram; none where there is none, and it is to be looked for again.
+    async fn next(&mut self, shared: &Shared) -> Option<(Datagram, Origin)> {
+        if self.before > 0 {
+            self.before -= 1;
+            let received = self.datagrams.receive(&mut self.buffer).ok();
+            if received.is_none() {
+                self.before = 0;
+            }
+            return received.map(|datagram| (datagram, Origin::All));
+        }
+        let own = shared.own();
+        let is_guarded = own.is_some() && shared.exchange.borrow().is_held(Instant::now());
+        let (datagrams, buffer) = (&mut self.datagrams, &mut self.buffer);
+        let (own_buffer, strangers) = (&mut self.own_buffer, &mut self.strangers);
+        let of_own = async {
+            match &own {
+                Some(own) => own.receive(own_buffer).await,
+                None => pending().await,
+            }
+        };
+        let of_all = async {
+            if is_guarded {
+                strangers.wait().await;
+            }
+            let receive = || datagrams.receive(buffer);
+            shared.socket.async_io(Interest::READABLE, receive).await
+        };
+        let (received, origin) = tokio::select! {
+            biased;
+            received = of_own => (received, Origin::Own),
+            received = of_all => (received, if is_guarded { Origin::Strangers } else { Origin::All }),
+        };
+        match (received, own) {
+            (Ok(datagram), _) => {
+                if origin == Origin::Strangers {
+                    self.strangers.took();
+                }
+                Some((datagram, origin))
+            }
+            (Err(error), Some(own)) if origin == Origin::Own => {
+                if error.kind() == io::ErrorKind::ConnectionRefused {
+                    shared.end(&own);
+                }
+                None
+            }
+            // An error here answers an earlier datagram to a client that has gone.
+            (Err(_), _) => None,
+        }
+    }
+
+    fn packet(&self, datagram: &Datagram, origin: Origin) -> &[u8] {
+        let buffer = match origin {
+            Origin::Own => &self.own_buffer,
+            Origin::All | Origin::Strangers => &self.buffer,
+        };
+        buffer.get(..datagram.length).unwrap_or_default()
+    }
 }
 
 /// Hands on what comes from the exchange's client, until nobody takes it.
-async fn receive(shared: &Shared, mut datagrams: Datagrams, arrivals: Intake) {
-    // Longer than any packet: a longer datagram is refused for its length.
-    let [mut buffer, mut own_buffer] = [(); 2].map(|()| vec![0; 1 << 16]);
-    // Of strangers, while a client has its own socket; of all, when it has just got it.
-    let (mut strangers, mut before) = (Strangers::default(), 0_u32);
+async fn receive(shared: &Shared, datagrams: Datagrams, arrivals: Intake) {
+    let mut reader = Reader {
+        datagrams,
+        buffer: vec![0; 1 << 16],
+        own_buffer: vec![0; 1 << 16],
+        strangers: Strangers::default(),
+        before: 0,
+    };
     for number in 1_u64.. {
         // What leaves is not to wait for a flood's end.
         if number.is_multiple_of(IN_A_ROW) {
             tokio::task::yield_now().await;
         }
-        let own = shared.own();
-        let is_guarded =
-            own.is_some() && before == 0 && shared.exchange.borrow().is_held(Instant::now());
-        let (received, from) = if before > 0 {
-            before -= 1;
-            let received = datagrams.receive(&mut buffer);
-            if received.is_err() {
-                before = 0;
-                continue;
-            }
-            (received, From::All)
-        } else {
-            let of_own = async {
-                match &own {
-                    Some(own) => own.receive(&mut own_buffer).await,
-                    None => pending().await,
-                }
-            };
-            let of_all = async {
-                if is_guarded {
-                    strangers.wait().await;
-                }
-                let receive = || datagrams.receive(&mut buffer);
-                shared.socket.async_io(Interest::READABLE, receive).await
-            };
-            tokio::select! {
-                biased;
-                received = of_own => match own.clone() {
-                    Some(own) => (received, From::Own(own)),
-                    None => (received, From::All),
-                },
-                received = of_all => (received, From::All),
-            }
+        let Some((datagram, origin)) = reader.next(shared).await else {
+            continue;
         };
-        let datagram = match (received, &from) {
-            (Ok(datagram), _) => datagram,
-            (Err(error), From::Own(own)) => {
-                if error.kind() == io::ErrorKind::ConnectionRefused {
-                    shared.end(own);
-                }
-                continue;
-            }
-            // An error here answers an earlier datagram to a client that has gone.
-            (Err(_), From::All) => continue,
-        };
-        let packet = match &from {
-            From::All => buffer.get(..datagram.length),
-            From::Own(_) => own_buffer.get(..datagram.length),
-        };
-        let is_stranger = is_guarded && matches!(from, From::All);
-        if is_stranger {
-            strangers.took();
-        }
-        let packet = packet.unwrap_or_default();
+        let packet = reader.packet(&datagram, origin);
+        let is_stranger = origin == Origin::Strangers;
         if !hand_on(shared, &arrivals, datagram, packet, is_stranger) {
             return;
         }
-        if shared.settle(&datagrams, Instant::now()) {
-            before = BEFORE;
+        if shared.settle(&reader.datagrams, Instant::now()) {
+            reader.before = BEFORE;
         }
     }
 }
