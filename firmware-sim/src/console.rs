@@ -53,7 +53,7 @@ fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
 /// # Errors
 /// What else the system says.
 pub fn say(text: impl Display) -> io::Result<()> {
-    write_out(&printable(&text.to_string()))
+    write_out(printable(&text.to_string()))
 }
 
 /// Prints data for programs to standard output, unchanged but where that is a terminal; else as [`say`].

@@ -53,7 +53,7 @@ const WAYS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], attitude_file = \"F
 
 /// The body's attitude in which the boresight of `camera` has this right ascension and declination and the image this roll, deg.
 pub fn attitude_of_radec([ra, dec, roll]: [f64; 3], camera: &Camera) -> Result<Attitude, String> {
-    if !(-90.0..=90.0).contains(&dec) || !(ra.abs() <= 360.0 && roll.abs() <= 360.0) {
+    if !((-90.0..=90.0).contains(&dec) && ra.abs() <= 360.0 && roll.abs() <= 360.0) {
         return Err(format!(
             "{ra},{dec},{roll}: must be RA -360 to 360, DEC -90 to 90, ROLL -360 to 360, in deg"
         ));

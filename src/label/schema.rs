@@ -9,7 +9,7 @@ use schemars::{JsonSchema, Schema, json_schema};
 #[serde(untagged)]
 #[allow(dead_code, reason = "its schema is used, not its values")]
 enum Listed {
-    Source(ObjectLabel),
+    Source(Box<ObjectLabel>),
     Spot(SpotLabel),
 }
 

@@ -182,7 +182,7 @@ fn value_at<'t, 'i>(
         value = match (step, value.get_ref()) {
             (Ok(name), DeValue::Table(table)) => table.get(name)?,
             (Err(_), DeValue::Array(values)) if first => values.iter().next()?,
-            (Err(index), DeValue::Array(values)) => values.iter().nth(index)?,
+            (Err(index), DeValue::Array(values)) => values.get(index)?,
             _ => return None,
         };
     }
@@ -204,7 +204,7 @@ fn table_around<'t, 'i, 'k>(
             let DeValue::Array(values) = value else {
                 return None;
             };
-            value = values.iter_mut().nth(*index)?.get_mut();
+            value = values.get_mut(*index)?.get_mut();
             places.next();
         }
         let DeValue::Table(inner) = value else {
