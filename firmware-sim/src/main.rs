@@ -25,7 +25,7 @@ use skyloop_firmware_sim::received::Content;
 use skyloop_firmware_sim::text::whole;
 use skyloop_firmware_sim::verdict::{self, Limits, Suite, Verdict};
 use skyloop_orbit::time::parse_utc;
-use skyloop_orbit::{Ages, LoadError, file_and_name};
+use skyloop_orbit::{Ages, LoadError, file_and_name, set_ut1_utc};
 use skyloop_protocols::{Fault, LabelLevel};
 
 /// A mock flight computer: sends attitude and position, receives frames, detects stars, compares with the labels.
@@ -38,6 +38,9 @@ struct Args {
     /// TLE, 3LE, CCSDS OMM or OEM file; NAME picks an object by name or identifier
     #[arg(long, value_name = "FILE[:NAME]")]
     orbit: Option<String>,
+    /// UT1 - UTC in s (IERS Bulletin A) of OEM and AEM files in Earth-fixed axes or in UT1 that do not give it themselves
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    ut1_utc: Option<f64>,
     /// Middle of the first exposure, UTC; may be left out with --wall, and then is now
     #[arg(long, value_name = "UTC", value_parser = parse_utc, required_unless_present_any = ["wall", "closed", "listen"])]
     epoch: Option<Epoch>,
@@ -105,6 +108,9 @@ fn note(text: impl Display) {
 
 fn run(args: Args) -> Result<()> {
     let started = Instant::now();
+    if let Some(seconds) = args.ut1_utc {
+        set_ut1_utc(seconds).map_err(|why| anyhow!("--ut1-utc {why}"))?;
+    }
     // What begins now is under way while the emulator is waited for.
     let zero = args.epoch.is_none().then_some(started);
     let mission = mission(&args)?;

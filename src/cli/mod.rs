@@ -33,6 +33,7 @@ use skyloop::effect::counted;
 use skyloop::flight;
 use skyloop::load::Register;
 use skyloop::load::orbits::several_sets;
+use skyloop::orbit::set_ut1_utc;
 use skyloop::orbit::{Ages, Object};
 use skyloop_firmware_sim::console::printable_line;
 use skyloop_firmware_sim::mission::Mission;
@@ -50,6 +51,9 @@ pub struct Cli {
     /// Log what is refused, and which effects the first frame needs and why
     #[arg(short, long, global = true, overrides_with = "verbose")]
     pub verbose: bool,
+    /// UT1 - UTC in s (IERS Bulletin A) of OEM and AEM files in Earth-fixed axes or in UT1 that do not give it themselves
+    #[arg(long, global = true, value_name = "S", allow_negative_numbers = true)]
+    ut1_utc: Option<f64>,
     #[command(subcommand)]
     command: Command,
 }
@@ -96,6 +100,9 @@ enum Command {
 impl Cli {
     /// Runs the command.
     pub fn run(self) -> anyhow::Result<()> {
+        if let Some(seconds) = self.ut1_utc {
+            set_ut1_utc(seconds).map_err(|why| anyhow::anyhow!("--ut1-utc {why}"))?;
+        }
         match self.command {
             Command::Loopback(args) => loopback::run(args),
             Command::Run(args) => run::run(args),

@@ -4,13 +4,27 @@ use crate::frames::{Axes, FRAMES};
 use crate::record::{At, shorten};
 use crate::{bounded_name, time};
 use hifitime::{Duration, Epoch, TimeScale};
+use std::sync::OnceLock;
 
 /// Beyond it, in s, UT1 - UTC is in another unit; leap seconds hold it within 0.9 s.
 const LARGEST_UT1_UTC_S: f64 = 10.0;
 
 /// How to give UT1 - UTC, which no keyword of these messages holds.
-const GIVE_UT1: &str =
-    "write COMMENT UT1-UTC = SECONDS (IERS Bulletin A has it) between META_START and META_STOP";
+const GIVE_UT1: &str = "give --ut1-utc SECONDS (IERS Bulletin A has it), or COMMENT UT1-UTC = SECONDS in the file's metadata";
+
+/// UT1 - UTC (s) of files that do not give it.
+static UT1_UTC_S: OnceLock<f64> = OnceLock::new();
+
+/// Sets UT1 - UTC in s, from -10 to 10, of all files that do not give it in a comment: a program does this once, before it reads any.
+/// False if it was set before.
+///
+/// Errors: says what is wrong with the value.
+pub fn set_ut1_utc(seconds: f64) -> Result<bool, String> {
+    if seconds.is_nan() || seconds.abs() > LARGEST_UT1_UTC_S {
+        return Err(format!("{seconds}: must be -10 to 10 s"));
+    }
+    Ok(UT1_UTC_S.set(seconds).is_ok())
+}
 
 /// A metadata block: the line that it starts in, and its keywords with their lines.
 pub(crate) struct Meta {
@@ -87,10 +101,10 @@ impl Meta {
         })
     }
 
-    /// UT1 - UTC in s, where a comment gives it.
+    /// UT1 - UTC in s, where a comment or the program gives it.
     fn ut1_utc_s(&self) -> At<Option<f64>> {
         let Some((text, line)) = self.find("UT1-UTC") else {
-            return Ok(None);
+            return Ok(UT1_UTC_S.get().copied());
         };
         let number = text.trim_end_matches("[s]").trim_end_matches('s').trim();
         let value = number.parse().ok();

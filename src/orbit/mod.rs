@@ -58,6 +58,7 @@ pub use designator::Designator;
 pub use format::Format;
 pub use identity::{Identity, Register, catalogue_number, is_placeholder};
 pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
+pub use meta::set_ut1_utc;
 pub use pick::file_and_name;
 pub use read::{
     Input, LARGEST_CONFIG, LARGEST_FILE, LARGEST_PIPE, LARGEST_TABLE, inputs, is_input,

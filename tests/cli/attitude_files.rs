@@ -126,9 +126,9 @@ fn attitude_files_that_cannot_be_flown_say_why() {
         (
             "attitude_file = \"f\"\nattitudes = [{ q = [0, 0, 0, 1] }]",
             good,
-            "given beside sequence.attitudes or rates_deg_s: keep one of them",
+            "sequence.attitude_file: given beside sequence.attitudes: leave one of them out",
         ),
-        ("", good, "or sequence.attitude_file given"),
+        ("", good, "no pointing: give one of attitudes"),
     ] {
         let here = tempfile::tempdir().unwrap();
         scene(here.path(), sequence, &[("f", text)]);

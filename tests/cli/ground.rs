@@ -1,4 +1,4 @@
-//! Observers inside the Earth: refused before anything is written.
+//! Where observers are: inside the Earth they are refused before anything is written, and Earth-fixed axes turn by UT1.
 
 use crate::{EPOCH, Q, skyloop};
 use hifitime::Unit;
@@ -145,4 +145,56 @@ fn an_observer_inside_the_moon() {
         assert!(said.contains(word), "{said} has no {word}");
     }
     assert!(!here.path().join("p").exists());
+}
+
+/// UT1 - UTC turns Earth-fixed states; the option and the file's comment give it alike.
+#[test]
+fn ut1_utc_comes_from_the_option_or_the_file() {
+    let here = tempfile::tempdir().unwrap();
+    let message = |comment: &str| {
+        let mut oem = format!(
+            "CCSDS_OEM_VERS = 2.0\nCREATION_DATE = 2026-01-01T00:00:00\nORIGINATOR = TEST\n\nMETA_START\n{comment}OBJECT_NAME = FLYER\n\
+             OBJECT_ID = 2026-001A\nCENTER_NAME = EARTH\nREF_FRAME = ITRF2014\nTIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T23:35:00\n\
+             STOP_TIME = 2019-06-15T23:35:20\nINTERPOLATION = LINEAR\nMETA_STOP\n\n"
+        );
+        for s in 0..=20 {
+            oem += &format!(
+                "2019-06-15T23:35:{s:02} 7000 {:.1} 0 0 7.5 0\n",
+                7.5 * f64::from(s)
+            );
+        }
+        oem
+    };
+    let write = |name: &str, text: String| std::fs::write(here.path().join(name), text).unwrap();
+    write("plain.oem", message(""));
+    write("given.oem", message("COMMENT UT1-UTC = -0.1634\n"));
+    let render = |orbit: &str, option: &[&str]| {
+        let place = ["render", "--epoch", "2019-06-15T23:35:10Z", "--attitude", Q];
+        let mut command = skyloop(here.path());
+        command.args(place).args(["--out", "o", "--orbit", orbit]);
+        let done = command.args(option).assert();
+        let log = String::from_utf8(done.get_output().stderr.clone()).unwrap();
+        let warns = log.contains("UT1 is taken as UTC");
+        done.success();
+        let labels = std::fs::read_to_string(here.path().join("o/labels.jsonl")).unwrap();
+        let label: serde_json::Value = serde_json::from_str(&labels).unwrap();
+        let km = [0, 1, 2].map(|axis| label["state_gcrf_km"][axis].as_f64().unwrap());
+        (Vector3::from(km), warns)
+    };
+    let (unknown, warns) = render("plain.oem", &[]);
+    assert!(warns);
+    let (by_option, warns) = render("plain.oem", &["--ut1-utc", "-0.1634"]);
+    assert!(!warns);
+    assert_eq!(by_option, render("given.oem", &["--ut1-utc", "0.5"]).0);
+    // X-Val: the Earth turns by 7.292115e-5 rad a second (IERS Conventions 2010, table 1.2); the axis of 7000.4 km is its own to 0.2 %.
+    let moved_km = (by_option - unknown).norm();
+    assert!(
+        (moved_km / (7.292115e-5 * 0.1634 * 7000.4) - 1.0).abs() < 2e-3,
+        "{moved_km}"
+    );
+    let refused = skyloop(here.path())
+        .args(["plan", "--ut1-utc", "37"])
+        .assert();
+    let log = String::from_utf8(refused.failure().get_output().stderr.clone()).unwrap();
+    assert!(log.contains("--ut1-utc 37: must be -10 to 10 s"), "{log}");
 }
