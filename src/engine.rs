@@ -296,7 +296,6 @@ impl Emulator {
         let done = |first, digits: &[u16]| witness.developed(first, digits);
         let frame = render(&plan, &scene, self.level, self.keep_expected, memory, &done);
         drop(plan);
-        self.next_frame = self.next_frame.wrapping_add(1);
         go_on(&scene.view.limit)?;
         Ok(Shot {
             number,

@@ -163,6 +163,11 @@ impl Sensitivity {
     }
 }
 
+/// Whether the vignetting lets any light of a direction (camera axes) through.
+fn passes_light(camera: &Camera, direction: &Vector3<f64>) -> bool {
+    camera.optics.vignetting.transmission(direction) > 0.0
+}
+
 /// From edge to edge through the middle of the detector, deg: rows, columns, diagonal.
 fn field_deg(camera: &Camera) -> [f64; 3] {
     let [width, height] = camera.detector.sides();
@@ -175,18 +180,34 @@ fn field_deg(camera: &Camera) -> [f64; 3] {
         [[left, top], [right, bottom]],
     ];
     let direction = |at| camera.optics.direction(at);
+    // Halving finds where the vignetting lets nothing through any more: a fisheye's image may end before the detector does.
+    let last = |end: [f64; 2]| {
+        let at = |part: f64| [0, 1].map(|axis| middle[axis] + part * (end[axis] - middle[axis]));
+        let (mut seen, mut dark) = (0.0, 1.0);
+        if passes_light(camera, &direction(end)) {
+            return direction(end);
+        }
+        for _ in 0..40 {
+            let half = (seen + dark) / 2.0;
+            match passes_light(camera, &direction(at(half))) {
+                true => seen = half,
+                false => dark = half,
+            }
+        }
+        direction(at(seen))
+    };
     ends.map(|[from, to]| {
         // By way of the middle: a fisheye sees more than half a turn.
         let middle = direction(middle);
-        let parts = [from, to].map(|end| angle_between(&direction(end), &middle));
+        let parts = [from, to].map(|end| angle_between(&last(end), &middle));
         (parts[0] + parts[1]).to_degrees()
     })
 }
 
-/// The solid angle that the detector sees, sr: triangles between directions of a grid. Where a projection ends before the detector does, the
-/// directions beyond are those of its end, and enclose nothing.
+/// The solid angle that the detector gets light from, sr: triangles between directions of a grid. Where a projection ends before the detector
+/// does, the directions beyond are those of its end, and enclose nothing.
 fn solid_angle_sr(camera: &Camera) -> f64 {
-    const CELLS: usize = 64;
+    const CELLS: usize = 128;
     let [width, height] = camera.detector.sides();
     let direction = |i: usize, j: usize| {
         let part = |cell: usize, side: f64| cell as f64 / CELLS as f64 * side - 0.5;
@@ -194,6 +215,14 @@ fn solid_angle_sr(camera: &Camera) -> f64 {
     };
     let mut sum = 0.0;
     for (i, j) in (0..CELLS).flat_map(|i| (0..CELLS).map(move |j| (i, j))) {
+        let [width, height] = [width, height].map(|side| side / CELLS as f64);
+        let centre = [
+            (i as f64 + 0.5) * width - 0.5,
+            (j as f64 + 0.5) * height - 0.5,
+        ];
+        if !passes_light(camera, &camera.optics.direction(centre)) {
+            continue;
+        }
         let corners = [
             direction(i, j),
             direction(i + 1, j),

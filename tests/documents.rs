@@ -264,13 +264,11 @@ fn the_default_files_values_are_the_defaults() {
     assert_eq!(format!("{written:?}"), format!("{built:?}"));
 }
 
-/// The embedded file with every commented key in force, but for those that stand instead of another: `# key = value` becomes
-/// `key = value`.
+/// The embedded file with every commented key in force: `# key = value` becomes `key = value`. Those behind `##` exclude another.
 fn uncommented() -> String {
     let is_key = |rest: &str| {
         let (head, _) = rest.split_once(['=', ']']).unwrap_or_default();
-        let is_other = rest.contains("# instead of ");
-        rest.starts_with('[') || (rest.contains('=') && !head.trim().contains(' ') && !is_other)
+        rest.starts_with('[') || (rest.contains('=') && !head.trim().contains(' '))
     };
     let line = |line: &str| match line.strip_prefix("# ") {
         Some(rest) if is_key(rest) => rest.to_string(),

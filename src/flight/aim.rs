@@ -126,8 +126,12 @@ pub(super) fn notices(look: &LookAt, mission: &Mission) -> Result<Vec<String>, P
         ))
     };
     let rule = format!(
-        "the line of sight is parallel to up = {:?}, and north is up instead",
-        look.up.name()
+        "the line of sight is parallel to up = {:?}, and {} is up instead",
+        look.up.name(),
+        match look.up {
+            Up::North => "ICRF +X",
+            _ => "north",
+        }
     );
     let lines = [
         line("the target is behind the Earth", &hidden),

@@ -18,11 +18,15 @@ pub fn schema() -> Schema {
     let settings = SchemaSettings::draft2020_12().for_serialize();
     let mut generator = settings.into_generator();
     let listed = generator.subschema_for::<Listed>();
-    // Not of the derived type: objects are written by code of their own, times are added by the server.
+    // Not of the derived type: objects are written by code of their own, files are added with the frame, times by the server.
     let own = [
         (
             "objects",
             json_schema!({ "description": "What is in the frame", "type": "array", "items": listed }),
+        ),
+        (
+            "files",
+            json_schema!({ "description": "Names of the frame's files, in labels.jsonl", "type": "array", "items": { "type": "string" } }),
         ),
         (
             "timing",

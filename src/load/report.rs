@@ -126,12 +126,45 @@ fn repair(
     done
 }
 
-/// Whether a fault of `key` follows from the replacement of `done`: it lies within, or its message speaks of it.
+/// Keys by which others are judged, and those others; one that ends in a point stands for all keys of its table.
+const JUDGES: &[(&str, &[&str])] = &[
+    ("optics.psf.kind", &["optics.psf."]),
+    (
+        "optics.projection.model",
+        &["optics.projection", "optics.projection."],
+    ),
+    ("detector.width_px", PLACES),
+    ("detector.height_px", PLACES),
+    (
+        "detector.adc_bits",
+        &["detector.offset_dn", "detector.stuck_dn"],
+    ),
+    ("sequence.attitudes", &["sequence"]),
+    ("sequence.attitude_file", &["sequence"]),
+    ("sequence.radec", &["sequence"]),
+    ("sequence.nadir", &["sequence"]),
+    ("sequence.look_at", &["sequence"]),
+];
+
+/// Keys that are judged by the size of the detector.
+const PLACES: &[&str] = &[
+    "detector.dead_px",
+    "detector.hot_px",
+    "detector.stuck_px",
+    "timing.rate_hz",
+    "timing.row_us",
+];
+
+/// Whether a fault of `key` follows from the replacement of `done`: it lies within, is judged by it, or its message speaks of it.
 fn follows(key: &str, message: &str, done: &str) -> bool {
     let within = key
         .strip_prefix(done)
         .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']));
-    within || (done.contains('.') && message.contains(done))
+    let judged = JUDGES.iter().filter(|(judge, _)| *judge == done);
+    let is_judged = judged
+        .flat_map(|(_, keys)| *keys)
+        .any(|judged| key == *judged || judged.ends_with('.') && key.starts_with(judged));
+    within || is_judged || (done.contains('.') && message.contains(done))
 }
 
 /// Gives the entry of a misspelt key the name that is meant, unless that is there.

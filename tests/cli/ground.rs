@@ -28,7 +28,7 @@ fn an_observer_below_the_ground() {
         .failure();
     let message = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
     for word in [
-        "--state = [6378.0, 0.0, 0.0] km",
+        "(--state) = [6378.0, 0.0, 0.0] km",
         "below the ground",
         "6378.0 km",
     ] {
@@ -96,7 +96,7 @@ fn an_observer_inside_the_moon() {
     };
     let said = message(render(1737.39).failure());
     for word in [
-        "--state = ",
+        "(--state) = ",
         "1737.4 km from the Moon's centre",
         "2019-06-15T23:35:50",
         "above its ground",

@@ -321,7 +321,7 @@ fn links() {
     link("udp://nohost", &["udp://nohost", "address and a port"]);
     link(
         "udp://127.0.0.1:0?rate=1",
-        &["unknown option \"rate\"", "rate_mbit, roles"],
+        &["unknown option \"rate\"", "rate_mbit, proof, roles"],
     );
     link(
         "udp://127.0.0.1:0?rate_mbit=fast",

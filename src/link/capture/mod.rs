@@ -105,8 +105,6 @@ pub struct Capture {
 
 /// To the thread that writes.
 enum Message {
-    /// What the file begins with.
-    Head(Vec<u8>),
     /// One record in the file's format.
     Record(Vec<u8>),
     /// The run has ended.
@@ -181,16 +179,15 @@ impl Capture {
     /// Begins the recording, in place of what the file had. One of packets starts with `origin`; candump's format has no
     /// place for it.
     pub fn begin(&mut self, origin: &Origin) -> Result<(), CaptureError> {
-        self.file.begin().map_err(|source| CaptureError::Create {
-            file: self.name.clone(),
-            source,
-        })?;
-        if let Some(links) = &self.links {
-            let head = pcapng::head(links, &origin.to_lines());
-            // A thread that has gone has left its reason.
-            let _ = self.queue.send(Message::Head(head));
-        }
-        Ok(())
+        let links = self.links.as_ref();
+        let head = links.map(|links| pcapng::head(links, &origin.to_lines()));
+        let begun = self.file.begin().and_then(|()| self.file.file());
+        begun
+            .and_then(|mut file| file.write_all(&head.unwrap_or_default()))
+            .map_err(|source| CaptureError::Create {
+                file: self.name.clone(),
+                source,
+            })
     }
 
     /// The way into the recording for a thread of its own.
@@ -342,10 +339,6 @@ fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u6
         let mut done = Ok(());
         let mut is_over = false;
         match records.recv_timeout(FLUSH) {
-            Ok(Message::Head(head)) => {
-                end += head.len() as u64;
-                done = to.write_all(&head);
-            }
             Ok(Message::Record(record)) => {
                 taken += 1;
                 end += record.len() as u64;
