@@ -191,7 +191,7 @@ fn a_sequence_has_one_pointing_and_says_what_it_needs() {
         ),
         (
             "look_at = \"Sun\"\nrates_deg_s = [0, 0, 1]",
-            "sequence.rates_deg_s: given beside nadir or look_at",
+            "sequence.rates_deg_s: given beside attitude_file, nadir or look_at",
         ),
         ("look_at = \"Sum\"", "sequence.look_at: \"Sum\" is none of"),
         ("look_at = [0, 91]", "a declination of -90 to 90 deg"),

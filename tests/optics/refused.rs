@@ -85,8 +85,14 @@ mounting | misalignment_arcsec = [0.0, 0.0, 0.0, 0.0] | mounting.misalignment_ar
 mounting | q_body_to_camera = [0.0, 0.0, 0.0, 1.0, 0.0] | mounting.q_body_to_camera: must have 4 values, not 5
 "#;
 
-/// Why a camera with these lines is refused: one line that begins with the file and has these words.
+/// Why a camera with these lines is refused: one fault, in a line that begins with the file and has these words.
 fn refused(text: &str, words: &[&str]) {
+    let message = refusal(text, words);
+    assert_eq!(message.lines().count(), 1, "{message}");
+}
+
+/// Why a camera with these lines is refused: it begins with the file and has these words.
+fn refusal(text: &str, words: &[&str]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write("short.csv", "0.2, 0.3\n0.2, 0.27\n");
@@ -102,10 +108,10 @@ fn refused(text: &str, words: &[&str]) {
     let message = error.to_string();
     let file = folder.path().join("mine.toml").display().to_string();
     assert!(message.starts_with(&file), "{message}");
-    assert_eq!(message.lines().count(), 1, "{message}");
     for word in words {
         assert!(message.contains(word), "{message} has no {word}");
     }
+    message
 }
 
 #[test]
@@ -152,10 +158,16 @@ fn the_table_that_is_not_there_is_named() {
     let whole = text(GAUSSIAN, "[optics.projection]\nmodel = \"pinhole\"");
     let inner = whole.find("[optics.projection]").unwrap();
     let bare = format!("name = \"mine\"\n{}", &whole[inner..]);
-    refused(
-        &bare,
-        &["mine.toml:2:2: optics: the key `focal_length_mm` is missing"],
-    );
+    let keys = [
+        "focal_length_mm",
+        "aperture_mm",
+        "transmission",
+        "band",
+        "psf",
+    ];
+    let missing = keys.map(|key| format!("mine.toml:2:2: optics: the key `{key}` is missing"));
+    let message = refusal(&bare, &missing.each_ref().map(String::as_str));
+    assert_eq!(message.lines().count(), 1 + keys.len(), "{message}");
 }
 
 /// A fold says where it is, and a weaker lens that has none: that one loads.
