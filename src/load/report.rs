@@ -155,7 +155,8 @@ const PLACES: &[&str] = &[
     "timing.row_us",
 ];
 
-/// Whether a fault of `key` follows from the replacement of `done`: it lies within, is judged by it, or its message speaks of it.
+/// Whether a fault of `key` follows from the replacement of `done`: it lies within, is judged by it, or its message speaks of it, as that of a
+/// table does where a key of its own is missing.
 fn follows(key: &str, message: &str, done: &str) -> bool {
     let within = key
         .strip_prefix(done)
@@ -164,7 +165,10 @@ fn follows(key: &str, message: &str, done: &str) -> bool {
     let is_judged = judged
         .flat_map(|(_, keys)| *keys)
         .any(|judged| key == *judged || judged.ends_with('.') && key.starts_with(judged));
-    within || is_judged || (done.contains('.') && message.contains(done))
+    let misses = done
+        .rsplit_once('.')
+        .is_some_and(|(table, name)| without_indices(table) == key && message.contains(name));
+    within || is_judged || misses || (done.contains('.') && message.contains(done))
 }
 
 /// Gives the entry of a misspelt key the name that is meant, unless that is there.

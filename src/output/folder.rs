@@ -174,11 +174,16 @@ impl Folder {
         Ok(())
     }
 
+    /// A folder that need not exist.
+    pub fn at(dir: &Path) -> Folder {
+        Folder {
+            dir: dir.to_path_buf(),
+        }
+    }
+
     /// Creates the folder if need be, and leaves alone what is in it.
     pub fn shared(dir: &Path) -> Result<Folder, OutputError> {
-        let folder = Folder {
-            dir: dir.to_path_buf(),
-        };
+        let folder = Folder::at(dir);
         fs::create_dir_all(dir).map_err(|e| folder.error("create the folder", "", e))?;
         Ok(folder)
     }

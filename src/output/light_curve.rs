@@ -22,7 +22,7 @@ const SUNLIT: Rgb888 = Rgb888::new(110, 140, 190);
 ///
 /// Errors: skyloop did not make them.
 pub fn may_replace_light_curve(dir: &Path) -> Result<(), OutputError> {
-    Folder::shared(dir)?.may_replace(TABLE, HEAD, &[PICTURE])
+    Folder::at(dir).may_replace(TABLE, HEAD, &[PICTURE])
 }
 
 /// Writes `lightcurve.csv` and `lightcurve.png` into `dir`, which is made if it does not exist; other files in it are left alone.

@@ -47,7 +47,7 @@ use stretch::Levels;
 ///
 /// Errors: it does not, this process has read one of them, or the folder cannot be created.
 pub fn may_replace(dir: &Path, table: &str, head: &str, picture: &str) -> Result<(), OutputError> {
-    Folder::shared(dir)?.may_replace(table, head, &[picture])
+    Folder::at(dir).may_replace(table, head, &[picture])
 }
 
 const LABELS: &str = "labels.jsonl";
