@@ -8,7 +8,7 @@ use serde_json::json;
 use skyloop::config::{Clock, Config, OnOverrun};
 use skyloop::fidelity::{Coarser, Fidelity};
 use skyloop::link;
-use skyloop::link::capture::Capture;
+use skyloop::link::capture::{Capture, Origin};
 use skyloop_protocols::{Attitude, Command, Reason};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -37,7 +37,11 @@ fn turning(sequence: u32) -> Attitude {
 fn in_the_midst(file: Option<&Path>) -> (Running, Client<MemoryLine>, Option<Capture>) {
     let (mut wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let links = ["memory".to_string()];
-    let capture = file.map(|file| Capture::packets(file, &links).unwrap());
+    let capture = file.map(|file| {
+        let mut capture = Capture::packets(file, &links).unwrap();
+        capture.begin(&Origin::default()).unwrap();
+        capture
+    });
     capture.iter().for_each(|capture| capture.tap(&mut wire, 0));
     let emulator = Running::start(limited(1e6), Clock::Stepped, wire);
     let mut client = Client::new(MemoryLine(port));
