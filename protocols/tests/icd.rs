@@ -15,7 +15,7 @@ use skyloop_protocols::{LabelPart, PixelBlock};
 const ICD: &str = include_str!("../docs/icd.md");
 
 /// Offset of the first counter of Status: 15 octets before its fields, 90 of these.
-const COUNTERS: u32 = 121;
+const COUNTERS: u32 = 122;
 
 /// The cells of all table rows of a text.
 fn rows(text: &str) -> impl Iterator<Item = Vec<&str>> {

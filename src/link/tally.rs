@@ -178,6 +178,9 @@ impl Standstill {
                 most.as_secs()
             );
         }
-        self.since.elapsed() >= self.patience || self.begun.elapsed() >= most
+        // Frames do not leave without proof.
+        self.tally.awaits_proof()
+            || self.since.elapsed() >= self.patience
+            || self.begun.elapsed() >= most
     }
 }

@@ -186,6 +186,7 @@ impl Reader {
 
     /// The segment that metadata begin.
     fn data(&mut self, meta: &Meta) -> At<Data> {
+        meta.check_once()?;
         let (object, line) = meta.need("OBJECT_ID")?;
         if self.object.get_or_insert_with(|| object.to_owned()) != object {
             let reason = "another OBJECT_ID than before: give the attitudes of each object in a file of its own";

@@ -6,8 +6,8 @@ use crate::{bounded_name, time};
 use hifitime::{Duration, Epoch, TimeScale};
 use std::sync::OnceLock;
 
-/// Beyond it, in s, UT1 - UTC is in another unit; leap seconds hold it within 0.9 s.
-const LARGEST_UT1_UTC_S: f64 = 10.0;
+/// Largest |UT1 - UTC|, s: leap seconds hold it within 0.9 s, and a value beyond is in another unit.
+const LARGEST_UT1_UTC_S: f64 = 1.0;
 
 /// How to give UT1 - UTC, which no keyword of these messages holds.
 const GIVE_UT1: &str = "give --ut1-utc SECONDS (IERS Bulletin A has it), or COMMENT UT1-UTC = SECONDS in the file's metadata";
@@ -15,13 +15,13 @@ const GIVE_UT1: &str = "give --ut1-utc SECONDS (IERS Bulletin A has it), or COMM
 /// UT1 - UTC (s) of files that do not give it.
 static UT1_UTC_S: OnceLock<f64> = OnceLock::new();
 
-/// Sets UT1 - UTC in s, from -10 to 10, of all files that do not give it in a comment: a program does this once, before it reads any.
+/// Sets UT1 - UTC in s, from -1 to 1, of all files that do not give it in a comment: a program does this once, before it reads any.
 /// False if it was set before.
 ///
 /// Errors: says what is wrong with the value.
 pub fn set_ut1_utc(seconds: f64) -> Result<bool, String> {
     if seconds.is_nan() || seconds.abs() > LARGEST_UT1_UTC_S {
-        return Err(format!("{seconds}: must be -10 to 10 s"));
+        return Err(format!("{seconds}: must be -1 to 1 s"));
     }
     Ok(UT1_UTC_S.set(seconds).is_ok())
 }
@@ -81,6 +81,20 @@ impl Meta {
         }
     }
 
+    /// Refuses a keyword that is given twice with different values.
+    pub fn check_once(&self) -> At<()> {
+        for (place, (key, value, line)) in self.pairs.iter().enumerate() {
+            let before = self.pairs.iter().take(place);
+            let mut before = before.filter(|(known, other, _)| known == key && other != value);
+            if let Some((_, other, _)) = before.next() {
+                let [other, value] = [other, value].map(|text| shorten(text));
+                let reason = format!("{key} twice: '{other}' and '{value}'; keep one");
+                return Err((*line, reason));
+            }
+        }
+        Ok(())
+    }
+
     pub fn find(&self, key: &str) -> Option<(&str, usize)> {
         let pair = self.pairs.iter().find(|(k, _, _)| k == key);
         pair.map(|(_, value, line)| (value.as_str(), *line))
@@ -109,7 +123,12 @@ impl Meta {
         let number = text.trim_end_matches("[s]").trim_end_matches('s').trim();
         let value = number.parse().ok();
         let value = value.filter(|value: &f64| value.abs() <= LARGEST_UT1_UTC_S);
-        let reason = || format!("UT1-UTC '{}' is not a number of seconds", shorten(text));
+        let reason = || {
+            format!(
+                "UT1-UTC '{}' is not a number of seconds from -1 to 1",
+                shorten(text)
+            )
+        };
         value.map(Some).ok_or_else(|| (line, reason()))
     }
 

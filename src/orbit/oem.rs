@@ -204,6 +204,7 @@ impl<'a> Segments<'a> {
 impl Data {
     /// The segment that metadata begin.
     fn new(meta: &Meta) -> At<Data> {
+        meta.check_once()?;
         let (center, line) = meta.need("CENTER_NAME")?;
         if !center.eq_ignore_ascii_case("EARTH") {
             let center = shorten(center);

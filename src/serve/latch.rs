@@ -10,7 +10,7 @@ use crate::scene::{Exposure, shutter, turn_at};
 use hifitime::Epoch;
 use skyloop_firmware_sim::time::{to_epoch, to_wire};
 use skyloop_orbit::time::{seconds, utc_text};
-use skyloop_protocols::{Attitude, Header, Reason};
+use skyloop_protocols::{Attitude, Header, Reason, Withheld};
 use std::time::Instant;
 
 impl Server {
@@ -160,6 +160,11 @@ impl Server {
         }
         self.truth.refused = Some(number);
         self.counters.refuse(Reason::ValueOutOfRange);
+        for at in 0..self.channels.len() {
+            if self.channels[at].roles.bring_frames() {
+                self.withhold(at, Withheld::Refused, why);
+            }
+        }
         let at = self.truth_channel();
         self.nack(
             at,

@@ -100,14 +100,16 @@ impl Channel {
             return None;
         };
         let state = [credit.granted(), credit.sent()];
-        let waiting = self.wire.tally.waiting() > 0 || !self.deliveries.is_empty();
+        // An answer under way does not start the time anew.
+        let waits = self.wire.tally.waiting() > 0;
+        let is_sending = !self.deliveries.is_empty();
         let silent = &mut self.messages.silent;
         match silent {
-            Some((of, since, reported)) if *of == state && !waiting => {
+            Some((of, since, reported)) if *of == state && !is_sending => {
                 // Of packets sent the client knows all but those that it does not grant for.
                 let known = credit.granted().wrapping_sub(*window);
                 let lost = credit.sent().wrapping_sub(known);
-                let is_due = !*reported && now.saturating_duration_since(*since) >= SOON;
+                let is_due = !waits && !*reported && now.saturating_duration_since(*since) >= SOON;
                 // A grant far ahead says nothing.
                 let is_lost = *step > 0 && lost > *step && lost <= *window;
                 *reported |= is_due;

@@ -196,5 +196,5 @@ fn ut1_utc_comes_from_the_option_or_the_file() {
         .args(["plan", "--ut1-utc", "37"])
         .assert();
     let log = String::from_utf8(refused.failure().get_output().stderr.clone()).unwrap();
-    assert!(log.contains("--ut1-utc 37: must be -10 to 10 s"), "{log}");
+    assert!(log.contains("--ut1-utc 37: must be -1 to 1 s"), "{log}");
 }

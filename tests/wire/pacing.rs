@@ -109,7 +109,9 @@ fn status_tells_why_a_frame_does_not_come() {
     let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
     let mut client = Client::new(line);
     let tells = |client: &mut Client<_>, why| {
-        await_that("Status tells why", || client.status().withheld == why);
+        await_that(&format!("Status tells {why:?}"), || {
+            client.status().withheld == why
+        });
         let abandoned = client.status().counters.frames_abandoned;
         client.done(Command::Reset);
         client.forget();

@@ -66,12 +66,15 @@ impl Exchange {
         }
     }
 
-    /// Takes a datagram from `from` that has come `now`; opens a new exchange if it may.
+    /// Takes a datagram from `from` that has come `now`; opens a new exchange if it may. A returned Challenge proves an address; it opens no
+    /// exchange, and keeps none.
     pub fn hear(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> Heard {
         let proves = self.prover.is_returned(from, packet, now);
         let valid = proves || (self.options.personality.decode_command)(packet).is_ok();
         match &self.client {
             Some(client) if client.address == from => {}
+            // It may be late, of an exchange that has ended.
+            _ if proves => return Heard::Stranger,
             Some(client) if client.holds && (self.stands(client, now) || !valid) => {
                 return Heard::Stranger;
             }
@@ -80,7 +83,7 @@ impl Exchange {
         let Some(client) = &mut self.client else {
             return Heard::Stranger;
         };
-        client.holds |= valid;
+        client.holds |= valid && !proves;
         client.heard = now;
         if proves {
             client.proof.returned(now);
@@ -305,6 +308,23 @@ mod tests {
         // Without proof that one is out after 1 s, and what proves the next comes first.
         assert_eq!(exchange.hear(at(3), &good, ms(6998)), Heard::Stranger);
         assert_eq!(exchange.hear(at(3), &good, ms(6999)), Heard::Packet(3));
+    }
+
+    #[test]
+    fn a_challenge_that_comes_back_late_opens_no_exchange_and_keeps_none() {
+        let (good, _) = packets();
+        let mut exchange = exchange(5000, true);
+        let begun = Instant::now();
+        let ms = |ms| begun + Duration::from_millis(ms);
+        assert_eq!(exchange.hear(at(1), &good, ms(0)), Heard::Packet(1));
+        let (_, challenge) = exchange.challenge(ms(0)).unwrap();
+        exchange.release(1, ms(1));
+        assert_eq!(exchange.hear(at(1), &challenge, ms(2)), Heard::Proof);
+        assert_eq!(exchange.hear(at(2), &good, ms(3)), Heard::Packet(2));
+        assert_eq!(exchange.hear(at(1), &challenge, ms(4)), Heard::Stranger);
+        exchange.end(at(2));
+        assert_eq!(exchange.hear(at(1), &challenge, ms(5)), Heard::Stranger);
+        assert!(!exchange.is_held(ms(5)));
     }
 
     #[test]

@@ -12,8 +12,8 @@ use crate::elements::Elements;
 use crate::record::{At, Record, long_designator, shorten};
 use crate::theory::{self, Theory};
 use crate::units::{DEGREE, REV_PER_DAY};
-use crate::{bounded_name, time};
-use hifitime::{Epoch, TimeScale};
+use crate::{bounded_name, is_placeholder, time};
+use hifitime::{Epoch, TimeScale, Unit};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
@@ -48,10 +48,13 @@ pub(crate) enum Key {
     /// With the next, drag and solar radiation pressure of SGP4-XP.
     BallisticTerm,
     RadiationTerm,
+    /// Of Space-Track's older classes: what EPOCH lacks, and OBJECT_ID.
+    EpochMicroseconds,
+    OldDesignator,
 }
 
 /// How they are written, in the order of [`Key`].
-pub(crate) const KEYWORDS: [&str; 24] = [
+pub(crate) const KEYWORDS: [&str; 26] = [
     "OBJECT_NAME",
     "OBJECT_ID",
     "CENTER_NAME",
@@ -76,6 +79,8 @@ pub(crate) const KEYWORDS: [&str; 24] = [
     "MEAN_MOTION_DDOT",
     "BTERM",
     "AGOM",
+    "EPOCH_MICROSECONDS",
+    "INTLDES",
 ];
 
 /// The place of a keyword in [`KEYWORDS`].
@@ -212,7 +217,10 @@ impl<'a> Fields<'a> {
         Ok(Record {
             line: start,
             name: bounded_name(text(Key::Name)),
-            designator: long_designator(&bounded_name(text(Key::Designator))),
+            designator: long_designator(&bounded_name(match text(Key::Designator) {
+                none if is_placeholder(none) => text(Key::OldDesignator),
+                given => given,
+            })),
             classification: text(Key::Classification).chars().next().unwrap_or('U'),
             ephemeris_type,
             theory,
@@ -281,14 +289,29 @@ impl<'a> Fields<'a> {
             .ok_or_else(|| missing(Key::Epoch, start))?;
         // Space-Track had a blank between date and time.
         let written = text.replacen(' ', "T", 1);
-        time::parse_ccsds(&written, TimeScale::UTC).ok_or_else(|| {
+        let epoch = time::parse_ccsds(&written, TimeScale::UTC).ok_or_else(|| {
             let reason = format!(
                 "EPOCH '{}' is no UTC time such as 2026-07-11T12:00:00.000000{}",
                 shorten(text),
                 time::why_not(&written)
             );
             (place, reason)
-        })
+        })?;
+        let Some((more, place)) = self.find(Key::EpochMicroseconds) else {
+            return Ok(epoch);
+        };
+        let microseconds = more.parse().ok().filter(|us: &u32| *us < 1_000_000);
+        let has_fraction = text.contains('.');
+        let microseconds = microseconds.filter(|us| *us == 0 || !has_fraction);
+        let microseconds = microseconds.ok_or_else(|| {
+            let reason = format!(
+                "EPOCH_MICROSECONDS '{}' with EPOCH '{}': must be 0 to 999999, and the only fraction of a second",
+                shorten(more),
+                shorten(text)
+            );
+            (place, reason)
+        })?;
+        Ok(epoch + Unit::Microsecond * i64::from(microseconds))
     }
 
     fn number(&self, key: Key, range: RangeInclusive<f64>, start: usize) -> At<f64> {

@@ -246,6 +246,11 @@ fn every_kind_of_damage_says_what_and_where() {
             "CENTER_NAME 'MARS'; only EARTH is read: give the states from the Earth's centre",
         ),
         (
+            message("REF_FRAME = GCRF\nREF_FRAME = TEME\n", &STATES),
+            5,
+            "REF_FRAME twice: 'GCRF' and 'TEME'; keep one",
+        ),
+        (
             message("TIME_SYSTEM = UT1\n", &STATES),
             4,
             "TIME_SYSTEM UT1 needs UT1 - UTC",

@@ -90,6 +90,41 @@ fn theories_that_sgp4_flies_are_taken_and_others_refused_by_name() {
     );
 }
 
+/// Space-Track's older classes write the epoch in two fields, and call the designator INTLDES.
+#[test]
+fn an_epoch_has_its_microseconds_and_an_object_its_old_designator() {
+    // X-Val: a record of class tle_latest of 2016, whose TLE_LINE1 has the epoch 16108.51152292.
+    let older = KVN
+        .replace("2026-07-12T03:04:05", "2016-04-17 12:16:35")
+        .replace("OBJECT_ID = 2026-101A\n", "")
+        + "EPOCH_MICROSECONDS = 580288\nINTLDES = 06047A\n";
+    let record = &parse_contents(&format!("[{}]", json(&older)), "odd")
+        .unwrap()
+        .records[0];
+    let day = record.elements.epoch.day_of_year();
+    assert!((day - 108.511_522_92).abs() < 1e-8, "{day}");
+    assert_eq!(record.designator, "2006-047A");
+    let odd = older.replace("12:16:35", "12:16:35.5");
+    let rejected = parse_contents(&format!("[{}]", json(&odd)), "odd")
+        .unwrap()
+        .rejected;
+    assert!(
+        rejected[0].reason.contains("the only fraction of a second"),
+        "{}",
+        rejected[0].reason
+    );
+}
+
+/// The message as a record in JSON.
+fn json(kvn: &str) -> String {
+    let pairs = kvn.lines().filter_map(|line| {
+        let (keyword, value) = line.split_once(" = ")?;
+        let value = value.split(" [").next()?;
+        Some(format!("\"{keyword}\":\"{value}\""))
+    });
+    format!("{{{}}}", pairs.collect::<Vec<_>>().join(","))
+}
+
 #[test]
 fn an_answer_of_a_server_is_a_loss_in_its_own_words() {
     let json = r#"{"error":"You must be logged in"}"#;
