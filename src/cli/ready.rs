@@ -29,9 +29,15 @@ pub struct Head<'a> {
 /// A file that is there; it is removed at the end of the run.
 pub struct ReadyFile(PathBuf);
 
-/// Refuses to replace what is no file of this kind. One that a killed run has left is replaced.
+/// Refuses a folder that is not there, and to replace what is no file of this kind. One that a killed run has left is replaced.
 pub fn check(file: &Path) -> anyhow::Result<()> {
     let shown = file.display();
+    let folder = file
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    if folder.is_some_and(|folder| !folder.is_dir()) {
+        bail!("--ready-file {shown}: its folder does not exist; make it first");
+    }
     if !file.exists() {
         return Ok(());
     }

@@ -119,10 +119,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Some(mission) if clock != Clock::Stepped => Some(flight::vehicle(mission, 0)?),
         _ => None,
     };
-    instruments.begin(settings(output, &emulator))?;
+    let recorded = settings(output, &emulator);
     let links = std::iter::once(links).chain(further).collect();
     let (mut server, heads) =
         cameras::serve(&config, emulator, links, first.as_ref(), output, &help)?;
+    // The last that may fail: earlier files are replaced here.
+    instruments.begin(recorded)?;
     warn_of_rates(&config);
 
     let camera = &config.camera;

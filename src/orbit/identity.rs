@@ -7,7 +7,7 @@ use std::num::NonZeroU32;
 
 /// Values that stand for none, without blanks and marks. `UNKNOWN` is that of the standard (CCSDS 502.0-B-3, OBJECT_ID and
 /// OBJECT_NAME); `TBA - TO BE ASSIGNED` is a name of Space-Track's.
-const PLACEHOLDERS: [&str; 18] = [
+const PLACEHOLDERS: [&str; 22] = [
     "UNKNOWN",
     "UNK",
     "TBD",
@@ -21,12 +21,19 @@ const PLACEHOLDERS: [&str; 18] = [
     "UNDEFINED",
     "UNASSIGNED",
     "UNSPECIFIED",
+    "UNIDENTIFIED",
+    "UNNAMED",
+    "ANALYST",
     "NOTAVAILABLE",
     "NOTASSIGNED",
+    "TOBEANNOUNCED",
     "TOBEASSIGNED",
     "TOBEDETERMINED",
     "TBATOBEASSIGNED",
 ];
+
+/// Words that say nothing beside one of [`PLACEHOLDERS`], as in `UNKNOWN OBJECT 2`.
+const FILLERS: [&str; 4] = ["OBJECT", "OBJ", "SAT", "SATELLITE"];
 
 /// Whether a text stands for no value: a word such as `UNKNOWN`, no letter or digit at all, or a number such as 0 or 99999.
 pub fn is_placeholder(text: &str) -> bool {
@@ -35,7 +42,15 @@ pub fn is_placeholder(text: &str) -> bool {
     }
     let letters = text.chars().filter(|c| c.is_alphanumeric());
     let letters: String = letters.map(|c| c.to_ascii_uppercase()).collect();
-    letters.is_empty() || PLACEHOLDERS.contains(&letters.as_str())
+    let text = text.to_ascii_uppercase();
+    let words = text.split(|c: char| !c.is_alphanumeric());
+    let mut words = words.filter(|word| {
+        let is_number = word.bytes().all(|byte| byte.is_ascii_digit());
+        !is_number && !FILLERS.contains(word)
+    });
+    let (first, second) = (words.next(), words.next());
+    let is_one_word = second.is_none() && first.is_some_and(|word| PLACEHOLDERS.contains(&word));
+    letters.is_empty() || is_one_word || PLACEHOLDERS.contains(&letters.as_str())
 }
 
 /// The catalogue number, unless it stands for none: 0, or five or more nines.
@@ -343,6 +358,12 @@ mod tests {
             "NORAD 0",
             "NORAD 99999",
             "TBA - TO BE ASSIGNED",
+            "To be announced",
+            "UNKNOWN 1",
+            "Unknown Object",
+            "UNK OBJ",
+            "UNIDENTIFIED",
+            "ANALYST SAT",
         ] {
             assert!(is_placeholder(text), "{text}");
         }
@@ -352,8 +373,9 @@ mod tests {
             "99998",
             "A0005",
             "1998-067A",
-            "UNKNOWN 1",
+            "OBJECT 1",
             "OBJECT A",
+            "UNKNOWN PLEASURES",
             "ISS",
             "É",
         ] {

@@ -52,8 +52,8 @@ pub enum Unobservable {
     Abandoned,
     /// The frame costs too much.
     #[error(
-        "the frame would cost more than {limit_s} s on one core, the limit for its size: {sources} sources in the field, images move by up to \
-         {length_px:.0} px in the exposure of {exposure_s} s; lower the rates or the exposure, choose a coarser fidelity or raise the limit"
+        "the frame costs more than {limit_s:.1} s of a core ({sources} sources, images move by {length_px:.0} px in {exposure_s} s): lower rates \
+         or exposure, choose a coarser fidelity or raise run.work_limit_s"
     )]
     TooMuchWork {
         /// Sources near the field.

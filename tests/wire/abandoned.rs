@@ -127,9 +127,9 @@ fn a_frame_that_costs_too_much_is_refused_by_every_clock_and_the_next_is_made() 
         let nack = client.nack();
         assert_eq!(nack.reason, Reason::ValueOutOfRange, "{clock:?}");
         for word in [
-            "more than 0.3 s on one core",
+            "more than 0.3 s of a core",
             "images move by",
-            "lower the rates",
+            "raise run.work_limit_s",
         ] {
             assert!(nack.detail.contains(word), "no {word:?} in {}", nack.detail);
         }
