@@ -138,7 +138,7 @@ impl Limits {
     /// Begins the JUnit file as that of a run that failed: a run that never ends has not passed.
     ///
     /// # Errors
-    /// As of [`write`].
+    /// As of [`write()`].
     pub fn begin(&self, suite: &Suite) -> Result<(), String> {
         self.finish(suite, &[Verdict::new("run", false, UNFINISHED.to_string())])
     }
@@ -146,7 +146,7 @@ impl Limits {
     /// Writes the JUnit file.
     ///
     /// # Errors
-    /// As of [`write`].
+    /// As of [`write()`].
     pub fn finish(&self, suite: &Suite, verdicts: &[Verdict]) -> Result<(), String> {
         match &self.junit {
             Some(file) => write(file, &suite.document(verdicts)),
