@@ -4,6 +4,7 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 use skyloop::engine::Emulator;
 use skyloop::link::capture::{Capture, Origin};
+use skyloop::link::claim::Claim;
 use skyloop::link::fault::{Book, BusFaults, Plan, wrap};
 use skyloop::link::{self, BusInstruments, LinkError, Roles, Wire};
 use skyloop::orbit::{Input, inputs, is_same_file};
@@ -33,8 +34,8 @@ pub struct Choice {
 pub struct Instruments {
     faults: Option<(Plan, Arc<Mutex<Book>>)>,
     capture: Option<Capture>,
-    /// The fault log, as given.
-    log: Option<PathBuf>,
+    /// The fault log. Threads of links have the book that writes it; a start that fails does not wait for them.
+    log: Option<(PathBuf, Claim)>,
     /// The files that the run was made from.
     inputs: Vec<Input>,
     /// Of each link, whether it is a CAN bus: faults stand at the bus.
@@ -57,9 +58,15 @@ impl Choice {
             Some(file) => Some(Plan::load(file, buses.iter().all(|bus| *bus))?),
             None => self.fault_log.as_ref().map(|_| Plan::default()),
         };
-        let book = match &self.fault_log {
-            Some(file) => Book::writing(file).map_err(|why| unwritten(file, &why))?,
-            None => Book::default(),
+        let (book, log) = match &self.fault_log {
+            Some(file) => {
+                let opened = Claim::new(file).and_then(|claim| {
+                    let book = Book::writing(file, &claim)?;
+                    Ok((book, Some((file.clone(), claim))))
+                });
+                opened.map_err(|why| unwritten(file, &why))?
+            }
+            None => (Book::default(), None),
         };
         let capture = match &self.capture {
             Some(file) if records_frames(&buses) => Some(Capture::frames(file)?),
@@ -69,7 +76,7 @@ impl Choice {
         Ok(Instruments {
             faults: plan.map(|plan| (plan, Arc::new(Mutex::new(book)))),
             capture,
-            log: self.fault_log.clone(),
+            log,
             inputs,
             buses,
         })
@@ -213,9 +220,8 @@ impl Instruments {
 
     /// Begins their files, in place of earlier ones: everything else has been checked. `settings` are those of [`settings`].
     pub fn begin(&mut self, settings: Vec<(String, String)>) -> anyhow::Result<()> {
-        if let (Some((_, book)), Some(file)) = (&self.faults, &self.log) {
-            let mut book = book.lock().unwrap_or_else(PoisonError::into_inner);
-            book.begin().map_err(|why| unwritten(file, &why))?;
+        if let Some((file, claim)) = &mut self.log {
+            claim.begin().map_err(|why| unwritten(file, &why))?;
         }
         let inputs = std::mem::take(&mut self.inputs);
         if let Some(capture) = &mut self.capture {

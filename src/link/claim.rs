@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// An output file whose earlier contents are still there.
 #[derive(Debug)]
-pub(super) struct Claim {
+pub struct Claim {
     file: File,
     path: PathBuf,
     /// It did not exist before, and the run has not begun: it is removed again.

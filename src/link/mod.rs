@@ -4,7 +4,7 @@
 mod bus;
 mod can;
 pub mod capture;
-mod claim;
+pub mod claim;
 mod departed;
 mod every;
 pub mod fault;

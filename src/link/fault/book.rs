@@ -25,7 +25,6 @@ pub struct Book {
 /// The file.
 struct Log {
     name: String,
-    claim: Claim,
     file: BufWriter<File>,
     /// Why it could not be written; then nothing more is.
     failed: Option<String>,
@@ -35,23 +34,16 @@ struct Log {
 const BITS: usize = 64;
 
 impl Book {
-    /// A book that writes into `file` too, from [`Book::begin`] on.
-    pub fn writing(file: &Path) -> std::io::Result<Book> {
-        let claim = Claim::new(file)?;
+    /// A book that writes into the file of `claim` at `path` too; the claim begins first.
+    pub fn writing(path: &Path, claim: &Claim) -> std::io::Result<Book> {
         Ok(Book {
             log: Some(Log {
-                name: file.display().to_string(),
+                name: path.display().to_string(),
                 file: BufWriter::new(claim.file()?),
-                claim,
                 failed: None,
             }),
             ..Book::default()
         })
-    }
-
-    /// Removes what the file had before.
-    pub fn begin(&mut self) -> std::io::Result<()> {
-        self.log.as_mut().map_or(Ok(()), |log| log.claim.begin())
     }
 
     /// The engine's zero is now.
