@@ -133,6 +133,8 @@ const JUDGES: &[(&str, &[&str])] = &[
         "optics.projection.model",
         &["optics.projection", "optics.projection."],
     ),
+    ("optics.projection.k", &["optics.projection"]),
+    ("optics.projection.p", &["optics.projection"]),
     ("detector.width_px", PLACES),
     ("detector.height_px", PLACES),
     (

@@ -219,7 +219,10 @@ fn parts_that_there_cannot_be() {
         "{ kind = \"disc\", diameter_m = 2 }",
         &[".kind = \"disc\"", "\"plate\", \"box\""],
     );
-    part("{ kind = \"plate\", areas = 2 }", &["areas"]);
+    part(
+        &plate("area_m2 = 1, normal = [0, 0, 1], areas = 2"),
+        &["areas"],
+    );
     let surface = |keys: &str| plate(&format!("area_m2 = 1, normal = [0, 0, 1], {keys}"));
     part(
         &surface("diffuse = 0.7, specular = 0.4"),

@@ -102,7 +102,10 @@ fn an_epoch_has_its_microseconds_and_an_object_its_old_designator() {
     let record = &parse_contents(&format!("[{}]", json(&older)), "odd")
         .unwrap()
         .records[0];
-    assert_eq!(utc_text(record.elements.epoch), "2016-04-17T12:16:35.580288Z");
+    assert_eq!(
+        utc_text(record.elements.epoch),
+        "2016-04-17T12:16:35.580288Z"
+    );
     assert_eq!(record.designator, "2006-047A");
     let odd = older.replace("12:16:35", "12:16:35.5");
     let rejected = parse_contents(&format!("[{}]", json(&odd)), "odd")
