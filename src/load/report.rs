@@ -126,15 +126,14 @@ fn repair(
     done
 }
 
-/// Keys by which others are judged, and those others; one that ends in a point stands for all keys of its table.
+/// Keys by which others are judged, and those others; one that ends in a point stands for each key of its table.
 const JUDGES: &[(&str, &[&str])] = &[
     ("optics.psf.kind", &["optics.psf."]),
     (
         "optics.projection.model",
         &["optics.projection", "optics.projection."],
     ),
-    ("optics.projection.k", &["optics.projection"]),
-    ("optics.projection.p", &["optics.projection"]),
+    ("optics.projection.", &["optics.projection"]),
     ("detector.width_px", PLACES),
     ("detector.height_px", PLACES),
     (
@@ -163,10 +162,9 @@ fn follows(key: &str, message: &str, done: &str) -> bool {
     let within = key
         .strip_prefix(done)
         .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']));
-    let judged = JUDGES.iter().filter(|(judge, _)| *judge == done);
-    let is_judged = judged
-        .flat_map(|(_, keys)| *keys)
-        .any(|judged| key == *judged || judged.ends_with('.') && key.starts_with(judged));
+    let is = |key: &str, row: &str| key == row || row.ends_with('.') && key.starts_with(row);
+    let judged = JUDGES.iter().filter(|(judge, _)| is(done, judge));
+    let is_judged = judged.flat_map(|(_, keys)| *keys).any(|row| is(key, row));
     let misses = done
         .rsplit_once('.')
         .is_some_and(|(table, name)| without_indices(table) == key && message.contains(name));
