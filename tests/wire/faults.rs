@@ -25,7 +25,7 @@ fn with_faults(link: &str, plan: &str) -> (Wire, Box<dyn Line + Send>) {
     let book = Arc::new(Mutex::new(Book::default()));
     let wrapped = |wire| wrap(wire, &plan, &NATIVE, &book).unwrap();
     if link == "udp" {
-        let wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
+        let wire = link::open("udp://127.0.0.1:0?proof=off", &options(5.0)).unwrap();
         let line = UdpLine::to(&wire.address);
         return (wrapped(wire), Box::new(line));
     }
