@@ -1,4 +1,4 @@
-//! Frames that a client does not get, and why: logged with the remedy, told in Status, counted in the run's table.
+//! Frames that a client does not get, and why: logged with the remedy, reported in Status, counted in the run's table.
 
 use super::Server;
 use super::channel::{Channel, Exchange};
@@ -88,7 +88,7 @@ pub(super) fn standstill(channel: &Channel, has_room: bool) -> (Withheld, String
 }
 
 impl Channel {
-    /// Packets that its client has not granted for, when all has left for a while: more than it grants at once. Each is told once.
+    /// Packets that its client has not granted for, when all has left for a while: more than it grants at once. Each loss is reported once.
     fn is_silent_about(&mut self, now: Instant) -> Option<u32> {
         let Exchange {
             credit,
