@@ -11,7 +11,7 @@ use crate::label::{Label, ObjectLabel};
 use crate::plan::{Plan, allowed, simulated_at};
 use crate::render::render;
 use crate::rng::NoiseKey;
-use crate::scene::{Exposure, Faint, Scene, Unknown, Unobservable, View, World};
+use crate::scene::{Exposure, Faint, OBJECT_NS, Scene, Unknown, Unobservable, View, World};
 use crate::sky::StarField;
 use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::Catalog;
@@ -284,7 +284,7 @@ impl Emulator {
         go_on(&scene.view.limit)?;
         // Bounds in the label may have the images made once more.
         if scene.view.limit.is_exceeded() {
-            return Err(scene.view.too_much(self.limit_s(camera)));
+            return Err(scene.view.too_much(self.limit_s(camera)?));
         }
         witness.labelled(Opening {
             number,
@@ -375,7 +375,7 @@ impl Emulator {
             sequence: vehicle.sequence,
             repeat,
         };
-        let limit_s = self.limit_s(camera);
+        let limit_s = self.limit_s(camera)?;
         let exposure = Exposure::around(vehicle.epoch, camera.exposure_s);
         let faint = self.faint(camera, choice);
         let (world, fidelity) = (&self.world, &self.fidelity);
@@ -384,6 +384,7 @@ impl Emulator {
         let mut view = view.where_shine(&self.world, |name| !choice.off.contains(&name));
         loop {
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
+            view.limit.spend(view.search_ns());
             let (simulated, price_ms) = simulated_at(&view, fidelity, choice);
             let foreseen_s = price_ms * 1e-3 / SURELY;
             let too_much = view.too_much(limit_s);
@@ -404,6 +405,7 @@ impl Emulator {
             }
             // Where light fills every pixel nobody sees what moves.
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
+            view.limit.spend(view.search_ns());
             if !view.is_flooded(&allowed(choice), fidelity) {
                 return Err(too_much);
             }
@@ -411,11 +413,22 @@ impl Emulator {
         }
     }
 
-    /// What a frame may cost, s on one core.
-    fn limit_s(&self, camera: &Camera) -> Option<f64> {
-        let megapixels = camera.detector.pixels() as f64 * 1e-6;
-        self.work_limit_s
-            .map(|limit_s| limit_s * megapixels.max(1.0))
+    /// What a frame may cost, s on one core. Fails where the search for the objects in the field costs more.
+    fn limit_s(&self, camera: &Camera) -> Result<Option<f64>, Unobservable> {
+        let Some(limit_s) = self.work_limit_s else {
+            return Ok(None);
+        };
+        let limit_s = limit_s * (camera.detector.pixels() as f64 * 1e-6).max(1.0);
+        let sources = self.world.population.objects().len();
+        if sources as f64 * OBJECT_NS * 1e-9 <= limit_s {
+            return Ok(Some(limit_s));
+        }
+        Err(Unobservable::TooMuchWork {
+            sources,
+            length_px: 0.0,
+            exposure_s: camera.exposure_s,
+            limit_s,
+        })
     }
 
     /// What is too faint for an image: what is lost in read noise and in the steps of the converter, but nothing that labels are to list.

@@ -35,7 +35,7 @@ pub use observable::{MAX_TURN, Unobservable, above_the_moon, shutter, turn_at};
 pub use simulated::Simulated;
 pub use spill::{Spill, drawn_e, flooding_e};
 pub use sun::SeenSun;
-pub use view::{Candidate, Faint, Unknown, View};
+pub use view::{Candidate, Faint, OBJECT_NS, Unknown, View};
 pub use wanderer::{MOON, SeenWanderer};
 pub use work::{Work, still_ms};
 
@@ -383,7 +383,7 @@ fn background_e(view: &View, simulated: &Simulated) -> f64 {
 
 /// ns of a particle, and of a pixel at a step of its track that its charge diffuses to.
 const EVENT_NS: f64 = 1000.0;
-const DIFFUSED_NS: f64 = 20.0;
+const DIFFUSED_NS: f64 = 45.0;
 
 /// The particles of this exposure, and the number that is left out. Without an orbit the observer counts as far outside
 /// the Earth's field.

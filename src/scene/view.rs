@@ -150,6 +150,10 @@ pub struct Unknown {
     pub news: Vec<OrbitError>,
 }
 
+/// ns of an object in the search for those in the field, and of one that is there: three places and its light.
+pub const OBJECT_NS: f64 = 700.0;
+const IN_FIELD_NS: f64 = 9000.0;
+
 impl View {
     /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]). Stars and objects that are
     /// too `faint`, even in full light, have no image.
@@ -277,6 +281,13 @@ impl View {
     fn greatest_swing(&self) -> f64 {
         let swings = self.candidates.iter().map(|candidate| candidate.swing);
         swings.fold(0.0, f64::max)
+    }
+
+    /// Work of the search for objects in the field, ns.
+    pub fn search_ns(&self) -> f64 {
+        let is_rso = |candidate: &&Candidate| matches!(candidate.body, Body::Rso(_));
+        let drawn = self.candidates.iter().filter(is_rso).count();
+        self.objects as f64 * OBJECT_NS + (drawn + self.unseen.len()) as f64 * IN_FIELD_NS
     }
 
     /// That it costs more than the limit (s on one core).

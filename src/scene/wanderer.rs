@@ -5,7 +5,7 @@ use super::view::{Candidate, View};
 use super::{Area, Body, Hidden, World};
 use crate::sky::Observer;
 use crate::sky::apparent::parabola;
-use crate::sky::moon::MoonDisc;
+use crate::sky::moon::{Cell, MoonDisc};
 use crate::sky::photometry::photon_irradiance;
 use crate::sky::planets;
 use crate::sky::shadow::Earth;
@@ -16,6 +16,8 @@ use nalgebra::Vector3;
 const ELEMENT: f64 = 1.0;
 /// No square is wider than this, px.
 const WIDEST_PX: f64 = 0.7;
+/// A disc is cut into at least so many on a side, however small its image: the centre of its light and what the Earth takes do not depend on the camera.
+const LEAST_ELEMENTS: f64 = 24.0;
 /// A disc that asks for more squares than this on a side is laid on the pixels as areas are.
 const MOST_ELEMENTS: f64 = 600.0;
 /// Points that take as long as laying a disc on no pixels, and pixels for each further one.
@@ -94,11 +96,10 @@ impl View {
         }
         let earth = Earth::at(self.exposure.mid);
         let squares = self.squares(disc);
-        let count = squares.min(MOST_ELEMENTS);
-        let cells = self.cells(disc, count as i64);
+        let count = squares.clamp(LEAST_ELEMENTS, MOST_ELEMENTS);
         let (mut all, mut light) = (0.0, 0.0);
         let (mut lit, mut behind) = (Vec::new(), false);
-        for (direction, share) in cells {
+        for Cell { direction, share } in disc.cells(count as usize) {
             all += share;
             let hidden = earth.occults_direction(shutter[1].position_m, direction);
             behind |= hidden;
@@ -116,7 +117,7 @@ impl View {
         let centre: Vector3<f64> = lit.iter().map(|(at, share)| at * *share).sum();
         let centre = centre.try_normalize(0.0).unwrap_or(disc.direction);
         let is_large = squares > MOST_ELEMENTS;
-        let elements = if lit.len() > 1 && !is_large {
+        let elements = if squares > 1.0 && !is_large {
             let part = |(at, share): &(Vector3<f64>, f64)| Element {
                 offset: at - centre,
                 share: share / light,
@@ -233,33 +234,6 @@ impl View {
         let core_px = self.camera.optics.psf.core_px();
         (side_px / (ELEMENT * core_px).min(WIDEST_PX)).ceil()
     }
-
-    /// The squares of a disc, so many on a side, that have light: direction (unit vector) and light (any unit); of one square its middle.
-    fn cells(&self, disc: &MoonDisc, count: i64) -> Vec<(Vector3<f64>, f64)> {
-        if count <= 1 {
-            return vec![(disc.direction, 1.0)];
-        }
-        let (x, y) = across(&disc.direction);
-        let step = 2.0 * disc.angular_radius / count as f64;
-        let at = |i: f64, j: f64| {
-            let middle = (count - 1) as f64 / 2.0;
-            let off = x * ((i - middle) * step) + y * ((j - middle) * step);
-            (disc.direction + off).normalize()
-        };
-        let mut cells = Vec::new();
-        for (i, j) in (0..count).flat_map(|j| (0..count).map(move |i| (i as f64, j as f64))) {
-            // Squares at the limb and the terminator are lit in part.
-            let corners = [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]];
-            let light: f64 = corners
-                .iter()
-                .map(|[dx, dy]| disc.brightness(&at(i + dx, j + dy)))
-                .sum();
-            if light > 0.0 {
-                cells.push((at(i, j), light));
-            }
-        }
-        cells
-    }
 }
 
 /// The part of the Sun's disc that the Moon's surface sees past the Earth, in a direction from the observer.
@@ -280,33 +254,18 @@ pub(super) fn sunlit(
 
 /// The part of the Moon's light that arrives: what neither the Earth nor its shadow takes, to a hundredth.
 pub fn moons_light(disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
-    const SIDE: i32 = 12;
+    const SIDE: usize = 12;
     let far = earth.limb_angle(observer.position_m, &disc.direction) > 2.0 * disc.angular_radius;
     let eclipsed = (-observer.bodies.moon_geocentric_m).angle(&observer.bodies.sun_apparent_m());
     if far && eclipsed > ECLIPSED {
         return 1.0;
     }
-    let (x, y) = across(&disc.direction);
-    let part = |i: i32| (f64::from(2 * i + 1) / f64::from(SIDE) - 1.0) * disc.angular_radius;
     let (mut all, mut light) = (0.0, 0.0);
-    for (i, j) in (0..SIDE).flat_map(|i| (0..SIDE).map(move |j| (i, j))) {
-        let at = (disc.direction + x * part(i) + y * part(j)).normalize();
-        let share = disc.brightness(&at);
+    for Cell { direction, share } in disc.cells(SIDE) {
         all += share;
-        if share > 0.0 && !earth.occults_direction(observer.position_m, at) {
-            light += share * sunlit(&at, disc, earth, observer);
+        if !earth.occults_direction(observer.position_m, direction) {
+            light += share * sunlit(&direction, disc, earth, observer);
         }
     }
     light / f64::max(all, f64::MIN_POSITIVE)
-}
-
-/// Two unit vectors across a unit vector and each other.
-fn across(direction: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
-    let other = if direction.x.abs() < 0.7 {
-        Vector3::x()
-    } else {
-        Vector3::y()
-    };
-    let x = direction.cross(&other).normalize();
-    (x, direction.cross(&x))
 }

@@ -24,7 +24,10 @@
 //! of the Earth on the dark side are not there. The disc is drawn as seen from afar: the terminator is up to 0.26 degrees of
 //! selenographic arc off.
 
+mod cells;
 pub(super) mod series;
+
+pub use cells::Cell;
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -129,11 +132,13 @@ impl MoonDisc {
         }
         let mu = (1.0 - square).sqrt();
         let mu0 = (across + toward_us * mu).dot(&self.to_sun);
-        match mu0 > 0.0 {
-            true => self.scale * mu0 / (mu0 + mu),
-            false => 0.0,
-        }
+        self.scale * lommel_seeliger(mu0, mu)
     }
+}
+
+/// Radiance by the cosines of incidence and emission: `mu0 / (mu0 + mu)`, 0 on the night side.
+fn lommel_seeliger(mu0: f64, mu: f64) -> f64 {
+    if mu0 > 0.0 { mu0 / (mu0 + mu) } else { 0.0 }
 }
 
 /// `A` of the module's head: the reflectance of the disc, as of a flat white screen of its size, at phase angle `phase` and the Sun's
