@@ -3,7 +3,8 @@
 use crate::format::Format;
 use crate::record::{Found, Record};
 use crate::{
-    Identity, Object, Orbit, Register, oem, omm, read_text, remedy, server, theory, tle, unread,
+    Identity, Object, Orbit, Source, oem, omm, read_text, remedy, server, theory, tle, unite,
+    unread,
 };
 use rayon::prelude::*;
 use std::fmt;
@@ -247,50 +248,41 @@ fn add_ephemerides(loaded: Loaded, ephemerides: &mut Vec<Object>, found: &mut Fo
     found.rejected.extend(loaded.rejected);
 }
 
-impl From<Contents> for Loaded {
-    /// Sets of one object become one, with every set that differs.
-    fn from(contents: Contents) -> Self {
-        let sets = contents.records.into_par_iter();
+impl Contents {
+    /// An object for each record and each ephemeris, in the order of the text: several may be of one object, see [`unite`].
+    pub fn into_objects(self) -> Vec<Object> {
+        let sets = self.records.into_par_iter();
         let mut objects: Vec<Object> = sets.map(Object::from).collect();
-        // Catalogues are long: where none comes twice, none is moved.
-        let numbers = objects.par_iter().map(|one| one.identity.number());
-        let mut numbers: Vec<Option<u32>> = numbers.collect();
-        numbers.par_sort_unstable();
-        let are_apart = numbers.is_sorted_by(|a, b| a < b);
-        if numbers.first() == Some(&None) || !are_apart {
-            objects = each_once(objects);
-        }
-        objects.extend(contents.ephemerides);
-        Loaded {
-            objects,
-            rejected: contents.rejected,
-            assumed: contents.assumed,
-        }
+        objects.extend(self.ephemerides);
+        objects
     }
 }
 
-/// Each object once, with every set that differs.
-fn each_once(all: Vec<Object>) -> Vec<Object> {
-    let (mut objects, mut register) = (Vec::<Object>::new(), Register::default());
-    for mut object in all {
-        let place = register.place(&object);
-        if let Some((place, known)) = place.and_then(|at| Some((at, objects.get_mut(at)?))) {
-            known.join(object);
-            register.note(known, place);
-        } else {
-            register.insert(&mut object, objects.len());
-            objects.push(object);
+impl From<Contents> for Loaded {
+    /// Element sets of one object become one object, with every set that differs. An ephemeris of it stays an object of its own.
+    fn from(mut contents: Contents) -> Self {
+        let ephemerides = std::mem::take(&mut contents.ephemerides);
+        let rejected = std::mem::take(&mut contents.rejected);
+        let assumed = std::mem::take(&mut contents.assumed);
+        let sets = Source {
+            objects: contents.into_objects(),
+            rank: 0,
+        };
+        let mut objects = unite(vec![sets]).objects;
+        objects.extend(ephemerides);
+        Loaded {
+            objects,
+            rejected,
+            assumed,
         }
     }
-    objects.shrink_to_fit();
-    objects
 }
 
 impl From<Record> for Object {
     fn from(record: Record) -> Self {
         let (id, number) = (record.object_id(), record.elements.norad);
         let identity = Identity::of_set(number, &record.designator, &record.name);
-        // Catalogues are long: no octet more than it takes.
+        // Catalogues are long: no byte more than it takes.
         let name = Some(record.name).filter(|name| !name.is_empty());
         Object {
             id,

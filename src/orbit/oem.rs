@@ -4,13 +4,15 @@ pub(crate) mod xml;
 
 use crate::ephemeris::{Ephemeris, Method, Node, Segment};
 use crate::frames::Axes;
-use crate::identity::unnumbered_id;
+use crate::identity::{Key, Keys, unnumbered_id};
 use crate::load::{Loaded, Rejected};
 use crate::meta::{Clock, Meta};
 use crate::record::{At, shorten};
-use crate::{Identity, Object, Orbit, Register, StateVector, is_placeholder, lines};
+use crate::unite::Ids;
+use crate::{Identity, Object, Orbit, StateVector, is_placeholder, lines};
 use hifitime::Epoch;
 use nalgebra::Vector3;
+use std::collections::HashMap;
 
 /// Degree where the message names none; the standard leaves it to the reader.
 const DEFAULT_DEGREE: usize = 7;
@@ -75,7 +77,9 @@ struct Reader<'a> {
 struct Segments<'a> {
     source: &'a str,
     loaded: Loaded,
-    register: Register,
+    /// Places of the objects in `loaded`.
+    places: HashMap<Key, usize>,
+    ids: Ids,
 }
 
 /// Where in the message the reader is.
@@ -157,7 +161,8 @@ impl<'a> Segments<'a> {
         Segments {
             source,
             loaded: Loaded::default(),
-            register: Register::default(),
+            places: HashMap::new(),
+            ids: Ids::new(),
         }
     }
 
@@ -186,11 +191,12 @@ impl<'a> Segments<'a> {
             }),
         };
         let objects = &mut self.loaded.objects;
-        let place = self.register.place(&object);
-        if let Some(known) = place.and_then(|place| objects.get_mut(place)) {
+        let key = Keys::default().key(&object);
+        let place = *self.places.entry(key).or_insert(objects.len());
+        if let Some(known) = objects.get_mut(place) {
             known.extend(object);
         } else {
-            self.register.insert(&mut object, objects.len());
+            object.identify(None, &mut self.ids);
             objects.push(object);
         }
     }
