@@ -39,6 +39,7 @@ mod load;
 mod meta;
 mod oem;
 mod omm;
+mod parts;
 mod pick;
 mod read;
 mod record;
@@ -53,6 +54,7 @@ mod unite;
 mod units;
 mod unread;
 mod write;
+mod xml;
 
 pub use age::{Ages, FRESH_DAYS};
 pub use designator::Designator;
