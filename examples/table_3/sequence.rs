@@ -5,8 +5,8 @@ use skyloop::attitude::VehicleState;
 use skyloop::config::{Config, Observer, Sequence, TimedAttitude};
 use skyloop::engine::Emulator;
 use skyloop::flight;
-use skyloop::load::orbits::{Findings, add_without};
-use skyloop::load::{Folder, Register};
+use skyloop::load::Folder;
+use skyloop::load::orbits::{Findings, Pool};
 use skyloop::orbit::Object;
 use skyloop::orbit::synth::{Synthetic, population};
 use skyloop::output::Writer;
@@ -42,12 +42,18 @@ pub fn catalogue(file: Option<&str>) -> anyhow::Result<Vec<Object>> {
         let made_up = population(OBJECTS, SEED, start(&config)?.epoch);
         return Ok(made_up.iter().map(Synthetic::object).collect());
     };
-    let own = match &config.observer {
-        Some(Observer::Object(observer)) => Register::of(std::slice::from_ref(observer)),
-        _ => Register::default(),
-    };
-    let (mut objects, mut findings) = (Vec::new(), Findings::default());
-    add_without(&Folder::current(), file, &own, &mut objects, &mut findings).context("--tle")?;
+    let (mut pool, mut findings) = (Pool::default(), Findings::default());
+    if let Some(Observer::Object(observer)) = &config.observer {
+        pool.push(Object::clone(observer), 0);
+    }
+    let first = pool.len();
+    let read = pool.read(&Folder::current(), file, 1, &mut findings);
+    read.context("--tle")?;
+    let united = pool.unite(&mut findings);
+    let sources = united.sources.iter();
+    let others = united.objects.into_iter().zip(sources);
+    let others = others.filter(|(_, source)| **source >= first);
+    let objects = others.map(|(object, _)| object).collect();
     if let Some(first) = findings.rejected.first() {
         let count = findings.rejected.len();
         tracing::warn!(

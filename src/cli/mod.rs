@@ -31,10 +31,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::flight;
-use skyloop::load::Register;
 use skyloop::load::orbits::several_sets;
-use skyloop::orbit::set_ut1_utc;
-use skyloop::orbit::{Ages, Object};
+use skyloop::orbit::{Ages, Object, is_same, set_ut1_utc};
 use skyloop_firmware_sim::console::printable_line;
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_protocols::Output;
@@ -260,7 +258,7 @@ fn warn_of_observer(observer: &Object, ends: [Epoch; 2]) {
 
 /// Refuses to look at the observer with its own eyes.
 fn not_itself(observer: &Object, object: &Object) -> anyhow::Result<()> {
-    if Register::of(std::slice::from_ref(observer)).has(object) {
+    if is_same(observer, object) {
         anyhow::bail!("--object {}: that is the observer itself", object.label());
     }
     Ok(())

@@ -186,9 +186,11 @@ fn from_flags(args: &Args) -> anyhow::Result<Config> {
         )?))),
         (None, state) => state,
     };
+    let mut pool = orbits::Pool::default();
     for file in &args.rso {
-        orbits::add(&here, file, &mut config.objects, &mut findings)?;
+        pool.read(&here, file, 0, &mut findings)?;
     }
+    config.objects.extend(pool.unite(&mut findings).objects);
     if let Some(epoch) = args.epoch {
         config.sequence = args.pointing.sequence(epoch, &config)?;
     }

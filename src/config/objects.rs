@@ -1,16 +1,16 @@
 //! `[objects]` of a scene and the population file that it may name: who is in orbit, and what is known of whose looks.
 
 use super::shapes::{RawAttitude, RawShape, RawSphere};
-use crate::load::orbits::{Findings, Shelf, add_without, named};
-use crate::load::{Check, ConfigError, Folder, Register, advice, read, schema_of};
+use crate::load::orbits::{Findings, Pool, Shelf, named};
+use crate::load::{Check, ConfigError, Folder, advice, read, schema_of};
 use crate::sky::look::Body;
 use crate::sky::photometry::Sphere;
 use crate::sky::population::{Look, Looks};
 use crate::sky::shape::Shape;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use skyloop_orbit::Object;
-use std::collections::BTreeMap;
+use skyloop_orbit::{Object, places};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// The objects of a scene.
@@ -112,33 +112,115 @@ impl RawObjects {
             sphere: sphere.validate("objects", check)?,
             ..Objects::default()
         };
+        let mut entries = Entries::default();
         if let Some(name) = &self.population {
             let (file, text) = folder
                 .read(name)
                 .map_err(|error| check.explain("objects.population", error))?;
             let read = read(&file, &text, EXAMPLE, |raw: RawPopulation, check| {
-                let mut all = Objects {
-                    sphere: all.sphere,
-                    ..Objects::default()
-                };
-                raw.add(check, &folder.beside(name), &mut all)?;
-                Ok(all)
+                raw.entries(check, &folder.beside(name))
             });
-            all = read.map_err(|error| check.named("objects.population", error))?;
+            entries = read.map_err(|error| check.named("objects.population", error))?;
         }
-        // What the population says of an object counts: the file has the rest.
-        let known = Register::of(&all.objects);
         for name in &self.files {
-            all.add_file(folder, name, &known)
+            let read = &mut entries.pool;
+            read.read(folder, name, FILES, &mut entries.findings)
                 .map_err(|error| check.explain("objects.files", error))?;
         }
+        entries.add_to(&mut all);
         Ok(all)
+    }
+}
+
+/// Ranks of orbits: what the population says of an object counts, and in it the entry of that object alone.
+const ONE: u8 = 0;
+const POPULATION: u8 = 1;
+const FILES: u8 = 2;
+
+/// The entries of a population file, and all orbits of a scene.
+#[derive(Default)]
+struct Entries {
+    pool: Pool,
+    /// Of each source of the pool that the population brings.
+    sources: Vec<Origin>,
+    findings: Findings,
+}
+
+/// Where in a population file a source comes from.
+struct Origin {
+    entry: usize,
+    key: String,
+    file: String,
+    name: String,
+    look: Look,
+}
+
+impl Entries {
+    /// Refuses an object that two entries select.
+    fn check_selected(&self, check: &Check) -> Result<(), ConfigError> {
+        let selected = self.pool.of_rank(ONE);
+        let places = places(selected.clone().map(|(_, object)| object));
+        let mut known = BTreeSet::new();
+        for ((source, object), place) in selected.zip(places) {
+            if let Some(Origin { key, .. }) =
+                self.sources.get(source).filter(|_| !known.insert(place))
+            {
+                let label = object.label();
+                let reason =
+                    format!("{label} is selected by an earlier entry: keep one of the two");
+                return Err(check.explain(key, reason));
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the objects, each with the look of the first entry that has it.
+    fn add_to(mut self, all: &mut Objects) {
+        let united = self.pool.unite(&mut self.findings);
+        let origin = |source: usize| self.sources.get(source);
+        // The objects that a source has in common with earlier entries.
+        let mut again: BTreeMap<(usize, &str), BTreeSet<usize>> = BTreeMap::new();
+        for (place, source) in united.joined {
+            let first = united.sources.get(place).and_then(|first| origin(*first));
+            if let (Some(first), Some(origin)) = (first, origin(source))
+                && first.entry < origin.entry
+            {
+                let places = again.entry((origin.entry, &origin.key)).or_default();
+                places.insert(place);
+            }
+        }
+        for ((entry, key), places) in again {
+            let objects = places.iter().filter_map(|place| united.objects.get(*place));
+            let objects: Vec<&Object> = objects.collect();
+            let mut origins = self.sources.iter();
+            let Some(Origin { file, name, .. }) =
+                origins.find(|it| it.entry == entry && it.key == key)
+            else {
+                continue;
+            };
+            let count = match objects.len() {
+                1 => "1 object is".to_string(),
+                count => format!("{count} objects are"),
+            };
+            let objects = named(&objects);
+            self.findings.notices.push(format!(
+                "{file}: {key}: {count} in an earlier entry than {name}, whose sphere or shape counts ({objects}): leave the file \
+                 out of one of the entries"
+            ));
+        }
+        for (object, source) in united.objects.iter().zip(united.sources) {
+            if let Some(Origin { look, .. }) = self.sources.get(source) {
+                all.looks.insert(object.id.clone(), look.clone());
+            }
+        }
+        all.objects.extend(united.objects);
+        all.findings = self.findings;
     }
 }
 
 impl RawPopulation {
     /// Objects that an entry selects are left out of files that others bring whole.
-    fn add(self, check: &Check, folder: &Folder, all: &mut Objects) -> Result<(), ConfigError> {
+    fn entries(self, check: &Check, folder: &Folder) -> Result<Entries, ConfigError> {
         let Some(listed) = self.objects else {
             let reason = "is missing: a population is a list of [[objects]], each with its files and what they look like; README.md tells \
                           the form under Populations";
@@ -149,63 +231,46 @@ impl RawPopulation {
             let shape = raw.validate(&format!("shapes.{name}"), check)?;
             shapes.insert(name, shape);
         }
-        let mut selected = Register::default();
+        let mut all = Entries::default();
         let mut shelf = Shelf::new(folder);
-        let mut entries = Vec::new();
         for (i, entry) in listed.into_iter().enumerate() {
             let key = format!("objects[{i}]");
             let look = entry.look(&key, &shapes, check)?;
-            let one = match (&entry.object, &entry.files) {
+            let mut origins = Vec::new();
+            match (&entry.object, &entry.files) {
                 (Some(selector), None) => {
                     let key = format!("{key}.object");
-                    let mut one = shelf
+                    let one = shelf
                         .one(selector, &mut all.findings)
                         .map_err(|error| check.explain(&key, error))?;
-                    if selected.has(&one) {
-                        let reason = format!(
-                            "{} is selected by an earlier entry: keep one of the two",
-                            one.label()
-                        );
-                        return Err(check.explain(&key, reason));
-                    }
-                    selected.insert(&mut one, i);
-                    Some(one)
+                    all.pool.push(one, ONE);
+                    origins.push((key, selector));
                 }
-                (None, Some(files)) if !files.is_empty() => None,
+                (None, Some(files)) if !files.is_empty() => {
+                    for (i, name) in files.iter().enumerate() {
+                        let key = format!("{key}.files[{i}]");
+                        let read = all.pool.read(folder, name, POPULATION, &mut all.findings);
+                        read.map_err(|error| check.explain(&key, error))?;
+                        let sources = all.pool.len() - all.sources.len() - origins.len();
+                        origins.extend(std::iter::repeat_n((key, name), sources));
+                    }
+                }
                 _ => {
                     let reason = "give either object = \"FILE:NAME\", or files = [\"FILE\", ...] with at least one file";
                     return Err(check.explain(&key, reason));
                 }
-            };
-            entries.push((key, entry.files.unwrap_or_default(), one, look));
-        }
-        for (key, files, one, look) in entries {
-            let first = all.objects.len();
-            all.objects.extend(one);
-            for (i, name) in files.iter().enumerate() {
-                let key = format!("{key}.files[{i}]");
-                let joined = all.add_file(folder, name, &selected);
-                let mut again = joined.map_err(|error| check.explain(&key, error))?;
-                again.retain(|place| *place < first);
-                if !again.is_empty() {
-                    let again: Vec<&Object> =
-                        again.iter().filter_map(|i| all.objects.get(*i)).collect();
-                    let notice = check.explain(&key, format!(
-                        "{} in an earlier entry than {name}, whose sphere or shape counts ({}): leave the file out of one of the entries",
-                        match again.len() {
-                            1 => "1 object is".to_string(),
-                            count => format!("{count} objects are"),
-                        },
-                        named(&again)
-                    ));
-                    all.findings.notices.push(notice.to_string());
-                }
             }
-            for object in &all.objects[first..] {
-                all.looks.insert(object.id.clone(), look.clone());
-            }
+            all.sources
+                .extend(origins.into_iter().map(|(key, name)| Origin {
+                    entry: i,
+                    key,
+                    file: check.file.to_owned(),
+                    name: name.clone(),
+                    look: look.clone(),
+                }));
         }
-        Ok(())
+        all.check_selected(check)?;
+        Ok(all)
     }
 }
 
@@ -255,17 +320,5 @@ impl RawEntry {
                 Err(check.explain(key, reason))
             }
         }
-    }
-}
-
-impl Objects {
-    /// Adds the objects of a file but those `without`. Gives the places of those that were there.
-    fn add_file(
-        &mut self,
-        folder: &Folder,
-        name: &str,
-        without: &Register,
-    ) -> Result<Vec<usize>, ConfigError> {
-        add_without(folder, name, without, &mut self.objects, &mut self.findings)
     }
 }

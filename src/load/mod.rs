@@ -15,7 +15,6 @@ pub(crate) use fixed::Fixed;
 pub use folder::Folder;
 use report::MAX_FAULTS;
 pub(crate) use report::{Noticed, read, read_noticed};
-pub use skyloop_orbit::Register;
 use words::MEANT;
 pub(crate) use words::{advice, nearest};
 

@@ -1,11 +1,13 @@
 //! Orbit files of every format, and folders of them, by name.
 
-use super::{ConfigError, Folder, Register};
+use super::{ConfigError, Folder};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::io::ErrorKind;
 
-use skyloop_orbit::{Loaded, Object, Orbit, Rejected, file_and_name};
+use skyloop_orbit::{
+    Contents, Loaded, Object, Orbit, Rejected, Source, United, file_and_name, parse_contents, unite,
+};
 
 /// Objects that a line names at most.
 const NAMED: usize = 3;
@@ -19,54 +21,89 @@ pub struct Findings {
     pub notices: Vec<String>,
 }
 
-/// Adds every object of a file, or of all files in a folder, to `objects`. Element sets of an object that is there
-/// already become further sets of it. An ephemeris beside other orbits of an object is refused: shown twice, it would send
-/// its light twice.
-pub fn add(
-    folder: &Folder,
-    name: &str,
-    objects: &mut Vec<Object>,
-    findings: &mut Findings,
-) -> Result<(), ConfigError> {
-    add_without(folder, name, &Register::default(), objects, findings).map(drop)
+/// Orbit files of a scene, read before the records of each object are joined: which are of one object may show in the last file only.
+#[derive(Debug, Default)]
+pub struct Pool {
+    sources: Vec<Source>,
+    /// A name for each source.
+    names: Vec<String>,
 }
 
-/// [`add`], but for the objects `without`, which have come from elsewhere. Gives the places of those that were there and have got
-/// further element sets, or the same again.
-pub fn add_without(
-    folder: &Folder,
-    name: &str,
-    without: &Register,
-    objects: &mut Vec<Object>,
-    findings: &mut Findings,
-) -> Result<Vec<usize>, ConfigError> {
-    if let (file, Some(_)) = file_and_name(name, |file| folder.has(file))
-        && folder.has(file)
-    {
-        return Err(ConfigError::Orbit(format!(
-            "{name}: objects are taken from whole files: write {file}"
-        )));
+impl Pool {
+    /// Adds an object.
+    pub fn push(&mut self, object: Object, rank: u8) {
+        let objects = vec![object];
+        self.sources.push(Source { objects, rank });
+        self.names.push(String::new());
     }
-    let mut loaded = load(folder, name, findings)?;
-    findings.book(&loaded);
-    if loaded.objects.is_empty() {
-        let why = loaded.pick(None).err().unwrap_or_default();
-        return Err(ConfigError::Orbit(format!("{name}: {why}")));
+
+    /// Adds every object of a file, or of all files in a folder, each of which is a source of its own. `rank` is that of [`Source`].
+    ///
+    /// Errors: a file that cannot be read, or nothing that can be used.
+    pub fn read(
+        &mut self,
+        folder: &Folder,
+        name: &str,
+        rank: u8,
+        findings: &mut Findings,
+    ) -> Result<(), ConfigError> {
+        if let (file, Some(_)) = file_and_name(name, |file| folder.has(file))
+            && folder.has(file)
+        {
+            return Err(ConfigError::Orbit(format!(
+                "{name}: objects are taken from whole files: write {file}"
+            )));
+        }
+        let mut refused = Vec::new();
+        let mut is_empty = true;
+        for (file, contents) in load(folder, name, findings)? {
+            findings.book(&contents.rejected, &contents.assumed);
+            refused.extend_from_slice(&contents.rejected);
+            let objects = contents.into_objects();
+            is_empty &= objects.is_empty();
+            self.sources.push(Source { objects, rank });
+            self.names.push(file);
+        }
+        if is_empty {
+            let rejected = refused;
+            let nothing = Loaded {
+                rejected,
+                ..Loaded::default()
+            };
+            let why = nothing.pick(None).err().unwrap_or_default();
+            return Err(ConfigError::Orbit(format!("{name}: {why}")));
+        }
+        Ok(())
     }
-    if !without.is_empty() {
-        loaded.objects.retain(|object| !without.has(object));
+
+    /// The objects of a rank, and the source of each.
+    pub fn of_rank(&self, rank: u8) -> impl Iterator<Item = (usize, &Object)> + Clone {
+        let sources = self.sources.iter().enumerate();
+        let sources = sources.filter(move |(_, source)| source.rank == rank);
+        sources.flat_map(|(place, source)| source.objects.iter().map(move |object| (place, object)))
     }
-    let is_set = |object: &Object| matches!(object.orbit, Orbit::Elements(..));
-    if objects.is_empty() && loaded.objects.iter().all(is_set) {
-        // Within a file, or a folder, each object is one already.
-        *objects = loaded.objects;
-        return Ok(Vec::new());
+
+    /// The number of sources so far.
+    pub fn len(&self) -> usize {
+        self.sources.len()
     }
-    let mut register = Register::of(objects);
-    let Gathered { joined, refused } = gather(objects, &mut register, loaded.objects);
-    let refused = refused.iter().map(|why| format!("{name}: {why}"));
-    findings.rejected.extend(refused);
-    Ok(joined)
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.sources.is_empty()
+    }
+
+    /// Joins the records of each object. An ephemeris beside other orbits of an object is refused: it would be drawn twice.
+    pub fn unite(self, findings: &mut Findings) -> United {
+        let united = unite(self.sources);
+        let refused = united.refused.iter();
+        let lines = refused.map(|(source, why)| match self.names.get(*source) {
+            Some(name) if !name.is_empty() => format!("{name}:1: {why}"),
+            _ => why.clone(),
+        });
+        findings.rejected.extend(lines);
+        united
+    }
 }
 
 /// Says of how many objects there are several element sets, if there are any.
@@ -123,24 +160,21 @@ impl Shelf<'_> {
         let (file, name) = file_and_name(selector, |file| self.folder.has(file));
         let loaded = match self.files.entry(file.to_string()) {
             Entry::Occupied(read) => read.into_mut(),
-            Entry::Vacant(place) => place.insert(load(self.folder, file, findings)?),
+            Entry::Vacant(place) => place.insert(whole(load(self.folder, file, findings)?)),
         };
         let object = loaded
             .find(name)
             .map_err(|why| ConfigError::Orbit(format!("{file}: {why}")))?;
-        findings.book(loaded);
+        findings.book(&loaded.rejected, &loaded.assumed);
         Ok(object.clone())
     }
 }
 
 impl Findings {
     /// Adds what was refused or assumed, unless another use of the same file has said it already.
-    fn book(&mut self, loaded: &Loaded) {
-        add_new(
-            &mut self.rejected,
-            loaded.rejected.iter().map(Rejected::to_string),
-        );
-        add_new(&mut self.notices, loaded.assumed.iter().cloned());
+    fn book(&mut self, rejected: &[Rejected], assumed: &[String]) {
+        add_new(&mut self.rejected, rejected.iter().map(Rejected::to_string));
+        add_new(&mut self.notices, assumed.iter().cloned());
     }
 }
 
@@ -148,46 +182,6 @@ impl Findings {
 fn add_new(all: &mut Vec<String>, lines: impl Iterator<Item = String>) {
     let known: HashSet<String> = all.iter().cloned().collect();
     all.extend(lines.filter(|line| !known.contains(line)));
-}
-
-/// What came of objects that were there already.
-#[derive(Debug, Default)]
-pub struct Gathered {
-    /// The places of those that have got further element sets, or the same again.
-    pub joined: Vec<usize>,
-    /// Which could not be joined, and why, a line each.
-    pub refused: Vec<String>,
-}
-
-/// Adds `new` objects to `objects`, whose `register` it keeps; element sets of those that are there to them.
-pub fn gather(objects: &mut Vec<Object>, register: &mut Register, new: Vec<Object>) -> Gathered {
-    let mut gathered = Gathered::default();
-    objects.reserve(new.len());
-    register.reserve(new.len());
-    for mut object in new {
-        let place = register.place(&object);
-        let Some((place, known)) = place.and_then(|at| Some((at, objects.get_mut(at)?))) else {
-            register.insert(&mut object, objects.len());
-            objects.push(object);
-            continue;
-        };
-        match (&known.orbit, &object.orbit) {
-            (Orbit::Elements(..), Orbit::Elements(..)) => {
-                known.join(object);
-                register.note(known, place);
-                gathered.joined.push(place);
-            }
-            _ => gathered.refused.push(format!(
-                "{} is {}in an earlier file: keep one of the two",
-                object.label(),
-                match known.id == object.id {
-                    true => String::new(),
-                    false => format!("{} ", known.label()),
-                }
-            )),
-        }
-    }
-    gathered
 }
 
 /// Says what a folder holds beside files of orbits, if there is anything.
@@ -208,28 +202,23 @@ pub fn passed_over(names: &[String]) -> Option<String> {
     ))
 }
 
-/// A file, or all files of a folder, of which those that are in no format of orbits are passed over.
-fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, ConfigError> {
+/// A file, or all files of a folder, of which those that are in no format of orbits are passed over; each with its name.
+fn load(
+    folder: &Folder,
+    name: &str,
+    findings: &mut Findings,
+) -> Result<Vec<(String, Contents)>, ConfigError> {
     let Some([files, others]) = folder.listing(name)? else {
         let (file, text) = folder.read_orbits(name)?;
-        return skyloop_orbit::parse(&text, &file).map_err(|e| ConfigError::Orbit(e.to_string()));
+        let contents = parse_contents(&text, &file);
+        let contents = contents.map_err(|error| ConfigError::Orbit(error.to_string()))?;
+        return Ok(vec![(name.to_owned(), contents)]);
     };
-    let mut all = Loaded::default();
-    let mut register = Register::default();
+    let mut all = Vec::new();
     let mut foreign = others;
     for file in files {
         match given(folder, &file) {
-            Given::Orbits(loaded) => {
-                all.rejected.extend(loaded.rejected);
-                all.assumed.extend(loaded.assumed);
-                for reason in gather(&mut all.objects, &mut register, loaded.objects).refused {
-                    all.rejected.push(Rejected {
-                        source: file.clone(),
-                        line: 1,
-                        reason,
-                    });
-                }
-            }
+            Given::Orbits(contents) => all.push((file, contents)),
             Given::Foreign => foreign.push(file),
             Given::Unusable(reason) => findings.rejected.push(reason),
         }
@@ -238,9 +227,35 @@ fn load(folder: &Folder, name: &str, findings: &mut Findings) -> Result<Loaded, 
     Ok(all)
 }
 
+/// The objects of some files.
+fn whole(files: Vec<(String, Contents)>) -> Loaded {
+    let mut loaded = Loaded::default();
+    let (mut names, mut sources) = (Vec::new(), Vec::new());
+    for (file, mut contents) in files {
+        loaded.rejected.append(&mut contents.rejected);
+        loaded.assumed.append(&mut contents.assumed);
+        names.push(file);
+        sources.push(Source {
+            objects: contents.into_objects(),
+            rank: 0,
+        });
+    }
+    let united = unite(sources);
+    loaded.objects = united.objects;
+    for (source, reason) in united.refused {
+        let source = names.get(source).cloned().unwrap_or_default();
+        loaded.rejected.push(Rejected {
+            source,
+            line: 1,
+            reason,
+        });
+    }
+    loaded
+}
+
 /// What a file of a folder gives.
 enum Given {
-    Orbits(Loaded),
+    Orbits(Contents),
     /// It is no file of orbits.
     Foreign,
     /// It cannot be read, or has the form of one and holds nothing.
@@ -255,8 +270,8 @@ fn given(folder: &Folder, name: &str) -> Given {
         }
         Err(error) => return Given::Unusable(error.to_string()),
     };
-    match skyloop_orbit::parse(&text, &file) {
-        Ok(loaded) => Given::Orbits(loaded),
+    match parse_contents(&text, &file) {
+        Ok(contents) => Given::Orbits(contents),
         Err(error) if error.is_foreign() => Given::Foreign,
         Err(error) => Given::Unusable(error.to_string()),
     }

@@ -1,9 +1,9 @@
 //! CCSDS Attitude Ephemeris Messages in keyword = value notation: versions 1.0 (504.0-B-1) and 2.0 (504.0-B-2).
 
 use crate::frames::{Axes, FRAMES};
-use crate::lines;
-use crate::meta::{Clock, Meta};
+use crate::meta::{Clock, Meta, overlap};
 use crate::record::{At, shorten};
+use crate::{lines, meta};
 use hifitime::Epoch;
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 
@@ -52,9 +52,8 @@ pub struct TimedAttitude {
 
 /// Whether a text is such a message.
 pub fn is_message(text: &str) -> bool {
-    let mut lines = lines::numbered(text).map(|(_, line)| line.trim_start());
-    let first = lines.find(|line| !lines::is_remark(line));
-    first.is_some_and(|line| line.starts_with(VERSION))
+    let first = text.get(lines::start(text)..);
+    first.is_some_and(|text| text.starts_with(VERSION))
 }
 
 /// Reads a message. Attitudes that are missing would leave a gap, so that one line that cannot be read refuses the whole file.
@@ -71,13 +70,12 @@ pub fn parse(text: &str) -> Result<AttitudeMessage, (usize, String)> {
     for (number, line) in lines::numbered(text) {
         last = number;
         let line = line.trim_start();
-        let is_comment = line.split_whitespace().next() == Some("COMMENT");
-        let in_metadata = matches!(reader.section, Section::Meta(_));
-        if !lines::is_remark(line) || is_comment && in_metadata {
+        if meta::is_significant(line, matches!(reader.section, Section::Meta(_))) {
             reader.line(number, line)?;
         }
     }
     reader.close(last)?;
+    reader.check_overlap();
     if reader.message.segments.is_empty() {
         let reason = "no attitudes; a segment is META_START ... META_STOP and its attitudes";
         return Err((last, reason.to_owned()));
@@ -181,6 +179,19 @@ impl Reader {
                 self.message.segments.push(segment);
                 Ok(())
             }
+        }
+    }
+
+    /// Adds a remark where segments overlap in the time that both have attitudes for.
+    fn check_overlap(&mut self) {
+        let ns = |epoch: Epoch| epoch.to_tai_duration().total_nanoseconds();
+        let spans = self.message.segments.iter().filter_map(|segment| {
+            let (first, last) = (segment.attitudes.first()?, segment.attitudes.last()?);
+            let start = ns(segment.start).max(ns(first.epoch));
+            Some((start, ns(segment.stop).min(ns(last.epoch)), segment.line))
+        });
+        if let Some((line, remark)) = overlap(spans.collect()) {
+            self.remark(line, remark);
         }
     }
 

@@ -14,6 +14,8 @@ pub struct Ephemeris {
 /// A stretch of states that one interpolation may run through.
 #[derive(Clone, Debug)]
 pub(crate) struct Segment {
+    /// Line of the file that it begins in.
+    pub line: usize,
     /// In order of time, at least one.
     pub nodes: Vec<Node>,
     pub method: Method,
@@ -32,6 +34,31 @@ pub(crate) enum Method {
     Lagrange(usize),
     /// Hermite's polynomial, of degree `2 n - 1`, through `n` positions with their velocities; the velocity is its derivative.
     Hermite(usize),
+}
+
+/// Smallest difference of two degrees that counts as divergence, m: positions rounded to 1 m differ by more than that at high degrees.
+const DIVERGED_M: f64 = 100.0;
+
+impl Method {
+    /// The degree of its polynomial.
+    pub fn degree(self) -> usize {
+        match self {
+            Method::Lagrange(count) => count - 1,
+            Method::Hermite(count) => 2 * count - 1,
+        }
+    }
+
+    /// The method of the next lower degree that it is compared with: 7, 3 and 1.
+    pub fn lower(self) -> Option<Method> {
+        match self {
+            Method::Lagrange(9..) => Some(Method::Lagrange(8)),
+            Method::Lagrange(5..) => Some(Method::Lagrange(4)),
+            Method::Hermite(5..) => Some(Method::Hermite(4)),
+            Method::Hermite(3..) => Some(Method::Hermite(2)),
+            Method::Hermite(_) | Method::Lagrange(3..) => Some(Method::Lagrange(2)),
+            Method::Lagrange(_) => None,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -98,10 +125,34 @@ impl Segment {
         (self.start_ns - ns).max(ns - self.stop_ns).max(0)
     }
 
+    /// Half way between neighbours, the farthest that the interpolation is off where it does not converge, m: where a higher degree
+    /// changes the position by more than the step to the degree below it did, and by more than [`DIVERGED_M`].
+    pub fn divergence_m(&self) -> Option<f64> {
+        let lower = self.method.lower()?;
+        let lowest = lower.lower()?;
+        let pairs = self.nodes.windows(2).filter_map(|pair| match pair {
+            [a, b] => Some(a.tai_ns + (b.tai_ns - a.tai_ns) / 2),
+            _ => None,
+        });
+        let off_m = pairs.filter_map(|ns| {
+            let at = |method| self.interpolate_by(method, ns).position_m;
+            let middle = at(lower);
+            let [up, down] = [self.method, lowest].map(|method| (at(method) - middle).norm());
+            // NaN is no convergence.
+            let converges = up <= DIVERGED_M.max(down);
+            (!converges).then_some(up)
+        });
+        off_m.max_by(f64::total_cmp)
+    }
+
     fn interpolate(&self, ns: i128) -> StateVector {
-        let (Method::Lagrange(count) | Method::Hermite(count)) = self.method;
+        self.interpolate_by(self.method, ns)
+    }
+
+    fn interpolate_by(&self, method: Method, ns: i128) -> StateVector {
+        let (Method::Lagrange(count) | Method::Hermite(count)) = method;
         let window = self.window(count, ns);
-        // seconds from the asked instant: small numbers, exact differences
+        // Seconds from the given instant: small numbers, exact differences
         let x = |node: &Node| (node.tai_ns - ns) as f64 / 1e9;
         let mut state = StateVector {
             position_m: Vector3::zeros(),
@@ -125,7 +176,7 @@ impl Segment {
                 value *= factor;
                 own_slope += per;
             }
-            match self.method {
+            match method {
                 Method::Lagrange(_) => {
                     state.position_m += r * value;
                     state.velocity_m_s += v * value;

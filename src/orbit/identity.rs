@@ -1,7 +1,8 @@
-//! What tells an object from all others: catalogue number, international designator, or else what it is called.
+//! What identifies an object: catalogue number, international designator, or else its name or its orbit.
 
 use crate::two_line::alpha_5;
 use crate::{Designator, Object, Orbit};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::num::NonZeroU32;
 
@@ -124,10 +125,16 @@ impl Identity {
         self.number.map(NonZeroU32::get)
     }
 
-    /// Takes what `other`, the identity of the same object, has beyond it.
+    /// Adds what `other`, the identity of the same object, has beyond it; of two designators the earlier counts.
     pub(crate) fn join(&mut self, other: Identity) {
         self.number = self.number.or(other.number);
-        self.designator = self.designator.or(other.designator);
+        let designators = [self.designator, other.designator];
+        self.designator = designators.into_iter().flatten().min();
+    }
+
+    /// Adds the catalogue number that another record of the same object gives.
+    pub(crate) fn set_number(&mut self, number: u32) {
+        self.number = assigned(number);
     }
 }
 
@@ -159,13 +166,10 @@ impl Object {
         }
     }
 
-    /// What tells it from others without number and designator; nothing where it has one of these.
-    fn word(&self) -> Option<String> {
-        if self.identity.number.is_some() || self.identity.designator.is_some() {
-            return None;
-        }
+    /// What tells it from others where it has neither number nor designator.
+    fn word(&self) -> String {
         let name = self.names.first().map_or("", String::as_str);
-        Some(match (self.identity.word, &self.orbit) {
+        match (self.identity.word, &self.orbit) {
             (Word::Id, _) => format!("id {}", self.id.to_uppercase()),
             (Word::Name, _) => format!("name {}", name.to_uppercase()),
             (Word::Orbit, Orbit::Elements(set, _)) => format!("orbit {set:?}"),
@@ -174,107 +178,82 @@ impl Object {
                 let ends = segments.map(|one| (one.nodes.first(), one.nodes.last()));
                 format!("orbit {:?}", ends.collect::<Vec<_>>())
             }
-        })
+        }
     }
 }
 
-/// Objects and their places in a list, found by what tells them apart: the same catalogue number, however it is written; where one of
-/// the two has none, the same international designator, which is all that agencies call an object by; where both have
-/// neither, the same OBJECT_ID or, where that is a placeholder, the same name. Objects without any of these are the same only with the
-/// same orbit.
+/// What objects are grouped by: those with equal keys are one object.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Key {
+    Number(u32),
+    Designator(Designator),
+    Word(String),
+}
+
+/// The keys of a set of objects: of each the catalogue number or, where it has none, the number that another of them has beside the same
+/// international designator; else the designator; else, without both, the OBJECT_ID or, where that is a placeholder, the name;
+/// else the orbit. They do not depend on the order of the objects.
 #[derive(Debug, Default)]
-pub struct Register {
-    numbers: HashMap<u32, usize>,
-    /// With whether the object has a number too.
-    designators: HashMap<(Designator, bool), usize>,
-    words: HashMap<String, usize>,
-    /// How often the ids of objects without a number were wanted.
-    ids: HashMap<String, usize>,
+pub(crate) struct Keys {
+    /// Designators of objects without a number, and the smallest number that any object has beside each.
+    numbers: HashMap<Designator, Option<u32>>,
 }
 
-impl Register {
-    /// Of a list.
-    pub fn of(objects: &[Object]) -> Register {
-        let mut register = Register::default();
-        for (place, object) in objects.iter().enumerate() {
-            register.note(object, place);
+impl Keys {
+    pub fn of<'a>(objects: impl Iterator<Item = &'a Object> + Clone) -> Self {
+        let identities = objects.map(|object| &object.identity);
+        let unnumbered = identities.clone().filter(|one| one.number.is_none());
+        let designators = unnumbered.filter_map(|one| Some((one.designator?, None)));
+        let mut numbers: HashMap<Designator, Option<u32>> = designators.collect();
+        if numbers.is_empty() {
+            return Keys { numbers };
         }
-        register
-    }
-
-    /// Makes room for so many more.
-    pub fn reserve(&mut self, more: usize) {
-        self.numbers.reserve(more);
-        self.designators.reserve(more);
-    }
-
-    /// Adds a new object. Where its id is that of another object it gets a number behind it: `UNKNOWN #2`.
-    pub fn insert(&mut self, object: &mut Object, place: usize) {
-        if object.identity.number.is_none() && self.ids.contains_key(&object.id) {
-            let base = match object.id.rsplit_once(" #") {
-                Some((base, count)) if count.bytes().all(|b| b.is_ascii_digit()) => base,
-                _ => &object.id,
-            };
-            let base = base.to_owned();
-            while self.ids.contains_key(&object.id) {
-                let count = self.ids.entry(base.clone()).or_insert(1);
-                *count += 1;
-                object.id = format!("{base} #{count}");
+        for identity in identities {
+            if let (Some(number), Some(designator)) = (identity.number(), identity.designator)
+                && let Some(known) = numbers.get_mut(&designator)
+            {
+                *known = Some(known.map_or(number, |known| known.min(number)));
             }
         }
-        self.note(object, place);
+        Keys { numbers }
     }
 
-    /// Adds what is known of an object: one that is there may have got a number or a designator since.
-    pub fn note(&mut self, object: &Object, place: usize) {
+    pub fn key(&self, object: &Object) -> Key {
         let Identity {
             number, designator, ..
         } = object.identity;
-        match number {
-            Some(number) => _ = self.numbers.entry(number.get()).or_insert(place),
-            None if !self.ids.contains_key(&object.id) => {
-                self.ids.insert(object.id.clone(), 1);
+        match (number, designator) {
+            (Some(number), _) => Key::Number(number.get()),
+            (None, Some(designator)) => {
+                let number = self.numbers.get(&designator).copied().flatten();
+                number.map_or(Key::Designator(designator), Key::Number)
             }
-            None => {}
-        }
-        if let Some(designator) = designator {
-            let known = self.designators.entry((designator, number.is_some()));
-            known.or_insert(place);
-        }
-        if let Some(word) = object.word() {
-            self.words.entry(word).or_insert(place);
+            (None, None) => Key::Word(object.word()),
         }
     }
+}
 
-    /// The place of the object that this one is.
-    pub fn place(&self, object: &Object) -> Option<usize> {
-        let Identity {
-            number, designator, ..
-        } = object.identity;
-        // Two objects with numbers of their own are two, whatever their designators.
-        let kinds = match number {
-            Some(_) => &[false][..],
-            None => &[false, true],
-        };
-        let by_number = number.and_then(|number| self.numbers.get(&number.get()));
-        let by_designator = || {
-            let designator = designator?;
-            let known = |kind: &bool| self.designators.get(&(designator, *kind));
-            kinds.iter().find_map(known)
-        };
-        let by_word = || self.words.get(&object.word()?);
-        by_number.or_else(by_designator).or_else(by_word).copied()
-    }
+/// Whether two objects are one.
+pub fn is_same(one: &Object, other: &Object) -> bool {
+    let keys = Keys::of([one, other].into_iter());
+    keys.key(one) == keys.key(other)
+}
 
-    /// Whether none is there.
-    pub fn is_empty(&self) -> bool {
-        self.numbers.is_empty() && self.designators.is_empty() && self.words.is_empty()
+/// The object that each of a list belongs to: their numbers, counted from 0 in the order in which they first appear.
+pub fn places<'a>(objects: impl Iterator<Item = &'a Object> + Clone) -> Vec<usize> {
+    // Catalogues are long: where each has a number of its own, no map is made.
+    let mut numbers: Vec<Option<u32>> = objects.clone().map(|o| o.identity.number()).collect();
+    numbers.par_sort_unstable();
+    if numbers.first() != Some(&None) && numbers.is_sorted_by(|a, b| a < b) {
+        return (0..numbers.len()).collect();
     }
-
-    /// Whether this object is there.
-    pub fn has(&self, object: &Object) -> bool {
-        self.place(object).is_some()
-    }
+    let keys = Keys::of(objects.clone());
+    let mut known: HashMap<Key, usize> = HashMap::new();
+    let places = objects.map(|object| {
+        let next = known.len();
+        *known.entry(keys.key(object)).or_insert(next)
+    });
+    places.collect()
 }
 
 #[cfg(test)]
@@ -304,8 +283,7 @@ mod tests {
     #[test]
     fn an_ephemeris_is_known_however_it_is_called() {
         let alike = |one: &Object, other: &Object| {
-            let [there, back] = [(one, other), (other, one)]
-                .map(|(known, new)| Register::of(std::slice::from_ref(known)).has(new));
+            let [there, back] = [is_same(one, other), is_same(other, one)];
             assert_eq!(there, back, "{} {}", one.id, other.id);
             there
         };

@@ -1,11 +1,14 @@
 //! From a file to the objects in it.
 
 use crate::format::Format;
+use crate::parts::{Part, parts};
 use crate::record::{Found, Record};
 use crate::{
-    Identity, Object, Orbit, Register, oem, omm, read_text, remedy, server, theory, tle, unread,
+    Identity, Object, Orbit, Source, lines, oem, omm, read_text, remedy, server, theory, tle,
+    unite, unread,
 };
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +26,7 @@ pub struct Loaded {
 /// What a text holds, as it gives it.
 #[derive(Clone, Debug)]
 pub struct Contents {
-    /// The text's format.
+    /// The text's format; of a text in several, that of its first.
     pub format: Format,
     /// Its element sets, in the order of the text.
     pub records: Vec<Record>,
@@ -116,6 +119,14 @@ pub enum LoadError {
         /// Whether it holds orbits, or attitudes alone.
         has_orbits: bool,
     },
+    /// An OEM with a header and no segment.
+    #[error("{source_name}: an OEM without a segment; a segment is {segment}")]
+    NoSegment {
+        /// The source's name.
+        source_name: String,
+        /// What a segment is in the text's notation.
+        segment: &'static str,
+    },
     /// The text has the form of element sets and holds none.
     #[error("{source_name}: {format}, and no record in it")]
     NoRecord {
@@ -123,14 +134,6 @@ pub enum LoadError {
         source_name: String,
         /// Its format.
         format: Format,
-    },
-    /// An OEM with a header and no segment.
-    #[error(
-        "{source_name}: an OEM without a segment; a segment is META_START ... META_STOP and its states"
-    )]
-    NoSegment {
-        /// The source's name.
-        source_name: String,
     },
 }
 
@@ -175,13 +178,70 @@ pub fn load_contents(path: &Path) -> Result<Contents, LoadError> {
 /// [`load_contents`] for text at hand; `source` names it in messages.
 pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let source_name = || source.to_owned();
     if text.trim().is_empty() {
         return Err(LoadError::Empty {
-            source_name: source_name(),
+            source_name: source.to_owned(),
         });
     }
-    let format = Format::of(text);
+    let format = format(text, source)?;
+    let mut all = Contents {
+        format,
+        records: Vec::new(),
+        ephemerides: Vec::new(),
+        rejected: Vec::new(),
+        assumed: Vec::new(),
+    };
+    // Texts in brackets are one part, whatever their lines begin with.
+    let parts = match format {
+        Format::Tle | Format::ThreeLine | Format::OmmKvn | Format::OemKvn => parts(text),
+        _ => Vec::new(),
+    };
+    if parts.len() > 1 {
+        let mut unread = BTreeMap::new();
+        for part in parts {
+            all.add_part(&part, source, &mut unread);
+        }
+        all.reject_unread(unread, source);
+    } else {
+        all.add(text, format, source, 0);
+        if matches!(format, Format::OmmXml | Format::OemXml) {
+            all.reject_unread(unread::messages(text), source);
+        }
+    }
+    if all.len() == 0 {
+        return Err(no_record(format, source));
+    }
+    all.assumed = theory::assumptions(&all.records, source);
+    let remarks = all.ephemerides.iter().flat_map(Object::remarks);
+    all.assumed
+        .extend(remarks.map(|(line, remark)| format!("{source}:{line}: {remark}")));
+    Ok(all)
+}
+
+/// The error of a text in a format that holds nothing.
+fn no_record(format: Format, source: &str) -> LoadError {
+    let source_name = source.to_owned();
+    let segment = match format {
+        Format::OemKvn => "META_START ... META_STOP and its states",
+        Format::OemXml => "<segment> with <metadata> and <data>",
+        _ => {
+            return LoadError::NoRecord {
+                source_name,
+                format,
+            };
+        }
+    };
+    LoadError::NoSegment {
+        source_name,
+        segment,
+    }
+}
+
+/// The format of a text or, of one in parts, of the first that is read.
+fn format(text: &str, source: &str) -> Result<Format, LoadError> {
+    let source_name = || source.to_owned();
+    let named = unread::by_header(text);
+    let format = Format::of(text).filter(|_| named.is_none());
     let may_answer = matches!(format, None | Some(Format::OmmJson));
     if let Some(says) = may_answer.then(|| server::words(text, source)).flatten() {
         return Err(LoadError::Answer {
@@ -189,57 +249,109 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
             says,
         });
     }
-    let format = format.ok_or_else(|| match unread::found(text) {
-        Some(found) => LoadError::Unread {
+    if let Some(format) = format {
+        return Ok(format);
+    }
+    let Some(found) = unread::found(text) else {
+        return Err(LoadError::NoOrbit {
+            source_name: source_name(),
+            begins: server::quoted(text).chars().take(40).collect(),
+        });
+    };
+    let mut parts = parts(text).into_iter().skip(1);
+    let of_part = || parts.find_map(|part| Format::of(part.text));
+    named
+        .is_none()
+        .then(of_part)
+        .flatten()
+        .ok_or_else(|| LoadError::Unread {
             source_name: source_name(),
             found,
             has_orbits: unread::has_orbits(text),
-        },
-        None => LoadError::NoOrbit {
-            source_name: source_name(),
-            begins: server::quoted(text).chars().take(40).collect(),
-        },
-    })?;
-    let mut found = Found::new(source);
-    let mut ephemerides = Vec::new();
-    match format {
-        Format::Tle | Format::ThreeLine => tle::read(text, &mut found),
-        Format::OmmKvn => omm::kvn::read(text, &mut found),
-        Format::OmmXml => omm::xml::read(text, &mut found),
-        Format::OmmJson => omm::json::read(text, &mut found),
-        Format::OmmCsv => omm::csv::read(text, &mut found),
-        Format::OemKvn => add_ephemerides(oem::parse(text, source), &mut ephemerides, &mut found),
-        Format::OemXml => {}
+        })
+}
+
+impl Contents {
+    /// The number of records, read or refused.
+    fn len(&self) -> usize {
+        self.records.len() + self.ephemerides.len() + self.rejected.len()
     }
-    // An NDM may hold messages of both kinds.
-    if matches!(format, Format::OmmXml | Format::OemXml) && oem::xml::looks_like(text) {
-        let loaded = oem::xml::parse(text, source);
-        add_ephemerides(loaded, &mut ephemerides, &mut found);
+
+    /// Adds what a text in a known format holds, which has some lines of its file before it.
+    fn add(&mut self, text: &str, format: Format, source: &str, lines_before: usize) {
+        let mut found = Found::new(source);
+        let mut ephemerides = Vec::new();
+        match format {
+            Format::Tle | Format::ThreeLine => tle::read(text, &mut found),
+            Format::OmmKvn => omm::kvn::read(text, &mut found),
+            Format::OmmXml => omm::xml::read(text, &mut found),
+            Format::OmmJson => omm::json::read(text, &mut found),
+            Format::OmmCsv => omm::csv::read(text, &mut found),
+            Format::OemKvn => {
+                add_ephemerides(oem::parse(text, source), &mut ephemerides, &mut found)
+            }
+            Format::OemXml => {}
+        }
+        // An NDM may hold messages of both kinds.
+        if matches!(format, Format::OmmXml | Format::OemXml) && oem::xml::looks_like(text) {
+            let loaded = oem::xml::parse(text, source);
+            add_ephemerides(loaded, &mut ephemerides, &mut found);
+        }
+        for record in &mut found.records {
+            record.line += lines_before;
+        }
+        for rejected in &mut found.rejected {
+            rejected.line += lines_before;
+        }
+        for object in &mut ephemerides {
+            object.move_lines(lines_before);
+        }
+        self.records.append(&mut found.records);
+        self.rejected.append(&mut found.rejected);
+        self.ephemerides.append(&mut ephemerides);
     }
-    let Found {
-        records, rejected, ..
-    } = found;
-    if !records.is_empty() || !ephemerides.is_empty() || !rejected.is_empty() {
-        let mut assumed = theory::assumptions(&records, source);
-        let remarks = ephemerides.iter().flat_map(Object::remarks);
-        assumed.extend(remarks.map(|(line, remark)| format!("{source}:{line}: {remark}")));
-        return Ok(Contents {
-            format,
-            assumed,
-            records,
-            ephemerides,
-            rejected,
-        });
+
+    /// Adds a part of a text in several formats.
+    fn add_part(
+        &mut self,
+        part: &Part,
+        source: &str,
+        unread: &mut BTreeMap<String, (usize, usize)>,
+    ) {
+        let line = part.lines_before + 1;
+        match (Format::of(part.text), unread::found(part.text)) {
+            (Some(format), _) => {
+                let count = self.len();
+                self.add(part.text, format, source, part.lines_before);
+                if self.len() == count {
+                    let reason = no_record(format, source).to_string();
+                    let reason = reason.trim_start_matches(source).trim_start_matches(": ");
+                    self.rejected.push(Rejected::new(source, line, reason));
+                }
+            }
+            (None, Some(found)) => {
+                let messages = lines::numbered(part.text)
+                    .filter(|(_, line)| line.trim_start().starts_with("CCSDS_"));
+                unread.entry(found).or_insert((0, line)).0 += messages.count().max(1);
+            }
+            (None, None) => {
+                let reason = "a message without orbits: remove it";
+                self.rejected.push(Rejected::new(source, line, reason));
+            }
+        }
     }
-    Err(match format {
-        Format::OemKvn | Format::OemXml => LoadError::NoSegment {
-            source_name: source_name(),
-        },
-        _ => LoadError::NoRecord {
-            source_name: source_name(),
-            format,
-        },
-    })
+
+    /// Reports messages of kinds that are not read: how many of each, and the line of the first.
+    fn reject_unread(&mut self, unread: BTreeMap<String, (usize, usize)>, source: &str) {
+        for (found, (count, line)) in unread {
+            let reason = match count {
+                1 => found,
+                count => format!("{count} messages, each {found}"),
+            };
+            self.rejected.push(Rejected::new(source, line, &reason));
+        }
+        self.rejected.sort_by_key(|rejected| rejected.line);
+    }
 }
 
 fn add_ephemerides(loaded: Loaded, ephemerides: &mut Vec<Object>, found: &mut Found) {
@@ -247,50 +359,41 @@ fn add_ephemerides(loaded: Loaded, ephemerides: &mut Vec<Object>, found: &mut Fo
     found.rejected.extend(loaded.rejected);
 }
 
-impl From<Contents> for Loaded {
-    /// Sets of one object become one, with every set that differs.
-    fn from(contents: Contents) -> Self {
-        let sets = contents.records.into_par_iter();
+impl Contents {
+    /// An object for each record and each ephemeris, in the order of the text: several may be of one object, see [`unite`].
+    pub fn into_objects(self) -> Vec<Object> {
+        let sets = self.records.into_par_iter();
         let mut objects: Vec<Object> = sets.map(Object::from).collect();
-        // Catalogues are long: where none comes twice, none is moved.
-        let numbers = objects.par_iter().map(|one| one.identity.number());
-        let mut numbers: Vec<Option<u32>> = numbers.collect();
-        numbers.par_sort_unstable();
-        let are_apart = numbers.is_sorted_by(|a, b| a < b);
-        if numbers.first() == Some(&None) || !are_apart {
-            objects = each_once(objects);
-        }
-        objects.extend(contents.ephemerides);
-        Loaded {
-            objects,
-            rejected: contents.rejected,
-            assumed: contents.assumed,
-        }
+        objects.extend(self.ephemerides);
+        objects
     }
 }
 
-/// Each object once, with every set that differs.
-fn each_once(all: Vec<Object>) -> Vec<Object> {
-    let (mut objects, mut register) = (Vec::<Object>::new(), Register::default());
-    for mut object in all {
-        let place = register.place(&object);
-        if let Some((place, known)) = place.and_then(|at| Some((at, objects.get_mut(at)?))) {
-            known.join(object);
-            register.note(known, place);
-        } else {
-            register.insert(&mut object, objects.len());
-            objects.push(object);
+impl From<Contents> for Loaded {
+    /// Element sets of one object become one object, with every set that differs. An ephemeris of it stays an object of its own.
+    fn from(mut contents: Contents) -> Self {
+        let ephemerides = std::mem::take(&mut contents.ephemerides);
+        let rejected = std::mem::take(&mut contents.rejected);
+        let assumed = std::mem::take(&mut contents.assumed);
+        let sets = Source {
+            objects: contents.into_objects(),
+            rank: 0,
+        };
+        let mut objects = unite(vec![sets]).objects;
+        objects.extend(ephemerides);
+        Loaded {
+            objects,
+            rejected,
+            assumed,
         }
     }
-    objects.shrink_to_fit();
-    objects
 }
 
 impl From<Record> for Object {
     fn from(record: Record) -> Self {
         let (id, number) = (record.object_id(), record.elements.norad);
         let identity = Identity::of_set(number, &record.designator, &record.name);
-        // Catalogues are long: no octet more than it takes.
+        // Catalogues are long: no byte more than it takes.
         let name = Some(record.name).filter(|name| !name.is_empty());
         Object {
             id,
@@ -333,6 +436,19 @@ impl Object {
             own.segments.extend(further.segments);
         }
         self.call(other.names);
+    }
+
+    /// Counts the lines of its ephemeris from so many lines before.
+    fn move_lines(&mut self, lines: usize) {
+        if let Orbit::Ephemeris(ephemeris) = &mut self.orbit {
+            for segment in &mut ephemeris.segments {
+                segment.line += lines;
+                segment
+                    .remarks
+                    .iter_mut()
+                    .for_each(|(line, _)| *line += lines);
+            }
+        }
     }
 
     /// Adds names where they differ.

@@ -2,7 +2,7 @@
 
 use crate::frames::{Axes, FRAMES};
 use crate::record::{At, shorten};
-use crate::{bounded_name, time};
+use crate::{bounded_name, lines, time};
 use hifitime::{Duration, Epoch, TimeScale};
 use std::sync::OnceLock;
 
@@ -47,6 +47,40 @@ impl Clock {
             Clock::Ut1(ut1_utc) => Some(time::parse_ccsds(text, TimeScale::UTC)? - ut1_utc),
         }
     }
+}
+
+/// Whether a line of a message is read: not where it is blank or a comment, unless it is one of the metadata, which may give UT1 - UTC.
+pub(crate) fn is_significant(line: &str, in_metadata: bool) -> bool {
+    let is_comment = || line.split_whitespace().next() == Some("COMMENT");
+    !lines::is_remark(line) || in_metadata && is_comment()
+}
+
+/// What to report of segments that overlap in their usable time, which the standards do not allow (CCSDS 502.0-B-3, Table 5-3, and
+/// 504.0-B-2, Table 4-3: "except for a common end"): the line of the first that does, and the times. Spans are start and stop, ns since
+/// 1900 TAI, and a line, in the order of the file.
+pub(crate) fn overlap(mut spans: Vec<(i128, i128, usize)>) -> Option<(usize, String)> {
+    spans.sort_by_key(|(start, _, _)| *start);
+    let mut overlaps = Vec::new();
+    let mut last: Option<(i128, usize)> = None;
+    for (start, stop, line) in spans {
+        if let Some((end, other)) = last.filter(|(end, _)| start < *end) {
+            overlaps.push((start, end.min(stop), line.min(other), line.max(other)));
+        }
+        if last.is_none_or(|(end, _)| stop > end) {
+            last = Some((stop, line));
+        }
+    }
+    let (start, stop, first, second) = *overlaps.first()?;
+    let [start, stop] = [start, stop].map(|ns| time::utc_text(time::from_tai_ns(ns)));
+    let more = match overlaps.len() - 1 {
+        0 => String::new(),
+        count => format!(" ({count} more overlaps)"),
+    };
+    let remark = format!(
+        "the segments of lines {first} and {second} overlap from {start} to {stop}{more}: the earlier in the file is used there; set \
+         USEABLE_START_TIME and USEABLE_STOP_TIME"
+    );
+    Some((second, remark))
 }
 
 impl Meta {

@@ -4,13 +4,15 @@ pub(crate) mod xml;
 
 use crate::ephemeris::{Ephemeris, Method, Node, Segment};
 use crate::frames::Axes;
-use crate::identity::unnumbered_id;
+use crate::identity::{Key, Keys, unnumbered_id};
 use crate::load::{Loaded, Rejected};
-use crate::meta::{Clock, Meta};
+use crate::meta::{Clock, Meta, overlap};
 use crate::record::{At, shorten};
-use crate::{Identity, Object, Orbit, Register, StateVector, is_placeholder, lines};
+use crate::unite::Ids;
+use crate::{Identity, Object, Orbit, StateVector, is_placeholder, lines, meta};
 use hifitime::Epoch;
 use nalgebra::Vector3;
+use std::collections::HashMap;
 
 /// Degree where the message names none; the standard leaves it to the reader.
 const DEFAULT_DEGREE: usize = 7;
@@ -46,14 +48,12 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
     for (number, line) in lines::numbered(text) {
         last = number;
         let line = line.trim_start();
-        let is_comment = line.split_whitespace().next() == Some("COMMENT");
-        let in_metadata = matches!(reader.section, Section::Meta(_));
-        if !line.is_empty() && (in_metadata || !is_comment) {
+        if meta::is_significant(line, matches!(reader.section, Section::Meta(_))) {
             reader.line(last, line);
         }
     }
     reader.close(last);
-    reader.read.loaded
+    reader.read.finish()
 }
 
 /// Whether a line is `KEYWORD = value`, as the header's are.
@@ -75,7 +75,9 @@ struct Reader<'a> {
 struct Segments<'a> {
     source: &'a str,
     loaded: Loaded,
-    register: Register,
+    /// Places of the objects in `loaded`.
+    places: HashMap<Key, usize>,
+    ids: Ids,
 }
 
 /// Where in the message the reader is.
@@ -147,7 +149,7 @@ impl Reader<'_> {
                 let reason = "META_START without META_STOP; restore the metadata block";
                 self.read.reject(number, reason);
             }
-            Section::Data(data) | Section::Covariance(data) => self.read.finish(data),
+            Section::Data(data) | Section::Covariance(data) => self.read.add(data),
         }
     }
 }
@@ -157,12 +159,31 @@ impl<'a> Segments<'a> {
         Segments {
             source,
             loaded: Loaded::default(),
-            register: Register::default(),
+            places: HashMap::new(),
+            ids: Ids::new(),
         }
     }
 
+    /// What was read, with a remark where segments of an object overlap.
+    fn finish(mut self) -> Loaded {
+        for object in &mut self.loaded.objects {
+            let Orbit::Ephemeris(Ephemeris { segments }) = &mut object.orbit else {
+                continue;
+            };
+            let spans = segments
+                .iter()
+                .map(|one| (one.start_ns, one.stop_ns, one.line));
+            if let Some((line, remark)) = overlap(spans.collect())
+                && let Some(segment) = segments.iter_mut().find(|segment| segment.line == line)
+            {
+                segment.remarks.push((line, remark));
+            }
+        }
+        self.loaded
+    }
+
     /// Adds a segment whose states are all read.
-    fn finish(&mut self, data: Data) {
+    fn add(&mut self, data: Data) {
         match data.finish() {
             Ok((id, name, segment)) => self.keep(id, name, segment),
             Err((line, reason)) => self.reject(line, &reason),
@@ -186,11 +207,12 @@ impl<'a> Segments<'a> {
             }),
         };
         let objects = &mut self.loaded.objects;
-        let place = self.register.place(&object);
-        if let Some(known) = place.and_then(|place| objects.get_mut(place)) {
+        let key = Keys::default().key(&object);
+        let place = *self.places.entry(key).or_insert(objects.len());
+        if let Some(known) = objects.get_mut(place) {
             known.extend(object);
         } else {
-            self.register.insert(&mut object, objects.len());
+            object.identify(None, &mut self.ids);
             objects.push(object);
         }
     }
@@ -303,13 +325,30 @@ impl Data {
             );
             self.remarks.push((line, remark));
         }
-        let segment = Segment {
+        let mut segment = Segment {
+            line: self.line,
             nodes: self.nodes,
             method: self.method,
             start_ns,
             stop_ns,
             remarks: self.remarks,
         };
+        let degree = segment.method.degree();
+        let mut farthest_m = None;
+        while let (Some(off_m), Some(method)) = (segment.divergence_m(), segment.method.lower()) {
+            farthest_m = farthest_m.or(Some((off_m, method.degree())));
+            segment.method = method;
+        }
+        if let Some((off_m, lower)) = farthest_m {
+            let remark = format!(
+                "interpolation of degree {degree} does not converge on these states (half way between two it is {:.1} km off that of degree \
+                 {lower}): degree {} is taken; give states at even times, or a lower INTERPOLATION_DEGREE",
+                off_m / 1e3,
+                segment.method.degree()
+            );
+            let line = self.degree_line.unwrap_or(self.line);
+            segment.remarks.push((line, remark));
+        }
         Ok((self.id, self.name, segment))
     }
 }

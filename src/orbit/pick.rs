@@ -92,7 +92,9 @@ impl Object {
         let names = self.names.iter().map(String::as_str);
         let mut known = names.chain([self.id.as_str()]);
         known.any(|known| known.eq_ignore_ascii_case(name))
-            || catalogue_number(name).is_some_and(|number| self.written_number() == Some(number))
+            || catalogue_number(name).is_some_and(|number| {
+                [self.written_number(), self.identity.number()].contains(&Some(number))
+            })
             || Designator::parse(name).is_some_and(|name| self.identity.designator == Some(name))
     }
 }

@@ -1,6 +1,8 @@
 //! What a server says in place of the orbits that were fetched: in JSON, on a page, or in a line of text.
 
+use crate::lines;
 use crate::omm::index_of;
+use crate::omm::json::is_element_line;
 use serde_json::{Map, Value};
 
 /// Bytes of an answer that are read.
@@ -20,6 +22,8 @@ const KEYS: [&str; 8] = [
     "reason",
     "title",
 ];
+/// Keys that say whether a request had success.
+const STATES: [&str; 5] = ["status", "success", "code", "ok", "fault"];
 /// How their answers in plain text begin.
 const BEGINNINGS: [&str; 20] = [
     "no gp data",
@@ -49,6 +53,15 @@ pub(crate) fn words(text: &str, source: &str) -> Option<String> {
     let text = text.trim();
     let words = match text.as_bytes().first()? {
         b'{' | b'[' if text.len() <= LONGEST => object(&serde_json::from_str(text).ok()?),
+        b'H' if text.starts_with("HTTP/") => {
+            let line = lines::numbered(text).next().map_or("", |(_, line)| line);
+            let code = line.split_whitespace().nth(1).unwrap_or_default();
+            if code.starts_with(['4', '5']) {
+                line.to_owned()
+            } else {
+                String::new()
+            }
+        }
         b'<' if is_page(text, source) => page(text),
         b'<' => return None,
         _ => {
@@ -82,10 +95,18 @@ fn object(value: &Value) -> String {
     let Value::Object(pairs) = first else {
         return String::new();
     };
-    if pairs.keys().any(|key| index_of(key).is_some()) {
+    if pairs
+        .keys()
+        .any(|key| index_of(key).is_some() || is_element_line(key))
+    {
         return String::new();
     }
-    reasons(pairs).join(": ")
+    let reasons = reasons(pairs).join(": ");
+    let is_state = |key: &String| STATES.iter().any(|known| key.eq_ignore_ascii_case(known));
+    if reasons.is_empty() && pairs.keys().any(is_state) {
+        return first.to_string();
+    }
+    reasons
 }
 
 fn reasons(pairs: &Map<String, Value>) -> Vec<String> {
@@ -172,6 +193,17 @@ mod tests {
                 "Invalid key [31m",
             ),
             (r#"{"detail":"Not found.","status":404}"#, "Not found."),
+            (r#"{"status":"error"}"#, r#"{"status":"error"}"#),
+            (
+                r#"{"Success":false,"data":[]}"#,
+                r#"{"Success":false,"data":[]}"#,
+            ),
+            (r#"{"code":404}"#, r#"{"code":404}"#),
+            (
+                "HTTP/1.1 404 Not Found\r\nContent-Type: text/html\r\n\r\n<html></html>",
+                "HTTP/1.1 404 Not Found",
+            ),
+            ("HTTP/2 503\r\n\r\n", "HTTP/2 503"),
             (
                 r#"{"errors":["one","two"],"message":"three"}"#,
                 "one: two: three",
@@ -212,6 +244,8 @@ mod tests {
             r#"{"error":1}"#,
             r#"{"EPOCH":"now","error":"of what"}"#,
             "<oem><error>1 m</error></oem>",
+            r#"{"line1":"1 ","line2":"2 ","status":"ok"}"#,
+            "HTTP/1.1 200 OK\r\n\r\n1 00005U",
             "<html",
         ] {
             assert_eq!(words(text, "iss.tle"), None, "{text}");

@@ -210,6 +210,11 @@ fn significant(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
         .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
+/// Whether two lines have the form of a set.
+pub(crate) fn is_set(first: &str, second: &str) -> bool {
+    element_line(first) == Some(1) && element_line(second) == Some(2)
+}
+
 /// 1 or 2 when the line is that line of a set. A name may begin with these digits too, but has more letters than digits.
 fn element_line(line: &str) -> Option<u8> {
     let number = match line.get(..2)? {

@@ -1,7 +1,9 @@
 //! Formats of orbits and attitudes that are known by name and not read, with what to do about each.
 
-use crate::lines;
-use crate::omm::xml::{Tag, tags};
+use crate::lines::{self, LineFinder};
+use crate::xml::{Tag, tags};
+use memchr::memmem;
+use std::collections::BTreeMap;
 
 /// A format that is not read.
 #[derive(Clone, Copy)]
@@ -20,7 +22,7 @@ const fn orbits(what: &'static str, remedy: &'static str) -> Known {
     }
 }
 
-const fn attitudes(what: &'static str, remedy: &'static str) -> Known {
+const fn others(what: &'static str, remedy: &'static str) -> Known {
     let has_orbits = false;
     Known {
         what,
@@ -34,13 +36,13 @@ const TO_AEM: &str = "export it as a CCSDS AEM of type QUATERNION in keyword = v
 const OPM: Known = orbits("a CCSDS OPM, a single state", TO_OEM);
 const OCM: Known = orbits("a CCSDS OCM", TO_OEM);
 const CDM: Known = orbits("a CCSDS conjunction message", TO_OEM);
-const APM: Known = attitudes("a CCSDS APM, a single attitude", TO_AEM);
-const ACM: Known = attitudes("a CCSDS ACM", TO_AEM);
-const AEM: Known = attitudes(
+const APM: Known = others("a CCSDS APM, a single attitude", TO_AEM);
+const ACM: Known = others("a CCSDS ACM", TO_AEM);
+const AEM: Known = others(
     "a CCSDS AEM, which holds attitudes",
     "give it as [sequence] attitude_file or to skyloop-fc --attitudes",
 );
-const AEM_XML: Known = attitudes("a CCSDS AEM in XML", "write it in keyword = value notation");
+const AEM_XML: Known = others("a CCSDS AEM in XML", "write it in keyword = value notation");
 const SP3: Known = orbits(
     "an SP3 orbit file",
     "export it as a CCSDS OEM with REF_FRAME = ITRF and its time system",
@@ -50,11 +52,31 @@ const STARLINK: Known = orbits(
     "write its states (km, km/s, mean equator and equinox of J2000) as a CCSDS OEM with REF_FRAME = EME2000 and TIME_SYSTEM = UTC",
 );
 const STK_ORBIT: Known = orbits("an STK ephemeris (.e)", TO_OEM);
-const STK_ATTITUDE: Known = attitudes("an STK attitude file (.a)", TO_AEM);
+const STK_ATTITUDE: Known = others("an STK attitude file (.a)", TO_AEM);
 const STK: Known = orbits("an STK file", TO_OEM);
 
+const TDM: Known = others("a CCSDS TDM, tracking data without an orbit", TO_OEM);
+const RDM: Known = others("a CCSDS RDM, a reentry message", TO_OEM);
+const HORIZONS: Known = orbits(
+    "an answer of JPL Horizons",
+    "write its vectors (km, km/s, ICRF axes, from the Earth's centre) as a CCSDS OEM with REF_FRAME = ICRF and TIME_SYSTEM = TDB",
+);
+const RINEX: Known = orbits(
+    "a RINEX file",
+    "export its orbits as a CCSDS OEM with REF_FRAME = ITRF and TIME_SYSTEM = GPS",
+);
+const HTTP: Known = orbits(
+    "a server's answer with its HTTP header",
+    "remove the lines up to the first blank one, or fetch the file again without the header (curl without -i)",
+);
+
+/// Bytes in which a file of Horizons has its first table.
+const HEADER: usize = 1 << 16;
+
 /// First words of files.
-const BEGINNINGS: [(&str, Known); 7] = [
+const BEGINNINGS: [(&str, Known); 9] = [
+    ("CCSDS_TDM_VERS", TDM),
+    ("CCSDS_RDM_VERS", RDM),
     ("created:", STARLINK),
     ("CCSDS_OPM_VERS", OPM),
     ("CCSDS_OCM_VERS", OCM),
@@ -65,7 +87,9 @@ const BEGINNINGS: [(&str, Known); 7] = [
 ];
 
 /// Tags of messages in XML.
-const MESSAGES: [(&str, Known); 6] = [
+const MESSAGES: [(&str, Known); 8] = [
+    ("tdm", TDM),
+    ("rdm", RDM),
     ("opm", OPM),
     ("ocm", OCM),
     ("cdm", CDM),
@@ -76,8 +100,52 @@ const MESSAGES: [(&str, Known); 6] = [
 
 /// What a text is that is in none of the formats that are read, and the remedy; nothing where it is unknown.
 pub fn found(text: &str) -> Option<String> {
-    let Known { what, remedy, .. } = known(text)?;
-    Some(format!("{what}, which is not read: {remedy}"))
+    known(text).map(Known::text)
+}
+
+impl Known {
+    fn text(self) -> String {
+        let Known { what, remedy, .. } = self;
+        format!("{what}, which is not read: {remedy}")
+    }
+}
+
+/// The messages of an XML text that are not read: what each kind is, how many there are, and the line of the first.
+pub(crate) fn messages(text: &str) -> BTreeMap<String, (usize, usize)> {
+    let mut finder = LineFinder::new(text);
+    let mut all = BTreeMap::new();
+    for tag in tags(text, 0).filter(|tag| tag.name.len() == 3 && !tag.closing) {
+        if let Some((_, known)) = MESSAGES.iter().find(|(name, _)| tag.opens(name)) {
+            all.entry(known.text())
+                .or_insert((0, finder.line(tag.start)))
+                .0 += 1;
+        }
+    }
+    all
+}
+
+/// What a text is by a header that no format which is read has, though lines behind it may look like one.
+pub(crate) fn by_header(text: &str) -> Option<String> {
+    header(text).map(Known::text)
+}
+
+fn header(text: &str) -> Option<Known> {
+    let start = text.trim_start();
+    let first = lines::numbered(start).next().map_or("", |(_, line)| line);
+    let is_http = first
+        .strip_prefix("HTTP/")
+        .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
+    let is_table = || {
+        let head = start.as_bytes().get(..HEADER).unwrap_or(start.as_bytes());
+        memmem::find(head, b"$$SOE").is_some()
+    };
+    if is_http {
+        Some(HTTP)
+    } else if first.ends_with("RINEX VERSION / TYPE") {
+        Some(RINEX)
+    } else {
+        is_table().then_some(HORIZONS)
+    }
 }
 
 /// Whether such a text holds orbits.
@@ -86,6 +154,9 @@ pub(crate) fn has_orbits(text: &str) -> bool {
 }
 
 fn known(text: &str) -> Option<Known> {
+    if let Some(known) = header(text) {
+        return Some(known);
+    }
     let mut all = lines::numbered(text).map(|(_, line)| line.trim());
     // Of SP3 the first line begins with what others begin a remark with.
     let top = all.clone().find(|line| !line.is_empty())?;

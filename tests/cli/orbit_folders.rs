@@ -162,3 +162,72 @@ fn check_refuses_what_a_scene_refuses() {
     let words = |line: &str| line.split_whitespace().eq(["objects", "2"]);
     assert!(out.lines().any(words), "{out}");
 }
+
+#[test]
+fn a_record_that_links_two_others_makes_one_object_of_them_for_every_command() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let file = |name: &str, text: &str| std::fs::write(at.join(name), text).unwrap();
+    let csv = |number: u32, designator: &str, day: u32| {
+        format!(
+            "OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,NORAD_CAT_ID,\
+             BSTAR\n{designator},2006-06-{day}T03:04:05,15.2,.001,51.6,120,90,270,{number},0\n"
+        )
+    };
+    file("number.csv", &csv(25544, "", 21));
+    file("designator.csv", &csv(0, "1998-067A", 22));
+    file("both.csv", &csv(25544, "98067A", 23));
+    file("delta.3le", DELTA);
+    file(
+        "iss.oem",
+        "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = ISS\nOBJECT_ID = 1998-067-A\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
+         TIME_SYSTEM = UTC\nSTART_TIME = 2006-06-25T19:00:00\nSTOP_TIME = 2006-06-25T19:00:10\nMETA_STOP\n\
+         2006-06-25T19:00:00 7000 0 0 0 7.5 0\n2006-06-25T19:00:10 7000 75 0 0 7.5 0\n",
+    );
+    for (files, refused) in [
+        (["number.csv", "designator.csv", "both.csv"], 0),
+        (["designator.csv", "number.csv", "both.csv"], 0),
+        (["both.csv", "designator.csv", "number.csv"], 0),
+        (["number.csv", "iss.oem", "both.csv"], 1),
+        (["iss.oem", "number.csv", "both.csv"], 2),
+        (["both.csv", "number.csv", "iss.oem"], 1),
+    ] {
+        let json = |command: &str| {
+            let (code, out, log) = run(at, &[&["catalog", command, "--json"], &files[..]].concat());
+            assert_eq!(code, Some(0), "{files:?}: {log}");
+            serde_json::from_str::<serde_json::Value>(&out).unwrap()
+        };
+        let report = json("check");
+        let counts = ["objects", "records", "rejected"].map(|key| report[key].as_u64().unwrap());
+        assert_eq!(counts, [1, 3, refused], "{files:?}");
+        let info = json("info");
+        assert_eq!(info.as_array().unwrap().len(), 1, "{files:?}");
+        assert_eq!(info[0]["id"], "NORAD 25544", "{files:?}");
+        file(
+            "scene.toml",
+            &scene(&format!("{files:?}").replace(['[', ']'], "")),
+        );
+        let (code, out, log) = run(
+            at,
+            &["render", "--scene", "scene.toml", "--out", "o", "--force"],
+        );
+        assert_eq!(code, Some(0), "{files:?}: {log}");
+        let one = |line: &str| line.split_whitespace().eq(["objects", "1"]);
+        assert!(out.lines().any(one), "{files:?}: {out}");
+        // One file with the same records.
+        let convert = [
+            &[
+                "catalog",
+                "convert",
+                "--to",
+                "omm-json",
+                "--out",
+                "whole.json",
+            ],
+            &files[..],
+        ];
+        assert_eq!(run(at, &convert.concat()).0, Some(0), "{files:?}");
+        let (_, out, _) = run(at, &["catalog", "check", "whole.json"]);
+        assert!(out.contains(" of 1 object, 0 rejected"), "{files:?}: {out}");
+    }
+}

@@ -6,10 +6,11 @@ use clap::Args as ClapArgs;
 use hifitime::Epoch;
 use serde::Serialize;
 use skyloop::effect::counted;
-use skyloop::load::Register;
-use skyloop::load::orbits::{gather, passed_over};
+use skyloop::load::orbits::passed_over;
 use skyloop::orbit::time::utc_text;
-use skyloop::orbit::{Contents, Loaded, Object, Orbit, Record, Rejected, is_placeholder};
+use skyloop::orbit::{
+    self, Contents, Object, Orbit, Record, Rejected, United, is_placeholder, places, unite,
+};
 use skyloop_firmware_sim::console::say;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -98,7 +99,7 @@ impl From<Rejected> for Refusal {
 /// Runs the subcommand.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let mut report = Report::default();
-    let mut all = All::default();
+    let mut all = Vec::new();
     let mut missing = 0;
     for source in sources(&args.files, &mut report.passed_over)? {
         missing += usize::from(source.is_missing());
@@ -106,17 +107,28 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             report.passed_over.push(shown(&source.file));
             continue;
         }
-        let file = of_source(source, &mut all);
+        let (file, objects) = of_source(source);
+        all.push(orbit::Source { objects, rank: 0 });
+        report.files.push(file);
+    }
+    // What a scene would refuse is refused.
+    let United {
+        objects, refused, ..
+    } = unite(all);
+    report.objects = objects.len();
+    for (source, reason) in refused {
+        let refusal = Refusal { line: 1, reason };
+        report.files[source].rejected.push(refusal);
+    }
+    for file in &report.files {
         report.records += file.records;
         report.rejected += file.rejected.len();
         report.unusable += usize::from(file.error.is_some());
         if !args.json {
             say(format_args!("{}", file.lines()))?;
         }
-        report.files.push(file);
     }
     report.passed_over.sort();
-    report.objects = all.objects.len();
     if args.json {
         say(format_args!("{}\n", serde_json::to_string_pretty(&report)?))?;
     } else {
@@ -157,50 +169,35 @@ impl Report {
     }
 }
 
-/// The objects of all files.
-#[derive(Default)]
-struct All {
-    objects: Vec<Object>,
-    register: Register,
-}
-
-/// Looks at a file; its objects are added to `all` as a scene would do, and what it would refuse is refused.
-fn of_source(source: Source, all: &mut All) -> FileReport {
+/// What there is to report of a file, and its objects.
+fn of_source(source: Source) -> (FileReport, Vec<Object>) {
     let file = shown(&source.file);
     match source.contents {
-        Ok(contents) => {
-            let mut report = of_contents(&contents);
-            let Loaded {
-                objects,
-                rejected,
-                assumed,
-            } = Loaded::from(contents);
-            report.assumed = assumed;
-            report.objects = objects.len();
-            let refused = gather(&mut all.objects, &mut all.register, objects).refused;
-            let twice = refused
-                .into_iter()
-                .map(|reason| Refusal { line: 1, reason });
-            report.rejected = rejected.into_iter().map(Refusal::from).collect();
-            report.rejected.extend(twice);
-            FileReport { file, ..report }
+        Ok(mut contents) => {
+            let rejected = std::mem::take(&mut contents.rejected);
+            let report = FileReport {
+                file,
+                rejected: rejected.into_iter().map(Refusal::from).collect(),
+                assumed: std::mem::take(&mut contents.assumed),
+                ..of_contents(&contents)
+            };
+            let objects = contents.into_objects();
+            let report = report.with_objects(&objects);
+            (report, objects)
         }
-        Err(error) => FileReport {
-            file,
-            error: Some(error.to_string()),
-            ..FileReport::default()
-        },
+        Err(error) => {
+            let report = FileReport {
+                file,
+                error: Some(error.to_string()),
+                ..FileReport::default()
+            };
+            (report, Vec::new())
+        }
     }
 }
 
 fn of_contents(contents: &Contents) -> FileReport {
     let (records, ephemerides) = (&contents.records, &contents.ephemerides);
-    let mut sets: BTreeMap<String, usize> = BTreeMap::new();
-    for record in records {
-        *sets.entry(record.object_id()).or_default() += 1;
-    }
-    // Those with neither number nor name may be of any object.
-    sets.retain(|id, count| *count > 1 && !is_placeholder(id));
     let (first, last) = epochs(records, ephemerides).unzip();
     let numbers: BTreeSet<u32> = records.iter().map(|record| record.elements.norad).collect();
     FileReport {
@@ -209,7 +206,6 @@ fn of_contents(contents: &Contents) -> FileReport {
         first_epoch: first.map(utc_text),
         last_epoch: last.map(utc_text),
         beyond_99999: numbers.range(100_000..).count(),
-        several_sets: sets,
         stateless: records.iter().filter_map(stateless).collect(),
         ..FileReport::default()
     }
@@ -240,6 +236,26 @@ fn epochs(records: &[Record], ephemerides: &[Object]) -> Option<(Epoch, Epoch)> 
 }
 
 impl FileReport {
+    /// Adds the number of different objects, and how many element sets each has.
+    fn with_objects(mut self, objects: &[Object]) -> Self {
+        let mut sets: Vec<(String, usize)> = Vec::new();
+        for (object, place) in objects.iter().zip(places(objects.iter())) {
+            if place == sets.len() {
+                sets.push((object.id.clone(), 0));
+            }
+            let (id, count) = &mut sets[place];
+            *count += usize::from(matches!(object.orbit, Orbit::Elements(..)));
+            if let Some(number) = object.identity.number() {
+                *id = format!("NORAD {number}");
+            }
+        }
+        self.objects = sets.len();
+        // Those with neither number nor name may be of any object.
+        sets.retain(|(id, count)| *count > 1 && !is_placeholder(id));
+        self.several_sets = sets.into_iter().collect();
+        self
+    }
+
     /// The report as lines.
     fn lines(&self) -> String {
         let file = &self.file;

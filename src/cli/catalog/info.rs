@@ -6,11 +6,10 @@ use anyhow::{anyhow, bail};
 use clap::Args as ClapArgs;
 use serde::Serialize;
 use skyloop::effect::counted;
-use skyloop::load::Register;
-use skyloop::load::orbits::{gather, passed_over};
+use skyloop::load::orbits::passed_over;
 use skyloop::orbit::elements::Elements;
 use skyloop::orbit::time::utc_text;
-use skyloop::orbit::{Loaded, Object, Orbit, Regime};
+use skyloop::orbit::{self, Loaded, Object, Orbit, Regime, United, unite};
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
@@ -20,7 +19,7 @@ pub struct Args {
     /// Files of orbits, or folders of them
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
-    /// Tell this object alone: a name, an id or a number
+    /// Report this object alone: a name, an id or a number
     #[arg(long, value_name = "NAME")]
     object: Option<String>,
     /// Print JSON instead of a table, with every object
@@ -33,7 +32,7 @@ pub struct Args {
 /// Objects that are listed beside the counts; JSON has all.
 const LISTED: usize = 40;
 
-/// An object as it is told.
+/// What is reported of an object.
 #[derive(Serialize)]
 struct Line {
     id: String,
@@ -81,7 +80,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         text += HEAD;
         text.extend(lines.iter().map(Line::row));
     } else {
-        text += "--json lists every object, --object NAME tells one\n";
+        text += "--json lists every object, --object NAME reports one\n";
     }
     say(text)?;
     Ok(())
@@ -90,8 +89,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 /// The objects of all files; sets of one object are joined.
 fn objects(args: &Args) -> anyhow::Result<Loaded> {
     let mut rejected = Vec::new();
-    let mut all = Loaded::default();
-    let mut register = Register::default();
+    let (mut names, mut all) = (Vec::new(), Vec::new());
     let mut foreign = Vec::new();
     for source in sources(&args.files, &mut foreign)? {
         let file = shown(&source.file);
@@ -101,19 +99,28 @@ fn objects(args: &Args) -> anyhow::Result<Loaded> {
         for assumed in &contents.assumed {
             tracing::warn!("{assumed}");
         }
-        let objects = Loaded::from(contents).objects;
-        let gathered = gather(&mut all.objects, &mut register, objects);
-        let refused = gathered.refused.iter().map(|why| format!("{file}: {why}"));
-        rejected.extend(refused);
+        names.push(file);
+        all.push(orbit::Source {
+            objects: contents.into_objects(),
+            rank: 0,
+        });
     }
+    let United {
+        objects, refused, ..
+    } = unite(all);
+    let refused = refused.iter();
+    rejected.extend(refused.map(|(source, why)| format!("{}: {why}", names[*source])));
     args.records.settle_lines(&rejected)?;
     if let Some(line) = passed_over(&foreign) {
         tracing::warn!("{line}");
     }
-    if all.objects.is_empty() {
+    if objects.is_empty() {
         bail!("no object in any of the files");
     }
-    Ok(all)
+    Ok(Loaded {
+        objects,
+        ..Loaded::default()
+    })
 }
 
 /// How many there are of each kind.

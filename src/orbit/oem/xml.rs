@@ -4,11 +4,10 @@ use super::{Data, Segments};
 use crate::lines::LineFinder;
 use crate::load::Loaded;
 use crate::meta::Meta;
-use crate::omm::xml::{decode, tags};
 use crate::record::{At, shorten};
+use crate::xml::{Element, read_elements, tags, unit};
 use memchr::memmem;
-use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
+use quick_xml::events::BytesStart;
 
 /// Elements of a state in order: their tags and units.
 const STATE: [(&str, &str); 9] = [
@@ -60,7 +59,7 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
         };
         let segment = text.get(tag.start..end.end).unwrap_or_default();
         match self::segment(segment, tag.start, &mut finder) {
-            Ok(data) => read.finish(data),
+            Ok(data) => read.add(data),
             Err((line, reason)) => read.reject(line, &reason),
         }
     }
@@ -68,76 +67,87 @@ pub(crate) fn parse(text: &str, source: &str) -> Loaded {
         let line = finder.line(text.trim_end().len());
         read.reject(line, "<oem> or <ndm> is not closed: the file is cut off");
     }
-    read.loaded
+    read.finish()
 }
 
 /// A segment that starts at an offset of the text.
 fn segment(text: &str, start: usize, finder: &mut LineFinder) -> At<Data> {
-    let mut reader = Reader::from_str(text);
     let line = finder.line(start);
-    let (mut meta, mut data) = (Meta::new(line), None);
-    let (mut in_metadata, mut in_state) = (false, false);
-    let mut state = State::new(line);
-    let mut value = String::new();
-    loop {
-        let event = reader.read_event().map_err(|error| {
-            let offset = start + reader.error_position() as usize;
-            (finder.line(offset), format!("not XML: {error}"))
-        })?;
-        let line = finder.line(start + reader.buffer_position() as usize);
-        if decode(&event, &mut value).map_err(|reason| (line, reason))? {
-            continue;
-        }
-        match event {
-            Event::Start(tag) => {
-                value.clear();
-                match tag.local_name().into_inner() {
-                    "metadata" => in_metadata = true,
-                    "stateVector" => {
-                        (in_state, state) = (true, State::new(line));
-                    }
-                    name if in_state => state.unit(name, &tag).map_err(|reason| (line, reason))?,
-                    _ => {}
-                }
+    let mut segment = Reader {
+        meta: Meta::new(line),
+        data: None,
+        in_metadata: false,
+        state: None,
+    };
+    read_elements(text, start, finder, |element, finder| match element {
+        Element::Start(tag, offset) => segment.start(&tag, finder.line(offset)),
+        Element::End(name, value, offset) => segment.end(name, value, finder.line(offset)),
+    })?;
+    let missing = || (line, "the segment has no <metadata>".to_owned());
+    segment.data.ok_or_else(missing)
+}
+
+/// What is read of a segment so far, and the element that is open.
+struct Reader {
+    meta: Meta,
+    data: Option<Data>,
+    in_metadata: bool,
+    state: Option<State>,
+}
+
+impl Reader {
+    fn start(&mut self, tag: &BytesStart, line: usize) -> At<()> {
+        match (tag.local_name().into_inner(), &self.state) {
+            ("metadata", _) if self.data.is_some() => {
+                let reason =
+                    "a second <metadata> in the segment: give its states a <segment> of their own";
+                return Err((line, reason.to_owned()));
             }
-            Event::End(tag) => match tag.local_name().into_inner() {
-                "metadata" => {
-                    in_metadata = false;
-                    data = Some(Data::new(&meta)?);
-                }
-                "stateVector" => {
-                    in_state = false;
-                    let data = data.as_mut();
-                    let data =
-                        data.ok_or((state.line, "<stateVector> before <metadata>".to_owned()))?;
-                    state.add_to(data)?;
-                }
-                "COMMENT" if in_metadata => meta.comment(&value, line),
-                name if in_metadata => meta.set(name, value.trim(), line),
-                name if in_state => state.set(name, &value).map_err(|reason| (line, reason))?,
-                _ => {}
-            },
-            Event::Eof => break,
+            ("metadata", _) => self.in_metadata = true,
+            ("stateVector", _) => self.state = Some(State::new(line)),
+            (name, Some(state)) => state.unit(name, tag).map_err(|reason| (line, reason))?,
             _ => {}
         }
+        Ok(())
     }
-    data.ok_or((line, "the segment has no <metadata>".to_owned()))
+
+    fn end(&mut self, name: &str, value: &str, line: usize) -> At<()> {
+        match name {
+            "metadata" => {
+                self.in_metadata = false;
+                self.data = Some(Data::new(&self.meta)?);
+            }
+            "stateVector" => {
+                if let Some(state) = self.state.take() {
+                    let missing = (state.line, "<stateVector> before <metadata>".to_owned());
+                    state.add_to(self.data.as_mut().ok_or(missing)?)?;
+                }
+            }
+            "COMMENT" if self.in_metadata => self.meta.comment(value, line),
+            name if self.in_metadata => self.meta.set(name, value.trim(), line),
+            name => {
+                if let Some(state) = &mut self.state {
+                    state.set(name, value).map_err(|reason| (line, reason))?;
+                }
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A `<stateVector>`, which begins in a line.
 struct State {
     line: usize,
-    epoch: String,
+    epoch: Option<String>,
     values: [Option<f64>; STATE.len()],
 }
 
 impl State {
     fn new(line: usize) -> Self {
         let values = [None; STATE.len()];
-        let epoch = String::new();
         State {
             line,
-            epoch,
+            epoch: None,
             values,
         }
     }
@@ -145,12 +155,11 @@ impl State {
     /// Refuses a unit that is not the standard's.
     fn unit(&self, name: &str, tag: &BytesStart) -> Result<(), String> {
         let known = STATE.iter().find(|(tag, _)| *tag == name);
-        let given = tag.try_get_attribute("units").ok().flatten();
-        match (known, given) {
-            (Some((_, unit)), Some(given)) if !given.value.eq_ignore_ascii_case(unit) => {
+        match (known, unit(tag)) {
+            (Some((_, wanted)), Some(given)) if !given.eq_ignore_ascii_case(wanted) => {
+                let given = shorten(&given);
                 Err(format!(
-                    "<{name}> in '{}': the unit is {unit}",
-                    shorten(&given.value)
+                    "<{name}> in '{given}': the unit is {wanted}, convert the values"
                 ))
             }
             _ => Ok(()),
@@ -158,29 +167,31 @@ impl State {
     }
 
     fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
+        let twice = || format!("<{name}> twice in a stateVector: keep one");
         if name == "EPOCH" {
-            self.epoch = value.trim().to_owned();
+            let epoch = value.trim().to_owned();
+            return self.epoch.replace(epoch).map_or(Ok(()), |_| Err(twice()));
         }
-        let values = STATE.iter().zip(&mut self.values);
-        for ((_, _), place) in values.filter(|((tag, _), _)| *tag == name) {
-            let number = value.trim().parse().ok();
-            let number = number.filter(|x: &f64| x.is_finite());
-            *place = Some(number.ok_or_else(|| {
-                format!(
-                    "a value that is not a number in <{name}> '{}'",
-                    shorten(value)
-                )
-            })?);
-        }
-        Ok(())
+        let mut values = STATE.iter().zip(&mut self.values);
+        let Some((_, place)) = values.find(|((tag, _), _)| *tag == name) else {
+            return Ok(());
+        };
+        let number = value.trim().parse().ok();
+        let number = number.filter(|x: &f64| x.is_finite());
+        let number = number.ok_or_else(|| {
+            let value = shorten(value);
+            format!("a value that is not a number in <{name}> '{value}'")
+        })?;
+        place.replace(number).map_or(Ok(()), |_| Err(twice()))
     }
 
     fn add_to(&self, data: &mut Data) -> At<()> {
         let numbers: Vec<f64> = self.values.iter().map_while(|value| *value).collect();
+        let epoch = self.epoch.as_deref().unwrap_or_default();
         let bad = |what: String| {
-            let epoch = shorten(&self.epoch);
+            let epoch = shorten(epoch);
             (self.line, format!("{what} in the stateVector of '{epoch}'"))
         };
-        data.state(&self.epoch, &numbers).map_err(bad)
+        data.state(epoch, &numbers).map_err(bad)
     }
 }

@@ -1,14 +1,17 @@
 //! Objects with the keywords of the OMM: one, an array of them, or one after the other. Values are numbers or text.
 
 use super::{Fields, Metadata, index_of};
+use crate::bounded_name;
 use crate::lines::{self, LineFinder};
 use crate::record::{At, Found, Record, shorten};
+use crate::two_line::Checksum;
 use serde::de::{Deserialize, Deserializer, IgnoredAny, MapAccess, Visitor};
 use serde_json::value::RawValue;
+use serde_json::{Map, Value};
 use std::borrow::Cow;
 use std::fmt;
 
-/// Octets that an object may have; one that is not closed is given up there.
+/// Bytes that an object may have; one that is longer is taken as not closed.
 const LONGEST: usize = 1 << 16;
 
 /// Whether a text that begins with a bracket is JSON: objects stand in it, or nothing. A table of TOML has a word there.
@@ -23,7 +26,7 @@ pub(crate) fn read(text: &str, found: &mut Found) {
     let mut finder = LineFinder::new(text);
     let first = lines::start(text);
     let mut at = first;
-    // What stands behind an object that is not closed is the rest of it.
+    // The text behind an object that is not closed belongs to it.
     let mut torn = false;
     while let Some(start) = text.get(at..).and_then(|rest| rest.find('{')) {
         let start = at + start;
@@ -89,6 +92,43 @@ fn closed(text: &[u8], start: usize) -> Option<usize> {
     None
 }
 
+/// Keys of the lines of an element set, and of its name, in any case of letters.
+const LINES: [[&str; 3]; 2] = [
+    ["line1", "tle_line1", "tle1"],
+    ["line2", "tle_line2", "tle2"],
+];
+const NAMES: [&str; 4] = ["object_name", "name", "tle_line0", "satname"];
+
+/// Whether an object's key is that of a line of an element set.
+pub(crate) fn is_element_line(key: &str) -> bool {
+    LINES
+        .as_flattened()
+        .iter()
+        .any(|known| key.eq_ignore_ascii_case(known))
+}
+
+/// The record of an object without elements in keywords, but with the two lines of an element set.
+fn of_lines(object: &str) -> Option<Result<Record, String>> {
+    let pairs: Map<String, Value> = serde_json::from_str(object).ok()?;
+    let text = |keys: &[&str]| {
+        let mut pairs = pairs.iter();
+        let is_key = |key: &str| keys.iter().any(|known| key.eq_ignore_ascii_case(known));
+        pairs
+            .find(|(key, _)| is_key(key))
+            .and_then(|(_, value)| value.as_str())
+    };
+    let [first, second] = LINES.map(|keys| text(&keys));
+    let (first, second) = (first?, second?);
+    let record = Record::from_lines(first, second, Checksum::Required);
+    let name = text(&NAMES).unwrap_or_default();
+    let name = bounded_name(name.strip_prefix("0 ").unwrap_or(name));
+    Some(
+        record
+            .map(|record| Record { name, ..record })
+            .map_err(|error| error.to_string()),
+    )
+}
+
 /// The record of an object that starts at an offset of the text.
 fn record(object: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
     let values: Values = serde_json::from_str(object).map_err(|error| {
@@ -108,6 +148,11 @@ fn record(object: &str, start: usize, finder: &mut LineFinder) -> At<Record> {
             }
             number => fields.set(index, Cow::Borrowed(number), start + offset),
         }
+    }
+    if !fields.has_elements()
+        && let Some(record) = of_lines(object)
+    {
+        return record.map_err(|reason| (finder.line(start), reason));
     }
     let record = fields.record(start, Metadata::Understood);
     record.map_err(|(offset, reason)| (finder.line(offset), reason))

@@ -156,6 +156,17 @@ impl<'a> Fields<'a> {
         needed.iter().all(|key| self.has(*key as usize))
     }
 
+    /// Whether any of the elements has a value.
+    pub fn has_elements(&self) -> bool {
+        let elements = [
+            Key::MeanMotion,
+            Key::Eccentricity,
+            Key::Inclination,
+            Key::MeanAnomaly,
+        ];
+        elements.iter().any(|key| self.has(*key as usize))
+    }
+
     /// Whether the keyword with this index has a value.
     pub fn has(&self, index: usize) -> bool {
         self.values.get(index).is_some_and(Option::is_some)

@@ -440,7 +440,7 @@ fn decay_and_far_epochs_are_errors_that_name_the_object() {
 
 #[test]
 fn text_without_orbits_and_missing_files_are_errors() {
-    for text in ["hello\nworld", "<tdm/>"] {
+    for text in ["hello\nworld", "<odd/>"] {
         let error = parse(text, "nothing.txt").unwrap_err();
         assert!(matches!(error, LoadError::NoOrbit { .. }));
         assert!(error.to_string().starts_with("nothing.txt: no orbit found"));

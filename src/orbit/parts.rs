@@ -1,0 +1,109 @@
+//! A text in parts that each hold messages of one kind: files are often made by joining others.
+
+use crate::{lines, tle};
+
+/// A stretch of a text.
+pub(crate) struct Part<'a> {
+    pub text: &'a str,
+    /// Lines of the whole text before it.
+    pub lines_before: usize,
+}
+
+/// What a stretch of lines holds.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind<'a> {
+    /// Lines before the first message, or a text that is no message.
+    Start,
+    /// A CCSDS message, by the keyword that it starts with.
+    Message(&'a str),
+    /// Two-line element sets.
+    Lines,
+}
+
+/// Cuts a text where messages of another kind begin: at `CCSDS_..._VERS`, and at two-line element sets behind a message, with their name.
+pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
+    let mut cuts = vec![(0, 0)];
+    let mut kind = Kind::Start;
+    let (mut before, mut is_empty) = ("", true);
+    let mut lines = lines::numbered(text).peekable();
+    while let Some((number, whole)) = lines.next() {
+        let line = whole.trim_start();
+        if lines::is_remark(line) {
+            continue;
+        }
+        let starts = starts(line).or_else(|| {
+            let next = lines.peek().map_or("", |(_, next)| next.trim_start());
+            let is_set = tle::is_set(line, next);
+            (is_set && matches!(kind, Kind::Message(_))).then_some(Kind::Lines)
+        });
+        if let Some(new) = starts.filter(|new| *new != kind) {
+            let name = Some(before).filter(|name| new == Kind::Lines && is_name(name));
+            let offset = |line: &str| line.as_ptr().addr() - text.as_ptr().addr();
+            if !is_empty {
+                let name_line = name.map_or(number, |_| number - 1);
+                cuts.push((offset(name.unwrap_or(whole)), name_line - 1));
+            }
+            kind = new;
+        }
+        (before, is_empty) = (whole, false);
+    }
+    let ends = cuts
+        .iter()
+        .skip(1)
+        .map(|(offset, _)| *offset)
+        .chain([text.len()]);
+    let parts = cuts
+        .iter()
+        .zip(ends)
+        .map(|((start, lines_before), end)| Part {
+            text: text.get(*start..end).unwrap_or_default(),
+            lines_before: *lines_before,
+        });
+    parts.collect()
+}
+
+/// The kind of message that a line starts.
+fn starts(line: &str) -> Option<Kind<'_>> {
+    let (keyword, rest) = line.split_once("_VERS")?;
+    let is_start = keyword.starts_with("CCSDS_") && rest.trim_start().starts_with('=');
+    is_start.then_some(Kind::Message(keyword))
+}
+
+/// Whether a line between a message and an element set is the name of the set, neither a keyword of the message nor data.
+fn is_name(line: &str) -> bool {
+    let line = line.trim_start();
+    let is_epoch = line.as_bytes().get(4) == Some(&b'-') && line.contains('T');
+    !line.contains('=') && !line.ends_with("_STOP") && !is_epoch
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SET: &str = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+                       2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
+
+    #[test]
+    fn a_text_is_cut_where_another_kind_begins() {
+        let oem = "CCSDS_OEM_VERS = 2.0\nMETA_STOP\n2000-06-27T00:00:00 7000 0 0 0 7.5 0\n";
+        let omm = "CCSDS_OMM_VERS = 2.0\nBSTAR = 0\n";
+        for (texts, wanted) in [
+            (vec![oem], vec![0]),
+            (vec![oem, oem], vec![0]),
+            (vec!["\n# a\n", oem, omm], vec![0, 5]),
+            (vec![omm, oem, omm], vec![0, 2, 5]),
+            (vec![SET, oem, SET], vec![0, 2, 5]),
+            (vec![SET, "A NAME\n", SET], vec![0]),
+            (vec![oem, "A NAME\n", SET, omm], vec![0, 3, 6]),
+            (vec![omm, SET, SET], vec![0, 2]),
+            (vec![""], vec![0]),
+        ] {
+            let text = texts.concat();
+            let parts = parts(&text);
+            let lines: Vec<usize> = parts.iter().map(|part| part.lines_before).collect();
+            assert_eq!(lines, wanted, "{text}");
+            let joined: Vec<&str> = parts.iter().map(|part| part.text).collect();
+            assert_eq!(joined.concat(), text);
+        }
+    }
+}

@@ -1,0 +1,342 @@
+//! Objects of several sources, each once. All sources are read first: which records are of one object may show in the last only.
+
+use crate::{Object, Orbit, identity};
+use std::collections::HashMap;
+
+/// The objects of a file, or of another source, one for each record or ephemeris.
+#[derive(Clone, Debug, Default)]
+pub struct Source {
+    /// In the order of the source.
+    pub objects: Vec<Object>,
+    /// An object of several sources is left out of those with a higher rank, without a message.
+    pub rank: u8,
+}
+
+/// The objects of some sources, each once, in the order in which they first appear.
+#[derive(Clone, Debug, Default)]
+pub struct United {
+    /// With every element set that differs. The id of an object of several records is its catalogue number, `NORAD 25544`, where any
+    /// of them has it.
+    pub objects: Vec<Object>,
+    /// The source that each comes from first.
+    pub sources: Vec<usize>,
+    /// Records of objects that came before: the object's place, and the record's source.
+    pub joined: Vec<(usize, usize)>,
+    /// Orbits that cannot be used beside an earlier one of the same object: the source, and why.
+    pub refused: Vec<(usize, String)>,
+}
+
+/// What all records say of an object.
+#[derive(Clone)]
+struct Known {
+    number: Option<u32>,
+    records: usize,
+    rank: u8,
+    place: Option<usize>,
+}
+
+/// Joins the element sets of each object. Only one ephemeris, or element sets alone, can be used of an object.
+pub fn unite(mut sources: Vec<Source>) -> United {
+    let places = identity::places(sources.iter().flat_map(|source| &source.objects));
+    if let [Source { objects, .. }] = sources.as_mut_slice()
+        && places.is_sorted_by(|a, b| a < b)
+        && objects
+            .iter()
+            .all(|object| object.identity.number().is_some())
+    {
+        // Catalogues are long: none is moved.
+        return United {
+            sources: vec![0; objects.len()],
+            objects: std::mem::take(objects),
+            ..United::default()
+        };
+    }
+    let count = places.iter().max().map_or(0, |last| last + 1);
+    let unknown = Known {
+        number: None,
+        records: 0,
+        rank: u8::MAX,
+        place: None,
+    };
+    let mut all = vec![unknown; count];
+    let ranked = sources
+        .iter()
+        .flat_map(|one| one.objects.iter().map(|object| (object, one.rank)));
+    for ((object, rank), place) in ranked.zip(&places) {
+        if let Some(known) = all.get_mut(*place) {
+            known.number = known.number.or(object.identity.number());
+            known.rank = known.rank.min(rank);
+            known.records += 1;
+        }
+    }
+    let mut united = United::default();
+    let mut ids = HashMap::new();
+    let mut places = places.into_iter();
+    for (source, Source { objects, rank }) in sources.into_iter().enumerate() {
+        for (object, place) in objects.into_iter().zip(places.by_ref()) {
+            if let Some(known) = all.get_mut(place).filter(|known| rank <= known.rank) {
+                united.add(object, source, known, &mut ids);
+            }
+        }
+    }
+    united.objects.shrink_to_fit();
+    united
+}
+
+impl United {
+    fn add(&mut self, mut object: Object, source: usize, known: &mut Known, ids: &mut Ids) {
+        let Some((place, first)) = known
+            .place
+            .and_then(|at| Some((at, self.objects.get_mut(at)?)))
+        else {
+            known.place = Some(self.objects.len());
+            object.identify(known.number.filter(|_| known.records > 1), ids);
+            self.objects.push(object);
+            self.sources.push(source);
+            return;
+        };
+        if let (Orbit::Elements(..), Orbit::Elements(..)) = (&first.orbit, &object.orbit) {
+            first.join(object);
+            self.joined.push((place, source));
+            return;
+        }
+        first.identity.join(object.identity);
+        let is_here = self.sources.get(place) == Some(&source);
+        self.refused.push((
+            source,
+            format!(
+                "{} is {}in {}: keep one of the two",
+                object.label(),
+                if first.id == object.id {
+                    String::new()
+                } else {
+                    format!("{} ", first.label())
+                },
+                if is_here {
+                    "this file already"
+                } else {
+                    "an earlier file"
+                },
+            ),
+        ));
+    }
+}
+
+/// How often the ids of objects without a number were used.
+pub(crate) type Ids = HashMap<String, usize>;
+
+impl Object {
+    /// Gives an object the catalogue number that its records have, or, where it has none, an id that no other object has: `UNKNOWN #2`.
+    pub(crate) fn identify(&mut self, number: Option<u32>, ids: &mut Ids) {
+        if let Some(number) = number {
+            self.identity.set_number(number);
+            self.id = format!("NORAD {number}");
+        }
+        if self.identity.number().is_some() {
+            return;
+        }
+        if ids.contains_key(&self.id) {
+            let base = match self.id.rsplit_once(" #") {
+                Some((base, count)) if count.bytes().all(|b| b.is_ascii_digit()) => base,
+                _ => &self.id,
+            };
+            let base = base.to_owned();
+            while ids.contains_key(&self.id) {
+                let count = ids.entry(base.clone()).or_insert(1);
+                *count += 1;
+                self.id = format!("{base} #{count}");
+            }
+        }
+        ids.insert(self.id.clone(), 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An object from `NUMBER+DESIGNATOR`, an element set, or `oem OBJECT_ID`; its name is its place in the list.
+    fn object(place: usize, text: &str) -> Object {
+        let text = match text.strip_prefix("oem ") {
+            Some(id) => format!(
+                "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = N{place}\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
+                 TIME_SYSTEM = UTC\nSTART_TIME = 2026-07-12T00:00:00\nSTOP_TIME = 2026-07-12T00:00:10\nMETA_STOP\n\
+                 2026-07-12T00:00:00 7000 0 0 0 7.5 0\n2026-07-12T00:00:10 7000 75 0 0 7.5 0\n"
+            ),
+            None => {
+                let (number, designator) = text.split_once('+').unwrap();
+                format!(
+                    "OBJECT_NAME,OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,\
+                     MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\nN{place},{designator},2026-07-1{place}T03:04:05,15.2,.001,97.5,120,90,270,\
+                     {number},0\n"
+                )
+            }
+        };
+        let contents = crate::parse_contents(&text, "here").unwrap();
+        contents.into_objects().swap_remove(0)
+    }
+
+    /// All orders of a list.
+    fn permutations(all: &[usize]) -> Vec<Vec<usize>> {
+        if all.is_empty() {
+            return vec![Vec::new()];
+        }
+        let first = |&first: &usize| {
+            let others: Vec<usize> = all.iter().copied().filter(|one| *one != first).collect();
+            let others = permutations(&others).into_iter();
+            others.map(move |others| [&[first], others.as_slice()].concat())
+        };
+        all.iter().flat_map(first).collect()
+    }
+
+    #[test]
+    fn records_are_joined_alike_in_every_order_and_split_into_files() {
+        // Records, and the objects that they are of: id, or its beginning, and names.
+        let cases: [(&[&str], &[(&str, &str)]); 16] = [
+            // The number of a record that has both links the other two.
+            (
+                &["25544+", "0+1998-067A", "25544+98067A"],
+                &[("NORAD 25544", "N0 N1 N2")],
+            ),
+            (
+                &["0+1998-067A", "25544+", "99999+98067A", "25544+1998-067-A"],
+                &[("NORAD 25544", "N0 N1 N2 N3")],
+            ),
+            (
+                &["25544+", "25544+98067A", "oem 1998-067A"],
+                &[("NORAD 25544", "N0 N1 N2")],
+            ),
+            (
+                &["25544+", "0+98067A", "25544+98067A", "oem 1998-067A"],
+                &[("NORAD 25544", "N0 N1 N2 N3")],
+            ),
+            (
+                &["oem 25544", "oem 1998-067A", "25544+98067A"],
+                &[("NORAD 25544", "N0 N1 N2")],
+            ),
+            (
+                &["oem 1998-067A", "25544+98067A"],
+                &[("NORAD 25544", "N0 N1")],
+            ),
+            // Without such a record they are two.
+            (
+                &["25544+", "0+1998-067A", "0+98067A"],
+                &[("NORAD 25544", "N0"), ("NORAD 0 N", "N1 N2")],
+            ),
+            (
+                &["25544+UNKNOWN", "oem UNKNOWN", "0+"],
+                &[
+                    ("NORAD 25544", "N0"),
+                    ("UNKNOWN N1", "N1"),
+                    ("NORAD 0 N2", "N2"),
+                ],
+            ),
+            // One number with two designators is one object, and either designator alone is it.
+            (
+                &["25544+98067A", "25544+98067B", "0+98067B", "0+98067A"],
+                &[("NORAD 25544", "N0 N1 N2 N3")],
+            ),
+            (
+                &["25544+98067A", "25544+98067B", "oem 1998-067B"],
+                &[("NORAD 25544", "N0 N1 N2")],
+            ),
+            // Two numbers are two objects whatever their designators; a designator alone is the smaller number's.
+            (
+                &["6+98067A", "5+98067A"],
+                &[("NORAD 5", "N1"), ("NORAD 6", "N0")],
+            ),
+            (
+                &["6+98067A", "5+98067A", "0+98067A"],
+                &[("NORAD 5", "N1 N2"), ("NORAD 6", "N0")],
+            ),
+            (
+                &["6+98067A", "7+98067B", "6+98067B", "0+98067B"],
+                &[("NORAD 6", "N0 N2 N3"), ("NORAD 7", "N1")],
+            ),
+            (
+                &["6+98067A", "5+98067A", "5+98067B", "oem 1998-067B"],
+                &[("NORAD 5", "N1 N2 N3"), ("NORAD 6", "N0")],
+            ),
+            (
+                &["oem 5", "oem 1958-002B", "oem 1958-002B"],
+                &[("5", "N0"), ("1958-002B", "N1 N2")],
+            ),
+            (
+                &["5+58002B", "5+58002A", "6+58002A"],
+                &[("NORAD 5", "N0 N1"), ("NORAD 6", "N2")],
+            ),
+        ];
+        for (records, wanted) in cases {
+            let all: Vec<Object> = records
+                .iter()
+                .enumerate()
+                .map(|(at, text)| object(at, text))
+                .collect();
+            for order in permutations(&(0..records.len()).collect::<Vec<_>>()) {
+                // Each bit of `cuts` ends a source behind a record.
+                for cuts in 0..1 << (records.len() - 1) {
+                    let mut sources = vec![Source::default()];
+                    for (at, record) in order.iter().enumerate() {
+                        sources
+                            .last_mut()
+                            .unwrap()
+                            .objects
+                            .push(all[*record].clone());
+                        if cuts >> at & 1 == 1 {
+                            sources.push(Source::default());
+                        }
+                    }
+                    let objects: Vec<&Object> =
+                        sources.iter().flat_map(|one| &one.objects).collect();
+                    let places = identity::places(objects.iter().copied());
+                    let mut groups = vec![Vec::new(); wanted.len()];
+                    for (object, place) in objects.iter().zip(places) {
+                        groups[place].push(object.names[0].clone());
+                    }
+                    let mut groups: Vec<String> = groups
+                        .into_iter()
+                        .map(|mut names| {
+                            names.sort();
+                            names.join(" ")
+                        })
+                        .collect();
+                    groups.sort();
+                    let mut names: Vec<&str> = wanted.iter().map(|(_, names)| *names).collect();
+                    names.sort();
+                    assert_eq!(groups, names, "{records:?} {order:?} {cuts:b}");
+                    let united = unite(sources);
+                    let count = united.objects.len() + united.joined.len() + united.refused.len();
+                    assert_eq!(count, records.len(), "{records:?} {order:?} {cuts:b}");
+                    let mut ids: Vec<&str> =
+                        united.objects.iter().map(|one| one.id.as_str()).collect();
+                    let mut known: Vec<&str> = wanted.iter().map(|(id, _)| *id).collect();
+                    ids.sort();
+                    known.sort();
+                    let alike = |(id, known): (&&str, &&str)| id.starts_with(known);
+                    assert!(
+                        ids.len() == known.len() && ids.iter().zip(&known).all(alike),
+                        "{records:?} {order:?} {cuts:b}: {ids:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_source_of_lower_rank_has_its_objects_alone() {
+        let source = |rank, records: &[&str]| Source {
+            objects: records.iter().map(|text| object(0, text)).collect(),
+            rank,
+        };
+        // The record that shows that the first two are one comes last, and in the least source.
+        let united = unite(vec![
+            source(1, &["25544+", "5+"]),
+            source(0, &["oem 1998-067A"]),
+            source(2, &["25544+98067A", "6+"]),
+        ]);
+        let ids: Vec<&str> = united.objects.iter().map(|one| one.id.as_str()).collect();
+        assert_eq!(ids, ["NORAD 5", "NORAD 25544", "NORAD 6"]);
+        assert_eq!(united.sources, [0, 1, 2]);
+        assert!(united.joined.is_empty() && united.refused.is_empty());
+    }
+}

@@ -1,0 +1,126 @@
+//! XML of navigation data messages (CCSDS 505.0-B): tags of a whole file, and the elements of a part of it.
+
+use crate::lines::LineFinder;
+use crate::record::{At, shorten};
+use quick_xml::Reader;
+use quick_xml::escape::resolve_xml_entity;
+use quick_xml::events::{BytesStart, Event};
+use std::borrow::Cow;
+
+/// A tag, or what of it there is.
+pub(crate) struct Tag<'a> {
+    pub start: usize,
+    /// Behind its closing bracket.
+    pub end: usize,
+    /// Without prefix.
+    pub name: &'a str,
+    pub closing: bool,
+}
+
+impl Tag<'_> {
+    /// Whether it begins an element of this name.
+    pub fn opens(&self, name: &str) -> bool {
+        self.name == name && !self.closing
+    }
+}
+
+/// The tags from an offset on; comments and quoted sections are passed over.
+pub(crate) fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
+    std::iter::from_fn(move || {
+        loop {
+            let start = at + text.get(at..)?.find('<')?;
+            let rest = text.get(start..)?;
+            let passed = [("<!--", "-->"), ("<![CDATA[", "]]>")];
+            let passed = passed.iter().find(|(open, _)| rest.starts_with(open));
+            if let Some((_, close)) = passed {
+                at = start + rest.find(close)? + close.len();
+                continue;
+            }
+            let inside = rest.get(1..)?;
+            let bare = inside.strip_prefix('/').unwrap_or(inside);
+            let ends = |c: char| c.is_whitespace() || matches!(c, '>' | '/' | '<');
+            let name = bare.split(ends).next().unwrap_or_default();
+            let close = inside.find(['>', '<']);
+            at = start + 1 + close.unwrap_or(inside.len());
+            let closed = close.is_some_and(|at| inside.as_bytes().get(at) == Some(&b'>'));
+            return Some(Tag {
+                start,
+                end: at + usize::from(closed),
+                name: name.rsplit(':').next().unwrap_or(name),
+                closing: inside.starts_with('/'),
+            });
+        }
+    })
+}
+
+/// The start of an element, or its end with its text, and the offset in the file behind the start tag.
+pub(crate) enum Element<'a> {
+    Start(BytesStart<'a>, usize),
+    End(&'a str, &'a str, usize),
+}
+
+/// Reads the elements of a part of a file that starts at `start`. The handler's errors have a line, which the finder gives.
+pub(crate) fn read_elements(
+    text: &str,
+    start: usize,
+    finder: &mut LineFinder,
+    mut handle: impl FnMut(Element, &mut LineFinder) -> At<()>,
+) -> At<()> {
+    let mut reader = Reader::from_str(text);
+    let (mut value, mut begin) = (String::new(), start);
+    loop {
+        let event = reader.read_event().map_err(|error| {
+            let offset = start + reader.error_position() as usize;
+            (finder.line(offset), format!("not XML: {error}"))
+        })?;
+        let offset = start + reader.buffer_position() as usize;
+        if decode(&event, &mut value).map_err(|reason| (finder.line(offset), reason))? {
+            continue;
+        }
+        match event {
+            Event::Start(tag) => {
+                value.clear();
+                begin = offset;
+                handle(Element::Start(tag, offset), finder)?;
+            }
+            Event::End(tag) => {
+                handle(
+                    Element::End(tag.local_name().into_inner(), &value, begin),
+                    finder,
+                )?;
+                value.clear();
+            }
+            Event::Eof => return Ok(()),
+            _ => {}
+        }
+    }
+}
+
+/// The unit that a tag gives its element: `units` in the standard, `unit` in some files.
+pub(crate) fn unit(tag: &BytesStart) -> Option<String> {
+    let mut attributes = tag.attributes().filter_map(Result::ok);
+    let unit = attributes.find(|attribute| {
+        let name = attribute.key.local_name().into_inner();
+        ["units", "unit"]
+            .iter()
+            .any(|known| name.eq_ignore_ascii_case(known))
+    })?;
+    Some(unit.value.trim().to_owned())
+}
+
+/// Adds what an event says to the text of the element that is open. Whether it is text.
+fn decode(event: &Event, value: &mut String) -> Result<bool, String> {
+    match event {
+        Event::Text(text) => *value += &text.xml10_content(),
+        Event::CData(text) => *value += &text.xml10_content(),
+        Event::GeneralRef(entity) => {
+            let known = resolve_xml_entity(entity).map(Cow::Borrowed);
+            let letter = entity.resolve_char_ref().ok().flatten();
+            let letter = letter.map(|letter| Cow::Owned(letter.to_string()));
+            let unknown = || format!("not XML: unknown entity &{};", shorten(entity));
+            *value += &known.or(letter).ok_or_else(unknown)?;
+        }
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
