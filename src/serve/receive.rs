@@ -83,6 +83,15 @@ impl Server {
                 self.counters.refuse_undecodable(&error);
                 let (apid, count) = packet::identify(&inbound.packet).unwrap_or((0, 0));
                 self.see_refused(at, apid, count);
+                // One that proves the address stays in the link.
+                if matches!(
+                    (self.personality.decode_reply)(&inbound.packet),
+                    Ok((_, Reply::Challenge(_)))
+                ) {
+                    const WRONG: &str = "this Challenge is not of this address or time";
+                    self.report(at, Withheld::NoProof, WRONG);
+                    return self.nack(at, apid, count, Reason::ValueOutOfRange, WRONG);
+                }
                 self.report(at, Withheld::Refused, &error.to_string());
                 return self.nack(at, apid, count, error.reason(), &error.to_string());
             }
