@@ -89,7 +89,11 @@ impl Server {
                     Ok((_, Reply::Challenge(_)))
                 ) {
                     const WRONG: &str = "this Challenge is not of this address or time";
-                    self.report(at, Withheld::NoProof, WRONG);
+                    let why = match self.channels[at].wire.tally.awaits_proof() {
+                        true => Withheld::NoProof,
+                        false => Withheld::Refused,
+                    };
+                    self.report(at, why, WRONG);
                     return self.nack(at, apid, count, Reason::ValueOutOfRange, WRONG);
                 }
                 self.report(at, Withheld::Refused, &error.to_string());
@@ -161,7 +165,7 @@ impl Server {
     fn open_exchange(&mut self, at: usize, number: u32) {
         self.channels[at].open_exchange(number, self.output);
         if self.channels[at].roles.truth {
-            self.clear_truth(Instant::now());
+            self.clear_truth(false, Instant::now());
         }
         self.cancel_unwanted();
     }
