@@ -85,6 +85,8 @@ pub enum Event<'a> {
     Nack(&'a NackRecord),
     /// Something else went wrong, in words.
     Problem(String),
-    /// An occasion to break the run off: comes at least five times a second.
+    /// An occasion to break the run off: this or [`Event::Progress`] comes at least five times a second.
     Tick,
+    /// In lock-step: packets of frames have arrived since the last.
+    Progress,
 }

@@ -283,6 +283,6 @@ fn tell(event: &Event<'_>, listens: bool) -> std::io::Result<()> {
         }
         Event::Nack(nack) => say(format_args!("{nack}\n")),
         Event::Problem(problem) => say(format_args!("{problem}\n")),
-        Event::Tick => Ok(()),
+        Event::Tick | Event::Progress => Ok(()),
     }
 }

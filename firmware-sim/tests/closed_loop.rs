@@ -42,7 +42,7 @@ fn fly(port: impl Port, mission: Mission) -> (Report, Vec<String>) {
             Event::Lost { sequence, loss } => format!("lost {sequence}: {loss}"),
             Event::Nack(nack) => format!("nack: {}", nack.detail),
             Event::Problem(problem) => problem,
-            Event::Tick => return ControlFlow::Continue(()),
+            Event::Tick | Event::Progress => return ControlFlow::Continue(()),
         });
         ControlFlow::Continue(())
     });

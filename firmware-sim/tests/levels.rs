@@ -250,7 +250,7 @@ fn fly(output: Output, positions: Option<Positions>) -> (Report, Vec<ReceivedFra
     let report = FlightComputer::new(port, mission).run(|event| {
         match event {
             Event::Frame { frame, .. } => frames.push(frame.clone()),
-            Event::Tick => {}
+            Event::Tick | Event::Progress => {}
             other => panic!("{other:?}"),
         }
         ControlFlow::Continue(())

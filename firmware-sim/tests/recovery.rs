@@ -25,7 +25,7 @@ use skyloop_protocols::{LabelLevel, Output, PixelLevel, apid};
 fn fly(port: impl Port, mission: Mission) -> Report {
     let report = FlightComputer::new(port, mission).run(|event| {
         match event {
-            Event::Frame { .. } | Event::Tick => {}
+            Event::Frame { .. } | Event::Tick | Event::Progress => {}
             other => println!("{other:?}"),
         }
         ControlFlow::Continue(())

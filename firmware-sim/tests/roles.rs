@@ -91,7 +91,7 @@ fn fly<P: Port>(links: Vec<(P, Roles)>, mission: Mission) -> (Report, Vec<Seen>)
                 text: labels.unwrap_or_default().to_string(),
                 objects: frame.objects(detections).unwrap().len(),
             }),
-            Event::Tick => {}
+            Event::Tick | Event::Progress => {}
             other => println!("{other:?}"),
         }
         ControlFlow::Continue(())

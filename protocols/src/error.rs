@@ -94,8 +94,7 @@ impl fmt::Display for DecodeError {
         match *self {
             Self::BadCrc { found, expected } => write!(
                 f,
-                "CRC-16 in the last two octets is {found:#06x}, the octets before them give {expected:#06x}: \
-                 damaged on the way, send it again"
+                "CRC-16 is {found:#06x}, the bytes before it give {expected:#06x}: damaged on the way, send it again"
             ),
             Self::BadVersion {
                 field,
@@ -122,7 +121,7 @@ impl fmt::Display for DecodeError {
             ),
             Self::UnknownApid { apid } => write!(
                 f,
-                "APID {apid:#05x} in octets 0-1 is none that this end receives: see the table of APIDs in the ICD"
+                "APID {apid:#05x} in bytes 0-1 is not received here: see the table of APIDs in the ICD"
             ),
             Self::WrongType { apid } => write!(
                 f,

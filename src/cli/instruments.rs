@@ -5,15 +5,17 @@ use clap::Args;
 use skyloop::engine::Emulator;
 use skyloop::link::capture::{Capture, Origin};
 use skyloop::link::claim::Claim;
-use skyloop::link::fault::{Book, BusFaults, Plan, wrap};
+use skyloop::link::fault::{Book, BusFaults, Needs, Plan, wrap};
 use skyloop::link::{self, BusInstruments, LinkError, Roles, Wire};
 use skyloop::orbit::{Input, inputs, is_same_file};
 use skyloop::output::is_of_run;
 use skyloop::stats::row;
 use skyloop_protocols::Output;
+use skyloop_protocols::can::isotp::Parameters;
 use skyloop_protocols::personality::NATIVE;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Arguments of both commands.
 #[derive(Args)]
@@ -230,11 +232,17 @@ impl Instruments {
         Ok(())
     }
 
-    /// The fault that lets nothing through any more, for good.
-    pub fn stopped(&self) -> Option<String> {
-        let (plan, book) = self.faults.as_ref()?;
+    /// The fault without an end by which nothing passes any more, and how many packets met it. None if no packet met one after `since`.
+    pub fn stopped(&self, since: Instant, needs: Needs) -> Option<(String, u64)> {
+        let (_, book) = self.faults.as_ref()?;
         let book = book.lock().unwrap_or_else(PoisonError::into_inner);
-        book.stopped(plan)
+        // On CAN the flow control of each long packet is waited for.
+        let flow_control = Duration::from_micros(Parameters::FD.timeout_us);
+        let patience = match self.buses.contains(&true) {
+            true => needs.patience.min(flow_control),
+            false => needs.patience,
+        };
+        book.stopped(since, &Needs { patience, ..needs })
     }
 
     /// What they have to say in a run's table.

@@ -11,6 +11,7 @@ use clap::Args as ClapArgs;
 use skyloop::config::Clock;
 use skyloop::effect::counted;
 use skyloop::engine::{Emulator, Shot};
+use skyloop::link::fault::Needs;
 use skyloop::link::{self, Roles};
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::{Ended, Server};
@@ -21,6 +22,7 @@ use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
 use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::text::whole;
 use skyloop_firmware_sim::verdict::{self, Limits, Suite, Verdict};
+use skyloop_protocols::PixelLevel;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -105,6 +107,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let (wire, port) = link::loopback(&args.link, &options)?;
     let links = instruments.around(vec![(wire, Roles::ALL)])?;
     let output = config.run.output;
+    let needs = Needs {
+        patience: mission.timeout,
+        long_packets: matches!(output.pixels, PixelLevel::Frame | PixelLevel::Compressed),
+    };
     let mut emulator = Emulator::new(&mut config);
     let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
     let chosen = args
@@ -139,7 +145,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         let writing = scope.spawn(|| write(writer, to_write));
         let mut moved = Instant::now();
         let report = FlightComputer::new(port, mission).run(|event| {
-            if !matches!(event, Event::Tick) {
+            if matches!(event, Event::Frame { .. } | Event::Progress) {
                 moved = Instant::now();
             }
             match event {
@@ -149,10 +155,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
                 }
                 Event::Nack(nack) => bar.suspend(|| tracing::warn!("{nack}")),
                 Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
-                Event::Tick => {}
+                Event::Tick | Event::Progress => {}
             }
             if moved.elapsed() > STOPPED {
-                stopped = instruments.stopped();
+                stopped = instruments.stopped(moved, needs);
             }
             let ends = interrupted.load(Ordering::Relaxed) || over.load(Ordering::Relaxed);
             match ends || stopped.is_some() {
@@ -172,11 +178,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Ok(report) => (report, None),
         Err(error) => blamed(error, instruments.faults())?,
     };
-    let stopped = stopped.map(|fault| {
+    let stopped = stopped.map(|(fault, packets)| {
         let s = STOPPED.as_secs();
+        let done = instruments.faults().unwrap_or_default();
         anyhow!(
-            "{}: nothing passes any more: the fault {fault} has no end, and no frame has come for {s} s; give it a for_s, or an \
-             at_s after the last frame",
+            "{}: nothing passes any more: the fault {fault} has no end, {packets} packets have met it (injected: {done}), and \
+             nothing of a frame has come for {s} s; give it a for_s, a lower value, or an at_s after the last frame",
             args.link
         )
     });

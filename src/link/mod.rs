@@ -214,7 +214,10 @@ impl Wire {
         while !sender.is_finished() && !standstill.is_over() {}
         let left = self.tally.give_up();
         if left > 0 {
-            tracing::warn!("{left} packets for the client could not be sent: they are lost");
+            tracing::warn!(
+                "{}: the client has not read {left} packets: they are lost (lost_outbound)",
+                self.address
+            );
         }
         // What stands before the link lets go of it now, and the link of what it made: its name.
         let given_up = Instant::now();

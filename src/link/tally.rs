@@ -144,10 +144,11 @@ pub(super) fn count(counter: &AtomicU32) {
 pub(crate) struct Standstill {
     tally: Arc<Tally>,
     patience: Duration,
-    octets: u32,
+    bytes: u32,
     begun: Instant,
     since: Instant,
-    told: bool,
+    until: Instant,
+    is_logged: bool,
 }
 
 impl Standstill {
@@ -156,10 +157,19 @@ impl Standstill {
         Standstill {
             tally: tally.clone(),
             patience,
-            octets: tally.octets(),
+            bytes: tally.octets(),
             begun: Instant::now(),
             since: Instant::now(),
-            told: false,
+            until: Instant::now() + 3 * patience,
+            is_logged: false,
+        }
+    }
+
+    /// Over at `until` at the latest.
+    pub fn until(self, until: Instant) -> Standstill {
+        Standstill {
+            until: self.until.min(until),
+            ..self
         }
     }
 
@@ -167,20 +177,19 @@ impl Standstill {
     pub fn is_over(&mut self) -> bool {
         const SOON: Duration = Duration::from_millis(500);
         std::thread::sleep(Duration::from_millis(2));
-        let octets = self.tally.octets();
-        if octets != self.octets {
-            (self.octets, self.since) = (octets, Instant::now());
+        let (bytes, now) = (self.tally.octets(), Instant::now());
+        if bytes != self.bytes {
+            (self.bytes, self.since) = (bytes, now);
         }
-        let most = 3 * self.patience;
-        if self.begun.elapsed() > SOON && !std::mem::replace(&mut self.told, true) {
+        if self.begun.elapsed() > SOON && !std::mem::replace(&mut self.is_logged, true) {
             tracing::warn!(
-                "waiting for the client to read what is left: {} s at most",
-                most.as_secs()
+                "waiting for the client to read what is queued: {:.1} s at most",
+                self.until
+                    .saturating_duration_since(self.begun)
+                    .as_secs_f64()
             );
         }
         // Frames do not leave without proof.
-        self.tally.awaits_proof()
-            || self.since.elapsed() >= self.patience
-            || self.begun.elapsed() >= most
+        self.tally.awaits_proof() || self.since.elapsed() >= self.patience || now >= self.until
     }
 }

@@ -4,7 +4,7 @@ use super::Server;
 use super::channel::{Channel, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
-use super::withheld::{SOON, standstill};
+use super::withheld::{CLIENT_GONE, RESET, RUN_ENDED, SOON, standstill};
 use crate::link::LinkError;
 use bytes::Bytes;
 use skyloop_protocols::packet::identify;
@@ -97,12 +97,14 @@ enum Step {
     /// Nothing is there to be sent until the renderer tells, or for so long.
     NotYet(Option<Duration>),
     Done,
-    /// It cannot be sent.
-    Hopeless,
+    /// Its client has gone, or another has come.
+    ClientGone,
+    /// It was refused while it was made, which is counted already.
+    Refused,
     /// It cannot be encoded, for this reason.
     TooLong(String),
-    /// Nobody waits for it any more: its client has gone, or begins anew.
-    Forsaken,
+    /// Its client has sent Reset.
+    Reset,
 }
 
 /// How a frame's way over a link ended.
@@ -153,16 +155,23 @@ impl Server {
                 }
             };
             match step {
-                Step::Done | Step::Hopeless | Step::TooLong(_) | Step::Forsaken => {
+                Step::Done | Step::ClientGone | Step::Refused | Step::TooLong(_) | Step::Reset => {
                     let end = match step {
                         Step::Done => End::Whole,
-                        Step::Hopeless => End::Lost,
                         Step::TooLong(why) => {
                             let detail = format!("frame {}: {why}", delivery.frame);
                             self.withhold(at, Withheld::TooLong, &detail);
                             End::Lost
                         }
-                        _ => End::Forsaken,
+                        Step::Reset => {
+                            self.count_withheld(RESET);
+                            End::Forsaken
+                        }
+                        Step::ClientGone => {
+                            self.count_withheld(CLIENT_GONE);
+                            End::Lost
+                        }
+                        _ => End::Lost,
                     };
                     round.moved = true;
                     self.lose_refused(at, &delivery);
@@ -199,14 +208,14 @@ impl Server {
         // Its client has gone, or another has come: the one that this is for will never have all of it.
         let has_ended = channel.wire.tally.has_ended(delivery.exchange);
         if channel.exchange.number != delivery.exchange || has_ended {
-            return Ok(Step::Hopeless);
+            return Ok(Step::ClientGone);
         }
         if channel.exchange.resets != delivery.resets {
-            return Ok(Step::Forsaken);
+            return Ok(Step::Reset);
         }
         let mut pictures = self.pictures.iter_mut();
         let Some(picture) = pictures.find(|picture| picture.number == delivery.frame) else {
-            return Ok(Step::Hopeless);
+            return Ok(Step::Refused);
         };
         if delivery.cut.is_none() {
             let wait = picture.asked.release.checked_duration_since(Instant::now());
@@ -328,13 +337,17 @@ impl Server {
         }
     }
 
-    /// Frames that nobody has begun to get are for nobody: who asked for them has gone, or begins anew.
-    pub(super) fn forsake(&mut self) {
+    /// Gives up the frames that no link has begun to send: their client has gone, or begins anew.
+    pub(super) fn forsake(&mut self, is_reset: bool) {
+        let mut given_up = 0;
         for picture in &mut self.pictures {
             if !std::mem::replace(&mut picture.begun, true) {
                 picture.whole = false;
+                given_up += 1;
             }
         }
+        let why = if is_reset { RESET } else { CLIENT_GONE };
+        (0..given_up).for_each(|_| self.count_withheld_everywhere(why));
     }
 
     /// A frame's way over a link is over.
@@ -382,6 +395,7 @@ impl Server {
     pub(super) fn give_all_up(&mut self) {
         for at in 0..self.channels.len() {
             while let Some(delivery) = self.channels[at].deliveries.pop_front() {
+                self.count_withheld(RUN_ENDED);
                 self.lose_refused(at, &delivery);
                 self.end(at, delivery.frame, End::Forsaken);
             }

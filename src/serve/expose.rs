@@ -7,6 +7,7 @@ use super::latch::tellable;
 use super::overrun::Verdict;
 use super::picture::{Asked, Picture};
 use super::shooter::{Order, Progress, Shooter, Spare, Task};
+use super::withheld::RUN_ENDED;
 use super::{POLL, Server};
 use crate::abort::Abort;
 use crate::config::Clock as Kind;
@@ -213,7 +214,10 @@ impl Server {
 
     /// The frame that was made is given up. It has a number, however far it came.
     fn abandon_picture(&mut self, at: usize) {
-        self.pictures.remove(at);
+        let picture = self.pictures.remove(at);
+        if !picture.begun {
+            self.count_withheld_everywhere(RUN_ENDED);
+        }
         self.makes(None);
         self.next_frame = self.next_frame.wrapping_add(1);
         self.abandon(1);

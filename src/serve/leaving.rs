@@ -3,10 +3,13 @@
 use super::Server;
 use super::channel::Channel;
 use super::picture::Picture;
+use super::withheld::name;
 use crate::link::Mark;
 use crate::metrics::Snapshot;
 use crate::scene::Exposure;
 use crate::timing::FrameTimes;
+use skyloop_protocols::Withheld;
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 /// Frames whose times are waited for at most: as many as links' queues may hold, and some.
@@ -88,6 +91,24 @@ impl Server {
                 }
             }
         }
+    }
+
+    /// At the end of a run: counts the frames of which packets are still queued. Their clients have not read them.
+    pub(super) fn count_unsent(&mut self) {
+        let unsent = std::mem::take(&mut self.leaving);
+        let mut frames = BTreeSet::new();
+        for leaving in unsent {
+            // What was not given to its link whole is counted already.
+            if leaving.mark.is_some() {
+                self.count_withheld(name(Withheld::NotRead));
+                frames.insert(leaving.left.times.frame);
+            }
+            self.book(leaving, None);
+        }
+        let frames = frames.len() as u32;
+        let counters = &mut self.counters;
+        counters.frames_delivered = counters.frames_delivered.wrapping_sub(frames);
+        counters.frames_abandoned = counters.frames_abandoned.wrapping_add(frames);
     }
 
     /// Books a frame that has left its link at `last`; none: it never will.

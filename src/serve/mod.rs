@@ -56,6 +56,8 @@ const POLL: Duration = Duration::from_millis(50);
 /// How long the end of a run waits for a client that takes nothing. A pseudo-terminal lets 4 KiB pass at once:
 /// 4.3 s for a client that reads at the pace of 9600 baud.
 const GIVE_UP: Duration = Duration::from_secs(5);
+/// How long it waits after a signal, for all links together.
+const GIVE_UP_ON_STOP: Duration = Duration::from_millis(1500);
 
 /// An attitude that has been accepted.
 #[derive(Debug, Clone)]
@@ -151,6 +153,8 @@ pub struct Server {
     darkroom: Arc<Mutex<()>>,
     /// Objects that could not be shown.
     absent: Absent,
+    /// When the run was stopped, if it was.
+    stopped: Option<Instant>,
 }
 
 /// How a run came to its end.
@@ -217,6 +221,7 @@ impl Server {
             is_led: false,
             darkroom: Arc::default(),
             absent: Absent::default(),
+            stopped: None,
         }
     }
 
@@ -354,6 +359,9 @@ impl Server {
                 return Ok(Ended::LinkGone);
             }
         }
+        if stop.load(Ordering::Relaxed) {
+            self.stopped = Some(Instant::now());
+        }
         Ok(Ended::AsAsked)
     }
 
@@ -378,9 +386,9 @@ impl Server {
     }
 
     /// All begins anew: another client, or a Reset of the one that brings the truth.
-    fn clear_truth(&mut self, now: Instant) {
+    fn clear_truth(&mut self, is_reset: bool, now: Instant) {
         self.truth = Truth::default();
-        self.forsake();
+        self.forsake(is_reset);
         self.settings.camera = self.settings.configured.clone();
         let waited = self.clock.clear(self.settings.camera.rate_hz, now);
         self.abandon(waited);
@@ -391,11 +399,15 @@ impl Server {
         self.counters.frames_abandoned = self.counters.frames_abandoned.wrapping_add(waited);
     }
 
-    /// Ends the links when everything queued has left, or nothing moves for 5 s; then tells what the run measured
+    /// Ends the links when everything queued has left, when nothing moves for 5 s, or 1.5 s after the run was stopped. Returns what the run measured
     /// and counted.
     pub fn close(mut self) -> (RunStats, Counters) {
+        let until = self.stopped.map(|stopped| stopped + GIVE_UP_ON_STOP);
         for channel in &mut self.channels {
             let mut standstill = Standstill::of(&channel.wire.tally, GIVE_UP);
+            if let Some(until) = until {
+                standstill = standstill.until(until);
+            }
             while let Ok(false) = channel.flush()
                 && !standstill.is_over()
             {}
@@ -403,6 +415,7 @@ impl Server {
             channel.wire.close(standstill);
         }
         self.see_leave();
+        self.count_unsent();
         let counters = self.counters();
         let links = self
             .channels

@@ -102,7 +102,7 @@ impl Server {
             }
             Command::Reset => {
                 if self.channels[at].roles.truth {
-                    self.clear_truth(arrived);
+                    self.clear_truth(true, arrived);
                 }
                 let channel = &mut self.channels[at];
                 channel.reset(self.output, arrived);

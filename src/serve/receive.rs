@@ -83,6 +83,19 @@ impl Server {
                 self.counters.refuse_undecodable(&error);
                 let (apid, count) = packet::identify(&inbound.packet).unwrap_or((0, 0));
                 self.see_refused(at, apid, count);
+                // One that proves the address stays in the link.
+                if matches!(
+                    (self.personality.decode_reply)(&inbound.packet),
+                    Ok((_, Reply::Challenge(_)))
+                ) {
+                    const WRONG: &str = "this Challenge is not of this address or time";
+                    let why = match self.channels[at].wire.tally.awaits_proof() {
+                        true => Withheld::NoProof,
+                        false => Withheld::Refused,
+                    };
+                    self.report(at, why, WRONG);
+                    return self.nack(at, apid, count, Reason::ValueOutOfRange, WRONG);
+                }
                 self.report(at, Withheld::Refused, &error.to_string());
                 return self.nack(at, apid, count, error.reason(), &error.to_string());
             }
@@ -152,7 +165,7 @@ impl Server {
     fn open_exchange(&mut self, at: usize, number: u32) {
         self.channels[at].open_exchange(number, self.output);
         if self.channels[at].roles.truth {
-            self.clear_truth(Instant::now());
+            self.clear_truth(false, Instant::now());
         }
         self.cancel_unwanted();
     }

@@ -22,8 +22,15 @@ pub(super) struct Messages {
     silent: Option<([u32; 2], Instant, bool)>,
 }
 
+/// In the run's table: a frame that ended with a Reset of its client.
+pub(super) const RESET: &str = "client sent Reset";
+/// Likewise with its client, which has gone or was followed by another.
+pub(super) const CLIENT_GONE: &str = "client gone";
+/// Likewise with the run.
+pub(super) const RUN_ENDED: &str = "run ended";
+
 /// A reason in a few words, for the run's table.
-fn name(why: Withheld) -> &'static str {
+pub(super) fn name(why: Withheld) -> &'static str {
     match why {
         Withheld::None => "other",
         Withheld::NoCredit => "no credit",
@@ -146,9 +153,21 @@ impl Server {
 
     /// Counts a frame that a client has not got, and reports it.
     pub(super) fn withhold(&mut self, at: usize, why: Withheld, detail: &str) {
-        let count = self.stats.withheld.entry(name(why)).or_default();
-        *count = count.saturating_add(1);
+        self.count_withheld(name(why));
         self.report(at, why, detail);
+    }
+
+    /// Counts a frame that a client has not got, under a name in the run's table.
+    pub(super) fn count_withheld(&mut self, name: &'static str) {
+        let count = self.stats.withheld.entry(name).or_default();
+        *count = count.saturating_add(1);
+    }
+
+    /// Counts a frame that none of the links has begun to send.
+    pub(super) fn count_withheld_everywhere(&mut self, name: &'static str) {
+        for _ in 0..self.bringing().count() {
+            self.count_withheld(name);
+        }
     }
 
     /// Counts a frame that gives way to a newer one.

@@ -10,7 +10,7 @@ use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, Roles, Wire};
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::RunStats;
-use skyloop_protocols::personality::NATIVE;
+use skyloop_protocols::personality::{NATIVE, Personality};
 use skyloop_protocols::{Attitude, Counters, OrbitState, WireTime};
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -73,6 +73,17 @@ impl Running {
 
     /// Likewise; `prepare` sees the server before it serves.
     pub fn prepared(
+        config: Config,
+        clock: Clock,
+        links: Vec<(Wire, Roles)>,
+        prepare: impl FnOnce(&mut Server) + Send + 'static,
+    ) -> Running {
+        Running::speaking(&NATIVE, config, clock, links, prepare)
+    }
+
+    /// Likewise, in a wire language.
+    pub fn speaking(
+        personality: &'static Personality,
         mut config: Config,
         clock: Clock,
         links: Vec<(Wire, Roles)>,
@@ -84,7 +95,7 @@ impl Running {
         let thread = std::thread::spawn(move || {
             let output = config.run.output;
             let emulator = Emulator::new(&mut config);
-            let mut server = Server::new(emulator, links, output, clock, &NATIVE);
+            let mut server = Server::new(emulator, links, output, clock, personality);
             server.set_run(&config.run);
             prepare(&mut server);
             // A client may have hung up before it is told to end.

@@ -25,3 +25,4 @@ mod steering;
 #[path = "../support/mod.rs"]
 mod support;
 mod wall_clock;
+mod withheld;

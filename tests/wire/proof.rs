@@ -2,9 +2,9 @@
 
 use crate::support::client::Client;
 use crate::support::line::{Line, UdpLine, is_challenge};
-use crate::support::{EPOCH, PATIENCE, attitude, await_that, later, on_udp, scene};
+use crate::support::{EPOCH, PATIENCE, attitude, await_that, later, on_memory, on_udp, scene};
 use skyloop::config::Clock;
-use skyloop_protocols::Command;
+use skyloop_protocols::{Challenge, Command, MAX_PACKET, Reason, Reply, WireTime};
 use std::time::{Duration, Instant};
 
 /// Bytes of a datagram with its headers: IPv4 20 (RFC 791), UDP 8 (RFC 768).
@@ -80,6 +80,56 @@ fn a_client_that_sends_nothing_any_more_gets_no_stream() {
         client.send(Command::Ping);
         client.recv(Duration::from_millis(50)).is_some()
     });
+}
+
+/// A Challenge that was made for another address or time is known as one: its refusal says so, on any link.
+#[test]
+fn a_wrong_challenge_is_refused_in_words() {
+    let challenge = |token| {
+        let mut buffer = [0; MAX_PACKET];
+        let reply = Reply::Challenge(Challenge { token });
+        let length = reply.encode(7, WireTime(0), &mut buffer).unwrap();
+        buffer[..length].to_vec()
+    };
+    let damaged = {
+        let mut packet = challenge(1);
+        packet[20] ^= 1;
+        packet
+    };
+    const WRONG: &str = "this Challenge is not of this address or time";
+    for (packet, reason, says) in [
+        (challenge(0), Reason::ValueOutOfRange, WRONG),
+        (challenge(u64::MAX), Reason::ValueOutOfRange, WRONG),
+        (damaged, Reason::BadCrc, "damaged on the way"),
+    ] {
+        let (_udp, line) = on_udp(scene(), Clock::Stepped, 5.0);
+        let (_memory, memory) = on_memory(scene(), Clock::Stepped);
+        let lines: [Box<dyn Line>; 3] = [
+            Box::new(Deaf(line.another())),
+            Box::new(line),
+            Box::new(memory),
+        ];
+        for line in lines {
+            let mut client = Client::new(line);
+            client.line.send(&packet);
+            let nack = client.nack();
+            let found = (nack.apid, nack.sequence_count, nack.reason);
+            assert_eq!(found, (0x20B, 7, reason), "{}", nack.detail);
+            assert!(nack.detail.contains(says), "{}", nack.detail);
+        }
+    }
+}
+
+#[test]
+fn packets_that_wait_for_proof_at_the_end_are_lost_and_counted_once() {
+    let (emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
+    let mut client = Client::new(Deaf(line));
+    client.point(attitude(1), EPOCH);
+    std::thread::sleep(Duration::from_millis(300));
+    let counters = emulator.end();
+    // A link takes 256 packets into its queue and 64 out of it at a time; one was refused.
+    let lost = counters.lost_outbound;
+    assert!((1..=256 + 64 + 1).contains(&lost), "{counters:?}");
 }
 
 #[test]

@@ -43,16 +43,22 @@ impl<P: Port> FlightComputer<P> {
         self.links.want(Some(sequence));
         let begin = Instant::now();
         let mut moved = begin;
-        let mut damaged = 0;
+        let (mut damaged, mut seen) = (0, self.links.heard());
         loop {
             let left = self.mission.timeout.saturating_sub(begin.elapsed());
             if left.is_zero() {
                 return self.time_out(sequence, watch);
             }
-            if watch(Event::Tick).is_break() {
+            let heard = self.links.heard();
+            let tick = match heard > seen {
+                true => Event::Progress,
+                false => Event::Tick,
+            };
+            seen = heard;
+            if watch(tick).is_break() {
                 return Ok(ControlFlow::Break(()));
             }
-            moved = moved.max(self.links.heard().unwrap_or(begin));
+            moved = moved.max(heard.unwrap_or(begin));
             let patience = self.patience(sequence) * copies.len() as u32;
             let silent = moved.elapsed();
             if silent >= patience {

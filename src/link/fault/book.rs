@@ -1,7 +1,8 @@
 //! The book of what was injected: counted, and written down line by line as JSON.
 
 use super::engine::{How, Injection, What};
-use super::plan::{Plan, name};
+use super::plan::name;
+use super::stopped::{Needs, Outlook, Stopped};
 use crate::link::claim::Claim;
 use skyloop_protocols::Direction;
 use std::collections::BTreeMap;
@@ -9,14 +10,13 @@ use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// What was injected so far.
 #[derive(Default)]
 pub struct Book {
     counts: BTreeMap<(bool, &'static str), u64>,
-    /// When faults of a kind and direction last began.
-    begun: BTreeMap<(bool, &'static str), Duration>,
+    stopped: Stopped,
     log: Option<Log>,
     /// The wall clock's time at the engine's zero, since 1970.
     zero: Duration,
@@ -56,9 +56,6 @@ impl Book {
     pub fn note(&mut self, address: &str, injections: &[Injection]) {
         for injection in injections {
             let out = injection.direction == Direction::Out;
-            if let What::Begins(_) = injection.what {
-                self.begun.insert((out, name(injection.kind)), injection.at);
-            }
             if let What::Item { .. } = injection.what {
                 *self.counts.entry((out, name(injection.kind))).or_default() += 1;
             }
@@ -87,13 +84,17 @@ impl Book {
         format!("in: {}; out: {}", of(false), of(true))
     }
 
-    /// The fault of `plan` that has begun and lets nothing through for good, such as `stuck, out`; `None` if there is none.
-    pub fn stopped(&self, plan: &Plan) -> Option<String> {
-        plan.stops().find_map(|(fault, from)| {
-            let (out, name) = (fault.direction == Direction::Out, name(fault.kind));
-            let begun = self.begun.get(&(out, name))?;
-            (*begun >= from).then(|| format!("{name}, {}", if out { "out" } else { "in" }))
-        })
+    /// Adds what the faults without an end did to packets in and out.
+    pub(super) fn foresee(&mut self, seen: [Outlook; 2]) {
+        let [way_in, way_out] = seen;
+        self.stopped.add(Direction::In, way_in);
+        self.stopped.add(Direction::Out, way_out);
+    }
+
+    /// The fault without an end by which nothing passes any more, such as `stuck, out`, and how many packets (on CAN: frames) met it. None if no packet
+    /// met one after `since`.
+    pub fn stopped(&self, since: Instant, needs: &Needs) -> Option<(String, u64)> {
+        self.stopped.since(since, needs)
     }
 
     /// Lets what is written reach the file.

@@ -10,11 +10,13 @@ use super::engine::{Damageable, Faults, Pushed};
 use super::outage::{Change, Outage, in_order};
 use super::plan::Plan;
 use super::spared::Spared;
+use super::stopped::Shape;
 use crate::link::{Tally, count};
 use skyloop_firmware_sim::can::{CanBus, Sending, Trouble};
-use skyloop_protocols::can::form::SHORT_ACK;
+use skyloop_protocols::can::form::{ATTITUDE_BEGIN, FROM_EMULATOR, SHORT_ACK, TO_EMULATOR};
+use skyloop_protocols::can::isotp::Pdu;
 use skyloop_protocols::can::{CanFrame, Node, Side, frame};
-use skyloop_protocols::{Command, Direction, FaultKind, Personality};
+use skyloop_protocols::{Command, Direction, FaultKind, MAX_PACKET, Personality};
 use std::collections::VecDeque;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -44,6 +46,33 @@ impl Damageable for CanFrame {
 
     fn members(&self) -> String {
         format!("\"can_id\":{}", self.id)
+    }
+
+    fn packet(&self, bytes: usize) -> Shape {
+        let items = match (self.id, self.payload()) {
+            // Begin, 7 or with a state 13 numbers, end.
+            (ATTITUDE_BEGIN, [flags, ..]) if flags & 0x10 != 0 => 15,
+            (ATTITUDE_BEGIN, _) => 9,
+            (TO_EMULATOR | FROM_EMULATOR, payload) => match Pdu::parse(payload) {
+                // All frames are as long as the first, a byte of each is the sequence number.
+                Some(Pdu::First { length, .. }) => length.div_ceil(bytes.max(2) - 1),
+                _ => 1,
+            },
+            _ => 1,
+        };
+        Shape {
+            items,
+            bytes,
+            in_order: self.id != ATTITUDE_BEGIN,
+        }
+    }
+
+    fn longest(&self) -> Shape {
+        let bytes = frame::MAX_DATA;
+        Shape {
+            items: MAX_PACKET.div_ceil(bytes - 1),
+            ..Shape::one(bytes)
+        }
     }
 }
 
@@ -164,6 +193,7 @@ impl State {
         }
         let mut book = self.book.lock().unwrap_or_else(PoisonError::into_inner);
         book.note(&self.address, &injected);
+        book.foresee([self.way_in.outlook(), self.way_out.outlook()]);
         if self.flushed.elapsed() > Duration::from_secs(1) {
             book.flush();
             self.flushed = Instant::now();
@@ -199,6 +229,7 @@ impl State {
             return;
         }
         if self.off.is_on() {
+            self.way_in.foresee(&frame, now);
             return;
         }
         match self.way_in.push(frame, now) {
@@ -241,6 +272,9 @@ impl CanBus for FaultyBus {
         let mut state = self.faults.lock();
         let now = state.now();
         if state.off.is_on() || state.stopped.is_some() || !state.way_out.has_room() {
+            if state.off.is_on() {
+                state.way_out.foresee(frame, now);
+            }
             return Ok(Sending::Full);
         }
         let pushed = if state.is_spared(frame) {
@@ -301,7 +335,7 @@ impl CanBus for FaultyBus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use skyloop_protocols::{Fault, MAX_PACKET, WireTime, personality::NATIVE};
+    use skyloop_protocols::{Fault, WireTime, personality::NATIVE};
     use std::sync::mpsc::{Receiver, Sender, channel};
 
     /// One end of a bus between two.

@@ -1,9 +1,10 @@
 //! The engine: what befalls the items of one direction, and when they go on. It knows no clock and no wire.
 
-use super::harm::Way;
+use super::harm::{ORDER, Way, is_loss};
 use super::line::{Line, Order};
 use super::rule::Rule;
-use skyloop_protocols::{Direction, Fault, FaultKind};
+use super::stopped::{Outlook, Shape};
+use skyloop_protocols::{Direction, Fault, FaultKind, MAX_PACKET};
 use std::time::Duration;
 
 /// Something that a line can harm.
@@ -14,6 +15,14 @@ pub trait Damageable: Clone {
     fn with_octets(self, octets: Vec<u8>) -> Self;
     /// What it is called in the book: members of a JSON object.
     fn members(&self) -> String;
+    /// The packet that this item, of so many bytes, begins.
+    fn packet(&self, bytes: usize) -> Shape {
+        Shape::one(bytes)
+    }
+    /// The longest packet.
+    fn longest(&self) -> Shape {
+        self.packet(MAX_PACKET)
+    }
 }
 
 /// Something that was done, or a rule that begins or ends.
@@ -83,22 +92,8 @@ pub struct Faults<T> {
     /// Live faults so far.
     live: u32,
     injected: Vec<Injection>,
+    outlook: Outlook,
 }
-
-/// In which order an item suffers: first what the line does, then its time, at last the receiver.
-const ORDER: [FaultKind; 11] = [
-    FaultKind::BusOff,
-    FaultKind::Down,
-    FaultKind::Stuck,
-    FaultKind::Drop,
-    FaultKind::Truncate,
-    FaultKind::BitFlips,
-    FaultKind::Duplicate,
-    FaultKind::Delay,
-    FaultKind::Jitter,
-    FaultKind::Reorder,
-    FaultKind::Overrun,
-];
 
 impl<T: Damageable> Faults<T> {
     /// The faults of `direction` among `rules`.
@@ -111,6 +106,7 @@ impl<T: Damageable> Faults<T> {
             number: 0,
             live: 0,
             injected: Vec::new(),
+            outlook: Outlook::default(),
         }
     }
 
@@ -138,6 +134,7 @@ impl<T: Damageable> Faults<T> {
             self.line.put(item, now, Order::Kept);
             return Pushed::Taken;
         };
+        self.foresee(&item, now);
         let number = self.number;
         self.number += 1;
         let mut way = Way::of(octets.clone());
@@ -214,6 +211,19 @@ impl<T: Damageable> Faults<T> {
         std::mem::take(&mut self.injected)
     }
 
+    /// Sees an item that comes, whether it is taken or not.
+    pub(super) fn foresee(&mut self, item: &T, now: Duration) {
+        if let Some(bytes) = item.octets().map(<[u8]>::len) {
+            let (packet, longest) = (item.packet(bytes), item.longest());
+            self.outlook.see(&self.rules, packet, longest, now);
+        }
+    }
+
+    /// What the faults without an end did to items since the last call.
+    pub(super) fn outlook(&mut self) -> Outlook {
+        std::mem::take(&mut self.outlook)
+    }
+
     /// Books the rules that have begun or ended by `now`.
     pub fn turn(&mut self, now: Duration) {
         for rule in &mut self.rules {
@@ -233,12 +243,6 @@ impl<T: Damageable> Faults<T> {
         }
         self.rules.retain(|rule| !rule.is_over());
     }
-}
-
-/// Whether an item that it meets is gone.
-fn is_loss(kind: FaultKind) -> bool {
-    use FaultKind::{BusOff, Down, Drop, Overrun, Stuck};
-    matches!(kind, BusOff | Down | Stuck | Drop | Overrun)
 }
 
 #[cfg(test)]
@@ -297,8 +301,7 @@ mod tests {
             }
             out.extend(std::iter::from_fn(|| faults.pop_due(now)));
         }
-        let end = ms(1_000_000);
-        out.extend(std::iter::from_fn(|| faults.pop_due(end)));
+        out.extend(std::iter::from_fn(|| faults.pop_due(ms(1_000_000))));
         (out, faults.injected(), lost)
     }
 

@@ -7,6 +7,21 @@ use crate::rng::PixelStream;
 use skyloop_protocols::FaultKind;
 use std::time::Duration;
 
+/// In which order an item suffers: first what the line does, then its time, at last the receiver.
+pub(super) const ORDER: [FaultKind; 11] = [
+    FaultKind::BusOff,
+    FaultKind::Down,
+    FaultKind::Stuck,
+    FaultKind::Drop,
+    FaultKind::Truncate,
+    FaultKind::BitFlips,
+    FaultKind::Duplicate,
+    FaultKind::Delay,
+    FaultKind::Jitter,
+    FaultKind::Reorder,
+    FaultKind::Overrun,
+];
+
 /// An item on its way through the rules.
 pub(super) struct Way {
     pub octets: Vec<u8>,
@@ -66,6 +81,12 @@ impl Way {
         }
         Some(How::Plainly)
     }
+}
+
+/// Whether an item that meets a fault of this kind is lost.
+pub(super) fn is_loss(kind: FaultKind) -> bool {
+    use FaultKind::{BusOff, Down, Drop, Overrun, Stuck};
+    matches!(kind, BusOff | Down | Stuck | Drop | Overrun)
 }
 
 /// Which of `bits` bits are inverted, each with `probability`: the gaps between them are geometric (Devroye 1986,

@@ -12,6 +12,7 @@ mod outage;
 mod plan;
 mod rule;
 mod spared;
+mod stopped;
 mod wire;
 
 pub use book::Book;
@@ -20,4 +21,5 @@ pub use engine::{Damageable, Faults, How, Injection, Pushed, What};
 pub use line::CAPACITY;
 pub use plan::{Plan, impossible, name};
 pub use rule::Rule;
+pub use stopped::{Needs, Shape};
 pub use wire::wrap;

@@ -75,23 +75,6 @@ impl Plan {
         })
     }
 
-    /// The faults that let nothing through from some time on, and when each begins.
-    pub(super) fn stops(&self) -> impl Iterator<Item = (Fault, Duration)> {
-        let stops = |rule: &&Rule| {
-            let kind = rule.fault.kind;
-            let total = kind.is_switch()
-                || matches!(
-                    kind,
-                    FaultKind::Drop | FaultKind::Truncate | FaultKind::Overrun
-                );
-            total && rule.fault.value >= 1.0 && rule.until.is_none()
-        };
-        self.rules
-            .iter()
-            .filter(stops)
-            .map(|rule| (rule.fault, rule.from))
-    }
-
     /// How many faults it has.
     pub fn len(&self) -> usize {
         self.rules.len()

@@ -60,12 +60,14 @@ impl Shared {
     fn note(&self) {
         let Some(now) = self.now() else { return };
         let mut down = lock(&self.down);
-        let injected = {
+        let (injected, seen) = {
             let (mut way_in, mut way_out) = (lock(&self.way_in), lock(&self.way_out));
             way_in.turn(now);
             way_out.turn(now);
-            in_order(way_in.injected(), way_out.injected())
+            let injected = in_order(way_in.injected(), way_out.injected());
+            (injected, [way_in.outlook(), way_out.outlook()])
         };
+        lock(&self.book).foresee(seen);
         if injected.is_empty() {
             return;
         }

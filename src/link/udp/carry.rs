@@ -393,7 +393,8 @@ impl WayOut<'_> {
                 if sent.is_some() {
                     octets += packet.len();
                     tally.moved(packet.len());
-                } else {
+                } else if !tally.is_given_up() {
+                    // Else all that waited is counted already.
                     count(&tally.lost);
                 }
                 tally.done();

@@ -1,0 +1,262 @@
+//! Recognizes faults without an end that let no packet through: what is sent will never arrive.
+
+use super::plan::name;
+use super::rule::Rule;
+use skyloop_protocols::can::isotp::Parameters;
+use skyloop_protocols::{Direction, FaultKind};
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+/// Chance of a packet to pass below which its direction counts as stopped. A client sends a command some 20 times before it gives up: 2 % of such runs would get one through.
+const MIN_CHANCE: f64 = 1e-3;
+/// Jitter from which CAN frames, 0.1 to 1 ms apart, overtake each other in any order.
+const MAX_SPACING: Duration = Duration::from_millis(10);
+
+/// The frames of an attitude on CAN must come within this time (N_Cr).
+const MAX_SPREAD: Duration = Duration::from_micros(Parameters::FD.timeout_us);
+
+/// What a client needs to get frames.
+#[derive(Debug, Clone, Copy)]
+pub struct Needs {
+    /// How late a packet may be on both ways together.
+    pub patience: Duration,
+    /// Whether packets of the greatest length come with each frame.
+    pub long_packets: bool,
+}
+
+/// What the faults without an end do to the items of one direction, since it was last asked for.
+#[derive(Debug, Default)]
+pub(super) struct Outlook {
+    /// The kind that lets the fewest pass, and how many items had no chance.
+    lost: Option<(FaultKind, u64)>,
+    /// The same if these items had been of the longest packets.
+    lost_if_long: Option<(FaultKind, u64)>,
+    /// How much later items come at least, and how many did.
+    late: (Duration, u64),
+}
+
+impl Outlook {
+    /// Sees an item meet `rules` at `now`.
+    pub fn see(&mut self, rules: &[Rule], item: Shape, longest: Shape, now: Duration) {
+        let endless = rules.iter();
+        let endless = endless.filter(|rule| rule.until.is_none() && rule.is_on(now));
+        let delays = endless
+            .clone()
+            .filter(|rule| rule.fault.kind == FaultKind::Delay);
+        let late_s: f64 = delays.map(|rule| rule.fault.value).sum();
+        if late_s > 0.0 {
+            self.late = (Duration::from_secs_f64(late_s), self.late.1 + 1);
+        }
+        for (shape, lost) in [(item, &mut self.lost), (longest, &mut self.lost_if_long)] {
+            let chances = endless
+                .clone()
+                .map(|rule| (chance(rule, shape), rule.fault.kind));
+            let all: f64 = chances.clone().map(|(chance, _)| chance).product();
+            let least = chances.min_by(|a, b| a.0.total_cmp(&b.0));
+            if let (true, Some((_, kind))) = (all < MIN_CHANCE, least) {
+                *lost = Some((kind, lost.map_or(0, |(_, count)| count) + 1));
+            }
+        }
+    }
+}
+
+/// A packet as so many items of so many bytes.
+#[derive(Debug, Clone, Copy)]
+pub struct Shape {
+    /// How many; on CAN: frames.
+    pub items: usize,
+    /// Of each.
+    pub bytes: usize,
+    /// Whether they must come once each and in order, as those of ISO-TP (ISO 15765-2, 9.8.3). Others must come within [`MAX_SPREAD`].
+    pub in_order: bool,
+}
+
+impl Shape {
+    /// A packet in one item.
+    pub fn one(bytes: usize) -> Shape {
+        Shape {
+            items: 1,
+            bytes,
+            in_order: true,
+        }
+    }
+}
+
+/// The chance that a packet passes a rule undamaged.
+fn chance(rule: &Rule, packet: Shape) -> f64 {
+    let (value, n) = (rule.fault.value, packet.items as f64);
+    match rule.fault.kind {
+        FaultKind::Stuck | FaultKind::Down | FaultKind::BusOff if value > 0.0 => 0.0,
+        FaultKind::Drop | FaultKind::Overrun | FaultKind::Truncate => (1.0 - value).powf(n),
+        FaultKind::BitFlips => (1.0 - value).powf(8.0 * packet.bytes as f64 * n),
+        FaultKind::Duplicate | FaultKind::Reorder if packet.in_order => (1.0 - value).powf(n - 1.0),
+        // n items in a random order: 1 / n! are in order.
+        FaultKind::Jitter if packet.in_order && value > MAX_SPACING.as_secs_f64() => {
+            1.0 / libm::tgamma(n + 1.0)
+        }
+        // The others within the time, before or after the first.
+        FaultKind::Jitter if !packet.in_order => (2.0 * MAX_SPREAD.as_secs_f64() / value)
+            .min(1.0)
+            .powf(n - 1.0),
+        _ => 1.0,
+    }
+}
+
+/// How many packets, and when the last came, by direction (out: true) and kind.
+type Lost = BTreeMap<(bool, &'static str), (u64, Instant)>;
+
+/// Packets of both directions that have no chance to pass.
+#[derive(Debug, Default)]
+pub(super) struct Stopped {
+    lost: Lost,
+    lost_if_long: Lost,
+    late: [(Duration, u64); 2],
+}
+
+impl Stopped {
+    /// Adds what one direction has seen.
+    pub fn add(&mut self, direction: Direction, seen: Outlook) {
+        let out = direction == Direction::Out;
+        for (lost, seen) in [
+            (&mut self.lost, seen.lost),
+            (&mut self.lost_if_long, seen.lost_if_long),
+        ] {
+            if let Some((kind, count)) = seen {
+                let key = (out, name(kind));
+                let before = lost.get(&key).map_or(0, |(count, _)| *count);
+                lost.insert(key, (before + count, Instant::now()));
+            }
+        }
+        if seen.late.1 > 0 {
+            let late = &mut self.late[usize::from(out)];
+            *late = (seen.late.0, late.1 + seen.late.1);
+        }
+    }
+
+    /// The fault by which nothing passes any more, such as `stuck, out`, and how many packets met it; none if there was none after `since`.
+    pub fn since(&self, since: Instant, needs: &Needs) -> Option<(String, u64)> {
+        let way = |out: bool| if out { "out" } else { "in" };
+        let frames = self.lost_if_long.iter();
+        let frames = frames.filter(|((out, _), _)| *out && needs.long_packets);
+        let mut lost = self
+            .lost
+            .iter()
+            .chain(frames)
+            .filter(|(_, (_, at))| *at > since);
+        if let Some(((out, name), (count, _))) = lost.next() {
+            return Some((format!("{name}, {}", way(*out)), *count));
+        }
+        let [(late_in, _), (late_out, _)] = self.late;
+        if late_in + late_out < needs.patience {
+            return None;
+        }
+        let out = late_out > late_in;
+        let fault = format!("{}, {}", name(FaultKind::Delay), way(out));
+        Some((fault, self.late[usize::from(out)].1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use skyloop_protocols::Fault;
+
+    fn rule(kind: FaultKind, value: f64, until: Option<Duration>) -> Rule {
+        let fault = Fault {
+            kind,
+            direction: Direction::Out,
+            value,
+            seconds: 0.0,
+        };
+        Rule::new(fault, 1, 0, Duration::ZERO, until)
+    }
+
+    /// X-Val, by hand: 1400 bytes are 11,200 bits, exp(-11.2) = 1.4e-5 and exp(-5.6) = 3.7e-3; 23 CAN frames of 64 bytes have 11,776 bits;
+    /// 0.7^23 = 2.7e-4, 0.8^23 = 5.9e-3, 0.7^22 = 3.9e-4; 1 / 7! = 2e-4, 1 / 6! = 1.4e-3.
+    #[test]
+    fn a_fault_without_an_end_that_lets_less_than_one_packet_in_1000_pass_stops_the_line() {
+        use FaultKind::*;
+        let end = Some(Duration::from_secs(9));
+        for (kind, value, until, bytes, items, long_packets, stops) in [
+            (Stuck, 1.0, None, 18, 1, false, true),
+            (Stuck, 0.0, None, 18, 1, false, false),
+            (Stuck, 1.0, end, 18, 1, false, false),
+            (Down, 1.0, None, 18, 1, false, true),
+            (BusOff, 1.0, None, 18, 1, false, true),
+            (Drop, 1.0, None, 18, 1, false, true),
+            (Drop, 0.998, None, 18, 1, false, false),
+            (Drop, 0.9995, None, 18, 1, false, true),
+            (Drop, 0.3, None, 64, 23, false, true),
+            (Drop, 0.2, None, 64, 23, false, false),
+            (Overrun, 1.0, None, 18, 1, false, true),
+            (Truncate, 1.0, None, 18, 1, false, true),
+            (BitFlips, 1e-3, None, 1400, 1, false, true),
+            (BitFlips, 1e-3, end, 1400, 1, false, false),
+            (BitFlips, 5e-4, None, 1400, 1, false, false),
+            (BitFlips, 1e-3, None, 126, 1, true, true),
+            (BitFlips, 5e-4, None, 126, 1, true, false),
+            (BitFlips, 1e-3, None, 126, 1, false, false),
+            (BitFlips, 1e-3, None, 64, 23, false, true),
+            (Duplicate, 1.0, None, 1400, 1, false, false),
+            (Duplicate, 0.3, None, 64, 23, false, true),
+            (Reorder, 1.0, None, 1400, 1, false, false),
+            (Reorder, 1.0, None, 64, 2, false, true),
+            (Jitter, 60.0, None, 1400, 1, false, false),
+            (Jitter, 0.02, None, 64, 7, false, true),
+            (Jitter, 0.02, None, 64, 6, false, false),
+            // 15 frames of an attitude, in any order within 1 s.
+            (Jitter, 60.0, None, 8, 15, false, true),
+            (Jitter, 2.0, None, 8, 15, false, false),
+            (Reorder, 1.0, None, 8, 15, false, false),
+            (BitFlips, 1e-2, None, 8, 15, false, true),
+            (BitFlips, 1e-3, None, 8, 15, false, false),
+        ] {
+            let mut outlook = Outlook::default();
+            let begin = Instant::now();
+            let rules = [rule(kind, value, until)];
+            let shape = Shape {
+                items,
+                bytes,
+                in_order: items != 15,
+            };
+            let long = Shape::one(1400);
+            outlook.see(&rules, shape, long, Duration::ZERO);
+            let mut stopped = Stopped::default();
+            stopped.add(Direction::Out, outlook);
+            let patience = Duration::from_secs(30);
+            let needs = Needs {
+                patience,
+                long_packets,
+            };
+            let expected = stops.then(|| (format!("{}, out", name(kind)), 1));
+            let case = format!("{kind:?} {value} {until:?} {bytes} x {items} {long_packets}");
+            assert_eq!(stopped.since(begin, &needs), expected, "{case}");
+            assert_eq!(stopped.since(Instant::now(), &needs), None, "{case}");
+        }
+    }
+
+    #[test]
+    fn delays_of_both_ways_add_up() {
+        for (delays, fault) in [
+            ([0.0, 29.9], None),
+            ([0.0, 30.0], Some("delay, out")),
+            ([16.0, 14.0], Some("delay, in")),
+            ([16.0, 13.0], None),
+        ] {
+            let mut stopped = Stopped::default();
+            for (direction, delay) in [(Direction::In, delays[0]), (Direction::Out, delays[1])] {
+                let mut outlook = Outlook::default();
+                let rules = [rule(FaultKind::Delay, delay, None)];
+                let shape = Shape::one(18);
+                outlook.see(&rules, shape, shape, Duration::ZERO);
+                stopped.add(direction, outlook);
+            }
+            let needs = Needs {
+                patience: Duration::from_secs(30),
+                long_packets: false,
+            };
+            let found = stopped.since(Instant::now(), &needs);
+            assert_eq!(found.as_ref().map(|(fault, _)| fault.as_str()), fault);
+        }
+    }
+}
