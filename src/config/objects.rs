@@ -1,4 +1,4 @@
-//! `[objects]` of a scene and the population file that it may name: who is in orbit, and what is known of whose looks.
+//! `[objects]` of a scene and the population file that it may name: the objects in orbit, their shapes and attitudes.
 
 use super::shapes::{RawAttitude, RawShape, RawSphere};
 use crate::load::orbits::{Findings, Pool, Shelf, named};
@@ -20,9 +20,9 @@ pub struct Objects {
     pub objects: Vec<Object>,
     /// What is known of some of them.
     pub looks: Looks,
-    /// What there is to say of their files.
+    /// Refusals and notices of their files.
     pub findings: Findings,
-    /// What stands for all others.
+    /// The sphere of all others.
     pub sphere: Sphere,
 }
 
@@ -222,8 +222,8 @@ impl RawPopulation {
     /// Objects that an entry selects are left out of files that others bring whole.
     fn entries(self, check: &Check, folder: &Folder) -> Result<Entries, ConfigError> {
         let Some(listed) = self.objects else {
-            let reason = "is missing: a population is a list of [[objects]], each with its files and what they look like; README.md tells \
-                          the form under Populations";
+            let reason = "is missing: a population is a list of [[objects]], each with its files and what they look like; README.md, Populations, has \
+                          the form";
             return Err(check.explain("objects", reason));
         };
         let mut shapes = BTreeMap::new();

@@ -12,12 +12,12 @@ use skyloop_orbit::{
 /// Objects that a line names at most.
 const NAMED: usize = 3;
 
-/// What there is to say of orbit files beside the objects in them.
+/// Refusals and notices of orbit files.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Findings {
     /// Records that were refused, one line each.
     pub rejected: Vec<String>,
-    /// What was passed over or assumed, one line each.
+    /// Files that were passed over, and assumptions, one line each.
     pub notices: Vec<String>,
 }
 

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::num::NonZeroU32;
 
-/// Values that stand for none, without blanks and marks. `UNKNOWN` is that of the standard (CCSDS 502.0-B-3, OBJECT_ID and
+/// Placeholders, without blanks and marks. `UNKNOWN` is that of the standard (CCSDS 502.0-B-3, OBJECT_ID and
 /// OBJECT_NAME); `TBA - TO BE ASSIGNED` is a name of Space-Track's.
 const PLACEHOLDERS: [&str; 22] = [
     "UNKNOWN",
@@ -33,10 +33,10 @@ const PLACEHOLDERS: [&str; 22] = [
     "TBATOBEASSIGNED",
 ];
 
-/// Words that say nothing beside one of [`PLACEHOLDERS`], as in `UNKNOWN OBJECT 2`.
+/// Words without meaning next to one of [`PLACEHOLDERS`], as in `UNKNOWN OBJECT 2`.
 const FILLERS: [&str; 4] = ["OBJECT", "OBJ", "SAT", "SATELLITE"];
 
-/// Whether a text stands for no value: a word such as `UNKNOWN`, no letter or digit at all, or a number such as 0 or 99999.
+/// Whether a text is a placeholder: a word such as `UNKNOWN`, no letter or digit at all, or a number such as 0 or 99999.
 pub fn is_placeholder(text: &str) -> bool {
     if let Some(number) = catalogue_number(text) {
         return assigned(number).is_none();
@@ -54,7 +54,7 @@ pub fn is_placeholder(text: &str) -> bool {
     letters.is_empty() || is_one_word || PLACEHOLDERS.contains(&letters.as_str())
 }
 
-/// The catalogue number, unless it stands for none: 0, or five or more nines.
+/// The catalogue number, unless it is a placeholder: 0, or five or more nines.
 pub(crate) fn assigned(number: u32) -> Option<NonZeroU32> {
     let nines = [99_999, 999_999, 9_999_999, 99_999_999, 999_999_999];
     NonZeroU32::new(number).filter(|_| !nines.contains(&number))
@@ -70,7 +70,7 @@ pub fn catalogue_number(text: &str) -> Option<u32> {
     alpha_5(&digits.to_ascii_uppercase())
 }
 
-/// What tells an object from all others. Where two objects both have a number, or else both a designator, that decides.
+/// What identifies an object: its number, or else its designator, or else a word.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     number: Option<NonZeroU32>,
@@ -79,7 +79,7 @@ pub struct Identity {
     word: Word,
 }
 
-/// What tells an object that has neither number nor designator from others of that kind.
+/// What identifies an object that has neither number nor designator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Word {
     /// The id: an OEM's OBJECT_ID may be any text.
@@ -98,7 +98,7 @@ impl Identity {
         Identity {
             number,
             designator: Designator::parse(designator),
-            // Catalogues are long: what a number tells apart needs no name.
+            // Catalogues are long: an object with a number needs no name.
             word: if number.is_some() {
                 Word::Name
             } else {
@@ -148,7 +148,7 @@ impl Word {
     }
 }
 
-/// What an object is called by that has no number: `UNKNOWN`, or `NORAD 0` with its name behind it.
+/// The id of an object without a number: `UNKNOWN`, or `NORAD 0` with its name behind it.
 pub(crate) fn unnumbered_id(placeholder: &str, name: &str) -> String {
     if is_placeholder(name) {
         placeholder.to_owned()
@@ -166,7 +166,7 @@ impl Object {
         }
     }
 
-    /// What tells it from others where it has neither number nor designator.
+    /// What identifies it where it has neither number nor designator.
     fn word(&self) -> String {
         let name = self.names.first().map_or("", String::as_str);
         match (self.identity.word, &self.orbit) {

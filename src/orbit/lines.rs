@@ -35,7 +35,7 @@ pub(crate) fn start(text: &str) -> usize {
     })
 }
 
-/// Finds the lines of offsets that are asked for in rising order, each part of the text looked at once.
+/// Finds the lines of offsets in rising order; each part of the text is read once.
 pub(crate) struct LineFinder<'a> {
     text: &'a [u8],
     at: usize,
@@ -51,7 +51,7 @@ impl<'a> LineFinder<'a> {
         }
     }
 
-    /// The line of the octet at `offset`, counted from 1; an offset before one asked for earlier has that one's line.
+    /// The line of the byte at `offset`, counted from 1. An offset before an earlier call's has the line of that call.
     pub fn line(&mut self, offset: usize) -> usize {
         let passed = self.text.get(self.at..offset).unwrap_or_default();
         for (i, byte) in (self.at..).zip(passed) {

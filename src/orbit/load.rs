@@ -8,7 +8,7 @@ use crate::{
     unite, unread,
 };
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -252,23 +252,30 @@ fn format(text: &str, source: &str) -> Result<Format, LoadError> {
     if let Some(format) = format {
         return Ok(format);
     }
-    let Some(found) = unread::found(text) else {
+    let parts = parts(text);
+    if named.is_none()
+        && let Some(format) = parts.iter().skip(1).find_map(|part| Format::of(part.text))
+    {
+        return Ok(format);
+    }
+    let mut found: Vec<String> = named.into_iter().collect();
+    if found.is_empty() {
+        found.extend(parts.iter().filter_map(|part| unread::found(part.text)));
+        found.extend(unread::messages(text).into_keys());
+    }
+    let mut known = BTreeSet::new();
+    found.retain(|kind| known.insert(kind.clone()));
+    if found.is_empty() {
         return Err(LoadError::NoOrbit {
             source_name: source_name(),
             begins: server::quoted(text).chars().take(40).collect(),
         });
-    };
-    let mut parts = parts(text).into_iter().skip(1);
-    let of_part = || parts.find_map(|part| Format::of(part.text));
-    named
-        .is_none()
-        .then(of_part)
-        .flatten()
-        .ok_or_else(|| LoadError::Unread {
-            source_name: source_name(),
-            found,
-            has_orbits: unread::has_orbits(text),
-        })
+    }
+    Err(LoadError::Unread {
+        source_name: source_name(),
+        found: found.join("; "),
+        has_orbits: parts.iter().any(|part| unread::has_orbits(part.text)),
+    })
 }
 
 impl Contents {
@@ -406,7 +413,7 @@ impl From<Record> for Object {
 
 impl Object {
     /// Adds the element sets and names of `other`, the same object from another record or file, where they differ. Of sets of one epoch the
-    /// first is asked, so that one with a state then goes before one without. An ephemeris is left as it is.
+    /// first counts, so that one with a state then goes before one without. An ephemeris is not changed.
     pub fn join(&mut self, other: Object) {
         let (Orbit::Elements(own, others), Orbit::Elements(set, further)) =
             (&mut self.orbit, other.orbit)

@@ -257,6 +257,11 @@ impl Data {
     /// `epoch x y z vx vy vz [ax ay az]`, km and km/s.
     fn line(&mut self, number: usize, line: &str) -> At<()> {
         let bad = |what: &str| (number, format!("{what} in '{}'", shorten(line)));
+        if is_header(line) {
+            return Err(bad(
+                "a keyword behind the states; another message starts with its CCSDS_..._VERS: add that, or split the file here",
+            ));
+        }
         let mut words = line.split_whitespace();
         let epoch = words.next().unwrap_or_default();
         let numbers: Vec<f64> = words

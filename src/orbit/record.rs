@@ -1,17 +1,17 @@
-//! One element set as its file gives it, with what a scene has no use for and another format needs.
+//! One element set as its file gives it, with the values that other formats need and a scene does not.
 
 use crate::elements::Elements;
 use crate::identity::{assigned, is_placeholder, unnumbered_id};
 use crate::{Designator, Rejected, Theory};
 
-/// An element set and what its source says beside it.
+/// An element set and its metadata.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     /// Line of the source that it starts in, counted from 1.
     pub line: usize,
     /// Name of the object; empty: none.
     pub name: String,
-    /// International designator in the long form, `1998-067A`, where it can be told; empty: none.
+    /// International designator in the long form, `1998-067A`, where the source has one; empty: none.
     pub designator: String,
     /// Classification, mostly `U`.
     pub classification: char,
@@ -32,7 +32,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// What the object is called by: `NORAD 44322`. A number such as 0 stands for any object that has none yet, so the name is added.
+    /// The id of the object: `NORAD 44322`. Behind a placeholder such as 0 the name is added.
     pub fn object_id(&self) -> String {
         let id = format!("NORAD {}", self.elements.norad);
         if assigned(self.elements.norad).is_some() {
@@ -65,7 +65,7 @@ impl<'a> Found<'a> {
         }
     }
 
-    /// The next record of the file. What is wrong is told with its number, since a file may have one line for all.
+    /// Adds the next record of the file. Errors get its number, since a file may have one line for all.
     pub fn take(&mut self, record: At<Record>) {
         self.taken += 1;
         match record {

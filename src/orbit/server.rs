@@ -102,7 +102,8 @@ fn object(value: &Value) -> String {
         return String::new();
     }
     let reasons = reasons(pairs).join(": ");
-    let is_state = |key: &String| STATES.iter().any(|known| key.eq_ignore_ascii_case(known));
+    let known = STATES.iter().chain(&KEYS[..2]);
+    let is_state = |key: &String| known.clone().any(|known| key.eq_ignore_ascii_case(known));
     if reasons.is_empty() && pairs.keys().any(is_state) {
         return first.to_string();
     }
@@ -199,6 +200,7 @@ mod tests {
                 r#"{"Success":false,"data":[]}"#,
             ),
             (r#"{"code":404}"#, r#"{"code":404}"#),
+            (r#"{"error":1}"#, r#"{"error":1}"#),
             (
                 "HTTP/1.1 404 Not Found\r\nContent-Type: text/html\r\n\r\n<html></html>",
                 "HTTP/1.1 404 Not Found",
@@ -241,7 +243,6 @@ mod tests {
             "[]",
             "{}",
             "[1]",
-            r#"{"error":1}"#,
             r#"{"EPOCH":"now","error":"of what"}"#,
             "<oem><error>1 m</error></oem>",
             r#"{"line1":"1 ","line2":"2 ","status":"ok"}"#,

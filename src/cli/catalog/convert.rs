@@ -61,21 +61,21 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     }
     let written = format.and_then(|format| Some((format, write(&records, format, now())?)));
     let (format, written) = written.ok_or_else(|| anyhow!("--to {}: no such format", args.to))?;
-    let kept = records.len() - written.left_out.len();
+    let count = records.len() - written.left_out.len();
     lost.extend(written.left_out);
     lost.extend(written.changed);
     args.records.settle_lines(&lost)?;
     if let Some(line) = passed_over(&foreign) {
         tracing::warn!("{line}");
     }
-    if kept == 0 {
+    if count == 0 {
         bail!("no element set to write as {}: see above", args.to);
     }
     if written.rounded > 0 {
         let sets = counted(written.rounded, "element set");
         tracing::warn!("{sets} rounded to the digits that {} has", args.to);
     }
-    let sets = counted(kept, "element set");
+    let sets = counted(count, "element set");
     let remedy = "convert the files one by one into a folder, or --to omm-csv";
     super::fits(&sets, format, written.text.len() as f64, remedy)?;
     match &args.out {

@@ -30,13 +30,13 @@ enum Command {
     Synth(synth::Args),
 }
 
-/// Refuses `octets` of a file that would be too long to be read again, and says what to do instead.
-fn fits(what: &str, format: Format, octets: f64, remedy: &str) -> anyhow::Result<()> {
+/// Refuses `bytes` of a file that would be too long to be read again, and says what to do instead.
+fn fits(what: &str, format: Format, bytes: f64, remedy: &str) -> anyhow::Result<()> {
     const GIB: f64 = (1 << 30) as f64;
-    if octets > LARGEST_FILE as f64 {
+    if bytes > LARGEST_FILE as f64 {
         bail!(
             "{what} would take {:.1} GiB as {format}, and files of at most {:.0} GiB are read: {remedy}",
-            octets / GIB,
+            bytes / GIB,
             LARGEST_FILE as f64 / GIB
         );
     }
@@ -61,7 +61,7 @@ mod tests {
     fn what_could_not_be_read_again_is_not_written() {
         // X-Val: README: files of up to 2 GiB are read.
         let most = 2.0 * 1024.0 * 1024.0 * 1024.0;
-        let fits = |octets| super::fits("9 objects", Format::OmmXml, octets, "write .csv");
+        let fits = |bytes| super::fits("9 objects", Format::OmmXml, bytes, "write .csv");
         assert!(fits(most).is_ok());
         let error = fits(1.3 * most).unwrap_err().to_string();
         for word in [

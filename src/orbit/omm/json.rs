@@ -64,7 +64,7 @@ pub(crate) fn read(text: &str, found: &mut Found) {
     }
 }
 
-/// Rejects what stands between objects and does not belong there, such as an object without its opening brace.
+/// Rejects text between objects, such as an object without its opening brace.
 fn between(gap: &str, at: usize, finder: &mut LineFinder, found: &mut Found) {
     let foreign = |c: char| !c.is_whitespace() && !matches!(c, ',' | '[' | ']');
     if let Some(offset) = gap.find(foreign) {

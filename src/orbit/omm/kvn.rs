@@ -94,7 +94,7 @@ fn finish(message: Option<Message>, found: &mut Found) {
     }
 }
 
-/// A value and its unit, which stands in brackets behind it: `15.5 [rev/day]`.
+/// A value and its unit in brackets behind it: `15.5 [rev/day]`.
 fn split(value: &str) -> (&str, Option<&str>) {
     let inside = value.strip_suffix(']').and_then(|v| v.split_once('['));
     match inside {

@@ -172,7 +172,7 @@ impl<'a> Fields<'a> {
         self.values.get(index).is_some_and(Option::is_some)
     }
 
-    /// The record of a message that begins at `start`. What is wrong is told with the place of the value, or `start`.
+    /// The record of a message that begins at `start`. Errors have the place of the value, or `start`.
     pub fn record(&self, start: usize, metadata: Metadata) -> At<Record> {
         self.read(start, metadata).map_err(|(place, reason)| {
             let value = |key| self.find(key).map(|(text, _)| shorten(text));

@@ -73,6 +73,12 @@ fn messages_of_several_kinds_in_one_file_are_all_read_or_named() {
             vec![(17, "an OEM without a segment")],
         ),
         (
+            vec![&e, OMM.split_once('\n').unwrap().1],
+            0,
+            0,
+            vec![(13, "add that, or split the file here in 'OBJECT_NAME = M'")],
+        ),
+        (
             vec![&e.replace("7600 0", "7600 x"), OMM],
             1,
             0,
@@ -140,6 +146,14 @@ fn files_that_hold_no_orbit_that_is_read_are_named_with_the_remedy() {
             ["an answer of JPL Horizons", "TIME_SYSTEM = TDB"],
         ),
         (&rinex, ["a RINEX file", "TIME_SYSTEM = GPS"]),
+        (
+            "CCSDS_AEM_VERS = 1.0\nX = 1\nCCSDS_OPM_VERS = 2.0\n",
+            ["a CCSDS AEM", "; a CCSDS OPM"],
+        ),
+        (
+            "<ndm><opm></opm><tdm></tdm></ndm>",
+            ["a CCSDS OPM", "; a CCSDS TDM"],
+        ),
         (
             r#"{"status":"error"}"#,
             ["the answer of a server", "fetch the file again"],
