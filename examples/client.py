@@ -102,10 +102,15 @@ def run():
     frames, expected, buffer, pause = {}, {}, bytearray(1400), 0.05
     whole = attitudes = newest = sent = granted = 0  # `sent`: frame packets that have left the emulator
     accepted = None  # attitudes that it had accepted before
-    heard = asked = begin = time.monotonic()
+    heard = asked = begin = said = time.monotonic()
+    lost = 0  # packets that the emulator has sent and that have not come
     send(COMMAND, struct.pack(">B", PING))
     while whole < options.frames:
         now = time.monotonic()
+        if lost and now - said > 1:
+            print(f"{lost} packets are lost on the way, and asked for again: enlarge the receive buffer "
+                  f"({link.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)} bytes; sysctl net.core.rmem_max)", flush=True)
+            lost, said = 0, now
         if accepted is not None and sent + ROOM > granted + ROOM // 4:
             granted = sent + ROOM
             send(COMMAND, struct.pack(">BI", CREDIT, granted & 0xFFFFFFFF))
@@ -128,7 +133,8 @@ def run():
         elif apid == NACK:
             print("refused:", bytes(body[5:]).decode(), flush=True)
         elif apid == STATUS:
-            sent, total = struct.unpack_from(">I", body, 41)[0], struct.unpack_from(">I", body, 107)[0]
+            before, sent, total = sent, *struct.unpack_from(">I", body, 41), *struct.unpack_from(">I", body, 107)
+            lost += (sent - before) & 0xFFFFFFFF if accepted is not None else 0
             accepted = total if accepted is None else accepted
             for frame in frames.values():  # what was sent and has not come is lost
                 frame.ask_again()
@@ -139,7 +145,7 @@ def run():
         pause = 0.05
         ahead = (count - expected.get(apid, count)) & 0x3FFF
         if ahead < 8192:  # else it is an earlier packet, sent again
-            sent, expected[apid] = sent + ahead + 1, count + 1
+            sent, lost, expected[apid] = sent + ahead + 1, lost + ahead, count + 1
         if apid == HEADER and number >= newest:
             frames[number], newest = Frame(body), number + 1
             for old in [old for old in frames if old < number - 1]:  # the emulator keeps the last two frames

@@ -9,7 +9,7 @@ use crate::config::Clock as Kind;
 use crate::link::FAULT_REFUSED;
 use crate::scene::turn_at;
 use skyloop_firmware_sim::time::to_epoch;
-use skyloop_protocols::{Command, Header, Output, Reason, WireTime};
+use skyloop_protocols::{Command, Header, Output, Reason, WireTime, Withheld};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 use std::time::Instant;
@@ -179,6 +179,13 @@ impl Server {
                             "Resend.frame = {frame}: only the packets of the last two frames are kept"
                         ),
                     });
+                }
+                // One that paces shows by its Credit what it has received.
+                if self.channels[at].exchange.window.is_none() {
+                    let detail = format!(
+                        "{count} packets of frame {frame} are requested again, and the client sends no Credit"
+                    );
+                    self.report(at, Withheld::Lost, &detail);
                 }
             }
             Command::Trigger { number, start } => {

@@ -54,7 +54,7 @@ fn remedy(why: Withheld) -> &'static str {
             "let the client send the Challenge (APID 0x20B) back as it came, or add proof=off to the link where nobody can forge addresses"
         }
         Withheld::Lost => {
-            "enlarge the client's receive buffer (SO_RCVBUF), grant less at a time, or limit the link (rate_mbit)"
+            "enlarge the client's receive buffer (SO_RCVBUF), pace by Credit with a smaller window, or limit the link (rate_mbit)"
         }
         Withheld::TooLong => "ask for other labels (Output)",
         Withheld::Refused => "see the Nack's detail",

@@ -196,3 +196,51 @@ fn bursts_of_faults_are_counted_and_frames_go_on_after_them() {
         before = after;
     }
 }
+
+/// Whole frames in so many s.
+fn frames_in(client: &mut Client<impl Line>, seconds: f64) -> u32 {
+    let until = Instant::now() + Duration::from_secs_f64(seconds);
+    let mut frames = 0;
+    while Instant::now() < until {
+        whole_frame(client);
+        frames += 1;
+    }
+    frames
+}
+
+/// Strangers' packets are read at a bounded rate, and the system keeps them from the client's socket: the rate of frames hardly falls. Both rates are
+/// of one run.
+#[test]
+#[ignore = "timed: tests/run has it run with nothing beside it; cargo test -- --ignored timed"]
+fn timed_a_flood_of_strangers_costs_few_frames() {
+    const SECONDS: f64 = 1.5;
+    let (_emulator, line) = on_udp(quick(1e4), Clock::Wall, 60.0);
+    let stranger = line.another();
+    let mut client = Client::new(line);
+    client.point(attitude(1), EPOCH);
+    whole_frame(&mut client);
+    let quiet = frames_in(&mut client, SECONDS);
+    let over = AtomicBool::new(false);
+    let (sent, flooded) = std::thread::scope(|scope| {
+        let flood = scope.spawn(|| {
+            let began = Instant::now();
+            let mut sent = 0_u32;
+            while !over.load(Ordering::Relaxed) {
+                if f64::from(sent) > began.elapsed().as_secs_f64() * FLOOD_HZ {
+                    std::thread::yield_now();
+                    continue;
+                }
+                let _ = stranger.0.send(&[0; 126]);
+                sent += 1;
+            }
+            f64::from(sent) / began.elapsed().as_secs_f64()
+        });
+        let flooded = frames_in(&mut client, SECONDS);
+        over.store(true, Ordering::Relaxed);
+        (flood.join().unwrap(), flooded)
+    });
+    println!("{quiet} frames in {SECONDS} s, {flooded} in a flood of {sent:.0} packets/s");
+    assert!(sent > 20_000.0, "no flood: {sent:.0} packets/s");
+    // The flood takes a core of its own to send; where there are two, rendering keeps the other.
+    assert!(2 * flooded > quiet, "{quiet} frames fall to {flooded}");
+}

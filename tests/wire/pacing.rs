@@ -149,6 +149,24 @@ fn status_tells_why_a_frame_does_not_come() {
     tells(&mut client, Withheld::Lost);
 }
 
+/// A client that sends no Credit shows what it lacks by asking for it again, and by nothing else.
+#[test]
+fn status_tells_of_packets_that_a_client_without_credit_asks_for_again() {
+    let (_emulator, line) = on_memory(scene(), Clock::Stepped);
+    let mut client = Client::new(line);
+    client.window = None;
+    client.point(attitude(1), EPOCH);
+    let frame = client.frame().header.frame;
+    assert_eq!(client.status().withheld, Withheld::None);
+    let (first, count) = (3, 2);
+    client.send(Command::Resend {
+        frame,
+        first,
+        count,
+    });
+    assert_eq!(client.status().withheld, Withheld::Lost);
+}
+
 /// Sends attitudes and reads nothing until the emulator is through with all of them.
 fn without_reading(emulator: &Running, client: &mut Client<impl Line>, frames: u32) {
     client.window = None;

@@ -87,17 +87,20 @@ fn chance(rule: &Rule, packet: Shape) -> f64 {
     let (value, n) = (rule.fault.value, packet.items as f64);
     match rule.fault.kind {
         FaultKind::Stuck | FaultKind::Down | FaultKind::BusOff if value > 0.0 => 0.0,
-        FaultKind::Drop | FaultKind::Overrun | FaultKind::Truncate => (1.0 - value).powf(n),
-        FaultKind::BitFlips => (1.0 - value).powf(8.0 * packet.bytes as f64 * n),
-        FaultKind::Duplicate | FaultKind::Reorder if packet.in_order => (1.0 - value).powf(n - 1.0),
+        FaultKind::Drop | FaultKind::Overrun | FaultKind::Truncate => libm::pow(1.0 - value, n),
+        FaultKind::BitFlips => libm::pow(1.0 - value, 8.0 * packet.bytes as f64 * n),
+        FaultKind::Duplicate | FaultKind::Reorder if packet.in_order => {
+            libm::pow(1.0 - value, n - 1.0)
+        }
         // n items in a random order: 1 / n! are in order.
         FaultKind::Jitter if packet.in_order && value > MAX_SPACING.as_secs_f64() => {
             1.0 / libm::tgamma(n + 1.0)
         }
         // The others within the time, before or after the first.
-        FaultKind::Jitter if !packet.in_order => (2.0 * MAX_SPREAD.as_secs_f64() / value)
-            .min(1.0)
-            .powf(n - 1.0),
+        FaultKind::Jitter if !packet.in_order => {
+            let chance = (2.0 * MAX_SPREAD.as_secs_f64() / value).min(1.0);
+            libm::pow(chance, n - 1.0)
+        }
         _ => 1.0,
     }
 }

@@ -98,7 +98,8 @@ impl Full {
         let place = |i: usize| i as f64 * side as f64 - (before * side) as f64;
         let lit = (0..(across + 1) * (down + 1)).into_par_iter().map(|i| {
             let at = [i % (across + 1), i / (across + 1)].map(place);
-            sky.e(at) >= enough_e
+            // What a cancelled frame finds is not used.
+            !view.limit.is_cancelled() && sky.e(at) >= enough_e
         });
         let lit: Vec<bool> = lit.collect();
         // How many corners are not lit before a column and above a row.
