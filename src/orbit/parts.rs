@@ -1,6 +1,7 @@
 //! A text in parts that each hold messages of one kind: files are often made by joining others.
 
 use crate::{lines, tle};
+use memchr::memmem;
 
 /// A stretch of a text.
 pub(crate) struct Part<'a> {
@@ -24,8 +25,12 @@ enum Kind<'a> {
 pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
     let mut cuts = vec![(0, 0)];
     let mut kind = Kind::Start;
-    let (mut before, mut is_empty) = ("", true);
-    let mut lines = lines::numbered(text).peekable();
+    // Catalogues are long: most have no message.
+    let has_message = memmem::find(text.as_bytes(), b"CCSDS_").is_some();
+    // The last line that is no remark, with its number.
+    let mut before: Option<(usize, &str)> = None;
+    let lines = lines::numbered(if has_message { text } else { "" });
+    let mut lines = lines.peekable();
     while let Some((number, whole)) = lines.next() {
         let line = whole.trim_start();
         if lines::is_remark(line) {
@@ -37,15 +42,15 @@ pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
             (is_set && matches!(kind, Kind::Message(_))).then_some(Kind::Lines)
         });
         if let Some(new) = starts.filter(|new| *new != kind) {
-            let name = Some(before).filter(|name| new == Kind::Lines && is_name(name));
             let offset = |line: &str| line.as_ptr().addr() - text.as_ptr().addr();
-            if !is_empty {
-                let name_line = name.map_or(number, |_| number - 1);
-                cuts.push((offset(name.unwrap_or(whole)), name_line - 1));
+            if let Some(before) = before {
+                let is_named = new == Kind::Lines && is_name(before.1);
+                let (first, line) = if is_named { before } else { (number, whole) };
+                cuts.push((offset(line), first - 1));
             }
             kind = new;
         }
-        (before, is_empty) = (whole, false);
+        before = Some((number, whole));
     }
     let ends = cuts
         .iter()
@@ -95,6 +100,7 @@ mod tests {
             (vec![SET, oem, SET], vec![0, 2, 5]),
             (vec![SET, "A NAME\n", SET], vec![0]),
             (vec![oem, "A NAME\n", SET, omm], vec![0, 3, 6]),
+            (vec![oem, "A NAME\n\n", SET], vec![0, 3]),
             (vec![omm, SET, SET], vec![0, 2]),
             (vec![""], vec![0]),
         ] {

@@ -189,10 +189,13 @@ mod tests {
         all.iter().flat_map(first).collect()
     }
 
+    /// Ids, or their beginnings, and names of objects.
+    type Wanted = &'static [(&'static str, &'static str)];
+
     #[test]
     fn records_are_joined_alike_in_every_order_and_split_into_files() {
         // Records, and the objects that they are of: id, or its beginning, and names.
-        let cases: [(&[&str], &[(&str, &str)]); 16] = [
+        let cases: [(&[&str], Wanted); 16] = [
             // The number of a record that has both links the other two.
             (
                 &["25544+", "0+1998-067A", "25544+98067A"],
