@@ -65,9 +65,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let Some(Observer::Object(observer)) = observer else {
         bail!("{name}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\"");
     };
-    if !args.force.force {
-        may_replace_light_curve(&args.out)?;
-    }
+    may_replace_light_curve(&args.out, args.force.force)?;
     let population = config.take_population();
     let index = find(population.objects(), &args.object, &name)?;
     let object = &population.objects()[index];

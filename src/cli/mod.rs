@@ -191,12 +191,17 @@ struct Records {
     strict: bool,
 }
 
-/// What is done about files in an output folder that skyloop did not make.
+/// What is done about files in the place of an output that skyloop did not make.
 #[derive(clap::Args)]
 struct Force {
-    /// Replace files in the output folder that have the names of this command's, whoever made them
+    /// Replace files in the place of outputs even if skyloop did not make them
     #[arg(long)]
     force: bool,
+}
+
+/// Whether an output that is one text names standard output.
+fn is_stdout(path: &Path) -> bool {
+    path == Path::new("-")
 }
 
 /// Records that are named at most.

@@ -39,6 +39,7 @@ mod load;
 mod meta;
 mod oem;
 mod omm;
+mod output_file;
 mod pick;
 mod read;
 mod record;
@@ -59,10 +60,11 @@ pub use format::Format;
 pub use identity::{Identity, Register, catalogue_number, is_placeholder};
 pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
 pub use meta::set_ut1_utc;
+pub use output_file::{Mark, NO_MARK, OutputFile, foreign, may_replace, write_file};
 pub use pick::file_and_name;
 pub use read::{
     Input, LARGEST_CONFIG, LARGEST_FILE, LARGEST_PIPE, LARGEST_TABLE, inputs, is_input,
-    is_same_file, not_input, read_bytes, write_file,
+    is_same_file, not_input, read_bytes,
 };
 pub use record::Record;
 pub use regime::Regime;

@@ -1,13 +1,14 @@
 //! `skyloop catalog synth`: a made-up population with the mix of the real one, for scale tests.
 
+use super::super::Force;
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::orbit::synth::{CLASSES, MOST_OBJECTS, Synthetic, population};
 use skyloop::orbit::time::{parse_utc, utc_text};
-use skyloop::orbit::{Format, Listing, Record, files, write};
-use skyloop::output::{remove_file, write_text};
+use skyloop::orbit::{Format, Listing, Mark, NO_MARK, Record, files, write};
+use skyloop::output::{may_replace, remove_file, write_text};
 use skyloop::sky::bodies::Bodies;
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::text::whole;
@@ -36,10 +37,14 @@ pub struct Args {
     /// [default: nothing is written, the classes are counted]
     #[arg(long, value_name = "FOLDER|FILE")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// The population file in a folder.
 const POPULATION: &str = "population.toml";
+/// How it is recognised.
+const MARK: Mark = &["# A made-up population:"];
 /// The greatest catalogue number that TLE can hold: `Z9999`.
 const LARGEST_ALPHA5: u32 = 339_999;
 /// Years of which all of a TLE's epochs are, a day before among them.
@@ -71,10 +76,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut text = counts(&all);
     match target {
         None => {}
-        Some(Target::Folder(out)) => text += &folder(out, &all, args.epoch)?,
+        Some(Target::Folder(out)) => {
+            text += &folder(out, &all, args.epoch, args.force.force)?;
+        }
         Some(Target::File(out, format)) => {
             let records: Vec<Record> = all.iter().map(Synthetic::record).collect();
-            elements(out, &records, format, args.epoch)?;
+            elements(out, &records, format, args.epoch, args.force.force)?;
             text += &format!("wrote {}\n", out.display());
         }
     }
@@ -135,8 +142,8 @@ fn class_file(to_m: f64, end: &str) -> String {
 /// The files of an older population in a folder.
 ///
 /// Errors: the folder cannot be listed, or holds anything else, which a scene that names the folder would take for a part of
-/// the population.
-fn older(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+/// the population; without `force`: skyloop did not make them.
+fn older(folder: &Path, force: bool) -> anyhow::Result<Vec<PathBuf>> {
     let mut own = vec![POPULATION.to_string()];
     own.extend(SIZES_M.iter().map(|to_m| class_file(*to_m, "3le")));
     own.extend(SIZES_M.iter().map(|to_m| class_file(*to_m, "csv")));
@@ -157,12 +164,14 @@ fn older(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
             foreign.display()
         );
     }
+    let others: Vec<&str> = own.iter().skip(1).map(String::as_str).collect();
+    may_replace(folder, (POPULATION, MARK), &others, force)?;
     Ok(files)
 }
 
 /// Writes a population file and one file of elements for each size class, in place of an older population.
-fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<String> {
-    for file in older(folder)? {
+fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch, force: bool) -> anyhow::Result<String> {
+    for file in older(folder, force)? {
         remove_file(&file)?;
     }
     let largest = all.iter().map(|one| one.elements.norad).max();
@@ -173,7 +182,8 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
         false => (Format::OmmCsv, "csv"),
     };
     let mut toml = format!(
-        "# A made-up population: {}, element sets of the day before {}.\n# A file a size class; its sphere shines as its objects do on average.\n",
+        "{} {}, element sets of the day before {}.\n# A file a size class; its sphere shines as its objects do on average.\n",
+        MARK[0],
         counted(all.len(), "object"),
         utc_text(epoch)
     );
@@ -187,7 +197,7 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
         }
         let name = class_file(to_m, end);
         let records: Vec<Record> = of.iter().map(|one| one.record()).collect();
-        elements(&folder.join(&name), &records, format, epoch)?;
+        elements(&folder.join(&name), &records, format, epoch, false)?;
         // Light goes with the square of the diameter.
         let squares: f64 = of.iter().map(|one| one.diameter_m * one.diameter_m).sum();
         let diameter_m = (squares / of.len() as f64).sqrt();
@@ -197,7 +207,7 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
         );
     }
     let file = folder.join(POPULATION);
-    write_text(&file, &toml)?;
+    write_text(&file, &toml, MARK, false)?;
     Ok(format!(
         "wrote {}\nin a scene: [objects] population = {:?}, exposures near {}\n",
         folder.display(),
@@ -207,7 +217,13 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
 }
 
 /// Writes one file of elements; none of them may be lost.
-fn elements(file: &Path, records: &[Record], format: Format, epoch: Epoch) -> anyhow::Result<()> {
+fn elements(
+    file: &Path,
+    records: &[Record],
+    format: Format,
+    epoch: Epoch,
+    force: bool,
+) -> anyhow::Result<()> {
     let written = write(records, format, epoch).unwrap_or_default();
     if let Some(first) = written.left_out.first() {
         bail!(
@@ -217,6 +233,6 @@ fn elements(file: &Path, records: &[Record], format: Format, epoch: Epoch) -> an
             counted(records.len(), "object")
         );
     }
-    write_text(file, &written.text)?;
+    write_text(file, &written.text, NO_MARK, force)?;
     Ok(())
 }

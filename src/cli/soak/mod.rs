@@ -3,7 +3,7 @@
 mod joining;
 
 use super::instruments::are_different;
-use super::{Orbits, PANICKED, Records, cameras, levels, live, mission, with_level};
+use super::{Force, Orbits, PANICKED, Records, cameras, levels, live, mission, with_level};
 use anyhow::{Context, Error, bail};
 use clap::Args as ClapArgs;
 use joining::{Arrival, Joining};
@@ -12,20 +12,21 @@ use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::host::Host;
 use skyloop::link::{self, Roles};
+use skyloop::orbit::Mark;
 use skyloop::serve::{Ended, Left, OnLeft, Server};
 use skyloop::soak::{Camera, Drift, Limits, Measured, Report, suite};
 use skyloop::stats::{row, table};
-use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
+use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::decimal;
-use skyloop_firmware_sim::verdict::{self, UNFINISHED, Verdict};
+use skyloop_firmware_sim::verdict::{self, JUNIT_MARK, UNFINISHED, VerdictFile, not_run};
 use skyloop_protocols::Counters;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -68,6 +69,8 @@ pub struct Args {
     #[arg(long, value_name = "ADDRESS")]
     metrics: Option<String>,
     #[command(flatten)]
+    force: Force,
+    #[command(flatten)]
     records: Records,
     #[command(flatten)]
     orbits: Orbits,
@@ -75,16 +78,27 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
+    are_different(&args.files())?;
+    let mut outputs = Outputs::open(&args)?;
+    let done = soak(&args, &mut outputs);
+    if let Err(error) = &done {
+        outputs.fail(&args, &in_one_line(error.as_ref()))?;
+    }
+    done
+}
+
+/// Runs emulator and clients, and writes the verdicts.
+fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let started = Instant::now();
     let mut config = Config::load(&args.config)?;
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
     let name = args.config.display();
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
-    may_run(&args, &config, rate_hz)?;
+    may_run(args, &config, rate_hz)?;
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    // Before minutes are spent on them; what ends without a verdict has not passed.
-    write_untold(&args)?;
+    // What ends without a verdict has not passed.
+    outputs.begin(args)?;
     let mission = mission(&config, Some(&args.config))?;
     let first = flight::vehicle(&mission, 0)?;
     let mission = endless(mission, rate_hz)?;
@@ -267,7 +281,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     );
     let reached_hz = f64::from(attitudes) / (60.0 * minutes);
     let rate = format!("{reached_hz:.1} a second, of {rate_hz} asked for");
-    tell(&report, &args, rate)?;
+    print(&report, rate)?;
+    outputs.finish(&report)?;
     verdict::broken(&report.verdicts).map_or(Ok(()), |broken| bail!(broken))
 }
 
@@ -299,14 +314,7 @@ fn may_run(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
             args.minutes
         );
     }
-    let written = [("--junit", &args.junit), ("--json", &args.json)];
-    let written = written
-        .into_iter()
-        .filter_map(|(name, file)| Some((name, file.as_deref()?)));
-    let files: Vec<_> = std::iter::once(("--config", args.config.as_path()))
-        .chain(written)
-        .collect();
-    are_different(&files)
+    Ok(())
 }
 
 /// The mission by the wall clock, without an end: of a list of attitudes the first, turned on by its rates.
@@ -347,22 +355,96 @@ fn short(minutes: f64) -> String {
     }
 }
 
-/// The files that were asked for, as they are of a run that has told no verdict.
-fn write_untold(args: &Args) -> anyhow::Result<()> {
-    if let Some(path) = &args.junit {
-        let unfinished = Verdict::new("run", false, UNFINISHED.to_string());
-        let text = suite(&args.config).document(&[unfinished]);
-        verdict::write(path, &text).map_err(Error::msg)?;
+impl Args {
+    /// The options that name files.
+    fn files(&self) -> Vec<(&'static str, &Path)> {
+        let outputs = [("--junit", &self.junit), ("--json", &self.json)];
+        let outputs = outputs
+            .into_iter()
+            .filter_map(|(name, file)| Some((name, file.as_deref()?)));
+        std::iter::once(("--config", self.config.as_path()))
+            .chain(outputs)
+            .collect()
     }
-    if let Some(path) = &args.json {
-        let unfinished = serde_json::json!({ "passed": false, "error": UNFINISHED });
-        verdict::write(path, &format!("{unfinished:#}\n")).map_err(Error::msg)?;
+
+    /// The limits that are checked, by the names of their verdicts.
+    fn checks(&self) -> Vec<&'static str> {
+        let checks = [
+            ("deadlines", true),
+            ("p99", self.max_p99_ms.is_some()),
+            ("memory", self.max_growth.is_some()),
+        ];
+        let set = checks.iter().filter(|(_, is_set)| *is_set);
+        set.map(|(name, _)| *name).collect()
     }
-    Ok(())
 }
 
-/// The table, with the rate of attitudes, and the files that were asked for.
-fn tell(report: &Report, args: &Args, rate: String) -> anyhow::Result<()> {
+/// The files with the verdicts.
+struct Outputs {
+    junit: Option<VerdictFile>,
+    json: Option<VerdictFile>,
+}
+
+/// How the JSON file of a soak is recognised.
+const JSON_MARK: Mark = &["{", "\"passed\": ", "\"verdicts\": ["];
+
+impl Outputs {
+    fn open(args: &Args) -> anyhow::Result<Outputs> {
+        let open = |path: &Option<PathBuf>, mark| {
+            let opened = VerdictFile::open(path.as_deref(), mark, args.force.force);
+            opened.map_err(Error::msg)
+        };
+        Ok(Outputs {
+            junit: open(&args.junit, JUNIT_MARK)?,
+            json: open(&args.json, JSON_MARK)?,
+        })
+    }
+
+    /// Makes them those of a run that has not come to its end.
+    fn begin(&mut self, args: &Args) -> anyhow::Result<()> {
+        let [junit, json] = failed(args, UNFINISHED);
+        self.each([junit, json], VerdictFile::begin)
+    }
+
+    /// Makes them those of a run that failed without verdicts.
+    fn fail(&mut self, args: &Args, error: &str) -> anyhow::Result<()> {
+        self.each(failed(args, error), VerdictFile::fail)
+    }
+
+    /// Writes the verdicts of a run.
+    fn finish(&mut self, report: &Report) -> anyhow::Result<()> {
+        let junit = report.suite().document(&report.verdicts);
+        let json = serde_json::to_string_pretty(report)? + "\n";
+        self.each([junit, json], VerdictFile::finish)
+    }
+
+    fn each(
+        &mut self,
+        texts: [String; 2],
+        write: impl Fn(&mut VerdictFile, &str) -> Result<(), String>,
+    ) -> anyhow::Result<()> {
+        let files = [&mut self.junit, &mut self.json].into_iter().zip(texts);
+        for (file, text) in files {
+            if let Some(file) = file {
+                write(file, &text).map_err(Error::msg)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The texts of both files for a run without verdicts.
+fn failed(args: &Args, error: &str) -> [String; 2] {
+    let verdicts = not_run(&args.checks(), error);
+    let json = serde_json::json!({ "passed": false, "error": error, "verdicts": verdicts });
+    [
+        suite(&args.config).document(&verdicts),
+        format!("{json:#}\n"),
+    ]
+}
+
+/// Prints the table, with the rate of attitudes, and the verdicts.
+fn print(report: &Report, rate: String) -> anyhow::Result<()> {
     let mut rows = vec![row("minutes", short(report.minutes))];
     rows.extend(report.rows());
     rows.push(row("attitudes", rate));
@@ -375,13 +457,5 @@ fn tell(report: &Report, args: &Args, rate: String) -> anyhow::Result<()> {
     rows.push(row("counters", counts.join(", ")));
     say(format_args!("\n{}", table(&rows)))?;
     say(verdict::table(&report.verdicts))?;
-    if let Some(path) = &args.junit {
-        let text = report.suite().document(&report.verdicts);
-        verdict::write(path, &text).map_err(Error::msg)?;
-    }
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(report)? + "\n";
-        verdict::write(path, &text).map_err(Error::msg)?;
-    }
     Ok(())
 }

@@ -14,7 +14,7 @@ mod rule;
 mod spared;
 mod wire;
 
-pub use book::Book;
+pub use book::{Book, MARK as LOG_MARK};
 pub use bus::BusFaults;
 pub use engine::{Damageable, Faults, How, Injection, Pushed, What};
 pub use line::CAPACITY;
