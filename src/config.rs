@@ -13,7 +13,8 @@ use crate::camera::Camera;
 use crate::effect::EFFECTS;
 use crate::fidelity::{Choice, Fidelity};
 use crate::load::{
-    Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, advice, orbits, read, schema_of,
+    Allowed, Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, Limit, RawTime, advice, one_of,
+    orbits, read, schema_of,
 };
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
@@ -248,7 +249,7 @@ impl Config {
 
     /// The JSON Schema of scene and run files, which have the same keys.
     pub fn schema(title: &str) -> schemars::Schema {
-        schema_of::<Raw>(title)
+        schema_of::<Raw>(title, LIMITS)
     }
 
     /// The JSON Schema of population files.
@@ -311,7 +312,7 @@ impl Raw {
             camera,
             fidelity,
             choice: raw.effects.validate(check)?,
-            label_snr: check.range("label_snr", raw.label_snr, 0.0..=1e9)?,
+            label_snr: check.limit(OWN_LIMITS, "label_snr", raw.label_snr)?,
             sky: raw.sky.validate(check)?,
             objects,
             rejected: findings.rejected,
@@ -325,16 +326,44 @@ impl Raw {
     }
 }
 
-/// Effects without which there would be no digits.
+/// Effects without which there would be no pixel values.
 const ALWAYS_ON: &[&str] = &["readout"];
+
+fn can_be_off() -> Vec<&'static str> {
+    let names = EFFECTS.iter().map(|effect| effect.name);
+    names.filter(|name| !ALWAYS_ON.contains(name)).collect()
+}
+
+/// Parts of the star catalogue by name.
+const CATALOGS: [(&str, Selection); 2] =
+    [("hipparcos", Selection::Hipparcos), ("bsc", Selection::Bsc)];
+
+fn catalogs() -> Vec<&'static str> {
+    CATALOGS.map(|(name, _)| name).to_vec()
+}
+
+const OWN_LIMITS: &[Limit] = &[
+    ("label_snr", Allowed::Number(0.0..=1e9)),
+    ("effects.off[]", Allowed::Word(can_be_off)),
+    ("sky.catalog", Allowed::Word(catalogs)),
+    ("observer", Allowed::NotBoth(["orbit", "state"])),
+];
+
+/// The limits of all keys.
+const LIMITS: &[&[Limit]] = &[
+    OWN_LIMITS,
+    heads::LIMITS,
+    run::LIMITS,
+    sequence::LIMITS,
+    shapes::SCENE_LIMITS,
+];
 
 impl RawEffects {
     fn validate(self, check: &Check) -> Result<Choice, ConfigError> {
         let mut off = Vec::new();
         for (i, name) in self.off.iter().enumerate() {
             let (key, given) = (format!("effects.off[{i}]"), format!("{name:?}"));
-            let can = EFFECTS.iter().map(|effect| effect.name);
-            let can: Vec<&str> = can.filter(|name| !ALWAYS_ON.contains(name)).collect();
+            let can = can_be_off();
             match can.iter().find(|known| *known == name) {
                 Some(known) => off.push(*known),
                 None if ALWAYS_ON.contains(&name.as_str()) => {
@@ -360,16 +389,10 @@ impl RawEffects {
 
 impl RawSky {
     fn validate(self, check: &Check) -> Result<Sky, ConfigError> {
-        let selection = match self.catalog.as_str() {
-            "hipparcos" => Selection::Hipparcos,
-            "bsc" => Selection::Bsc,
-            other => {
-                return Err(check.refuse(
-                    "sky.catalog",
-                    format!("{other:?}"),
-                    "\"hipparcos\" or \"bsc\"",
-                ));
-            }
+        let found = CATALOGS.iter().find(|(name, _)| *name == self.catalog);
+        let Some((_, selection)) = found else {
+            let given = format!("{:?}", self.catalog);
+            return Err(check.refuse("sky.catalog", given, one_of(&catalogs())));
         };
         let corrections = Corrections {
             proper_motion: self.proper_motion,
@@ -379,7 +402,7 @@ impl RawSky {
             light_time: self.light_time,
         };
         Ok(Sky {
-            selection,
+            selection: *selection,
             corrections,
             colour: self.colour,
         })
@@ -437,4 +460,111 @@ impl Observer {
 fn utc(check: &Check, key: &str, time: &RawTime) -> Result<Epoch, ConfigError> {
     let text = time.to_string();
     parse_utc(&text).map_err(|why| check.explain(key, why))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::{DEFAULT_TOML, agree, both};
+
+    fn load(text: &str) -> Option<String> {
+        let read = Config::parse("scene.toml", text, &Folder::current());
+        read.err().map(|error| error.to_string())
+    }
+
+    /// A scene with this pointing.
+    fn scene(pointing: &str) -> String {
+        format!(
+            r#"
+label_snr = 1.0
+[objects]
+diameter_m = 1.0
+reflectance = 0.2
+diffuse = 0.5
+specular = 0.1
+[effects]
+off = ["starlight"]
+[sky]
+catalog = "bsc"
+[run]
+latency_s = 1.0
+idle_s = 1.0
+delay_s = 1.0
+jitter_s = 1.0
+work_limit_s = 1.0
+stale_s = 1.0
+holdover_s = 1.0
+window_px = 9
+priority = 9
+cpus = [0]
+coarsen = ["fast"]
+output = "frame"
+[[heads]]
+name = "B"
+camera = "cots-wide"
+rate_hz = 1.0
+link = "udp://127.0.0.1:4811"
+[sequence]
+epoch = "2026-01-01T00:00:00Z"
+frames = 1
+period_s = 1.0
+{pointing}
+"#
+        )
+    }
+
+    const BY_RADEC: &str = "radec = [1.0, 2.0, 3.0]\nrates_deg_s = [0.0, 0.0, 0.0]";
+    const BY_TARGET: &str = "look_at = [1.0, 2.0]\nroll_deg = 1.0";
+
+    #[test]
+    fn the_schema_has_the_loaders_limits() {
+        let bases = [BY_RADEC, BY_TARGET].map(scene);
+        let schema = Config::schema("scene");
+        agree(&schema, LIMITS, &bases.each_ref().map(String::as_str), load);
+    }
+
+    #[test]
+    fn schema_and_loader_agree_on_pointings() {
+        let schema = Config::schema("scene");
+        both(&schema, DEFAULT_TOML, |_| None, true);
+        let one = [
+            "attitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]",
+            "attitude_file = \"Cargo.toml\"",
+            "radec = [1.0, 2.0, 3.0]",
+            "nadir = true",
+            "look_at = \"Moon\"",
+        ];
+        for (place, pointing) in one.iter().enumerate() {
+            both(&schema, &scene(pointing), load, true);
+            for other in &one[place + 1..] {
+                both(
+                    &schema,
+                    &scene(&format!("{pointing}\n{other}")),
+                    load,
+                    false,
+                );
+            }
+        }
+        for (pointing, is_valid) in [
+            ("", false),
+            ("nadir = false", false),
+            ("attitudes = []", false),
+            ("attitudes = []\nnadir = true", true),
+            ("nadir = false\nlook_at = \"Sun\"", true),
+            ("look_at = \"Sun\"\nup = \"north\"", true),
+            ("nadir = true\nup = \"north\"", false),
+            ("nadir = true\nroll_deg = 1.0", false),
+        ] {
+            both(&schema, &scene(pointing), load, is_valid);
+        }
+        let state = "state = [7000.0, 0.0, 0.0, 0.0, 7.5, 0.0]";
+        let observer = |keys: &str| format!("[observer]\n{keys}\n");
+        both(&schema, &observer(state), load, true);
+        both(
+            &schema,
+            &observer(&format!("{state}\norbit = \"x.tle\"")),
+            load,
+            false,
+        );
+    }
 }

@@ -1,10 +1,10 @@
 //! `[sequence]`: the exposures of an offline run and where its camera looks.
 
-use super::look_at::RawTarget;
+use super::look_at::{DEC_DEG, RawTarget, TURN_DEG};
 use super::{AttitudeFile, LookAt, Sequence, TimedAttitude, Up, utc};
 use crate::attitude::Attitude;
 use crate::camera::Camera;
-use crate::load::{Check, ConfigError, Fixed, Folder, RawTime};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, RawTime};
 use hifitime::Epoch;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -48,12 +48,33 @@ struct RawAttitude {
     q: Fixed<f64, 4>,
 }
 
-/// Which keys say where the camera looks.
-const WAYS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], attitude_file = \"FILE\", radec = [ra, dec, roll], nadir = true or look_at = \"Moon\"";
+/// The keys that say where the camera looks, of which there is one.
+const POINTINGS: [&str; 5] = ["attitudes", "attitude_file", "radec", "nadir", "look_at"];
+
+pub(super) const LIMITS: &[Limit] = &[
+    ("sequence", Allowed::OneOf(&POINTINGS)),
+    ("sequence", Allowed::Needs(["up", "look_at"])),
+    ("sequence", Allowed::Needs(["roll_deg", "look_at"])),
+    ("sequence.frames", Allowed::Number(1.0..=1e6)),
+    ("sequence.period_s", Allowed::Number(1e-6..=1e6)),
+    ("sequence.roll_deg", Allowed::Number(TURN_DEG)),
+    (
+        "sequence.rates_deg_s[]",
+        Allowed::Number(-36000.0..=36000.0),
+    ),
+    ("sequence.radec[0]", Allowed::Number(TURN_DEG)),
+    ("sequence.radec[1]", Allowed::Number(DEC_DEG)),
+    ("sequence.radec[2]", Allowed::Number(TURN_DEG)),
+    ("sequence.look_at[0]", Allowed::Number(TURN_DEG)),
+    ("sequence.look_at[1]", Allowed::Number(DEC_DEG)),
+];
+
+/// The forms of these keys.
+const POINTING_FORMS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], attitude_file = \"FILE\", radec = [ra, dec, roll], nadir = true or look_at = \"Moon\"";
 
 /// The body's attitude in which the boresight of `camera` has this right ascension and declination and the image this roll, deg.
 pub fn attitude_of_radec([ra, dec, roll]: [f64; 3], camera: &Camera) -> Result<Attitude, String> {
-    if !((-90.0..=90.0).contains(&dec) && ra.abs() <= 360.0 && roll.abs() <= 360.0) {
+    if !(DEC_DEG.contains(&dec) && TURN_DEG.contains(&ra) && TURN_DEG.contains(&roll)) {
         return Err(format!(
             "{ra},{dec},{roll}: must be RA -360 to 360, DEC -90 to 90, ROLL -360 to 360, in deg"
         ));
@@ -71,7 +92,7 @@ impl RawSequence {
         folder: &Folder,
     ) -> Result<Sequence, ConfigError> {
         let epoch = utc(check, "sequence.epoch", &self.epoch)?;
-        self.has_one_way(check)?;
+        self.has_one_pointing(check)?;
         let attitudes = match self.radec {
             Some(Fixed(angles)) => {
                 let attitude = attitude_of_radec(angles, camera)
@@ -93,7 +114,7 @@ impl RawSequence {
             Some(raw) => {
                 let target = raw.validate("sequence.look_at", objects, check)?;
                 let roll = self.roll_deg.unwrap_or(0.0);
-                let roll = check.range("sequence.roll_deg", roll, -360.0..=360.0)?;
+                let roll = check.limit(LIMITS, "sequence.roll_deg", roll)?;
                 Some(LookAt::new(target, self.up, roll.to_radians()))
             }
             None => None,
@@ -108,11 +129,11 @@ impl RawSequence {
             };
             return Err(check.explain("sequence.rates_deg_s", reason));
         }
-        let rates = check.each("sequence.rates_deg_s", rates, -36000.0..=36000.0)?;
+        let rates = check.each_limit(LIMITS, "sequence.rates_deg_s", rates)?;
         Ok(Sequence {
             epoch,
-            frames: check.range("sequence.frames", f64::from(self.frames), 1.0..=1e6)? as u32,
-            period_s: check.range("sequence.period_s", self.period_s, 1e-6..=1e6)?,
+            frames: check.limit(LIMITS, "sequence.frames", f64::from(self.frames))? as u32,
+            period_s: check.limit(LIMITS, "sequence.period_s", self.period_s)?,
             attitudes,
             attitude_file,
             look_at,
@@ -121,18 +142,21 @@ impl RawSequence {
     }
 
     /// Refuses none and more than one of the keys that say where the camera looks, and a rule for the roll without a target.
-    fn has_one_way(&self, check: &Check) -> Result<(), ConfigError> {
+    fn has_one_pointing(&self, check: &Check) -> Result<(), ConfigError> {
         let given = [
-            ("attitudes", !self.attitudes.is_empty()),
-            ("attitude_file", self.attitude_file.is_some()),
-            ("radec", self.radec.is_some()),
-            ("nadir", self.nadir),
-            ("look_at", self.look_at.is_some()),
+            !self.attitudes.is_empty(),
+            self.attitude_file.is_some(),
+            self.radec.is_some(),
+            self.nadir,
+            self.look_at.is_some(),
         ];
-        let mut given = given.iter().filter(|(_, is_given)| *is_given);
+        let mut given = POINTINGS
+            .iter()
+            .zip(given)
+            .filter(|(_, is_given)| *is_given);
         match (given.next(), given.next()) {
             (None, _) => {
-                let reason = format!("no pointing: give one of {WAYS}");
+                let reason = format!("no pointing: give one of {POINTING_FORMS}");
                 return Err(check.explain("sequence", reason));
             }
             (Some((first, _)), Some((second, _))) => {
