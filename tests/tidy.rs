@@ -144,7 +144,6 @@ const FENCES: &[(&str, &[&str])] = &[
             "cli/ready",
             "cli/shell",
             "host",
-            "link/claim",
             "link/fault/book",
             "link/name",
             "output",

@@ -264,7 +264,7 @@ fn orbit(text: &str, start: Epoch) -> Result<OrbitSource> {
         other => other.into(),
     })?;
     for assumed in &loaded.assumed {
-        eprintln!("skyloop-fc: {assumed}");
+        note(assumed);
     }
     let (object, rejected) = loaded.pick(name).map_err(|why| anyhow!("{file}: {why}"))?;
     for rejected in rejected.iter().take(5) {

@@ -1,5 +1,6 @@
 //! Limits of a run and whether they were kept: one table and one JUnit file for all commands that judge.
 
+use skyloop_orbit::path_text;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -181,7 +182,7 @@ fn unwritten(file: &Path, error: &std::io::Error) -> String {
         std::io::ErrorKind::InvalidInput => "",
         _ => "; name another file",
     };
-    format!("cannot write {}: {error}{remedy}", file.display())
+    format!("cannot write {}: {error}{remedy}", path_text(&file))
 }
 
 /// Limits of a run against a mock flight computer.

@@ -6,6 +6,7 @@ use skyloop::engine::Emulator;
 use skyloop::link::capture::{Capture, Origin, remedy_of};
 use skyloop::link::fault::{Book, BusFaults, LOG_MARK, Plan, wrap};
 use skyloop::link::{self, BusInstruments, LinkError, Roles, Wire};
+use skyloop::orbit::path_text;
 use skyloop::orbit::{Input, OutputFile, inputs, is_same_file};
 use skyloop::output::is_of_run;
 use skyloop::stats::row;
@@ -79,7 +80,7 @@ impl Choice {
 
 /// Why there is no fault log.
 fn unwritten(file: &Path, why: &std::io::Error) -> anyhow::Error {
-    anyhow!("--fault-log {}: {why}{}", file.display(), remedy_of(why))
+    anyhow!("--fault-log {}: {why}{}", path_text(&file), remedy_of(why))
 }
 
 /// What a run has been set to beside its files, as recordings tell it.
@@ -143,7 +144,7 @@ pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
         {
             bail!(
                 "{name} {}: {other} names the same file; choose another",
-                file.display()
+                path_text(&file)
             );
         }
     }
@@ -156,8 +157,8 @@ fn are_outside(out: &Path, given: &[(&str, &Path)]) -> anyhow::Result<()> {
         None => Ok(()),
         Some((name, file)) => bail!(
             "{name} {}: --out {} has a file of this name; choose another",
-            file.display(),
-            out.display()
+            path_text(&file),
+            path_text(&out)
         ),
     }
 }

@@ -13,6 +13,7 @@ use skyloop::config::{Clock, Config};
 use skyloop::effect::counted;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::link::{self, Roles};
+use skyloop::orbit::path_text;
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::{RunStats, row, table, times};
@@ -151,7 +152,7 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
         "{}{}wrote {}\n",
         suite.table,
         verdict::table(&verdicts[1..]),
-        args.out.display()
+        path_text(&args.out)
     ))?;
     if let Some(junit) = junit {
         let text = suite.document(&verdicts);

@@ -33,6 +33,7 @@ use skyloop::effect::counted;
 use skyloop::flight;
 use skyloop::load::Register;
 use skyloop::load::orbits::several_sets;
+use skyloop::orbit::path_text;
 use skyloop::orbit::set_ut1_utc;
 use skyloop::orbit::{Ages, Object};
 use skyloop_firmware_sim::console::printable_line;
@@ -161,9 +162,7 @@ fn scene(file: Option<&Path>) -> anyhow::Result<Config> {
 
 /// What a scene is called: its file.
 fn scene_name(file: Option<&Path>) -> String {
-    file.map_or("the built-in scene".to_string(), |file| {
-        file.display().to_string()
-    })
+    file.map_or("the built-in scene".to_string(), |file| path_text(&file))
 }
 
 /// How orbits are worked out.
@@ -274,7 +273,7 @@ fn not_itself(observer: &Object, object: &Object) -> anyhow::Result<()> {
 /// The mission of a configuration; an error names the scene file that it comes from.
 fn mission(config: &Config, scene: Option<&Path>) -> anyhow::Result<Mission> {
     let mission = match (flight::mission(config), scene) {
-        (mission, Some(scene)) => mission.with_context(|| scene.display().to_string())?,
+        (mission, Some(scene)) => mission.with_context(|| path_text(&scene))?,
         (mission, None) => mission?,
     };
     if let Some(Observer::Object(observer)) = &config.observer {

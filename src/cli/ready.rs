@@ -2,6 +2,7 @@
 
 use anyhow::{Context, bail};
 use serde::Serialize;
+use skyloop::orbit::path_text;
 use skyloop::orbit::{Mark, foreign, may_replace, not_input};
 use std::path::{Path, PathBuf};
 
@@ -35,7 +36,7 @@ const MARK: Mark = &["{", "\"pid\"", "\"links\""];
 
 /// Refuses a folder that does not exist, what is no regular file, an input, and without `force` a file that skyloop did not write.
 pub fn check(file: &Path, force: bool) -> anyhow::Result<()> {
-    let shown = file.display();
+    let shown = path_text(&file);
     let folder = file
         .parent()
         .filter(|folder| !folder.as_os_str().is_empty());
@@ -57,7 +58,7 @@ pub fn check(file: &Path, force: bool) -> anyhow::Result<()> {
 impl ReadyFile {
     /// Writes the file under another name and renames it: a reader never sees a part of it.
     pub fn write(file: &Path, ready: &Ready<'_>) -> anyhow::Result<ReadyFile> {
-        let shown = file.display();
+        let shown = path_text(&file);
         let mut name = file.file_name().unwrap_or_default().to_os_string();
         name.push(format!(".{}", ready.pid));
         let part = file.with_file_name(name);
@@ -75,7 +76,7 @@ impl Drop for ReadyFile {
         if let Err(error) = std::fs::remove_file(&self.0) {
             tracing::warn!(
                 "--ready-file {}: cannot be removed: {error}",
-                self.0.display()
+                path_text(&self.0)
             );
         }
     }

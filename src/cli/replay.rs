@@ -10,6 +10,7 @@ use skyloop::engine::Emulator;
 use skyloop::link::capture::Origin;
 use skyloop::link::capture::replay::{Progress, Recording, Replay, Same, load};
 use skyloop::orbit::inputs;
+use skyloop::orbit::path_text;
 use skyloop::serve::{Ended, Server};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_protocols::Direction;
@@ -55,7 +56,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     if let (Some(file), Clock::Wall) = (&args.config, config.run.clock) {
         bail!(
             "{}: run.clock = \"wall\": only stepped runs can be replayed: by the wall clock frames depend on the moment",
-            file.display()
+            path_text(&file)
         );
     }
     let count = |direction| {
@@ -64,11 +65,11 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     };
     let (received, sent) = (count(Direction::In), count(Direction::Out));
     if received == 0 {
-        bail!("{}: nothing was received in it", args.file.display());
+        bail!("{}: nothing was received in it", path_text(&args.file));
     }
     let gaps = gaps(&recording);
     if sent == 0 {
-        let file = args.file.display();
+        let file = path_text(&args.file);
         let what = match recording.on_the_bus {
             true => "packet of a frame",
             false => "packet",
@@ -77,7 +78,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     }
     say(format_args!(
         "replaying {}: {received} packets received, {sent} sent\n",
-        args.file.display()
+        path_text(&args.file)
     ))?;
 
     let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
@@ -124,7 +125,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         if replay.still() > args.patience {
             bail!(
                 "{}: after {} that came back the same, the emulator works on what comes next for more than {} s (--patience); {hint}",
-                args.file.display(),
+                path_text(&args.file),
                 counted(whole_of(&replay.progress()), "frame"),
                 args.patience.as_secs_f64()
             );
@@ -157,7 +158,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     if whole == 0 {
         bail!(
             "{}: no whole frame is in it: there is nothing to compare{gaps}",
-            args.file.display()
+            path_text(&args.file)
         );
     }
     say(format_args!(

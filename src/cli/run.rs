@@ -16,6 +16,7 @@ use skyloop::effect::counted;
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::link;
+use skyloop::orbit::path_text;
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::{RunStats, row, table};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
@@ -75,7 +76,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     // Before the links: what they make (the name of a pseudo-terminal) is removed at the end.
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
     let (urls, key) = if args.link.is_empty() {
-        let key = format!("{}: run.link", args.config.display());
+        let key = format!("{}: run.link", path_text(&args.config));
         (config.run.links.clone(), key)
     } else {
         (args.link.clone(), "--link".to_string())

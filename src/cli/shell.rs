@@ -5,6 +5,7 @@ use clap::{Args as ClapArgs, CommandFactory};
 use clap_complete::Shell;
 use clap_mangen::Man;
 use skyloop::orbit::Mark;
+use skyloop::orbit::path_text;
 use skyloop::output::write_files;
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
@@ -52,7 +53,7 @@ pub fn manual(args: Manual) -> anyhow::Result<()> {
     let mut files = Vec::new();
     pages(&command, &mut files)?;
     write_files(&folder, &files, MARK, args.force.force)?;
-    say(format_args!("wrote {}\n", folder.display()))?;
+    say(format_args!("wrote {}\n", path_text(&folder)))?;
     Ok(())
 }
 

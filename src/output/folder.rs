@@ -1,5 +1,6 @@
 //! The folder of a run: our names in it, and errors that say which file and what to do.
 
+use skyloop_orbit::path_text;
 use skyloop_orbit::{Mark, NO_MARK, OutputFile, may_replace};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -9,7 +10,7 @@ use thiserror::Error;
 
 /// A file or folder that cannot be written.
 #[derive(Debug, Error)]
-#[error("cannot {action} {}: {source}; {}", path.display(), remedy(source))]
+#[error("cannot {action} {}: {source}; {}", path_text(&path), remedy(source))]
 pub struct OutputError {
     /// What was tried.
     pub action: &'static str,

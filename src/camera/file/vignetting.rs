@@ -36,19 +36,22 @@ impl RawVignetting {
             let reason = "says nothing: set cos4 = true or table = [[angle, transmission], ...], or leave it out";
             return Err(check.explain("optics.vignetting", reason));
         }
-        match (self.cos4.unwrap_or(false), self.table) {
-            (true, Some(_)) => Err(check.explain(
-                "optics.vignetting.table",
-                "cos4 and table exclude each other: leave one out",
-            )),
+        let key = "optics.vignetting.table";
+        let table = self.table.map(Fixed::all);
+        if let Some(table) = &table {
+            if table.is_empty() {
+                return Err(check.refuse(key, "[]", "at least one [angle, transmission]"));
+            }
+            super::rising_angles(key, table, LIMITS, check)?;
+        }
+        match (self.cos4.unwrap_or(false), table) {
+            (true, Some(_)) => {
+                let reason = "cos4 and table exclude each other: leave one out";
+                Err(check.explain("optics.vignetting.cos4", reason))
+            }
             (true, None) => Ok(Vignetting::Cos4),
             (false, None) => Ok(Vignetting::None),
             (false, Some(table)) => {
-                let (key, table) = ("optics.vignetting.table", Fixed::all(table));
-                if table.is_empty() {
-                    return Err(check.refuse(key, "[]", "at least one [angle, transmission]"));
-                }
-                super::rising_angles(key, &table, LIMITS, check)?;
                 let rad = table.into_iter().map(|[deg, t]| [deg.to_radians(), t]);
                 Ok(Vignetting::Table(rad.collect()))
             }

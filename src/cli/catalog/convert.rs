@@ -8,6 +8,7 @@ use clap::builder::PossibleValuesParser;
 use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::load::orbits::passed_over;
+use skyloop::orbit::path_text;
 use skyloop::orbit::{Format, NO_MARK, write, write_file};
 use skyloop_firmware_sim::console::{say, write_out};
 use std::path::PathBuf;
@@ -84,9 +85,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         None => write_out(&written.text)?,
         Some(out) => {
             let force = args.force.force;
-            write_file(out, &written.text, NO_MARK, force)
-                .with_context(|| out.display().to_string())?;
-            say(format_args!("wrote {sets} to {}\n", out.display()))?;
+            write_file(out, &written.text, NO_MARK, force).with_context(|| path_text(&out))?;
+            say(format_args!("wrote {sets} to {}\n", path_text(&out)))?;
         }
     }
     Ok(())

@@ -13,6 +13,7 @@ use skyloop::flight;
 use skyloop::host::Host;
 use skyloop::link::{self, Roles};
 use skyloop::orbit::Mark;
+use skyloop::orbit::path_text;
 use skyloop::serve::{Ended, Left, OnLeft, Server};
 use skyloop::soak::{Camera, Drift, Limits, Measured, Report, suite};
 use skyloop::stats::{row, table};
@@ -93,7 +94,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let mut config = Config::load(&args.config)?;
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
-    let name = args.config.display();
+    let name = path_text(&args.config);
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
     may_run(args, &config, rate_hz)?;
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
@@ -288,7 +289,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
 
 /// Errors: what cannot be soaked, told before minutes are spent on it.
 fn may_run(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
-    let name = args.config.display();
+    let name = path_text(&args.config);
     if config.run.clock == Clock::Stepped {
         bail!(
             "{name}: run.clock is \"stepped\", where frames have no deadlines; set it to \"wall\" or \"external\""

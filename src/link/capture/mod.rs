@@ -14,6 +14,7 @@ mod whole;
 use super::inbox::Observer;
 use super::{Inbound, LinkError, Outbound, Outbox, Wire};
 pub use origin::Origin;
+use skyloop_orbit::path_text;
 use skyloop_orbit::{Mark, NO_MARK, OutputFile};
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::{Direction, FaultKind};
@@ -155,7 +156,7 @@ impl Capture {
         force: bool,
         links: Option<Vec<String>>,
     ) -> Result<Capture, CaptureError> {
-        let name = file.display().to_string();
+        let name = path_text(&file);
         let failed = |source| CaptureError::Create {
             file: name.clone(),
             source,

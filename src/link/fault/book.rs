@@ -2,6 +2,7 @@
 
 use super::engine::{How, Injection, What};
 use super::plan::{Plan, name};
+use skyloop_orbit::path_text;
 use skyloop_orbit::{Mark, OutputFile};
 use skyloop_protocols::Direction;
 use std::collections::BTreeMap;
@@ -41,7 +42,7 @@ impl Book {
     pub fn writing(path: &Path, output: &OutputFile) -> std::io::Result<Book> {
         Ok(Book {
             log: Some(Log {
-                name: path.display().to_string(),
+                name: path_text(&path),
                 file: BufWriter::new(output.file()?),
                 failed: None,
             }),
