@@ -144,10 +144,23 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
     rows.extend(instruments.rows());
     suite.table = table(&rows);
     suite.seconds = started.elapsed().as_secs_f64();
-    let mut verdicts = args.limits.judge(&report);
-    if let Some(error) = &cut_short {
-        verdicts.push(Verdict::new("run", false, error.to_string()));
-    }
+    let verdicts = conclude(args, suite, &report, cut_short.as_ref(), junit)?;
+    instruments.finish()?;
+    cut_short.map_or(Ok(()), Err)?;
+    came_whole(&report, flown.stats.frames, &interrupted)?;
+    verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
+}
+
+/// Prints the table and the verdicts, and writes the JUnit file.
+fn conclude(
+    args: &Args,
+    suite: &Suite,
+    report: &Report,
+    cut_short: Option<&Error>,
+    junit: Option<&mut VerdictFile>,
+) -> anyhow::Result<Vec<Verdict>> {
+    let mut verdicts = args.limits.judge(report);
+    verdicts.extend(cut_short.map(|error| Verdict::new("run", false, error.to_string())));
     say(format_args!(
         "{}{}wrote {}\n",
         suite.table,
@@ -158,10 +171,7 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
         let text = suite.document(&verdicts);
         junit.finish(&text).map_err(Error::msg)?;
     }
-    instruments.finish()?;
-    cut_short.map_or(Ok(()), Err)?;
-    came_whole(&report, flown.stats.frames, &interrupted)?;
-    verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
+    Ok(verdicts)
 }
 
 /// The scene as the options change it.

@@ -82,9 +82,9 @@ enum Command {
     /// What this machine makes of the works that take the time
     Bench(bench::Args),
     /// Check, count and convert files of orbits
-    Catalog(catalog::Args),
+    Catalog(Group<catalog::Command>),
     /// Check camera files and make new ones
-    Camera(camera::Args),
+    Camera(Group<camera::Command>),
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
     #[cfg(target_os = "linux")]
     Pty(pty::Args),
@@ -96,6 +96,14 @@ enum Command {
     Completions(shell::Completions),
     /// Print the manual page, or write one for each command
     Man(shell::Manual),
+}
+
+/// A command that only has subcommands.
+#[derive(clap::Args)]
+#[command(arg_required_else_help = true)]
+struct Group<C: Subcommand> {
+    #[command(subcommand)]
+    command: C,
 }
 
 impl Cli {
@@ -114,8 +122,8 @@ impl Cli {
             Command::Passes(args) => passes::run(*args),
             Command::Lightcurve(args) => lightcurve::run(args),
             Command::Bench(args) => bench::run(args),
-            Command::Catalog(args) => catalog::run(args),
-            Command::Camera(args) => camera::run(args),
+            Command::Catalog(args) => catalog::run(args.command),
+            Command::Camera(args) => camera::run(args.command),
             Command::Schema(args) => schema::run(args),
             Command::Completions(args) => shell::completions(args),
             Command::Man(args) => shell::manual(args),

@@ -10,7 +10,7 @@ use thiserror::Error;
 
 /// A file or folder that cannot be written.
 #[derive(Debug, Error)]
-#[error("cannot {action} {}: {source}; {}", path_text(&path), remedy(source))]
+#[error("cannot {action} {}: {source}{}", path_text(&path), remedy(source))]
 pub struct OutputError {
     /// What was tried.
     pub action: &'static str,
@@ -22,19 +22,21 @@ pub struct OutputError {
 
 fn remedy(error: &io::Error) -> &'static str {
     match error.kind() {
+        // Refusals of skyloop's own say it themselves.
+        ErrorKind::InvalidInput => "",
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
-            "choose an output folder that you may write to"
+            "; choose an output folder that you may write to"
         }
         ErrorKind::AlreadyExists | ErrorKind::NotADirectory => {
-            "a file of that name is in the way: choose another output folder or move the file"
+            "; a file of that name is in the way: choose another output folder or move the file"
         }
         ErrorKind::IsADirectory => {
-            "a folder of that name is in the way: choose another output folder or move it"
+            "; a folder of that name is in the way: choose another output folder or move it"
         }
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
-            "free some space, write fewer frames or choose an output folder on another disk"
+            "; free some space, write fewer frames or choose an output folder on another disk"
         }
-        _ => "check the output folder or choose another",
+        _ => "; check the output folder or choose another",
     }
 }
 

@@ -7,22 +7,15 @@ mod source;
 mod synth;
 
 use anyhow::bail;
-use clap::{Args as ClapArgs, Subcommand};
+use clap::Subcommand;
 use skyloop::orbit::{Format, LARGEST_FILE};
 
-/// Arguments of `skyloop catalog`.
-#[derive(ClapArgs)]
-#[command(arg_required_else_help = true)]
-pub struct Args {
-    #[command(subcommand)]
-    command: Command,
-}
-
+/// Subcommands of `skyloop catalog`.
 #[derive(Subcommand)]
-enum Command {
+pub enum Command {
     /// Say what files of orbits hold, and what of it cannot be used, with line and reason
     Check(check::Args),
-    /// Count the objects of files by kind of orbit, or tell one
+    /// Count the objects of files by kind of orbit, or print one
     Info(info::Args),
     /// Write element sets in another format
     Convert(convert::Args),
@@ -30,13 +23,13 @@ enum Command {
     Synth(synth::Args),
 }
 
-/// Refuses `octets` of a file that would be too long to be read again, and says what to do instead.
-fn fits(what: &str, format: Format, octets: f64, remedy: &str) -> anyhow::Result<()> {
+/// Refuses `bytes` of a file that would be too long to be read again, and says what to do instead.
+fn fits(what: &str, format: Format, bytes: f64, remedy: &str) -> anyhow::Result<()> {
     const GIB: f64 = (1 << 30) as f64;
-    if octets > LARGEST_FILE as f64 {
+    if bytes > LARGEST_FILE as f64 {
         bail!(
             "{what} would take {:.1} GiB as {format}, and files of at most {:.0} GiB are read: {remedy}",
-            octets / GIB,
+            bytes / GIB,
             LARGEST_FILE as f64 / GIB
         );
     }
@@ -44,8 +37,8 @@ fn fits(what: &str, format: Format, octets: f64, remedy: &str) -> anyhow::Result
 }
 
 /// Runs the subcommand.
-pub fn run(args: Args) -> anyhow::Result<()> {
-    match args.command {
+pub fn run(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Check(args) => check::run(args),
         Command::Info(args) => info::run(args),
         Command::Convert(args) => convert::run(args),
@@ -61,7 +54,7 @@ mod tests {
     fn what_could_not_be_read_again_is_not_written() {
         // X-Val: README: files of up to 2 GiB are read.
         let most = 2.0 * 1024.0 * 1024.0 * 1024.0;
-        let fits = |octets| super::fits("9 objects", Format::OmmXml, octets, "write .csv");
+        let fits = |bytes| super::fits("9 objects", Format::OmmXml, bytes, "write .csv");
         assert!(fits(most).is_ok());
         let error = fits(1.3 * most).unwrap_err().to_string();
         for word in [

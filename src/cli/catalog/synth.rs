@@ -117,8 +117,8 @@ impl Target<'_> {
 fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
     let few = population(FEW.min(args.objects as usize), args.seed, args.epoch);
     let records: Vec<Record> = few.iter().map(Synthetic::record).collect();
-    let octets = write(&records, format, args.epoch).map_or(0, |written| written.text.len());
-    let expected = octets as f64 / few.len() as f64 * f64::from(args.objects);
+    let bytes = write(&records, format, args.epoch).map_or(0, |written| written.text.len());
+    let expected = bytes as f64 / few.len() as f64 * f64::from(args.objects);
     let all = counted(args.objects as usize, "object");
     let what = format!("--out {}: {all}", path_text(&file));
     // Names and numbers of the last are longer than those of the first.

@@ -1,29 +1,32 @@
 //! `skyloop soak`: minutes of a live run against a client of its own, and a verdict on deadlines and latencies.
 
 mod joining;
+mod outputs;
 
+use super::cameras::Links;
 use super::instruments::are_different;
 use super::{Force, Orbits, PANICKED, Records, cameras, levels, live, mission, with_level};
-use anyhow::{Context, Error, bail};
+use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use joining::{Arrival, Joining};
+use outputs::Outputs;
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::host::Host;
 use skyloop::link::{self, Roles};
-use skyloop::orbit::Mark;
 use skyloop::orbit::path_text;
 use skyloop::serve::{Ended, Left, OnLeft, Server};
-use skyloop::soak::{Camera, Drift, Limits, Measured, Report, suite};
-use skyloop::stats::{row, table};
+use skyloop::soak::{Camera, Drift, Limits, Measured, Report};
+use skyloop::stats::{RunStats, row, table};
 use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::mission::{Mission, Pace};
+use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::decimal;
-use skyloop_firmware_sim::verdict::{self, JUNIT_MARK, UNFINISHED, VerdictFile, not_run};
+use skyloop_firmware_sim::verdict;
 use skyloop_protocols::Counters;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
@@ -94,7 +97,6 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let mut config = Config::load(&args.config)?;
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
-    let name = path_text(&args.config);
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
     may_run(args, &config, rate_hz)?;
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
@@ -104,12 +106,61 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let first = flight::vehicle(&mission, 0)?;
     let mission = endless(mission, rate_hz)?;
     let help = live::help(&config, args.metrics.as_deref())?;
+    let emulator = Emulator::new(&mut config);
+    let (links, ports) = links(args, &config)?;
+    let output = with_level(config.run.output, args.output.as_deref());
+    let servers = cameras::serve(&config, emulator, links, Some(&first), output, &help)?;
+    say(format_args!(
+        "{help}{} ({} x {}) at {} Hz over {} for {} min\n",
+        config.camera.name,
+        config.camera.detector.width,
+        config.camera.detector.height,
+        config.camera.rate_hz,
+        args.link,
+        args.minutes
+    ))?;
+    let host = Host::now();
+    let run = Run {
+        config: &config,
+        limits: args.limits(),
+        begin: Instant::now(),
+        length: Duration::from_secs_f64(args.minutes * 60.0),
+        interrupted: &interrupted,
+    };
+    let flown = run.fly(servers, ports, mission)?;
+    let stopped = interrupted.load(Ordering::Relaxed);
+    let minutes = flown.ended.duration_since(run.begin).as_secs_f64() / 60.0;
+    let stopped =
+        stopped.then(|| format!("stopped after {} of {} min", short(minutes), args.minutes));
+    let counts = summed(&flown.figures);
+    // Each camera receives every attitude.
+    let attitudes = (flown.figures.first()).map_or(0, |(_, counters)| counters.attitudes);
+    let measured = flown.measured(&config, started, stopped);
+    let report = Report::new(
+        path_text(&args.config),
+        minutes,
+        run.limits,
+        measured,
+        Host::now().since(&host),
+        help.granted,
+        counts,
+    );
+    let reached_hz = f64::from(attitudes) / (60.0 * minutes);
+    print(
+        &report,
+        format!("{reached_hz:.1} a second, of {rate_hz} asked for"),
+    )?;
+    outputs.finish(&report)?;
+    verdict::broken(&report.verdicts).map_or(Ok(()), |broken| bail!(broken))
+}
+
+/// The emulator's links, and their other ends, of each camera.
+fn links(args: &Args, config: &Config) -> anyhow::Result<(Vec<Links>, Vec<(AnyPort, Roles)>)> {
     let options = link::Options {
         idle: Duration::from_secs_f64(config.run.idle_s),
         personality: &NATIVE,
         bus: None,
     };
-    let emulator = Emulator::new(&mut config);
     let (mut links, mut ports) = (Vec::new(), Vec::new());
     for camera in 0..=config.heads.len() {
         let (wire, port) = link::loopback(&args.link, &options)?;
@@ -122,169 +173,186 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
         links.push(vec![(wire, roles)]);
         ports.push((port, roles));
     }
-    let output = with_level(config.run.output, args.output.as_deref());
-    let (mut server, mut heads) =
-        cameras::serve(&config, emulator, links, Some(&first), output, &help)?;
-    let (to_tell, left) = channel::<(usize, Left)>();
-    let (arrived, arrivals) = channel::<Arrival>();
-    let tells = |number: usize| -> OnLeft {
-        let to_tell = to_tell.clone();
-        // Who joins the times has gone only at the end.
-        Box::new(move |told| {
-            let _ = to_tell.send((number, *told));
-        })
-    };
-    server.on_left(tells(0));
-    for (number, head) in (1..).zip(&mut heads) {
-        head.on_left(tells(number));
-    }
-    drop(to_tell);
-    let limits = Limits {
-        max_miss_rate: args.max_miss_rate,
-        max_p99_ms: args.max_p99_ms,
-        max_growth: args.max_growth,
-    };
-    say(format_args!(
-        "{help}{} ({} x {}) at {} Hz over {} for {} min\n",
-        config.camera.name,
-        config.camera.detector.width,
-        config.camera.detector.height,
-        config.camera.rate_hz,
-        args.link,
-        args.minutes
-    ))?;
+    Ok((links, ports))
+}
 
-    let (begin, host) = (Instant::now(), Host::now());
-    let length = Duration::from_secs_f64(args.minutes * 60.0);
-    let end = begin + length;
-    let stop = AtomicBool::new(false);
-    let interrupted = &interrupted;
-    let (stop, over) = (&stop, AtomicBool::new(false));
-    let (over, listening) = (&over, listening(&mission));
-    // The first client stops taking then.
-    let ended = OnceLock::new();
-    let ended = &ended;
-    let takes = |number: usize, arrived: Sender<Arrival>| {
-        move |event: Event<'_>| {
-            if let Event::Frame { frame, .. } = &event {
-                let _ = arrived.send((number, frame.header.frame, frame.whole_at));
-            }
-            let ends = Instant::now() >= end || interrupted.load(Ordering::Relaxed);
-            match ends || over.load(Ordering::Relaxed) {
-                true => {
+/// A client's end of a link.
+type AnyPort = Box<dyn Port + Send>;
+
+/// A run of all cameras and their clients.
+struct Run<'a> {
+    config: &'a Config,
+    limits: Limits,
+    begin: Instant,
+    length: Duration,
+    interrupted: &'a AtomicBool,
+}
+
+/// What came of a run.
+struct Flown {
+    joining: Joining,
+    /// When the first client stopped taking frames.
+    ended: Instant,
+    /// Figures and counters of each camera.
+    figures: Vec<(RunStats, Counters)>,
+}
+
+impl Run<'_> {
+    /// Runs servers and clients to the end.
+    fn fly(
+        &self,
+        (mut server, mut heads): (Server, Vec<Server>),
+        ports: Vec<(AnyPort, Roles)>,
+        mission: Mission,
+    ) -> anyhow::Result<Flown> {
+        let (sender, left) = channel::<(usize, Left)>();
+        let (arrived, arrivals) = channel::<Arrival>();
+        for (number, server) in std::iter::once(&mut server).chain(&mut heads).enumerate() {
+            let sender = sender.clone();
+            let on_left: OnLeft = Box::new(move |left| {
+                // The receiver ends last.
+                let _ = sender.send((number, *left));
+            });
+            server.on_left(on_left);
+        }
+        drop(sender);
+        let (stop, over) = (AtomicBool::new(false), AtomicBool::new(false));
+        let (stop, over, listening) = (&stop, &over, listening(&mission));
+        // The first client stops taking frames then.
+        let ended = OnceLock::new();
+        let ended = &ended;
+        let takes = |number: usize, arrived: Sender<Arrival>| {
+            move |event: Event<'_>| {
+                if let Event::Frame { frame, .. } = &event {
+                    let _ = arrived.send((number, frame.header.frame, frame.whole_at));
+                }
+                let is_over = self.is_over() || over.load(Ordering::Relaxed);
+                if is_over {
                     ended.get_or_init(Instant::now);
                     ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
                 }
-                false => ControlFlow::Continue(()),
             }
-        }
-    };
-    let heads_names = config.heads.iter().map(|head| head.name.as_str());
-    let names = std::iter::once(config.camera.name.as_str()).chain(heads_names);
-    let (closed, flown, joined) = std::thread::scope(|scope| {
-        let joining = scope.spawn(|| {
-            let cameras = names.map(|name| Camera {
-                name: name.to_string(),
-                latencies: limits.latencies(),
-                drift: Drift::over(length),
-            });
-            let mut joining = Joining::new(cameras.collect(), length);
-            joining.join(left, arrivals);
-            joining
-        });
-        let serve = |mut server: Server, of: tracing::Span| {
-            scope.spawn(move || {
-                let _of = of.entered();
-                let ended = server.run(stop, None, |_| {});
-                over.fetch_or(ended == Ended::Panicked, Ordering::Relaxed);
-                (server, ended)
-            })
         };
-        let (mut serving, mut taking) = (vec![serve(server, tracing::Span::none())], Vec::new());
-        let mut ports = ports.into_iter();
-        let own = ports.next().into_iter().collect();
-        let named = config.heads.iter().map(|head| live::of_head(&head.name));
-        let heads = (1..).zip(heads.into_iter().zip(named).zip(ports));
-        for (number, ((head, of), (port, roles))) in heads {
-            serving.push(serve(head, of));
-            let (mission, see) = (listening.clone(), takes(number, arrived.clone()));
-            let client = FlightComputer::on_links(vec![(port, roles)], mission);
-            taking.push(scope.spawn(move || client.taking_only().run(see).err()));
-        }
-        let see = takes(0, arrived);
-        let flown = FlightComputer::on_links(own, mission)
-            .taking_only()
-            .run(see);
-        over.store(true, Ordering::Relaxed);
-        let ended = *ended.get_or_init(Instant::now);
-        let mut errors = vec![flown.err()];
-        let taken: Result<Vec<_>, _> = taking.into_iter().map(|taken| taken.join()).collect();
-        stop.store(true, Ordering::Relaxed);
-        // They tell of frames until they are closed.
-        let closed: Vec<_> = serving
-            .into_iter()
-            .map(|serving| match serving.join() {
-                Ok((server, Ended::AsAsked | Ended::LinkGone)) => Some(server.close()),
-                Ok((_, Ended::Panicked)) | Err(_) => None,
-            })
-            .collect();
-        let joined = joining.join().map(|joining| (joining, ended));
-        let joined = taken.and_then(|taken| {
-            errors.extend(taken);
-            joined
+        let (closed, flown, joined) = std::thread::scope(|scope| {
+            let joining = scope.spawn(|| {
+                let mut joining = Joining::new(self.cameras(), self.length);
+                joining.join(left, arrivals);
+                joining
+            });
+            let serve = |mut server: Server, of: tracing::Span| {
+                scope.spawn(move || {
+                    let _of = of.entered();
+                    let ended = server.run(stop, None, |_| {});
+                    over.fetch_or(ended == Ended::Panicked, Ordering::Relaxed);
+                    (server, ended)
+                })
+            };
+            let (mut serving, mut taking) =
+                (vec![serve(server, tracing::Span::none())], Vec::new());
+            let mut ports = ports.into_iter();
+            let own = ports.next().into_iter().collect();
+            let named = self
+                .config
+                .heads
+                .iter()
+                .map(|head| live::of_head(&head.name));
+            let heads = (1..).zip(heads.into_iter().zip(named).zip(ports));
+            for (number, ((head, of), (port, roles))) in heads {
+                serving.push(serve(head, of));
+                let (mission, see) = (listening.clone(), takes(number, arrived.clone()));
+                let client = FlightComputer::on_links(vec![(port, roles)], mission);
+                taking.push(scope.spawn(move || client.taking_only().run(see).err()));
+            }
+            let see = takes(0, arrived);
+            let client = FlightComputer::on_links(own, mission).taking_only();
+            let mut errors = vec![client.run(see).err()];
+            over.store(true, Ordering::Relaxed);
+            let ended = *ended.get_or_init(Instant::now);
+            let taken: Result<Vec<_>, _> = taking.into_iter().map(|taken| taken.join()).collect();
+            stop.store(true, Ordering::Relaxed);
+            // They report frames until they are closed.
+            let closed: Vec<_> = serving
+                .into_iter()
+                .map(|serving| match serving.join() {
+                    Ok((server, Ended::AsAsked | Ended::LinkGone)) => Some(server.close()),
+                    Ok((_, Ended::Panicked)) | Err(_) => None,
+                })
+                .collect();
+            let joined = joining.join().map(|joining| (joining, ended));
+            let joined = taken.and_then(|taken| {
+                errors.extend(taken);
+                joined
+            });
+            (closed, errors.into_iter().flatten().next(), joined)
         });
-        (closed, errors.into_iter().flatten().next(), joined)
-    });
-    let (Ok((joining, ended)), Some(closed)) =
-        (joined, closed.into_iter().collect::<Option<Vec<_>>>())
-    else {
-        bail!(PANICKED);
-    };
-    if let Some(error) = flown {
-        return Err(anyhow::Error::from(error).context("the client of the run"));
+        let closed: Option<Vec<_>> = closed.into_iter().collect();
+        let (Ok((joining, ended)), Some(figures)) = (joined, closed) else {
+            bail!(PANICKED);
+        };
+        if let Some(error) = flown {
+            return Err(anyhow::Error::from(error).context("the client of the run"));
+        }
+        Ok(Flown {
+            joining,
+            ended,
+            figures,
+        })
     }
-    // Of all cameras together.
+
+    /// Whether its time is over, or it was interrupted.
+    fn is_over(&self) -> bool {
+        self.begin.elapsed() >= self.length || self.interrupted.load(Ordering::Relaxed)
+    }
+
+    /// Where the times of each camera's frames are collected.
+    fn cameras(&self) -> Vec<Camera> {
+        let heads = self.config.heads.iter().map(|head| &head.name);
+        let names = std::iter::once(&self.config.camera.name).chain(heads);
+        let camera = |name: &String| Camera {
+            name: name.clone(),
+            latencies: self.limits.latencies(),
+            drift: Drift::over(self.length),
+        };
+        names.map(camera).collect()
+    }
+}
+
+impl Flown {
+    /// What was measured, of a command that `started` then.
+    fn measured(self, config: &Config, started: Instant, stopped: Option<String>) -> Measured {
+        let of_heads = config.heads.iter().map(|head| head.camera.rate_hz);
+        let rates = std::iter::once(config.camera.rate_hz).chain(of_heads);
+        let missed = self
+            .figures
+            .iter()
+            .zip(rates)
+            .map(|((_, counters), rate_hz)| {
+                let period = Duration::from_secs_f64(1.0 / rate_hz);
+                (counters.exposures_missed, period)
+            });
+        let missed: Vec<_> = missed.collect();
+        let (first, memory) = (self.joining.first, self.joining.memory);
+        Measured {
+            cameras: self.joining.end(self.ended, &missed),
+            stopped,
+            memory,
+            first_frame_s: first.map(|at| at.saturating_duration_since(started).as_secs_f64()),
+        }
+    }
+}
+
+/// The counters of all cameras together, without those at 0.
+fn summed(figures: &[(RunStats, Counters)]) -> Vec<(&'static str, u32)> {
     let mut counts: Vec<(&str, u32)> = Counters::default().iter().collect();
-    for (_, counters) in &closed {
+    for (_, counters) in figures {
         for (sum, (_, count)) in counts.iter_mut().zip(counters.iter()) {
             sum.1 = sum.1.wrapping_add(count);
         }
     }
     counts.retain(|(_, count)| *count > 0);
-    // Each camera hears of every one.
-    let attitudes = closed.first().map_or(0, |(_, counters)| counters.attitudes);
-    let of_heads = config.heads.iter().map(|head| head.camera.rate_hz);
-    let rates = std::iter::once(config.camera.rate_hz).chain(of_heads);
-    let missed = closed.iter().zip(rates).map(|((_, counters), rate_hz)| {
-        let period = Duration::from_secs_f64(1.0 / rate_hz);
-        (counters.exposures_missed, period)
-    });
-    let (first, memory) = (joining.first, joining.memory);
-    let cameras = joining.end(ended, &missed.collect::<Vec<_>>());
-    let minutes = ended.duration_since(begin).as_secs_f64() / 60.0;
-    let stopped = interrupted
-        .load(Ordering::Relaxed)
-        .then(|| format!("stopped after {} of {} min", short(minutes), args.minutes));
-    let measured = Measured {
-        cameras,
-        stopped,
-        memory,
-        first_frame_s: first.map(|at| at.saturating_duration_since(started).as_secs_f64()),
-    };
-    let report = Report::new(
-        name.to_string(),
-        minutes,
-        limits,
-        measured,
-        Host::now().since(&host),
-        help.granted,
-        counts,
-    );
-    let reached_hz = f64::from(attitudes) / (60.0 * minutes);
-    let rate = format!("{reached_hz:.1} a second, of {rate_hz} asked for");
-    print(&report, rate)?;
-    outputs.finish(&report)?;
-    verdict::broken(&report.verdicts).map_or(Ok(()), |broken| bail!(broken))
+    counts
 }
 
 /// Errors: what cannot be soaked, told before minutes are spent on it.
@@ -368,6 +436,14 @@ impl Args {
             .collect()
     }
 
+    fn limits(&self) -> Limits {
+        Limits {
+            max_miss_rate: self.max_miss_rate,
+            max_p99_ms: self.max_p99_ms,
+            max_growth: self.max_growth,
+        }
+    }
+
     /// The limits that are checked, by the names of their verdicts.
     fn checks(&self) -> Vec<&'static str> {
         let checks = [
@@ -378,70 +454,6 @@ impl Args {
         let set = checks.iter().filter(|(_, is_set)| *is_set);
         set.map(|(name, _)| *name).collect()
     }
-}
-
-/// The files with the verdicts.
-struct Outputs {
-    junit: Option<VerdictFile>,
-    json: Option<VerdictFile>,
-}
-
-/// How the JSON file of a soak is recognised.
-const JSON_MARK: Mark = &["{", "\"passed\": ", "\"verdicts\": ["];
-
-impl Outputs {
-    fn open(args: &Args) -> anyhow::Result<Outputs> {
-        let open = |path: &Option<PathBuf>, mark| {
-            let opened = VerdictFile::open(path.as_deref(), mark, args.force.force);
-            opened.map_err(Error::msg)
-        };
-        Ok(Outputs {
-            junit: open(&args.junit, JUNIT_MARK)?,
-            json: open(&args.json, JSON_MARK)?,
-        })
-    }
-
-    /// Makes them those of a run that has not come to its end.
-    fn begin(&mut self, args: &Args) -> anyhow::Result<()> {
-        let [junit, json] = failed(args, UNFINISHED);
-        self.each([junit, json], VerdictFile::begin)
-    }
-
-    /// Makes them those of a run that failed without verdicts.
-    fn fail(&mut self, args: &Args, error: &str) -> anyhow::Result<()> {
-        self.each(failed(args, error), VerdictFile::fail)
-    }
-
-    /// Writes the verdicts of a run.
-    fn finish(&mut self, report: &Report) -> anyhow::Result<()> {
-        let junit = report.suite().document(&report.verdicts);
-        let json = serde_json::to_string_pretty(report)? + "\n";
-        self.each([junit, json], VerdictFile::finish)
-    }
-
-    fn each(
-        &mut self,
-        texts: [String; 2],
-        write: impl Fn(&mut VerdictFile, &str) -> Result<(), String>,
-    ) -> anyhow::Result<()> {
-        let files = [&mut self.junit, &mut self.json].into_iter().zip(texts);
-        for (file, text) in files {
-            if let Some(file) = file {
-                write(file, &text).map_err(Error::msg)?;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// The texts of both files for a run without verdicts.
-fn failed(args: &Args, error: &str) -> [String; 2] {
-    let verdicts = not_run(&args.checks(), error);
-    let json = serde_json::json!({ "passed": false, "error": error, "verdicts": verdicts });
-    [
-        suite(&args.config).document(&verdicts),
-        format!("{json:#}\n"),
-    ]
 }
 
 /// Prints the table, with the rate of attitudes, and the verdicts.
