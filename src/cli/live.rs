@@ -10,7 +10,7 @@ use skyloop::serve::Server;
 use std::fmt;
 use std::path::Path;
 
-/// What was granted; it is told as lines of text, and lasts as long as this.
+/// What was granted, printed as lines of text; it lasts as long as this value.
 pub struct Help {
     /// Where the figures of each camera are, and what serves them.
     metrics: Option<(Vec<Metrics>, metrics::Server)>,

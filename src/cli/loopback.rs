@@ -287,7 +287,7 @@ fn came_whole(report: &Report, made: u32, interrupted: &AtomicBool) -> anyhow::R
     Ok(())
 }
 
-/// The report of a run that its faults may have ended, and how that is told; an error that has nothing to do with them.
+/// The report of a run that injected faults may have ended, and the error that says so; any other error is returned.
 fn blamed(
     error: RunError,
     faults: Option<String>,

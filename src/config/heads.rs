@@ -49,7 +49,7 @@ impl RawHead {
             }
         }
         if self.name.trim().is_empty() {
-            let allowed = "a name, by which its figures and verdicts are told";
+            let allowed = "a name, which its figures and verdicts have";
             return Err(check.refuse(&key("name"), format!("{:?}", self.name), allowed));
         }
         Ok(Head {

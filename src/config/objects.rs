@@ -1,4 +1,4 @@
-//! `[objects]` of a scene and the population file that it may name: who is in orbit, and what is known of whose looks.
+//! `[objects]` of a scene and the population file that it may name: the objects in orbit, and what they look like.
 
 use super::shapes::{LIMITS, RawAttitude, RawShape, RawSphere, SCENE_LIMITS};
 use crate::load::orbits::{Findings, Shelf, add_without, named};

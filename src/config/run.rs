@@ -246,7 +246,7 @@ pub(super) struct RawRun {
     holdover_s: f64,
     /// Where the figures of the run can be fetched as Prometheus text (wall, external and stepped); none without it
     metrics: Option<String>,
-    /// Real-time priority (SCHED_FIFO, 1 to 99) of the emulator's threads; told as granted or not
+    /// Real-time priority (SCHED_FIFO, 1 to 99) of the emulator's threads; reported as granted or not
     priority: Option<i64>,
     /// Keep the process in memory (mlockall), likewise
     lock_memory: bool,
@@ -364,7 +364,7 @@ impl RawRun {
     }
 }
 
-/// Which of them there are shows when they are asked for.
+/// Whether a processor exists is known when it is requested.
 fn processors(numbers: &[i64], check: &Check) -> Result<Vec<usize>, ConfigError> {
     let number = |(i, number): (usize, &i64)| {
         let key = format!("run.cpus[{i}]");

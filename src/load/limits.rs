@@ -68,7 +68,12 @@ fn matches(pattern: &str, key: &str) -> bool {
 /// Writes the limits into the schema of a file.
 pub(crate) fn apply(schema: &mut Schema, limits: &[Limit]) {
     for (pattern, allowed) in limits {
-        if let Some(pointer) = pointer(schema, pattern)
+        // Rules between keys stand where the keys are.
+        let found = pointer(schema, pattern).and_then(|pointer| match allowed {
+            Allowed::Number(_) | Allowed::Word(_) | Allowed::Count(_) => Some(pointer),
+            _ => resolved(schema, pointer, "properties"),
+        });
+        if let Some(pointer) = found
             && let Some(Value::Object(node)) = schema.pointer_mut(&pointer)
         {
             allowed.write(node);
@@ -102,14 +107,19 @@ impl Allowed {
             }
             Allowed::Needs([key, needed]) => {
                 let needs = node.entry("dependentRequired").or_insert_with(|| json!({}));
-                needs[key] = json!([needed]);
+                if let Value::Object(needs) = needs {
+                    needs.insert((*key).into(), json!([needed]));
+                }
             }
             Allowed::Kind(key, kinds) => {
                 let all: Vec<&str> = kinds.iter().flat_map(|kind| own_keys(kind)).collect();
                 let rules: Vec<Value> = kinds.iter().map(|kind| rule(key, kind, &all)).collect();
                 node.insert("allOf".into(), json!(rules));
                 let names: Vec<&str> = kinds.iter().map(|(name, ..)| *name).collect();
-                node["properties"][key]["enum"] = json!(names);
+                let properties = node.get_mut("properties");
+                if let Some(Value::Object(own)) = properties.and_then(|all| all.get_mut(key)) {
+                    own.insert("enum".into(), json!(names));
+                }
             }
         }
     }
@@ -166,7 +176,6 @@ fn pointer(schema: &mut Schema, pattern: &str) -> Option<String> {
         };
         schema.pointer(&pointer)?;
     }
-    // Of a choice the limit is that of the texts or the lists in it where the pattern leads to one.
     Some(pointer)
 }
 
@@ -284,7 +293,7 @@ pub(crate) mod tests {
                         match is_whole {
                             true if at + step < 0.0 && *pattern != "run.cpus[]" => {}
                             true => refused(number(at + step), "must be"),
-                            false => refused(number(beyond), &words),
+                            false => refused(number(beyond), "must be"),
                         }
                     }
                 }
@@ -303,7 +312,7 @@ pub(crate) mod tests {
                         });
                         Toml::Array(vec![found.unwrap(); count])
                     };
-                    refused(one(range.start() - 1), "at least one");
+                    refused(one(range.start() - 1), "must be");
                     if *range.end() < usize::MAX {
                         accepted(one(*range.end()), "must be");
                         refused(one(range.end() + 1), "must be");

@@ -249,7 +249,7 @@ impl Check<'_> {
         }
     }
 
-    /// The error of a file that `key` names: what cannot be read is told with the key, and what is wrong in it without.
+    /// The error of a file that `key` names: a file that cannot be read is reported with the key, faults in the file without.
     pub fn named(&self, key: &str, error: ConfigError) -> ConfigError {
         match error {
             ConfigError::Read { .. } => self.explain(key, error),

@@ -73,8 +73,9 @@ fn is_ours(name: &str) -> bool {
 /// The frames that the labels of an earlier run list; `None` where the file is no list of labels, or is not there.
 fn earlier_frames(labels: &Path) -> Option<BTreeSet<u32>> {
     // Opening a pipe would wait for a writer.
-    let is_file = labels.metadata().is_ok_and(|about| about.is_file());
-    let mut from = BufReader::new(File::open(labels).ok().filter(|_| is_file)?);
+    let about = labels.metadata().ok()?;
+    let file = about.is_file().then(|| File::open(labels).ok())??;
+    let mut from = BufReader::new(file);
     let mut frames = BTreeSet::new();
     loop {
         let mut head = Vec::new();

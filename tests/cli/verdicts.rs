@@ -164,7 +164,7 @@ fn the_ready_file_says_where_links_listen_and_goes_with_the_run() {
     std::fs::write(&file, "{}").unwrap();
     let (code, text) = say(at, "run --config run.toml --ready-file ready.json");
     assert!(
-        code == Some(1) && text.contains("another file of that name"),
+        code == Some(1) && text.contains("did not make this file"),
         "{text}"
     );
     let (code, text) = say(at, "run --config run.toml --ready-file no/such");

@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 
-/// Focal lengths by apertures that nobody wonders at: from Abbe's sine condition to pinholes.
+/// Usual ratios of focal length to aperture: from Abbe's sine condition to pinholes.
 const LIKELY_FOCAL_RATIOS: RangeInclusive<f64> = 0.5..=500.0;
 
 /// Wavelengths of a band.

@@ -355,7 +355,7 @@ fn summed(figures: &[(RunStats, Counters)]) -> Vec<(&'static str, u32)> {
     counts
 }
 
-/// Errors: what cannot be soaked, told before minutes are spent on it.
+/// Errors: the configuration cannot be soaked; checked before the run.
 fn may_run(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
     let name = path_text(&args.config);
     if config.run.clock == Clock::Stepped {

@@ -326,16 +326,16 @@ impl Outbox for TappedOutbox {
     }
 }
 
-/// Counts the octets that have been written.
+/// Counts the bytes that have been written.
 struct Counted<W> {
     to: W,
-    octets: u64,
+    bytes: u64,
 }
 
 impl<W: Write> Write for Counted<W> {
-    fn write(&mut self, octets: &[u8]) -> std::io::Result<usize> {
-        let written = self.to.write(octets)?;
-        self.octets += written as u64;
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let written = self.to.write(bytes)?;
+        self.bytes += written as u64;
         Ok(written)
     }
 
@@ -346,8 +346,8 @@ impl<W: Write> Write for Counted<W> {
 
 /// Writes records until the recording ends. After an error the others are counted only: the run goes on.
 fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u64, CaptureError> {
-    let mut to = BufWriter::with_capacity(1 << 16, Counted { to, octets: 0 });
-    // Ends of the records of which not all octets have been written, and the end of the last one.
+    let mut to = BufWriter::with_capacity(1 << 16, Counted { to, bytes: 0 });
+    // Ends of the records of which not all bytes have been written, and the end of the last one.
     let (mut ends, mut end) = (VecDeque::new(), 0);
     let (mut taken, mut failed) = (0, None);
     let mut flushed = Instant::now();
@@ -370,7 +370,7 @@ fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u6
             done = to.flush();
             flushed = Instant::now();
         }
-        let written = to.get_ref().octets;
+        let written = to.get_ref().bytes;
         while ends.front().is_some_and(|end| *end <= written) {
             ends.pop_front();
         }
@@ -399,12 +399,12 @@ fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u6
 mod tests {
     use super::*;
 
-    /// A disk with room for `0` octets.
+    /// A disk with room for `0` bytes.
     struct Disk(usize);
 
     impl Write for Disk {
-        fn write(&mut self, octets: &[u8]) -> std::io::Result<usize> {
-            let room = octets.len().min(self.0);
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            let room = bytes.len().min(self.0);
             if room == 0 {
                 return Err(std::io::ErrorKind::StorageFull.into());
             }
@@ -418,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_is_told_at_the_end() {
+    fn a_full_disk_is_reported_at_the_end() {
         let (queue, records) = sync_channel(QUEUE);
         for _ in 0..10 {
             queue.send(Message::Record(vec![0; 100])).unwrap();
