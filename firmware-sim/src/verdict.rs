@@ -182,7 +182,7 @@ fn unwritten(file: &Path, error: &std::io::Error) -> String {
         std::io::ErrorKind::InvalidInput => "",
         _ => "; name another file",
     };
-    format!("cannot write {}: {error}{remedy}", path_text(&file))
+    format!("cannot write {}: {error}{remedy}", path_text(file))
 }
 
 /// Limits of a run against a mock flight computer.

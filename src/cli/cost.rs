@@ -115,7 +115,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         write_text(&dir.join(LINES), &report.csv(), &[HEAD], args.force.force)?;
         write_scatter(dir, PICTURE, &plot(&report, &name, args.budget_ms))?;
         if !args.json {
-            say(format_args!("wrote {}\n", path_text(&dir)))?;
+            say(format_args!("wrote {}\n", path_text(dir)))?;
         }
     }
     Ok(())

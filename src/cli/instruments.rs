@@ -80,7 +80,7 @@ impl Choice {
 
 /// Why there is no fault log.
 fn unwritten(file: &Path, why: &std::io::Error) -> anyhow::Error {
-    anyhow!("--fault-log {}: {why}{}", path_text(&file), remedy_of(why))
+    anyhow!("--fault-log {}: {why}{}", path_text(file), remedy_of(why))
 }
 
 /// What a run has been set to beside its files, as recordings tell it.
@@ -144,7 +144,7 @@ pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
         {
             bail!(
                 "{name} {}: {other} names the same file; choose another",
-                path_text(&file)
+                path_text(file)
             );
         }
     }
@@ -157,8 +157,8 @@ fn are_outside(out: &Path, given: &[(&str, &Path)]) -> anyhow::Result<()> {
         None => Ok(()),
         Some((name, file)) => bail!(
             "{name} {}: --out {} has a file of this name; choose another",
-            path_text(&file),
-            path_text(&out)
+            path_text(file),
+            path_text(out)
         ),
     }
 }

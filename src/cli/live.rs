@@ -52,7 +52,7 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
 
 /// Errors: what opening a run's links would refuse without asking the system, with file and key.
 pub fn check_links(config: &Config, file: &Path) -> anyhow::Result<()> {
-    let file = path_text(&file);
+    let file = path_text(file);
     link::check_all(&config.run.links).with_context(|| format!("{file}: run.link"))?;
     for head in &config.heads {
         let of_head = || format!("{file}: link of head {}", head.name);

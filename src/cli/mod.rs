@@ -170,7 +170,7 @@ fn scene(file: Option<&Path>) -> anyhow::Result<Config> {
 
 /// What a scene is called: its file.
 fn scene_name(file: Option<&Path>) -> String {
-    file.map_or("the built-in scene".to_string(), |file| path_text(&file))
+    file.map_or("the built-in scene".to_string(), path_text)
 }
 
 /// How orbits are worked out.
@@ -281,7 +281,7 @@ fn not_itself(observer: &Object, object: &Object) -> anyhow::Result<()> {
 /// The mission of a configuration; an error names the scene file that it comes from.
 fn mission(config: &Config, scene: Option<&Path>) -> anyhow::Result<Mission> {
     let mission = match (flight::mission(config), scene) {
-        (mission, Some(scene)) => mission.with_context(|| path_text(&scene))?,
+        (mission, Some(scene)) => mission.with_context(|| path_text(scene))?,
         (mission, None) => mission?,
     };
     if let Some(Observer::Object(observer)) = &config.observer {

@@ -36,7 +36,7 @@ const MARK: Mark = &["{", "\"pid\"", "\"links\""];
 
 /// Refuses a folder that does not exist, what is no regular file, an input, and without `force` a file that skyloop did not write.
 pub fn check(file: &Path, force: bool) -> anyhow::Result<()> {
-    let shown = path_text(&file);
+    let shown = path_text(file);
     let folder = file
         .parent()
         .filter(|folder| !folder.as_os_str().is_empty());
@@ -58,7 +58,7 @@ pub fn check(file: &Path, force: bool) -> anyhow::Result<()> {
 impl ReadyFile {
     /// Writes the file under another name and renames it: a reader never sees a part of it.
     pub fn write(file: &Path, ready: &Ready<'_>) -> anyhow::Result<ReadyFile> {
-        let shown = path_text(&file);
+        let shown = path_text(file);
         let mut name = file.file_name().unwrap_or_default().to_os_string();
         name.push(format!(".{}", ready.pid));
         let part = file.with_file_name(name);

@@ -215,3 +215,110 @@ impl AttitudeFile {
         shown.collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Config, LIMITS};
+    use crate::load::{DEFAULT_TOML, Folder, agree, both};
+
+    fn load(text: &str) -> Option<String> {
+        let read = Config::parse("scene.toml", text, &Folder::current());
+        read.err().map(|error| error.to_string())
+    }
+
+    /// A scene with this pointing.
+    fn scene(pointing: &str) -> String {
+        format!(
+            r#"
+label_snr = 1.0
+[objects]
+diameter_m = 1.0
+reflectance = 0.2
+diffuse = 0.5
+specular = 0.1
+[effects]
+off = ["starlight"]
+[sky]
+catalog = "bsc"
+[run]
+latency_s = 1.0
+idle_s = 1.0
+delay_s = 1.0
+jitter_s = 1.0
+work_limit_s = 1.0
+stale_s = 1.0
+holdover_s = 1.0
+window_px = 9
+priority = 9
+cpus = [0]
+coarsen = ["fast"]
+output = "frame"
+[[heads]]
+name = "B"
+camera = "cots-wide"
+rate_hz = 1.0
+link = "udp://127.0.0.1:4811"
+[sequence]
+epoch = "2026-01-01T00:00:00Z"
+frames = 1
+period_s = 1.0
+{pointing}
+"#
+        )
+    }
+
+    const BY_RADEC: &str = "radec = [1.0, 2.0, 3.0]\nrates_deg_s = [0.0, 0.0, 0.0]";
+    const BY_TARGET: &str = "look_at = [1.0, 2.0]\nroll_deg = 1.0";
+
+    #[test]
+    fn the_schema_has_the_loaders_limits() {
+        let bases = [BY_RADEC, BY_TARGET].map(scene);
+        let schema = Config::schema("scene");
+        agree(&schema, LIMITS, &bases.each_ref().map(String::as_str), load);
+    }
+
+    #[test]
+    fn schema_and_loader_agree_on_pointings() {
+        let schema = Config::schema("scene");
+        both(&schema, DEFAULT_TOML, |_| None, true);
+        let one = [
+            "attitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]",
+            "attitude_file = \"Cargo.toml\"",
+            "radec = [1.0, 2.0, 3.0]",
+            "nadir = true",
+            "look_at = \"Moon\"",
+        ];
+        for (place, pointing) in one.iter().enumerate() {
+            both(&schema, &scene(pointing), load, true);
+            for other in &one[place + 1..] {
+                both(
+                    &schema,
+                    &scene(&format!("{pointing}\n{other}")),
+                    load,
+                    false,
+                );
+            }
+        }
+        for (pointing, is_valid) in [
+            ("", false),
+            ("nadir = false", false),
+            ("attitudes = []", false),
+            ("attitudes = []\nnadir = true", true),
+            ("nadir = false\nlook_at = \"Sun\"", true),
+            ("look_at = \"Sun\"\nup = \"north\"", true),
+            ("nadir = true\nup = \"north\"", false),
+            ("nadir = true\nroll_deg = 1.0", false),
+        ] {
+            both(&schema, &scene(pointing), load, is_valid);
+        }
+        let state = "state = [7000.0, 0.0, 0.0, 0.0, 7.5, 0.0]";
+        let observer = |keys: &str| format!("[observer]\n{keys}\n");
+        both(&schema, &observer(state), load, true);
+        both(
+            &schema,
+            &observer(&format!("{state}\norbit = \"x.tle\"")),
+            load,
+            false,
+        );
+    }
+}

@@ -112,7 +112,7 @@ impl Allowed {
                 }
             }
             Allowed::Kind(key, kinds) => {
-                let all: Vec<&str> = kinds.iter().flat_map(|kind| own_keys(kind)).collect();
+                let all: Vec<&str> = kinds.iter().flat_map(own_keys).collect();
                 let rules: Vec<Value> = kinds.iter().map(|kind| rule(key, kind, &all)).collect();
                 node.insert("allOf".into(), json!(rules));
                 let names: Vec<&str> = kinds.iter().map(|(name, ..)| *name).collect();

@@ -72,7 +72,7 @@ impl fmt::Display for Rejected {
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
-    #[error("cannot read the orbit file {}: {error}{}", path_text(&path), remedy(error).map_or(String::new(), |it| format!("; {it}")))]
+    #[error("cannot read the orbit file {}: {error}{}", path_text(path), remedy(error).map_or(String::new(), |it| format!("; {it}")))]
     Read {
         /// The file.
         path: PathBuf,

@@ -40,8 +40,8 @@ fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
 
 /// A path as messages have it: one line that does not steer a terminal.
 #[must_use]
-pub fn path_text(path: impl AsRef<Path>) -> String {
-    printable_line(&path.as_ref().display().to_string()).into_owned()
+pub fn path_text(path: &Path) -> String {
+    printable_line(&path.display().to_string()).into_owned()
 }
 
 #[cfg(test)]

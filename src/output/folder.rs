@@ -10,7 +10,7 @@ use thiserror::Error;
 
 /// A file or folder that cannot be written.
 #[derive(Debug, Error)]
-#[error("cannot {action} {}: {source}{}", path_text(&path), remedy(source))]
+#[error("cannot {action} {}: {source}{}", path_text(path), remedy(source))]
 pub struct OutputError {
     /// What was tried.
     pub action: &'static str,

@@ -251,7 +251,7 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
             "names the same file",
         ),
         (
-            "loopback --scene scene.toml --out p --junit orbit.oem".to_string(),
+            "loopback --scene scene.toml --out p --junit orbit.oem --force".to_string(),
             "this run reads this file",
         ),
         (
@@ -267,7 +267,7 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
             "--out p has a file of this name",
         ),
         (
-            "soak --config run.toml --minutes 0.01 --json orbit.oem".to_string(),
+            "soak --config run.toml --minutes 0.01 --json orbit.oem --force".to_string(),
             "this run reads this file",
         ),
         (

@@ -308,6 +308,7 @@ fn pipes_that_nothing_reads_do_not_hold_a_command_up() {
             "no program reads this pipe",
             "did not make",
             "no regular file",
+            "of no population",
         ];
         assert!(
             says.iter().any(|says| text.contains(says)),

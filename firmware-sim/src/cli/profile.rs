@@ -84,13 +84,13 @@ impl ProfileArgs {
     /// A file that cannot be read or is no list of attitudes.
     pub fn profile(&self, start: Epoch) -> Result<Profile> {
         if let Some(path) = &self.attitudes {
-            let name = path_text(&path);
+            let name = path_text(path);
             let text = read_text_within(path, LARGEST_TABLE).map_err(|error| {
                 anyhow!("cannot read the attitudes in {name}: {error}; --attitudes takes a text file of lines UTC x y z w, or a CCSDS AEM")
             })?;
             let list = AttitudeList::parse(&text, &name)?;
             for remark in list.remarks() {
-                eprintln!("skyloop-fc: {}", printable_line(&remark));
+                eprintln!("skyloop-fc: {}", printable_line(remark));
             }
             return Ok(Profile::List(list));
         }

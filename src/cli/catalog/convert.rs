@@ -85,8 +85,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         None => write_out(&written.text)?,
         Some(out) => {
             let force = args.force.force;
-            write_file(out, &written.text, NO_MARK, force).with_context(|| path_text(&out))?;
-            say(format_args!("wrote {sets} to {}\n", path_text(&out)))?;
+            write_file(out, &written.text, NO_MARK, force).with_context(|| path_text(out))?;
+            say(format_args!("wrote {sets} to {}\n", path_text(out)))?;
         }
     }
     Ok(())

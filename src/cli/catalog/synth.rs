@@ -83,7 +83,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Some(Target::File(out, format)) => {
             let records: Vec<Record> = all.iter().map(Synthetic::record).collect();
             elements(out, &records, format, args.epoch, args.force.force)?;
-            text += &format!("wrote {}\n", path_text(&out));
+            text += &format!("wrote {}\n", path_text(out));
         }
     }
     say(text)?;
@@ -106,7 +106,7 @@ impl Target<'_> {
             let ends = ENDS.map(|(end, _)| format!(".{end}")).join(", ");
             bail!(
                 "--out {}: a file is named by its format ({ends}), a folder has no dot in its name",
-                path_text(&out)
+                path_text(out)
             );
         };
         Ok(Target::File(out, *format))
@@ -120,7 +120,7 @@ fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
     let bytes = write(&records, format, args.epoch).map_or(0, |written| written.text.len());
     let expected = bytes as f64 / few.len() as f64 * f64::from(args.objects);
     let all = counted(args.objects as usize, "object");
-    let what = format!("--out {}: {all}", path_text(&file));
+    let what = format!("--out {}: {all}", path_text(file));
     // Names and numbers of the last are longer than those of the first.
     super::fits(&what, format, expected * 1.02, "write a folder, or .csv")
 }
@@ -151,7 +151,7 @@ fn older(folder: &Path, force: bool) -> anyhow::Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
     }
-    let Listing { files, others } = files(folder).with_context(|| path_text(&folder))?;
+    let Listing { files, others } = files(folder).with_context(|| path_text(folder))?;
     let is_own = |file: &Path| {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         own.iter().any(|own| *own == name)
@@ -161,8 +161,8 @@ fn older(folder: &Path, force: bool) -> anyhow::Result<Vec<PathBuf>> {
         bail!(
             "--out {}: holds {}, which is of no population; name a folder that is new, empty or holds a population alone, \
              which is replaced",
-            path_text(&folder),
-            path_text(&foreign)
+            path_text(folder),
+            path_text(foreign)
         );
     }
     let others: Vec<&str> = own.iter().skip(1).map(String::as_str).collect();
@@ -211,7 +211,7 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch, force: bool) -> anyhow
     write_text(&file, &toml, MARK, false)?;
     Ok(format!(
         "wrote {}\nin a scene: [objects] population = {:?}, exposures near {}\n",
-        path_text(&folder),
+        path_text(folder),
         path_text(&file),
         utc_text(epoch)
     ))
@@ -229,7 +229,7 @@ fn elements(
     if let Some(first) = written.left_out.first() {
         bail!(
             "{}: {} of {} cannot be written as {format}: {first}; write .csv",
-            path_text(&file),
+            path_text(file),
             written.left_out.len(),
             counted(records.len(), "object")
         );

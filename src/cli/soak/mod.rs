@@ -155,7 +155,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
 }
 
 /// The emulator's links, and their other ends, of each camera.
-fn links(args: &Args, config: &Config) -> anyhow::Result<(Vec<Links>, Vec<(AnyPort, Roles)>)> {
+fn links(args: &Args, config: &Config) -> anyhow::Result<(Vec<Links>, Vec<ClientEnd>)> {
     let options = link::Options {
         idle: Duration::from_secs_f64(config.run.idle_s),
         personality: &NATIVE,
@@ -177,7 +177,7 @@ fn links(args: &Args, config: &Config) -> anyhow::Result<(Vec<Links>, Vec<(AnyPo
 }
 
 /// A client's end of a link.
-type AnyPort = Box<dyn Port + Send>;
+type ClientEnd = (Box<dyn Port + Send>, Roles);
 
 /// A run of all cameras and their clients.
 struct Run<'a> {
@@ -202,7 +202,7 @@ impl Run<'_> {
     fn fly(
         &self,
         (mut server, mut heads): (Server, Vec<Server>),
-        ports: Vec<(AnyPort, Roles)>,
+        ports: Vec<ClientEnd>,
         mission: Mission,
     ) -> anyhow::Result<Flown> {
         let (sender, left) = channel::<(usize, Left)>();

@@ -65,7 +65,7 @@ pub fn read(file: &Path, text: &str) -> Result<Vec<Record<CanFrame>>, CaptureErr
     lines
         .map(|(number, line)| {
             parse(line).ok_or_else(|| CaptureError::Format {
-                file: path_text(&file),
+                file: path_text(file),
                 reason: format!(
                     "line {}: {:?} is no line of candump's log format, such as (1436509052.249713) can0 123#DEADBEEF R",
                     number + 1,

@@ -156,7 +156,7 @@ impl Capture {
         force: bool,
         links: Option<Vec<String>>,
     ) -> Result<Capture, CaptureError> {
-        let name = path_text(&file);
+        let name = path_text(file);
         let failed = |source| CaptureError::Create {
             file: name.clone(),
             source,

@@ -133,7 +133,7 @@ pub struct Packets {
 /// off (the run was killed) is left out, and the log says so.
 pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
     let wrong = |at: usize, what: &str| CaptureError::Format {
-        file: path_text(&file),
+        file: path_text(file),
         reason: format!("octet {at}: {what}"),
     };
     let (mut comments, mut links, mut records) = (Vec::new(), Vec::new(), Vec::new());
@@ -188,7 +188,7 @@ pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
     if at < octets.len() {
         tracing::warn!(
             "{}: the last {} octets are cut off and left out",
-            path_text(&file),
+            path_text(file),
             octets.len() - at
         );
     }

@@ -35,7 +35,7 @@ pub struct Recording {
 /// Reads a recording, whichever format it has.
 pub fn load(file: &Path, personality: &Personality) -> Result<Recording, CaptureError> {
     let no_recording = || CaptureError::Format {
-        file: path_text(&file),
+        file: path_text(file),
         reason: "neither pcapng nor a log of candump: record one with --capture".to_string(),
     };
     // Before the rest is read.
@@ -47,7 +47,7 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
     let octets = octets.map_err(|source| match source.kind() {
         ErrorKind::InvalidData => no_recording(),
         _ => CaptureError::Read {
-            file: path_text(&file),
+            file: path_text(file),
             source,
         },
     })?;

@@ -42,7 +42,7 @@ impl Book {
     pub fn writing(path: &Path, output: &OutputFile) -> std::io::Result<Book> {
         Ok(Book {
             log: Some(Log {
-                name: path_text(&path),
+                name: path_text(path),
                 file: BufWriter::new(output.file()?),
                 failed: None,
             }),
