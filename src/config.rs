@@ -13,7 +13,8 @@ use crate::camera::Camera;
 use crate::effect::EFFECTS;
 use crate::fidelity::{Choice, Fidelity};
 use crate::load::{
-    Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, RawTime, advice, orbits, read, schema_of,
+    Allowed, Check, ConfigError, DEFAULT_SCENE, Fixed, Folder, Limit, RawTime, advice, one_of,
+    orbits, read, schema_of,
 };
 use crate::sky::Corrections;
 use crate::sky::catalog::Selection;
@@ -248,7 +249,7 @@ impl Config {
 
     /// The JSON Schema of scene and run files, which have the same keys.
     pub fn schema(title: &str) -> schemars::Schema {
-        schema_of::<Raw>(title)
+        schema_of::<Raw>(title, LIMITS)
     }
 
     /// The JSON Schema of population files.
@@ -311,7 +312,7 @@ impl Raw {
             camera,
             fidelity,
             choice: raw.effects.validate(check)?,
-            label_snr: check.range("label_snr", raw.label_snr, 0.0..=1e9)?,
+            label_snr: check.limit(OWN_LIMITS, "label_snr", raw.label_snr)?,
             sky: raw.sky.validate(check)?,
             objects,
             rejected: findings.rejected,
@@ -325,16 +326,44 @@ impl Raw {
     }
 }
 
-/// Effects without which there would be no digits.
+/// Effects without which there would be no pixel values.
 const ALWAYS_ON: &[&str] = &["readout"];
+
+fn can_be_off() -> Vec<&'static str> {
+    let names = EFFECTS.iter().map(|effect| effect.name);
+    names.filter(|name| !ALWAYS_ON.contains(name)).collect()
+}
+
+/// Parts of the star catalogue by name.
+const CATALOGS: [(&str, Selection); 2] =
+    [("hipparcos", Selection::Hipparcos), ("bsc", Selection::Bsc)];
+
+fn catalogs() -> Vec<&'static str> {
+    CATALOGS.map(|(name, _)| name).to_vec()
+}
+
+const OWN_LIMITS: &[Limit] = &[
+    ("label_snr", Allowed::Number(0.0..=1e9)),
+    ("effects.off[]", Allowed::Word(can_be_off)),
+    ("sky.catalog", Allowed::Word(catalogs)),
+    ("observer", Allowed::NotBoth(["orbit", "state"])),
+];
+
+/// The limits of all keys.
+const LIMITS: &[&[Limit]] = &[
+    OWN_LIMITS,
+    heads::LIMITS,
+    run::LIMITS,
+    sequence::LIMITS,
+    shapes::SCENE_LIMITS,
+];
 
 impl RawEffects {
     fn validate(self, check: &Check) -> Result<Choice, ConfigError> {
         let mut off = Vec::new();
         for (i, name) in self.off.iter().enumerate() {
             let (key, given) = (format!("effects.off[{i}]"), format!("{name:?}"));
-            let can = EFFECTS.iter().map(|effect| effect.name);
-            let can: Vec<&str> = can.filter(|name| !ALWAYS_ON.contains(name)).collect();
+            let can = can_be_off();
             match can.iter().find(|known| *known == name) {
                 Some(known) => off.push(*known),
                 None if ALWAYS_ON.contains(&name.as_str()) => {
@@ -360,16 +389,10 @@ impl RawEffects {
 
 impl RawSky {
     fn validate(self, check: &Check) -> Result<Sky, ConfigError> {
-        let selection = match self.catalog.as_str() {
-            "hipparcos" => Selection::Hipparcos,
-            "bsc" => Selection::Bsc,
-            other => {
-                return Err(check.refuse(
-                    "sky.catalog",
-                    format!("{other:?}"),
-                    "\"hipparcos\" or \"bsc\"",
-                ));
-            }
+        let found = CATALOGS.iter().find(|(name, _)| *name == self.catalog);
+        let Some((_, selection)) = found else {
+            let given = format!("{:?}", self.catalog);
+            return Err(check.refuse("sky.catalog", given, one_of(&catalogs())));
         };
         let corrections = Corrections {
             proper_motion: self.proper_motion,
@@ -379,7 +402,7 @@ impl RawSky {
             light_time: self.light_time,
         };
         Ok(Sky {
-            selection,
+            selection: *selection,
             corrections,
             colour: self.colour,
         })

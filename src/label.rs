@@ -24,7 +24,7 @@ use crate::attitude::degrees_of_turn;
 use crate::camera::Camera;
 use crate::effect::Verdict;
 use crate::plan::{Plan, Step};
-use crate::scene::{Body, Hidden, Scene, Source, World};
+use crate::scene::{Body, Hidden, Scene, SeenWanderer, Source, World};
 use crate::sky::population::SeenObject;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -36,6 +36,10 @@ use std::collections::BTreeMap;
 
 /// Objects of which one thread makes the labels at least.
 const TASK: usize = 64;
+
+/// Kinds of objects.
+const STAR: &str = "star";
+const RSO: &str = "rso";
 
 /// Objects of a lower signal-to-noise ratio count as not visible.
 pub const VISIBLE_SNR: f64 = 3.0;
@@ -167,6 +171,7 @@ impl EffectLabel {
 #[derive(Debug, Clone, PartialEq, JsonSchema)]
 pub struct ObjectLabel {
     /// `star`, `rso`, `moon` or `planet`.
+    #[schemars(extend("enum" = [STAR, RSO, SeenWanderer::MOON_KIND, SeenWanderer::PLANET_KIND]))]
     pub kind: &'static str,
     /// `HIP 80351`, `HR n` where there is no HIP, `NORAD 44322`, an OEM's OBJECT_ID, or a name such as `Moon`.
     pub id: String,
@@ -374,7 +379,7 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
             let catalog = world.stars.catalog();
             let star = &catalog.stars()[seen.index];
             (
-                "star",
+                STAR,
                 catalog.id(star),
                 catalog.names(star),
                 star.v_mag,
@@ -386,7 +391,7 @@ fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
             let object = &world.population.objects()[seen.index];
             let (id, names) = (object.id.clone(), object.names.clone());
             (
-                "rso",
+                RSO,
                 id,
                 names,
                 seen.mag,

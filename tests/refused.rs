@@ -98,7 +98,7 @@ fn words_and_places_that_no_camera_has() {
             "\"row\"",
             [
                 "detector.blooming = \"row\"",
-                "must be \"none\" or \"column\"",
+                "must be one of \"none\", \"column\"",
             ],
         ),
         (

@@ -127,6 +127,7 @@ const FENCES: &[(&str, &[&str])] = &[
             "cli/schema",
             "label",
             "link/fault/book",
+            "load/limits",
             "output/passes",
         ],
     ),
@@ -140,11 +141,8 @@ const FENCES: &[(&str, &[&str])] = &[
     (
         "std::fs::",
         &[
-            "cli/camera",
             "cli/ready",
-            "cli/shell",
             "host",
-            "link/claim",
             "link/fault/book",
             "link/name",
             "output",

@@ -13,40 +13,7 @@ use std::sync::atomic::AtomicBool;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 
-/// Whether a character steers a terminal (C0 and C1 controls) or the order of letters (Unicode Standard Annex 9).
-fn steers(character: char) -> bool {
-    character.is_control()
-        || matches!(character, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-}
-
-/// Text that a terminal shows as it stands. Ends of lines and tabs stay; other controls and direction marks are written as
-/// JSON escapes, such as `\u001b`, so that JSON keeps its meaning.
-#[must_use]
-pub fn printable(text: &str) -> Cow<'_, str> {
-    escaped(text, |character| {
-        steers(character) && !matches!(character, '\n' | '\t')
-    })
-}
-
-/// The same in one line.
-#[must_use]
-pub fn printable_line(text: &str) -> Cow<'_, str> {
-    escaped(text, steers)
-}
-
-fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
-    if !text.contains(&is_escaped) {
-        return Cow::Borrowed(text);
-    }
-    let mut shown = String::with_capacity(text.len() + 16);
-    for character in text.chars() {
-        match is_escaped(character) {
-            true => shown += &format!("\\u{:04x}", u32::from(character)),
-            false => shown.push(character),
-        }
-    }
-    Cow::Owned(shown)
-}
+pub use skyloop_orbit::{printable, printable_line};
 
 /// Prints text for people to standard output, as [`printable`]. That somebody has closed it is no error.
 ///
@@ -122,34 +89,4 @@ fn is_ignored(signal: i32) -> bool {
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
     mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn nothing_that_is_printed_steers_a_terminal() {
-        for (text, shown) in [
-            (
-                "a plain line\n\tand é 🛰 שלום\n",
-                "a plain line\n\tand é 🛰 שלום\n",
-            ),
-            ("\u{1b}[31mred\u{7}\r", "\\u001b[31mred\\u0007\\u000d"),
-            // X-Val: ECMA-48, 8.3.16: CSI is 9B in eight bits.
-            ("\u{9b}2J\u{85}\u{7f}", "\\u009b2J\\u0085\\u007f"),
-            // X-Val: Unicode Standard Annex 9, table 1: explicit directional formatting characters.
-            (
-                "\u{202a}\u{202e}\u{2066}\u{2069}\u{200e}\u{200f}\u{61c}",
-                "\\u202a\\u202e\\u2066\\u2069\\u200e\\u200f\\u061c",
-            ),
-        ] {
-            assert_eq!(printable(text), shown);
-        }
-        assert_eq!(printable_line("a\nb"), "a\\u000ab");
-        // JSON keeps its meaning.
-        let json = serde_json::Value::from("a\u{202e}b\u{9b}c").to_string();
-        let read: String = serde_json::from_str(&printable(&json)).unwrap();
-        assert_eq!(read, "a\u{202e}b\u{9b}c");
-    }
 }

@@ -7,7 +7,7 @@ use std::fmt::Display;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::atomic;
+use std::sync::atomic::{self, AtomicBool};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -22,8 +22,9 @@ use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::profile::{OrbitSource, orbit_of};
 use skyloop_firmware_sim::received::Content;
+use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::text::whole;
-use skyloop_firmware_sim::verdict::{self, Limits, Suite, Verdict};
+use skyloop_firmware_sim::verdict::{self, Limits, Suite, UNFINISHED, Verdict, VerdictFile};
 use skyloop_orbit::time::parse_utc;
 use skyloop_orbit::{Ages, LoadError, file_and_name, set_ut1_utc};
 use skyloop_protocols::{Fault, LabelLevel};
@@ -85,10 +86,13 @@ struct Args {
     output: OutputArgs,
     #[command(flatten)]
     limits: Limits,
+    /// Replace the file of --junit even if skyloop did not make it
+    #[arg(long)]
+    force: bool,
 }
 
-/// Refusals that are told as they come.
-const TOLD: u32 = 5;
+/// Refusals that are printed one by one.
+const PRINTED_REFUSALS: u32 = 5;
 
 fn main() -> ExitCode {
     let args = Args::try_parse().unwrap_or_else(|error| refuse(&error));
@@ -107,49 +111,48 @@ fn note(text: impl Display) {
 }
 
 fn run(args: Args) -> Result<()> {
-    let started = Instant::now();
-    if let Some(seconds) = args.ut1_utc {
-        set_ut1_utc(seconds).map_err(|why| anyhow!("--ut1-utc {why}"))?;
-    }
-    // What begins now is under way while the emulator is waited for.
-    let zero = args.epoch.is_none().then_some(started);
-    let mission = mission(&args)?;
-    let closed = args.closed.settings(args.wall, &mission)?;
     let mut suite = Suite {
         name: "skyloop-fc",
         classname: "skyloop.fc".to_string(),
         properties: vec![("link".to_string(), args.link.join(" "))],
         ..Suite::default()
     };
-    args.limits.begin(&suite).map_err(anyhow::Error::msg)?;
+    let mut junit = args.limits.open(args.force).map_err(anyhow::Error::msg)?;
+    let done = fly(&args, &mut suite, junit.as_mut());
+    if let (Err(error), Some(junit)) = (&done, &mut junit) {
+        let verdicts = args.limits.not_run(&in_one_line(error.as_ref()));
+        let written = junit.fail(&suite.document(&verdicts));
+        written.map_err(anyhow::Error::msg)?;
+    }
+    done
+}
+
+/// Flies the mission, and writes the verdicts on it.
+fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> Result<()> {
+    let started = Instant::now();
+    if let Some(seconds) = args.ut1_utc {
+        set_ut1_utc(seconds).map_err(|why| anyhow!("--ut1-utc {why}"))?;
+    }
+    // What begins now is under way while the emulator is waited for.
+    let zero = args.epoch.is_none().then_some(started);
+    let mission = mission(args)?;
+    let closed = args.closed.settings(args.wall, &mission)?;
+    if let Some(junit) = &mut junit {
+        let unfinished = suite.document(&args.limits.not_run(UNFINISHED));
+        junit.begin(&unfinished).map_err(anyhow::Error::msg)?;
+    }
     let links = args.link.iter().map(|link| link::open(link));
     let mut links = links.collect::<Result<Vec<_>, _>>()?;
     for (link, _) in &mut links {
         link.on_news(Box::new(|news| note(news)));
     }
     let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    let (mut refusals, listens) = (0, args.profile.listens());
-    let flown = FlightComputer::on_links(links, mission)
-        .with_faults(args.fault)
+    let flight_computer = FlightComputer::on_links(links, mission)
+        .with_faults(args.fault.clone())
         .with_pause(args.pause)
         .with_control(closed)
         .with_zero(zero);
-    let flown = flown.run(|event| {
-        refusals += u32::from(matches!(event, Event::Nack(_)));
-        let told = match (&event, refusals.cmp(&TOLD)) {
-            (Event::Nack(_), Ordering::Greater) => Ok(()),
-            (Event::Nack(nack), Ordering::Equal) => {
-                say(format_args!("{nack}; further ones are counted\n"))
-            }
-            _ => tell(&event, listens),
-        };
-        // What cannot be told now fails again below, with the report.
-        if told.is_err() || stop.load(atomic::Ordering::Relaxed) {
-            return ControlFlow::Break(());
-        }
-        ControlFlow::Continue(())
-    });
-    let (report, cut_short) = match flown {
+    let (report, cut_short) = match report_events(flight_computer, args.profile.listens(), &stop) {
         Ok(report) => (report, None),
         Err(RunError::CutShort { report, source }) => (*report, Some(source)),
         Err(error) => return Err(error.into()),
@@ -163,28 +166,59 @@ fn run(args: Args) -> Result<()> {
     }
     suite.seconds = started.elapsed().as_secs_f64();
     suite.table = report.to_string();
-    args.limits
-        .finish(&suite, &verdicts)
-        .map_err(anyhow::Error::msg)?;
+    if let Some(junit) = junit {
+        let text = suite.document(&verdicts);
+        junit.finish(&text).map_err(anyhow::Error::msg)?;
+    }
     say(format_args!("{report}{}", verdict::table(&verdicts[1..])))?;
     if let Some(error) = cut_short {
         return Err((*error).into());
     }
-    let (came, asked) = (report.frames, report.requested);
-    let gone = report.gone.map(|gone| format!(": {gone}"));
+    came_whole(&report, &stop)?;
+    verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
+}
+
+/// Runs the flight computer and prints what happens.
+fn report_events<P: Port>(
+    flight_computer: FlightComputer<P>,
+    listens: bool,
+    stop: &AtomicBool,
+) -> Result<Report, RunError> {
+    let mut refusals = 0;
+    flight_computer.run(|event| {
+        refusals += u32::from(matches!(event, Event::Nack(_)));
+        let printed = match (&event, refusals.cmp(&PRINTED_REFUSALS)) {
+            (Event::Nack(_), Ordering::Greater) => Ok(()),
+            (Event::Nack(nack), Ordering::Equal) => {
+                say(format_args!("{nack}; further ones are counted\n"))
+            }
+            _ => print_event(&event, listens),
+        };
+        // What cannot be printed now fails again with the report.
+        if printed.is_err() || stop.load(atomic::Ordering::Relaxed) {
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    })
+}
+
+/// Errors: not all frames came whole.
+fn came_whole(report: &Report, stop: &AtomicBool) -> Result<()> {
+    let (came, requested) = (report.frames, report.requested);
+    let gone = report.gone.as_ref().map(|gone| format!(": {gone}"));
     let gone = gone.unwrap_or_default();
-    if came < asked && stop.load(atomic::Ordering::Relaxed) {
-        bail!("stopped after {came} of {asked} frames{gone}");
+    if came < requested && stop.load(atomic::Ordering::Relaxed) {
+        bail!("stopped after {came} of {requested} frames{gone}");
     }
-    if came < asked && !gone.is_empty() {
-        bail!("{came} of {asked} frames came whole{gone}");
+    if came < requested && !gone.is_empty() {
+        bail!("{came} of {requested} frames came whole{gone}");
     }
-    if came < asked {
+    if came < requested {
         bail!(
-            "{came} of {asked} frames came whole: see the losses and refusals above, and the emulator's own messages"
+            "{came} of {requested} frames came whole: see the losses and refusals above, and the emulator's own messages"
         );
     }
-    verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
+    Ok(())
 }
 
 fn mission(args: &Args) -> Result<Mission> {
@@ -230,7 +264,7 @@ fn orbit(text: &str, start: Epoch) -> Result<OrbitSource> {
         other => other.into(),
     })?;
     for assumed in &loaded.assumed {
-        eprintln!("skyloop-fc: {assumed}");
+        note(assumed);
     }
     let (object, rejected) = loaded.pick(name).map_err(|why| anyhow!("{file}: {why}"))?;
     for rejected in rejected.iter().take(5) {
@@ -246,7 +280,7 @@ fn orbit(text: &str, start: Epoch) -> Result<OrbitSource> {
     Ok(orbit_of(object))
 }
 
-fn tell(event: &Event<'_>, listens: bool) -> std::io::Result<()> {
+fn print_event(event: &Event<'_>, listens: bool) -> std::io::Result<()> {
     match event {
         Event::Frame {
             frame,

@@ -1,9 +1,11 @@
 //! Limits of a run and whether they were kept: one table and one JUnit file for all commands that judge.
 
+use skyloop_orbit::path_text;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::Serialize;
+use skyloop_orbit::{Mark, OutputFile};
 
 use crate::junit::{self, Case};
 use crate::report::Report;
@@ -93,19 +95,94 @@ impl Suite {
 
 /// What the verdict files say until the run has ended.
 pub const UNFINISHED: &str = "the run has not come to its end";
+/// How a JUnit file of skyloop is recognised.
+pub const JUNIT_MARK: Mark = &["<?xml", "<testsuite name=\"skyloop"];
 
-/// Writes a verdict file.
-///
-/// # Errors
-/// It cannot be written, or this process has read it: with the file and the remedy.
-pub fn write(file: &Path, text: &str) -> Result<(), String> {
-    let remedy = |error: &std::io::Error| match error.kind() {
+/// The verdicts of a run that failed before anything was measured: the error, and each of these `checks`.
+#[must_use]
+pub fn not_run(checks: &[&'static str], error: &str) -> Vec<Verdict> {
+    let check = |name: &&'static str| {
+        let text = format!("{name}: not checked, the run failed: {error}");
+        Verdict::new(name, false, text)
+    };
+    let run = Verdict::new("run", false, error.to_string());
+    std::iter::once(run)
+        .chain(checks.iter().map(check))
+        .collect()
+}
+
+/// A file with the outcome of a run. Until its end it is that of a failed one: a run that never ends has not passed.
+#[derive(Debug)]
+pub struct VerdictFile {
+    path: PathBuf,
+    output: OutputFile,
+    has_begun: bool,
+    is_final: bool,
+}
+
+impl VerdictFile {
+    /// Opens the file, if one was named, and changes nothing in it.
+    ///
+    /// # Errors
+    /// It cannot be written; this process has read it; skyloop did not write it and `force` is not set: with the file and the remedy.
+    pub fn open(path: Option<&Path>, mark: Mark, force: bool) -> Result<Option<Self>, String> {
+        let Some(path) = path else { return Ok(None) };
+        let output =
+            OutputFile::open(path, mark, force).map_err(|error| unwritten(path, &error))?;
+        Ok(Some(Self {
+            path: path.to_owned(),
+            output,
+            has_begun: false,
+            is_final: false,
+        }))
+    }
+
+    /// Replaces the earlier contents by `text`, that of an unfinished run. A pipe gets the final text only.
+    ///
+    /// # Errors
+    /// As of [`VerdictFile::open`].
+    pub fn begin(&mut self, text: &str) -> Result<(), String> {
+        self.has_begun = true;
+        match self.output.is_regular() {
+            Ok(false) => Ok(()),
+            Ok(true) => self.write(text),
+            Err(error) => Err(unwritten(&self.path, &error)),
+        }
+    }
+
+    /// Writes the final text.
+    ///
+    /// # Errors
+    /// As of [`VerdictFile::open`].
+    pub fn finish(&mut self, text: &str) -> Result<(), String> {
+        self.is_final = true;
+        self.write(text)
+    }
+
+    /// Writes the text of a run that failed, unless the final text is there, or the run failed before a file of another program was to be replaced.
+    ///
+    /// # Errors
+    /// As of [`VerdictFile::open`].
+    pub fn fail(&mut self, text: &str) -> Result<(), String> {
+        if self.is_final || !self.has_begun && self.output.is_foreign() {
+            return Ok(());
+        }
+        self.finish(text)
+    }
+
+    fn write(&mut self, text: &str) -> Result<(), String> {
+        let written = self.output.write(text.as_bytes());
+        written.map_err(|error| unwritten(&self.path, &error))
+    }
+}
+
+fn unwritten(file: &Path, error: &std::io::Error) -> String {
+    let remedy = match error.kind() {
         // It has its own.
         std::io::ErrorKind::InvalidInput => "",
         _ => "; name another file",
     };
-    let failed = |error| format!("cannot write {}: {error}{}", file.display(), remedy(&error));
-    skyloop_orbit::write_file(file, text).map_err(failed)
+    format!("cannot write {}: {error}{remedy}", path_text(file))
 }
 
 /// Limits of a run against a mock flight computer.
@@ -129,29 +206,33 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// The JUnit file that was asked for.
+    /// The JUnit file.
     #[must_use]
     pub fn junit(&self) -> Option<&Path> {
         self.junit.as_deref()
     }
 
-    /// Begins the JUnit file as that of a run that failed: a run that never ends has not passed.
+    /// Opens the JUnit file, if one was named.
     ///
     /// # Errors
-    /// As of [`write()`].
-    pub fn begin(&self, suite: &Suite) -> Result<(), String> {
-        self.finish(suite, &[Verdict::new("run", false, UNFINISHED.to_string())])
+    /// As of [`VerdictFile::open`].
+    pub fn open(&self, force: bool) -> Result<Option<VerdictFile>, String> {
+        VerdictFile::open(self.junit(), JUNIT_MARK, force)
     }
 
-    /// Writes the JUnit file.
-    ///
-    /// # Errors
-    /// As of [`write()`].
-    pub fn finish(&self, suite: &Suite, verdicts: &[Verdict]) -> Result<(), String> {
-        match &self.junit {
-            Some(file) => write(file, &suite.document(verdicts)),
-            None => Ok(()),
-        }
+    /// The verdicts of a run that failed before anything was measured.
+    #[must_use]
+    pub fn not_run(&self, error: &str) -> Vec<Verdict> {
+        let checks = [
+            ("frames", true),
+            ("centroids", self.max_centroid_rms.is_some()),
+            ("missed", self.max_missed.is_some()),
+            ("false", self.max_false.is_some()),
+            ("p99", self.max_latency_p99_ms.is_some()),
+        ];
+        let set = checks.iter().filter(|(_, is_set)| *is_set);
+        let names: Vec<&str> = set.map(|(name, _)| *name).collect();
+        not_run(&names, error)
     }
 
     /// A verdict on the frames, and one for each limit. What was not measured keeps no limit.

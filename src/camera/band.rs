@@ -46,6 +46,9 @@ const SILICON: &[f64] = &[
 ];
 
 impl Band {
+    /// Bands with a name.
+    pub const NAMES: [&str; 2] = ["v", "silicon"];
+
     /// Full response between two wavelengths (m), of which what lies outside of 300 to 1200 nm counts for nothing; at least a picometre.
     pub fn top_hat(from_m: f64, to_m: f64) -> Band {
         let [first_m, last_m] = SPECTRUM_M;

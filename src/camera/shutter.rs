@@ -20,7 +20,7 @@ pub enum Shutter {
 }
 
 /// Their names in camera files.
-pub const SHUTTERS: &str = "\"global\", \"rolling\" or \"frame-transfer\"";
+pub const SHUTTERS: [&str; 3] = ["global", "rolling", "frame-transfer"];
 
 impl Shutter {
     /// The shutter called `name`; `row_s` is from row to row, where rows take turns.

@@ -38,7 +38,7 @@ pub(super) fn positive_ms(text: &str) -> Result<f64, String> {
 }
 
 impl Budget {
-    /// Gives `emulator` the best setting for the frames of `vehicles`, which are asked for only then; what was chosen, or nothing without a budget or where
+    /// Gives `emulator` the best setting for the frames of `vehicles`, which are computed only then; what was chosen, or nothing without a budget or where
     /// `stop` ends the measurement.
     pub fn settle(
         &self,

@@ -8,6 +8,7 @@ use skyloop::attitude::VehicleState;
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::measure::cost::{Effort, ROUNDS, Report, Row};
+use skyloop::orbit::path_text;
 use skyloop::output::{Dot, Scatter, make_folder, may_replace, write_scatter, write_text};
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::mission::Mission;
@@ -74,9 +75,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mission = mission(&config, args.scene.as_deref())?;
     if let Some(dir) = &args.out {
         make_folder(dir)?;
-        if !args.force.force {
-            may_replace(dir, LINES, HEAD, PICTURE)?;
-        }
+        may_replace(dir, (LINES, &[HEAD]), &[PICTURE], args.force.force)?;
     }
     let vehicles = spread(&mission, args.frames)?;
     let mut emulator = Emulator::new(&mut config);
@@ -113,10 +112,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         }
     }
     if let Some(dir) = &args.out {
-        write_text(&dir.join(LINES), &report.csv())?;
+        write_text(&dir.join(LINES), &report.csv(), &[HEAD], args.force.force)?;
         write_scatter(dir, PICTURE, &plot(&report, &name, args.budget_ms))?;
         if !args.json {
-            say(format_args!("wrote {}\n", dir.display()))?;
+            say(format_args!("wrote {}\n", path_text(dir)))?;
         }
     }
     Ok(())

@@ -3,11 +3,11 @@
 use anyhow::{anyhow, bail};
 use clap::Args;
 use skyloop::engine::Emulator;
-use skyloop::link::capture::{Capture, Origin};
-use skyloop::link::claim::Claim;
-use skyloop::link::fault::{Book, BusFaults, Needs, Plan, wrap};
+use skyloop::link::capture::{Capture, Origin, remedy_of};
+use skyloop::link::fault::{Book, BusFaults, LOG_MARK, Needs, Plan, wrap};
 use skyloop::link::{self, BusInstruments, LinkError, Roles, Wire};
-use skyloop::orbit::{Input, inputs, is_same_file};
+use skyloop::orbit::path_text;
+use skyloop::orbit::{Input, OutputFile, inputs, is_same_file};
 use skyloop::output::is_of_run;
 use skyloop::stats::row;
 use skyloop_protocols::Output;
@@ -37,7 +37,7 @@ pub struct Instruments {
     faults: Option<(Plan, Arc<Mutex<Book>>)>,
     capture: Option<Capture>,
     /// The fault log. Threads of links have the book that writes it; a start that fails does not wait for them.
-    log: Option<(PathBuf, Claim)>,
+    log: Option<(PathBuf, OutputFile)>,
     /// The files that the run was made from.
     inputs: Vec<Input>,
     /// Of each link, whether it is a CAN bus: faults stand at the bus.
@@ -45,14 +45,9 @@ pub struct Instruments {
 }
 
 impl Choice {
-    /// Opens their files, for these links, and changes nothing in them before [`Instruments::begin`]. `others` are the
-    /// options of the run that name files, with these.
-    pub fn prepare(
-        &self,
-        links: &[String],
-        others: &[(&'static str, &Path)],
-    ) -> anyhow::Result<Instruments> {
-        self.are_different(others)?;
+    /// Opens their files, for these links, and changes nothing in them before [`Instruments::begin`]. With `force` files that skyloop did not
+    /// make are accepted.
+    pub fn prepare(&self, links: &[String], force: bool) -> anyhow::Result<Instruments> {
         // Without the faults: a replay needs none.
         let inputs = inputs();
         let buses: Vec<bool> = links.iter().map(|link| link::is_bus(link)).collect();
@@ -62,17 +57,17 @@ impl Choice {
         };
         let (book, log) = match &self.fault_log {
             Some(file) => {
-                let opened = Claim::new(file).and_then(|claim| {
-                    let book = Book::writing(file, &claim)?;
-                    Ok((book, Some((file.clone(), claim))))
+                let opened = OutputFile::open(file, LOG_MARK, force).and_then(|output| {
+                    let book = Book::writing(file, &output)?;
+                    Ok((book, Some((file.clone(), output))))
                 });
                 opened.map_err(|why| unwritten(file, &why))?
             }
             None => (Book::default(), None),
         };
         let capture = match &self.capture {
-            Some(file) if records_frames(&buses) => Some(Capture::frames(file)?),
-            Some(file) => Some(Capture::packets(file, links)?),
+            Some(file) if records_frames(&buses) => Some(Capture::frames(file, force)?),
+            Some(file) => Some(Capture::packets(file, force, links)?),
             None => None,
         };
         Ok(Instruments {
@@ -87,8 +82,7 @@ impl Choice {
 
 /// Why there is no fault log.
 fn unwritten(file: &Path, why: &std::io::Error) -> anyhow::Error {
-    let file = file.display();
-    anyhow!("--fault-log {file}: {why}; check that its folder exists, may be written and has room")
+    anyhow!("--fault-log {}: {why}{}", path_text(file), remedy_of(why))
 }
 
 /// What a run has been set to beside its files, as recordings tell it.
@@ -115,8 +109,8 @@ pub fn settings(output: Output, emulator: &Emulator) -> Vec<(String, String)> {
 }
 
 impl Choice {
-    /// The options that name files which are written.
-    pub fn written(&self) -> Vec<(&'static str, &Path)> {
+    /// The options that name output files.
+    fn outputs(&self) -> Vec<(&'static str, &Path)> {
         let files = [
             ("--fault-log", &self.fault_log),
             ("--capture", &self.capture),
@@ -127,16 +121,19 @@ impl Choice {
             .collect()
     }
 
-    /// Refuses to write into a file that is written or read already.
-    fn are_different(&self, others: &[(&'static str, &Path)]) -> anyhow::Result<()> {
+    /// Refuses outputs that name one file, another option's input, or a file of the output folder `out`. `input` and `output` are the options
+    /// of the command that name files beside these.
+    pub fn check_files(
+        &self,
+        input: Option<(&'static str, &Path)>,
+        output: Option<(&'static str, &Path)>,
+        out: Option<&Path>,
+    ) -> anyhow::Result<()> {
         let faults = self.faults.as_deref().map(|file| ("--faults", file));
-        let given: Vec<_> = others
-            .iter()
-            .copied()
-            .chain(faults)
-            .chain(self.written())
-            .collect();
-        are_different(&given)
+        let outputs: Vec<_> = output.into_iter().chain(self.outputs()).collect();
+        let inputs = input.into_iter().chain(faults);
+        are_different(&inputs.chain(outputs.iter().copied()).collect::<Vec<_>>())?;
+        out.map_or(Ok(()), |out| are_outside(out, &outputs))
     }
 }
 
@@ -149,7 +146,7 @@ pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
         {
             bail!(
                 "{name} {}: {other} names the same file; choose another",
-                file.display()
+                path_text(file)
             );
         }
     }
@@ -157,13 +154,13 @@ pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
 }
 
 /// Refuses options that name a file which the run writes into its output folder.
-pub fn are_outside(out: &Path, given: &[(&str, &Path)]) -> anyhow::Result<()> {
+fn are_outside(out: &Path, given: &[(&str, &Path)]) -> anyhow::Result<()> {
     match given.iter().find(|(_, file)| is_of_run(out, file)) {
         None => Ok(()),
         Some((name, file)) => bail!(
             "{name} {}: --out {} has a file of this name; choose another",
-            file.display(),
-            out.display()
+            path_text(file),
+            path_text(out)
         ),
     }
 }
@@ -222,8 +219,8 @@ impl Instruments {
 
     /// Begins their files, in place of earlier ones: everything else has been checked. `settings` are those of [`settings`].
     pub fn begin(&mut self, settings: Vec<(String, String)>) -> anyhow::Result<()> {
-        if let Some((file, claim)) = &mut self.log {
-            claim.begin().map_err(|why| unwritten(file, &why))?;
+        if let Some((file, output)) = &mut self.log {
+            output.begin().map_err(|why| unwritten(file, &why))?;
         }
         let inputs = std::mem::take(&mut self.inputs);
         if let Some(capture) = &mut self.capture {

@@ -9,10 +9,11 @@ use hifitime::Epoch;
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::light_curve::{NoLightCurve, Point, Span, point};
+use skyloop::orbit::path_text;
 use skyloop::orbit::time::{parse_utc, seconds, utc_text};
 use skyloop::orbit::{Loaded, Object, OrbitError};
 use skyloop::output::{may_replace_light_curve, write_light_curve};
-use skyloop_firmware_sim::console::say;
+use skyloop_firmware_sim::console::{printable_line, say};
 use skyloop_firmware_sim::text::number;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -65,9 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let Some(Observer::Object(observer)) = observer else {
         bail!("{name}: no observer: say whose eyes they are with [observer] orbit = \"FILE:NAME\"");
     };
-    if !args.force.force {
-        may_replace_light_curve(&args.out)?;
-    }
+    may_replace_light_curve(&args.out, args.force.force)?;
     let population = config.take_population();
     let index = find(population.objects(), &args.object, &name)?;
     let object = &population.objects()[index];
@@ -118,7 +117,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         points
             .last()
             .map_or(String::new(), |last| utc_text(last.epoch)),
-        args.out.display()
+        path_text(&args.out)
     ))?;
     Ok(())
 }
@@ -210,7 +209,7 @@ pub(super) fn find(objects: &[Object], name: &str, scene: &str) -> anyhow::Resul
     };
     let found = all
         .find(Some(name))
-        .map_err(|why| anyhow!("--object {name}: {why}"))?;
+        .map_err(|why| anyhow!("--object {}: {why}", printable_line(name)))?;
     let index = objects.iter().position(|object| object.id == found.id);
-    index.ok_or_else(|| anyhow!("--object {name}: no such object"))
+    index.ok_or_else(|| anyhow!("--object {}: no such object", printable_line(name)))
 }

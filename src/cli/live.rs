@@ -4,12 +4,13 @@ use anyhow::Context;
 use skyloop::config::Config;
 use skyloop::link;
 use skyloop::metrics::{self, Metrics};
+use skyloop::orbit::path_text;
 use skyloop::realtime::{self, Granted};
 use skyloop::serve::Server;
 use std::fmt;
 use std::path::Path;
 
-/// What was granted; it is told as lines of text, and lasts as long as this.
+/// What was granted, printed as lines of text; it lasts as long as this value.
 pub struct Help {
     /// Where the figures of each camera are, and what serves them.
     metrics: Option<(Vec<Metrics>, metrics::Server)>,
@@ -51,7 +52,7 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
 
 /// Errors: what opening a run's links would refuse without asking the system, with file and key.
 pub fn check_links(config: &Config, file: &Path) -> anyhow::Result<()> {
-    let file = file.display();
+    let file = path_text(file);
     link::check_all(&config.run.links).with_context(|| format!("{file}: run.link"))?;
     for head in &config.heads {
         let of_head = || format!("{file}: link of head {}", head.name);

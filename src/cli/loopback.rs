@@ -2,26 +2,29 @@
 
 use super::budget::{Budget, FRAMES};
 use super::cost::spread;
-use super::instruments::{are_outside, settings};
+use super::instruments::{Instruments, settings};
 use super::{
     Force, Orbits, PANICKED, Records, instruments, levels, mission, progress, scene, with_level,
 };
 use anyhow::{Context, Error, anyhow, bail};
 use clap::Args as ClapArgs;
-use skyloop::config::Clock;
+use indicatif::ProgressBar;
+use skyloop::config::{Clock, Config};
 use skyloop::effect::counted;
 use skyloop::engine::{Emulator, Shot};
 use skyloop::link::fault::Needs;
 use skyloop::link::{self, Roles};
+use skyloop::orbit::path_text;
 use skyloop::output::{OutputError, Writer};
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::{RunStats, row, table, times};
-use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
+use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::{FlightComputer, RunError};
+use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::report::Report;
 use skyloop_firmware_sim::text::whole;
-use skyloop_firmware_sim::verdict::{self, Limits, Suite, Verdict};
+use skyloop_firmware_sim::verdict::{self, Limits, Suite, UNFINISHED, Verdict, VerdictFile};
 use skyloop_protocols::PixelLevel;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
@@ -71,36 +74,38 @@ const STOPPED: Duration = Duration::from_secs(5);
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let started = Instant::now();
-    let mut config = scene(args.scene.as_deref())?;
-    args.records.settle(&config)?;
-    args.orbits.settle(&mut config);
-    if let (Some(sequence), Some(frames)) = (&mut config.sequence, args.frames) {
-        sequence.frames = frames;
-    }
-    config.run.output = with_level(config.run.output, args.output.as_deref());
-    let mission = mission(&config, args.scene.as_deref())?;
-    let frames = mission.frames;
-    let idle = Duration::from_secs_f64(config.run.idle_s);
-    let links = std::slice::from_ref(&args.link);
-    let junit = args.limits.junit().map(|file| ("--junit", file));
     let scene = args.scene.as_deref().map(|scene| ("--scene", scene));
-    let others: Vec<_> = scene.into_iter().chain(junit).collect();
-    let mut instruments = args.instruments.prepare(links, &others)?;
-    let written: Vec<_> = junit
-        .into_iter()
-        .chain(args.instruments.written())
-        .collect();
-    are_outside(&args.out, &written)?;
+    let junit = args.limits.junit().map(|file| ("--junit", file));
+    (args.instruments).check_files(scene, junit, Some(&args.out))?;
     let mut suite = Suite {
         name: "skyloop loopback",
         classname: "skyloop.loopback".to_string(),
         properties: vec![("link".to_string(), args.link.clone())],
         ..Suite::default()
     };
-    args.limits.begin(&suite).map_err(Error::msg)?;
+    let mut junit = args.limits.open(args.force.force).map_err(Error::msg)?;
+    let done = fly(&args, &mut suite, junit.as_mut());
+    if let (Err(error), Some(junit)) = (&done, &mut junit) {
+        let verdicts = args.limits.not_run(&in_one_line(error.as_ref()));
+        let written = junit.fail(&suite.document(&verdicts));
+        written.map_err(Error::msg)?;
+    }
+    done
+}
+
+/// Runs both programs, and writes frames and verdicts.
+fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> anyhow::Result<()> {
+    let started = Instant::now();
+    let mut config = configure(args)?;
+    let mission = mission(&config, args.scene.as_deref())?;
+    let links = std::slice::from_ref(&args.link);
+    let mut instruments = args.instruments.prepare(links, args.force.force)?;
+    if let Some(junit) = &mut junit {
+        let unfinished = suite.document(&args.limits.not_run(UNFINISHED));
+        junit.begin(&unfinished).map_err(Error::msg)?;
+    }
     let options = link::Options {
-        idle,
+        idle: Duration::from_secs_f64(config.run.idle_s),
         personality: &NATIVE,
         bus: Some(instruments.bus()),
     };
@@ -116,24 +121,105 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let chosen = args
         .budget
         .settle(&mut emulator, &interrupted, || spread(&mission, FRAMES))?;
-    let writer = Writer::create_over(&args.out, frames, args.force.force)?;
+    let writer = Writer::create_over(&args.out, mission.frames, args.force.force)?;
     instruments.begin(settings(output, &emulator))?;
-    let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
+    let server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
     say(format_args!(
         "{chosen}{}{} of {} over {}\n",
         server.levels(),
-        counted(frames as usize, "frame"),
+        counted(mission.frames as usize, "frame"),
         config.camera.name,
         server.addresses().join(" and ")
     ))?;
+    let bar = progress(mission.frames, "frames");
+    let flight_computer = FlightComputer::new(port, mission);
+    let flown = exchange(
+        server,
+        flight_computer,
+        writer,
+        (&instruments, needs),
+        &interrupted,
+        &bar,
+    )?;
+    let (report, cut_short) = match flown.report {
+        Ok(report) => (report, None),
+        Err(error) => blamed(error, instruments.faults())?,
+    };
+    let cut_short = cut_short.or(flown.stopped.map(|(fault, packets)| {
+        let injected = instruments.faults().unwrap_or_default();
+        stopped_by(&fault, packets, &injected, &args.link)
+    }));
+    let mut rows = rows(&flown.stats, &report);
+    rows.extend(instruments.rows());
+    suite.table = table(&rows);
+    suite.seconds = started.elapsed().as_secs_f64();
+    let verdicts = conclude(args, suite, &report, cut_short.as_ref(), junit)?;
+    instruments.finish()?;
+    cut_short.map_or(Ok(()), Err)?;
+    came_whole(&report, flown.stats.frames, &interrupted)?;
+    verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
+}
 
+/// Prints the table and the verdicts, and writes the JUnit file.
+fn conclude(
+    args: &Args,
+    suite: &Suite,
+    report: &Report,
+    cut_short: Option<&Error>,
+    junit: Option<&mut VerdictFile>,
+) -> anyhow::Result<Vec<Verdict>> {
+    let mut verdicts = args.limits.judge(report);
+    verdicts.extend(cut_short.map(|error| Verdict::new("run", false, error.to_string())));
+    say(format_args!(
+        "{}{}wrote {}\n",
+        suite.table,
+        verdict::table(&verdicts[1..]),
+        path_text(&args.out)
+    ))?;
+    if let Some(junit) = junit {
+        let text = suite.document(&verdicts);
+        junit.finish(&text).map_err(Error::msg)?;
+    }
+    Ok(verdicts)
+}
+
+/// The scene as the options change it.
+fn configure(args: &Args) -> anyhow::Result<Config> {
+    let mut config = scene(args.scene.as_deref())?;
+    args.records.settle(&config)?;
+    args.orbits.settle(&mut config);
+    if let (Some(sequence), Some(frames)) = (&mut config.sequence, args.frames) {
+        sequence.frames = frames;
+    }
+    config.run.output = with_level(config.run.output, args.output.as_deref());
+    Ok(config)
+}
+
+/// How the exchange between both programs ended.
+struct Flown {
+    /// The flight computer's report.
+    report: Result<Report, RunError>,
+    /// The emulator's figures.
+    stats: RunStats,
+    /// The fault that stopped the line for good, and how many packets met it.
+    stopped: Option<(String, u64)>,
+}
+
+/// Runs emulator and flight computer against each other, and writes the frames.
+fn exchange(
+    mut server: Server,
+    flight_computer: FlightComputer<impl Port>,
+    writer: Writer,
+    (instruments, needs): (&Instruments, Needs),
+    interrupted: &AtomicBool,
+    bar: &ProgressBar,
+) -> anyhow::Result<Flown> {
     let (stop, over) = (AtomicBool::new(false), AtomicBool::new(false));
     let (shots, to_write) = sync_channel::<Shot>(WRITE_QUEUE);
-    let bar = progress(frames, "frames");
     let mut stopped = None;
     let (report, served, written) = std::thread::scope(|scope| {
         let emulator = scope.spawn(|| {
-            // The flight computer hangs up when it has its frames, and tells of all other ends.
+            // The flight computer closes the link when it has its frames, and reports every other end.
             let ended = server.run(&stop, None, |shot| {
                 // A writer that has failed has dropped its end; its error is reported below.
                 let _ = shots.send(shot.clone());
@@ -144,26 +230,19 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         });
         let writing = scope.spawn(|| write(writer, to_write));
         let mut moved = Instant::now();
-        let report = FlightComputer::new(port, mission).run(|event| {
+        let report = flight_computer.run(|event| {
             if matches!(event, Event::Frame { .. } | Event::Progress) {
                 moved = Instant::now();
             }
-            match event {
-                Event::Frame { .. } => bar.inc(1),
-                Event::Lost { sequence, loss } => {
-                    bar.suspend(|| tracing::warn!("frame {sequence} lost: {loss}"));
-                }
-                Event::Nack(nack) => bar.suspend(|| tracing::warn!("{nack}")),
-                Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
-                Event::Tick | Event::Progress => {}
-            }
+            show(&event, bar);
             if moved.elapsed() > STOPPED {
                 stopped = instruments.stopped(moved, needs);
             }
             let ends = interrupted.load(Ordering::Relaxed) || over.load(Ordering::Relaxed);
-            match ends || stopped.is_some() {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
+            if ends || stopped.is_some() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
             }
         });
         stop.store(true, Ordering::Relaxed);
@@ -174,58 +253,50 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         bail!(PANICKED);
     };
     written.context("writing the frames")?;
-    let (report, cut_short) = match report {
-        Ok(report) => (report, None),
-        Err(error) => blamed(error, instruments.faults())?,
-    };
-    let stopped = stopped.map(|(fault, packets)| {
-        let s = STOPPED.as_secs();
-        let done = instruments.faults().unwrap_or_default();
-        anyhow!(
-            "{}: nothing passes any more: the fault {fault} has no end, {packets} packets have met it (injected: {done}), and \
-             nothing of a frame has come for {s} s; give it a for_s, a lower value, or an at_s after the last frame",
-            args.link
-        )
-    });
-    let cut_short = cut_short.or(stopped);
-    let mut rows = rows(&stats, &report);
-    rows.extend(instruments.rows());
-    let table = table(&rows);
-    let mut verdicts = args.limits.judge(&report);
-    if let Some(error) = &cut_short {
-        verdicts.push(Verdict::new("run", false, error.to_string()));
-    }
-    say(format_args!(
-        "{table}{}wrote {}\n",
-        verdict::table(&verdicts[1..]),
-        args.out.display()
-    ))?;
-    suite.seconds = started.elapsed().as_secs_f64();
-    suite.table = table;
-    args.limits.finish(&suite, &verdicts).map_err(Error::msg)?;
-    instruments.finish()?;
-    if let Some(error) = cut_short {
-        return Err(error);
-    }
-    if interrupted.load(Ordering::Relaxed) {
-        bail!(
-            "stopped after {} of {}",
-            // As the table has it: the flight computer may have stopped within the last one.
-            stats.frames,
-            counted(frames as usize, "frame")
-        );
-    }
-    if report.frames != frames {
-        bail!(
-            "{} of {} did not arrive whole (see the log above)",
-            frames - report.frames,
-            counted(frames as usize, "frame")
-        );
-    }
-    verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
+    Ok(Flown {
+        report,
+        stats,
+        stopped,
+    })
 }
 
-/// The report of a run that its faults may have ended, and how that is told; an error that has nothing to do with them.
+/// Shows an event of the flight computer beside the progress bar.
+fn show(event: &Event<'_>, bar: &ProgressBar) {
+    match event {
+        Event::Frame { .. } => bar.inc(1),
+        Event::Lost { sequence, loss } => {
+            bar.suspend(|| tracing::warn!("frame {sequence} lost: {loss}"));
+        }
+        Event::Nack(nack) => bar.suspend(|| tracing::warn!("{nack}")),
+        Event::Problem(problem) => bar.suspend(|| tracing::warn!("{problem}")),
+        Event::Tick | Event::Progress => {}
+    }
+}
+
+/// The error of a line that a fault has stopped for good.
+fn stopped_by(fault: &str, packets: u64, injected: &str, link: &str) -> Error {
+    let s = STOPPED.as_secs();
+    anyhow!(
+        "{link}: nothing passes any more: the fault {fault} has no end, {packets} packets have met it (injected: {injected}), and \
+         nothing of a frame has come for {s} s; give it a for_s, a lower value, or an at_s after the last frame"
+    )
+}
+
+/// Errors: the run was interrupted after so many frames of the emulator, or frames did not arrive.
+fn came_whole(report: &Report, made: u32, interrupted: &AtomicBool) -> anyhow::Result<()> {
+    let all = counted(report.requested as usize, "frame");
+    if interrupted.load(Ordering::Relaxed) {
+        // As the table has it: the flight computer may have stopped within the last one.
+        bail!("stopped after {made} of {all}");
+    }
+    if report.frames != report.requested {
+        let missing = report.requested - report.frames;
+        bail!("{missing} of {all} did not arrive whole (see the log above)");
+    }
+    Ok(())
+}
+
+/// The report of a run that injected faults may have ended, and the error that says so; any other error is returned.
 fn blamed(
     error: RunError,
     faults: Option<String>,

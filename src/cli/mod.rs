@@ -32,6 +32,7 @@ use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::flight;
 use skyloop::load::orbits::several_sets;
+use skyloop::orbit::path_text;
 use skyloop::orbit::{Ages, Object, is_same, set_ut1_utc};
 use skyloop_firmware_sim::console::printable_line;
 use skyloop_firmware_sim::mission::Mission;
@@ -79,9 +80,9 @@ enum Command {
     /// What this machine makes of the works that take the time
     Bench(bench::Args),
     /// Check, count and convert files of orbits
-    Catalog(catalog::Args),
+    Catalog(Group<catalog::Command>),
     /// Check camera files and make new ones
-    Camera(camera::Args),
+    Camera(Group<camera::Command>),
     /// Make a named pair of pseudo-terminals joined by a line of a baud rate
     #[cfg(target_os = "linux")]
     Pty(pty::Args),
@@ -93,6 +94,14 @@ enum Command {
     Completions(shell::Completions),
     /// Print the manual page, or write one for each command
     Man(shell::Manual),
+}
+
+/// A command that only has subcommands.
+#[derive(clap::Args)]
+#[command(arg_required_else_help = true)]
+struct Group<C: Subcommand> {
+    #[command(subcommand)]
+    command: C,
 }
 
 impl Cli {
@@ -111,8 +120,8 @@ impl Cli {
             Command::Passes(args) => passes::run(*args),
             Command::Lightcurve(args) => lightcurve::run(args),
             Command::Bench(args) => bench::run(args),
-            Command::Catalog(args) => catalog::run(args),
-            Command::Camera(args) => camera::run(args),
+            Command::Catalog(args) => catalog::run(args.command),
+            Command::Camera(args) => camera::run(args.command),
             Command::Schema(args) => schema::run(args),
             Command::Completions(args) => shell::completions(args),
             Command::Man(args) => shell::manual(args),
@@ -159,9 +168,7 @@ fn scene(file: Option<&Path>) -> anyhow::Result<Config> {
 
 /// What a scene is called: its file.
 fn scene_name(file: Option<&Path>) -> String {
-    file.map_or("the built-in scene".to_string(), |file| {
-        file.display().to_string()
-    })
+    file.map_or("the built-in scene".to_string(), path_text)
 }
 
 /// How orbits are worked out.
@@ -189,12 +196,17 @@ struct Records {
     strict: bool,
 }
 
-/// What is done about files in an output folder that skyloop did not make.
+/// What is done about files in the place of an output that skyloop did not make.
 #[derive(clap::Args)]
 struct Force {
-    /// Replace files in the output folder that have the names of this command's, whoever made them
+    /// Replace files in the place of outputs even if skyloop did not make them
     #[arg(long)]
     force: bool,
+}
+
+/// Whether an output that is one text names standard output.
+fn is_stdout(path: &Path) -> bool {
+    path == Path::new("-")
 }
 
 /// Records that are named at most.
@@ -267,7 +279,7 @@ fn not_itself(observer: &Object, object: &Object) -> anyhow::Result<()> {
 /// The mission of a configuration; an error names the scene file that it comes from.
 fn mission(config: &Config, scene: Option<&Path>) -> anyhow::Result<Mission> {
     let mission = match (flight::mission(config), scene) {
-        (mission, Some(scene)) => mission.with_context(|| scene.display().to_string())?,
+        (mission, Some(scene)) => mission.with_context(|| path_text(scene))?,
         (mission, None) => mission?,
     };
     if let Some(Observer::Object(observer)) = &config.observer {

@@ -9,7 +9,7 @@ use skyloop::attitude::{Attitude, VehicleState};
 use skyloop::config::{Config, LookAt, Sequence, Target, TimedAttitude, Up, attitude_of_radec};
 use skyloop_firmware_sim::text::number;
 
-/// One of four ways to say it.
+/// The options of the pointing, of which one is given.
 #[derive(Args)]
 pub struct Pointing {
     /// Unit quaternion x,y,z,w from ICRF to body, scalar last, at the first instant
@@ -17,7 +17,6 @@ pub struct Pointing {
         long,
         value_name = "x,y,z,w",
         allow_hyphen_values = true,
-        group = "fixed",
         conflicts_with_all = ["radec", "nadir", "look_at"]
     )]
     attitude: Option<Numbers<4>>,
@@ -27,7 +26,6 @@ pub struct Pointing {
         long,
         value_name = "RA,DEC,ROLL",
         allow_hyphen_values = true,
-        group = "fixed",
         conflicts_with_all = ["nadir", "look_at"]
     )]
     radec: Option<Numbers<3>>,
@@ -44,18 +42,13 @@ pub struct Pointing {
     /// With --look-at: position angle of -Y from what is up, in the sense from north through east, deg
     #[arg(long, value_name = "DEG", requires = "look_at", value_parser = number, allow_hyphen_values = true)]
     roll: Option<f64>,
-    /// Body rates in deg/s, body axes, from the first instant on
-    #[arg(
-        long,
-        value_name = "wx,wy,wz",
-        allow_hyphen_values = true,
-        requires = "fixed"
-    )]
+    /// Body rates in deg/s, body axes, from the first instant on, of --attitude or --radec
+    #[arg(long, value_name = "wx,wy,wz", allow_hyphen_values = true)]
     rates: Option<Numbers<3>>,
 }
 
 impl Pointing {
-    /// One exposure that looks there from `epoch` on, with the camera and the objects of `config`; nothing where nothing is said.
+    /// One exposure that looks there from `epoch` on, with the camera and the objects of `config`; `None` without any of the options.
     pub fn sequence(&self, epoch: Epoch, config: &Config) -> anyhow::Result<Option<Sequence>> {
         let look_at = self.target(config)?;
         let attitude = match (self.attitude, self.radec) {
@@ -64,9 +57,16 @@ impl Pointing {
                 attitude_of_radec(angles, &config.camera)
                     .map_err(|why| anyhow!("--radec {why}"))?,
             ),
-            (None, None) if self.nadir || look_at.is_some() => None,
-            (None, None) => return Ok(None),
+            (None, None) => None,
         };
+        if self.rates.is_some() && attitude.is_none() {
+            return Err(anyhow!(
+                "--rates: the rates of an attitude that --attitude or --radec gives; --nadir and --look-at have their own: leave --rates out"
+            ));
+        }
+        if attitude.is_none() && look_at.is_none() && !self.nadir {
+            return Ok(None);
+        }
         let rates = self.rates.map_or([0.0; 3], |Numbers(rates)| rates);
         let rates = rates.map(f64::to_radians);
         let q = attitude.unwrap_or(Attitude::identity()).xyzw();
@@ -85,7 +85,7 @@ impl Pointing {
 
     fn target(&self, config: &Config) -> anyhow::Result<Option<LookAt>> {
         let Some(text) = &self.look_at else {
-            // Clap does not ask for an option that another one excludes.
+            // Clap does not require an option that another one excludes.
             if self.up.is_some() || self.roll.is_some() {
                 return Err(anyhow!(
                     "--up and --roll are rules of --look-at: give that, or leave them out"

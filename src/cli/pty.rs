@@ -3,6 +3,7 @@
 use anyhow::Context;
 use clap::Args as ClapArgs;
 use skyloop::link::Pair;
+use skyloop::orbit::path_text;
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::text::whole;
 use std::path::PathBuf;
@@ -28,8 +29,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let pair = Pair::open([&args.a, &args.b], args.baud)?;
     say(format_args!(
         "{} <-> {} at {} baud, {} octets/s each way; Ctrl-C removes both\n",
-        args.a.display(),
-        args.b.display(),
+        path_text(&args.a),
+        path_text(&args.b),
         args.baud,
         f64::from(args.baud) / 10.0,
     ))?;

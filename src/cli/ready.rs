@@ -2,6 +2,8 @@
 
 use anyhow::{Context, bail};
 use serde::Serialize;
+use skyloop::orbit::path_text;
+use skyloop::orbit::{Mark, foreign, may_replace, not_input};
 use std::path::{Path, PathBuf};
 
 /// What the file says.
@@ -29,32 +31,34 @@ pub struct Head<'a> {
 /// A file that is there; it is removed at the end of the run.
 pub struct ReadyFile(PathBuf);
 
-/// Refuses a folder that is not there, and to replace what is no file of this kind. One that a killed run has left is replaced.
-pub fn check(file: &Path) -> anyhow::Result<()> {
-    let shown = file.display();
+/// How a ready file is recognised; one that a killed run has left is replaced.
+const MARK: Mark = &["{", "\"pid\"", "\"links\""];
+
+/// Refuses a folder that does not exist, what is no regular file, an input, and without `force` a file that skyloop did not write.
+pub fn check(file: &Path, force: bool) -> anyhow::Result<()> {
+    let shown = path_text(file);
     let folder = file
         .parent()
         .filter(|folder| !folder.as_os_str().is_empty());
     if folder.is_some_and(|folder| !folder.is_dir()) {
         bail!("--ready-file {shown}: its folder does not exist; make it first");
     }
-    if !file.exists() {
-        return Ok(());
-    }
-    let text = skyloop::orbit::read_text_within(file, 1 << 20).unwrap_or_default();
-    let value: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
-    if value.get("pid").is_none() || value.get("links").is_none() {
+    not_input(file).with_context(|| format!("--ready-file {shown}"))?;
+    if file.symlink_metadata().is_ok_and(|about| !about.is_file()) {
         bail!(
-            "--ready-file {shown}: there is another file of that name; choose another, or remove it"
+            "--ready-file {shown}: this is no regular file, and it would be replaced: name another"
         );
+    }
+    if !force && !may_replace(file, MARK) {
+        return Err(foreign()).with_context(|| format!("--ready-file {shown}"));
     }
     Ok(())
 }
 
 impl ReadyFile {
-    /// Writes the file: who finds it finds all of it.
+    /// Writes the file under another name and renames it: a reader never sees a part of it.
     pub fn write(file: &Path, ready: &Ready<'_>) -> anyhow::Result<ReadyFile> {
-        let shown = file.display();
+        let shown = path_text(file);
         let mut name = file.file_name().unwrap_or_default().to_os_string();
         name.push(format!(".{}", ready.pid));
         let part = file.with_file_name(name);
@@ -72,7 +76,7 @@ impl Drop for ReadyFile {
         if let Err(error) = std::fs::remove_file(&self.0) {
             tracing::warn!(
                 "--ready-file {}: cannot be removed: {error}",
-                self.0.display()
+                path_text(&self.0)
             );
         }
     }

@@ -12,6 +12,7 @@ use skyloop::config::{Config, Observer};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::load::{Folder, orbits};
+use skyloop::orbit::path_text;
 use skyloop::orbit::time::parse_utc;
 use skyloop::output::Writer;
 use skyloop::stats::{Absent, RunStats, table};
@@ -151,7 +152,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     writer.finish()?;
     bar.finish_and_clear();
     let table = table(&stats.rows());
-    say(format_args!("{table}wrote {}\n", args.out.display()))?;
+    say(format_args!("{table}wrote {}\n", path_text(&args.out)))?;
     Ok(())
 }
 

@@ -10,12 +10,13 @@ use skyloop::engine::Emulator;
 use skyloop::link::capture::Origin;
 use skyloop::link::capture::replay::{Progress, Recording, Replay, Same, load};
 use skyloop::orbit::inputs;
+use skyloop::orbit::path_text;
 use skyloop::serve::{Ended, Server};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_protocols::Direction;
 use skyloop_protocols::personality::NATIVE;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Arguments of `skyloop replay`.
@@ -55,50 +56,102 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     if let (Some(file), Clock::Wall) = (&args.config, config.run.clock) {
         bail!(
             "{}: run.clock = \"wall\": only stepped runs can be replayed: by the wall clock frames depend on the moment",
-            file.display()
+            path_text(file)
         );
     }
+    let gaps = gaps(&recording);
+    say(has_both_directions(&args, &recording, &gaps)?)?;
+    let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
+    let output = with_level(config.run.output, args.output.as_deref());
+    let emulator = Emulator::new(&mut config);
+    let hint = compare_origins(&args, &recording, settings(output, &emulator));
+    let (links, replay) = Replay::of(recording, &NATIVE);
+    let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
+    server.set_run(&config.run);
+    wait(&args, server, &replay, &interrupted, &hint)?;
+    let progress = replay.progress();
+    if verbose {
+        list(&progress)?;
+    }
+    let whole = whole_of(&progress);
+    if let Some(difference) = progress.difference {
+        bail!(
+            "after {} that came back the same: {difference}; {hint}",
+            counted(whole, "frame")
+        );
+    }
+    if whole == 0 {
+        bail!(
+            "{}: no whole frame is in it: there is nothing to compare{gaps}",
+            path_text(&args.file)
+        );
+    }
+    say(format_args!(
+        "the same: {}, {}\n",
+        counted(whole, "frame"),
+        counted(progress.packets as usize, "packet")
+    ))?;
+    if !gaps.is_empty() {
+        say(format_args!("{}\n", gaps.trim_start_matches("; ")))?;
+    }
+    Ok(())
+}
+
+/// What is replayed, in a line.
+///
+/// Errors: nothing was received or sent in the recording.
+fn has_both_directions(args: &Args, recording: &Recording, gaps: &str) -> anyhow::Result<String> {
     let count = |direction| {
         let events = recording.events.iter();
         events.filter(|event| event.direction == direction).count()
     };
     let (received, sent) = (count(Direction::In), count(Direction::Out));
+    let file = path_text(&args.file);
     if received == 0 {
-        bail!("{}: nothing was received in it", args.file.display());
+        bail!("{file}: nothing was received in it");
     }
-    let gaps = gaps(&recording);
     if sent == 0 {
-        let file = args.file.display();
-        let what = match recording.on_the_bus {
-            true => "packet of a frame",
-            false => "packet",
+        let what = if recording.on_the_bus {
+            "packet of a frame"
+        } else {
+            "packet"
         };
         bail!("{file}: no {what} was sent in it: there is nothing to compare{gaps}");
     }
-    say(format_args!(
-        "replaying {}: {received} packets received, {sent} sent\n",
-        args.file.display()
-    ))?;
+    Ok(format!(
+        "replaying {file}: {received} packets received, {sent} sent\n"
+    ))
+}
 
-    let interrupted = stop_at_ctrl_c().context("watching for Ctrl-C")?;
-    let output = with_level(config.run.output, args.output.as_deref());
-    let emulator = Emulator::new(&mut config);
+/// Warns of files and settings that are not those of the recording; what may be behind a difference.
+fn compare_origins(args: &Args, recording: &Recording, settings: Vec<(String, String)>) -> String {
+    let inputs = inputs().into_iter();
     let now = Origin {
-        settings: settings(output, &emulator),
-        inputs: inputs()
-            .into_iter()
-            .filter(|input| input.path != args.file)
-            .collect(),
+        settings,
+        inputs: inputs.filter(|input| input.path != args.file).collect(),
     };
     let origin = recording.origin.as_ref();
     let differences = origin.map(|origin| origin.differences(&now));
     for difference in differences.iter().flatten() {
         tracing::warn!("not as recorded: {difference}");
     }
-    let hint = hint(&args, differences.as_deref());
-    let (links, replay) = Replay::of(recording, &NATIVE);
-    let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
-    server.set_run(&config.run);
+    let hint = hint(args, differences.as_deref());
+    if recording.on_the_bus {
+        return hint + " A log of CAN frames has no place for its inputs: compare them yourself";
+    }
+    hint
+}
+
+/// Runs the server until the replay is over.
+///
+/// Errors: it was interrupted, takes longer than `--patience` for a step, or has panicked.
+fn wait(
+    args: &Args,
+    mut server: Server,
+    replay: &Replay,
+    interrupted: &AtomicBool,
+    hint: &str,
+) -> anyhow::Result<()> {
     // Not scoped: a frame that takes too long cannot be stopped, only left alone.
     let serving = std::thread::spawn({
         let replay = replay.clone();
@@ -112,11 +165,9 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
             break;
         }
         std::thread::sleep(Duration::from_millis(5));
+        let same = || counted(whole_of(&replay.progress()), "frame");
         if interrupted.load(Ordering::Relaxed) {
-            bail!(
-                "stopped after {} that came back the same",
-                counted(whole_of(&replay.progress()), "frame")
-            );
+            bail!("stopped after {} that came back the same", same());
         }
         if replay.idle() > SILENCE {
             replay.give_up();
@@ -124,49 +175,30 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
         if replay.still() > args.patience {
             bail!(
                 "{}: after {} that came back the same, the emulator works on what comes next for more than {} s (--patience); {hint}",
-                args.file.display(),
-                counted(whole_of(&replay.progress()), "frame"),
+                path_text(&args.file),
+                same(),
                 args.patience.as_secs_f64()
             );
         }
     }
-    let progress = replay.progress();
-    let whole = whole_of(&progress);
-    if verbose {
-        for Same {
-            frame,
-            link: _,
-            attitude,
-            packets,
-            crc32,
-            whole,
-        } in &progress.frames
-        {
-            let note = if *whole { "" } else { "  (not whole)" };
-            say(format_args!(
-                "  frame {frame:5}  attitude {attitude:5}  {packets:5} packets  crc32 {crc32:08x}{note}\n"
-            ))?;
-        }
-    }
-    if let Some(difference) = progress.difference {
-        bail!(
-            "after {} that came back the same: {difference}; {hint}",
-            counted(whole, "frame")
-        );
-    }
-    if whole == 0 {
-        bail!(
-            "{}: no whole frame is in it: there is nothing to compare{gaps}",
-            args.file.display()
-        );
-    }
-    say(format_args!(
-        "the same: {}, {}\n",
-        counted(whole, "frame"),
-        counted(progress.packets as usize, "packet")
-    ))?;
-    if !gaps.is_empty() {
-        say(format_args!("{}\n", gaps.trim_start_matches("; ")))?;
+    Ok(())
+}
+
+/// Prints the frames that were the same.
+fn list(progress: &Progress) -> anyhow::Result<()> {
+    for Same {
+        frame,
+        link: _,
+        attitude,
+        packets,
+        crc32,
+        whole,
+    } in &progress.frames
+    {
+        let note = if *whole { "" } else { "  (not whole)" };
+        say(format_args!(
+            "  frame {frame:5}  attitude {attitude:5}  {packets:5} packets  crc32 {crc32:08x}{note}\n"
+        ))?;
     }
     Ok(())
 }
@@ -202,7 +234,7 @@ fn gaps(recording: &Recording) -> String {
     if recording.doubled > 0 {
         let doubled = recording.doubled;
         text += &format!(
-            "; frames not compared: {doubled}, packets of them are there twice and nobody asked for them"
+            "; frames not compared: {doubled}, packets of them are there twice without a Resend"
         );
     }
     text

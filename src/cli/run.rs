@@ -1,18 +1,23 @@
 //! `skyloop run`: the emulator alone, waiting for a flight computer.
 
 use super::budget::{Budget, FRAMES, around};
+use super::cameras::Links;
 use super::cost::spread;
-use super::instruments::settings;
+use super::instruments::{Instruments, settings};
 use super::ready::{self, Head, Ready, ReadyFile};
-use super::{Orbits, PANICKED, Records, cameras, instruments, levels, live, mission, with_level};
+use super::{
+    Force, Orbits, PANICKED, Records, cameras, instruments, levels, live, mission, with_level,
+};
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
+use skyloop::attitude::VehicleState;
 use skyloop::config::{Clock, Config, Run, Trigger};
 use skyloop::effect::counted;
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::link;
-use skyloop::serve::Ended;
+use skyloop::orbit::path_text;
+use skyloop::serve::{Ended, Server};
 use skyloop::stats::{RunStats, row, table};
 use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
 use skyloop_firmware_sim::text::{decimal, whole};
@@ -52,6 +57,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     ready_file: Option<PathBuf>,
     #[command(flatten)]
+    force: Force,
+    #[command(flatten)]
     instruments: instruments::Choice,
     #[command(flatten)]
     records: Records,
@@ -66,52 +73,98 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut config = Config::load(&args.config)?;
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
-    let idle = Duration::from_secs_f64(config.run.idle_s);
-    let (urls, from) = match args.link.is_empty() {
-        true => (
-            &config.run.links,
-            format!("{}: run.link", args.config.display()),
-        ),
-        false => (&args.link, "--link".to_string()),
+    // Before the links: what they make (the name of a pseudo-terminal) is removed at the end.
+    let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
+    let (urls, key) = if args.link.is_empty() {
+        let key = format!("{}: run.link", path_text(&args.config));
+        (config.run.links.clone(), key)
+    } else {
+        (args.link.clone(), "--link".to_string())
     };
-    let ready_file = args.ready_file.as_deref();
-    let named = ready_file.map(|file| ("--ready-file", file));
-    let named: Vec<_> = [("--config", args.config.as_path())]
-        .into_iter()
-        .chain(named)
-        .collect();
-    let mut instruments = args.instruments.prepare(urls, &named)?;
-    // After the inputs are known: it is none.
-    if let Some(file) = ready_file {
-        ready::check(file)?;
+    let mut instruments = outputs(&args, &urls)?;
+    let help = live::help(&config, args.metrics.as_deref())?;
+    let (links, seen) = open_links(&config, &urls, key, &instruments)?;
+    let objects = config.objects.len();
+    let output = with_level(config.run.output, args.output.as_deref());
+    let (emulator, chosen, first) = emulator(&args, &mut config, &stop)?;
+    let recorded = settings(output, &emulator);
+    let (server, heads) = cameras::serve(&config, emulator, links, first.as_ref(), output, &help)?;
+    // The last that may fail: earlier files are replaced here.
+    instruments.begin(recorded)?;
+    warn_of_rates(&config);
+    introduce(
+        &config,
+        objects,
+        &server,
+        &heads,
+        &format!("{chosen}{help}"),
+    )?;
+    let ready = ready_file(&args, &config, &server, &heads, help.metrics_address())?;
+    let served = serve(&args, &config, server, heads, &seen, &stop);
+    drop(ready);
+    report(&config, &served, &instruments)?;
+    instruments.finish()?;
+    match served.ended {
+        Ended::AsAsked => ended_in_time(&args, served.cut, served.stats.frames),
+        Ended::Panicked => bail!(PANICKED),
+        Ended::LinkGone => bail!(
+            "link {}: it has gone (see the log above); open it again",
+            served.gone
+        ),
     }
+}
+
+/// Checks and opens the output files.
+fn outputs(args: &Args, urls: &[String]) -> anyhow::Result<Instruments> {
+    let ready_file = args.ready_file.as_deref();
+    let config = ("--config", args.config.as_path());
+    let named = ready_file.map(|file| ("--ready-file", file));
+    args.instruments.check_files(Some(config), named, None)?;
+    if let Some(file) = ready_file {
+        ready::check(file, args.force.force)?;
+    }
+    args.instruments.prepare(urls, args.force.force)
+}
+
+/// The links of each camera, and a flag that the first packet of a client sets.
+fn open_links(
+    config: &Config,
+    urls: &[String],
+    key: String,
+    instruments: &Instruments,
+) -> anyhow::Result<(Vec<Links>, Arc<AtomicBool>)> {
     let options = link::Options {
-        idle,
+        idle: Duration::from_secs_f64(config.run.idle_s),
         personality: &NATIVE,
         bus: Some(instruments.bus()),
     };
-    // Before the links: what they make (the name of a pseudo-terminal) is removed at the end.
-    let stop = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    let help = live::help(&config, args.metrics.as_deref())?;
-    let links = link::open_all(urls, &options).context(from)?;
-    let mut links = instruments.around(links)?;
+    let first = instruments.around(link::open_all(urls, &options).context(key)?)?;
     let further = config.heads.iter().map(|head| {
         let beside = || format!("head {} beside {}", head.name, urls.join(" and "));
         link::open_further(&head.links, &options).with_context(beside)
     });
-    let mut further: Vec<_> = further.collect::<Result<_, _>>()?;
+    let further: Vec<_> = further.collect::<Result<_, _>>()?;
+    let mut links: Vec<_> = std::iter::once(first).chain(further).collect();
     let seen = Arc::new(AtomicBool::new(false));
-    for (wire, _) in links.iter_mut().chain(further.iter_mut().flatten()) {
+    for (wire, _) in links.iter_mut().flatten() {
         wire.note_client(|packet| (NATIVE.decode_command)(packet).is_ok(), &seen);
     }
-    let (objects, clock) = (config.objects.len(), config.run.clock);
-    let output = with_level(config.run.output, args.output.as_deref());
+    Ok((links, seen))
+}
+
+/// The emulator, what `--budget-ms` chose for it, and the vehicle of the first frame by a clock.
+fn emulator(
+    args: &Args,
+    config: &mut Config,
+    stop: &AtomicBool,
+) -> anyhow::Result<(Emulator, String, Option<VehicleState>)> {
     let scene = match config.sequence {
-        Some(_) => Some(mission(&config, Some(&args.config))?),
+        Some(_) => Some(mission(config, Some(&args.config))?),
         None => None,
     };
-    let mut emulator = Emulator::new(&mut config);
-    let chosen = args.budget.settle(&mut emulator, &stop, || match &scene {
+    let clock = config.run.clock;
+    let mut emulator = Emulator::new(config);
+    let chosen = args.budget.settle(&mut emulator, stop, || match &scene {
         Some(mission) => spread(mission, FRAMES),
         None => around(),
     })?;
@@ -119,17 +172,20 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         Some(mission) if clock != Clock::Stepped => Some(flight::vehicle(mission, 0)?),
         _ => None,
     };
-    let recorded = settings(output, &emulator);
-    let links = std::iter::once(links).chain(further).collect();
-    let (mut server, heads) =
-        cameras::serve(&config, emulator, links, first.as_ref(), output, &help)?;
-    // The last that may fail: earlier files are replaced here.
-    instruments.begin(recorded)?;
-    warn_of_rates(&config);
+    Ok((emulator, chosen, first))
+}
 
+/// Prints the cameras, when their frames come, and where they listen.
+fn introduce(
+    config: &Config,
+    objects: usize,
+    server: &Server,
+    heads: &[Server],
+    chosen: &str,
+) -> anyhow::Result<()> {
     let camera = &config.camera;
     say(format_args!(
-        "{chosen}{help}{} ({} x {}), {}, {}\n{}listening on {}; Ctrl-C ends the run\n",
+        "{chosen}{} ({} x {}), {}, {}\n{}listening on {}; Ctrl-C ends the run\n",
         camera.name,
         camera.detector.width,
         camera.detector.height,
@@ -138,7 +194,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         server.levels(),
         server.addresses().join(" and ")
     ))?;
-    for (head, at) in config.heads.iter().zip(&heads) {
+    for (head, at) in config.heads.iter().zip(heads) {
         say(format_args!(
             "head {}: {}, {}, {}\n",
             head.name,
@@ -147,63 +203,110 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             at.addresses()[1..].join(" and ")
         ))?;
     }
-    let of_heads = config.heads.iter().zip(&heads).map(|(head, at)| Head {
+    Ok(())
+}
+
+/// Writes the ready file, if one was named.
+fn ready_file(
+    args: &Args,
+    config: &Config,
+    server: &Server,
+    heads: &[Server],
+    metrics: Option<String>,
+) -> anyhow::Result<Option<ReadyFile>> {
+    let Some(file) = &args.ready_file else {
+        return Ok(None);
+    };
+    let heads = config.heads.iter().zip(heads).map(|(head, at)| Head {
         name: &head.name,
         links: at.addresses()[1..].to_vec(),
     });
     let ready = Ready {
         pid: std::process::id(),
         links: server.addresses().iter().map(ToString::to_string).collect(),
-        heads: of_heads.collect(),
-        metrics: help.metrics_address(),
+        heads: heads.collect(),
+        metrics,
     };
-    let ready = ready_file.map(|file| ReadyFile::write(file, &ready));
-    let ready = ready.transpose()?;
-    let ended = AtomicBool::new(false);
-    let (mut served, heads, cut) = std::thread::scope(|scope| {
+    ReadyFile::write(file, &ready).map(Some)
+}
+
+/// How the run ended, with the figures of each camera.
+struct Served {
+    ended: Ended,
+    /// The limit of time that ended it.
+    cut: Option<Cut>,
+    /// The link that has gone, where one has.
+    gone: String,
+    stats: RunStats,
+    counters: Counters,
+    /// In the order of the run file.
+    heads: Vec<(RunStats, Counters)>,
+}
+
+/// Serves all cameras until the run ends.
+fn serve(
+    args: &Args,
+    config: &Config,
+    mut server: Server,
+    heads: Vec<Server>,
+    seen: &AtomicBool,
+    stop: &AtomicBool,
+) -> Served {
+    let ended_flag = AtomicBool::new(false);
+    let (mut ended, heads, cut) = std::thread::scope(|scope| {
         let heads = config.heads.iter().zip(heads).map(|(head, mut server)| {
-            let (ended, stop, name) = (&ended, &stop, &head.name);
+            let (ended, name) = (&ended_flag, &head.name);
             scope.spawn(move || {
                 let _of = live::of_head(name).entered();
                 let served = server.run(ended, None, |_| {});
                 if served == Ended::Panicked {
                     stop.store(true, Ordering::Relaxed);
                 }
-                (name, served, server.close())
+                (served, server.close())
             })
         });
         let heads: Vec<_> = heads.collect();
-        let limits = scope.spawn(|| limit(&args, &seen, &ended, &stop));
-        let served = server.run(&stop, args.frames, |_| {});
-        ended.store(true, Ordering::Relaxed);
+        let limits = scope.spawn(|| limit(args, seen, &ended_flag, stop));
+        let served = server.run(stop, args.frames, |_| {});
+        ended_flag.store(true, Ordering::Relaxed);
         let heads: Vec<_> = heads.into_iter().map(|head| head.join()).collect();
         (served, heads, limits.join().ok().flatten())
     });
-    drop(ready);
-
+    let of_heads = heads.into_iter().map(|head| match head {
+        Ok((Ended::AsAsked | Ended::LinkGone, figures)) => figures,
+        Ok((Ended::Panicked, figures)) => {
+            ended = Ended::Panicked;
+            figures
+        }
+        Err(_) => {
+            ended = Ended::Panicked;
+            Default::default()
+        }
+    });
+    let heads = of_heads.collect();
     let gone = server.gone().unwrap_or("of the run").to_string();
     let (stats, counters) = server.close();
-    let mut rows = rows(&stats, &counters, clock);
-    rows.extend(instruments.rows());
-    say(format_args!("\n{}", table(&rows)))?;
-    for head in heads {
-        let Ok((name, head_served, (stats, counters))) = head else {
-            bail!(PANICKED);
-        };
-        if head_served == Ended::Panicked {
-            served = Ended::Panicked;
-        }
-        say(format_args!(
-            "\nhead {name}\n{}",
-            table(&self::rows(&stats, &counters, clock))
-        ))?;
+    Served {
+        ended,
+        cut,
+        gone,
+        stats,
+        counters,
+        heads,
     }
-    instruments.finish()?;
-    match served {
-        Ended::AsAsked => ended_in_time(&args, cut, stats.frames),
-        Ended::Panicked => bail!(PANICKED),
-        Ended::LinkGone => bail!("link {gone}: it has gone (see the log above); open it again"),
+}
+
+/// Prints the table of each camera.
+fn report(config: &Config, served: &Served, instruments: &Instruments) -> anyhow::Result<()> {
+    let clock = config.run.clock;
+    let mut first = rows(&served.stats, &served.counters, clock);
+    first.extend(instruments.rows());
+    say(format_args!("\n{}", table(&first)))?;
+    for (head, (stats, counters)) in config.heads.iter().zip(&served.heads) {
+        let table = table(&rows(stats, counters, clock));
+        say(format_args!("\nhead {}\n{table}", head.name))?;
     }
+    Ok(())
 }
 
 /// A limit of time that has ended a run.
@@ -235,7 +338,7 @@ fn limit(args: &Args, seen: &AtomicBool, ended: &AtomicBool, stop: &AtomicBool) 
     None
 }
 
-/// Errors: a limit of time has ended the run before it had what was asked for.
+/// Errors: a limit of time has ended the run before --frames were sent.
 fn ended_in_time(args: &Args, cut: Option<Cut>, frames: u32) -> anyhow::Result<()> {
     let seconds = |s: Option<f64>| s.unwrap_or_default();
     match (cut, args.frames) {
@@ -252,7 +355,7 @@ fn ended_in_time(args: &Args, cut: Option<Cut>, frames: u32) -> anyhow::Result<(
     }
 }
 
-/// A rate of its own has no meaning for a camera whose frames are asked for.
+/// A rate of its own has no meaning for a camera whose frames follow packets.
 fn warn_of_rates(config: &Config) {
     let asks = asks(&config.run).filter(|_| config.run.clock == Clock::Stepped);
     for head in config.heads.iter().filter(|head| head.has_own_rate) {
@@ -287,7 +390,7 @@ fn pace(run: &Run, rate_hz: f64) -> String {
     format!("{rate_hz} {frames} a second by the {clock} clock")
 }
 
-/// What is told of one camera at the end.
+/// The rows of one camera's table.
 fn rows(stats: &RunStats, counters: &Counters, clock: Clock) -> Vec<(String, String)> {
     let mut rows = stats.rows();
     rows.extend(stats.latency_rows(clock != Clock::Stepped));

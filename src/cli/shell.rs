@@ -1,10 +1,12 @@
 //! `skyloop completions` and `skyloop man`: what a shell and `man` make of the command line.
 
-use super::Cli;
-use anyhow::Context;
+use super::{Cli, Force};
 use clap::{Args as ClapArgs, CommandFactory};
 use clap_complete::Shell;
 use clap_mangen::Man;
+use skyloop::orbit::Mark;
+use skyloop::orbit::path_text;
+use skyloop::output::write_files;
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
@@ -22,7 +24,12 @@ pub struct Manual {
     /// printed
     #[arg(value_name = "DIR")]
     folder: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
+
+/// How a page of skyloop is recognised.
+const MARK: Mark = &["", ".TH skyloop"];
 
 /// Prints a script of completions.
 pub fn completions(args: Completions) -> anyhow::Result<()> {
@@ -35,7 +42,7 @@ pub fn completions(args: Completions) -> anyhow::Result<()> {
 /// Writes pages of the manual.
 pub fn manual(args: Manual) -> anyhow::Result<()> {
     // Without this subcommands lack the program's name.
-    let mut command = Cli::command();
+    let mut command = Cli::command().disable_help_subcommand(true);
     command.build();
     let Some(folder) = args.folder else {
         let mut page = Vec::new();
@@ -43,10 +50,21 @@ pub fn manual(args: Manual) -> anyhow::Result<()> {
         say(String::from_utf8_lossy(&page))?;
         return Ok(());
     };
-    let made = std::fs::create_dir_all(&folder);
-    made.with_context(|| format!("{}: cannot be made", folder.display()))?;
-    let written = clap_mangen::generate_to(command, &folder);
-    written.with_context(|| format!("{}: cannot be written to", folder.display()))?;
-    say(format_args!("wrote {}\n", folder.display()))?;
+    let mut files = Vec::new();
+    pages(&command, &mut files)?;
+    write_files(&folder, &files, MARK, args.force.force)?;
+    say(format_args!("wrote {}\n", path_text(&folder)))?;
+    Ok(())
+}
+
+/// The page of a command and those of its subcommands, by file name.
+fn pages(command: &clap::Command, files: &mut Vec<(String, Vec<u8>)>) -> std::io::Result<()> {
+    for subcommand in command.get_subcommands() {
+        pages(subcommand, files)?;
+    }
+    let man = Man::new(command.clone());
+    let mut page = Vec::new();
+    man.render(&mut page)?;
+    files.push((man.get_filename(), page));
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use super::run::OneOrMore;
 use crate::camera::{Camera, RATE_HZ};
-use crate::load::{Check, ConfigError, Folder};
+use crate::load::{Allowed, Check, ConfigError, Folder, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -32,13 +32,15 @@ pub(super) struct RawHead {
     link: OneOrMore,
 }
 
+pub(super) const LIMITS: &[Limit] = &[("heads[].rate_hz", Allowed::Number(RATE_HZ))];
+
 impl RawHead {
     fn validate(self, at: usize, check: &Check, folder: &Folder) -> Result<Head, ConfigError> {
         let key = |name: &str| format!("heads[{at}].{name}");
         let camera = Camera::load(&self.camera, folder);
         let mut camera = camera.map_err(|error| check.named(&key("camera"), error))?;
         if let Some(rate_hz) = self.rate_hz {
-            camera.rate_hz = check.range(&key("rate_hz"), rate_hz, RATE_HZ)?;
+            camera.rate_hz = check.limit(LIMITS, &key("rate_hz"), rate_hz)?;
             let most = 1.0 / camera.period_s(camera.exposure_s);
             if camera.rate_hz > most {
                 let allowed =
@@ -47,7 +49,7 @@ impl RawHead {
             }
         }
         if self.name.trim().is_empty() {
-            let allowed = "a name, by which its figures and verdicts are told";
+            let allowed = "a name, which its figures and verdicts have";
             return Err(check.refuse(&key("name"), format!("{:?}", self.name), allowed));
         }
         Ok(Head {

@@ -5,6 +5,7 @@ use crate::sky::planets;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_orbit::{Loaded, Object};
+use std::ops::RangeInclusive;
 
 /// A target and the roll about the line of sight to it.
 #[derive(Debug, Clone)]
@@ -60,6 +61,11 @@ pub(super) enum RawTarget {
     Named(String),
     Direction(Fixed<f64, 2>),
 }
+
+/// Right ascensions and rolls, deg.
+pub(super) const TURN_DEG: RangeInclusive<f64> = -360.0..=360.0;
+/// Declinations, deg.
+pub(super) const DEC_DEG: RangeInclusive<f64> = -90.0..=90.0;
 
 /// The forms of a target.
 const FORMS: &str = "Sun, Moon, a planet, an object's name or number, limb:HEIGHT_KM[,AZIMUTH_DEG], velocity, or RA,DEC in deg";
@@ -149,7 +155,7 @@ impl Target {
 
     /// A right ascension and declination in deg.
     pub fn direction([ra, dec]: [f64; 2]) -> Result<Target, String> {
-        if !(-360.0..=360.0).contains(&ra) || !(-90.0..=90.0).contains(&dec) {
+        if !TURN_DEG.contains(&ra) || !DEC_DEG.contains(&dec) {
             return Err(format!(
                 "{ra},{dec}: must be a right ascension of -360 to 360 and a declination of -90 to 90 deg"
             ));

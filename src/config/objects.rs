@@ -1,8 +1,8 @@
 //! `[objects]` of a scene and the population file that it may name: the objects in orbit, their shapes and attitudes.
 
-use super::shapes::{RawAttitude, RawShape, RawSphere};
+use super::shapes::{LIMITS, RawAttitude, RawShape, RawSphere, SCENE_LIMITS};
 use crate::load::orbits::{Findings, Pool, Shelf, named};
-use crate::load::{Check, ConfigError, Folder, advice, read, schema_of};
+use crate::load::{Allowed, Check, ConfigError, Folder, Limit, advice, read, schema_of};
 use crate::sky::look::Body;
 use crate::sky::photometry::Sphere;
 use crate::sky::population::{Look, Looks};
@@ -96,8 +96,16 @@ struct RawEntry {
 
 /// The JSON Schema of population files.
 pub fn schema() -> schemars::Schema {
-    schema_of::<RawPopulation>("skyloop population file")
+    schema_of::<RawPopulation>("skyloop population file", &[LIMITS, ENTRIES])
 }
+
+/// Rules between the keys of an entry.
+const ENTRIES: &[Limit] = &[
+    ("objects[]", Allowed::OneOf(&["object", "files"])),
+    ("objects[]", Allowed::NotBoth(["sphere", "shape"])),
+    ("objects[]", Allowed::Needs(["shape", "attitude"])),
+    ("objects[]", Allowed::Needs(["attitude", "shape"])),
+];
 
 impl RawObjects {
     /// The objects of the population file first, then those of `files`.
@@ -109,7 +117,7 @@ impl RawObjects {
             specular: self.specular,
         };
         let mut all = Objects {
-            sphere: sphere.validate("objects", check)?,
+            sphere: sphere.validate("objects", SCENE_LIMITS, check)?,
             ..Objects::default()
         };
         let mut entries = Entries::default();
@@ -284,7 +292,7 @@ impl RawEntry {
     ) -> Result<Look, ConfigError> {
         match (&self.sphere, &self.shape, &self.attitude) {
             (Some(sphere), None, None) => {
-                let sphere = sphere.validate(&format!("{key}.sphere"), check)?;
+                let sphere = sphere.validate(&format!("{key}.sphere"), LIMITS, check)?;
                 Ok(Look::Sphere(sphere))
             }
             (None, Some(name), Some(attitude)) => {
@@ -320,5 +328,80 @@ impl RawEntry {
                 Err(check.explain(key, reason))
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::{agree, both};
+
+    fn load(text: &str) -> Option<String> {
+        let folder = Folder::current();
+        let read = read(
+            "population.toml",
+            text,
+            EXAMPLE,
+            |raw: RawPopulation, check| raw.entries(check, &folder).map(drop),
+        );
+        read.err().map(|error| error.to_string())
+    }
+
+    fn population(entry: &str, part: &str) -> String {
+        format!("[[objects]]\nfiles = [\"no\"]\n{entry}\n[shapes.NAME]\nparts = [{part}]\n")
+    }
+
+    const SPHERE: &str =
+        "sphere = { diameter_m = 1.0, reflectance = 0.2, diffuse = 0.5, specular = 0.1 }";
+    const BODY: &str = "shape = \"NAME\"\nattitude = { mode = \"spin\", q = [0.0, 0.0, 0.0, 1.0], utc = \"2026-01-01T00:00:00Z\", \
+                        rates_deg_s = [0.0, 0.0, 0.0] }";
+
+    #[test]
+    fn the_schema_has_the_loaders_limits() {
+        let bases = [
+            population(
+                SPHERE,
+                "{ kind = \"box\", size_m = [1.0, 1.0, 1.0], reflectance = 0.2, diffuse = 0.5, specular = 0.1, lobe_deg = 5.0 }",
+            ),
+            population(
+                BODY,
+                "{ kind = \"plate\", area_m2 = 1.0, normal = [1.0, 0.0, 0.0], sun_axis = [0.0, 1.0, 0.0] }",
+            ),
+            population(
+                BODY,
+                "{ kind = \"cone\", axis = [1.0, 0.0, 0.0], diameter_m = 1.0, length_m = 1.0, top_diameter_m = 0.5, ends = \"both\" }",
+            ),
+        ];
+        agree(
+            &schema(),
+            &[LIMITS, ENTRIES],
+            &bases.each_ref().map(String::as_str),
+            load,
+        );
+    }
+
+    #[test]
+    fn schema_and_loader_agree_on_keys_that_go_together() {
+        let part = "{ kind = \"sphere\", diameter_m = 1.0 }";
+        for (entry, part, is_valid) in [
+            (&format!("object = \"x\"\n{SPHERE}")[..], part, false),
+            (&format!("{SPHERE}\n{BODY}"), part, false),
+            ("shape = \"NAME\"", part, false),
+            ("attitude = { mode = \"nadir\" }", part, false),
+            (
+                "shape = \"NAME\"\nattitude = { mode = \"inertial\" }",
+                part,
+                false,
+            ),
+            (SPHERE, "{ kind = \"sphere\" }", false),
+            (
+                SPHERE,
+                "{ kind = \"sphere\", diameter_m = 1.0, length_m = 1.0 }",
+                false,
+            ),
+        ] {
+            both(&schema(), &population(entry, part), load, is_valid);
+        }
+        both(&schema(), "objects = []", load, true);
     }
 }

@@ -2,12 +2,13 @@
 
 use super::fidelity;
 use crate::fidelity::Coarser;
-use crate::load::{Check, ConfigError};
+use crate::load::{Allowed, Check, ConfigError, Limit, one_of};
 use crate::realtime;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_protocols::Output;
 use skyloop_protocols::output::MAX_WINDOW;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// How a live run listens and keeps time.
@@ -177,6 +178,28 @@ impl Delay {
     }
 }
 
+/// Priorities of SCHED_FIFO, sched(7).
+const PRIORITIES: RangeInclusive<f64> = 1.0..=99.0;
+
+pub(super) const LIMITS: &[Limit] = &[
+    ("run.latency_s", Allowed::Number(1e-6..=1e6)),
+    ("run.idle_s", Allowed::Number(0.0..=1e6)),
+    ("run.delay_s", Allowed::Number(0.0..=60.0)),
+    ("run.jitter_s", Allowed::Number(0.0..=60.0)),
+    ("run.work_limit_s", Allowed::Number(0.01..=1e6)),
+    ("run.stale_s", Allowed::Number(0.0..=1e6)),
+    ("run.holdover_s", Allowed::Number(1e-3..=1e6)),
+    ("run.window_px", Allowed::Number(1.0..=MAX_WINDOW as f64)),
+    ("run.priority", Allowed::Number(PRIORITIES)),
+    ("run.cpus[]", Allowed::Number(0.0..=u32::MAX as f64)),
+    ("run.coarsen", Allowed::Count(1..=usize::MAX)),
+    ("run.output", Allowed::Word(levels)),
+];
+
+fn levels() -> Vec<&'static str> {
+    Output::PRESETS.map(|(name, ..)| name).to_vec()
+}
+
 const DEFAULT_LINK: &str = "udp://127.0.0.1:4810";
 
 #[derive(Deserialize, JsonSchema)]
@@ -223,7 +246,7 @@ pub(super) struct RawRun {
     holdover_s: f64,
     /// Where the figures of the run can be fetched as Prometheus text (wall, external and stepped); none without it
     metrics: Option<String>,
-    /// Real-time priority (SCHED_FIFO, 1 to 99) of the emulator's threads; told as granted or not
+    /// Real-time priority (SCHED_FIFO, 1 to 99) of the emulator's threads; reported as granted or not
     priority: Option<i64>,
     /// Keep the process in memory (mlockall), likewise
     lock_memory: bool,
@@ -288,15 +311,13 @@ impl RawRun {
     pub(super) fn validate(self, check: &Check) -> Result<Run, ConfigError> {
         let links = self.link.validate("run.link", check)?;
         let preset = Output::preset(&self.output).ok_or_else(|| {
-            let names = Output::PRESETS.map(|(name, ..)| name).join(", ");
             check.refuse(
                 "run.output",
                 format!("{:?}", self.output),
-                format!("one of {names}"),
+                one_of(&levels()),
             )
         })?;
-        let most = f64::from(MAX_WINDOW);
-        check.range("run.window_px", f64::from(self.window_px), 1.0..=most)?;
+        check.limit(LIMITS, "run.window_px", f64::from(self.window_px))?;
         if (self.clock, self.trigger) == (Clock::Wall, Trigger::Packet) {
             let reason = "\"packet\" needs the client's time, and run.clock is \"wall\": make that \"external\" or \"stepped\", or leave run.trigger \
                           out and send SingleShot";
@@ -304,7 +325,7 @@ impl RawRun {
         }
         let latency_s = self
             .latency_s
-            .map(|latency_s| check.range("run.latency_s", latency_s, 1e-6..=1e6));
+            .map(|latency_s| check.limit(LIMITS, "run.latency_s", latency_s));
         Ok(Run {
             links,
             output: Output {
@@ -315,21 +336,21 @@ impl RawRun {
             },
             clock: self.clock,
             trigger: self.trigger,
-            idle_s: check.range("run.idle_s", self.idle_s, 0.0..=1e6)?,
+            idle_s: check.limit(LIMITS, "run.idle_s", self.idle_s)?,
             latency_s: latency_s.transpose()?,
             delay: Delay {
-                delay_s: check.range("run.delay_s", self.delay_s, 0.0..=60.0)?,
-                jitter_s: check.range("run.jitter_s", self.jitter_s, 0.0..=60.0)?,
+                delay_s: check.limit(LIMITS, "run.delay_s", self.delay_s)?,
+                jitter_s: check.limit(LIMITS, "run.jitter_s", self.jitter_s)?,
             },
             on_overrun: self.on_overrun,
             coarsen: fidelity::steps(&self.coarsen, check)?,
-            work_limit_s: check.range("run.work_limit_s", self.work_limit_s, 0.01..=1e6)?,
+            work_limit_s: check.limit(LIMITS, "run.work_limit_s", self.work_limit_s)?,
             staleness: Staleness {
-                limit_s: check.range("run.stale_s", self.stale_s, 0.0..=1e6)?,
+                limit_s: check.limit(LIMITS, "run.stale_s", self.stale_s)?,
                 then: self.on_stale,
             },
             out_of_order: self.out_of_order,
-            holdover_s: check.range("run.holdover_s", self.holdover_s, 1e-3..=1e6)?,
+            holdover_s: check.limit(LIMITS, "run.holdover_s", self.holdover_s)?,
             metrics: self.metrics,
             realtime: realtime::Asked {
                 priority: self
@@ -343,13 +364,12 @@ impl RawRun {
     }
 }
 
-/// Which of them there are shows when they are asked for.
+/// Whether a processor exists is known when it is requested.
 fn processors(numbers: &[i64], check: &Check) -> Result<Vec<usize>, ConfigError> {
     let number = |(i, number): (usize, &i64)| {
-        usize::try_from(*number).map_err(|_| {
-            let allowed = "the number of a processor, from 0";
-            check.refuse(&format!("run.cpus[{i}]"), number.to_string(), allowed)
-        })
+        let key = format!("run.cpus[{i}]");
+        check.limit(LIMITS, &key, *number as f64)?;
+        Ok(*number as usize)
     };
     numbers.iter().enumerate().map(number).collect()
 }
@@ -357,12 +377,13 @@ fn processors(numbers: &[i64], check: &Check) -> Result<Vec<usize>, ConfigError>
 fn priority_of(priority: i64, check: &Check) -> Result<u8, ConfigError> {
     let allowed = u8::try_from(priority)
         .ok()
-        .filter(|priority| (1..=99).contains(priority));
+        .filter(|priority| PRIORITIES.contains(&f64::from(*priority)));
     allowed.ok_or_else(|| {
+        let [least, most] = [PRIORITIES.start(), PRIORITIES.end()];
         check.refuse(
             "run.priority",
             priority.to_string(),
-            "a priority of SCHED_FIFO, 1 to 99",
+            format!("a priority of SCHED_FIFO, {least} to {most}"),
         )
     })
 }

@@ -1,10 +1,10 @@
 //! `[sequence]`: the exposures of an offline run and where its camera looks.
 
-use super::look_at::RawTarget;
+use super::look_at::{DEC_DEG, RawTarget, TURN_DEG};
 use super::{AttitudeFile, LookAt, Sequence, TimedAttitude, Up, utc};
 use crate::attitude::Attitude;
 use crate::camera::Camera;
-use crate::load::{Check, ConfigError, Fixed, Folder, RawTime};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit, RawTime};
 use hifitime::Epoch;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -48,12 +48,33 @@ struct RawAttitude {
     q: Fixed<f64, 4>,
 }
 
-/// Which keys say where the camera looks.
-const WAYS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], attitude_file = \"FILE\", radec = [ra, dec, roll], nadir = true or look_at = \"Moon\"";
+/// The keys that say where the camera looks, of which there is one.
+const POINTINGS: [&str; 5] = ["attitudes", "attitude_file", "radec", "nadir", "look_at"];
+
+pub(super) const LIMITS: &[Limit] = &[
+    ("sequence", Allowed::OneOf(&POINTINGS)),
+    ("sequence", Allowed::Needs(["up", "look_at"])),
+    ("sequence", Allowed::Needs(["roll_deg", "look_at"])),
+    ("sequence.frames", Allowed::Number(1.0..=1e6)),
+    ("sequence.period_s", Allowed::Number(1e-6..=1e6)),
+    ("sequence.roll_deg", Allowed::Number(TURN_DEG)),
+    (
+        "sequence.rates_deg_s[]",
+        Allowed::Number(-36000.0..=36000.0),
+    ),
+    ("sequence.radec[0]", Allowed::Number(TURN_DEG)),
+    ("sequence.radec[1]", Allowed::Number(DEC_DEG)),
+    ("sequence.radec[2]", Allowed::Number(TURN_DEG)),
+    ("sequence.look_at[0]", Allowed::Number(TURN_DEG)),
+    ("sequence.look_at[1]", Allowed::Number(DEC_DEG)),
+];
+
+/// The forms of these keys.
+const POINTING_FORMS: &str = "attitudes = [{ utc, q = [x, y, z, w] }], attitude_file = \"FILE\", radec = [ra, dec, roll], nadir = true or look_at = \"Moon\"";
 
 /// The body's attitude in which the boresight of `camera` has this right ascension and declination and the image this roll, deg.
 pub fn attitude_of_radec([ra, dec, roll]: [f64; 3], camera: &Camera) -> Result<Attitude, String> {
-    if !((-90.0..=90.0).contains(&dec) && ra.abs() <= 360.0 && roll.abs() <= 360.0) {
+    if !(DEC_DEG.contains(&dec) && TURN_DEG.contains(&ra) && TURN_DEG.contains(&roll)) {
         return Err(format!(
             "{ra},{dec},{roll}: must be RA -360 to 360, DEC -90 to 90, ROLL -360 to 360, in deg"
         ));
@@ -71,7 +92,7 @@ impl RawSequence {
         folder: &Folder,
     ) -> Result<Sequence, ConfigError> {
         let epoch = utc(check, "sequence.epoch", &self.epoch)?;
-        self.has_one_way(check)?;
+        self.has_one_pointing(check)?;
         let attitudes = match self.radec {
             Some(Fixed(angles)) => {
                 let attitude = attitude_of_radec(angles, camera)
@@ -93,7 +114,7 @@ impl RawSequence {
             Some(raw) => {
                 let target = raw.validate("sequence.look_at", objects, check)?;
                 let roll = self.roll_deg.unwrap_or(0.0);
-                let roll = check.range("sequence.roll_deg", roll, -360.0..=360.0)?;
+                let roll = check.limit(LIMITS, "sequence.roll_deg", roll)?;
                 Some(LookAt::new(target, self.up, roll.to_radians()))
             }
             None => None,
@@ -108,11 +129,11 @@ impl RawSequence {
             };
             return Err(check.explain("sequence.rates_deg_s", reason));
         }
-        let rates = check.each("sequence.rates_deg_s", rates, -36000.0..=36000.0)?;
+        let rates = check.each_limit(LIMITS, "sequence.rates_deg_s", rates)?;
         Ok(Sequence {
             epoch,
-            frames: check.range("sequence.frames", f64::from(self.frames), 1.0..=1e6)? as u32,
-            period_s: check.range("sequence.period_s", self.period_s, 1e-6..=1e6)?,
+            frames: check.limit(LIMITS, "sequence.frames", f64::from(self.frames))? as u32,
+            period_s: check.limit(LIMITS, "sequence.period_s", self.period_s)?,
             attitudes,
             attitude_file,
             look_at,
@@ -121,18 +142,21 @@ impl RawSequence {
     }
 
     /// Refuses none and more than one of the keys that say where the camera looks, and a rule for the roll without a target.
-    fn has_one_way(&self, check: &Check) -> Result<(), ConfigError> {
+    fn has_one_pointing(&self, check: &Check) -> Result<(), ConfigError> {
         let given = [
-            ("attitudes", !self.attitudes.is_empty()),
-            ("attitude_file", self.attitude_file.is_some()),
-            ("radec", self.radec.is_some()),
-            ("nadir", self.nadir),
-            ("look_at", self.look_at.is_some()),
+            !self.attitudes.is_empty(),
+            self.attitude_file.is_some(),
+            self.radec.is_some(),
+            self.nadir,
+            self.look_at.is_some(),
         ];
-        let mut given = given.iter().filter(|(_, is_given)| *is_given);
+        let mut given = POINTINGS
+            .iter()
+            .zip(given)
+            .filter(|(_, is_given)| *is_given);
         match (given.next(), given.next()) {
             (None, _) => {
-                let reason = format!("no pointing: give one of {WAYS}");
+                let reason = format!("no pointing: give one of {POINTING_FORMS}");
                 return Err(check.explain("sequence", reason));
             }
             (Some((first, _)), Some((second, _))) => {
@@ -189,5 +213,112 @@ impl AttitudeFile {
         let remarks = message.remarks.iter();
         let shown = remarks.map(|(line, remark)| format!("{}:{line}: {remark}", self.name));
         shown.collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Config, LIMITS};
+    use crate::load::{DEFAULT_TOML, Folder, agree, both};
+
+    fn load(text: &str) -> Option<String> {
+        let read = Config::parse("scene.toml", text, &Folder::current());
+        read.err().map(|error| error.to_string())
+    }
+
+    /// A scene with this pointing.
+    fn scene(pointing: &str) -> String {
+        format!(
+            r#"
+label_snr = 1.0
+[objects]
+diameter_m = 1.0
+reflectance = 0.2
+diffuse = 0.5
+specular = 0.1
+[effects]
+off = ["starlight"]
+[sky]
+catalog = "bsc"
+[run]
+latency_s = 1.0
+idle_s = 1.0
+delay_s = 1.0
+jitter_s = 1.0
+work_limit_s = 1.0
+stale_s = 1.0
+holdover_s = 1.0
+window_px = 9
+priority = 9
+cpus = [0]
+coarsen = ["fast"]
+output = "frame"
+[[heads]]
+name = "B"
+camera = "cots-wide"
+rate_hz = 1.0
+link = "udp://127.0.0.1:4811"
+[sequence]
+epoch = "2026-01-01T00:00:00Z"
+frames = 1
+period_s = 1.0
+{pointing}
+"#
+        )
+    }
+
+    const BY_RADEC: &str = "radec = [1.0, 2.0, 3.0]\nrates_deg_s = [0.0, 0.0, 0.0]";
+    const BY_TARGET: &str = "look_at = [1.0, 2.0]\nroll_deg = 1.0";
+
+    #[test]
+    fn the_schema_has_the_loaders_limits() {
+        let bases = [BY_RADEC, BY_TARGET].map(scene);
+        let schema = Config::schema("scene");
+        agree(&schema, LIMITS, &bases.each_ref().map(String::as_str), load);
+    }
+
+    #[test]
+    fn schema_and_loader_agree_on_pointings() {
+        let schema = Config::schema("scene");
+        both(&schema, DEFAULT_TOML, |_| None, true);
+        let one = [
+            "attitudes = [{ q = [0.0, 0.0, 0.0, 1.0] }]",
+            "attitude_file = \"Cargo.toml\"",
+            "radec = [1.0, 2.0, 3.0]",
+            "nadir = true",
+            "look_at = \"Moon\"",
+        ];
+        for (place, pointing) in one.iter().enumerate() {
+            both(&schema, &scene(pointing), load, true);
+            for other in &one[place + 1..] {
+                both(
+                    &schema,
+                    &scene(&format!("{pointing}\n{other}")),
+                    load,
+                    false,
+                );
+            }
+        }
+        for (pointing, is_valid) in [
+            ("", false),
+            ("nadir = false", false),
+            ("attitudes = []", false),
+            ("attitudes = []\nnadir = true", true),
+            ("nadir = false\nlook_at = \"Sun\"", true),
+            ("look_at = \"Sun\"\nup = \"north\"", true),
+            ("nadir = true\nup = \"north\"", false),
+            ("nadir = true\nroll_deg = 1.0", false),
+        ] {
+            both(&schema, &scene(pointing), load, is_valid);
+        }
+        let state = "state = [7000.0, 0.0, 0.0, 0.0, 7.5, 0.0]";
+        let observer = |keys: &str| format!("[observer]\n{keys}\n");
+        both(&schema, &observer(state), load, true);
+        both(
+            &schema,
+            &observer(&format!("{state}\norbit = \"x.tle\"")),
+            load,
+            false,
+        );
     }
 }

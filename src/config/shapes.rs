@@ -2,7 +2,7 @@
 
 use super::utc;
 use crate::attitude::Attitude;
-use crate::load::{Check, ConfigError, Fixed, RawTime};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, RawTime, one_of};
 use crate::sky::body_attitude::BodyAttitude;
 use crate::sky::photometry::Sphere;
 use crate::sky::shape::{Ends, Lobe, Plate, Shape, Surface};
@@ -96,7 +96,7 @@ pub struct RawAttitude {
 }
 
 /// The keys of each kind of part beside those of all: needed ones, then others.
-const KINDS: &[(&str, &[&str], &[&str])] = &[
+const KINDS: &[Kind] = &[
     ("plate", &["area_m2", "normal"], &["two_sided", "sun_axis"]),
     ("box", &["size_m"], &[]),
     ("cylinder", &["axis", "diameter_m", "length_m"], &["ends"]),
@@ -109,7 +109,7 @@ const KINDS: &[(&str, &[&str], &[&str])] = &[
 ];
 
 /// Attitudes, their needed keys and others.
-const MODES: &[(&str, &[&str], &[&str])] = &[
+const MODES: &[Kind] = &[
     ("inertial", &["q"], &[]),
     ("nadir", &[], &["q"]),
     ("spin", &["q", "utc", "rates_deg_s"], &[]),
@@ -117,19 +117,84 @@ const MODES: &[(&str, &[&str], &[&str])] = &[
 
 /// Lengths of parts, m.
 const LENGTHS: RangeInclusive<f64> = 1e-3..=1e4;
+/// Shares of light.
+const SHARES: RangeInclusive<f64> = 0.0..=1.0;
+/// Diameters of spheres that stand for objects, m.
+const SPHERES: RangeInclusive<f64> = 1e-6..=1e6;
+/// Components of directions.
+const AXES: RangeInclusive<f64> = -1e6..=1e6;
+/// Edges of lobes, deg.
+const LOBES: RangeInclusive<f64> = Lobe::NARROWEST * 180.0 / std::f64::consts::PI..=90.0;
+
+/// Limits of the keys of scenes.
+pub const SCENE_LIMITS: &[Limit] = &[
+    ("objects.diameter_m", Allowed::Number(SPHERES)),
+    ("objects.reflectance", Allowed::Number(SHARES)),
+    ("objects.diffuse", Allowed::Number(SHARES)),
+    ("objects.specular", Allowed::Number(SHARES)),
+];
+
+/// Limits of the keys of population files.
+pub const LIMITS: &[Limit] = &[
+    ("objects[].sphere.diameter_m", Allowed::Number(SPHERES)),
+    ("objects[].sphere.reflectance", Allowed::Number(SHARES)),
+    ("objects[].sphere.diffuse", Allowed::Number(SHARES)),
+    ("objects[].sphere.specular", Allowed::Number(SHARES)),
+    (
+        "objects[].attitude.rates_deg_s[]",
+        Allowed::Number(-36000.0..=36000.0),
+    ),
+    ("objects[].attitude", Allowed::Kind("mode", MODES)),
+    ("shapes.*.parts", Allowed::Count(1..=MOST_PARTS)),
+    ("shapes.*.parts[].area_m2", Allowed::Number(1e-6..=1e6)),
+    ("shapes.*.parts[].size_m[]", Allowed::Number(LENGTHS)),
+    ("shapes.*.parts[].diameter_m", Allowed::Number(LENGTHS)),
+    ("shapes.*.parts[].length_m", Allowed::Number(LENGTHS)),
+    (
+        "shapes.*.parts[].top_diameter_m",
+        Allowed::Number(0.0..=1e4),
+    ),
+    ("shapes.*.parts[].normal[]", Allowed::Number(AXES)),
+    ("shapes.*.parts[].sun_axis[]", Allowed::Number(AXES)),
+    ("shapes.*.parts[].axis[]", Allowed::Number(AXES)),
+    ("shapes.*.parts[].reflectance", Allowed::Number(SHARES)),
+    ("shapes.*.parts[].diffuse", Allowed::Number(SHARES)),
+    ("shapes.*.parts[].specular", Allowed::Number(SHARES)),
+    ("shapes.*.parts[].lobe_deg", Allowed::Number(LOBES)),
+    ("shapes.*.parts[].ends", Allowed::Word(ends)),
+    ("shapes.*.parts[]", Allowed::Kind("kind", KINDS)),
+];
+
+/// Which ends of a cylinder or a cone are closed: base and top.
+const ENDS: [(&str, [bool; 2]); 4] = [
+    ("both", [true, true]),
+    ("base", [true, false]),
+    ("top", [false, true]),
+    ("none", [false, false]),
+];
+
+fn ends() -> Vec<&'static str> {
+    ENDS.iter().map(|(name, _)| *name).collect()
+}
+
 /// Directions nearer to each other than this (rad) are the same.
 const ALONG: f64 = 1e-6;
 /// Parts that a shape may have: their light is worked out in up to hundreds of instants a frame.
 const MOST_PARTS: usize = 200;
 
 impl RawSphere {
-    pub fn validate(&self, key: &str, check: &Check) -> Result<Sphere, ConfigError> {
+    pub fn validate(
+        &self,
+        key: &str,
+        limits: &[Limit],
+        check: &Check,
+    ) -> Result<Sphere, ConfigError> {
         let of = |name: &str| format!("{key}.{name}");
         let sphere = Sphere {
-            diameter_m: check.range(&of("diameter_m"), self.diameter_m, 1e-6..=1e6)?,
-            reflectance: check.range(&of("reflectance"), self.reflectance, 0.0..=1.0)?,
-            diffuse: check.range(&of("diffuse"), self.diffuse, 0.0..=1.0)?,
-            specular: check.range(&of("specular"), self.specular, 0.0..=1.0)?,
+            diameter_m: check.limit(limits, &of("diameter_m"), self.diameter_m)?,
+            reflectance: check.limit(limits, &of("reflectance"), self.reflectance)?,
+            diffuse: check.limit(limits, &of("diffuse"), self.diffuse)?,
+            specular: check.limit(limits, &of("specular"), self.specular)?,
         };
         no_more_than_all(key, [sphere.diffuse, sphere.specular], "sphere", check)?;
         Ok(sphere)
@@ -174,7 +239,7 @@ impl RawPart {
         only_its_keys(key, "kind", &self.kind, KINDS, &self.given(), check)?;
         let surface = self.surface(key, check)?;
         let length = |name: &str, value: Option<f64>| {
-            check.range(&format!("{key}.{name}"), value.unwrap_or(0.0), LENGTHS)
+            check.limit(LIMITS, &format!("{key}.{name}"), value.unwrap_or(0.0))
         };
         match self.kind.as_str() {
             "plate" => {
@@ -182,7 +247,7 @@ impl RawPart {
                 let of = format!("{key}.area_m2");
                 let normal = direction(&format!("{key}.normal"), &self.normal, check)?;
                 let plate = Plate {
-                    area_m2: check.range_in("m^2", &of, area, 1e-6..=1e6)?,
+                    area_m2: check.limit_in(LIMITS, "m^2", &of, area)?,
                     normal,
                     two_sided: self.two_sided.unwrap_or(false),
                     hinge: self.hinge(key, &normal, check)?,
@@ -192,7 +257,7 @@ impl RawPart {
             "box" => {
                 let Fixed(size) = self.size_m.unwrap_or(Fixed([0.0; 3]));
                 shape.cuboid(
-                    check.each(&format!("{key}.size_m"), size, LENGTHS)?,
+                    check.each_limit(LIMITS, &format!("{key}.size_m"), size)?,
                     surface,
                 );
             }
@@ -204,7 +269,7 @@ impl RawPart {
                     base_m
                 } else {
                     let of = format!("{key}.top_diameter_m");
-                    check.range(&of, self.top_diameter_m.unwrap_or(0.0), 0.0..=1e4)?
+                    check.limit(LIMITS, &of, self.top_diameter_m.unwrap_or(0.0))?
                 };
                 let length_m = length("length_m", self.length_m)?;
                 let ends = self.ends(key, check)?;
@@ -233,11 +298,8 @@ impl RawPart {
     fn surface(&self, key: &str, check: &Check) -> Result<Surface, ConfigError> {
         let default = Sphere::default();
         let share = |name: &str, value: Option<f64>, default: f64| {
-            check.range(
-                &format!("{key}.{name}"),
-                value.unwrap_or(default),
-                0.0..=1.0,
-            )
+            let of = format!("{key}.{name}");
+            check.limit(LIMITS, &of, value.unwrap_or(default))
         };
         let surface = Surface {
             reflectance: share("reflectance", self.reflectance, default.reflectance)?,
@@ -245,9 +307,8 @@ impl RawPart {
             specular: share("specular", self.specular, default.specular)?,
             lobe: match self.lobe_deg {
                 Some(deg) => {
-                    let narrowest = Lobe::NARROWEST.to_degrees();
                     let of = format!("{key}.lobe_deg");
-                    let deg = check.range_in("deg", &of, deg, narrowest..=90.0)?;
+                    let deg = check.limit_in(LIMITS, "deg", &of, deg)?;
                     Lobe::Smooth(deg.to_radians())
                 }
                 None => Lobe::Mirror,
@@ -284,15 +345,10 @@ impl RawPart {
     }
 
     fn ends(&self, key: &str, check: &Check) -> Result<Ends, ConfigError> {
-        let (base, top) = match self.ends.as_deref() {
-            None | Some("both") => (true, true),
-            Some("base") => (true, false),
-            Some("top") => (false, true),
-            Some("none") => (false, false),
-            Some(other) => {
-                let allowed = "\"both\", \"base\", \"top\" or \"none\": which are closed";
-                return Err(check.refuse(&format!("{key}.ends"), format!("{other:?}"), allowed));
-            }
+        let name = self.ends.as_deref().unwrap_or(ENDS[0].0);
+        let Some((_, [base, top])) = ENDS.into_iter().find(|(known, _)| *known == name) else {
+            let allowed = format!("{}: which are closed", one_of(&ends()));
+            return Err(check.refuse(&format!("{key}.ends"), format!("{name:?}"), allowed));
         };
         Ok(Ends { base, top })
     }
@@ -318,7 +374,7 @@ impl RawAttitude {
                 _ => BodyAttitude::Inertial(attitude),
             });
         };
-        let rates = check.each(&format!("{key}.rates_deg_s"), rates, -36000.0..=36000.0)?;
+        let rates = check.each_limit(LIMITS, &format!("{key}.rates_deg_s"), rates)?;
         Ok(BodyAttitude::Spin {
             epoch: utc(check, &format!("{key}.utc"), time)?,
             attitude,
@@ -337,16 +393,13 @@ fn only_its_keys(
     key: &str,
     what: &str,
     kind: &str,
-    kinds: &[(&str, &[&str], &[&str])],
+    kinds: &[Kind],
     given: &[&str],
     check: &Check,
 ) -> Result<(), ConfigError> {
     let Some((_, needed, others)) = kinds.iter().find(|(known, ..)| *known == kind) else {
-        let known: Vec<String> = kinds
-            .iter()
-            .map(|(known, ..)| format!("{known:?}"))
-            .collect();
-        let allowed = format!("one of {}", known.join(", "));
+        let known: Vec<&str> = kinds.iter().map(|(known, ..)| *known).collect();
+        let allowed = one_of(&known);
         return Err(check.refuse(&format!("{key}.{what}"), format!("{kind:?}"), allowed));
     };
     let takes = [*needed, *others].concat().join(", ");
@@ -374,7 +427,7 @@ fn direction(
     check: &Check,
 ) -> Result<Unit<Vector3<f64>>, ConfigError> {
     let Fixed(axes) = given.unwrap_or(Fixed([0.0; 3]));
-    let axes = check.each(key, axes, -1e6..=1e6)?;
+    let axes = check.each_limit(LIMITS, key, axes)?;
     Unit::try_new(Vector3::from(axes), 1e-9).ok_or_else(|| {
         let allowed = "a direction [x, y, z] in body axes, not zero; any length";
         check.refuse(key, format!("{axes:?}"), allowed)

@@ -10,6 +10,7 @@ use serde::Serialize;
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct SpotLabel {
     /// `radiation` or `defect`.
+    #[schemars(extend("enum" = [RADIATION, DEFECT]))]
     pub kind: &'static str,
     /// `particle n`, counted from 1 in each frame; or `dead`, `stuck` or `hot` with column and row.
     pub id: String,
@@ -35,6 +36,10 @@ pub struct SpotLabel {
     /// `[column, row, electrons]` of its pixels, whole electrons.
     pub pixels: Vec<[i64; 3]>,
 }
+
+/// Kinds of spots.
+const RADIATION: &str = "radiation";
+const DEFECT: &str = "defect";
 
 /// Most particles and defects that a label lists: 2 MB of text.
 pub const MOST_SPOTS: usize = 10_000;
@@ -228,7 +233,7 @@ impl<'a> Pixels<'a> {
                     pixels.push([x, y, i64::from(*electrons)]);
                 }
                 let (id, centre) = (format!("particle {}", index + 1), moment.map(|m| m / sum));
-                spot("radiation", id, centre, sum, snr, pixels)
+                spot(RADIATION, id, centre, sum, snr, pixels)
             }
             Found::Defect {
                 name,
@@ -239,7 +244,7 @@ impl<'a> Pixels<'a> {
                 let [x, y] = self.place(pixel);
                 let (id, centre) = (format!("{name} {x},{y}"), [x as f64, y as f64]);
                 let pixels = vec![[x, y, electrons.round() as i64]];
-                spot("defect", id, centre, electrons, snr, pixels)
+                spot(DEFECT, id, centre, electrons, snr, pixels)
             }
         }
     }

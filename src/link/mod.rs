@@ -4,7 +4,6 @@
 mod bus;
 mod can;
 pub mod capture;
-pub mod claim;
 mod departed;
 mod every;
 pub mod fault;

@@ -5,6 +5,7 @@
 //! Linux, which ends with its process, whether that one still lives. Nothing else is ever removed.
 
 use super::pseudo::Refusal;
+use skyloop_orbit::path_text;
 use skyloop_protocols::crc::Crc32;
 use std::io;
 use std::os::linux::net::SocketAddrExt;
@@ -42,7 +43,7 @@ impl Name {
             std::fs::remove_file(path).map_err(|error| refused(error, FOLDER))?;
             tracing::warn!(
                 "{}: a run that was killed left this name behind: it is taken over",
-                path.display()
+                path_text(path)
             );
         }
         symlink(marked(device), path).map_err(|error| refused(error, FOLDER))?;

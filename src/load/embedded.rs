@@ -40,8 +40,24 @@ pub const CAMERAS: &[&str] = &[
     "horizon",
 ];
 
-/// A valid camera file.
-pub const EXAMPLE_CAMERA: &str = include_str!("../../configs/cameras/cots-wide.toml");
+/// A valid camera file, and in the table `spare` valid values of other keys.
+pub const EXAMPLE_CAMERA: &str = concat!(
+    include_str!("../../configs/cameras/cots-wide.toml"),
+    r#"
+[spare.optics]
+psf = { obscuration = 0.0, fwhm_px = 2.0, beta = 2.5, oversampling = 4.0, wavelength_exponent = 0.0 }
+vignetting = { cos4 = false, table = [[0.0, 1.0]] }
+projection = { strength = 1.0 }
+[spare.radiation]
+flux_cm2_s = 0.0
+thickness_um = 10.0
+[spare.timing]
+row_us = 10.0
+[spare.detector]
+hot_fraction = 0.0
+hot_e_s = 0.0
+"#
+);
 
 /// Every key with its default.
 pub const DEFAULT_TOML: &str = include_str!("../../configs/default.toml");

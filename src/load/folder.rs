@@ -1,6 +1,7 @@
 //! Where configuration and orbit files are read from: a folder on disk, or the files built into the binary.
 
 use super::{ConfigError, embedded};
+use skyloop_orbit::path_text;
 use skyloop_orbit::{LARGEST_CONFIG, LARGEST_FILE};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -39,7 +40,7 @@ impl Folder {
             ),
             false => (path.to_path_buf(), "check the path"),
         };
-        let shown = path.display().to_string();
+        let shown = path_text(&path);
         match skyloop_orbit::read_text_within(&path, LARGEST_CONFIG) {
             Ok(text) => Ok((Folder::of(&path), shown, text)),
             Err(source) => Err(ConfigError::Read {
@@ -83,7 +84,7 @@ impl Folder {
             return Ok(None);
         }
         let listing = skyloop_orbit::files(&path).map_err(|source| ConfigError::Read {
-            file: path.display().to_string(),
+            file: path_text(&path),
             source,
             remedy: "check the folder".to_string(),
         })?;
@@ -130,7 +131,7 @@ impl Folder {
                 let path = folder.join(name);
                 let shown = match name {
                     "" => "\"\"".to_string(),
-                    _ => path.display().to_string(),
+                    _ => path_text(&path),
                 };
                 match skyloop_orbit::read_text_within(&path, most) {
                     Ok(text) => Ok((shown, text)),

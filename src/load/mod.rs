@@ -4,6 +4,7 @@
 mod embedded;
 mod fixed;
 mod folder;
+mod limits;
 pub mod orbits;
 mod report;
 mod syntax;
@@ -13,6 +14,7 @@ pub(crate) use embedded::EXAMPLE_CAMERA;
 pub use embedded::{CAMERAS, DEFAULT_SCENE, DEFAULT_TOML};
 pub(crate) use fixed::Fixed;
 pub use folder::Folder;
+pub(crate) use limits::{Allowed, Kind, Limit};
 use report::MAX_FAULTS;
 pub(crate) use report::{Noticed, read, read_noticed};
 use words::MEANT;
@@ -137,10 +139,13 @@ impl ConfigError {
     }
 }
 
-/// The JSON Schema (draft 2020-12) of a file that is read as `Raw`.
-pub(crate) fn schema_of<Raw: JsonSchema>(title: &str) -> Schema {
+/// The JSON Schema (draft 2020-12) of a file that is read as `Raw`, with the limits of its values.
+pub(crate) fn schema_of<Raw: JsonSchema>(title: &str, limits: &[&[Limit]]) -> Schema {
     let generator = SchemaSettings::draft2020_12().into_generator();
     let mut schema = generator.into_root_schema_for::<Raw>();
+    for limits in limits {
+        limits::apply(&mut schema, limits);
+    }
     schema.insert("title".to_string(), title.into());
     schema
 }
@@ -165,6 +170,42 @@ impl Check<'_> {
     pub fn notice(&self, text: fmt::Arguments) {
         let notice = format!("{}: {text}", self.file);
         self.notices.borrow_mut().push(notice);
+    }
+
+    /// `value` if it lies within the limit of `key` in the table (NaN never does).
+    pub fn limit(&self, limits: &[Limit], key: &str, value: f64) -> Result<f64, ConfigError> {
+        self.limit_in(limits, unit_of(key), key, value)
+    }
+
+    /// The same, where the key does not name the unit.
+    pub fn limit_in(
+        &self,
+        limits: &[Limit],
+        unit: &str,
+        key: &str,
+        value: f64,
+    ) -> Result<f64, ConfigError> {
+        let range = limits::range_of(limits, key);
+        let unknown = || {
+            self.explain(
+                key,
+                "has no limit in the tables of skyloop: please report it",
+            )
+        };
+        self.range_in(unit, key, value, range.ok_or_else(unknown)?)
+    }
+
+    /// `values` if each lies within the limit of `key[]`; the error names the first that does not.
+    pub fn each_limit<const N: usize>(
+        &self,
+        limits: &[Limit],
+        key: &str,
+        values: [f64; N],
+    ) -> Result<[f64; N], ConfigError> {
+        for (i, value) in values.into_iter().enumerate() {
+            self.limit(limits, &format!("{key}[{i}]"), value)?;
+        }
+        Ok(values)
     }
 
     /// `value` if it lies in `range` (NaN never does).
@@ -198,19 +239,6 @@ impl Check<'_> {
         Err(self.refuse(key, short(value), allowed))
     }
 
-    /// `values` if each lies in `range`; the error names the first that does not.
-    pub fn each<const N: usize>(
-        &self,
-        key: &str,
-        values: [f64; N],
-        range: RangeInclusive<f64>,
-    ) -> Result<[f64; N], ConfigError> {
-        for (i, value) in values.into_iter().enumerate() {
-            self.range(&format!("{key}[{i}]"), value, range.clone())?;
-        }
-        Ok(values)
-    }
-
     /// The error of `key` where another message says what is wrong.
     pub fn explain(&self, key: &str, reason: impl std::fmt::Display) -> ConfigError {
         ConfigError::Key {
@@ -220,7 +248,7 @@ impl Check<'_> {
         }
     }
 
-    /// The error of a file that `key` names: what cannot be read is told with the key, and what is wrong in it without.
+    /// The error of a file that `key` names: a file that cannot be read is reported with the key, faults in the file without.
     pub fn named(&self, key: &str, error: ConfigError) -> ConfigError {
         match error {
             ConfigError::Read { .. } => self.explain(key, error),
@@ -245,6 +273,12 @@ impl Check<'_> {
             allowed: allowed.into(),
         }
     }
+}
+
+/// The choice between words.
+pub(crate) fn one_of(words: &[&str]) -> String {
+    let words: Vec<String> = words.iter().map(|word| format!("{word:?}")).collect();
+    format!("one of {}", words.join(", "))
 }
 
 /// A number as it was written, one of many digits by its power of ten.
@@ -316,3 +350,6 @@ impl fmt::Display for RawTime {
         }
     }
 }
+
+#[cfg(test)]
+pub(crate) use limits::tests::{agree, both};

@@ -64,6 +64,11 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
             Err(fault) => fault,
         };
         let message = error.to_string();
+        // Of a key that does not belong here no value is right.
+        let is_value = matches!(
+            error,
+            ConfigError::Value { .. } | ConfigError::Syntax { .. }
+        );
         let key = without_indices(&key).to_string();
         if !repaired.iter().any(|done| follows(&key, &message, done)) {
             let renamed = error.meant().is_some_and(|meant| {
@@ -78,7 +83,7 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
                 continue;
             }
         }
-        if !repair(document.get_mut(), &example, key, &mut repaired) {
+        if !repair(document.get_mut(), &example, key, is_value, &mut repaired) {
             break;
         }
     }
@@ -93,11 +98,13 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
     })
 }
 
-/// Replaces the key, or the first table around it that has not been replaced before; false if there is none.
+/// Replaces the key, or the first table around it that has not been replaced before; false if there is none. A key that the example lacks is removed,
+/// or where its value is wrong (`is_value`) replaced by the one in the example's table `spare`.
 fn repair(
     document: &mut DeTable<'_>,
     example: &Spanned<DeTable<'static>>,
     key: String,
+    is_value: bool,
     repaired: &mut Vec<String>,
 ) -> bool {
     let mut key = key;
@@ -108,7 +115,10 @@ fn repair(
     if key.is_empty() {
         return false;
     }
-    let value = value_at(example.get_ref(), &key, true).cloned();
+    let spare = || value_at(example.get_ref(), &format!("spare.{key}"), true).filter(|_| is_value);
+    let value = value_at(example.get_ref(), &key, true)
+        .or_else(spare)
+        .cloned();
     let done = match table_around(document, &key) {
         Some((table, name)) => {
             table.remove(name);

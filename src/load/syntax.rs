@@ -1,4 +1,4 @@
-//! TOML into raw keys. What is wrong is told in one line: file, line, column, key, and what is expected there.
+//! TOML into raw keys. Each fault is one line: file, line, column, key, and what is expected there.
 
 use super::ConfigError;
 use super::words::{missing_key, no_toml, plain};

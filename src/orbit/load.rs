@@ -2,6 +2,7 @@
 
 use crate::format::Format;
 use crate::parts::{Part, parts};
+use crate::path_text;
 use crate::record::{Found, Record};
 use crate::{
     Identity, Object, Orbit, Source, lines, oem, omm, read_text, remedy, server, theory, tle,
@@ -74,7 +75,7 @@ impl fmt::Display for Rejected {
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
-    #[error("cannot read the orbit file {}: {error}{}", path.display(), remedy(error).map_or(String::new(), |it| format!("; {it}")))]
+    #[error("cannot read the orbit file {}: {error}{}", path_text(path), remedy(error).map_or(String::new(), |it| format!("; {it}")))]
     Read {
         /// The file.
         path: PathBuf,
@@ -172,7 +173,7 @@ pub fn load_contents(path: &Path) -> Result<Contents, LoadError> {
         path: path.to_owned(),
         error,
     })?;
-    parse_contents(&text, &path.display().to_string())
+    parse_contents(&text, &path_text(path))
 }
 
 /// [`load_contents`] for text at hand; `source` names it in messages.

@@ -39,8 +39,10 @@ mod load;
 mod meta;
 mod oem;
 mod omm;
+mod output_file;
 mod parts;
 mod pick;
+mod printable;
 mod read;
 mod record;
 mod regime;
@@ -62,10 +64,12 @@ pub use format::Format;
 pub use identity::{Identity, catalogue_number, is_placeholder, is_same, places};
 pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse, parse_contents};
 pub use meta::set_ut1_utc;
+pub use output_file::{Mark, NO_MARK, OutputFile, foreign, may_replace, write_file};
 pub use pick::file_and_name;
+pub use printable::{path_text, printable, printable_line};
 pub use read::{
     Input, LARGEST_CONFIG, LARGEST_FILE, LARGEST_PIPE, LARGEST_TABLE, inputs, is_input,
-    is_same_file, not_input, read_bytes, write_file,
+    is_same_file, not_input, read_bytes,
 };
 pub use record::Record;
 pub use regime::Regime;
@@ -253,9 +257,14 @@ impl Object {
         }
     }
 
-    /// Identifier and first name, for messages: `NORAD 39265 (CASSIOPE)`.
+    /// Identifier and first name, for messages: `NORAD 39265 (CASSIOPE)`; the identifier alone where it has the name.
     pub fn label(&self) -> String {
-        match self.names.first() {
+        let is_part = |name: &&String| self.id.split(' ').any(|part| part == name.as_str());
+        match self
+            .names
+            .first()
+            .filter(|name| !is_part(name) && **name != self.id)
+        {
             Some(name) => format!("{} ({name})", self.id),
             None => self.id.clone(),
         }

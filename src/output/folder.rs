@@ -1,5 +1,7 @@
 //! The folder of a run: our names in it, and errors that say which file and what to do.
 
+use skyloop_orbit::path_text;
+use skyloop_orbit::{Mark, NO_MARK, OutputFile, may_replace};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, ErrorKind, Read, Write};
@@ -8,7 +10,7 @@ use thiserror::Error;
 
 /// A file or folder that cannot be written.
 #[derive(Debug, Error)]
-#[error("cannot {action} {}: {source}; {}", path.display(), remedy(source))]
+#[error("cannot {action} {}: {source}{}", path_text(path), remedy(source))]
 pub struct OutputError {
     /// What was tried.
     pub action: &'static str,
@@ -20,19 +22,21 @@ pub struct OutputError {
 
 fn remedy(error: &io::Error) -> &'static str {
     match error.kind() {
+        // Refusals of skyloop's own say it themselves.
+        ErrorKind::InvalidInput => "",
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
-            "choose an output folder that you may write to"
+            "; choose an output folder that you may write to"
         }
         ErrorKind::AlreadyExists | ErrorKind::NotADirectory => {
-            "a file of that name is in the way: choose another output folder or move the file"
+            "; a file of that name is in the way: choose another output folder or move the file"
         }
         ErrorKind::IsADirectory => {
-            "a folder of that name is in the way: choose another output folder or move it"
+            "; a folder of that name is in the way: choose another output folder or move it"
         }
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
-            "free some space, write fewer frames or choose an output folder on another disk"
+            "; free some space, write fewer frames or choose an output folder on another disk"
         }
-        _ => "check the output folder or choose another",
+        _ => "; check the output folder or choose another",
     }
 }
 
@@ -68,7 +72,10 @@ fn is_ours(name: &str) -> bool {
 
 /// The frames that the labels of an earlier run list; `None` where the file is no list of labels, or is not there.
 fn earlier_frames(labels: &Path) -> Option<BTreeSet<u32>> {
-    let mut from = BufReader::new(File::open(labels).ok().filter(is_file)?);
+    // Opening a pipe would wait for a writer.
+    let about = labels.metadata().ok()?;
+    let file = about.is_file().then(|| File::open(labels).ok())??;
+    let mut from = BufReader::new(file);
     let mut frames = BTreeSet::new();
     loop {
         let mut head = Vec::new();
@@ -88,10 +95,6 @@ fn earlier_frames(labels: &Path) -> Option<BTreeSet<u32>> {
 /// Bytes that a line of labels is known by: the longest number of a frame is in them, and no line is as short.
 const LABEL_HEAD: u64 = 24;
 
-fn is_file(file: &File) -> bool {
-    file.metadata().is_ok_and(|about| about.is_file())
-}
-
 /// Whether a file of one of our names is of the earlier run whose labels list these frames. A run that was killed may have
 /// left one frame more.
 fn is_earlier(name: &str, frames: Option<&BTreeSet<u32>>) -> bool {
@@ -103,11 +106,6 @@ fn is_earlier(name: &str, frames: Option<&BTreeSet<u32>>) -> bool {
     let number = digits.and_then(|digits| digits.parse().ok());
     let next = frames.last().map_or(0, |last| last.saturating_add(1));
     number.is_some_and(|number| frames.contains(&number) || number == next)
-}
-
-fn foreign() -> io::Error {
-    let why = "skyloop did not make this file (--force replaces it all the same)";
-    io::Error::new(ErrorKind::InvalidInput, why)
 }
 
 /// Whether a run that writes into the folder `dir` would write a file at `path`.
@@ -147,7 +145,7 @@ impl Folder {
             let replace = |e| folder.error("replace", name, e);
             skyloop_orbit::not_input(&folder.path(name)).map_err(replace)?;
             if !force && !is_earlier(name, earlier.as_ref()) {
-                return Err(replace(foreign()));
+                return Err(replace(skyloop_orbit::foreign()));
             }
         }
         for name in &names {
@@ -157,18 +155,24 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Refuses to replace a table and other files that come with it, unless the table begins as skyloop's do.
-    pub fn may_replace(&self, table: &str, head: &str, others: &[&str]) -> Result<(), OutputError> {
-        let mut begin = Vec::new();
-        let file = File::open(self.path(table));
-        let read = file.and_then(|file| file.take(head.len() as u64).read_to_end(&mut begin));
-        let is_ours = read.is_ok() && begin == head.as_bytes();
-        let names = std::iter::once(&table).chain(others);
-        for name in names.filter(|name| self.path(name).is_file()) {
+    /// Refuses to replace files of these names: those that this process has read and, without `force`, any if the first, `marked`, is there
+    /// without its mark, or if others are there without it.
+    pub fn may_replace(
+        &self,
+        (marked, mark): (&str, Mark),
+        others: &[&str],
+        force: bool,
+    ) -> Result<(), OutputError> {
+        let first = self.path(marked);
+        let has_text = first.metadata().is_ok_and(|about| about.len() > 0);
+        let is_ours = has_text && may_replace(&first, mark);
+        let names = std::iter::once(&marked).chain(others);
+        for name in names.filter(|name| self.path(name).exists()) {
+            let path = self.path(name);
             let replace = |e| self.error("replace", name, e);
-            skyloop_orbit::not_input(&self.path(name)).map_err(replace)?;
-            if !is_ours {
-                return Err(replace(foreign()));
+            skyloop_orbit::not_input(&path).map_err(replace)?;
+            if !(force || is_ours && path.is_file()) {
+                return Err(replace(skyloop_orbit::foreign()));
             }
         }
         Ok(())
@@ -197,9 +201,15 @@ impl Folder {
         }
     }
 
-    /// Creates a file.
+    /// Creates a file; what may be replaced was checked before.
     pub fn create(&self, name: &str) -> Result<File, OutputError> {
-        File::create(self.path(name)).map_err(|e| self.error("create", name, e))
+        let path = self.path(name);
+        let opened = OutputFile::open(&path, NO_MARK, true);
+        let begun = opened.and_then(|mut output| {
+            output.begin()?;
+            output.file()
+        });
+        begun.map_err(|e| self.error("create", name, e))
     }
 
     /// Writes a whole file; after an error nothing of it is left.

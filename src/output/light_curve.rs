@@ -20,9 +20,9 @@ const SUNLIT: Rgb888 = Rgb888::new(110, 140, 190);
 
 /// Whether the files in `dir` may be replaced.
 ///
-/// Errors: skyloop did not make them.
-pub fn may_replace_light_curve(dir: &Path) -> Result<(), OutputError> {
-    Folder::at(dir).may_replace(TABLE, HEAD, &[PICTURE])
+/// Errors: this process has read one of them, or without `force`: skyloop did not make them.
+pub fn may_replace_light_curve(dir: &Path, force: bool) -> Result<(), OutputError> {
+    Folder::at(dir).may_replace((TABLE, &[HEAD]), &[PICTURE], force)
 }
 
 /// Writes `lightcurve.csv` and `lightcurve.png` into `dir`, which is made if it does not exist; other files in it are left alone.

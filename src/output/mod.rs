@@ -31,23 +31,29 @@ mod wcs;
 pub use folder::{OutputError, is_of_run};
 pub use light_curve::{may_replace_light_curve, write_light_curve};
 pub use scatter::{Dot, Scatter, write_scatter};
-pub use text::{make_folder, remove_file, write_text};
+pub use text::{make_folder, remove_file, write_files, write_text};
 
 use crate::camera::Camera;
 use crate::frame::Frame;
 use crate::label::Label;
 use folder::{ELECTRONS, FITS, Folder, PNG, PREVIEW};
 use sheet::ContactSheet;
+use skyloop_orbit::Mark;
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 use stretch::Levels;
 
-/// Refuses to replace a table called `table` in `dir`, and the picture `picture`, unless the table begins with `head`.
+/// Refuses to replace files in `dir`: the `marked` one and `others` that are written with it.
 ///
-/// Errors: it does not, this process has read one of them, or the folder cannot be created.
-pub fn may_replace(dir: &Path, table: &str, head: &str, picture: &str) -> Result<(), OutputError> {
-    Folder::at(dir).may_replace(table, head, &[picture])
+/// Errors: this process has read one of them; without `force`: the marked file lacks its mark, or others are there without it.
+pub fn may_replace(
+    dir: &Path,
+    marked: (&str, Mark),
+    others: &[&str],
+    force: bool,
+) -> Result<(), OutputError> {
+    Folder::at(dir).may_replace(marked, others, force)
 }
 
 const LABELS: &str = "labels.jsonl";

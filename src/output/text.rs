@@ -1,17 +1,40 @@
 //! A file of text by its path.
 
 use super::folder::OutputError;
+use skyloop_orbit::{Mark, OutputFile};
 use std::fs;
 use std::path::Path;
 
-/// Writes a file whole, and makes its folder if need be.
+/// Writes a file whole, and makes its folder if need be. `mark` and `force` say what may be replaced.
 ///
-/// Errors: the folder or the file cannot be written.
-pub fn write_text(path: &Path, text: &str) -> Result<(), OutputError> {
+/// Errors: the folder or the file cannot be written, or the file may not be replaced.
+pub fn write_text(path: &Path, text: &str, mark: Mark, force: bool) -> Result<(), OutputError> {
     if let Some(folder) = path.parent() {
         make_folder(folder)?;
     }
-    skyloop_orbit::write_file(path, text).map_err(|e| fail("write", path, e))
+    skyloop_orbit::write_file(path, text, mark, force).map_err(|e| fail("write", path, e))
+}
+
+/// Writes files into a folder, which is made if need be. All are checked before the first is replaced.
+///
+/// Errors: those of [`write_text`].
+pub fn write_files(
+    folder: &Path,
+    files: &[(String, Vec<u8>)],
+    mark: Mark,
+    force: bool,
+) -> Result<(), OutputError> {
+    make_folder(folder)?;
+    let open = |(name, _): &(String, Vec<u8>)| {
+        let path = folder.join(name);
+        OutputFile::open(&path, mark, force).map_err(|e| fail("write", &path, e))
+    };
+    let opened: Vec<OutputFile> = files.iter().map(open).collect::<Result<_, _>>()?;
+    for (mut output, (name, contents)) in opened.into_iter().zip(files) {
+        let written = output.write(contents);
+        written.map_err(|e| fail("write", &folder.join(name), e))?;
+    }
+    Ok(())
 }
 
 /// Makes a folder, if it is not there: before long work whose outcome it is to hold.

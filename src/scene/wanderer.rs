@@ -66,9 +66,18 @@ impl SeenWanderer {
         parabola(&self.directions, part)
     }
 
+    /// Kind of the Moon.
+    pub const MOON_KIND: &'static str = "moon";
+    /// Kind of a planet.
+    pub const PLANET_KIND: &'static str = "planet";
+
     /// What it is: `moon` or `planet`.
     pub fn kind(&self) -> &'static str {
-        if self.is_moon() { "moon" } else { "planet" }
+        if self.is_moon() {
+            Self::MOON_KIND
+        } else {
+            Self::PLANET_KIND
+        }
     }
 
     /// Whether it is the Moon.

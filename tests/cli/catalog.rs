@@ -262,7 +262,9 @@ fn convert_writes_every_format_and_tells_what_does_not_fit() {
     folder(here.path());
     let files = ["orbits/a.txt", "delta.3le"];
     for format in ["omm-kvn", "omm-xml", "omm-json", "omm-csv"] {
-        let out = [files[0], files[1], "--to", format, "--out", "there"];
+        let out = [
+            files[0], files[1], "--to", format, "--out", "there", "--force",
+        ];
         let (code, _, log) = run(here.path(), &[&["catalog", "convert"], &out[..]].concat());
         assert_eq!((code, log.as_str()), (Some(0), ""), "{format}");
         let (code, back, _) = run(here.path(), &["catalog", "convert", "there", "--to", "3le"]);

@@ -218,6 +218,15 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
         "run.toml",
         &format!("[observer]\norbit = \"orbit.oem\"\n{run}"),
     );
+    // A table of element sets with the name of a light curve's table.
+    std::fs::create_dir(at.join("lightcurve")).unwrap();
+    let sets = format!(
+        "{HEAD}A,{SET}B,{}",
+        SET.replace("101A", "102A").replace(",5,0", ",6,0")
+    );
+    std::fs::write(at.join("lightcurve/lightcurve.csv"), sets).unwrap();
+    let keys = "[observer]\norbit = \"lightcurve.csv:A\"\n[objects]\nfiles = [\"lightcurve.csv\"]";
+    scene(at, "lightcurve/scene.toml", keys);
     let kept = tree(at);
     let run = "run --config run.toml --timeout 0.1";
     for (words, says) in [
@@ -231,7 +240,7 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
         ),
         (
             format!("{run} --ready-file orbit.oem"),
-            "another file of that name",
+            "this run reads this file",
         ),
         (
             format!("{run} --ready-file x --capture ./x"),
@@ -242,7 +251,7 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
             "names the same file",
         ),
         (
-            "loopback --scene scene.toml --out p --junit orbit.oem".to_string(),
+            "loopback --scene scene.toml --out p --junit orbit.oem --force".to_string(),
             "this run reads this file",
         ),
         (
@@ -258,7 +267,7 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
             "--out p has a file of this name",
         ),
         (
-            "soak --config run.toml --minutes 0.01 --json orbit.oem".to_string(),
+            "soak --config run.toml --minutes 0.01 --json orbit.oem --force".to_string(),
             "this run reads this file",
         ),
         (
@@ -266,7 +275,16 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
             "this run reads this file",
         ),
         (
-            "catalog convert sets.csv --to omm-json --out hard.csv".to_string(),
+            "catalog convert sets.csv --to omm-json --out hard.csv --force".to_string(),
+            "this run reads this file",
+        ),
+        (
+            "lightcurve --scene lightcurve/scene.toml --object B --out lightcurve --force"
+                .to_string(),
+            "this run reads this file",
+        ),
+        (
+            "loopback --scene scene.toml --out p --capture orbit.oem --force".to_string(),
             "this run reads this file",
         ),
     ] {
@@ -366,6 +384,41 @@ fn names_do_not_steer_the_terminal() {
         // Quoted names have the escapes of Rust.
         let told = text.contains("\\u202e") || text.contains("\\u{202e}");
         assert!(told, "{words:?}: {text}");
+    }
+    // The end of a line in a name makes no line of its own.
+    for words in [
+        "camera check NAME",
+        "camera new no/NAME --size 1x1",
+        "run --config NAME",
+        "run --config of.toml --link NAME",
+        "run --config of.toml --capture no/NAME",
+        "run --config of.toml --ready-file no/NAME",
+        "soak --config NAME",
+        "plan --scene NAME",
+        "plan --camera NAME",
+        "plan --look-at NAME",
+        "passes --orbit NAME",
+        "cost --scene NAME",
+        "lightcurve --object NAME --out o",
+        "loopback --scene NAME",
+        "loopback --faults NAME",
+        "loopback --link NAME",
+        "loopback --fault-log no/NAME",
+        "loopback --junit no/NAME",
+        "catalog check NAME",
+        "catalog info NAME",
+        "catalog convert NAME --to tle",
+        "catalog synth --objects 1 --out NAME.x",
+        "replay NAME",
+    ] {
+        let words = words
+            .split(' ')
+            .map(|word| word.replace("NAME", "a\nforged: b"));
+        let output = skyloop(at).args(words.clone()).output().unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        let words: Vec<String> = words.collect();
+        assert_eq!(output.status.code(), Some(1), "{words:?}: {text}");
+        assert!(!text.contains("\nforged"), "{words:?}: {text}");
     }
     // Data are data: what is converted keeps its names.
     let (_, text) = say(at, "catalog convert sets.csv --to omm-csv");

@@ -13,6 +13,7 @@ mod offline;
 mod old;
 mod one_frame;
 mod orbit_folders;
+mod outputs;
 mod passes;
 mod plan;
 mod pty;

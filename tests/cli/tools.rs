@@ -98,7 +98,7 @@ fn a_camera_is_made_checked_and_not_written_over() {
     assert!(text.starts_with(&checked), "{text} {checked}");
     let said = refused(here.path(), &all);
     assert!(
-        said.contains("mine.toml: is there already") && said.contains("--force"),
+        said.contains("mine.toml: skyloop did not make this file") && said.contains("--force"),
         "{said}"
     );
     printed(here.path(), &[&all[..], &["--force"]].concat());
@@ -112,6 +112,15 @@ fn a_camera_is_made_checked_and_not_written_over() {
     assert!(
         said.contains("--full-well \"-1\": must be 100 to"),
         "{said}"
+    );
+    assert_eq!(names(here.path()), ["mine.toml"]);
+    let stdout = printed(
+        here.path(),
+        &[&["camera", "new", "-"], &figures[..]].concat(),
+    );
+    assert!(
+        stdout.starts_with("# Written by `skyloop camera new`"),
+        "{stdout}"
     );
     assert_eq!(names(here.path()), ["mine.toml"]);
     for camera in skyloop::load::CAMERAS {
@@ -173,6 +182,34 @@ fn everything_that_is_wrong_with_a_file_is_said_at_once() {
             .lines()
             .any(|said| said.starts_with(&format!("  bad.toml:{line}:")) && said.contains(message));
         assert!(found, "{line} {message}: {said}");
+    }
+    // Faults in optional tables hide none.
+    let optional = format!(
+        "{good}\n[optics.vignetting]\ncos4 = true\ntable = [[0.0, 2.0]]\n[radiation]\nflux_cm2_s = \"much\"\nthickness_um = 0.0\nenergy_mev = \
+         1.0\n[mounting]\nmisalignment_arcsec = [1e9, 0.0, 0.0]\n"
+    );
+    let optional = optional.replace(
+        "kind = \"gaussian\" ",
+        "kind = \"moffat\"\nfwhm_px = 0.0\nbeta = 0.0\n#",
+    );
+    let optional = optional
+        .replace("sigma_px", "# sigma_px")
+        .replace("adc_bits = 12", "adc_bits = 99");
+    std::fs::write(here.path().join("optional.toml"), optional).unwrap();
+    let said = refused(here.path(), &["camera", "check", "optional.toml"]);
+    for message in [
+        "optional.toml: 9 faults",
+        "optics.psf.fwhm_px = 0: must be",
+        "optics.psf.beta = 0: must be",
+        "optics.vignetting.table[0][1] = 2: must be",
+        "optics.vignetting.cos4: cos4 and table exclude each other",
+        "detector.adc_bits = 99",
+        "radiation.flux_cm2_s = \"much\"",
+        "radiation.thickness_um = 0: must be",
+        "radiation.energy_mev = 1: must be",
+        "mounting.misalignment_arcsec[0] = 1000000000: must be",
+    ] {
+        assert!(said.contains(message), "{message}: {said}");
     }
     // A scene tells of its camera file too.
     let scene = "sed = 4\nlabel_snr = -1\ncamera = \"bad.toml\"\n[sequence]\nepoch = \"noon\"\nframes = 0\nnadir = true\n[run]\nidle_s = -4\n";
@@ -325,6 +362,11 @@ fn options_point_the_camera_and_say_what_is_hidden() {
             "cannot be used with",
         ),
         (&["--radec", "0,0,0", "--up", "north"], false, "--look-at"),
+        (
+            &["--look-at", "Sun", "--rates", "0,0,1", "--state", STATE],
+            false,
+            "--look-at have their own: leave --rates out",
+        ),
     ] {
         let (worked, said) = render(options);
         assert_eq!(worked, works, "{options:?}: {said}");

@@ -57,7 +57,7 @@ fn a_loopback_keeps_its_limits_or_fails() {
     // What has not begun has not passed.
     let (_, text) = say(at, "loopback --frames 2 --junit v.xml --link pigeon");
     let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
-    assert!(junit.contains("failures=\"1\""), "{text}{junit}");
+    assert!(junit.contains("failures=\"2\""), "{text}{junit}");
     let (code, text) = say(at, "loopback --junit no/such/v.xml");
     assert!(
         code == Some(1) && text.contains("name another file"),
@@ -179,7 +179,7 @@ fn the_ready_file_says_where_links_listen_and_goes_with_the_run() {
     std::fs::write(&file, "{}").unwrap();
     let (code, text) = say(at, "run --config run.toml --ready-file ready.json");
     assert!(
-        code == Some(1) && text.contains("another file of that name"),
+        code == Some(1) && text.contains("did not make this file"),
         "{text}"
     );
     let (code, text) = say(at, "run --config run.toml --ready-file no/such");

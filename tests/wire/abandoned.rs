@@ -38,7 +38,7 @@ fn in_the_midst(file: Option<&Path>) -> (Running, Client<MemoryLine>, Option<Cap
     let (mut wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let links = ["memory".to_string()];
     let capture = file.map(|file| {
-        let mut capture = Capture::packets(file, &links).unwrap();
+        let mut capture = Capture::packets(file, false, &links).unwrap();
         capture.begin(&Origin::default()).unwrap();
         capture
     });

@@ -48,7 +48,7 @@ fn record(file: &Path) -> (Counters, u64) {
     let wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
     let mut line = UdpLine::to(&wire.address);
     let mut wire = wrap(wire, &plan, &NATIVE, &book).unwrap();
-    let mut capture = Capture::packets(file, std::slice::from_ref(&wire.address)).unwrap();
+    let mut capture = Capture::packets(file, false, std::slice::from_ref(&wire.address)).unwrap();
     capture.begin(&Origin::default()).unwrap();
     capture.tap(&mut wire, 0);
     let emulator = Running::start(small(), Clock::Stepped, wire);
@@ -202,7 +202,7 @@ fn several_links_are_replayed_together() {
     let file = folder.path().join("run.pcapng");
     let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
     let mut links = link::open_all(&urls, &options(5.0)).unwrap();
-    let mut capture = Capture::packets(&file, &urls).unwrap();
+    let mut capture = Capture::packets(&file, false, &urls).unwrap();
     capture.begin(&Origin::default()).unwrap();
     let mut lines = Vec::new();
     for (number, (wire, _)) in (0..).zip(&mut links) {
@@ -274,7 +274,8 @@ fn refused_faults_are_refused_again() {
             let book = Arc::new(Mutex::new(Book::default()));
             wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
         }
-        let mut capture = Capture::packets(&file, std::slice::from_ref(&wire.address)).unwrap();
+        let mut capture =
+            Capture::packets(&file, false, std::slice::from_ref(&wire.address)).unwrap();
         capture.begin(&Origin::default()).unwrap();
         capture.tap(&mut wire, 0);
         let emulator = Running::start(small(), Clock::Stepped, wire);
@@ -301,7 +302,7 @@ fn addresses_in_refusals_are_not_compared() {
     let file = folder.path().join("run.pcapng");
     let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
     let mut links = link::open_all(&urls, &options(5.0)).unwrap();
-    let mut capture = Capture::packets(&file, &urls).unwrap();
+    let mut capture = Capture::packets(&file, false, &urls).unwrap();
     capture.begin(&Origin::default()).unwrap();
     capture.tap(&mut links[0].0, 0);
     capture.tap(&mut links[1].0, 1);
@@ -333,7 +334,7 @@ fn a_frame_that_was_given_up_is_given_up_again() {
     let file = folder.path().join("run.pcapng");
     let mut wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
     let mut line = UdpLine::to(&wire.address);
-    let mut capture = Capture::packets(&file, std::slice::from_ref(&wire.address)).unwrap();
+    let mut capture = Capture::packets(&file, false, std::slice::from_ref(&wire.address)).unwrap();
     capture.begin(&Origin::default()).unwrap();
     capture.tap(&mut wire, 0);
     let emulator = Running::start(small(), Clock::Stepped, wire);

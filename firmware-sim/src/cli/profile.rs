@@ -1,5 +1,6 @@
 //! The options of `skyloop-fc` about where it points.
 
+use skyloop_orbit::path_text;
 use std::path::PathBuf;
 
 use anyhow::{Result, anyhow};
@@ -7,6 +8,7 @@ use clap::Args;
 use hifitime::Epoch;
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 use skyloop_firmware_sim::attitude_list::AttitudeList;
+use skyloop_firmware_sim::console::printable_line;
 use skyloop_firmware_sim::profile::{LimbStare, Profile, Scan};
 use skyloop_firmware_sim::text::{parse_numbers, parse_quaternion, quaternion};
 use skyloop_orbit::{LARGEST_TABLE, read_text_within};
@@ -82,13 +84,13 @@ impl ProfileArgs {
     /// A file that cannot be read or is no list of attitudes.
     pub fn profile(&self, start: Epoch) -> Result<Profile> {
         if let Some(path) = &self.attitudes {
-            let name = path.display().to_string();
+            let name = path_text(path);
             let text = read_text_within(path, LARGEST_TABLE).map_err(|error| {
                 anyhow!("cannot read the attitudes in {name}: {error}; --attitudes takes a text file of lines UTC x y z w, or a CCSDS AEM")
             })?;
             let list = AttitudeList::parse(&text, &name)?;
             for remark in list.remarks() {
-                eprintln!("skyloop-fc: {remark}");
+                eprintln!("skyloop-fc: {}", printable_line(remark));
             }
             return Ok(Profile::List(list));
         }

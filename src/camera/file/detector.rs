@@ -1,7 +1,7 @@
 //! `[detector]` of a camera file.
 
 use crate::camera::{Blooming, Detector, GAIN_E_PER_DN, Pattern, PatternFigures};
-use crate::load::{Check, ConfigError, Fixed};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Limit, one_of};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
@@ -55,7 +55,7 @@ pub struct RawDetector {
     /// Most charge of a pixel; above the converter's reach it is warned of (e-)
     full_well_e: f64,
     /// "none": what is too much is lost; "column": it spills along its column; default none
-    #[serde(default)]
+    #[serde(default = "no_blooming")]
     blooming: String,
     /// Share of the signal that is missing at full well, growing with its square, 0 to 0.5; default 0
     #[serde(default)]
@@ -76,6 +76,33 @@ const MOST_PRNU: RangeInclusive<f64> = 0.0..=0.3;
 /// Dark currents by 0.03 to 0.5; beyond that the tail is that of hot pixels, which have keys of their own.
 const MOST_DARK_NONUNIFORMITY: RangeInclusive<f64> = 0.0..=2.0;
 
+/// Limits of the keys; those of offset_dn and stuck_dn follow from adc_bits.
+pub const LIMITS: &[Limit] = &[
+    ("detector.adc_bits", Allowed::Number(1.0..=16.0)),
+    ("detector.width_px", Allowed::Number(1.0..=8192.0)),
+    ("detector.height_px", Allowed::Number(1.0..=8192.0)),
+    ("detector.dark_reference_c", Allowed::Number(-200.0..=150.0)),
+    ("detector.temperature_c", Allowed::Number(-200.0..=150.0)),
+    ("detector.dark_doubling_k", Allowed::Number(1.0..=100.0)),
+    ("detector.dark_e_s", Allowed::Number(0.0..=1e9)),
+    ("detector.hot_e_s", Allowed::Number(0.0..=1e9)),
+    ("detector.prnu", Allowed::Number(MOST_PRNU)),
+    (
+        "detector.dark_nonuniformity",
+        Allowed::Number(MOST_DARK_NONUNIFORMITY),
+    ),
+    ("detector.hot_fraction", Allowed::Number(0.0..=0.1)),
+    ("detector.dead_fraction", Allowed::Number(0.0..=0.1)),
+    ("detector.stuck_fraction", Allowed::Number(0.0..=0.1)),
+    ("detector.pixel_um", Allowed::Number(0.3..=1e3)),
+    ("detector.quantum_efficiency", Allowed::Number(0.0..=1.0)),
+    ("detector.read_noise_e", Allowed::Number(0.0..=1e6)),
+    ("detector.full_well_e", Allowed::Number(1.0..=1e9)),
+    ("detector.nonlinearity", Allowed::Number(0.0..=0.5)),
+    ("detector.gain_e_per_dn", Allowed::Number(GAIN_E_PER_DN)),
+    ("detector.blooming", Allowed::Word(blooming_names)),
+];
+
 /// A converter of which full pixels use less than this is hardly meant.
 const LEAST_FILLED: f64 = 0.01;
 
@@ -91,19 +118,20 @@ fn doubling() -> f64 {
 
 impl RawDetector {
     pub fn validate(self, serial: u64, check: &Check) -> Result<Detector, ConfigError> {
+        let limit = |key: &str, value| check.limit(LIMITS, &format!("detector.{key}"), value);
         let range = |key: &str, value, range| check.range(&format!("detector.{key}"), value, range);
-        let bits = range("adc_bits", f64::from(self.adc_bits), 1.0..=16.0)? as u8;
+        let bits = limit("adc_bits", f64::from(self.adc_bits))? as u8;
         let full_scale = 2f64.powi(i32::from(bits)) - 1.0;
-        let width = range("width_px", f64::from(self.width_px), 1.0..=8192.0)? as usize;
-        let height = range("height_px", f64::from(self.height_px), 1.0..=8192.0)? as usize;
+        let width = limit("width_px", f64::from(self.width_px))? as usize;
+        let height = limit("height_px", f64::from(self.height_px))? as usize;
 
-        let reference = range("dark_reference_c", self.dark_reference_c, -200.0..=150.0)?;
+        let reference = limit("dark_reference_c", self.dark_reference_c)?;
         let temperature = self.temperature_c.unwrap_or(reference);
-        let temperature = range("temperature_c", temperature, -200.0..=150.0)?;
-        let doubling = range("dark_doubling_k", self.dark_doubling_k, 1.0..=100.0)?;
+        let temperature = limit("temperature_c", temperature)?;
+        let doubling = limit("dark_doubling_k", self.dark_doubling_k)?;
         let warmth = Detector::dark_growth(temperature - reference, doubling);
-        let dark_e_s = range("dark_e_s", self.dark_e_s, 0.0..=1e9)? * warmth;
-        let hot_e_s = range("hot_e_s", self.hot_e_s.unwrap_or(0.0), 0.0..=1e9)? * warmth;
+        let dark_e_s = limit("dark_e_s", self.dark_e_s)? * warmth;
+        let hot_e_s = limit("hot_e_s", self.hot_e_s.unwrap_or(0.0))? * warmth;
         if dark_e_s + hot_e_s > 1e9 {
             let allowed = format!(
                 "such that dark current and hot pixels stay below 1e9 e-/s: {:.3e} here",
@@ -129,37 +157,29 @@ impl RawDetector {
             serial,
             width,
             height,
-            prnu: range("prnu", self.prnu, MOST_PRNU)?,
+            prnu: limit("prnu", self.prnu)?,
             dark_e_s,
-            dark_nonuniformity: range(
-                "dark_nonuniformity",
-                self.dark_nonuniformity,
-                MOST_DARK_NONUNIFORMITY,
-            )?,
-            hot_fraction: range("hot_fraction", hot_fraction, 0.0..=0.1)?,
+            dark_nonuniformity: limit("dark_nonuniformity", self.dark_nonuniformity)?,
+            hot_fraction: limit("hot_fraction", hot_fraction)?,
             hot_e_s,
-            dead_fraction: range("dead_fraction", self.dead_fraction, 0.0..=0.1)?,
+            dead_fraction: limit("dead_fraction", self.dead_fraction)?,
             dead_px: listed("dead_px", self.dead_px)?,
-            stuck_fraction: range(
-                "stuck_fraction",
-                self.stuck_fraction.unwrap_or(0.0),
-                0.0..=0.1,
-            )?,
+            stuck_fraction: limit("stuck_fraction", self.stuck_fraction.unwrap_or(0.0))?,
             stuck_px: listed("stuck_px", self.stuck_px.unwrap_or_default())?,
         };
         let stuck_dn = self.stuck_dn.unwrap_or(full_scale);
         let detector = Detector {
             width,
             height,
-            pitch_m: range("pixel_um", self.pixel_um, 0.3..=1e3)? * 1e-6,
-            quantum_efficiency: range("quantum_efficiency", self.quantum_efficiency, 0.0..=1.0)?,
+            pitch_m: limit("pixel_um", self.pixel_um)? * 1e-6,
+            quantum_efficiency: limit("quantum_efficiency", self.quantum_efficiency)?,
             dark_e_s,
-            read_noise_e: range("read_noise_e", self.read_noise_e, 0.0..=1e6)?,
-            full_well_e: range("full_well_e", self.full_well_e, 1.0..=1e9)?,
+            read_noise_e: limit("read_noise_e", self.read_noise_e)?,
+            full_well_e: limit("full_well_e", self.full_well_e)?,
             blooming: blooming(&self.blooming, check)?,
             // Beyond a half the response would fall before the well is full.
-            nonlinearity: range("nonlinearity", self.nonlinearity, 0.0..=0.5)?,
-            gain_e_per_dn: range("gain_e_per_dn", self.gain_e_per_dn, GAIN_E_PER_DN)?,
+            nonlinearity: limit("nonlinearity", self.nonlinearity)?,
+            gain_e_per_dn: limit("gain_e_per_dn", self.gain_e_per_dn)?,
             offset_dn: range("offset_dn", self.offset_dn, 0.0..=full_scale)?,
             bits,
             stuck_dn: range("stuck_dn", stuck_dn, 0.0..=full_scale)?.round() as u16,
@@ -215,13 +235,25 @@ impl RawDetector {
     }
 }
 
+/// By their names in the file.
+const BLOOMING: [(&str, Blooming); 2] = [("none", Blooming::None), ("column", Blooming::Column)];
+
+fn blooming_names() -> Vec<&'static str> {
+    BLOOMING.iter().map(|(name, _)| *name).collect()
+}
+
+fn no_blooming() -> String {
+    BLOOMING[0].0.to_string()
+}
+
 fn blooming(name: &str, check: &Check) -> Result<Blooming, ConfigError> {
-    match name {
-        "" | "none" => Ok(Blooming::None),
-        "column" => Ok(Blooming::Column),
-        other => {
-            let given = format!("{other:?}");
-            Err(check.refuse("detector.blooming", given, "\"none\" or \"column\""))
-        }
-    }
+    let found = BLOOMING.into_iter().find(|(known, _)| *known == name);
+    let refused = || {
+        check.refuse(
+            "detector.blooming",
+            format!("{name:?}"),
+            one_of(&blooming_names()),
+        )
+    };
+    found.map(|(_, blooming)| blooming).ok_or_else(refused)
 }

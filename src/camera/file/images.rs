@@ -1,7 +1,7 @@
 //! `images` of `[optics.psf]`: text files of samples, and where in the field they hold.
 
 use crate::camera::psf::{FURTHEST_PX, Flaw, Image, Images, SUM_TOLERANCE};
-use crate::load::{Check, ConfigError, Fixed, Folder};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -13,6 +13,11 @@ pub struct RawImage {
     /// Where on the detector it holds (column, row; px).
     at_px: Option<Fixed<f64, 2>>,
 }
+
+pub const LIMITS: &[Limit] = &[
+    ("optics.psf.images[].at_px[]", Allowed::Number(-1e5..=1e5)),
+    ("optics.psf.images", Allowed::Count(1..=usize::MAX)),
+];
 
 /// The images at the crossings of a grid; a single one holds everywhere.
 pub fn grid(
@@ -38,7 +43,7 @@ pub fn grid(
                 );
             }
         };
-        check.each(&format!("{key}.at_px"), at, -1e5..=1e5)?;
+        check.each_limit(LIMITS, &format!("{key}.at_px"), at)?;
         let image = read(&key, one, oversampling, check, folder)?;
         // Rows first, then columns.
         placed.push(([at[1] - principal_px[1], at[0] - principal_px[0]], image));

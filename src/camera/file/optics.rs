@@ -6,14 +6,25 @@ use super::stray::RawStray;
 use super::vignetting::RawVignetting;
 use crate::camera::psf::{Shape, Variation};
 use crate::camera::{Band, Detector, Optics, Psf, Stray, Vignetting};
-use crate::load::{Check, ConfigError, Fixed, Folder};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Limit};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 
-/// Focal lengths by apertures that nobody wonders at: from Abbe's sine condition to pinholes.
+/// Usual ratios of focal length to aperture: from Abbe's sine condition to pinholes.
 const LIKELY_FOCAL_RATIOS: RangeInclusive<f64> = 0.5..=500.0;
+
+/// Wavelengths of a band.
+const BAND_NM: RangeInclusive<f64> = 300.0..=1200.0;
+
+/// Limits of the keys; those of principal_px follow from the detector's size.
+pub const LIMITS: &[Limit] = &[
+    ("optics.focal_length_mm", Allowed::Number(0.5..=1e6)),
+    ("optics.aperture_mm", Allowed::Number(0.01..=1e5)),
+    ("optics.transmission", Allowed::Number(0.0..=1.0)),
+    ("optics.band[]", Allowed::Number(BAND_NM)),
+];
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -44,7 +55,7 @@ pub struct RawOptics {
     expecting = "must be \"v\", \"silicon\" or two wavelengths [from, to] in nm"
 )]
 enum RawBand {
-    Named(String),
+    Named(#[schemars(extend("enum" = Band::NAMES))] String),
     Nanometres(Fixed<f64, 2>),
 }
 
@@ -55,16 +66,16 @@ impl RawOptics {
         check: &Check,
         folder: &Folder,
     ) -> Result<Optics, ConfigError> {
-        let range = |key: &str, value, range| check.range(&format!("optics.{key}"), value, range);
-        let focal_m = range("focal_length_mm", self.focal_length_mm, 0.5..=1e6)? * 1e-3;
-        let aperture_m = range("aperture_mm", self.aperture_mm, 0.01..=1e5)? * 1e-3;
+        let limit = |key: &str, value| check.limit(LIMITS, &format!("optics.{key}"), value);
+        let focal_m = limit("focal_length_mm", self.focal_length_mm)? * 1e-3;
+        let aperture_m = limit("aperture_mm", self.aperture_mm)? * 1e-3;
         let lens_ratio = focal_m / aperture_m;
         let size = [detector.width as f64, detector.height as f64];
         let centre = size.map(|pixels| (pixels - 1.0) / 2.0);
         let principal_px = self.principal_px.map_or(centre, |Fixed(at)| at);
         for (i, pixels) in size.into_iter().enumerate() {
-            let key = format!("principal_px[{i}]");
-            range(&key, principal_px[i], -pixels..=2.0 * pixels)?;
+            let key = format!("optics.principal_px[{i}]");
+            check.range(&key, principal_px[i], -pixels..=2.0 * pixels)?;
         }
         let band = self.band.validate(check)?;
         let raw_projection = match self.projection {
@@ -89,7 +100,7 @@ impl RawOptics {
             focal_px: focal_m / detector.pitch_m,
             principal_px,
             aperture_m,
-            transmission: range("transmission", self.transmission, 0.0..=1.0)?,
+            transmission: limit("transmission", self.transmission)?,
             psf: Psf::new(Shape::Gaussian(0.1), Variation::default()),
             vignetting,
             band,
@@ -144,7 +155,7 @@ impl RawBand {
         let (band, given) = match self {
             RawBand::Named(name) => (Band::named(name), format!("{name:?}")),
             RawBand::Nanometres(Fixed([from, to])) => {
-                let inside = *from >= 300.0 && from < to && *to <= 1200.0;
+                let inside = BAND_NM.contains(from) && from < to && BAND_NM.contains(to);
                 let band = inside.then(|| Band::top_hat(from * 1e-9, to * 1e-9));
                 (band, format!("[{from}, {to}]"))
             }

@@ -1,7 +1,7 @@
 //! `[optics.projection]` of a camera file.
 
 use crate::camera::{Detector, Model, Optics, Projection};
-use crate::load::{Check, ConfigError, Fixed};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Limit, one_of};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -19,6 +19,17 @@ pub struct RawProjection {
     p: Option<Fixed<f64, 2>>,
     /// Multiplies the coefficients, 0 to 100; default 1
     strength: Option<f64>,
+}
+
+pub const LIMITS: &[Limit] = &[
+    ("optics.projection.k[]", Allowed::Number(-1e6..=1e6)),
+    ("optics.projection.p[]", Allowed::Number(-1e6..=1e6)),
+    ("optics.projection.strength", Allowed::Number(0.0..=100.0)),
+    ("optics.projection.model", Allowed::Word(models)),
+];
+
+fn models() -> Vec<&'static str> {
+    vec!["pinhole", "brown-conrady", "fisheye"]
 }
 
 /// Furthest (px) beyond the detector that a projection must reach: light from there is faint.
@@ -47,7 +58,7 @@ impl RawProjection {
         }
         let mut k = [0.0; N];
         for (i, given) in given.iter().enumerate() {
-            k[i] = strength * check.range(&format!("{key}[{i}]"), *given, -1e6..=1e6)?;
+            k[i] = strength * check.limit(LIMITS, &format!("{key}[{i}]"), *given)?;
         }
         Ok(k)
     }
@@ -65,7 +76,7 @@ impl RawProjection {
 
     pub fn validate(&self, check: &Check) -> Result<Projection, ConfigError> {
         let strength = self.strength.unwrap_or(1.0);
-        let strength = check.range("optics.projection.strength", strength, 0.0..=100.0)?;
+        let strength = check.limit(LIMITS, "optics.projection.strength", strength)?;
         self.of_strength(strength, check)
     }
 
@@ -93,7 +104,7 @@ impl RawProjection {
             "pinhole" => Model::Pinhole,
             "brown-conrady" => {
                 let p = self.p.map_or([0.0; 2], |Fixed(p)| p);
-                let p = check.each("optics.projection.p", p, -1e6..=1e6)?;
+                let p = check.each_limit(LIMITS, "optics.projection.p", p)?;
                 Model::BrownConrady {
                     k: self.coefficients(strength, check, "a lens without radial distortion")?,
                     p: p.map(|p| strength * p),
@@ -103,7 +114,7 @@ impl RawProjection {
                 k: self.coefficients(strength, check, "the equidistant ideal")?,
             },
             other => {
-                let allowed = "one of \"pinhole\", \"brown-conrady\", \"fisheye\"";
+                let allowed = one_of(&models());
                 return Err(check.refuse("optics.projection.model", format!("{other:?}"), allowed));
             }
         }))

@@ -3,11 +3,10 @@
 use super::images::RawImage;
 use crate::camera::psf::{Airy, Images, Moffat, Shape, Variation, WIDEST_PX};
 use crate::camera::{Band, Projection, Psf};
-use crate::load::{Check, ConfigError, Fixed, Folder};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Folder, Kind, Limit, one_of};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 #[derive(Deserialize, JsonSchema)]
@@ -54,18 +53,45 @@ const FINE_DEG: f64 = 0.25;
 /// Greatest standard deviation (px) of a Gaussian anywhere in the field and for any star: some 900 x 900 pixels each.
 const WIDEST_SIGMA_PX: f64 = 100.0;
 
-/// The keys of each kind beside `kind` itself.
-const KINDS: &[(&str, &[&str])] = &[
+/// The keys of each kind beside `kind` itself: needed ones, then others.
+const KINDS: &[Kind] = &[
     (
         "gaussian",
-        &["sigma_px", "width_by_field", "wavelength_exponent"],
+        &["sigma_px"],
+        &["width_by_field", "wavelength_exponent"],
     ),
-    ("airy", &["obscuration", "width_by_field"]),
+    ("airy", &[], &["obscuration", "width_by_field"]),
     (
         "moffat",
-        &["fwhm_px", "beta", "width_by_field", "wavelength_exponent"],
+        &["fwhm_px", "beta"],
+        &["width_by_field", "wavelength_exponent"],
     ),
-    ("image", &["images", "oversampling"]),
+    ("image", &["images", "oversampling"], &[]),
+];
+
+pub const LIMITS: &[Limit] = &[
+    (
+        "optics.psf.sigma_px",
+        Allowed::Number(0.01..=WIDEST_SIGMA_PX),
+    ),
+    ("optics.psf.fwhm_px", Allowed::Number(0.02..=WIDEST_PX)),
+    ("optics.psf.beta", Allowed::Number(1.5..=20.0)),
+    ("optics.psf.oversampling", Allowed::Number(1.0..=64.0)),
+    ("optics.psf.obscuration", Allowed::Number(0.0..=0.9)),
+    (
+        "optics.psf.wavelength_exponent",
+        Allowed::Number(-4.0..=4.0),
+    ),
+    (
+        "optics.psf.width_by_field[][0]",
+        Allowed::Number(super::FIELD_DEG),
+    ),
+    (
+        "optics.psf.width_by_field[][1]",
+        Allowed::Number(0.1..=10.0),
+    ),
+    ("optics.psf.width_by_field", Allowed::Count(1..=usize::MAX)),
+    ("optics.psf", Allowed::Kind("kind", KINDS)),
 ];
 
 impl RawPsf {
@@ -78,14 +104,13 @@ impl RawPsf {
         self.only_its_keys(check)?;
         let (shape, width_px) = match self.kind.as_str() {
             "gaussian" => {
-                let sigma_px =
-                    self.needed("sigma_px", self.sigma_px, 0.01..=WIDEST_SIGMA_PX, check)?;
+                let sigma_px = self.needed("sigma_px", self.sigma_px, check)?;
                 (Shape::Gaussian(sigma_px), sigma_px)
             }
             "airy" => self.airy(lens, check)?,
             "moffat" => {
-                let fwhm_px = self.needed("fwhm_px", self.fwhm_px, 0.02..=WIDEST_PX, check)?;
-                let beta = self.needed("beta", self.beta, 1.5..=20.0, check)?;
+                let fwhm_px = self.needed("fwhm_px", self.fwhm_px, check)?;
+                let beta = self.needed("beta", self.beta, check)?;
                 (Shape::Moffat(Arc::new(Moffat::new(beta)), fwhm_px), fwhm_px)
             }
             _ => (
@@ -97,7 +122,7 @@ impl RawPsf {
             Shape::Airy(..) => 1.0,
             _ => self.wavelength_exponent.unwrap_or(0.0),
         };
-        let exponent = check.range("optics.psf.wavelength_exponent", exponent, -4.0..=4.0)?;
+        let exponent = check.limit(LIMITS, "optics.psf.wavelength_exponent", exponent)?;
         let by_field = self.width_by_field(lens, check)?;
         self.check_width(width_px, &by_field, exponent, lens, check)?;
         let variation = Variation {
@@ -146,15 +171,12 @@ impl RawPsf {
 
     /// Refuses an unknown kind, and keys that mean nothing to a known one.
     fn only_its_keys(&self, check: &Check) -> Result<(), ConfigError> {
-        let Some((_, keys)) = KINDS.iter().find(|(kind, _)| *kind == self.kind) else {
-            let kinds: Vec<String> = KINDS.iter().map(|(kind, _)| format!("{kind:?}")).collect();
+        let Some((_, needed, others)) = KINDS.iter().find(|(kind, ..)| *kind == self.kind) else {
+            let kinds: Vec<&str> = KINDS.iter().map(|(kind, ..)| *kind).collect();
             let kind = format!("{:?}", self.kind);
-            return Err(check.refuse(
-                "optics.psf.kind",
-                kind,
-                format!("one of {}", kinds.join(", ")),
-            ));
+            return Err(check.refuse("optics.psf.kind", kind, one_of(&kinds)));
         };
+        let keys = [*needed, *others].concat();
         let given = [
             ("sigma_px", self.sigma_px.is_some()),
             ("obscuration", self.obscuration.is_some()),
@@ -192,21 +214,15 @@ impl RawPsf {
         check.explain(&format!("optics.psf.{key}"), reason)
     }
 
-    fn needed(
-        &self,
-        key: &str,
-        value: Option<f64>,
-        range: RangeInclusive<f64>,
-        check: &Check,
-    ) -> Result<f64, ConfigError> {
+    fn needed(&self, key: &str, value: Option<f64>, check: &Check) -> Result<f64, ConfigError> {
         let value = value.ok_or_else(|| self.missing(key, check))?;
-        check.range(&format!("optics.psf.{key}"), value, range)
+        check.limit(LIMITS, &format!("optics.psf.{key}"), value)
     }
 
     /// Diffraction by the aperture: its width is wavelength times focal ratio.
     fn airy(&self, lens: &Lens<'_>, check: &Check) -> Result<(Shape, f64), ConfigError> {
         let obscuration = self.obscuration.unwrap_or(0.0);
-        let obscuration = check.range("optics.psf.obscuration", obscuration, 0.0..=0.9)?;
+        let obscuration = check.limit(LIMITS, "optics.psf.obscuration", obscuration)?;
         let width_px = lens.band.reference_m() * lens.focal_ratio / lens.pitch_m;
         let airy = Airy::new(obscuration, &lens.band.spectrum());
         Ok((Shape::Airy(Arc::new(airy), width_px), width_px))
@@ -218,7 +234,7 @@ impl RawPsf {
         check: &Check,
         folder: &Folder,
     ) -> Result<Images, ConfigError> {
-        let oversampling = self.needed("oversampling", self.oversampling, 1.0..=64.0, check)?;
+        let oversampling = self.needed("oversampling", self.oversampling, check)?;
         let raw = self
             .images
             .as_ref()
@@ -234,7 +250,7 @@ impl RawPsf {
         if table.is_empty() && self.width_by_field.is_some() {
             return Err(check.refuse(key, "[]", "at least one [angle, factor]"));
         }
-        super::rising_angles(key, &table, 0.1..=10.0, check)?;
+        super::rising_angles(key, &table, LIMITS, check)?;
         let distance = |(i, [deg, factor]): (usize, [f64; 2])| {
             let (sin, cos) = libm::sincos(deg.to_radians());
             let image = lens.projection.image(&Vector3::new(sin, 0.0, cos));

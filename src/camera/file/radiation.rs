@@ -2,7 +2,7 @@
 
 use super::timing::Timing;
 use crate::camera::{Detector, Flux, MOST_WORK_AN_EVENT, Radiation};
-use crate::load::{Check, ConfigError};
+use crate::load::{Allowed, Check, ConfigError, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -29,8 +29,16 @@ pub struct RawRadiation {
 #[serde(untagged, expecting = "must be a number or \"orbit\"")]
 enum RawFlux {
     Fixed(f64),
-    Named(String),
+    Named(#[schemars(extend("const" = "orbit"))] String),
 }
+
+pub const LIMITS: &[Limit] = &[
+    ("radiation.flux_cm2_s", Allowed::Number(0.0..=1e9)),
+    ("radiation.thickness_um", Allowed::Number(0.1..=2000.0)),
+    ("radiation.energy_mev", Allowed::Number(50.0..=1e6)),
+    ("radiation.diffusion_um", Allowed::Number(0.0..=100.0)),
+    ("radiation.readout_s", Allowed::Number(0.0..=1e4)),
+];
 
 /// Typical at the Hubble's imagers (Miles et al. 2021), MeV.
 fn typical_energy() -> f64 {
@@ -44,10 +52,9 @@ impl RawRadiation {
         timing: &Timing,
         check: &Check,
     ) -> Result<Radiation, ConfigError> {
-        let range =
-            |key: &str, value, range| check.range(&format!("radiation.{key}"), value, range);
+        let limit = |key: &str, value| check.limit(LIMITS, &format!("radiation.{key}"), value);
         let flux = match self.flux_cm2_s {
-            RawFlux::Fixed(flux) => Flux::Fixed(range("flux_cm2_s", flux, 0.0..=1e9)?),
+            RawFlux::Fixed(flux) => Flux::Fixed(limit("flux_cm2_s", flux)?),
             RawFlux::Named(name) if name == "orbit" => Flux::ByOrbit,
             RawFlux::Named(name) => {
                 let given = format!("{name:?}");
@@ -56,10 +63,10 @@ impl RawRadiation {
         };
         let radiation = Radiation {
             flux,
-            thickness_um: range("thickness_um", self.thickness_um, 0.1..=2000.0)?,
-            energy_mev: range("energy_mev", self.energy_mev, 50.0..=1e6)?,
-            diffusion_um: range("diffusion_um", self.diffusion_um, 0.0..=100.0)?,
-            readout_s: range("readout_s", self.readout_s, 0.0..=1e4)?,
+            thickness_um: limit("thickness_um", self.thickness_um)?,
+            energy_mev: limit("energy_mev", self.energy_mev)?,
+            diffusion_um: limit("diffusion_um", self.diffusion_um)?,
+            readout_s: limit("readout_s", self.readout_s)?,
         };
         if radiation.readout_s * timing.rate_hz > 1.0 + 1e-9 {
             let allowed = format!(

@@ -1,7 +1,7 @@
 //! `[optics.stray]` of a camera file.
 
 use crate::camera::Stray;
-use crate::load::{Check, ConfigError, Fixed};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -21,6 +21,13 @@ pub struct RawStray {
     /// deg (where vignetting lets nothing pass, the field ends) (deg)
     sun_exclusion_deg: Option<f64>,
 }
+
+/// Limits of the keys; that of sun_exclusion_deg follows from the field of view.
+pub const LIMITS: &[Limit] = &[
+    ("optics.stray.pst[][0]", Allowed::Number(super::FIELD_DEG)),
+    ("optics.stray.pst[][1]", Allowed::Number(1e-12..=1.0)),
+    ("optics.stray.pst", Allowed::Count(1..=usize::MAX)),
+];
 
 impl RawStray {
     /// Of a camera whose image holds light from up to `field_deg` from the boresight.
@@ -43,7 +50,7 @@ impl RawStray {
             if points.is_empty() {
                 return Err(check.refuse(key, "[]", "at least one [angle, transmittance]"));
             }
-            super::rising_angles(key, &points, 1e-12..=1.0, check)?;
+            super::rising_angles(key, &points, LIMITS, check)?;
             falling(key, &points, check)?;
             table = points;
         }

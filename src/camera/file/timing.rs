@@ -3,13 +3,24 @@
 use crate::attitude::Attitude;
 use crate::camera::shutter::SHUTTERS;
 use crate::camera::{EXPOSURE_S, RATE_HZ, Shutter};
-use crate::load::{Check, ConfigError, Fixed};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Limit, one_of};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 
 /// 10 degrees: what is turned by more is mounted otherwise.
 const MISALIGNMENT_ARCSEC: RangeInclusive<f64> = -36_000.0..=36_000.0;
+
+pub const LIMITS: &[Limit] = &[
+    ("timing.exposure_s", Allowed::Number(EXPOSURE_S)),
+    ("timing.rate_hz", Allowed::Number(RATE_HZ)),
+    ("timing.row_us", Allowed::Number(1e-3..=1e6)),
+    ("timing.shutter", Allowed::Word(|| SHUTTERS.to_vec())),
+    (
+        "mounting.misalignment_arcsec[]",
+        Allowed::Number(MISALIGNMENT_ARCSEC),
+    ),
+];
 
 /// A row is hardly shifted or read in less, us.
 const SHORTEST_ROW_US: f64 = 0.1;
@@ -47,8 +58,8 @@ pub struct Timing {
 impl RawTiming {
     /// The timing of a detector with this many rows.
     pub fn validate(self, rows: usize, check: &Check) -> Result<Timing, ConfigError> {
-        let exposure_s = check.range("timing.exposure_s", self.exposure_s, EXPOSURE_S)?;
-        let rate_hz = check.range("timing.rate_hz", self.rate_hz, RATE_HZ)?;
+        let exposure_s = check.limit(LIMITS, "timing.exposure_s", self.exposure_s)?;
+        let rate_hz = check.limit(LIMITS, "timing.rate_hz", self.rate_hz)?;
         let shutter = self.shutter(check)?;
         let period_s = shutter.period_s(rows, exposure_s);
         if rate_hz * period_s > 1.0 {
@@ -77,12 +88,12 @@ impl RawTiming {
 
     fn shutter(&self, check: &Check) -> Result<Shutter, ConfigError> {
         let row_s = match self.row_us {
-            Some(us) => check.range("timing.row_us", us, 1e-3..=1e6)? * 1e-6,
+            Some(us) => check.limit(LIMITS, "timing.row_us", us)? * 1e-6,
             None => 0.0,
         };
         let name = self.shutter.as_deref().unwrap_or("global");
         let Some(shutter) = Shutter::named(name, row_s) else {
-            return Err(check.refuse("timing.shutter", format!("{name:?}"), SHUTTERS));
+            return Err(check.refuse("timing.shutter", format!("{name:?}"), one_of(&SHUTTERS)));
         };
         match (shutter, self.row_us) {
             (Shutter::Global, Some(_)) => Err(check.explain(
@@ -110,7 +121,7 @@ impl RawMounting {
             return Ok(mounting);
         };
         let key = "mounting.misalignment_arcsec";
-        let turn = check.each(key, arcsec, MISALIGNMENT_ARCSEC)?;
+        let turn = check.each_limit(LIMITS, key, arcsec)?;
         let turn = turn.map(|value| (value / 3600.0).to_radians());
         Ok(mounting.turned(&turn.into(), 1.0))
     }

@@ -1,7 +1,7 @@
 //! `[optics.vignetting]` of a camera file.
 
 use crate::camera::Vignetting;
-use crate::load::{Check, ConfigError, Fixed};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Limit};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -13,6 +13,16 @@ pub struct RawVignetting {
     /// [[angle, transmission], ...] instead; straight lines between, constant beyond (deg)
     table: Option<Vec<Fixed<f64, 2>>>,
 }
+
+pub const LIMITS: &[Limit] = &[
+    (
+        "optics.vignetting.table[][0]",
+        Allowed::Number(super::FIELD_DEG),
+    ),
+    ("optics.vignetting.table[][1]", Allowed::Number(0.0..=1.0)),
+    ("optics.vignetting.table", Allowed::Count(1..=usize::MAX)),
+    ("optics.vignetting", Allowed::NotBoth(["cos4", "table"])),
+];
 
 impl RawVignetting {
     /// Where the table ends, deg, if it is one.
@@ -26,19 +36,22 @@ impl RawVignetting {
             let reason = "says nothing: set cos4 = true or table = [[angle, transmission], ...], or leave it out";
             return Err(check.explain("optics.vignetting", reason));
         }
-        match (self.cos4.unwrap_or(false), self.table) {
-            (true, Some(_)) => Err(check.explain(
-                "optics.vignetting.table",
-                "cos4 and table exclude each other: leave one out",
-            )),
+        let key = "optics.vignetting.table";
+        let table = self.table.map(Fixed::all);
+        if let Some(table) = &table {
+            if table.is_empty() {
+                return Err(check.refuse(key, "[]", "at least one [angle, transmission]"));
+            }
+            super::rising_angles(key, table, LIMITS, check)?;
+        }
+        match (self.cos4.unwrap_or(false), table) {
+            (true, Some(_)) => {
+                let reason = "cos4 and table exclude each other: leave one out";
+                Err(check.explain("optics.vignetting.cos4", reason))
+            }
             (true, None) => Ok(Vignetting::Cos4),
             (false, None) => Ok(Vignetting::None),
             (false, Some(table)) => {
-                let (key, table) = ("optics.vignetting.table", Fixed::all(table));
-                if table.is_empty() {
-                    return Err(check.refuse(key, "[]", "at least one [angle, transmission]"));
-                }
-                super::rising_angles(key, &table, 0.0..=1.0, check)?;
                 let rad = table.into_iter().map(|[deg, t]| [deg.to_radians(), t]);
                 Ok(Vignetting::Table(rad.collect()))
             }

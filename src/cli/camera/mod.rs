@@ -3,18 +3,11 @@
 mod check;
 mod new;
 
-use clap::{Args as ClapArgs, Subcommand};
+use clap::Subcommand;
 
-/// Arguments of `skyloop camera`.
-#[derive(ClapArgs)]
-#[command(arg_required_else_help = true)]
-pub struct Args {
-    #[command(subcommand)]
-    command: Command,
-}
-
+/// Subcommands of `skyloop camera`.
 #[derive(Subcommand)]
-enum Command {
+pub enum Command {
     /// Check a camera file and print what the camera can see: field of view, scale, limiting and saturation magnitude
     Check(check::Args),
     /// Write a camera file from the figures of a data sheet; asks for those that are not given
@@ -22,8 +15,8 @@ enum Command {
 }
 
 /// Runs the subcommand.
-pub fn run(args: Args) -> anyhow::Result<()> {
-    match args.command {
+pub fn run(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Check(args) => check::run(args),
         Command::New(args) => new::run(args),
     }

@@ -1,18 +1,20 @@
 //! `skyloop camera new`: a camera file from the six figures of a data sheet.
 
+use super::super::{Force, is_stdout};
 use super::check::report;
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use skyloop::camera::Camera;
-use skyloop_firmware_sim::console::say;
-use std::fs::OpenOptions;
+use skyloop::orbit::path_text;
+use skyloop::orbit::{NO_MARK, OutputFile};
+use skyloop_firmware_sim::console::{printable, say, write_out};
 use std::io::{BufRead, IsTerminal, Write, stderr, stdin};
 use std::path::PathBuf;
 
 /// Arguments of `skyloop camera new`.
 #[derive(ClapArgs)]
 pub struct Args {
-    /// The file to write; its name without the end becomes the camera's
+    /// The file to write, or - for standard output; its name without the end becomes the camera's
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Sensor, columns x rows
@@ -33,9 +35,8 @@ pub struct Args {
     /// Full well, e-
     #[arg(long, value_name = "E", allow_hyphen_values = true)]
     full_well: Option<String>,
-    /// Write over a file that is there
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// A figure of a data sheet.
@@ -91,10 +92,11 @@ const QUESTIONS: [Question; 6] = [
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
-    let shown = args.file.display().to_string();
-    if args.file.exists() && !args.force {
-        bail!("{shown}: is there already; give --force to write over it, or another name");
-    }
+    let shown = path_text(&args.file);
+    let to_stdout = is_stdout(&args.file);
+    // People edit camera files: an earlier one is replaced by force only. It is opened before questions are asked.
+    let output = (!to_stdout).then(|| OutputFile::open(&args.file, NO_MARK, args.force.force));
+    let output = output.transpose().with_context(|| shown.clone())?;
     let given = [
         args.size,
         args.pixel,
@@ -103,28 +105,27 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         args.exposure,
         args.full_well,
     ];
-    let answers = match stdin().is_terminal() {
-        true => ask(&given, &mut stdin().lock(), &mut stderr())?,
-        false => all_given(&given)?,
+    let answers = if stdin().is_terminal() {
+        ask(&given, &mut stdin().lock(), &mut stderr())?
+    } else {
+        all_given(&given)?
     };
-    let name = args.file.file_stem().unwrap_or_default().to_string_lossy();
+    let name = match to_stdout {
+        true => "camera".into(),
+        false => args.file.file_stem().unwrap_or_default().to_string_lossy(),
+    };
     let text = file_text(&name, &answers);
     let (camera, notices) = Camera::parse_noticed(&shown, &text)
         .context("these figures make no camera; nothing is written")?;
-    let mut options = OpenOptions::new();
-    let options = options.write(true).truncate(true);
-    let options = match args.force {
-        true => options.create(true),
-        false => options.create_new(true),
+    let report = report(&camera, notices, false)?;
+    let Some(mut output) = output else {
+        eprint!("{}", printable(&report));
+        write_out(text)?;
+        return Ok(());
     };
-    let written = options.open(&args.file);
-    written
-        .and_then(|mut file| file.write_all(text.as_bytes()))
-        .with_context(|| format!("{shown}: cannot be written"))?;
-    say(format_args!(
-        "{}wrote {shown}\n",
-        report(&camera, notices, false)?
-    ))?;
+    let written = output.write(text.as_bytes());
+    written.with_context(|| format!("{shown}: cannot be written"))?;
+    say(format_args!("{report}wrote {shown}\n"))?;
     Ok(())
 }
 
@@ -134,10 +135,11 @@ fn ask(
     input: &mut impl BufRead,
     output: &mut impl Write,
 ) -> anyhow::Result<Vec<Answer>> {
+    check(given)?;
     let mut answers = Vec::new();
     for (question, given) in QUESTIONS.iter().zip(given) {
         if let Some(text) = given {
-            answers.push(read(question, text)?);
+            answers.push(read(question, text).map_err(anyhow::Error::msg)?);
             continue;
         }
         loop {
@@ -159,38 +161,72 @@ fn ask(
                     answers.push(answer);
                     break;
                 }
-                Err(why) => writeln!(output, "  {why}")?,
+                Err(why) => writeln!(output, "  {}", printable(&why))?,
             }
         }
     }
     Ok(answers)
 }
 
-/// Reads the options; an error names those that are missing.
+/// Reads the options; the error names all that are missing or wrong.
 fn all_given(given: &[Option<String>; 6]) -> anyhow::Result<Vec<Answer>> {
-    let all = || QUESTIONS.iter().zip(given);
-    let missing: Vec<&str> = all()
+    let missing: Vec<&str> = QUESTIONS
+        .iter()
+        .zip(given)
         .filter(|(_, given)| given.is_none())
         .map(|(question, _)| question.option)
         .collect();
     if !missing.is_empty() {
-        bail!(
-            "standard input is no terminal to ask at: give {}",
-            missing.join(", ")
-        );
+        let missing = missing.join(", ");
+        let missing = format!("standard input is no terminal to ask at: give {missing}");
+        bail!(lines(std::iter::once(missing).chain(wrong(given))));
     }
-    let given = all().filter_map(|(question, given)| Some((question, given.as_ref()?)));
-    given.map(|(question, text)| read(question, text)).collect()
+    check(given)?;
+    let given = QUESTIONS.iter().zip(given);
+    let given = given.filter_map(|(question, given)| Some((question, given.as_ref()?)));
+    let answers = given.map(|(question, text)| read(question, text));
+    answers
+        .collect::<Result<_, _>>()
+        .map_err(anyhow::Error::msg)
 }
 
-fn read(question: &Question, text: &str) -> anyhow::Result<Answer> {
-    (question.read)(text.trim()).map_err(|why| anyhow::anyhow!("{} {why}", question.option))
+/// Errors: all options that are wrong, a line each.
+fn check(given: &[Option<String>; 6]) -> anyhow::Result<()> {
+    let wrong: Vec<String> = wrong(given).collect();
+    if wrong.is_empty() {
+        return Ok(());
+    }
+    bail!(lines(wrong.into_iter()));
 }
 
+/// What is wrong with the options that are given.
+fn wrong(given: &[Option<String>; 6]) -> impl Iterator<Item = String> {
+    let given = QUESTIONS.iter().zip(given);
+    given.filter_map(|(question, given)| read(question, given.as_ref()?).err())
+}
+
+/// One fault alone, several a line each.
+fn lines(faults: impl Iterator<Item = String>) -> String {
+    let faults: Vec<String> = faults.collect();
+    match &faults[..] {
+        [fault] => fault.clone(),
+        _ => format!("{} faults:\n  {}", faults.len(), faults.join("\n  ")),
+    }
+}
+
+fn read(question: &Question, text: &str) -> Result<Answer, String> {
+    (question.read)(text.trim()).map_err(|why| format!("{} {why}", question.option))
+}
+
+/// A number without a unit.
 fn number(text: &str, least: f64, most: f64, unit: &str) -> Result<Answer, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (least..=most).contains(&value) => Ok(([value, 0.0], false)),
-        _ => Err(format!("{text:?}: must be {least} to {most} {unit}")),
+    let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
+    match value {
+        Some(value) if (least..=most).contains(&value) => Ok(([value, 0.0], false)),
+        Some(_) => Err(format!("{text:?}: must be {least} to {most} {unit}")),
+        None => Err(format!(
+            "{text:?}: must be a number in {unit}, {least} to {most}, without a unit"
+        )),
     }
 }
 
@@ -202,25 +238,26 @@ fn size(text: &str) -> Result<Answer, String> {
             Ok(([f64::from(width), f64::from(height)], false))
         }
         _ => Err(format!(
-            "{text:?}: must be columns x rows, 1 to 8192 each, such as 1280x1024"
+            "{text:?}: must be columns x rows in px, 1 to 8192 each, such as 1280x1024"
         )),
     }
 }
 
 fn focal(text: &str) -> Result<Answer, String> {
-    match text.strip_suffix("deg") {
-        Some(field) => number(field.trim(), 0.01, 150.0, "deg").map(|(value, _)| (value, true)),
-        None => number(text, 0.5, 1e6, "mm, or a field of view, such as 20deg"),
+    if let Some(field) = text.strip_suffix("deg") {
+        return number(field.trim(), 0.01, 150.0, "deg").map(|(value, _)| (value, true));
     }
+    let focal = number(text, 0.5, 1e6, "mm");
+    focal.map_err(|why| why + "; or a field of view, such as 20deg")
 }
 
 fn aperture(text: &str) -> Result<Answer, String> {
-    match text.strip_prefix("f/").or(text.strip_prefix("F/")) {
-        Some(ratio) => {
-            number(ratio.trim(), 0.5, 500.0, "as focal ratio").map(|(value, _)| (value, true))
-        }
-        None => number(text, 0.01, 1e5, "mm, or a focal ratio, such as f/1.4"),
+    if let Some(ratio) = text.strip_prefix("f/").or(text.strip_prefix("F/")) {
+        let ratio = number(ratio.trim(), 0.5, 500.0, "(focal ratio)");
+        return ratio.map(|(value, _)| (value, true));
     }
+    let aperture = number(text, 0.01, 1e5, "mm");
+    aperture.map_err(|why| why + "; or a focal ratio, such as f/1.4")
 }
 
 /// The file of these answers, in the order of the questions.
@@ -277,16 +314,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn answers_are_asked_for_again_until_they_can_be_used() {
+    fn questions_are_repeated_until_the_answer_can_be_used() {
         let given = [None, None, None, Some("12".to_string()), None, None];
         let mut said = Vec::new();
         let typed = "huge\n640 x 480\n\n-3\n20deg\nnan\n0.2\n50000\n";
         let answers = ask(&given, &mut typed.as_bytes(), &mut said).unwrap();
         let said = String::from_utf8(said).unwrap();
         for words in [
-            "columns x rows, 1 to 8192",
-            "\"-3\": must be 0.5",
-            "\"nan\": must be",
+            "columns x rows in px, 1 to 8192",
+            "\"-3\": must be 0.5 to 1000000 mm; or a field",
+            "\"nan\": must be a number in s",
         ] {
             assert!(said.contains(words), "{words}: {said}");
         }
@@ -304,5 +341,18 @@ mod tests {
         assert_eq!((camera.optics.aperture_m, camera.exposure_s), (0.012, 0.2));
         let ended = ask(&given, &mut "".as_bytes(), &mut Vec::new());
         assert!(ended.unwrap_err().to_string().contains("--size"));
+        let wrong =
+            ["0x4", "5.5um", "1e9", "f/0", "0.1 s", "-1"].map(|text| Some(text.to_string()));
+        let text = all_given(&wrong).unwrap_err().to_string();
+        for words in [
+            "6 faults:\n  --size \"0x4\": must be columns x rows in px",
+            "\n  --pixel \"5.5um\": must be a number in um, 0.3 to 1000, without a unit",
+            "\n  --focal \"1e9\": must be 0.5 to 1000000 mm; or a field of view",
+            "\n  --aperture \"f/0\": must",
+            "\n  --exposure \"0.1 s\": must be a number in s",
+            "\n  --full-well \"-1\": must be 100 to",
+        ] {
+            assert!(text.contains(words), "{words}: {text}");
+        }
     }
 }

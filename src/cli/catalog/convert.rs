@@ -1,6 +1,6 @@
 //! `skyloop catalog convert`: element sets in another format.
 
-use super::super::Records;
+use super::super::{Force, Records, is_stdout};
 use super::source::{readable, shown, sources};
 use anyhow::{Context, anyhow, bail};
 use clap::Args as ClapArgs;
@@ -8,7 +8,8 @@ use clap::builder::PossibleValuesParser;
 use hifitime::Epoch;
 use skyloop::effect::counted;
 use skyloop::load::orbits::passed_over;
-use skyloop::orbit::{Format, write, write_file};
+use skyloop::orbit::path_text;
+use skyloop::orbit::{Format, NO_MARK, write, write_file};
 use skyloop_firmware_sim::console::{say, write_out};
 use std::path::PathBuf;
 
@@ -21,9 +22,11 @@ pub struct Args {
     /// The format to write
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     to: String,
-    /// The file to write; an older one is replaced [default: standard output]
+    /// The file to write [default: standard output, as `-`]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     #[command(flatten)]
     records: Records,
 }
@@ -78,11 +81,12 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let sets = counted(count, "element set");
     let remedy = "convert the files one by one into a folder, or --to omm-csv";
     super::fits(&sets, format, written.text.len() as f64, remedy)?;
-    match &args.out {
+    match args.out.as_deref().filter(|out| !is_stdout(out)) {
         None => write_out(&written.text)?,
         Some(out) => {
-            write_file(out, &written.text).with_context(|| out.display().to_string())?;
-            say(format_args!("wrote {sets} to {}\n", out.display()))?;
+            let force = args.force.force;
+            write_file(out, &written.text, NO_MARK, force).with_context(|| path_text(out))?;
+            say(format_args!("wrote {sets} to {}\n", path_text(out)))?;
         }
     }
     Ok(())

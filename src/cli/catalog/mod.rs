@@ -7,22 +7,15 @@ mod source;
 mod synth;
 
 use anyhow::bail;
-use clap::{Args as ClapArgs, Subcommand};
+use clap::Subcommand;
 use skyloop::orbit::{Format, LARGEST_FILE};
 
-/// Arguments of `skyloop catalog`.
-#[derive(ClapArgs)]
-#[command(arg_required_else_help = true)]
-pub struct Args {
-    #[command(subcommand)]
-    command: Command,
-}
-
+/// Subcommands of `skyloop catalog`.
 #[derive(Subcommand)]
-enum Command {
+pub enum Command {
     /// Say what files of orbits hold, and what of it cannot be used, with line and reason
     Check(check::Args),
-    /// Count the objects of files by kind of orbit, or tell one
+    /// Count the objects of files by kind of orbit, or print one
     Info(info::Args),
     /// Write element sets in another format
     Convert(convert::Args),
@@ -44,8 +37,8 @@ fn fits(what: &str, format: Format, bytes: f64, remedy: &str) -> anyhow::Result<
 }
 
 /// Runs the subcommand.
-pub fn run(args: Args) -> anyhow::Result<()> {
-    match args.command {
+pub fn run(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Check(args) => check::run(args),
         Command::Info(args) => info::run(args),
         Command::Convert(args) => convert::run(args),

@@ -1,6 +1,7 @@
 //! The files that the subcommands are given.
 
 use anyhow::Context;
+use skyloop::orbit::path_text;
 use skyloop::orbit::{Contents, LoadError, files, load_contents};
 use std::path::{Path, PathBuf};
 
@@ -20,7 +21,7 @@ pub fn sources(
 ) -> anyhow::Result<impl Iterator<Item = Source> + use<>> {
     let mut all = Vec::new();
     for path in paths {
-        let listing = files(path).with_context(|| path.display().to_string())?;
+        let listing = files(path).with_context(|| path_text(path))?;
         let named = !path.is_dir();
         all.extend(listing.files.into_iter().map(|file| (file, named)));
         passed_over.extend(listing.others.iter().map(|other| shown(other)));
@@ -72,5 +73,5 @@ pub fn readable(
 
 /// A file's name in messages.
 pub fn shown(file: &Path) -> String {
-    file.display().to_string()
+    path_text(file)
 }

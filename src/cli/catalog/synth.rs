@@ -1,13 +1,15 @@
 //! `skyloop catalog synth`: a made-up population with the mix of the real one, for scale tests.
 
+use super::super::Force;
 use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use hifitime::Epoch;
 use skyloop::effect::counted;
+use skyloop::orbit::path_text;
 use skyloop::orbit::synth::{CLASSES, MOST_OBJECTS, Synthetic, population};
 use skyloop::orbit::time::{parse_utc, utc_text};
-use skyloop::orbit::{Format, Listing, Record, files, write};
-use skyloop::output::{remove_file, write_text};
+use skyloop::orbit::{Format, Listing, Mark, NO_MARK, Record, files, write};
+use skyloop::output::{may_replace, remove_file, write_text};
 use skyloop::sky::bodies::Bodies;
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::text::whole;
@@ -36,10 +38,14 @@ pub struct Args {
     /// [default: nothing is written, the classes are counted]
     #[arg(long, value_name = "FOLDER|FILE")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// The population file in a folder.
 const POPULATION: &str = "population.toml";
+/// How it is recognised.
+const MARK: Mark = &["# A made-up population:"];
 /// The greatest catalogue number that TLE can hold: `Z9999`.
 const LARGEST_ALPHA5: u32 = 339_999;
 /// Years of which all of a TLE's epochs are, a day before among them.
@@ -71,11 +77,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mut text = counts(&all);
     match target {
         None => {}
-        Some(Target::Folder(out)) => text += &folder(out, &all, args.epoch)?,
+        Some(Target::Folder(out)) => {
+            text += &folder(out, &all, args.epoch, args.force.force)?;
+        }
         Some(Target::File(out, format)) => {
             let records: Vec<Record> = all.iter().map(Synthetic::record).collect();
-            elements(out, &records, format, args.epoch)?;
-            text += &format!("wrote {}\n", out.display());
+            elements(out, &records, format, args.epoch, args.force.force)?;
+            text += &format!("wrote {}\n", path_text(out));
         }
     }
     say(text)?;
@@ -98,7 +106,7 @@ impl Target<'_> {
             let ends = ENDS.map(|(end, _)| format!(".{end}")).join(", ");
             bail!(
                 "--out {}: a file is named by its format ({ends}), a folder has no dot in its name",
-                out.display()
+                path_text(out)
             );
         };
         Ok(Target::File(out, *format))
@@ -112,7 +120,7 @@ fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
     let bytes = write(&records, format, args.epoch).map_or(0, |written| written.text.len());
     let expected = bytes as f64 / few.len() as f64 * f64::from(args.objects);
     let all = counted(args.objects as usize, "object");
-    let what = format!("--out {}: {all}", file.display());
+    let what = format!("--out {}: {all}", path_text(file));
     // Names and numbers of the last are longer than those of the first.
     super::fits(&what, format, expected * 1.02, "write a folder, or .csv")
 }
@@ -135,15 +143,15 @@ fn class_file(to_m: f64, end: &str) -> String {
 /// The files of an older population in a folder.
 ///
 /// Errors: the folder cannot be listed, or holds anything else, which a scene that names the folder would take for a part of
-/// the population.
-fn older(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+/// the population; without `force`: skyloop did not make them.
+fn older(folder: &Path, force: bool) -> anyhow::Result<Vec<PathBuf>> {
     let mut own = vec![POPULATION.to_string()];
     own.extend(SIZES_M.iter().map(|to_m| class_file(*to_m, "3le")));
     own.extend(SIZES_M.iter().map(|to_m| class_file(*to_m, "csv")));
     if !folder.is_dir() {
         return Ok(Vec::new());
     }
-    let Listing { files, others } = files(folder).with_context(|| folder.display().to_string())?;
+    let Listing { files, others } = files(folder).with_context(|| path_text(folder))?;
     let is_own = |file: &Path| {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         own.iter().any(|own| *own == name)
@@ -153,16 +161,18 @@ fn older(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
         bail!(
             "--out {}: holds {}, which is of no population; name a folder that is new, empty or holds a population alone, \
              which is replaced",
-            folder.display(),
-            foreign.display()
+            path_text(folder),
+            path_text(foreign)
         );
     }
+    let others: Vec<&str> = own.iter().skip(1).map(String::as_str).collect();
+    may_replace(folder, (POPULATION, MARK), &others, force)?;
     Ok(files)
 }
 
 /// Writes a population file and one file of elements for each size class, in place of an older population.
-fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<String> {
-    for file in older(folder)? {
+fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch, force: bool) -> anyhow::Result<String> {
+    for file in older(folder, force)? {
         remove_file(&file)?;
     }
     let largest = all.iter().map(|one| one.elements.norad).max();
@@ -173,7 +183,8 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
         false => (Format::OmmCsv, "csv"),
     };
     let mut toml = format!(
-        "# A made-up population: {}, element sets of the day before {}.\n# A file a size class; its sphere shines as its objects do on average.\n",
+        "{} {}, element sets of the day before {}.\n# A file a size class; its sphere shines as its objects do on average.\n",
+        MARK[0],
         counted(all.len(), "object"),
         utc_text(epoch)
     );
@@ -187,7 +198,7 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
         }
         let name = class_file(to_m, end);
         let records: Vec<Record> = of.iter().map(|one| one.record()).collect();
-        elements(&folder.join(&name), &records, format, epoch)?;
+        elements(&folder.join(&name), &records, format, epoch, false)?;
         // Light goes with the square of the diameter.
         let squares: f64 = of.iter().map(|one| one.diameter_m * one.diameter_m).sum();
         let diameter_m = (squares / of.len() as f64).sqrt();
@@ -197,26 +208,32 @@ fn folder(folder: &Path, all: &[Synthetic], epoch: Epoch) -> anyhow::Result<Stri
         );
     }
     let file = folder.join(POPULATION);
-    write_text(&file, &toml)?;
+    write_text(&file, &toml, MARK, false)?;
     Ok(format!(
         "wrote {}\nin a scene: [objects] population = {:?}, exposures near {}\n",
-        folder.display(),
-        file.display().to_string(),
+        path_text(folder),
+        path_text(&file),
         utc_text(epoch)
     ))
 }
 
 /// Writes one file of elements; none of them may be lost.
-fn elements(file: &Path, records: &[Record], format: Format, epoch: Epoch) -> anyhow::Result<()> {
+fn elements(
+    file: &Path,
+    records: &[Record],
+    format: Format,
+    epoch: Epoch,
+    force: bool,
+) -> anyhow::Result<()> {
     let written = write(records, format, epoch).unwrap_or_default();
     if let Some(first) = written.left_out.first() {
         bail!(
             "{}: {} of {} cannot be written as {format}: {first}; write .csv",
-            file.display(),
+            path_text(file),
             written.left_out.len(),
             counted(records.len(), "object")
         );
     }
-    write_text(file, &written.text)?;
+    write_text(file, &written.text, NO_MARK, force)?;
     Ok(())
 }

@@ -1,31 +1,36 @@
 //! `skyloop soak`: minutes of a live run against a client of its own, and a verdict on deadlines and latencies.
 
 mod joining;
+mod outputs;
 
+use super::cameras::Links;
 use super::instruments::are_different;
-use super::{Orbits, PANICKED, Records, cameras, levels, live, mission, with_level};
-use anyhow::{Context, Error, bail};
+use super::{Force, Orbits, PANICKED, Records, cameras, levels, live, mission, with_level};
+use anyhow::{Context, bail};
 use clap::Args as ClapArgs;
 use joining::{Arrival, Joining};
+use outputs::Outputs;
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::host::Host;
 use skyloop::link::{self, Roles};
+use skyloop::orbit::path_text;
 use skyloop::serve::{Ended, Left, OnLeft, Server};
-use skyloop::soak::{Camera, Drift, Limits, Measured, Report, suite};
-use skyloop::stats::{row, table};
-use skyloop_firmware_sim::console::{say, stop_at_ctrl_c};
+use skyloop::soak::{Camera, Drift, Limits, Measured, Report};
+use skyloop::stats::{RunStats, row, table};
+use skyloop_firmware_sim::console::{in_one_line, say, stop_at_ctrl_c};
 use skyloop_firmware_sim::event::Event;
 use skyloop_firmware_sim::flight_computer::FlightComputer;
 use skyloop_firmware_sim::mission::{Mission, Pace};
+use skyloop_firmware_sim::port::Port;
 use skyloop_firmware_sim::profile::Profile;
 use skyloop_firmware_sim::text::decimal;
-use skyloop_firmware_sim::verdict::{self, UNFINISHED, Verdict};
+use skyloop_firmware_sim::verdict;
 use skyloop_protocols::Counters;
 use skyloop_protocols::personality::NATIVE;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -68,6 +73,8 @@ pub struct Args {
     #[arg(long, value_name = "ADDRESS")]
     metrics: Option<String>,
     #[command(flatten)]
+    force: Force,
+    #[command(flatten)]
     records: Records,
     #[command(flatten)]
     orbits: Orbits,
@@ -75,26 +82,85 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> anyhow::Result<()> {
+    are_different(&args.files())?;
+    let mut outputs = Outputs::open(&args)?;
+    let done = soak(&args, &mut outputs);
+    if let Err(error) = &done {
+        outputs.fail(&args, &in_one_line(error.as_ref()))?;
+    }
+    done
+}
+
+/// Runs emulator and clients, and writes the verdicts.
+fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let started = Instant::now();
     let mut config = Config::load(&args.config)?;
     args.records.settle(&config)?;
     args.orbits.settle(&mut config);
-    let name = args.config.display();
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
-    may_run(&args, &config, rate_hz)?;
+    may_run(args, &config, rate_hz)?;
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    // Before minutes are spent on them; what ends without a verdict has not passed.
-    write_untold(&args)?;
+    // What ends without a verdict has not passed.
+    outputs.begin(args)?;
     let mission = mission(&config, Some(&args.config))?;
     let first = flight::vehicle(&mission, 0)?;
     let mission = endless(mission, rate_hz)?;
     let help = live::help(&config, args.metrics.as_deref())?;
+    let emulator = Emulator::new(&mut config);
+    let (links, ports) = links(args, &config)?;
+    let output = with_level(config.run.output, args.output.as_deref());
+    let servers = cameras::serve(&config, emulator, links, Some(&first), output, &help)?;
+    say(format_args!(
+        "{help}{} ({} x {}) at {} Hz over {} for {} min\n",
+        config.camera.name,
+        config.camera.detector.width,
+        config.camera.detector.height,
+        config.camera.rate_hz,
+        args.link,
+        args.minutes
+    ))?;
+    let host = Host::now();
+    let run = Run {
+        config: &config,
+        limits: args.limits(),
+        begin: Instant::now(),
+        length: Duration::from_secs_f64(args.minutes * 60.0),
+        interrupted: &interrupted,
+    };
+    let flown = run.fly(servers, ports, mission)?;
+    let stopped = interrupted.load(Ordering::Relaxed);
+    let minutes = flown.ended.duration_since(run.begin).as_secs_f64() / 60.0;
+    let stopped =
+        stopped.then(|| format!("stopped after {} of {} min", short(minutes), args.minutes));
+    let counts = summed(&flown.figures);
+    // Each camera receives every attitude.
+    let attitudes = (flown.figures.first()).map_or(0, |(_, counters)| counters.attitudes);
+    let measured = flown.measured(&config, started, stopped);
+    let report = Report::new(
+        path_text(&args.config),
+        minutes,
+        run.limits,
+        measured,
+        Host::now().since(&host),
+        help.granted,
+        counts,
+    );
+    let reached_hz = f64::from(attitudes) / (60.0 * minutes);
+    print(
+        &report,
+        format!("{reached_hz:.1} a second, of {rate_hz} asked for"),
+    )?;
+    outputs.finish(&report)?;
+    verdict::broken(&report.verdicts).map_or(Ok(()), |broken| bail!(broken))
+}
+
+/// The emulator's links, and their other ends, of each camera.
+fn links(args: &Args, config: &Config) -> anyhow::Result<(Vec<Links>, Vec<ClientEnd>)> {
     let options = link::Options {
         idle: Duration::from_secs_f64(config.run.idle_s),
         personality: &NATIVE,
         bus: None,
     };
-    let emulator = Emulator::new(&mut config);
     let (mut links, mut ports) = (Vec::new(), Vec::new());
     for camera in 0..=config.heads.len() {
         let (wire, port) = link::loopback(&args.link, &options)?;
@@ -107,173 +173,191 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         links.push(vec![(wire, roles)]);
         ports.push((port, roles));
     }
-    let output = with_level(config.run.output, args.output.as_deref());
-    let (mut server, mut heads) =
-        cameras::serve(&config, emulator, links, Some(&first), output, &help)?;
-    let (to_tell, left) = channel::<(usize, Left)>();
-    let (arrived, arrivals) = channel::<Arrival>();
-    let tells = |number: usize| -> OnLeft {
-        let to_tell = to_tell.clone();
-        // Who joins the times has gone only at the end.
-        Box::new(move |told| {
-            let _ = to_tell.send((number, *told));
-        })
-    };
-    server.on_left(tells(0));
-    for (number, head) in (1..).zip(&mut heads) {
-        head.on_left(tells(number));
-    }
-    drop(to_tell);
-    let limits = Limits {
-        max_miss_rate: args.max_miss_rate,
-        max_p99_ms: args.max_p99_ms,
-        max_growth: args.max_growth,
-    };
-    say(format_args!(
-        "{help}{} ({} x {}) at {} Hz over {} for {} min\n",
-        config.camera.name,
-        config.camera.detector.width,
-        config.camera.detector.height,
-        config.camera.rate_hz,
-        args.link,
-        args.minutes
-    ))?;
+    Ok((links, ports))
+}
 
-    let (begin, host) = (Instant::now(), Host::now());
-    let length = Duration::from_secs_f64(args.minutes * 60.0);
-    let end = begin + length;
-    let stop = AtomicBool::new(false);
-    let interrupted = &interrupted;
-    let (stop, over) = (&stop, AtomicBool::new(false));
-    let (over, listening) = (&over, listening(&mission));
-    // The first client stops taking then.
-    let ended = OnceLock::new();
-    let ended = &ended;
-    let takes = |number: usize, arrived: Sender<Arrival>| {
-        move |event: Event<'_>| {
-            if let Event::Frame { frame, .. } = &event {
-                let _ = arrived.send((number, frame.header.frame, frame.whole_at));
-            }
-            let ends = Instant::now() >= end || interrupted.load(Ordering::Relaxed);
-            match ends || over.load(Ordering::Relaxed) {
-                true => {
+/// A client's end of a link.
+type ClientEnd = (Box<dyn Port + Send>, Roles);
+
+/// A run of all cameras and their clients.
+struct Run<'a> {
+    config: &'a Config,
+    limits: Limits,
+    begin: Instant,
+    length: Duration,
+    interrupted: &'a AtomicBool,
+}
+
+/// What came of a run.
+struct Flown {
+    joining: Joining,
+    /// When the first client stopped taking frames.
+    ended: Instant,
+    /// Figures and counters of each camera.
+    figures: Vec<(RunStats, Counters)>,
+}
+
+impl Run<'_> {
+    /// Runs servers and clients to the end.
+    fn fly(
+        &self,
+        (mut server, mut heads): (Server, Vec<Server>),
+        ports: Vec<ClientEnd>,
+        mission: Mission,
+    ) -> anyhow::Result<Flown> {
+        let (sender, left) = channel::<(usize, Left)>();
+        let (arrived, arrivals) = channel::<Arrival>();
+        for (number, server) in std::iter::once(&mut server).chain(&mut heads).enumerate() {
+            let sender = sender.clone();
+            let on_left: OnLeft = Box::new(move |left| {
+                // The receiver ends last.
+                let _ = sender.send((number, *left));
+            });
+            server.on_left(on_left);
+        }
+        drop(sender);
+        let (stop, over) = (AtomicBool::new(false), AtomicBool::new(false));
+        let (stop, over, listening) = (&stop, &over, listening(&mission));
+        // The first client stops taking frames then.
+        let ended = OnceLock::new();
+        let ended = &ended;
+        let takes = |number: usize, arrived: Sender<Arrival>| {
+            move |event: Event<'_>| {
+                if let Event::Frame { frame, .. } = &event {
+                    let _ = arrived.send((number, frame.header.frame, frame.whole_at));
+                }
+                let is_over = self.is_over() || over.load(Ordering::Relaxed);
+                if is_over {
                     ended.get_or_init(Instant::now);
                     ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
                 }
-                false => ControlFlow::Continue(()),
             }
-        }
-    };
-    let heads_names = config.heads.iter().map(|head| head.name.as_str());
-    let names = std::iter::once(config.camera.name.as_str()).chain(heads_names);
-    let (closed, flown, joined) = std::thread::scope(|scope| {
-        let joining = scope.spawn(|| {
-            let cameras = names.map(|name| Camera {
-                name: name.to_string(),
-                latencies: limits.latencies(),
-                drift: Drift::over(length),
-            });
-            let mut joining = Joining::new(cameras.collect(), length);
-            joining.join(left, arrivals);
-            joining
-        });
-        let serve = |mut server: Server, of: tracing::Span| {
-            scope.spawn(move || {
-                let _of = of.entered();
-                let ended = server.run(stop, None, |_| {});
-                over.fetch_or(ended == Ended::Panicked, Ordering::Relaxed);
-                (server, ended)
-            })
         };
-        let (mut serving, mut taking) = (vec![serve(server, tracing::Span::none())], Vec::new());
-        let mut ports = ports.into_iter();
-        let own = ports.next().into_iter().collect();
-        let named = config.heads.iter().map(|head| live::of_head(&head.name));
-        let heads = (1..).zip(heads.into_iter().zip(named).zip(ports));
-        for (number, ((head, of), (port, roles))) in heads {
-            serving.push(serve(head, of));
-            let (mission, see) = (listening.clone(), takes(number, arrived.clone()));
-            let client = FlightComputer::on_links(vec![(port, roles)], mission);
-            taking.push(scope.spawn(move || client.taking_only().run(see).err()));
-        }
-        let see = takes(0, arrived);
-        let flown = FlightComputer::on_links(own, mission)
-            .taking_only()
-            .run(see);
-        over.store(true, Ordering::Relaxed);
-        let ended = *ended.get_or_init(Instant::now);
-        let mut errors = vec![flown.err()];
-        let taken: Result<Vec<_>, _> = taking.into_iter().map(|taken| taken.join()).collect();
-        stop.store(true, Ordering::Relaxed);
-        // They tell of frames until they are closed.
-        let closed: Vec<_> = serving
-            .into_iter()
-            .map(|serving| match serving.join() {
-                Ok((server, Ended::AsAsked | Ended::LinkGone)) => Some(server.close()),
-                Ok((_, Ended::Panicked)) | Err(_) => None,
-            })
-            .collect();
-        let joined = joining.join().map(|joining| (joining, ended));
-        let joined = taken.and_then(|taken| {
-            errors.extend(taken);
-            joined
+        let (closed, flown, joined) = std::thread::scope(|scope| {
+            let joining = scope.spawn(|| {
+                let mut joining = Joining::new(self.cameras(), self.length);
+                joining.join(left, arrivals);
+                joining
+            });
+            let serve = |mut server: Server, of: tracing::Span| {
+                scope.spawn(move || {
+                    let _of = of.entered();
+                    let ended = server.run(stop, None, |_| {});
+                    over.fetch_or(ended == Ended::Panicked, Ordering::Relaxed);
+                    (server, ended)
+                })
+            };
+            let (mut serving, mut taking) =
+                (vec![serve(server, tracing::Span::none())], Vec::new());
+            let mut ports = ports.into_iter();
+            let own = ports.next().into_iter().collect();
+            let named = self
+                .config
+                .heads
+                .iter()
+                .map(|head| live::of_head(&head.name));
+            let heads = (1..).zip(heads.into_iter().zip(named).zip(ports));
+            for (number, ((head, of), (port, roles))) in heads {
+                serving.push(serve(head, of));
+                let (mission, see) = (listening.clone(), takes(number, arrived.clone()));
+                let client = FlightComputer::on_links(vec![(port, roles)], mission);
+                taking.push(scope.spawn(move || client.taking_only().run(see).err()));
+            }
+            let see = takes(0, arrived);
+            let client = FlightComputer::on_links(own, mission).taking_only();
+            let mut errors = vec![client.run(see).err()];
+            over.store(true, Ordering::Relaxed);
+            let ended = *ended.get_or_init(Instant::now);
+            let taken: Result<Vec<_>, _> = taking.into_iter().map(|taken| taken.join()).collect();
+            stop.store(true, Ordering::Relaxed);
+            // They report frames until they are closed.
+            let closed: Vec<_> = serving
+                .into_iter()
+                .map(|serving| match serving.join() {
+                    Ok((server, Ended::AsAsked | Ended::LinkGone)) => Some(server.close()),
+                    Ok((_, Ended::Panicked)) | Err(_) => None,
+                })
+                .collect();
+            let joined = joining.join().map(|joining| (joining, ended));
+            let joined = taken.and_then(|taken| {
+                errors.extend(taken);
+                joined
+            });
+            (closed, errors.into_iter().flatten().next(), joined)
         });
-        (closed, errors.into_iter().flatten().next(), joined)
-    });
-    let (Ok((joining, ended)), Some(closed)) =
-        (joined, closed.into_iter().collect::<Option<Vec<_>>>())
-    else {
-        bail!(PANICKED);
-    };
-    if let Some(error) = flown {
-        return Err(anyhow::Error::from(error).context("the client of the run"));
+        let closed: Option<Vec<_>> = closed.into_iter().collect();
+        let (Ok((joining, ended)), Some(figures)) = (joined, closed) else {
+            bail!(PANICKED);
+        };
+        if let Some(error) = flown {
+            return Err(anyhow::Error::from(error).context("the client of the run"));
+        }
+        Ok(Flown {
+            joining,
+            ended,
+            figures,
+        })
     }
-    // Of all cameras together.
+
+    /// Whether its time is over, or it was interrupted.
+    fn is_over(&self) -> bool {
+        self.begin.elapsed() >= self.length || self.interrupted.load(Ordering::Relaxed)
+    }
+
+    /// Where the times of each camera's frames are collected.
+    fn cameras(&self) -> Vec<Camera> {
+        let heads = self.config.heads.iter().map(|head| &head.name);
+        let names = std::iter::once(&self.config.camera.name).chain(heads);
+        let camera = |name: &String| Camera {
+            name: name.clone(),
+            latencies: self.limits.latencies(),
+            drift: Drift::over(self.length),
+        };
+        names.map(camera).collect()
+    }
+}
+
+impl Flown {
+    /// What was measured, of a command that `started` then.
+    fn measured(self, config: &Config, started: Instant, stopped: Option<String>) -> Measured {
+        let of_heads = config.heads.iter().map(|head| head.camera.rate_hz);
+        let rates = std::iter::once(config.camera.rate_hz).chain(of_heads);
+        let missed = self
+            .figures
+            .iter()
+            .zip(rates)
+            .map(|((_, counters), rate_hz)| {
+                let period = Duration::from_secs_f64(1.0 / rate_hz);
+                (counters.exposures_missed, period)
+            });
+        let missed: Vec<_> = missed.collect();
+        let (first, memory) = (self.joining.first, self.joining.memory);
+        Measured {
+            cameras: self.joining.end(self.ended, &missed),
+            stopped,
+            memory,
+            first_frame_s: first.map(|at| at.saturating_duration_since(started).as_secs_f64()),
+        }
+    }
+}
+
+/// The counters of all cameras together, without those at 0.
+fn summed(figures: &[(RunStats, Counters)]) -> Vec<(&'static str, u32)> {
     let mut counts: Vec<(&str, u32)> = Counters::default().iter().collect();
-    for (_, counters) in &closed {
+    for (_, counters) in figures {
         for (sum, (_, count)) in counts.iter_mut().zip(counters.iter()) {
             sum.1 = sum.1.wrapping_add(count);
         }
     }
     counts.retain(|(_, count)| *count > 0);
-    // Each camera hears of every one.
-    let attitudes = closed.first().map_or(0, |(_, counters)| counters.attitudes);
-    let of_heads = config.heads.iter().map(|head| head.camera.rate_hz);
-    let rates = std::iter::once(config.camera.rate_hz).chain(of_heads);
-    let missed = closed.iter().zip(rates).map(|((_, counters), rate_hz)| {
-        let period = Duration::from_secs_f64(1.0 / rate_hz);
-        (counters.exposures_missed, period)
-    });
-    let (first, memory) = (joining.first, joining.memory);
-    let cameras = joining.end(ended, &missed.collect::<Vec<_>>());
-    let minutes = ended.duration_since(begin).as_secs_f64() / 60.0;
-    let stopped = interrupted
-        .load(Ordering::Relaxed)
-        .then(|| format!("stopped after {} of {} min", short(minutes), args.minutes));
-    let measured = Measured {
-        cameras,
-        stopped,
-        memory,
-        first_frame_s: first.map(|at| at.saturating_duration_since(started).as_secs_f64()),
-    };
-    let report = Report::new(
-        name.to_string(),
-        minutes,
-        limits,
-        measured,
-        Host::now().since(&host),
-        help.granted,
-        counts,
-    );
-    let reached_hz = f64::from(attitudes) / (60.0 * minutes);
-    let rate = format!("{reached_hz:.1} a second, of {rate_hz} asked for");
-    tell(&report, &args, rate)?;
-    verdict::broken(&report.verdicts).map_or(Ok(()), |broken| bail!(broken))
+    counts
 }
 
-/// Errors: what cannot be soaked, told before minutes are spent on it.
+/// Errors: the configuration cannot be soaked; checked before the run.
 fn may_run(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
-    let name = args.config.display();
+    let name = path_text(&args.config);
     if config.run.clock == Clock::Stepped {
         bail!(
             "{name}: run.clock is \"stepped\", where frames have no deadlines; set it to \"wall\" or \"external\""
@@ -299,14 +383,7 @@ fn may_run(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
             args.minutes
         );
     }
-    let written = [("--junit", &args.junit), ("--json", &args.json)];
-    let written = written
-        .into_iter()
-        .filter_map(|(name, file)| Some((name, file.as_deref()?)));
-    let files: Vec<_> = std::iter::once(("--config", args.config.as_path()))
-        .chain(written)
-        .collect();
-    are_different(&files)
+    Ok(())
 }
 
 /// The mission by the wall clock, without an end: of a list of attitudes the first, turned on by its rates.
@@ -347,22 +424,40 @@ fn short(minutes: f64) -> String {
     }
 }
 
-/// The files that were asked for, as they are of a run that has told no verdict.
-fn write_untold(args: &Args) -> anyhow::Result<()> {
-    if let Some(path) = &args.junit {
-        let unfinished = Verdict::new("run", false, UNFINISHED.to_string());
-        let text = suite(&args.config).document(&[unfinished]);
-        verdict::write(path, &text).map_err(Error::msg)?;
+impl Args {
+    /// The options that name files.
+    fn files(&self) -> Vec<(&'static str, &Path)> {
+        let outputs = [("--junit", &self.junit), ("--json", &self.json)];
+        let outputs = outputs
+            .into_iter()
+            .filter_map(|(name, file)| Some((name, file.as_deref()?)));
+        std::iter::once(("--config", self.config.as_path()))
+            .chain(outputs)
+            .collect()
     }
-    if let Some(path) = &args.json {
-        let unfinished = serde_json::json!({ "passed": false, "error": UNFINISHED });
-        verdict::write(path, &format!("{unfinished:#}\n")).map_err(Error::msg)?;
+
+    fn limits(&self) -> Limits {
+        Limits {
+            max_miss_rate: self.max_miss_rate,
+            max_p99_ms: self.max_p99_ms,
+            max_growth: self.max_growth,
+        }
     }
-    Ok(())
+
+    /// The limits that are checked, by the names of their verdicts.
+    fn checks(&self) -> Vec<&'static str> {
+        let checks = [
+            ("deadlines", true),
+            ("p99", self.max_p99_ms.is_some()),
+            ("memory", self.max_growth.is_some()),
+        ];
+        let set = checks.iter().filter(|(_, is_set)| *is_set);
+        set.map(|(name, _)| *name).collect()
+    }
 }
 
-/// The table, with the rate of attitudes, and the files that were asked for.
-fn tell(report: &Report, args: &Args, rate: String) -> anyhow::Result<()> {
+/// Prints the table, with the rate of attitudes, and the verdicts.
+fn print(report: &Report, rate: String) -> anyhow::Result<()> {
     let mut rows = vec![row("minutes", short(report.minutes))];
     rows.extend(report.rows());
     rows.push(row("attitudes", rate));
@@ -375,13 +470,5 @@ fn tell(report: &Report, args: &Args, rate: String) -> anyhow::Result<()> {
     rows.push(row("counters", counts.join(", ")));
     say(format_args!("\n{}", table(&rows)))?;
     say(verdict::table(&report.verdicts))?;
-    if let Some(path) = &args.junit {
-        let text = report.suite().document(&report.verdicts);
-        verdict::write(path, &text).map_err(Error::msg)?;
-    }
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(report)? + "\n";
-        verdict::write(path, &text).map_err(Error::msg)?;
-    }
     Ok(())
 }

@@ -3,6 +3,7 @@
 
 use super::{CaptureError, Record};
 use bytes::Bytes;
+use skyloop_orbit::path_text;
 use skyloop_protocols::Direction;
 use skyloop_protocols::can::{CanFrame, Node, Side, frame};
 use std::fmt::Write as _;
@@ -64,7 +65,7 @@ pub fn read(file: &Path, text: &str) -> Result<Vec<Record<CanFrame>>, CaptureErr
     lines
         .map(|(number, line)| {
             parse(line).ok_or_else(|| CaptureError::Format {
-                file: file.display().to_string(),
+                file: path_text(file),
                 reason: format!(
                     "line {}: {:?} is no line of candump's log format, such as (1436509052.249713) can0 123#DEADBEEF R",
                     number + 1,

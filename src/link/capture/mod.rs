@@ -11,10 +11,11 @@ pub mod replay;
 mod silence;
 mod whole;
 
-use super::claim::Claim;
 use super::inbox::Observer;
 use super::{Inbound, LinkError, Outbound, Outbox, Wire};
 pub use origin::Origin;
+use skyloop_orbit::path_text;
+use skyloop_orbit::{Mark, NO_MARK, OutputFile};
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::{Direction, FaultKind};
 use std::borrow::Cow;
@@ -46,6 +47,8 @@ pub struct Record<P> {
     pub item: P,
 }
 
+/// How a recording of packets is recognised: pcapng's section header and the program that wrote it. One of CAN frames has no mark.
+const MARK: Mark = &["\n\r\r\n", "skyloop "];
 /// Records that may wait to be written; then the run waits.
 const QUEUE: usize = 4096;
 /// How often the file is brought up to date.
@@ -55,7 +58,7 @@ const FLUSH: Duration = Duration::from_secs(1);
 #[derive(Debug, Error)]
 pub enum CaptureError {
     /// The file cannot be made.
-    #[error("capture {file}: {source}; check that its folder exists, may be written and has room")]
+    #[error("--capture {file}: {source}{}", remedy_of(source))]
     Create {
         /// As given.
         file: String,
@@ -92,12 +95,20 @@ pub enum CaptureError {
     },
 }
 
+/// What to do about an output file that cannot be opened; refusals of skyloop's own say it themselves.
+pub fn remedy_of(error: &std::io::Error) -> &'static str {
+    match error.kind() {
+        std::io::ErrorKind::InvalidInput => "",
+        _ => "; check that its folder exists, may be written and has room",
+    }
+}
+
 /// A recording under way.
 pub struct Capture {
     queue: SyncSender<Message>,
     thread: Option<JoinHandle<Result<u64, CaptureError>>>,
     clock: WallTime,
-    file: Claim,
+    file: OutputFile,
     name: String,
     /// The links of a recording of packets; none of one of CAN frames.
     links: Option<Vec<String>>,
@@ -139,15 +150,20 @@ impl WallTime {
 }
 
 impl Capture {
-    /// Opens `file` for a recording; it is changed by [`Capture::begin`] only.
-    fn create(file: &Path, links: Option<Vec<String>>) -> Result<Capture, CaptureError> {
-        let name = file.display().to_string();
+    /// Opens `file` for a recording; it is changed by [`Capture::begin`] only. `force`: even if skyloop did not write it.
+    fn create(
+        file: &Path,
+        force: bool,
+        links: Option<Vec<String>>,
+    ) -> Result<Capture, CaptureError> {
+        let name = path_text(file);
         let failed = |source| CaptureError::Create {
             file: name.clone(),
             source,
         };
-        let claim = Claim::new(file).map_err(failed)?;
-        let to = claim.file().map_err(failed)?;
+        let mark = if links.is_some() { MARK } else { NO_MARK };
+        let output = OutputFile::open(file, mark, force).map_err(failed)?;
+        let to = output.file().map_err(failed)?;
         let (queue, records) = sync_channel(QUEUE);
         let thread = std::thread::Builder::new()
             .name("capture".to_string())
@@ -160,20 +176,20 @@ impl Capture {
             queue,
             thread: Some(thread),
             clock: WallTime::now(),
-            file: claim,
+            file: output,
             name,
             links,
         })
     }
 
     /// Records packets of these links in `file` (pcapng).
-    pub fn packets(file: &Path, links: &[String]) -> Result<Capture, CaptureError> {
-        Capture::create(file, Some(links.to_vec()))
+    pub fn packets(file: &Path, force: bool, links: &[String]) -> Result<Capture, CaptureError> {
+        Capture::create(file, force, Some(links.to_vec()))
     }
 
     /// Records CAN frames in `file` (candump's log format); they are given to the [`Recorder`].
-    pub fn frames(file: &Path) -> Result<Capture, CaptureError> {
-        Capture::create(file, None)
+    pub fn frames(file: &Path, force: bool) -> Result<Capture, CaptureError> {
+        Capture::create(file, force, None)
     }
 
     /// Begins the recording, in place of what the file had. One of packets starts with `origin`; candump's format has no
@@ -310,16 +326,16 @@ impl Outbox for TappedOutbox {
     }
 }
 
-/// Counts the octets that have been written.
+/// Counts the bytes that have been written.
 struct Counted<W> {
     to: W,
-    octets: u64,
+    bytes: u64,
 }
 
 impl<W: Write> Write for Counted<W> {
-    fn write(&mut self, octets: &[u8]) -> std::io::Result<usize> {
-        let written = self.to.write(octets)?;
-        self.octets += written as u64;
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let written = self.to.write(bytes)?;
+        self.bytes += written as u64;
         Ok(written)
     }
 
@@ -330,8 +346,8 @@ impl<W: Write> Write for Counted<W> {
 
 /// Writes records until the recording ends. After an error the others are counted only: the run goes on.
 fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u64, CaptureError> {
-    let mut to = BufWriter::with_capacity(1 << 16, Counted { to, octets: 0 });
-    // Ends of the records of which not all octets have been written, and the end of the last one.
+    let mut to = BufWriter::with_capacity(1 << 16, Counted { to, bytes: 0 });
+    // Ends of the records of which not all bytes have been written, and the end of the last one.
     let (mut ends, mut end) = (VecDeque::new(), 0);
     let (mut taken, mut failed) = (0, None);
     let mut flushed = Instant::now();
@@ -354,7 +370,7 @@ fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u6
             done = to.flush();
             flushed = Instant::now();
         }
-        let written = to.get_ref().octets;
+        let written = to.get_ref().bytes;
         while ends.front().is_some_and(|end| *end <= written) {
             ends.pop_front();
         }
@@ -383,12 +399,12 @@ fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u6
 mod tests {
     use super::*;
 
-    /// A disk with room for `0` octets.
+    /// A disk with room for `0` bytes.
     struct Disk(usize);
 
     impl Write for Disk {
-        fn write(&mut self, octets: &[u8]) -> std::io::Result<usize> {
-            let room = octets.len().min(self.0);
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            let room = bytes.len().min(self.0);
             if room == 0 {
                 return Err(std::io::ErrorKind::StorageFull.into());
             }
@@ -402,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_is_told_at_the_end() {
+    fn a_full_disk_is_reported_at_the_end() {
         let (queue, records) = sync_channel(QUEUE);
         for _ in 0..10 {
             queue.send(Message::Record(vec![0; 100])).unwrap();

@@ -1,6 +1,7 @@
 //! What a recorded run was made from: settings and input files. A replay compares them with its own.
 
 use skyloop_orbit::Input;
+use skyloop_orbit::path_text;
 use std::path::{Path, PathBuf};
 
 /// Files that a recording lists; of more only their number.
@@ -24,6 +25,7 @@ impl Origin {
         let settings = self.settings.iter();
         let settings = settings.map(|(name, value)| format!("{SETTING}{name} = {value}"));
         let inputs = self.inputs.iter().take(LISTED).map(|input| {
+            // As it is: a replay reads it back.
             let file = input.path.display();
             format!("{INPUT}{:08x} {} {file}", input.crc32, input.bytes)
         });
@@ -62,7 +64,7 @@ impl Origin {
         }
         let mut left: Vec<&Input> = now.inputs.iter().collect();
         for was in &self.inputs {
-            let file = was.path.display();
+            let file = path_text(&was.path);
             // The same path, else the same name in another folder.
             let place = left.iter().position(|is| is.path == was.path);
             let place =
@@ -71,7 +73,7 @@ impl Origin {
                 None => lines.push(format!("{file}: read for the recording, not now")),
                 Some(is) if (is.bytes, is.crc32) != (was.bytes, was.crc32) => lines.push(format!(
                     "{}: changed since the recording ({} bytes with CRC-32 {:08x}, then {} with {:08x})",
-                    is.path.display(),
+                    path_text(&is.path),
                     is.bytes,
                     is.crc32,
                     was.bytes,
@@ -82,7 +84,7 @@ impl Origin {
         }
         // A list that was cut names no more.
         if self.inputs.len() < LISTED {
-            let more = left.iter().map(|is| is.path.display());
+            let more = left.iter().map(|is| path_text(&is.path));
             lines.extend(more.map(|file| format!("{file}: read now, not for the recording")));
         }
         lines

@@ -3,6 +3,7 @@
 
 use super::{CaptureError, Record};
 use bytes::Bytes;
+use skyloop_orbit::path_text;
 use skyloop_protocols::Direction;
 use std::path::Path;
 use std::time::Duration;
@@ -132,7 +133,7 @@ pub struct Packets {
 /// off (the run was killed) is left out, and the log says so.
 pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
     let wrong = |at: usize, what: &str| CaptureError::Format {
-        file: file.display().to_string(),
+        file: path_text(file),
         reason: format!("octet {at}: {what}"),
     };
     let (mut comments, mut links, mut records) = (Vec::new(), Vec::new(), Vec::new());
@@ -187,7 +188,7 @@ pub fn read(file: &Path, octets: &Bytes) -> Result<Packets, CaptureError> {
     if at < octets.len() {
         tracing::warn!(
             "{}: the last {} octets are cut off and left out",
-            file.display(),
+            path_text(file),
             octets.len() - at
         );
     }

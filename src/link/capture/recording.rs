@@ -6,6 +6,7 @@ use super::{CaptureError, Origin, Record, candump, pcapng};
 use crate::link::{LinkUrl, Roles};
 use bytes::Bytes;
 use skyloop_orbit::LARGEST_FILE;
+use skyloop_orbit::path_text;
 use skyloop_protocols::Personality;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -34,7 +35,7 @@ pub struct Recording {
 /// Reads a recording, whichever format it has.
 pub fn load(file: &Path, personality: &Personality) -> Result<Recording, CaptureError> {
     let no_recording = || CaptureError::Format {
-        file: file.display().to_string(),
+        file: path_text(file),
         reason: "neither pcapng nor a log of candump: record one with --capture".to_string(),
     };
     // Before the rest is read.
@@ -46,7 +47,7 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
     let octets = octets.map_err(|source| match source.kind() {
         ErrorKind::InvalidData => no_recording(),
         _ => CaptureError::Read {
-            file: file.display().to_string(),
+            file: path_text(file),
             source,
         },
     })?;

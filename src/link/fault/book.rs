@@ -3,7 +3,8 @@
 use super::engine::{How, Injection, What};
 use super::plan::name;
 use super::stopped::{Needs, Outlook, Stopped};
-use crate::link::claim::Claim;
+use skyloop_orbit::path_text;
+use skyloop_orbit::{Mark, OutputFile};
 use skyloop_protocols::Direction;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -30,16 +31,19 @@ struct Log {
     failed: Option<String>,
 }
 
+/// How a fault log of skyloop is recognised.
+pub const MARK: Mark = &["{\"t_s\":", ",\"unix_s\":"];
+
 /// Inverted bits of one packet that are listed; of more, only their number.
 const BITS: usize = 64;
 
 impl Book {
-    /// A book that writes into the file of `claim` at `path` too; the claim begins first.
-    pub fn writing(path: &Path, claim: &Claim) -> std::io::Result<Book> {
+    /// A book that writes into `output` at `path` too, once that has begun.
+    pub fn writing(path: &Path, output: &OutputFile) -> std::io::Result<Book> {
         Ok(Book {
             log: Some(Log {
-                name: path.display().to_string(),
-                file: BufWriter::new(claim.file()?),
+                name: path_text(path),
+                file: BufWriter::new(output.file()?),
                 failed: None,
             }),
             ..Book::default()

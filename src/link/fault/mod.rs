@@ -15,7 +15,7 @@ mod spared;
 mod stopped;
 mod wire;
 
-pub use book::Book;
+pub use book::{Book, MARK as LOG_MARK};
 pub use bus::BusFaults;
 pub use engine::{Damageable, Faults, How, Injection, Pushed, What};
 pub use line::CAPACITY;

@@ -60,7 +60,7 @@ const LONGEST_S: f64 = 1e6;
 impl Plan {
     /// Reads the schedule for a link that is a CAN bus (`can`) or carries whole packets.
     pub fn load(file: &Path, can: bool) -> Result<Plan, ConfigError> {
-        let (name, text) = Folder::current().read(&file.display().to_string())?;
+        let (name, text) = Folder::current().read(&file.to_string_lossy())?;
         Plan::parse(&name, &text, can)
     }
 

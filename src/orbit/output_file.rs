@@ -1,0 +1,269 @@
+//! Output files. One rule for all of them: an input is never replaced, a file that skyloop did not write only by force, and
+//! opening one never waits.
+
+use crate::read::not_input;
+use std::fs::{File, FileType, OpenOptions};
+use std::io::{Error, ErrorKind, Read, Result, Write};
+use std::path::{Path, PathBuf};
+
+/// How a file that skyloop wrote is recognised: it begins with the first text and has the others within its first bytes. Without any, the format
+/// has no room for a mark, and an earlier file is always replaced by force only.
+pub type Mark = &'static [&'static str];
+
+/// The mark of formats that cannot have one: element sets, logs of candump; and of files that people edit.
+pub const NO_MARK: Mark = &[];
+
+/// Bytes in which a mark is looked for.
+const HEAD: u64 = 1024;
+
+/// An open output file whose earlier contents are still there.
+#[derive(Debug)]
+pub struct OutputFile {
+    file: File,
+    path: PathBuf,
+    /// It did not exist before, and nothing was written yet: it is removed again.
+    is_unused: bool,
+    /// It is there already and lacks the mark.
+    is_foreign: bool,
+}
+
+impl OutputFile {
+    /// Opens the file and changes nothing in it. With `force` a file without the `mark` is accepted too.
+    ///
+    /// Errors: it cannot be written; this process has read it, or skyloop did not write it ([`ErrorKind::InvalidInput`]); a pipe that no program
+    /// reads; a block device.
+    pub fn open(path: &Path, mark: Mark, force: bool) -> Result<OutputFile> {
+        if path == Path::new("-") {
+            let why = "this option has no standard output: give /dev/stdout, or ./- for a file of this name";
+            return Err(Error::new(ErrorKind::InvalidInput, why));
+        }
+        not_input(path)?;
+        let is_foreign = !may_replace(path, mark);
+        if is_foreign && !force {
+            return Err(foreign());
+        }
+        let mut new = OpenOptions::new();
+        let mut old = OpenOptions::new();
+        let (file, is_unused) = match open(new.write(true).create_new(true), path) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+                let old = old.write(true).create(true).truncate(false);
+                (open(old, path)?, false)
+            }
+            opened => (opened?, true),
+        };
+        if is_block_device(file.metadata()?.file_type()) {
+            let why = "this is a disk: name a file";
+            return Err(Error::new(ErrorKind::InvalidInput, why));
+        }
+        Ok(OutputFile {
+            file,
+            path: path.to_owned(),
+            is_unused,
+            is_foreign,
+        })
+    }
+
+    /// The file, to be written from [`OutputFile::begin`] on.
+    pub fn file(&self) -> Result<File> {
+        self.file.try_clone()
+    }
+
+    /// Whether it replaces a file that skyloop did not write.
+    #[must_use]
+    pub fn is_foreign(&self) -> bool {
+        self.is_foreign
+    }
+
+    /// Whether it can be written anew: a pipe or a device cannot.
+    pub fn is_regular(&self) -> Result<bool> {
+        Ok(self.file.metadata()?.is_file())
+    }
+
+    /// Removes the earlier contents.
+    ///
+    /// Errors: what the system says; meanwhile this process has read the file.
+    pub fn begin(&mut self) -> Result<()> {
+        not_input(&self.path)?;
+        self.is_unused = false;
+        if self.is_regular()? {
+            self.file.set_len(0)?;
+            std::io::Seek::rewind(&mut self.file)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the whole contents, in place of the earlier ones.
+    ///
+    /// Errors: those of [`OutputFile::begin`], and what the system says.
+    pub fn write(&mut self, contents: &[u8]) -> Result<()> {
+        self.begin()?;
+        self.file.write_all(contents)
+    }
+}
+
+impl Drop for OutputFile {
+    fn drop(&mut self) {
+        if self.is_unused {
+            // The run has failed for another reason, which is reported.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Writes a file whole, in place of an older one.
+///
+/// Errors: those of [`OutputFile::open`] and [`OutputFile::write`].
+pub fn write_file(path: &Path, text: &str, mark: Mark, force: bool) -> Result<()> {
+    OutputFile::open(path, mark, force)?.write(text.as_bytes())
+}
+
+/// Whether nothing is lost where the file is written: it is missing, empty, has the mark, or is no regular file.
+#[must_use]
+pub fn may_replace(path: &Path, mark: Mark) -> bool {
+    let Ok(about) = path.metadata() else {
+        return true;
+    };
+    if !about.is_file() || about.len() == 0 {
+        return true;
+    }
+    let Some(head) = head_of(path) else {
+        return false;
+    };
+    let head = String::from_utf8_lossy(&head);
+    let first = mark.first().is_some_and(|first| head.starts_with(first));
+    first && mark.iter().all(|part| head.contains(part))
+}
+
+/// The first bytes of a regular file that can be read.
+fn head_of(path: &Path) -> Option<Vec<u8>> {
+    let mut head = Vec::new();
+    let file = File::open(path).ok()?;
+    file.take(HEAD).read_to_end(&mut head).ok()?;
+    Some(head)
+}
+
+/// The error where an output would replace a file that skyloop did not write.
+#[must_use]
+pub fn foreign() -> Error {
+    let why = "skyloop did not make this file: name another, or replace it with --force";
+    Error::new(ErrorKind::InvalidInput, why)
+}
+
+/// Opens for writing without waiting for the other end: that of a pipe may never come.
+#[cfg(unix)]
+fn open(options: &mut OpenOptions, path: &Path) -> Result<File> {
+    use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+    use std::os::unix::fs::OpenOptionsExt;
+    options.custom_flags(OFlags::NONBLOCK.bits() as i32);
+    let file = options.open(path).map_err(|error| {
+        let no_reader = Some(rustix::io::Errno::NXIO.raw_os_error());
+        if error.raw_os_error() == no_reader {
+            let why = "no program reads this pipe: start that one first";
+            return Error::new(ErrorKind::InvalidInput, why);
+        }
+        error
+    })?;
+    fcntl_setfl(&file, fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
+    Ok(file)
+}
+
+#[cfg(not(unix))]
+fn open(options: &mut OpenOptions, path: &Path) -> Result<File> {
+    options.open(path)
+}
+
+#[cfg(unix)]
+fn is_block_device(kind: FileType) -> bool {
+    std::os::unix::fs::FileTypeExt::is_block_device(&kind)
+}
+
+#[cfg(not(unix))]
+fn is_block_device(_: FileType) -> bool {
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MARK: Mark = &["begin", "mark"];
+
+    fn folder(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("skyloop-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        folder
+    }
+
+    #[test]
+    fn an_output_changes_nothing_until_it_begins() {
+        let folder = folder("output");
+        let [new, old] = ["new", "old"].map(|name| folder.join(name));
+        std::fs::write(&old, "begin: an earlier one with its mark").unwrap();
+        for path in [&new, &old] {
+            drop(OutputFile::open(path, MARK, false).unwrap());
+        }
+        assert!(!new.exists());
+        assert!(std::fs::read(&old).unwrap().starts_with(b"begin"));
+        for path in [&new, &old] {
+            let mut output = OutputFile::open(path, MARK, false).unwrap();
+            let mut file = output.file().unwrap();
+            output.begin().unwrap();
+            file.write_all(b"now").unwrap();
+            output.write(b"then").unwrap();
+            drop(output);
+            assert_eq!(std::fs::read(path).unwrap(), b"then");
+        }
+        assert!(OutputFile::open(&folder.join("no/file"), MARK, true).is_err());
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn a_file_without_the_mark_is_replaced_by_force_only() {
+        let folder = folder("foreign");
+        let file = folder.join("file");
+        for (contents, mark, may) in [
+            ("", NO_MARK, true),
+            ("", MARK, true),
+            ("begin mark", MARK, true),
+            ("begin mark", NO_MARK, false),
+            (" begin mark", MARK, false),
+            ("begin", MARK, false),
+            ("mark", MARK, false),
+        ] {
+            std::fs::write(&file, contents).unwrap();
+            let written = write_file(&file, "new", mark, false);
+            assert_eq!(written.is_ok(), may, "{contents:?} {mark:?}");
+            let kept = if may { "new" } else { contents };
+            assert_eq!(std::fs::read_to_string(&file).unwrap(), kept);
+            assert!(write_file(&file, "new", mark, true).is_ok());
+        }
+        for name in ["-", "."] {
+            assert!(write_file(Path::new(name), "", MARK, true).is_err());
+        }
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_pipe_without_a_reader_is_refused_at_once() {
+        let folder = folder("pipes");
+        let pipe = folder.join("pipe");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.unwrap().success());
+        let error = OutputFile::open(&pipe, MARK, false).unwrap_err();
+        assert!(error.to_string().contains("no program reads this pipe"));
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || std::fs::read(pipe)
+        });
+        // The reader may not have come yet.
+        let written = (0..1000).find(|_| {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+            write_file(&pipe, &"x".repeat(300_000), NO_MARK, false).is_ok()
+        });
+        assert!(written.is_some());
+        assert_eq!(reader.join().unwrap().unwrap().len(), 300_000);
+        assert!(write_file(Path::new("/dev/null"), "x", NO_MARK, false).is_ok());
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+}
