@@ -67,7 +67,7 @@ pub struct Shape {
     pub items: usize,
     /// Of each.
     pub bytes: usize,
-    /// Whether they must come once each and in order, as those of ISO-TP (ISO 15765-2, 9.8.3). Others must come within [`MAX_SPREAD`].
+    /// Whether they must come once each and in order, as those of ISO-TP (ISO 15765-2, 9.8.3). Others must come within `MAX_SPREAD`.
     pub in_order: bool,
 }
 
