@@ -161,7 +161,7 @@ fn ask(
                     answers.push(answer);
                     break;
                 }
-                Err(why) => writeln!(output, "  {}", printable(&why))?,
+                Err(why) => writeln!(output, "  {}", printable(&format!("{text:?}: {why}")))?,
             }
         }
     }
@@ -215,7 +215,8 @@ fn lines(faults: impl Iterator<Item = String>) -> String {
 }
 
 fn read(question: &Question, text: &str) -> Result<Answer, String> {
-    (question.read)(text.trim()).map_err(|why| format!("{} {why}", question.option))
+    let text = text.trim();
+    (question.read)(text).map_err(|why| format!("{} {text:?}: {why}", question.option))
 }
 
 /// A number without a unit.
@@ -223,9 +224,9 @@ fn number(text: &str, least: f64, most: f64, unit: &str) -> Result<Answer, Strin
     let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
     match value {
         Some(value) if (least..=most).contains(&value) => Ok(([value, 0.0], false)),
-        Some(_) => Err(format!("{text:?}: must be {least} to {most} {unit}")),
+        Some(_) => Err(format!("must be {least} to {most} {unit}")),
         None => Err(format!(
-            "{text:?}: must be a number in {unit}, {least} to {most}, without a unit"
+            "must be a number in {unit}, {least} to {most}, without a unit"
         )),
     }
 }
@@ -237,9 +238,7 @@ fn size(text: &str) -> Result<Answer, String> {
         [width, height] if (1..=8192).contains(&width) && (1..=8192).contains(&height) => {
             Ok(([f64::from(width), f64::from(height)], false))
         }
-        _ => Err(format!(
-            "{text:?}: must be columns x rows in px, 1 to 8192 each, such as 1280x1024"
-        )),
+        _ => Err("must be columns x rows in px, 1 to 8192 each, such as 1280x1024".to_string()),
     }
 }
 
