@@ -95,17 +95,31 @@ fn earlier_frames(labels: &Path) -> Option<BTreeSet<u32>> {
 /// Bytes that a line of labels is known by: the longest number of a frame is in them, and no line is as short.
 const LABEL_HEAD: u64 = 24;
 
-/// Whether a file of one of our names is of the earlier run whose labels list these frames. A run that was killed may have
-/// left one frame more.
-fn is_earlier(name: &str, frames: Option<&BTreeSet<u32>>) -> bool {
+/// What the header of a frame's FITS file has.
+const FITS_MARK: Mark = &[
+    "SIMPLE  =",
+    "/ number in the run, from 0",
+    "/ seed of the noise",
+];
+
+/// Whether a file with a name of ours belongs to the earlier run whose labels list these frames. A run that was killed may have
+/// left one frame more: that is known by its FITS file.
+fn is_earlier(folder: &Folder, name: &str, frames: Option<&BTreeSet<u32>>) -> bool {
     let Some(frames) = frames else { return false };
     let Some(rest) = name.strip_prefix("frame_") else {
         return true;
     };
     let digits = rest.split(|c: char| !c.is_ascii_digit()).next();
-    let number = digits.and_then(|digits| digits.parse().ok());
+    let Some(number) = digits.and_then(|digits| digits.parse().ok()) else {
+        return false;
+    };
+    let is_listed = frames.contains(&number);
     let next = frames.last().map_or(0, |last| last.saturating_add(1));
-    number.is_some_and(|number| frames.contains(&number) || number == next)
+    if name.ends_with(FITS) {
+        return (is_listed || number == next) && may_replace(&folder.path(name), FITS_MARK);
+    }
+    let fits = folder.path(&(frame_name(number) + FITS));
+    is_listed || number == next && fits.is_file() && may_replace(&fits, FITS_MARK)
 }
 
 /// Whether a run that writes into the folder `dir` would write a file at `path`.
@@ -144,7 +158,7 @@ impl Folder {
         for name in &names {
             let replace = |e| folder.error("replace", name, e);
             skyloop_orbit::not_input(&folder.path(name)).map_err(replace)?;
-            if !force && !is_earlier(name, earlier.as_ref()) {
+            if !force && !is_earlier(&folder, name, earlier.as_ref()) {
                 return Err(replace(skyloop_orbit::foreign()));
             }
         }

@@ -3,7 +3,7 @@
 use super::collected::Collected;
 use super::view::{Candidate, View};
 use super::wanderer::Element;
-use super::work::{CROSSING, LOOK_NS, POINT_NS, ROW_NS, WAY_LOOKS};
+use super::work::{LOOK_NS, POINT_NS, ROW_NS, WAY_LOOKS};
 use super::{Area, Body, Full, Simulated, Source};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
@@ -253,9 +253,7 @@ impl View {
             let turned_s = if simulated.smear { dt_s } else { 0.0 };
             place(dt_s, turned_s, simulated.aberration_drift)
         };
-        // Where rows open in turn, the instants of two crossings are looked for.
-        let crossings = if simulated.rolling { 2.0 } else { 0.0 };
-        let looks = WAY_LOOKS + course.pieces as f64 + crossings * CROSSING;
+        let looks = WAY_LOOKS + course.pieces as f64;
         self.limit.spend(looks * LOOK_NS);
         Track::sample(at, &course, fidelity)
     }

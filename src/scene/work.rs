@@ -27,7 +27,7 @@ pub(super) const WAY_LOOKS: f64 = 7.0;
 pub(super) const POINT_NS: f64 = 2000.0;
 pub(super) const ROW_NS: f64 = 180.0;
 /// Looks for the instants at which an image's own row opens and closes.
-pub(super) const CROSSING: f64 = 100.0;
+const CROSSING: f64 = 100.0;
 
 /// The work of moving images.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -244,6 +244,9 @@ impl Server {
         {
             any = true;
             let picture = self.pictures.remove(at);
+            if picture.whole {
+                self.note_delivered(picture.number);
+            }
             let counters = &mut self.counters;
             let counter = match picture.whole {
                 true => &mut counters.frames_delivered,

@@ -42,6 +42,8 @@ pub(super) struct Leaving {
     at: usize,
     /// The place of its last packet in the link's queue; none: it was not put there whole.
     mark: Option<Mark>,
+    /// Whether the frame was counted as delivered.
+    is_delivered: bool,
 }
 
 impl Leaving {
@@ -64,6 +66,7 @@ impl Leaving {
             ready: last_pixel.max(picture.since_trigger(Some(picture.asked.release))),
             at,
             mark,
+            is_delivered: false,
         }
     }
 }
@@ -93,6 +96,13 @@ impl Server {
         }
     }
 
+    /// Notes that a frame counts as delivered: packets of it may still be queued.
+    pub(super) fn note_delivered(&mut self, frame: u32) {
+        for leaving in &mut self.leaving {
+            leaving.is_delivered |= leaving.left.times.frame == frame;
+        }
+    }
+
     /// At the end of a run: counts the frames of which packets are still queued. Their clients have not read them.
     pub(super) fn count_unsent(&mut self) {
         let unsent = std::mem::take(&mut self.leaving);
@@ -101,7 +111,9 @@ impl Server {
             // What was not given to its link whole is counted already.
             if leaving.mark.is_some() {
                 self.count_withheld(name(Withheld::NotRead));
-                frames.insert(leaving.left.times.frame);
+                if leaving.is_delivered {
+                    frames.insert(leaving.left.times.frame);
+                }
             }
             self.book(leaving, None);
         }

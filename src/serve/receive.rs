@@ -3,6 +3,7 @@
 use super::Server;
 use super::deliver::LISTEN;
 use crate::link::{Inbound, LinkError, QUEUE};
+use skyloop_protocols::apid::ATTITUDE;
 use skyloop_protocols::{Command, Reason, Reply, Withheld, packet};
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
@@ -80,7 +81,6 @@ impl Server {
         let (header, command) = match (self.personality.decode_command)(&inbound.packet) {
             Ok(decoded) => decoded,
             Err(error) => {
-                self.counters.refuse_undecodable(&error);
                 let (apid, count) = packet::identify(&inbound.packet).unwrap_or((0, 0));
                 self.see_refused(at, apid, count);
                 // One that proves the address stays in the link.
@@ -89,14 +89,17 @@ impl Server {
                     Ok((_, Reply::Challenge(_)))
                 ) {
                     const WRONG: &str = "this Challenge is not of this address or time";
-                    let why = match self.channels[at].wire.tally.awaits_proof() {
-                        true => Withheld::NoProof,
-                        false => Withheld::Refused,
-                    };
-                    self.report(at, why, WRONG);
+                    self.counters.refuse(Reason::ValueOutOfRange);
+                    if self.channels[at].wire.tally.awaits_proof() {
+                        self.report(at, Withheld::NoProof, WRONG);
+                    }
                     return self.nack(at, apid, count, Reason::ValueOutOfRange, WRONG);
                 }
-                self.report(at, Withheld::Refused, &error.to_string());
+                self.counters.refuse_undecodable(&error);
+                // Any other asks for no frame. What cannot be identified may be an attitude.
+                if matches!(apid, 0 | ATTITUDE) {
+                    self.report(at, Withheld::Refused, &error.to_string());
+                }
                 return self.nack(at, apid, count, error.reason(), &error.to_string());
             }
         };

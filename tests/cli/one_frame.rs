@@ -137,7 +137,7 @@ fn ways_to_point_exclude_each_other() {
     let here = tempfile::tempdir().unwrap();
     for (words, code, says) in [
         ("--nadir --radec 0,0,0", 2, "cannot be used with"),
-        ("--nadir --rates 0,0,1", 2, "--radec"),
+        ("--nadir --rates 0,0,1", 1, "leave --rates out"),
         ("", 2, "--radec"),
         ("--radec 0,91,0", 1, "DEC -90 to 90"),
         ("--radec 0,0", 2, "3 numbers are wanted, not 2"),

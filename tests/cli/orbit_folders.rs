@@ -223,6 +223,7 @@ fn a_record_that_links_two_others_makes_one_object_of_them_for_every_command() {
                 "omm-json",
                 "--out",
                 "whole.json",
+                "--force",
             ],
             &files[..],
         ];

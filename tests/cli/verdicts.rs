@@ -80,7 +80,6 @@ fn a_line_that_a_fault_has_stopped_ends_a_loopback_in_seconds() {
         ("serial", "out", "bit_flips", 0.001, 0.2),
         ("memory", "in", "delay", 60.0, 0.0),
         ("udp", "out", "delay", 31.0, 0.2),
-        ("slcan", "out", "delay", 1.5, 0.2),
         ("slcan", "out", "duplicate", 1.0, 0.0),
         ("slcan", "in", "bit_flips", 0.01, 0.0),
         ("slcan", "in", "bus_off", 1.0, 0.3),

@@ -66,7 +66,7 @@ optics.vignetting | table = [[0.0, 1.0], [5.0, 1.1]] | optics.vignetting.table[1
 optics.vignetting | table = [[0.0, 1.0], [5.0]] | optics.vignetting.table[1]: must have 2 values, not 1
 optics.vignetting | table = [[4.0, 1.0], [2.0, 0.5]] | optics.vignetting.table[1] = [2.0, 0.5] | greater angle
 optics.vignetting | table = [] | optics.vignetting.table = []
-optics.vignetting | table = [[0.0, 1.0]]; cos4 = true | optics.vignetting.table | exclude
+optics.vignetting | table = [[0.0, 1.0]]; cos4 = true | optics.vignetting.cos4 | exclude
 optics.stray |  | optics.stray: says nothing: set pst = [[angle, transmittance], ...] or sun_exclusion_deg
 optics.stray | pst = [] | optics.stray.pst = [] | at least one [angle, transmittance]
 optics.stray | pst = [[10.0, 0.0]] | optics.stray.pst[0][1] = 0: must be 0.000000000001 to 1

@@ -63,6 +63,40 @@ fn a_run_replaces_the_files_of_an_earlier_one_and_nothing_else() {
     }
 }
 
+/// Names of a run's files that the run did not write: behind its last frame, and electrons that it did not keep. A frame without a label is
+/// what a killed run leaves.
+#[test]
+fn files_that_the_run_did_not_write_stop_the_next_one() {
+    let dir = tempfile::tempdir().unwrap();
+    for (name, may) in [
+        ("frame_00001.png", false),
+        ("frame_00001.fits", false),
+        ("frame_00000_electrons.fits", false),
+        ("frame_00007.fits", false),
+        ("frame_00000.fits", true),
+    ] {
+        run(dir.path(), 1, false).unwrap();
+        let file = dir.path().join(name);
+        let contents = if may {
+            fs::read(&file).unwrap()
+        } else {
+            b"mine".to_vec()
+        };
+        fs::write(&file, &contents).unwrap();
+        assert_eq!(run(dir.path(), 1, false).is_ok(), may, "{name}");
+        assert_eq!(fs::read(&file).unwrap(), contents, "{name}");
+        if !may {
+            fs::remove_file(&file).unwrap();
+        }
+    }
+    run(dir.path(), 2, false).unwrap();
+    let labels = fs::read_to_string(dir.path().join("labels.jsonl")).unwrap();
+    let first = labels.lines().next().unwrap();
+    fs::write(dir.path().join("labels.jsonl"), format!("{first}\n")).unwrap();
+    run(dir.path(), 1, false).unwrap();
+    assert!(!dir.path().join("frame_00001.png").exists());
+}
+
 #[test]
 fn a_run_without_frames_leaves_no_sheet_and_no_labels() {
     let dir = tempfile::tempdir().unwrap();

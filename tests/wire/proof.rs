@@ -102,12 +102,12 @@ fn a_wrong_challenge_is_refused_in_words() {
         (challenge(u64::MAX), Reason::ValueOutOfRange, WRONG),
         (damaged, Reason::BadCrc, "damaged on the way"),
     ] {
-        let (_udp, line) = on_udp(scene(), Clock::Stepped, 5.0);
-        let (_memory, memory) = on_memory(scene(), Clock::Stepped);
+        let (udp, line) = on_udp(scene(), Clock::Stepped, 5.0);
+        let (memory, over_memory) = on_memory(scene(), Clock::Stepped);
         let lines: [Box<dyn Line>; 3] = [
             Box::new(Deaf(line.another())),
             Box::new(line),
-            Box::new(memory),
+            Box::new(over_memory),
         ];
         for line in lines {
             let mut client = Client::new(line);
@@ -116,6 +116,9 @@ fn a_wrong_challenge_is_refused_in_words() {
             let found = (nack.apid, nack.sequence_count, nack.reason);
             assert_eq!(found, (0x20B, 7, reason), "{}", nack.detail);
             assert!(nack.detail.contains(says), "{}", nack.detail);
+        }
+        for emulator in [udp, memory] {
+            assert_eq!(emulator.end().unknown_type, 0, "{says}");
         }
     }
 }

@@ -1,12 +1,13 @@
 //! Frames that a client does not get: each is counted under its cause, and none is missing from the sum.
 
-use crate::support::client::Client;
+use crate::support::client::{self, Client};
 use crate::support::line::{Line, MemoryLine};
 use crate::support::{
     EPOCH, Running, attitude, await_that, later, on_serial, on_udp, options, quick, scene,
 };
 use skyloop::config::{Clock, Config};
 use skyloop::link::{self, Roles, Wire};
+use skyloop_protocols::packet::reseal;
 use skyloop_protocols::personality::{NATIVE, Personality};
 use skyloop_protocols::{Command, EncodeError, Reply, Withheld};
 use std::time::Duration;
@@ -82,6 +83,27 @@ fn frames_rendered_are_those_delivered_and_those_withheld_by_cause() {
     }
     (0..3).for_each(|_| drop(emulator.shot()));
     assert_eq!(balance(emulator), (3, 0, vec![("client does not read", 3)]));
+}
+
+/// A refused packet that asks for no frame withholds none; a damaged attitude does.
+#[test]
+fn status_tells_of_refused_packets_that_ask_for_frames_alone() {
+    for (command, octet, value, cause) in [
+        (Command::Ping, 15, 99, Withheld::None),
+        (Command::Exposure { seconds: -1.0 }, 15, 1, Withheld::None),
+        (Command::Attitude(attitude(5)), 2, 0, Withheld::Refused),
+    ] {
+        let (_emulator, line) = on_udp(scene(), Clock::Stepped, 60.0);
+        let mut client = Client::new(line);
+        client.point(attitude(0), EPOCH);
+        client.good_frame(0);
+        let mut packet = client::packet(&command, 5, EPOCH);
+        packet[octet] = value;
+        reseal(&mut packet);
+        client.line.send(&packet);
+        client.nack();
+        assert_eq!(client.status().withheld, cause, "{command:?}");
+    }
 }
 
 /// Its encoder has no room for labels.
