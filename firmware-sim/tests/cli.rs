@@ -391,7 +391,9 @@ fn errors_say_what_to_do() {
             "cannot write no/such.xml: No such file or directory (os error 2); name another file",
         ),
         (
-            &["--hold", "0,0,0,1", "--junit", &orbit, "--orbit", &orbit],
+            &[
+                "--hold", "0,0,0,1", "--junit", &orbit, "--orbit", &orbit, "--force",
+            ],
             "this run reads this file",
         ),
         (&["--hold", "0,0,0,1", "--frames", "0"], "--frames"),
