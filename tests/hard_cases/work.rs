@@ -49,7 +49,7 @@ const WIDE: [(&str, &str); 2] = [SECOND, ("detector.width_px", "4096")];
 const TALL: [(&str, &str); 5] = [
     SECOND,
     ("detector.width_px", "64"),
-    ("detector.height_px", "8192"),
+    ("detector.height_px", "2048"),
     ("timing.shutter", "\"rolling\""),
     ("timing.row_us", "10.0"),
 ];
@@ -74,7 +74,7 @@ const CORNERS: &[Corner] = &[
     ("particles", &PARTICLES, 0.0, false),
     ("a distorting lens, turning", &DISTORTED, 20.0, true),
     ("4096 columns, turning", &WIDE, 20.0, false),
-    ("8192 rows in turn", &TALL, 1.0, false),
+    ("2048 rows in turn", &TALL, 1.0, true),
 ];
 
 /// An emulator of that camera with 256 x 256 pixels and the effects of a run, and a vehicle 630 km above the Earth.
