@@ -286,8 +286,8 @@ fn stopped_by(fault: &str, packets: u64, injected: &str, link: &str) -> Error {
 fn came_whole(report: &Report, made: u32, interrupted: &AtomicBool) -> anyhow::Result<()> {
     let all = counted(report.requested as usize, "frame");
     if interrupted.load(Ordering::Relaxed) {
-        // As the table has it: the flight computer may have stopped within the last one.
-        bail!("stopped after {made} of {all}");
+        // As the table has it: the flight computer may have stopped within the last one. Frames may have been made again.
+        bail!("stopped after {} of {all}", made.min(report.requested));
     }
     if report.frames != report.requested {
         let missing = report.requested - report.frames;

@@ -324,9 +324,13 @@ impl Server {
         picture.whole = picture.open > 0;
         for at in without {
             let exchange = &self.channels[at].exchange;
-            let (why, detail) = match exchange.heard {
-                true => (Withheld::NotRead, "the client takes nothing, or has gone"),
-                false => (Withheld::NoClient, "nobody has sent a valid packet yet"),
+            let (why, detail) = match (exchange.heard, exchange.withheld) {
+                (false, _) => (Withheld::NoClient, "no valid packet has come yet"),
+                // Why the link was given up.
+                (true, why @ (Withheld::NoCredit | Withheld::NoProof)) => {
+                    (why, "nothing is sent until the client sends a packet")
+                }
+                (true, _) => (Withheld::NotRead, "the client takes nothing, or has gone"),
             };
             self.withhold(at, why, &format!("frame {frame}: {detail}"));
         }

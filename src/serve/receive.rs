@@ -3,7 +3,7 @@
 use super::Server;
 use super::deliver::LISTEN;
 use crate::link::{Inbound, LinkError, QUEUE};
-use skyloop_protocols::apid::ATTITUDE;
+use skyloop_protocols::apid::COMMAND;
 use skyloop_protocols::{Command, Reason, Reply, Withheld, packet};
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
@@ -96,8 +96,8 @@ impl Server {
                     return self.nack(at, apid, count, Reason::ValueOutOfRange, WRONG);
                 }
                 self.counters.refuse_undecodable(&error);
-                // Any other asks for no frame. What cannot be identified may be an attitude.
-                if matches!(apid, 0 | ATTITUDE) {
+                // Commands but Trigger ask for no frame. What cannot be identified may be an attitude.
+                if apid != COMMAND {
                     self.report(at, Withheld::Refused, &error.to_string());
                 }
                 return self.nack(at, apid, count, error.reason(), &error.to_string());
