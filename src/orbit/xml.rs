@@ -76,7 +76,10 @@ pub(crate) fn between(text: &str) -> Vec<(usize, &str)> {
         if !tag.closing || !ROOTS.contains(&tag.name) {
             continue;
         }
-        let end = tags.peek().map_or(text.len(), |next| next.start);
+        // Tags of no message are foreign too, such as those of a page.
+        let is_known = |tag: &Tag| ROOTS.contains(&tag.name) || tag.name.starts_with(['?', '!']);
+        let next = tags.peek().filter(|next| is_known(next));
+        let end = next.map_or(text.len(), |next| next.start);
         let mut at = tag.end;
         // Comments and blanks say nothing.
         while let Some(rest) = text.get(at..end) {

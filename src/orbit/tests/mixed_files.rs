@@ -152,6 +152,12 @@ fn messages_of_several_kinds_in_one_file_are_all_read_or_named() {
             )],
         ),
         (
+            vec![&omm_xml, "\n<html>\n", &omm_xml],
+            2,
+            0,
+            vec![(2, "'<html>")],
+        ),
+        (
             vec![&json, "\n", SET],
             1,
             0,
