@@ -3,8 +3,8 @@
 use hifitime::Epoch;
 use nalgebra::UnitQuaternion;
 use skyloop_orbit::aem::{self, AttitudeMessage, AttitudeSegment};
+use skyloop_orbit::not_attitudes;
 use skyloop_orbit::time::{parse_utc, utc_text};
-use skyloop_orbit::unread_format;
 use thiserror::Error;
 
 use crate::pointing::{Pointing, rate_between, turn};
@@ -51,7 +51,7 @@ pub enum ListError {
         /// What is wrong there, and the remedy.
         reason: String,
     },
-    /// A known format that is not read.
+    /// A known format that is not read, or one of orbits.
     #[error("{name}: {found}")]
     Unread {
         /// The file or other origin.
@@ -134,7 +134,7 @@ impl AttitudeList {
         if aem::is_message(text) {
             return Self::of_message(text, name);
         }
-        if let Some(found) = unread_format(text) {
+        if let Some(found) = not_attitudes(text) {
             let name = name.into();
             return Err(ListError::Unread { name, found });
         }

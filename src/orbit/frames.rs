@@ -94,6 +94,11 @@ impl Axes {
         }
     }
 
+    /// Whether they move with precession or nutation, so that an epoch may fix them (CCSDS 502.0-B-3, REF_FRAME_EPOCH).
+    pub fn are_of_date(self) -> bool {
+        matches!(self, Axes::MeanOfDate | Axes::TrueOfDate | Axes::Teme)
+    }
+
     /// Rotation from these axes to GCRF: 3 x 3, `r_gcrf = axes.to_gcrf(t) * r`.
     pub fn to_gcrf(self, t: Epoch) -> Matrix3<f64> {
         match self {

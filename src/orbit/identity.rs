@@ -54,6 +54,28 @@ pub fn is_placeholder(text: &str) -> bool {
     letters.is_empty() || is_one_word || PLACEHOLDERS.contains(&letters.as_str())
 }
 
+/// Names without their numbers that many objects share: pieces, and what Space-Track calls unidentified objects.
+const GENERIC: [&[&str]; 6] = [
+    &["DEB"],
+    &["DEBRIS"],
+    &["R", "B"],
+    &["ROCKET", "BODY"],
+    &["OBJECT"],
+    &["OBJ"],
+];
+
+/// Whether a name is one of [`GENERIC`], such as `0 DEB`, `R/B(1)`, `OBJECT 12` and `OBJECT AB`.
+fn is_generic(name: &str) -> bool {
+    let name = name.to_ascii_uppercase();
+    let words = name.split(|c: char| !c.is_alphanumeric());
+    let is_number = |word: &str| word.bytes().all(|byte| byte.is_ascii_digit());
+    let words: Vec<&str> = words.filter(|word| !is_number(word)).collect();
+    // Pieces have up to three letters, as in designators.
+    let is_piece = |word: &str| word.len() <= 3 && word.bytes().all(|b| b.is_ascii_uppercase());
+    let is_lettered = matches!(words[..], ["OBJECT" | "OBJ", piece] if is_piece(piece));
+    is_lettered || GENERIC.contains(&words.as_slice())
+}
+
 /// The catalogue number, unless it is a placeholder: 0, or five or more nines.
 pub(crate) fn assigned(number: u32) -> Option<NonZeroU32> {
     let nines = [99_999, 999_999, 9_999_999, 99_999_999, 999_999_999];
@@ -140,7 +162,7 @@ impl Identity {
 
 impl Word {
     fn of_name(name: &str) -> Self {
-        if is_placeholder(name) {
+        if is_placeholder(name) || is_generic(name) {
             Word::Orbit
         } else {
             Word::Name

@@ -2,7 +2,8 @@
 
 use memchr::memchr2;
 
-/// The lines of a text with their numbers, counted from 1. They end with LF, CR LF or CR; blanks at their ends are left out.
+/// The lines of a text with their numbers, counted from 1. They end with LF, CR LF or CR; blanks at their ends are left out, and byte
+/// order marks at their beginnings, which joined files have.
 pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clone {
     let mut rest = text;
     let mut number = 0;
@@ -17,6 +18,7 @@ pub(crate) fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> + Clon
             .strip_prefix("\r\n")
             .or_else(|| after.strip_prefix(['\n', '\r']))
             .unwrap_or(after);
+        let line = line.strip_prefix('\u{feff}').unwrap_or(line);
         Some((number, line.trim_end()))
     })
 }

@@ -1,12 +1,13 @@
 //! From a file to the objects in it.
 
 use crate::format::Format;
+use crate::lines::LineFinder;
 use crate::parts::{Part, parts};
 use crate::path_text;
-use crate::record::{Found, Record};
+use crate::record::{Found, Record, shorten};
 use crate::{
     Identity, Object, Orbit, Source, lines, oem, omm, read_text, remedy, server, theory, tle,
-    unite, unread,
+    unite, unread, xml,
 };
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -193,9 +194,14 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
         assumed: Vec::new(),
     };
     // Texts in brackets are one part, whatever their lines begin with.
-    let parts = match format {
-        Format::Tle | Format::ThreeLine | Format::OmmKvn | Format::OemKvn => parts(text),
-        _ => Vec::new(),
+    let is_bracketed = !matches!(
+        format,
+        Format::Tle | Format::ThreeLine | Format::OmmKvn | Format::OemKvn
+    );
+    let parts = if is_bracketed && Format::of(text) == Some(format) {
+        Vec::new()
+    } else {
+        parts(text)
     };
     if parts.len() > 1 {
         let mut unread = BTreeMap::new();
@@ -305,6 +311,18 @@ impl Contents {
             let loaded = oem::xml::parse(text, source);
             add_ephemerides(loaded, &mut ephemerides, &mut found);
         }
+        if matches!(format, Format::OmmXml | Format::OemXml) {
+            let mut finder = LineFinder::new(text);
+            for (offset, rest) in xml::between(text) {
+                let line = finder.line(offset);
+                let at = line + lines_before;
+                let reason = format!(
+                    "'{}' behind a message in XML: remove it, or split the file at line {at}",
+                    shorten(rest)
+                );
+                found.reject(line, reason);
+            }
+        }
         for record in &mut found.records {
             record.line += lines_before;
         }
@@ -331,6 +349,12 @@ impl Contents {
             (Some(format), _) => {
                 let count = self.len();
                 self.add(part.text, format, source, part.lines_before);
+                if matches!(format, Format::OmmXml | Format::OemXml) {
+                    for (found, (count, line)) in unread::messages(part.text) {
+                        let first = (0, line + part.lines_before);
+                        unread.entry(found).or_insert(first).0 += count;
+                    }
+                }
                 if self.len() == count {
                     let reason = no_record(format, source).to_string();
                     let reason = reason.trim_start_matches(source).trim_start_matches(": ");

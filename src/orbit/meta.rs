@@ -223,6 +223,18 @@ impl Meta {
                 ),
             )
         })?;
+        if let Some((epoch, line)) = self
+            .find("REF_FRAME_EPOCH")
+            .filter(|(text, _)| !text.is_empty())
+            && axes.are_of_date()
+        {
+            let epoch = shorten(epoch);
+            let reason = format!(
+                "REF_FRAME_EPOCH '{epoch}' with {key} {name}: axes of a fixed epoch are not read, and axes of date differ from them by tens of \
+                 km at 7,000 km; give the data in GCRF, or in {name} of date without REF_FRAME_EPOCH"
+            );
+            return Err((line, reason));
+        }
         let is_assumed = matches!(axes, Axes::EarthFixed { .. }) && ut1_utc_s.is_none();
         let remark = is_assumed.then(|| {
             format!(

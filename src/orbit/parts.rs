@@ -1,7 +1,7 @@
 //! A text in parts that each hold messages of one kind: files are often made by joining others.
 
-use crate::{lines, tle};
-use memchr::memmem;
+use crate::{lines, omm, tle, xml};
+use memchr::{memchr, memchr3, memmem};
 
 /// A stretch of a text.
 pub(crate) struct Part<'a> {
@@ -19,14 +19,24 @@ enum Kind<'a> {
     Message(&'a str),
     /// Two-line element sets.
     Lines,
+    /// Messages in XML.
+    Xml,
+    /// Objects of JSON.
+    Json,
+    /// A table of CSV.
+    Table,
 }
 
-/// Cuts a text where messages of another kind begin: at `CCSDS_..._VERS`, and at two-line element sets behind a message, with their name.
+/// Cuts a text where messages of another kind begin: at `CCSDS_..._VERS`, at lines that begin XML, JSON or a table of CSV, and at two-line
+/// element sets behind any of these, with their name.
 pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
     let mut cuts = vec![(0, 0)];
     let mut kind = Kind::Start;
     // Catalogues are long: most have no message.
-    let has_message = memmem::find(text.as_bytes(), b"CCSDS_").is_some();
+    let bytes = text.as_bytes();
+    let has_message = memmem::find(bytes, b"CCSDS_").is_some()
+        || memchr3(b'<', b'{', b'[', bytes).is_some()
+        || memchr(b',', bytes).is_some();
     // The last line that is no remark, with its number.
     let mut before: Option<(usize, &str)> = None;
     let lines = lines::numbered(if has_message { text } else { "" });
@@ -36,15 +46,15 @@ pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
         if lines::is_remark(line) {
             continue;
         }
-        let starts = starts(line).or_else(|| {
+        let offset = |line: &str| line.as_ptr().addr() - text.as_ptr().addr();
+        let starts = starts(line, text.get(offset(line)..).unwrap_or_default()).or_else(|| {
             let next = lines.peek().map_or("", |(_, next)| next.trim_start());
             let is_set = tle::is_set(line, next);
-            (is_set && matches!(kind, Kind::Message(_))).then_some(Kind::Lines)
+            (is_set && kind != Kind::Start).then_some(Kind::Lines)
         });
         if let Some(new) = starts.filter(|new| *new != kind) {
-            let offset = |line: &str| line.as_ptr().addr() - text.as_ptr().addr();
             if let Some(before) = before {
-                let is_named = new == Kind::Lines && is_name(before.1);
+                let is_named = new == Kind::Lines && is_name(before.1, kind);
                 let (first, line) = if is_named { before } else { (number, whole) };
                 cuts.push((offset(line), first - 1));
             }
@@ -67,16 +77,28 @@ pub(crate) fn parts(text: &str) -> Vec<Part<'_>> {
     parts.collect()
 }
 
-/// The kind of message that a line starts.
-fn starts(line: &str) -> Option<Kind<'_>> {
+/// The kind of message that a line starts, with the text from it on.
+fn starts<'a>(line: &'a str, rest: &str) -> Option<Kind<'a>> {
+    match line.as_bytes().first() {
+        Some(b'<') => return xml::begins(line).then_some(Kind::Xml),
+        Some(b'[' | b'{') => return omm::json::begins_object(rest).then_some(Kind::Json),
+        _ if !line.contains('=') && omm::csv::begins(line) => return Some(Kind::Table),
+        _ => {}
+    }
     let (keyword, rest) = line.split_once("_VERS")?;
     let is_start = keyword.starts_with("CCSDS_") && rest.trim_start().starts_with('=');
     is_start.then_some(Kind::Message(keyword))
 }
 
 /// Whether a line between a message and an element set is the name of the set, neither a keyword of the message nor data.
-fn is_name(line: &str) -> bool {
+fn is_name(line: &str, kind: Kind) -> bool {
     let line = line.trim_start();
+    match kind {
+        Kind::Xml => return !line.contains('<'),
+        Kind::Json => return !line.starts_with(['{', '[', '}', ']', '"']),
+        Kind::Table => return !line.contains(','),
+        Kind::Start | Kind::Message(_) | Kind::Lines => {}
+    }
     let is_epoch = line.as_bytes().get(4) == Some(&b'-') && line.contains('T');
     !line.contains('=') && !line.ends_with("_STOP") && !is_epoch
 }
@@ -102,6 +124,20 @@ mod tests {
             (vec![oem, "A NAME\n", SET, omm], vec![0, 3, 6]),
             (vec![oem, "A NAME\n\n", SET], vec![0, 3]),
             (vec![omm, SET, SET], vec![0, 2]),
+            (
+                vec![SET, "<?xml version=\"1.0\"?>\n<omm/>\n", SET],
+                vec![0, 2, 4],
+            ),
+            (
+                vec![SET, "[\n{\"EPOCH\":1}\n]\n", "A NAME\n", SET],
+                vec![0, 2, 5],
+            ),
+            (vec![SET, "NORAD_CAT_ID,EPOCH\n1,2\n", SET], vec![0, 2, 4]),
+            (
+                vec!["[A] NAME, 1\n", SET, "<B>\n", SET, "{C\n", SET],
+                vec![0],
+            ),
+            (vec![omm, "\u{feff}", oem], vec![0, 2]),
             (vec![""], vec![0]),
         ] {
             let text = texts.concat();

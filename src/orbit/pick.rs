@@ -35,15 +35,21 @@ impl Loaded {
     }
 
     fn index_of(&self, name: Option<&str>) -> Result<usize, String> {
-        let meant: Vec<usize> = (0..self.objects.len())
+        let mut meant: Vec<usize> = (0..self.objects.len())
             .filter(|i| name.is_none_or(|name| self.objects[*i].is_called(name)))
             .collect();
+        // Ids differ, though the number in them may be the same: `NORAD 99999` and `NORAD 99999 #2`.
+        let has_id =
+            |i: &usize| name.is_some_and(|name| self.objects[*i].id.eq_ignore_ascii_case(name));
+        if let Some(exact) = meant.iter().copied().find(has_id) {
+            meant = vec![exact];
+        }
         let why = match (meant.as_slice(), name) {
             ([one], Some(_)) => return Ok(*one),
             ([one], None) if self.rejected.is_empty() => return Ok(*one),
             ([], Some(name)) => format!("no object called {name:?}"),
             (_, Some(name)) => format!(
-                "{} objects called {name:?}: pick one by its number",
+                "{} objects called {name:?}: pick one by its id",
                 meant.len()
             ),
             ([], None) => "no usable object".to_string(),
@@ -182,10 +188,22 @@ mod tests {
         let near = pick(0..9, Some("Deltan")).unwrap_err();
         assert!(near.contains("it has NORAD 6251 (DELTA 1 DEB)"), "{near}");
         assert!(!near.contains("VANGUARD"), "{near}");
+        // An id counts before the number in it.
+        let two = "EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\n\
+                   2026-07-12T03:04:05,15.2,.001,97.5,120,90,270,99999,0\n2026-07-12T03:04:05,15.3,.001,97.5,120,90,270,99999,0\n";
+        let two = crate::parse(two, "two.csv").unwrap();
+        for id in ["NORAD 99999", "NORAD 99999 #2"] {
+            assert_eq!(two.find(Some(id)).unwrap().id, id);
+        }
+        let why = two.find(Some("99999")).unwrap_err();
+        assert!(
+            why.contains("by its id") && why.contains("NORAD 99999 #2"),
+            "{why}"
+        );
         let twice = SETS.replace("VANGUARD 1", "DELTA 1 DEB");
         let twice = crate::parse(&twice, "sets.tle").unwrap();
         let why = twice.pick(Some("delta 1 deb")).unwrap_err();
-        let parts = ["2 objects called", "by its number", "NORAD 5", "NORAD 6251"];
+        let parts = ["2 objects called", "by its id", "NORAD 5", "NORAD 6251"];
         assert!(parts.iter().all(|part| why.contains(part)), "{why}");
     }
 }

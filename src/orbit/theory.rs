@@ -17,6 +17,8 @@ pub enum Theory {
     Sgp,
     /// The form of the elements in place of their theory.
     Tle,
+    /// General perturbations, the class of theories that SGP4 belongs to.
+    Gp,
 }
 
 impl Theory {
@@ -30,7 +32,8 @@ impl Theory {
             // SGP/SGP4 is what the standard's own examples have.
             "SGP4" | "SDP4" | "SGPSGP4" | "SGP4SDP4" => Ok(Theory::Sgp4),
             "SGP" => Ok(Theory::Sgp),
-            "TLE" | "GP" => Ok(Theory::Tle),
+            "TLE" => Ok(Theory::Tle),
+            "GP" => Ok(Theory::Gp),
             "SGP4XP" | "XP" => Err(SGP4_XP.to_owned()),
             _ => Err(
                 "only elements of SGP4 are flown: fetch those, or an ephemeris as OEM".to_owned(),
@@ -46,6 +49,9 @@ impl Theory {
             }
             Theory::Tle => {
                 Some("MEAN_ELEMENT_THEORY = TLE: taken as SGP4, whose elements a TLE has")
+            }
+            Theory::Gp => {
+                Some("MEAN_ELEMENT_THEORY = GP: taken as SGP4, the theory of published GP elements")
             }
         }
     }

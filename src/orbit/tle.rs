@@ -196,9 +196,11 @@ fn order(text: &str) -> Names {
             .filter(|line| element_line(line) == kind)
             .count()
     };
+    let last = lines.last().or(third);
     let behind = start == [Some(1), Some(2)]
         && name(third)
-        && name(lines.last().or(third))
+        && name(last)
+        && last.is_some_and(|last| last.len() <= LONGEST_NAME)
         && (!marked || count(None) == count(Some(1)));
     if behind { Names::Behind } else { Names::Before }
 }

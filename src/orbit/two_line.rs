@@ -143,12 +143,8 @@ impl Record {
                 true => 0.0,
                 false => first.number("first derivative of the mean motion", 34..44)?,
             },
-            mean_motion_ddot: match blank(45..53) {
-                true => 0.0,
-                false => {
-                    first.assumed_point_and_power("second derivative of the mean motion", 45..53)?
-                }
-            },
+            mean_motion_ddot: first
+                .assumed_point_and_power("second derivative of the mean motion", 45..53)?,
             elements: Elements::of(&first, &second)?,
         })
     }
@@ -298,7 +294,7 @@ impl<'a> Line<'a> {
     }
 
     /// A sign, five digits with an assumed decimal point before the first of their columns, and a power of ten with its sign:
-    /// `-31515-4` is -0.31515e-4, `  1234-4` is 0.01234e-4.
+    /// `-31515-4` is -0.31515e-4, `  1234-4` is 0.01234e-4, blanks alone are 0.
     fn assumed_point_and_power(
         &self,
         name: &'static str,
@@ -316,9 +312,7 @@ impl<'a> Line<'a> {
             let power = sign(first + 6)? * self.digits(first + 7..first + 8)? as i32;
             Some(f64::from(sign(first)?) * scaled(digits as f64, power - 5)?)
         };
-        let is_blank = self.text(columns.clone()).trim().is_empty();
-        let value = (!is_blank).then(value).flatten();
-        value.ok_or_else(|| self.bad(name, columns))
+        value().ok_or_else(|| self.bad(name, columns))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Formats of orbits and attitudes that are known by name and not read, with what to do about each.
 
+use crate::format::Format;
 use crate::lines::{self, LineFinder};
 use crate::xml::{Tag, tags};
 use memchr::memmem;
@@ -101,6 +102,21 @@ const MESSAGES: [(&str, Known); 8] = [
 /// What a text is that is in none of the formats that are read, and the remedy; nothing where it is unknown.
 pub fn found(text: &str) -> Option<String> {
     known(text).map(Known::text)
+}
+
+/// What a text is in place of attitudes, and the remedy: one that is not read, or one of orbits.
+pub fn not_attitudes(text: &str) -> Option<String> {
+    let orbits = || {
+        let what = match Format::of(text)? {
+            Format::Tle | Format::ThreeLine => "two-line element sets",
+            Format::OmmKvn | Format::OmmXml | Format::OmmJson | Format::OmmCsv => "a CCSDS OMM",
+            Format::OemKvn | Format::OemXml => "a CCSDS OEM",
+        };
+        Some(format!(
+            "{what}, which holds orbits: give it under [objects] files, and attitudes as a CCSDS AEM or lines of UTC x y z w"
+        ))
+    };
+    found(text).or_else(orbits)
 }
 
 impl Known {

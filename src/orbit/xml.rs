@@ -53,6 +53,54 @@ pub(crate) fn tags(text: &str, mut at: usize) -> impl Iterator<Item = Tag<'_>> {
     })
 }
 
+/// Messages of navigation data, and what holds several of them.
+const ROOTS: [&str; 11] = [
+    "ndm", "omm", "oem", "opm", "ocm", "cdm", "tdm", "rdm", "aem", "apm", "acm",
+];
+
+/// Whether a line of a text in another format begins XML of this kind.
+pub(crate) fn begins(line: &str) -> bool {
+    let is_root = || {
+        tags(line, 0)
+            .next()
+            .is_some_and(|tag| ROOTS.contains(&tag.name))
+    };
+    line.starts_with("<?xml") || line.starts_with("<!--") || is_root()
+}
+
+/// Text between messages or behind the last, which belongs to none: offsets, and what stands there.
+pub(crate) fn between(text: &str) -> Vec<(usize, &str)> {
+    let mut found = Vec::new();
+    let mut tags = tags(text, 0).peekable();
+    while let Some(tag) = tags.next() {
+        if !tag.closing || !ROOTS.contains(&tag.name) {
+            continue;
+        }
+        // Tags of no message are foreign too, such as those of a page.
+        let is_known = |tag: &Tag| ROOTS.contains(&tag.name) || tag.name.starts_with(['?', '!']);
+        let next = tags.peek().filter(|next| is_known(next));
+        let end = next.map_or(text.len(), |next| next.start);
+        let mut at = tag.end;
+        // Comments and blanks say nothing.
+        while let Some(rest) = text.get(at..end) {
+            let start = rest.trim_start_matches(|c: char| c.is_whitespace() || c == '\u{feff}');
+            at = end - start.len();
+            match start
+                .strip_prefix("<!--")
+                .and_then(|inside| inside.find("-->"))
+            {
+                Some(close) => at += "<!--".len() + close + "-->".len(),
+                None if start.is_empty() => break,
+                None => {
+                    found.push((at, start));
+                    break;
+                }
+            }
+        }
+    }
+    found
+}
+
 /// The start of an element, or its end with its text, and the offset in the file behind the start tag.
 pub(crate) enum Element<'a> {
     Start(BytesStart<'a>, usize),

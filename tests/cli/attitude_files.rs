@@ -121,6 +121,21 @@ fn attitude_files_that_cannot_be_flown_say_why() {
             stk,
             "f: an STK attitude file (.a), which is not read: export it as a CCSDS AEM",
         ),
+        (
+            named,
+            "CCSDS_OEM_VERS = 2.0\n",
+            "f: a CCSDS OEM, which holds orbits: give it under [objects] files",
+        ),
+        (
+            named,
+            "[{\"EPOCH\":\"2019-06-15\"}]",
+            "f: a CCSDS OMM, which holds orbits",
+        ),
+        (
+            named,
+            "CCSDS_OPM_VERS = 2.0\n",
+            "f: a CCSDS OPM, a single state, which is not read",
+        ),
         (named, "now 0 0 0 1\n", "f:1: "),
         ("attitude_file = \"none\"", good, "sequence.attitude_file: "),
         (

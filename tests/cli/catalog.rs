@@ -89,6 +89,19 @@ fn check_tells_what_files_hold_and_what_is_no_use() {
     assert_eq!(c["rejected"][0]["line"], 6);
     assert_eq!((&c["format"], &c["records"]), (&"3le".into(), &1.into()));
 
+    let oem = "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = E\nOBJECT_ID = 2019-001A\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
+               TIME_SYSTEM = UTC\nSTART_TIME = 2019-06-15T00:00:00\nSTOP_TIME = 2019-06-15T00:10:00\nMETA_STOP\n\
+               2019-06-15T00:00:00 7000 0 0 1 0 0\n2019-06-15T00:10:00 7600 0 0 1 0 0\n";
+    std::fs::write(here.path().join("mixed"), format!("{oem}{VANGUARD}")).unwrap();
+    let (_, out, _) = run(here.path(), &["catalog", "check", "mixed"]);
+    has(
+        &out,
+        &[
+            "covers 2019-06-15T00:00:00.000Z to 2019-06-15T00:10:00.000Z\n",
+            "epochs 2000-06-27T18:50:19.733568Z to 2000-06-27T18:50:19.733568Z\n",
+        ],
+    );
+
     let twice = format!(
         "{VANGUARD}{}",
         VANGUARD

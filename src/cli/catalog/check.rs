@@ -58,9 +58,15 @@ struct FileReport {
     /// Element sets, and objects with an ephemeris.
     records: usize,
     objects: usize,
-    /// Epochs of the first and last element set, or what ephemerides cover.
+    /// Epochs of the first and last element set; without any, what ephemerides cover.
     first_epoch: Option<String>,
     last_epoch: Option<String>,
+    /// Whether these are of element sets.
+    #[serde(skip)]
+    has_sets: bool,
+    /// What ephemerides cover, where the file has any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    covers: Option<[String; 2]>,
     /// Numbers beyond five digits.
     beyond_99999: usize,
     /// What was assumed of records and ephemerides, a line for each kind.
@@ -198,13 +204,16 @@ fn of_source(source: Source) -> (FileReport, Vec<Object>) {
 
 fn of_contents(contents: &Contents) -> FileReport {
     let (records, ephemerides) = (&contents.records, &contents.ephemerides);
-    let (first, last) = epochs(records, ephemerides).unzip();
+    let covers = covers(ephemerides);
+    let (first, last) = epochs(records).or(covers).unzip();
     let numbers: BTreeSet<u32> = records.iter().map(|record| record.elements.norad).collect();
     FileReport {
         format: Some(contents.format.name()),
         records: records.len() + ephemerides.len(),
         first_epoch: first.map(utc_text),
         last_epoch: last.map(utc_text),
+        has_sets: !records.is_empty(),
+        covers: covers.map(|(start, stop)| [start, stop].map(utc_text)),
         beyond_99999: numbers.range(100_000..).count(),
         stateless: records.iter().filter_map(stateless).collect(),
         ..FileReport::default()
@@ -222,17 +231,22 @@ fn stateless(record: &Record) -> Option<Stateless> {
     })
 }
 
-/// The first and the last epoch of sets, or what ephemerides cover.
-fn epochs(records: &[Record], ephemerides: &[Object]) -> Option<(Epoch, Epoch)> {
-    let sets = records
-        .iter()
-        .map(|record| (record.elements.epoch, record.elements.epoch));
-    let tables = ephemerides.iter().filter_map(|object| match &object.orbit {
+/// The first and the last epoch of sets.
+fn epochs(records: &[Record]) -> Option<(Epoch, Epoch)> {
+    let epochs = records.iter().map(|record| record.elements.epoch);
+    range(epochs.map(|epoch| (epoch, epoch)))
+}
+
+/// The first and the last instant that ephemerides cover.
+fn covers(ephemerides: &[Object]) -> Option<(Epoch, Epoch)> {
+    range(ephemerides.iter().filter_map(|object| match &object.orbit {
         Orbit::Ephemeris(ephemeris) => ephemeris.interval(),
         Orbit::Elements(..) => None,
-    });
-    sets.chain(tables)
-        .reduce(|(first, last), (start, stop)| (first.min(start), last.max(stop)))
+    }))
+}
+
+fn range(intervals: impl Iterator<Item = (Epoch, Epoch)>) -> Option<(Epoch, Epoch)> {
+    intervals.reduce(|(first, last), (start, stop)| (first.min(start), last.max(stop)))
 }
 
 impl FileReport {
@@ -270,13 +284,13 @@ impl FileReport {
             "{file}: {format}, {records} of {objects}, {} rejected\n",
             self.rejected.len()
         );
-        if let (Some(first), Some(last)) = (&self.first_epoch, &self.last_epoch) {
-            let what = if format.starts_with("oem") {
-                "covers"
-            } else {
-                "epochs"
-            };
-            text += &format!("  {what} {first} to {last}\n");
+        if let Some([first, last]) = &self.covers {
+            text += &format!("  covers {first} to {last}\n");
+        }
+        if let (true, Some(first), Some(last)) =
+            (self.has_sets, &self.first_epoch, &self.last_epoch)
+        {
+            text += &format!("  epochs {first} to {last}\n");
         }
         if self.beyond_99999 > 0 {
             text += &format!("  numbers beyond 99999: {}\n", self.beyond_99999);

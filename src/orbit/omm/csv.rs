@@ -33,7 +33,7 @@ pub(crate) fn read(text: &str, found: &mut Found) {
                 .values()
                 .map(|name| index_of(name.trim()))
                 .collect();
-            for key in [Key::Number, Key::Epoch, Key::MeanMotion] {
+            for key in [Key::Epoch, Key::MeanMotion] {
                 if !header.contains(&Some(key as usize)) {
                     let keyword = super::KEYWORDS[key as usize];
                     found.reject(number, format!("the header has no column {keyword}"));

@@ -21,6 +21,13 @@ pub(crate) fn begins(text: &str) -> bool {
     inside.is_empty() || inside.starts_with(['{', ']'])
 }
 
+/// Whether a line of a text in another format begins JSON: a key follows the first brace, which no name has.
+pub(crate) fn begins_object(text: &str) -> bool {
+    let inside = text.trim_start_matches(|c: char| c == '[' || c.is_whitespace());
+    let inside = inside.strip_prefix('{').map(str::trim_start);
+    inside.is_some_and(|inside| inside.starts_with(['"', '}']))
+}
+
 /// Reads every object. These are flat: one ends at the first closing brace, and where another opens before, it is not closed.
 pub(crate) fn read(text: &str, found: &mut Found) {
     let mut finder = LineFinder::new(text);
@@ -66,11 +73,14 @@ pub(crate) fn read(text: &str, found: &mut Found) {
 
 /// Rejects text between objects, such as an object without its opening brace.
 fn between(gap: &str, at: usize, finder: &mut LineFinder, found: &mut Found) {
-    let foreign = |c: char| !c.is_whitespace() && !matches!(c, ',' | '[' | ']');
+    let foreign = |c: char| !c.is_whitespace() && !matches!(c, ',' | '[' | ']' | '\u{feff}');
     if let Some(offset) = gap.find(foreign) {
         let text = shorten(gap.get(offset..).unwrap_or_default());
-        let reason = format!("'{text}' is outside of every JSON object");
-        found.reject(finder.line(at + offset), reason);
+        let line = finder.line(at + offset);
+        let reason = format!(
+            "'{text}' is outside of every JSON object: restore the object, or split the file at line {line}"
+        );
+        found.reject(line, reason);
     }
 }
 

@@ -11,6 +11,7 @@ pub(crate) mod xml;
 use crate::elements::Elements;
 use crate::record::{At, Record, long_designator, shorten};
 use crate::theory::{self, Theory};
+use crate::two_line::alpha_5;
 use crate::units::{DEGREE, REV_PER_DAY};
 use crate::{bounded_name, is_placeholder, time};
 use hifitime::{Epoch, TimeScale, Unit};
@@ -51,10 +52,12 @@ pub(crate) enum Key {
     /// Of Space-Track's older classes: what EPOCH lacks, and OBJECT_ID.
     EpochMicroseconds,
     OldDesignator,
+    /// What TEME must not have: SGP4 gives that of date.
+    FrameEpoch,
 }
 
 /// How they are written, in the order of [`Key`].
-pub(crate) const KEYWORDS: [&str; 26] = [
+pub(crate) const KEYWORDS: [&str; 27] = [
     "OBJECT_NAME",
     "OBJECT_ID",
     "CENTER_NAME",
@@ -81,6 +84,7 @@ pub(crate) const KEYWORDS: [&str; 26] = [
     "AGOM",
     "EPOCH_MICROSECONDS",
     "INTLDES",
+    "REF_FRAME_EPOCH",
 ];
 
 /// The place of a keyword in [`KEYWORDS`].
@@ -143,7 +147,6 @@ impl<'a> Fields<'a> {
     /// Whether every keyword that a record cannot do without has a value.
     pub fn are_complete(&self) -> bool {
         let needed = [
-            Key::Number,
             Key::Epoch,
             Key::MeanMotion,
             Key::Eccentricity,
@@ -197,6 +200,13 @@ impl<'a> Fields<'a> {
         ] {
             self.is_one_of(key, wanted, start, metadata)?;
         }
+        if let Some((text, place)) = self.find(Key::FrameEpoch) {
+            let reason = format!(
+                "REF_FRAME_EPOCH '{}': SGP4 has TEME of date; fetch the elements without it",
+                shorten(text)
+            );
+            return Err((place, reason));
+        }
         let (theory, ephemeris_type) = self.theory(start, metadata)?;
         let degrees = -360.0..=360.0;
         let angle = |key| self.number(key, degrees.clone(), start);
@@ -205,9 +215,7 @@ impl<'a> Fields<'a> {
             self.number(Key::Inclination, 0.0..=180.0, start)?,
         );
         let elements = Elements {
-            norad: self
-                .counter(Key::Number, LARGEST_NUMBER)?
-                .ok_or_else(|| missing(Key::Number, start))?,
+            norad: self.catalogue_number()?,
             epoch: self.epoch(start)?,
             inclination: inclination * DEGREE,
             node: angle(Key::Node)? * DEGREE,
@@ -334,6 +342,18 @@ impl<'a> Fields<'a> {
             let reason = format!("{keyword} '{text}' is not a number from {low} to {high}");
             (place, reason)
         })
+    }
+
+    /// NORAD_CAT_ID, in Alpha-5 too. The keyword is optional (502.0-B-3, Table 4-3): without a number it is 0.
+    fn catalogue_number(&self) -> At<u32> {
+        let Some((text, _)) = self.find(Key::Number) else {
+            return Ok(0);
+        };
+        match alpha_5(&text.to_ascii_uppercase()) {
+            Some(number) if number <= LARGEST_NUMBER => Ok(number),
+            None if is_placeholder(text) => Ok(0),
+            _ => Ok(self.counter(Key::Number, LARGEST_NUMBER)?.unwrap_or(0)),
+        }
     }
 
     /// A whole number from 0 to `most`, which `25544.0` is too.

@@ -63,7 +63,7 @@ fn a_field_with_an_assumed_point_scales_by_its_columns() {
         (eccentricity, "       ", None),
         (eccentricity, ".000670", None),
         (eccentricity, "-006703", None),
-        (drag, "        ", None),
+        (drag, "        ", Some(0.0)),
         (drag, " 1234-4 ", None),
         (drag, "-.1234-4", None),
         (drag, " 1234-10", None),

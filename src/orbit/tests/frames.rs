@@ -3,7 +3,7 @@
 use hifitime::{Epoch, TimeScale, Unit};
 use nalgebra::Vector3;
 use skyloop_orbit::frames::{eme2000_to_gcrf, teme_to_gcrf};
-use skyloop_orbit::parse;
+use skyloop_orbit::{aem, parse};
 
 fn numbers(words: &mut dyn Iterator<Item = &str>) -> Vec<f64> {
     words.map(|word| word.parse().unwrap()).collect()
@@ -73,4 +73,63 @@ fn element_sets_reach_gcrf_as_in_an_independent_library() {
         worst_m <= 1.0 && worst_m_s <= 1e-3,
         "{worst_m} m, {worst_m_s} m/s"
     );
+}
+
+#[test]
+fn axes_of_a_fixed_epoch_are_refused_where_they_differ() {
+    let of = "START_TIME = 2019-06-15T00:00:00\nSTOP_TIME = 2019-06-15T00:00:10\nTIME_SYSTEM = UTC\nOBJECT_NAME = A\nOBJECT_ID = A\n";
+    let fixed = "REF_FRAME_EPOCH = 2000-01-01T12:00:00\n";
+    for (frame, is_refused) in [
+        ("TOD", true),
+        ("MOD", true),
+        ("TEME", true),
+        // CCSDS 502.0-B-3, Table 5-3: an epoch only where the frame itself has none.
+        ("GCRF", false),
+        ("ICRF", false),
+        ("EME2000", false),
+        ("J2000", false),
+        ("ITRF2014", false),
+    ] {
+        let meta = format!("{of}CENTER_NAME = EARTH\nREF_FRAME = {frame}\n{fixed}");
+        let oem = format!(
+            "CCSDS_OEM_VERS = 2.0\nMETA_START\n{meta}META_STOP\n2019-06-15T00:00:00 7000 0 0 1 0 0\n2019-06-15T00:00:10 7010 0 0 1 0 0\n"
+        );
+        let pairs = meta.lines().filter_map(|line| line.split_once(" = "));
+        let metadata: String = pairs
+            .map(|(key, value)| format!("<{key}>{value}</{key}>"))
+            .collect();
+        let state = |second: u32| {
+            let x = 7000 + second;
+            format!(
+                "<stateVector><EPOCH>2019-06-15T00:00:{second:02}</EPOCH><X>{x}</X><Y>0</Y><Z>0</Z><X_DOT>1</X_DOT><Y_DOT>0</Y_DOT>\
+                 <Z_DOT>0</Z_DOT></stateVector>"
+            )
+        };
+        let (first, last) = (state(0), state(10));
+        let xml = format!(
+            "<oem><body><segment><metadata>{metadata}</metadata><data>{first}{last}</data></segment></body></oem>"
+        );
+        let aem = format!(
+            "CCSDS_AEM_VERS = 1.0\nMETA_START\n{of}REF_FRAME_A = {frame}\n{fixed}REF_FRAME_B = SC_BODY_1\nATTITUDE_DIR = A2B\n\
+             QUATERNION_TYPE = LAST\nATTITUDE_TYPE = QUATERNION\nMETA_STOP\nDATA_START\n2019-06-15T00:00:00 0 0 0 1\n\
+             2019-06-15T00:00:10 0 0 0 1\nDATA_STOP\n"
+        );
+        let refused = |text: &str| {
+            let loaded = parse(text, "f").unwrap();
+            assert_eq!(loaded.objects.is_empty(), is_refused, "{text}");
+            loaded.rejected.first().map(|one| one.reason.clone())
+        };
+        for reason in [
+            refused(&oem),
+            refused(&xml),
+            aem::parse(&aem).err().map(|(_, reason)| reason),
+        ] {
+            let is_named = |reason: &String| {
+                reason.contains("REF_FRAME_EPOCH '2000-01-01T12:00:00' with REF_FRAME")
+                    && reason.contains("give the data in GCRF")
+            };
+            assert_eq!(reason.is_some(), is_refused, "{frame}: {reason:?}");
+            assert!(reason.as_ref().is_none_or(is_named), "{reason:?}");
+        }
+    }
 }

@@ -43,6 +43,13 @@ fn messages_of_several_kinds_in_one_file_are_all_read_or_named() {
     let e = plain(0);
     let opm = "<opm><body><segment></segment></body></opm>\n";
     let xml = "<oem><body><segment></segment></body></oem>\n";
+    let pairs = OMM.lines().filter_map(|line| line.split_once(" = "));
+    let json = pairs
+        .clone()
+        .map(|(key, value)| format!("\"{key}\":\"{value}\""));
+    let json = format!("{{{}}}", json.collect::<Vec<_>>().join(","));
+    let omm_xml = pairs.map(|(key, value)| format!("<{key}>{value}</{key}>"));
+    let omm_xml = format!("<omm>{}</omm>", omm_xml.collect::<String>());
     // Element sets, ephemerides, and what is refused: its line and words.
     for (texts, sets, ephemerides, refused) in [
         (vec![&*e, OMM], 1, 1, vec![]),
@@ -83,6 +90,84 @@ fn messages_of_several_kinds_in_one_file_are_all_read_or_named() {
             1,
             0,
             vec![(12, "not a number")],
+        ),
+        // Lines, KVN, JSON, XML and tables one behind the other.
+        (vec![SET, &json, "\n"], 2, 0, vec![]),
+        (vec![SET, &omm_xml, "\n"], 2, 0, vec![]),
+        (
+            vec![SET, &json, "\n", "0 V\n", SET, &omm_xml, "\n", &e],
+            4,
+            1,
+            vec![],
+        ),
+        (vec![OMM, &omm_xml, "\n"], 2, 0, vec![]),
+        (vec![OMM, &omm_xml.replace('>', ">\n")], 2, 0, vec![]),
+        (vec![OMM, &json, "\n"], 2, 0, vec![]),
+        (vec![OMM, "[\n", &json, "\n]\n"], 2, 0, vec![]),
+        (vec![&e, &omm_xml, "\n"], 1, 1, vec![]),
+        (
+            vec![&e, "\u{feff}", OMM, "\u{feff}", SET, "\u{feff}", &e],
+            2,
+            2,
+            vec![],
+        ),
+        (vec![OPM, &omm_xml, "\n"], 1, 0, vec![(1, "a CCSDS OPM")]),
+        (
+            vec![SET, "<ndm>\n", &omm_xml, opm, "</ndm>\n"],
+            2,
+            0,
+            vec![(4, "a CCSDS OPM")],
+        ),
+        (
+            vec![&omm_xml, "\n", SET],
+            1,
+            0,
+            vec![(2, "split the file at line 2")],
+        ),
+        (
+            vec![&omm_xml, "\n<!-- c -->\n", OMM],
+            1,
+            0,
+            vec![(3, "split the file at line 3")],
+        ),
+        (
+            vec![&omm_xml, "\n", &e, &omm_xml],
+            2,
+            0,
+            vec![(2, "split the file at line 2")],
+        ),
+        (
+            vec![&omm_xml, "\n", &json],
+            1,
+            0,
+            vec![(2, "split the file at line 2")],
+        ),
+        (
+            vec![SET, &omm_xml, "\ngarbage"],
+            2,
+            0,
+            vec![(
+                4,
+                "'garbage' behind a message in XML: remove it, or split the file at line 4",
+            )],
+        ),
+        (
+            vec![&omm_xml, "\n<html>\n", &omm_xml],
+            2,
+            0,
+            vec![(2, "'<html>")],
+        ),
+        (
+            vec![&json, "\n", SET],
+            1,
+            0,
+            vec![(2, "split the file at line 2")],
+        ),
+        (
+            vec![SET, "this is a line, and no name of a satellite\n"],
+            1,
+            0,
+            vec![(3, "names no element set")],
         ),
         (
             vec!["<ndm>\n", opm, xml, opm, "<aem/>\n</ndm>"],
@@ -178,41 +263,6 @@ fn files_that_hold_no_orbit_that_is_read_are_named_with_the_remedy() {
         let error = parse_contents(text, "odd").unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     }
-}
-
-#[test]
-fn json_with_the_lines_of_element_sets_is_read() {
-    let (first, second) = SET.trim_end().split_once('\n').unwrap();
-    for (text, name) in [
-        (
-            format!(r#"{{"name":"V","date":"x","line1":"{first}","line2":"{second}"}}"#),
-            "V",
-        ),
-        (
-            format!(
-                r#"[{{"TLE_LINE0":"0 V","TLE_LINE1":"{first}","TLE_LINE2":"{second}","NORAD_CAT_ID":"5"}}]"#
-            ),
-            "V",
-        ),
-        (
-            format!(r#"{{"member":[{{"line1":"{first}","line2":"{second}"}}]}}"#),
-            "",
-        ),
-    ] {
-        let contents = read(&text);
-        let set = &contents.records[0];
-        assert_eq!(
-            (set.elements.norad, &*set.designator, &*set.name),
-            (5, "1958-002B", name)
-        );
-        assert_eq!(set.elements, read(SET).records[0].elements);
-    }
-    let torn = format!(
-        r#"{{"line1":"{first}","line2":"{}"}}"#,
-        second.replace("34.2", "35.2")
-    );
-    let why = &read(&torn).rejected[0].reason;
-    assert!(why.contains("checksum"), "{why}");
 }
 
 #[test]

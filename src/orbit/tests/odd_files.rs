@@ -303,6 +303,25 @@ fn ephemerides_of_unknown_objects_stay_apart() {
         (("UNKNOWN", "UNKNOWN"), ("", ""), &["UNKNOWN", "UNKNOWN #2"]),
         // One name, and one object in however many segments.
         (("A", "UNKNOWN"), ("a", "N/A"), &["UNKNOWN A"]),
+        (("CUBE", "TBD"), ("0 CUBE", "0"), &["TBD CUBE", "0 0 CUBE"]),
+        // Names of unidentified objects are no identities (space-track.org).
+        (
+            ("DEB", "UNKNOWN"),
+            ("DEB", "UNKNOWN"),
+            &["UNKNOWN DEB", "UNKNOWN DEB #2"],
+        ),
+        (("0 DEB", "0"), ("0 DEB", "0"), &["0 0 DEB", "0 0 DEB #2"]),
+        (("R/B", ""), ("R/B", ""), &["UNKNOWN R/B", "UNKNOWN R/B #2"]),
+        (
+            ("Object AB", "0"),
+            ("Object AB", "0"),
+            &["0 Object AB", "0 Object AB #2"],
+        ),
+        (
+            ("OBJECT 12", "0"),
+            ("OBJECT 12", "0"),
+            &["0 OBJECT 12", "0 OBJECT 12 #2"],
+        ),
         (("A", "1998-067-A"), ("B", "1998-067A"), &["1998-067-A"]),
         (("A", "25544"), ("B", "NORAD 025544"), &["25544"]),
         (("A", "OWN-1"), ("B", "own-1"), &["OWN-1"]),
@@ -314,6 +333,59 @@ fn ephemerides_of_unknown_objects_stay_apart() {
         assert_eq!(loaded.rejected, []);
         let found: Vec<&str> = loaded.objects.iter().map(|one| one.id.as_str()).collect();
         assert_eq!(found, ids);
+    }
+}
+
+#[test]
+fn an_omm_may_have_no_catalogue_number() {
+    let pairs = KVN.lines().filter_map(|line| line.split_once(" = "));
+    let pairs = pairs.map(|(key, value)| (key, value.split(" [").next().unwrap()));
+    let xml = pairs
+        .clone()
+        .map(|(key, value)| format!("<{key}>{value}</{key}>"));
+    let xml = format!("<omm>{}</omm>", xml.collect::<String>());
+    let json = pairs.map(|(key, value)| format!("\"{key}\":\"{value}\""));
+    let json = format!("{{{}}}", json.collect::<Vec<_>>().join(","));
+    // X-Val: space-track.org, Alpha-5: T5544 is 275544.
+    for (text, from, to, number) in [
+        (KVN, "NORAD_CAT_ID = 100001\n", "", 0),
+        (KVN, "NORAD_CAT_ID = 100001", "NORAD_CAT_ID = UNKNOWN", 0),
+        (
+            KVN,
+            "NORAD_CAT_ID = 100001",
+            "NORAD_CAT_ID = A0005",
+            100_005,
+        ),
+        (&xml, "<NORAD_CAT_ID>100001<", "<NORAD_CAT_ID><", 0),
+        (
+            &json,
+            r#""NORAD_CAT_ID":"100001""#,
+            r#""NORAD_CAT_ID":null"#,
+            0,
+        ),
+        (
+            &json,
+            r#""NORAD_CAT_ID":"100001""#,
+            r#""NORAD_CAT_ID":"""#,
+            0,
+        ),
+        (
+            &json,
+            r#""NORAD_CAT_ID":"100001""#,
+            r#""NORAD_CAT_ID":"UNKNOWN""#,
+            0,
+        ),
+        (
+            &json,
+            r#""NORAD_CAT_ID":"100001""#,
+            r#""NORAD_CAT_ID":"T5544""#,
+            275_544,
+        ),
+    ] {
+        assert!(text.contains(from), "{text}");
+        let contents = read(&text.replace(from, to));
+        assert_eq!(contents.rejected, [], "{to}");
+        assert_eq!(contents.records[0].elements.norad, number, "{to}");
     }
 }
 
@@ -372,4 +444,43 @@ fn a_time_that_there_is_not_is_refused_with_what_is_wrong() {
         };
         assert!(refused.contains(time) && refused.contains(why), "{refused}");
     }
+}
+
+/// X-Val: Vallado et al. 2006, AIAA 2006-6753, verification set 00005.
+const SET: &str = "1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753\n\
+                   2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667\n";
+
+#[test]
+fn json_with_the_lines_of_element_sets_is_read() {
+    let (first, second) = SET.trim_end().split_once('\n').unwrap();
+    for (text, name) in [
+        (
+            format!(r#"{{"name":"V","date":"x","line1":"{first}","line2":"{second}"}}"#),
+            "V",
+        ),
+        (
+            format!(
+                r#"[{{"TLE_LINE0":"0 V","TLE_LINE1":"{first}","TLE_LINE2":"{second}","NORAD_CAT_ID":"5"}}]"#
+            ),
+            "V",
+        ),
+        (
+            format!(r#"{{"member":[{{"line1":"{first}","line2":"{second}"}}]}}"#),
+            "",
+        ),
+    ] {
+        let contents = read(&text);
+        let set = &contents.records[0];
+        assert_eq!(
+            (set.elements.norad, &*set.designator, &*set.name),
+            (5, "1958-002B", name)
+        );
+        assert_eq!(set.elements, read(SET).records[0].elements);
+    }
+    let torn = format!(
+        r#"{{"line1":"{first}","line2":"{}"}}"#,
+        second.replace("34.2", "35.2")
+    );
+    let why = &read(&torn).rejected[0].reason;
+    assert!(why.contains("checksum"), "{why}");
 }
