@@ -10,17 +10,27 @@ import argparse, binascii, json, socket, struct, time
 
 ATTITUDE, COMMAND = 0x101, 0x102
 HEADER, PIXELS, LABELS, STATUS, NACK, END, CHALLENGE = 0x201, 0x202, 0x203, 0x204, 0x206, 0x20A, 0x20B
-CREDIT, RESEND, PING, RESET = 7, 10, 6, 5
+FRAME_PACKETS = HEADER, PIXELS, LABELS, 0x207, 0x208, 0x209, END
+CREDIT, RESEND, PING, RESET, OUTPUT = 7, 10, 6, 5, 8
+FRAME, TEXT = 2, 2  # levels of Output: all pixels, the whole label
+VALUE_OUT_OF_RANGE, NOT_SUPPORTED = 8, 10  # reasons of a Nack
+WITHHELD = ("none", "no credit", "link not read", "link too slow", "no proof of the address", "packets lost", "frame too long",
+            "attitude or trigger refused", "no client", "no Trigger, and run.trigger is packet")
 ROOM = 256  # frame packets that may be under way; many systems limit the receive buffer to about as many
 
 options = argparse.ArgumentParser()
-options.add_argument("--address", default="127.0.0.1:4810")
+options.add_argument("--address", default="127.0.0.1:4810", metavar="HOST:PORT", help="of the emulator; default: %(default)s")
 options.add_argument("--frames", type=int, default=1)
 options.add_argument("--wall", type=float, metavar="HZ", help="attitudes a second; default: the next after each frame")
 options.add_argument("--out", default="frame-", help="what the files' names begin with")
 options = options.parse_args()
-host, port = options.address.rsplit(":", 1)
-emulator = (host, int(port))
+try:
+    host, port = options.address.rsplit(":", 1)
+    emulator = (socket.gethostbyname(host), int(port))
+    if not 0 < emulator[1] < 65536:
+        raise ValueError(f"port {port} is not 1 to 65535")
+except (ValueError, OSError) as error:
+    raise SystemExit(f"--address {options.address}: must be HOST:PORT, such as 127.0.0.1:4810 ({error})")
 link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)  # not connected: that would end at the emulator's end
 link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8 << 20)
 counts = {ATTITUDE: 0, COMMAND: 0}
@@ -37,6 +47,12 @@ def send_attitude(number):
     send(ATTITUDE, struct.pack(">IB13d", number, 1, -0.070834, -0.644137, 0.733522, -0.204975, 0, 0, 0,
                                -4340768.444, 848975.278, -5362534.303, 5544.406469, -3022.740430, -4386.550226),
          (1939332987 << 32) + int(s * 2**32))
+
+
+def ask_for_frames():
+    """Whatever `skyloop run --output` says; the Status that answers Ping shows whether it has come."""
+    send(COMMAND, struct.pack(">BBBBBH", OUTPUT, FRAME, TEXT, 1, 0, 0))
+    send(COMMAND, struct.pack(">B", PING))
 
 
 class Frame:
@@ -104,7 +120,8 @@ def run():
     accepted = None  # attitudes that it had accepted before
     heard = asked = begin = said = time.monotonic()
     lost = 0  # packets that the emulator has sent and that have not come
-    send(COMMAND, struct.pack(">B", PING))
+    patience, reason = 30, "no Status either: is `skyloop run` listening there?"
+    ask_for_frames()
     while whole < options.frames:
         now = time.monotonic()
         if lost and now - said > 1:
@@ -117,22 +134,32 @@ def run():
         if accepted is not None and (now - begin >= attitudes / options.wall if options.wall else attitudes == whole):
             send_attitude(attitudes)
             attitudes += 1
-        if now - heard > 30:
-            raise SystemExit(f"{whole} of {options.frames} frames; nothing has come from {options.address} for 30 s")
+        if now - heard > patience:
+            raise SystemExit(f"{whole} of {options.frames} frames; no packet of a frame has come from {options.address} "
+                             f"for {patience:.0f} s; {reason}")
         try:
             link.settimeout(pause)
             packet = memoryview(buffer)[:link.recv_into(buffer)]
         except socket.timeout:
-            send(COMMAND, struct.pack(">B", PING))  # the Status that answers tells what has been sent
+            if accepted is None:
+                ask_for_frames()
+            else:
+                send(COMMAND, struct.pack(">B", PING))  # the Status that answers tells what has been sent
             pause = min(2 * pause, 1)
             continue
-        apid, body, heard = int.from_bytes(packet[:2], "big") & 0x7FF, packet[15:-2], now
+        apid, body = int.from_bytes(packet[:2], "big") & 0x7FF, packet[15:-2]
         count, number = int.from_bytes(packet[2:4], "big") & 0x3FFF, int.from_bytes(body[:4], "big")
         if apid == CHALLENGE:  # proves this address: sent back as it came
             link.sendto(packet, emulator)
         elif apid == NACK:
             print("refused:", bytes(body[5:]).decode(), flush=True)
+            if accepted is None and body[4] in (VALUE_OUT_OF_RANGE, NOT_SUPPORTED):
+                raise SystemExit("whole frames with label text (Output) are refused: this client takes nothing else")
         elif apid == STATUS:
+            patience = 30 + 2 / struct.unpack_from(">d", body, 29)[0]  # and two periods of the frame rate
+            reason = f"Status gives as the reason (withheld): {dict(enumerate(WITHHELD)).get(body[106], body[106])}"
+            if accepted is None and tuple(body[7:9]) != (FRAME, TEXT):
+                continue  # Output has not come: it is sent again
             before, sent, total = sent, *struct.unpack_from(">I", body, 41), *struct.unpack_from(">I", body, 107)
             lost += (sent - before) & 0xFFFFFFFF if accepted is not None else 0
             accepted = total if accepted is None else accepted
@@ -140,9 +167,9 @@ def run():
                 frame.ask_again()
             if not options.wall and total - accepted < attitudes:
                 send_attitude(attitudes - 1)
-        if apid not in (HEADER, PIXELS, LABELS, END):
+        if apid not in FRAME_PACKETS:
             continue
-        pause = 0.05
+        pause, heard = 0.05, now
         ahead = (count - expected.get(apid, count)) & 0x3FFF
         if ahead < 8192:  # else it is an earlier packet, sent again
             sent, lost, expected[apid] = sent + ahead + 1, lost + ahead, count + 1
@@ -152,7 +179,7 @@ def run():
                 print(f"frame {old} is lost: {len(frames.pop(old).missing)} packets are missing", flush=True)
             if number - 1 in frames:
                 frames[number - 1].ask_again()
-        elif apid != HEADER and number in frames:
+        elif apid in (PIXELS, LABELS, END) and number in frames:
             frames[number].take(apid, body)
         elif number >= newest and now - asked > 0.05:  # its FrameHeader is missing
             send(COMMAND, struct.pack(">BIII", RESEND, number, 0, 1))

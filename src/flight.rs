@@ -31,12 +31,12 @@ pub enum FlightError {
     /// Objects are seen from somewhere.
     #[error(
         "objects without an observer: from the Earth's centre they have no meaningful direction; \
-         give the observer's --state or --orbit ([observer] state or orbit in a scene)"
+         give [observer] state or orbit in the scene, or --state or --orbit where the command has them"
     )]
     NoObserver,
     /// A direction that depends on where the observer is.
     #[error(
-        "{what} needs an orbit: give the observer's --state or --orbit ([observer] state or orbit in a scene)"
+        "{what} needs an orbit: give [observer] state or orbit in the scene, or --state or --orbit where the command has them"
     )]
     NeedsOrbit {
         /// What.

@@ -194,13 +194,21 @@ fn a_sequence_has_one_pointing_and_says_what_it_needs() {
             "sequence.rates_deg_s: given beside attitude_file, nadir or look_at",
         ),
         ("look_at = \"Sum\"", "sequence.look_at: \"Sum\" is none of"),
+        // Its name's advice; the key that is meant is in no line of the file.
+        (
+            "radec = [0, 0, 0]\nroll = 1",
+            "sequence.roll: unknown key `roll`: did you mean `roll_deg`?",
+        ),
         ("look_at = [0, 91]", "a declination of -90 to 90 deg"),
         ("look_at = 5", "sequence.look_at: must be \"Sun\""),
         (
             "radec = [0, 91, 0]",
             "sequence.radec: 0,91,0: must be RA -360 to 360",
         ),
-        ("nadir = true", "nadir pointing needs an orbit"),
+        (
+            "nadir = true",
+            "nadir pointing needs an orbit: give [observer] state or orbit in the scene",
+        ),
         ("look_at = \"limb:80\"", "the limb needs an orbit"),
         (
             "look_at = \"velocity\"",
@@ -217,6 +225,7 @@ fn a_sequence_has_one_pointing_and_says_what_it_needs() {
     ] {
         let error = refused(keys);
         assert!(error.contains(words), "{keys}: {error}");
+        assert!(!error.contains("sequence.roll_deg:"), "{keys}: {error}");
     }
     // From the Earth's centre what has a direction there can be looked at.
     let text = "[sequence]\nepoch = \"2026-03-10T06:00:00Z\"\nframes = 1\nperiod_s = 1.0\nlook_at = \"Moon\"\n";

@@ -344,7 +344,7 @@ static inline bool skyloop_is_padded(uint8_t packing, size_t count, const uint8_
     return (packing != 12U) || ((count % 2U) == 0U) || (length == 0U) || ((data[length - 1U] & 0xFU) == 0U);
 }
 
-/* ---- compressed pixels: the adaptive Rice coder of CCSDS 121.0-B-3 (docs/icd.md, section 3.13) --------------------- */
+/* ---- compressed pixels: the adaptive Rice coder of CCSDS 121.0-B-3 (docs/icd.md, section 3.14) --------------------- */
 
 typedef struct {
     const uint8_t *data;
@@ -645,6 +645,7 @@ static inline bool skyloop_is_sync_state(uint8_t code)
 #define SKYLOOP_WITHHELD_TOO_LONG 6U /* The frame cannot be encoded, such as a label text longer than 65,535 packets: ask for other labels. */
 #define SKYLOOP_WITHHELD_REFUSED 7U /* The attitude or Trigger was refused, or could not be decoded: a Nack says why. */
 #define SKYLOOP_WITHHELD_NO_CLIENT 8U /* No valid packet has come on this link. */
+#define SKYLOOP_WITHHELD_NO_TRIGGER 9U /* Attitudes come and no Trigger, and `run.trigger` is `packet`: send Triggers, or set `run.trigger` to `own`. */
 
 static inline bool skyloop_is_withheld(uint8_t code)
 {
@@ -656,7 +657,8 @@ static inline bool skyloop_is_withheld(uint8_t code)
            (code == SKYLOOP_WITHHELD_LOST) ||
            (code == SKYLOOP_WITHHELD_TOO_LONG) ||
            (code == SKYLOOP_WITHHELD_REFUSED) ||
-           (code == SKYLOOP_WITHHELD_NO_CLIENT);
+           (code == SKYLOOP_WITHHELD_NO_CLIENT) ||
+           (code == SKYLOOP_WITHHELD_NO_TRIGGER);
 }
 
 /* What goes wrong on the link. */

@@ -32,7 +32,10 @@ pub(super) struct RawHead {
     link: OneOrMore,
 }
 
-pub(super) const LIMITS: &[Limit] = &[("heads[].rate_hz", Allowed::Number(RATE_HZ))];
+pub(super) const LIMITS: &[Limit] = &[
+    ("heads[].rate_hz", Allowed::Number(RATE_HZ)),
+    ("heads[].link", Allowed::Count(1..=usize::MAX)),
+];
 
 impl RawHead {
     fn validate(self, at: usize, check: &Check, folder: &Folder) -> Result<Head, ConfigError> {

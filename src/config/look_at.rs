@@ -1,6 +1,6 @@
 //! Where the camera of a run looks that makes its own attitudes: `look_at`, `up` and `roll_deg` of `[sequence]` and of the command line.
 
-use crate::load::{Check, ConfigError, Fixed, advice};
+use crate::load::{Check, ConfigError, Fixed, MEANT, advice, nearest};
 use crate::sky::planets;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -136,8 +136,8 @@ impl Target {
         {
             return Target::direction([ra, dec]);
         }
+        let known: Vec<&str> = NAMES.iter().copied().chain(planets::names()).collect();
         if objects.is_empty() {
-            let known: Vec<&str> = NAMES.iter().copied().chain(planets::names()).collect();
             let advice = advice(text, &known);
             return Err(format!(
                 "{text:?} is none of {FORMS}{advice}; there are no objects here"
@@ -149,7 +149,11 @@ impl Target {
         };
         match all.find(Some(text)) {
             Ok(object) => Ok(Target::Object(Box::new(object.clone()))),
-            Err(why) => Err(format!("{text:?} is none of {FORMS}: {why}")),
+            Err(why) => {
+                let meant = nearest(text, &known)
+                    .map_or(String::new(), |meant| format!("{MEANT}{meant}`?"));
+                Err(format!("{text:?} is none of {FORMS}{meant}; {why}"))
+            }
         }
     }
 
@@ -222,5 +226,10 @@ mod tests {
             let found = format!("{:?}", Target::parse(text, &[]));
             assert!(found.contains(shown), "{text}: {found}");
         }
+        // Beside objects a misspelt name has the same advice, before the list of these.
+        let objects = &crate::config::Config::builtin().unwrap().objects;
+        let found = Target::parse("Mooon", objects).unwrap_err();
+        let (_, after) = found.split_once(": did you mean `Moon`?; ").unwrap();
+        assert!(after.starts_with("no object called"), "{found}");
     }
 }

@@ -193,6 +193,7 @@ pub(super) const LIMITS: &[Limit] = &[
     ("run.priority", Allowed::Number(PRIORITIES)),
     ("run.cpus[]", Allowed::Number(0.0..=u32::MAX as f64)),
     ("run.coarsen", Allowed::Count(1..=usize::MAX)),
+    ("run.link", Allowed::Count(1..=usize::MAX)),
     ("run.output", Allowed::Word(levels)),
 ];
 

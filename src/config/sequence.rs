@@ -55,6 +55,12 @@ pub(super) const LIMITS: &[Limit] = &[
     ("sequence", Allowed::OneOf(&POINTINGS)),
     ("sequence", Allowed::Needs(["up", "look_at"])),
     ("sequence", Allowed::Needs(["roll_deg", "look_at"])),
+    ("sequence", Allowed::NotBoth(["rates_deg_s", "nadir"])),
+    ("sequence", Allowed::NotBoth(["rates_deg_s", "look_at"])),
+    (
+        "sequence",
+        Allowed::NotBoth(["rates_deg_s", "attitude_file"]),
+    ),
     ("sequence.frames", Allowed::Number(1.0..=1e6)),
     ("sequence.period_s", Allowed::Number(1e-6..=1e6)),
     ("sequence.roll_deg", Allowed::Number(TURN_DEG)),
@@ -253,11 +259,12 @@ priority = 9
 cpus = [0]
 coarsen = ["fast"]
 output = "frame"
+link = ["udp://127.0.0.1:4810"]
 [[heads]]
 name = "B"
 camera = "cots-wide"
 rate_hz = 1.0
-link = "udp://127.0.0.1:4811"
+link = ["udp://127.0.0.1:4811"]
 [sequence]
 epoch = "2026-01-01T00:00:00Z"
 frames = 1
@@ -308,6 +315,13 @@ period_s = 1.0
             ("look_at = \"Sun\"\nup = \"north\"", true),
             ("nadir = true\nup = \"north\"", false),
             ("nadir = true\nroll_deg = 1.0", false),
+            ("nadir = true\nrates_deg_s = [0.0, 0.0, 1.0]", false),
+            ("nadir = true\nrates_deg_s = [0.0, 0.0, 0.0]", true),
+            ("look_at = \"Sun\"\nrates_deg_s = [0.0, 0.0, 1.0]", false),
+            (
+                "attitude_file = \"Cargo.toml\"\nrates_deg_s = [0.0, 0.0, 1.0]",
+                false,
+            ),
         ] {
             both(&schema, &scene(pointing), load, is_valid);
         }

@@ -16,9 +16,11 @@ pub(crate) enum Allowed {
     Word(fn() -> Vec<&'static str>),
     /// The length of a list.
     Count(RangeInclusive<usize>),
+    /// The length of a text, in characters.
+    Length(RangeInclusive<usize>),
     /// A table with exactly one of these keys; true and lists that are not empty count.
     OneOf(&'static [&'static str]),
-    /// A table without both of these keys; true counts.
+    /// A table without both of these keys; true counts, zeros do not.
     NotBoth([&'static str; 2]),
     /// A table with the second key where it has the first.
     Needs([&'static str; 2]),
@@ -70,7 +72,9 @@ pub(crate) fn apply(schema: &mut Schema, limits: &[Limit]) {
     for (pattern, allowed) in limits {
         // Rules between keys stand where the keys are.
         let found = pointer(schema, pattern).and_then(|pointer| match allowed {
-            Allowed::Number(_) | Allowed::Word(_) | Allowed::Count(_) => Some(pointer),
+            Allowed::Number(_) | Allowed::Word(_) | Allowed::Count(_) | Allowed::Length(_) => {
+                Some(pointer)
+            }
             _ => resolved(schema, pointer, "properties"),
         });
         if let Some(pointer) = found
@@ -97,13 +101,18 @@ impl Allowed {
                     node.insert("maxItems".into(), json!(range.end()));
                 }
             }
+            Allowed::Length(range) => {
+                node.insert("minLength".into(), json!(range.start()));
+                node.insert("maxLength".into(), json!(range.end()));
+            }
             Allowed::OneOf(keys) => {
-                let keys: Vec<Value> = keys.iter().map(|key| is_given(key)).collect();
+                let keys: Vec<Value> = keys.iter().map(|key| is_given(key, &[])).collect();
                 node.insert("oneOf".into(), json!(keys));
             }
             Allowed::NotBoth(keys) => {
-                let keys = keys.map(is_given);
-                node.insert("not".into(), json!({ "allOf": keys }));
+                let zeros = [json!(0.0), json!([0.0, 0.0, 0.0])];
+                let keys = keys.map(|key| is_given(key, &zeros));
+                add_rules(node, vec![json!({ "not": { "allOf": keys } })]);
             }
             Allowed::Needs([key, needed]) => {
                 let needs = node.entry("dependentRequired").or_insert_with(|| json!({}));
@@ -114,7 +123,7 @@ impl Allowed {
             Allowed::Kind(key, kinds) => {
                 let all: Vec<&str> = kinds.iter().flat_map(own_keys).collect();
                 let rules: Vec<Value> = kinds.iter().map(|kind| rule(key, kind, &all)).collect();
-                node.insert("allOf".into(), json!(rules));
+                add_rules(node, rules);
                 let names: Vec<&str> = kinds.iter().map(|(name, ..)| *name).collect();
                 let properties = node.get_mut("properties");
                 if let Some(Value::Object(own)) = properties.and_then(|all| all.get_mut(key)) {
@@ -144,9 +153,19 @@ fn rule(key: &str, kind: &Kind, all: &[&str]) -> Value {
     })
 }
 
-/// That a key is there, and neither false nor an empty list.
-fn is_given(key: &str) -> Value {
-    let counts = json!({ "not": { "anyOf": [{ "const": false }, { "const": [] }] } });
+/// Adds rules that all hold.
+fn add_rules(node: &mut Map<String, Value>, rules: Vec<Value>) {
+    let all = node.entry("allOf").or_insert_with(|| json!([]));
+    if let Value::Array(all) = all {
+        all.extend(rules);
+    }
+}
+
+/// That a key is there, and neither false nor an empty list nor one of `defaults`.
+fn is_given(key: &str, defaults: &[Value]) -> Value {
+    let none = [json!(false), json!([])];
+    let none: Vec<&Value> = none.iter().chain(defaults).collect();
+    let counts = json!({ "not": { "enum": none } });
     json!({ "required": [key], "properties": { key: counts } })
 }
 
@@ -318,6 +337,15 @@ pub(crate) mod tests {
                         refused(one(range.end() + 1), "must be");
                     }
                 }
+                Allowed::Length(range) => {
+                    let text = |length| Toml::String("x".repeat(length));
+                    for length in [*range.start(), *range.end()] {
+                        accepted(text(length), "must be");
+                    }
+                    for length in [range.start() - 1, range.end() + 1] {
+                        refused(text(length), "must be");
+                    }
+                }
                 Allowed::Kind(kind, kinds) => {
                     let key = format!("{key}.{kind}");
                     for (name, ..) in *kinds {
@@ -384,6 +412,12 @@ pub(crate) mod tests {
         };
         let bound = |limit: &Value| value.as_f64().zip(limit.as_f64());
         let length = |limit: &Value| value.as_array().map(Vec::len).zip(limit.as_u64());
+        let characters = |limit: &Value| {
+            value
+                .as_str()
+                .map(|t| t.chars().count())
+                .zip(limit.as_u64())
+        };
         let members = |all: &Value, of: &str| all.get(of).and_then(Value::as_object).cloned();
         keywords.iter().find_map(|(keyword, rule)| {
             let holds =
@@ -417,6 +451,8 @@ pub(crate) mod tests {
                     "maximum" => bound(rule).is_none_or(|(value, most)| value <= most),
                     "minItems" => length(rule).is_none_or(|(length, least)| length as u64 >= least),
                     "maxItems" => length(rule).is_none_or(|(length, most)| length as u64 <= most),
+                    "minLength" => characters(rule).is_none_or(|(n, least)| n as u64 >= least),
+                    "maxLength" => characters(rule).is_none_or(|(n, most)| n as u64 <= most),
                     "anyOf" => count(rule) > 0,
                     "oneOf" => count(rule) == 1,
                     "allOf" => count(rule) == rule.as_array().unwrap().len(),

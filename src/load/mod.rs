@@ -17,8 +17,7 @@ pub use folder::Folder;
 pub(crate) use limits::{Allowed, Kind, Limit};
 use report::MAX_FAULTS;
 pub(crate) use report::{Noticed, read, read_noticed};
-use words::MEANT;
-pub(crate) use words::{advice, nearest};
+pub(crate) use words::{MEANT, advice, nearest};
 
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};

@@ -46,6 +46,8 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
     let mut document = original.clone();
     let mut faults: Vec<(Range<usize>, ConfigError)> = Vec::new();
     let mut repaired: Vec<String> = Vec::new();
+    // Names that misspelt keys got here: the file does not have them.
+    let mut meant_keys: Vec<String> = Vec::new();
     for _ in 0..MAX_READS {
         let check = Check::of(file);
         let raw = Raw::deserialize(Deserializer::from(document.clone()));
@@ -70,8 +72,12 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
             ConfigError::Value { .. } | ConfigError::Syntax { .. }
         );
         let key = without_indices(&key).to_string();
-        if !repaired.iter().any(|done| follows(&key, &message, done)) {
+        let is_guess = !is_value && meant_keys.contains(&key);
+        if !is_guess && !repaired.iter().any(|done| follows(&key, &message, done)) {
             let renamed = error.meant().is_some_and(|meant| {
+                let (table, _) = key.rsplit_once('.').unwrap_or_default();
+                let new = format!("{table}.{meant}");
+                meant_keys.push(new.trim_start_matches('.').to_string());
                 // The value of a misspelt key is checked as well.
                 rename(document.get_mut(), &key, meant)
             });

@@ -40,7 +40,10 @@ impl OutputFile {
         not_input(path)?;
         let is_foreign = !may_replace(path, mark);
         if is_foreign && !force {
-            return Err(foreign());
+            return Err(match mark {
+                [] => unmarked(),
+                _ => foreign(),
+            });
         }
         let mut new = OpenOptions::new();
         let mut old = OpenOptions::new();
@@ -48,6 +51,10 @@ impl OutputFile {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {
                 let old = old.write(true).create(true).truncate(false);
                 (open(old, path)?, false)
+            }
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                let why = "its folder does not exist: make it first";
+                return Err(Error::new(ErrorKind::NotFound, why));
             }
             opened => (opened?, true),
         };
@@ -149,6 +156,13 @@ pub fn foreign() -> Error {
     Error::new(ErrorKind::InvalidInput, why)
 }
 
+/// The error where an output of a format without a mark would replace a file: skyloop may have made it.
+fn unmarked() -> Error {
+    let why =
+        "exists already; element sets, camera files and CAN logs are replaced with --force only";
+    Error::new(ErrorKind::InvalidInput, why)
+}
+
 /// Opens for writing without waiting for the other end: that of a pipe may never come.
 #[cfg(unix)]
 fn open(options: &mut OpenOptions, path: &Path) -> Result<File> {
@@ -213,7 +227,8 @@ mod tests {
             drop(output);
             assert_eq!(std::fs::read(path).unwrap(), b"then");
         }
-        assert!(OutputFile::open(&folder.join("no/file"), MARK, true).is_err());
+        let error = OutputFile::open(&folder.join("no/file"), MARK, true).unwrap_err();
+        assert!(error.to_string().contains("make it first"), "{error}");
         std::fs::remove_dir_all(folder).unwrap();
     }
 
@@ -233,6 +248,13 @@ mod tests {
             std::fs::write(&file, contents).unwrap();
             let written = write_file(&file, "new", mark, false);
             assert_eq!(written.is_ok(), may, "{contents:?} {mark:?}");
+            let text = written.map_or_else(|error| error.to_string(), |()| String::new());
+            let is_unmarked = text.starts_with("exists already; element sets");
+            assert_eq!(
+                is_unmarked,
+                !may && mark.is_empty(),
+                "{contents:?} {mark:?}"
+            );
             let kept = if may { "new" } else { contents };
             assert_eq!(std::fs::read_to_string(&file).unwrap(), kept);
             assert!(write_file(&file, "new", mark, true).is_ok());

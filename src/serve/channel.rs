@@ -56,6 +56,8 @@ pub(super) struct Exchange {
     pub deaf: bool,
     /// Why its client has not got the last frame whole.
     pub withheld: Withheld,
+    /// Whether its client has sent a valid Trigger.
+    pub triggered: bool,
     pub credit: CreditAccount,
     /// What its client granted first.
     pub window: Option<u32>,

@@ -200,6 +200,7 @@ impl Server {
                     arrived,
                 })?;
                 self.counters.triggers = self.counters.triggers.wrapping_add(1);
+                self.channels[at].exchange.triggered = true;
             }
             // The link has done it as the packet passed.
             Command::Fault(fault) => {

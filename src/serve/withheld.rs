@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 
 /// A client that holds a frame up for so long is reported, before the frame is given up.
 pub(super) const SOON: Duration = Duration::from_millis(500);
+/// A client that sends attitudes for so long and no Trigger, where frames need one, is reported.
+const UNTRIGGERED: Duration = Duration::from_secs(2);
 /// A frame that takes longer on its link is reported: a client may not wait for it.
 const SLOW: Duration = Duration::from_secs(5);
 
@@ -18,6 +20,8 @@ const SLOW: Duration = Duration::from_secs(5);
 pub(super) struct Messages {
     every: BTreeMap<u8, Every>,
     unproved: Option<Instant>,
+    /// Since when attitudes come and no Trigger, where frames need one.
+    untriggered: Option<Instant>,
     /// Packets granted and sent, since when, and whether it is reported.
     silent: Option<([u32; 2], Instant, bool)>,
 }
@@ -41,6 +45,7 @@ pub(super) fn name(why: Withheld) -> &'static str {
         Withheld::TooLong => "cannot be encoded",
         Withheld::Refused => "refused",
         Withheld::NoClient => "no client",
+        Withheld::NoTrigger => "no Trigger",
     }
 }
 
@@ -59,6 +64,9 @@ fn remedy(why: Withheld) -> &'static str {
         Withheld::TooLong => "ask for other labels (Output)",
         Withheld::Refused => "see the Nack's detail",
         Withheld::NoClient => "let the client send Ping or Credit first",
+        Withheld::NoTrigger => {
+            "run.trigger is \"packet\": let the client send Triggers, or set run.trigger to \"own\""
+        }
         Withheld::None => "see the counters",
     }
 }
@@ -196,9 +204,29 @@ impl Server {
         }
     }
 
-    /// Reports clients that for a while have not proved their address, or have not granted for what was sent.
+    /// Reports a client that for a while sends attitudes and no Trigger, where frames need one.
+    fn report_untriggered(&mut self, at: usize, now: Instant) {
+        let by_trigger = self.clock.cadence().is_none() && self.clock.asks() == "Trigger";
+        let has_attitude = self.truth.history.latest().is_some();
+        let Channel {
+            roles,
+            exchange,
+            messages,
+            ..
+        } = &mut self.channels[at];
+        let waits = by_trigger && has_attitude && roles.truth && !exchange.triggered;
+        let since = &mut messages.untriggered;
+        *since = waits.then(|| since.unwrap_or(now));
+        let is_due = since.is_some_and(|since| now.saturating_duration_since(since) >= UNTRIGGERED);
+        if is_due && exchange.withheld != Withheld::NoTrigger {
+            self.report(at, Withheld::NoTrigger, "attitudes come and no Trigger");
+        }
+    }
+
+    /// Reports clients that for a while have not proved their address, have not granted for what was sent, or send no Trigger.
     pub(super) fn report_silence(&mut self, now: Instant) {
         for at in 0..self.channels.len() {
+            self.report_untriggered(at, now);
             if let Some(lost) = self.channels[at].is_silent_about(now) {
                 let detail =
                     format!("{lost} packets sent, and the client grants as if they had not come");

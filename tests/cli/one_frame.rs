@@ -144,7 +144,7 @@ fn ways_to_point_exclude_each_other() {
         (
             "--nadir",
             1,
-            "needs an orbit: give the observer's --state or --orbit",
+            "needs an orbit: give [observer] state or orbit in the scene",
         ),
     ] {
         let (got, _, log) = run(

@@ -19,9 +19,8 @@ fn emulator(at: &Path, keys: &str, run: &str, flags: &[&str]) -> Process {
     Process::spawned(command.current_dir(at), "listening on ")
 }
 
-/// What the client prints; it exits with 0.
-fn client(at: &Path, process: &Process, flags: &[&str]) -> String {
-    let address = process.address.strip_prefix("udp://").unwrap();
+/// Whether the client succeeds, and what it prints.
+fn client_at(at: &Path, address: &str, flags: &[&str]) -> (bool, String) {
     let mut command = Command::new("python3");
     let command = command
         .arg(repository("examples/client.py"))
@@ -33,8 +32,53 @@ fn client(at: &Path, process: &Process, flags: &[&str]) -> String {
         stderr,
     } = output.expect("python3 runs: apt-get install python3-minimal");
     let text = String::from_utf8([stdout, stderr].concat()).unwrap();
-    assert!(status.success(), "{text}");
+    (status.success(), text)
+}
+
+/// What the client prints; it exits with 0.
+fn client(at: &Path, process: &Process, flags: &[&str]) -> String {
+    let address = process.address.strip_prefix("udp://").unwrap();
+    let (is_success, text) = client_at(at, address, flags);
+    assert!(is_success, "{text}");
     text
+}
+
+#[test]
+fn the_client_gets_whole_frames_at_every_output_level() {
+    for level in ["frame", "compressed", "windows", "labels"] {
+        let here = tempfile::tempdir().unwrap();
+        let at = here.path();
+        let process = emulator(at, "camera = \"fai-nir\"", "", &["--output", level]);
+        let text = client(at, &process, &["--frames", "2"]);
+        process.signal("-INT");
+        process.end();
+        assert_eq!(text.matches(" bits, ").count(), 2, "{level}: {text}");
+        assert!(!text.contains("lost"), "{level}: {text}");
+    }
+}
+
+#[test]
+fn the_client_refuses_wrong_addresses_in_one_line() {
+    let here = tempfile::tempdir().unwrap();
+    for address in [
+        "127.0.0.1",
+        "127.0.0.1:",
+        "127.0.0.1:x",
+        "127.0.0.1:70000",
+        "foo.invalid:1",
+    ] {
+        let (is_success, text) = client_at(here.path(), address, &[]);
+        assert!(!is_success && text.lines().count() == 1, "{text}");
+        assert!(
+            text.contains(address) && text.contains("HOST:PORT"),
+            "{text}"
+        );
+    }
+    let (is_success, text) = client_at(here.path(), "127.0.0.1:1", &["--help"]);
+    assert!(
+        is_success && text.contains("HOST:PORT") && text.contains("127.0.0.1:4810"),
+        "{text}"
+    );
 }
 
 /// Columns, rows and pixels of a PGM picture with two bytes a pixel.

@@ -98,7 +98,7 @@ fn a_camera_is_made_checked_and_not_written_over() {
     assert!(text.starts_with(&checked), "{text} {checked}");
     let said = refused(here.path(), &all);
     assert!(
-        said.contains("mine.toml: skyloop did not make this file") && said.contains("--force"),
+        said.contains("mine.toml: exists already") && said.contains("--force"),
         "{said}"
     );
     printed(here.path(), &[&all[..], &["--force"]].concat());

@@ -5,7 +5,7 @@ use crate::support::line::{Line, MemoryLine};
 use crate::support::{
     EPOCH, Running, attitude, await_that, later, on_serial, on_udp, options, quick, scene,
 };
-use skyloop::config::{Clock, Config};
+use skyloop::config::{Clock, Config, Trigger};
 use skyloop::link::{self, Roles, Wire};
 use skyloop_protocols::packet::reseal;
 use skyloop_protocols::personality::{NATIVE, Personality};
@@ -182,5 +182,19 @@ fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
         });
         let (stats, _) = emulator.measured();
         assert!(stats.withheld.contains_key(name), "{:?}", stats.withheld);
+    }
+}
+
+#[test]
+fn status_says_that_attitudes_come_and_no_trigger() {
+    for (trigger, is_reported) in [(Trigger::Packet, true), (Trigger::Own, false)] {
+        let mut config = scene();
+        config.run.trigger = trigger;
+        let (_emulator, line) = on_udp(config, Clock::Stepped, 60.0);
+        let mut client = Client::new(line);
+        client.point(attitude(0), EPOCH);
+        std::thread::sleep(Duration::from_secs(3));
+        let says = client.status().withheld == Withheld::NoTrigger;
+        assert_eq!(says, is_reported, "{trigger:?}");
     }
 }

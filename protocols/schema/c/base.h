@@ -308,7 +308,7 @@ static inline bool skyloop_is_padded(uint8_t packing, size_t count, const uint8_
     return (packing != 12U) || ((count % 2U) == 0U) || (length == 0U) || ((data[length - 1U] & 0xFU) == 0U);
 }
 
-/* ---- compressed pixels: the adaptive Rice coder of CCSDS 121.0-B-3 (docs/icd.md, section 3.13) --------------------- */
+/* ---- compressed pixels: the adaptive Rice coder of CCSDS 121.0-B-3 (docs/icd.md, section 3.14) --------------------- */
 
 typedef struct {
     const uint8_t *data;

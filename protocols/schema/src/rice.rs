@@ -1,4 +1,4 @@
-//! The Rice code of CCSDS 121.0-B-3 as the ICD describes it (section 3.13), written once more for the golden vectors: the
+//! The Rice code of CCSDS 121.0-B-3 as the ICD describes it (section 3.14), written once more for the golden vectors: the
 //! shortest option of a block is found by trying all of them.
 
 use crate::bytes::Bits;

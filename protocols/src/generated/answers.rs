@@ -79,7 +79,7 @@ impl Status {
         let latency_p50_s = reader.f32()?;
         let latency_p99_s = reader.f32()?;
         let latency_max_s = reader.f32()?;
-        let withheld = reader.code(Withheld::from_code, "Status.withheld", "must be 0 to 8")?;
+        let withheld = reader.code(Withheld::from_code, "Status.withheld", "must be 0 to 9")?;
         let mut counters = Counters::default();
         for counter in counters.iter_mut() {
             *counter = reader.u32()?;

@@ -127,6 +127,8 @@ wire_enum! {
         Refused = 7,
         /// No valid packet has come on this link.
         NoClient = 8,
+        /// Attitudes come and no Trigger, and `run.trigger` is `packet`: send Triggers, or set `run.trigger` to `own`.
+        NoTrigger = 9,
     }
 }
 

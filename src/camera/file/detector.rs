@@ -76,8 +76,10 @@ const MOST_PRNU: RangeInclusive<f64> = 0.0..=0.3;
 /// Dark currents by 0.03 to 0.5; beyond that the tail is that of hot pixels, which have keys of their own.
 const MOST_DARK_NONUNIFORMITY: RangeInclusive<f64> = 0.0..=2.0;
 
-/// Limits of the keys; those of offset_dn and stuck_dn follow from adc_bits.
+/// Limits of the keys; the most of offset_dn and stuck_dn follows from adc_bits.
 pub const LIMITS: &[Limit] = &[
+    ("detector.offset_dn", Allowed::Number(0.0..=65535.0)),
+    ("detector.stuck_dn", Allowed::Number(0.0..=65535.0)),
     ("detector.adc_bits", Allowed::Number(1.0..=16.0)),
     ("detector.width_px", Allowed::Number(1.0..=8192.0)),
     ("detector.height_px", Allowed::Number(1.0..=8192.0)),

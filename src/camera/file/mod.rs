@@ -12,8 +12,8 @@ mod vignetting;
 
 use super::Camera;
 use crate::load::{
-    CAMERAS, Check, ConfigError, EXAMPLE_CAMERA, Folder, Limit, Noticed, nearest, read_noticed,
-    schema_of,
+    Allowed, CAMERAS, Check, ConfigError, EXAMPLE_CAMERA, Folder, Limit, Noticed, nearest,
+    read_noticed, schema_of,
 };
 use detector::RawDetector;
 use optics::RawOptics;
@@ -51,6 +51,7 @@ fn first() -> u64 {
 
 /// The limits of all keys.
 const LIMITS: &[&[Limit]] = &[
+    &[("name", Allowed::Length(1..=60))],
     detector::LIMITS,
     images::LIMITS,
     optics::LIMITS,
@@ -186,7 +187,7 @@ transmission = 0.8
 band = [400.0, 900.0]
 projection = {{ model = "brown-conrady", k = [0.001], p = [0.0, 0.0], strength = 1.0 }}
 vignetting = {{ table = [[0.0, 1.0], [40.0, 0.5]] }}
-stray = {{ pst = [[0.0, 1e-3], [90.0, 1e-9]] }}
+stray = {{ pst = [[0.0, 1e-3], [90.0, 1e-9]], sun_exclusion_deg = 40.0 }}
 psf = {psf}
 [detector]
 width_px = 64
@@ -209,6 +210,7 @@ blooming = "column"
 nonlinearity = 0.01
 gain_e_per_dn = 3.0
 offset_dn = 30.0
+stuck_dn = 4095.0
 adc_bits = 12
 [radiation]
 flux_cm2_s = 1.0

@@ -22,6 +22,7 @@ pub struct RawProjection {
 }
 
 pub const LIMITS: &[Limit] = &[
+    ("optics.projection.k", Allowed::Count(1..=usize::MAX)),
     ("optics.projection.k[]", Allowed::Number(-1e6..=1e6)),
     ("optics.projection.p[]", Allowed::Number(-1e6..=1e6)),
     ("optics.projection.strength", Allowed::Number(0.0..=100.0)),

@@ -22,8 +22,12 @@ pub struct RawStray {
     sun_exclusion_deg: Option<f64>,
 }
 
-/// Limits of the keys; that of sun_exclusion_deg follows from the field of view.
+/// Limits of the keys; the least of sun_exclusion_deg follows from the field of view.
 pub const LIMITS: &[Limit] = &[
+    (
+        "optics.stray.sun_exclusion_deg",
+        Allowed::Number(0.0..=180.0),
+    ),
     ("optics.stray.pst[][0]", Allowed::Number(super::FIELD_DEG)),
     ("optics.stray.pst[][1]", Allowed::Number(1e-12..=1.0)),
     ("optics.stray.pst", Allowed::Count(1..=usize::MAX)),
