@@ -16,8 +16,8 @@ use nalgebra::Vector3;
 const ELEMENT: f64 = 1.0;
 /// No square is wider than this, px.
 const WIDEST_PX: f64 = 0.7;
-/// A disc is cut into at least so many on a side, however small its image: the centre of its light and what the Earth takes do not depend on the camera.
-const LEAST_ELEMENTS: f64 = 24.0;
+/// Cells on a side, at least, from which the centre of the light and what the Earth takes are summed: they do not depend on the camera.
+const LEAST_CELLS: f64 = 24.0;
 /// A disc that asks for more squares than this on a side is laid on the pixels as areas are.
 const MOST_ELEMENTS: f64 = 600.0;
 /// Points that take as long as laying a disc on no pixels, and pixels for each further one.
@@ -89,6 +89,58 @@ impl SeenWanderer {
 /// The Moon's name.
 pub const MOON: &str = "Moon";
 
+/// The light of a disc that arrives.
+struct Arriving {
+    /// Of all its cells, in full sunlight, and what arrives of that.
+    all: f64,
+    light: f64,
+    /// Direction and light of the cells from which some arrives.
+    lit: Vec<(Vector3<f64>, f64)>,
+    /// Whether the Earth hides some.
+    behind: bool,
+}
+
+impl Arriving {
+    /// By so many cells on a side.
+    fn of(disc: &MoonDisc, count: usize, earth: &Earth, observer: &Observer) -> Arriving {
+        let [mut all, mut light] = [0.0; 2];
+        let (mut lit, mut behind) = (Vec::new(), false);
+        for Cell { direction, share } in disc.cells(count) {
+            all += share;
+            if earth.occults_direction(observer.position_m, direction) {
+                behind = true;
+                continue;
+            }
+            let arrives = share * sunlit(&direction, disc, earth, observer);
+            if arrives > 0.0 {
+                light += arrives;
+                lit.push((direction, arrives));
+            }
+        }
+        Arriving {
+            all,
+            light,
+            lit,
+            behind,
+        }
+    }
+
+    /// The centre of what arrives: unit vector.
+    fn centre(&self) -> Option<Vector3<f64>> {
+        let sum: Vector3<f64> = self.lit.iter().map(|(at, share)| at * *share).sum();
+        sum.try_normalize(0.0)
+    }
+
+    /// Its cells as points around a centre.
+    fn elements(&self, centre: &Vector3<f64>) -> Vec<Element> {
+        let element = |(at, share): &(Vector3<f64>, f64)| Element {
+            offset: at - centre,
+            share: share / self.light,
+        };
+        self.lit.iter().map(element).collect()
+    }
+}
+
 impl View {
     /// The Moon, if it may be in the cone of `angle` (rad) around `axis`.
     pub(super) fn the_moon(
@@ -105,35 +157,16 @@ impl View {
         }
         let earth = Earth::at(self.exposure.mid);
         let squares = self.squares(disc);
-        let count = squares.clamp(LEAST_ELEMENTS, MOST_ELEMENTS);
-        let (mut all, mut light) = (0.0, 0.0);
-        let (mut lit, mut behind) = (Vec::new(), false);
-        for Cell { direction, share } in disc.cells(count as usize) {
-            all += share;
-            let hidden = earth.occults_direction(shutter[1].position_m, direction);
-            behind |= hidden;
-            let part = if hidden {
-                0.0
-            } else {
-                sunlit(&direction, disc, &earth, &shutter[1])
-            };
-            light += part * share;
-            if part > 0.0 {
-                lit.push((direction, part * share));
-            }
-        }
-        let visible = light / f64::max(all, f64::MIN_POSITIVE);
-        let centre: Vector3<f64> = lit.iter().map(|(at, share)| at * *share).sum();
-        let centre = centre.try_normalize(0.0).unwrap_or(disc.direction);
+        let count = squares.clamp(LEAST_CELLS, MOST_ELEMENTS);
+        let of_cells = |count: f64| Arriving::of(disc, count as usize, &earth, &shutter[1]);
+        let arriving = of_cells(count);
+        let visible = arriving.light / f64::max(arriving.all, f64::MIN_POSITIVE);
+        let centre = arriving.centre().unwrap_or(disc.direction);
         let is_large = squares > MOST_ELEMENTS;
-        let elements = if squares > 1.0 && !is_large {
-            let part = |(at, share): &(Vector3<f64>, f64)| Element {
-                offset: at - centre,
-                share: share / light,
-            };
-            lit.iter().map(part).collect()
-        } else {
-            Vec::new()
+        let elements = match squares {
+            _ if squares <= 1.0 || is_large => Vec::new(),
+            _ if squares < LEAST_CELLS => of_cells(squares).elements(&centre),
+            _ => arriving.elements(&centre),
         };
         let off = centre - disc.direction;
         let appears = |observer: &Observer| {
@@ -147,14 +180,15 @@ impl View {
                 disc: *disc,
                 observer: shutter[1],
                 earth,
-                behind,
+                behind: arriving.behind,
                 irradiance: photon_irradiance(self.camera.optics.band.zero_point(), mag),
                 turning: directions[0].cross(&directions[2]) / self.open_s.max(f64::MIN_POSITIVE),
             };
             // That of the brightest square, on as much of a pixel as it is.
-            let brightest = lit.iter().map(|(_, share)| *share).fold(0.0, f64::max);
+            let shares = arriving.lit.iter().map(|(_, share)| *share);
+            let brightest = shares.fold(0.0, f64::max);
             let square_px = 2.0 * disc.angular_radius * self.scale_and_corner_px.0 / count;
-            let most_e = clear_e * brightest / f64::max(all, f64::MIN_POSITIVE);
+            let most_e = clear_e * brightest / f64::max(arriving.all, f64::MIN_POSITIVE);
             large.area(2.0 * most_e / (square_px * square_px))
         });
         let points = match area {
@@ -173,7 +207,7 @@ impl View {
             area,
             points,
         };
-        let hidden = match (visible > 0.0, behind) {
+        let hidden = match (visible > 0.0, arriving.behind) {
             (true, _) => None,
             (false, true) => Some(Hidden::ByEarth),
             (false, false) => Some(Hidden::InShadow),
@@ -269,12 +303,6 @@ pub fn moons_light(disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
     if far && eclipsed > ECLIPSED {
         return 1.0;
     }
-    let (mut all, mut light) = (0.0, 0.0);
-    for Cell { direction, share } in disc.cells(SIDE) {
-        all += share;
-        if !earth.occults_direction(observer.position_m, direction) {
-            light += share * sunlit(&direction, disc, earth, observer);
-        }
-    }
-    light / f64::max(all, f64::MIN_POSITIVE)
+    let arriving = Arriving::of(disc, SIDE, earth, observer);
+    arriving.light / f64::max(arriving.all, f64::MIN_POSITIVE)
 }
