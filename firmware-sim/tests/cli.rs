@@ -388,7 +388,7 @@ fn errors_say_what_to_do() {
         ),
         (
             &["--hold", "0,0,0,1", "--junit", "no/such.xml"],
-            "cannot write no/such.xml: No such file or directory (os error 2); name another file",
+            "cannot write no/such.xml: its folder does not exist: make it first",
         ),
         (
             &[
