@@ -125,7 +125,7 @@ def run():
     while whole < options.frames:
         now = time.monotonic()
         if lost and now - said > 1:
-            print(f"{lost} packets are lost on the way, and asked for again: enlarge the receive buffer "
+            print(f"{lost} packets are lost on the way and requested again: enlarge the receive buffer "
                   f"({link.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)} bytes; sysctl net.core.rmem_max)", flush=True)
             lost, said = 0, now
         if accepted is not None and sent + ROOM > granted + ROOM // 4:

@@ -24,7 +24,7 @@ pub struct Needs {
     pub long_packets: bool,
 }
 
-/// What the faults without an end do to the items of one direction, since it was last asked for.
+/// What the faults without an end do to the items of one direction, since the last call.
 #[derive(Debug, Default)]
 pub(super) struct Outlook {
     /// The kind that lets the fewest pass, and how many items had no chance.
