@@ -118,6 +118,10 @@ fn rule(
         Some(for_s) => Some(check.range(&key("for_s"), for_s, 0.0..=LONGEST_S)?),
         None => None,
     };
+    if for_s == Some(0.0) {
+        let why = "0 s: the fault would do nothing; leave for_s out for a fault without an end";
+        return Err(check.explain(&key("for_s"), why));
+    }
     let value = match (raw.value, kind) {
         (Some(value), _) => value,
         (None, kind) if kind.is_switch() => 1.0,
@@ -133,12 +137,13 @@ fn rule(
         _ => 1.0,
     };
     let value = check.range(&key("value"), value, 0.0..=most)?;
-    if kind.is_switch() && value != 0.0 && value != 1.0 {
-        return Err(check.refuse(
-            &key("value"),
-            value,
-            format!("0 or 1, as {} is on or off", raw.kind),
-        ));
+    if value == 0.0 {
+        let why = "0: the fault would do nothing; an earlier one ends by its for_s";
+        return Err(check.explain(&key("value"), why));
+    }
+    if kind.is_switch() && value != 1.0 {
+        let allowed = format!("1, as {} is on or off", raw.kind);
+        return Err(check.refuse(&key("value"), value, allowed));
     }
     let from = Duration::from_secs_f64(at_s);
     Ok(Rule::new(
@@ -206,7 +211,19 @@ mod tests {
             ),
             (
                 one("value = 0.5").replace("drop", "stuck"),
-                vec!["faults[0].value = 0.5", "0 or 1", "stuck"],
+                vec!["faults[0].value = 0.5", "must be 1, as stuck"],
+            ),
+            (
+                one("value = 0"),
+                vec!["faults[0].value", "do nothing", "for_s"],
+            ),
+            (
+                one("value = -0.0").replace("drop", "stuck"),
+                vec!["faults[0].value", "do nothing", "for_s"],
+            ),
+            (
+                one("value = 0.5\nfor_s = 0"),
+                vec!["faults[0].for_s", "do nothing", "leave for_s out"],
             ),
             (
                 one("value = 61.0").replace("drop", "delay"),
