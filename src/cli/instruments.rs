@@ -4,7 +4,7 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 use skyloop::engine::Emulator;
 use skyloop::link::capture::{Capture, Origin, remedy_of};
-use skyloop::link::fault::{Book, BusFaults, LOG_MARK, Needs, Plan, wrap};
+use skyloop::link::fault::{Book, BusFaults, LOG_MARK, Needs, Plan, Stop, wrap};
 use skyloop::link::{self, BusInstruments, LinkError, Roles, Wire};
 use skyloop::orbit::path_text;
 use skyloop::orbit::{Input, OutputFile, inputs, is_same_file};
@@ -229,8 +229,8 @@ impl Instruments {
         Ok(())
     }
 
-    /// The fault without an end by which nothing passes any more, and how many packets met it. None if no packet met one after `since`.
-    pub fn stopped(&self, since: Instant, needs: Needs) -> Option<(String, u64)> {
+    /// The fault by which nothing passes any more. None if no packet met one after `since`.
+    pub fn stopped(&self, since: Instant, needs: Needs) -> Option<Stop> {
         let (_, book) = self.faults.as_ref()?;
         let book = book.lock().unwrap_or_else(PoisonError::into_inner);
         // On CAN the flow control of each long packet is waited for.

@@ -12,7 +12,7 @@ use indicatif::ProgressBar;
 use skyloop::config::{Clock, Config};
 use skyloop::effect::counted;
 use skyloop::engine::{Emulator, Shot};
-use skyloop::link::fault::Needs;
+use skyloop::link::fault::{Needs, Stop};
 use skyloop::link::{self, Roles};
 use skyloop::orbit::path_text;
 use skyloop::output::{OutputError, Writer};
@@ -145,9 +145,9 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
         Ok(report) => (report, None),
         Err(error) => blamed(error, instruments.faults())?,
     };
-    let cut_short = cut_short.or(flown.stopped.map(|(fault, packets)| {
+    let cut_short = cut_short.or(flown.stopped.map(|stop| {
         let injected = instruments.faults().unwrap_or_default();
-        stopped_by(&fault, packets, &injected, &args.link)
+        stopped_by(&stop, &injected, &args.link)
     }));
     let mut rows = rows(&flown.stats, &report);
     rows.extend(instruments.rows());
@@ -201,8 +201,8 @@ struct Flown {
     report: Result<Report, RunError>,
     /// The emulator's figures.
     stats: RunStats,
-    /// The fault that stopped the line for good, and how many packets met it.
-    stopped: Option<(String, u64)>,
+    /// The fault that stopped the line for good.
+    stopped: Option<Stop>,
 }
 
 /// Runs emulator and flight computer against each other, and writes the frames.
@@ -274,11 +274,19 @@ fn show(event: &Event<'_>, bar: &ProgressBar) {
 }
 
 /// The error of a line that a fault has stopped for good.
-fn stopped_by(fault: &str, packets: u64, injected: &str, link: &str) -> Error {
+fn stopped_by(stop: &Stop, injected: &str, link: &str) -> Error {
     let s = STOPPED.as_secs();
+    let Stop { fault, packets, .. } = stop;
+    let (lasts, remedy) = match stop.lasts {
+        None => ("has no end".to_string(), "a for_s"),
+        Some(lasts) => (
+            format!("lasts {:.0} s longer", lasts.as_secs_f64()),
+            "a shorter for_s",
+        ),
+    };
     anyhow!(
-        "{link}: nothing passes any more: the fault {fault} has no end, {packets} packets have met it (injected: {injected}), and \
-         nothing of a frame has come for {s} s; give it a for_s, a lower value, or an at_s after the last frame"
+        "{link}: nothing passes any more: the fault {fault} {lasts}, {packets} packets have met it (injected: {injected}), and \
+         nothing of a frame has come for {s} s; give it {remedy}, a lower value, or an at_s after the last frame"
     )
 }
 

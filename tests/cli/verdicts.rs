@@ -69,24 +69,27 @@ fn a_loopback_keeps_its_limits_or_fails() {
 fn a_line_that_a_fault_has_stopped_ends_a_loopback_in_seconds() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
-    for (link, direction, kind, value, at_s) in [
-        ("memory", "out", "stuck", 1.0, 0.0),
-        ("memory", "in", "stuck", 1.0, 0.2),
-        ("udp", "in", "drop", 1.0, 0.2),
-        ("pty", "out", "down", 1.0, 0.2),
-        ("memory", "in", "bit_flips", 1.0, 0.0),
-        ("memory", "in", "bit_flips", 0.01, 0.0),
-        ("memory", "out", "bit_flips", 0.01, 0.0),
-        ("serial", "out", "bit_flips", 0.001, 0.2),
-        ("memory", "in", "delay", 60.0, 0.0),
-        ("udp", "out", "delay", 31.0, 0.2),
-        ("slcan", "out", "duplicate", 1.0, 0.0),
-        ("slcan", "in", "bit_flips", 0.01, 0.0),
-        ("slcan", "in", "bus_off", 1.0, 0.3),
-        ("slcan", "out", "bus_off", 1.0, 0.0),
+    for (link, direction, kind, value, at_s, for_s) in [
+        ("memory", "out", "stuck", 1.0, 0.0, ""),
+        ("memory", "in", "stuck", 1.0, 0.2, ""),
+        ("udp", "in", "drop", 1.0, 0.2, ""),
+        ("pty", "out", "down", 1.0, 0.2, ""),
+        ("memory", "in", "bit_flips", 1.0, 0.0, ""),
+        ("memory", "in", "bit_flips", 0.01, 0.0, ""),
+        ("memory", "out", "bit_flips", 0.01, 0.0, ""),
+        ("serial", "out", "bit_flips", 0.001, 0.2, ""),
+        ("memory", "in", "delay", 60.0, 0.0, ""),
+        ("udp", "out", "delay", 31.0, 0.2, ""),
+        ("slcan", "out", "duplicate", 1.0, 0.0, ""),
+        ("slcan", "in", "bit_flips", 0.01, 0.0, ""),
+        ("slcan", "in", "bus_off", 1.0, 0.3, ""),
+        ("slcan", "out", "bus_off", 1.0, 0.0, ""),
+        // So long that a client gives up before: README.md, `skyloop loopback`.
+        ("memory", "out", "stuck", 1.0, 0.2, "for_s = 100000.0"),
+        ("memory", "in", "delay", 60.0, 0.0, "for_s = 100000.0"),
     ] {
         let fault = format!(
-            "[[faults]]\ndirection = {direction:?}\nkind = {kind:?}\nvalue = {value:?}\nat_s = {at_s:?}\n"
+            "[[faults]]\ndirection = {direction:?}\nkind = {kind:?}\nvalue = {value:?}\nat_s = {at_s:?}\n{for_s}\n"
         );
         std::fs::write(at.join("faults.toml"), fault).unwrap();
         let started = Instant::now();
@@ -94,13 +97,13 @@ fn a_line_that_a_fault_has_stopped_ends_a_loopback_in_seconds() {
         let (code, text) = say(at, &command);
         let took = started.elapsed();
         assert_eq!(code, Some(1), "{text}");
+        let (lasts, remedy) = match for_s {
+            "" => ("has no end", "give it a for_s, a lower value"),
+            _ => ("lasts 9", " s longer, "),
+        };
         let told =
-            format!("{link}: nothing passes any more: the fault {kind}, {direction} has no end");
-        for words in [
-            &told,
-            "have met it (injected: ",
-            "give it a for_s, a lower value",
-        ] {
+            format!("{link}: nothing passes any more: the fault {kind}, {direction} {lasts}");
+        for words in [&told, "have met it (injected: ", remedy] {
             assert!(text.contains(words), "no {words:?} in {text}");
         }
         // 5 s without a frame; a busy machine needs time for the frames before.

@@ -2,7 +2,7 @@
 
 use super::engine::{How, Injection, What};
 use super::plan::name;
-use super::stopped::{Needs, Outlook, Stopped};
+use super::stopped::{Needs, Outlook, Stop, Stopped};
 use skyloop_orbit::path_text;
 use skyloop_orbit::{Mark, OutputFile};
 use skyloop_protocols::Direction;
@@ -97,7 +97,7 @@ impl Book {
 
     /// The fault without an end by which nothing passes any more, such as `stuck, out`, and how many packets (on CAN: frames) met it. None if no packet
     /// met one after `since`.
-    pub fn stopped(&self, since: Instant, needs: &Needs) -> Option<(String, u64)> {
+    pub fn stopped(&self, since: Instant, needs: &Needs) -> Option<Stop> {
         self.stopped.since(since, needs)
     }
 

@@ -21,5 +21,5 @@ pub use engine::{Damageable, Faults, How, Injection, Pushed, What};
 pub use line::CAPACITY;
 pub use plan::{Plan, impossible, name};
 pub use rule::Rule;
-pub use stopped::{Needs, Shape};
+pub use stopped::{Needs, Shape, Stop};
 pub use wire::wrap;

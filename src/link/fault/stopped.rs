@@ -1,4 +1,4 @@
-//! Recognizes faults without an end that let no packet through: what is sent will never arrive.
+//! Recognizes faults without an end in reach that let no packet through: a client gives up before one arrives.
 
 use super::plan::name;
 use super::rule::Rule;
@@ -15,6 +15,23 @@ const MAX_SPACING: Duration = Duration::from_millis(10);
 /// The frames of an attitude on CAN must come within this time (N_Cr).
 const MAX_SPREAD: Duration = Duration::from_micros(Parameters::FD.timeout_us);
 
+/// A fault that lasts so much longer counts as one without an end: the flight computer gives up after 30 s without an answer (`TIMEOUT` in `flight`).
+const LASTING: Duration = Duration::from_secs(30);
+
+/// A fault by which nothing passes any more.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stop {
+    /// Its kind and direction, such as `stuck, out`.
+    pub fault: String,
+    /// How many packets met it.
+    pub packets: u64,
+    /// How much longer it lasted when the last of them came; none: it has no end.
+    pub lasts: Option<Duration>,
+}
+
+/// The fault of one direction by which nothing passes: its kind, and how much longer it lasts.
+type Culprit = (FaultKind, Option<Duration>);
+
 /// What a client needs to get frames.
 #[derive(Debug, Clone, Copy)]
 pub struct Needs {
@@ -28,33 +45,36 @@ pub struct Needs {
 #[derive(Debug, Default)]
 pub(super) struct Outlook {
     /// The kind that lets the fewest pass, and how many items had no chance.
-    lost: Option<(FaultKind, u64)>,
+    lost: Option<(Culprit, u64)>,
     /// The same if these items had been of the longest packets.
-    lost_if_long: Option<(FaultKind, u64)>,
-    /// How much later items come at least, and how many did.
-    late: (Duration, u64),
+    lost_if_long: Option<(Culprit, u64)>,
+    /// How much later items come at least, how many did, and how much longer that lasts.
+    late: (Duration, u64, Option<Duration>),
 }
 
 impl Outlook {
     /// Sees an item meet `rules` at `now`.
     pub fn see(&mut self, rules: &[Rule], item: Shape, longest: Shape, now: Duration) {
         let endless = rules.iter();
-        let endless = endless.filter(|rule| rule.until.is_none() && rule.is_on(now));
+        let lasts = |rule: &Rule| rule.until.map(|until| until.saturating_sub(now));
+        let is_endless = |rule: &&Rule| lasts(rule).is_none_or(|lasts| lasts >= LASTING);
+        let endless = endless.filter(|rule| rule.is_on(now)).filter(is_endless);
         let delays = endless
             .clone()
             .filter(|rule| rule.fault.kind == FaultKind::Delay);
-        let late_s: f64 = delays.map(|rule| rule.fault.value).sum();
+        let late_s: f64 = delays.clone().map(|rule| rule.fault.value).sum();
         if late_s > 0.0 {
-            self.late = (Duration::from_secs_f64(late_s), self.late.1 + 1);
+            let lasts = delays.filter_map(lasts).min();
+            self.late = (Duration::from_secs_f64(late_s), self.late.1 + 1, lasts);
         }
         for (shape, lost) in [(item, &mut self.lost), (longest, &mut self.lost_if_long)] {
             let chances = endless
                 .clone()
-                .map(|rule| (chance(rule, shape), rule.fault.kind));
+                .map(|rule| (chance(rule, shape), (rule.fault.kind, lasts(rule))));
             let all: f64 = chances.clone().map(|(chance, _)| chance).product();
             let least = chances.min_by(|a, b| a.0.total_cmp(&b.0));
-            if let (true, Some((_, kind))) = (all < MIN_CHANCE, least) {
-                *lost = Some((kind, lost.map_or(0, |(_, count)| count) + 1));
+            if let (true, Some((_, culprit))) = (all < MIN_CHANCE, least) {
+                *lost = Some((culprit, lost.map_or(0, |(_, count)| count) + 1));
             }
         }
     }
@@ -105,15 +125,15 @@ fn chance(rule: &Rule, packet: Shape) -> f64 {
     }
 }
 
-/// How many packets, and when the last came, by direction (out: true) and kind.
-type Lost = BTreeMap<(bool, &'static str), (u64, Instant)>;
+/// How many packets, when the last came, and how much longer the fault lasted then, by direction (out: true) and kind.
+type Lost = BTreeMap<(bool, &'static str), (u64, Instant, Option<Duration>)>;
 
 /// Packets of both directions that have no chance to pass.
 #[derive(Debug, Default)]
 pub(super) struct Stopped {
     lost: Lost,
     lost_if_long: Lost,
-    late: [(Duration, u64); 2],
+    late: [(Duration, u64, Option<Duration>); 2],
 }
 
 impl Stopped {
@@ -124,20 +144,20 @@ impl Stopped {
             (&mut self.lost, seen.lost),
             (&mut self.lost_if_long, seen.lost_if_long),
         ] {
-            if let Some((kind, count)) = seen {
+            if let Some(((kind, lasts), count)) = seen {
                 let key = (out, name(kind));
-                let before = lost.get(&key).map_or(0, |(count, _)| *count);
-                lost.insert(key, (before + count, Instant::now()));
+                let before = lost.get(&key).map_or(0, |(count, ..)| *count);
+                lost.insert(key, (before + count, Instant::now(), lasts));
             }
         }
         if seen.late.1 > 0 {
             let late = &mut self.late[usize::from(out)];
-            *late = (seen.late.0, late.1 + seen.late.1);
+            *late = (seen.late.0, late.1 + seen.late.1, seen.late.2);
         }
     }
 
-    /// The fault by which nothing passes any more, such as `stuck, out`, and how many packets met it; none if there was none after `since`.
-    pub fn since(&self, since: Instant, needs: &Needs) -> Option<(String, u64)> {
+    /// The fault by which nothing passes any more; none if no packet met one after `since`.
+    pub fn since(&self, since: Instant, needs: &Needs) -> Option<Stop> {
         let way = |out: bool| if out { "out" } else { "in" };
         let frames = self.lost_if_long.iter();
         let frames = frames.filter(|((out, _), _)| *out && needs.long_packets);
@@ -145,17 +165,25 @@ impl Stopped {
             .lost
             .iter()
             .chain(frames)
-            .filter(|(_, (_, at))| *at > since);
-        if let Some(((out, name), (count, _))) = lost.next() {
-            return Some((format!("{name}, {}", way(*out)), *count));
+            .filter(|(_, (_, at, _))| *at > since);
+        if let Some(((out, name), (count, _, lasts))) = lost.next() {
+            return Some(Stop {
+                fault: format!("{name}, {}", way(*out)),
+                packets: *count,
+                lasts: *lasts,
+            });
         }
-        let [(late_in, _), (late_out, _)] = self.late;
+        let [(late_in, ..), (late_out, ..)] = self.late;
         if late_in + late_out < needs.patience {
             return None;
         }
         let out = late_out > late_in;
-        let fault = format!("{}, {}", name(FaultKind::Delay), way(out));
-        Some((fault, self.late[usize::from(out)].1))
+        let (_, packets, lasts) = self.late[usize::from(out)];
+        Some(Stop {
+            fault: format!("{}, {}", name(FaultKind::Delay), way(out)),
+            packets,
+            lasts,
+        })
     }
 }
 
@@ -179,11 +207,17 @@ mod tests {
     #[test]
     fn a_fault_without_an_end_that_lets_less_than_one_packet_in_1000_pass_stops_the_line() {
         use FaultKind::*;
-        let end = Some(Duration::from_secs(9));
+        let [end, late] = [9, 100_000].map(|s| Some(Duration::from_secs(s)));
+        // README.md, `skyloop loopback`: what lasts 30 s or longer counts as endless.
+        let [short, long] = [29_999, 30_000].map(|ms| Some(Duration::from_millis(ms)));
         for (kind, value, until, bytes, items, long_packets, stops) in [
             (Stuck, 1.0, None, 18, 1, false, true),
             (Stuck, 0.0, None, 18, 1, false, false),
             (Stuck, 1.0, end, 18, 1, false, false),
+            (Stuck, 1.0, late, 18, 1, false, true),
+            (Stuck, 1.0, short, 18, 1, false, false),
+            (Stuck, 1.0, long, 18, 1, false, true),
+            (Drop, 1.0, late, 18, 1, false, true),
             (Down, 1.0, None, 18, 1, false, true),
             (BusOff, 1.0, None, 18, 1, false, true),
             (Drop, 1.0, None, 18, 1, false, true),
@@ -231,7 +265,11 @@ mod tests {
                 patience,
                 long_packets,
             };
-            let expected = stops.then(|| (format!("{}, out", name(kind)), 1));
+            let expected = stops.then(|| Stop {
+                fault: format!("{}, out", name(kind)),
+                packets: 1,
+                lasts: until,
+            });
             let case = format!("{kind:?} {value} {until:?} {bytes} x {items} {long_packets}");
             assert_eq!(stopped.since(begin, &needs), expected, "{case}");
             assert_eq!(stopped.since(Instant::now(), &needs), None, "{case}");
@@ -259,7 +297,7 @@ mod tests {
                 long_packets: false,
             };
             let found = stopped.since(Instant::now(), &needs);
-            assert_eq!(found.as_ref().map(|(fault, _)| fault.as_str()), fault);
+            assert_eq!(found.as_ref().map(|stop| stop.fault.as_str()), fault);
         }
     }
 }
