@@ -156,7 +156,7 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
     let verdicts = conclude(args, suite, &report, cut_short.as_ref(), junit)?;
     instruments.finish()?;
     cut_short.map_or(Ok(()), Err)?;
-    came_whole(&report, flown.stats.frames, &interrupted)?;
+    came_whole(&report, &interrupted)?;
     verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
 }
 
@@ -290,12 +290,11 @@ fn stopped_by(stop: &Stop, injected: &str, link: &str) -> Error {
     )
 }
 
-/// Errors: the run was interrupted after so many frames of the emulator, or frames did not arrive.
-fn came_whole(report: &Report, made: u32, interrupted: &AtomicBool) -> anyhow::Result<()> {
+/// Errors: the run was interrupted, or frames did not arrive. The count is that of the verdict on the frames.
+fn came_whole(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
     let all = counted(report.requested as usize, "frame");
     if interrupted.load(Ordering::Relaxed) {
-        // As the table has it: the flight computer may have stopped within the last one. Frames may have been made again.
-        bail!("stopped after {} of {all}", made.min(report.requested));
+        bail!("stopped: {} of {all} came whole", report.frames);
     }
     if report.frames != report.requested {
         let missing = report.requested - report.frames;
