@@ -223,9 +223,15 @@ impl Instruments {
             output.begin().map_err(|why| unwritten(file, &why))?;
         }
         let inputs = std::mem::take(&mut self.inputs);
-        if let Some(capture) = &mut self.capture {
-            capture.begin(&Origin { settings, inputs })?;
-        }
+        let Some(capture) = &mut self.capture else {
+            return Ok(());
+        };
+        capture
+            .begin(&Origin { settings, inputs })
+            .inspect_err(|_| {
+                let log = self.log.iter_mut();
+                log.for_each(|(_, output)| output.discard_empty());
+            })?;
         Ok(())
     }
 
@@ -259,11 +265,15 @@ impl Instruments {
     }
 
     /// Ends their files; an error if one of them is not whole.
-    pub fn finish(self) -> anyhow::Result<()> {
+    pub fn finish(mut self) -> anyhow::Result<()> {
         let captured = self.capture.map_or(Ok(0), Capture::finish);
         if let Some((_, book)) = self.faults {
             let mut book = book.lock().unwrap_or_else(PoisonError::into_inner);
-            book.finish().map_err(|why| anyhow!("--fault-log {why}"))?;
+            book.finish().map_err(|why| {
+                let log = self.log.iter_mut();
+                log.for_each(|(_, output)| output.discard_empty());
+                anyhow!("--fault-log {why}")
+            })?;
         }
         captured?;
         Ok(())

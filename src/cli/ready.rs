@@ -1,7 +1,8 @@
 //! `--ready-file`: says for scripts that all links listen, and where.
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use serde::Serialize;
+use skyloop::link::capture::remedy_of;
 use skyloop::orbit::path_text;
 use skyloop::orbit::{Mark, foreign, may_replace, not_input};
 use std::path::{Path, PathBuf};
@@ -28,8 +29,12 @@ pub struct Head<'a> {
     pub links: Vec<String>,
 }
 
-/// A file that is there; it is removed at the end of the run.
-pub struct ReadyFile(PathBuf);
+/// The file, which is removed at the end of the run.
+pub struct ReadyFile {
+    file: PathBuf,
+    /// Where its text is until it is published.
+    part: Option<PathBuf>,
+}
 
 /// How a ready file is recognised; one that a killed run has left is replaced.
 const MARK: Mark = &["{", "\"pid\"", "\"links\""];
@@ -56,28 +61,45 @@ pub fn check(file: &Path, force: bool) -> anyhow::Result<()> {
 }
 
 impl ReadyFile {
-    /// Writes the file under another name and renames it: a reader never sees a part of it.
-    pub fn write(file: &Path, ready: &Ready<'_>) -> anyhow::Result<ReadyFile> {
-        let shown = path_text(file);
+    /// Writes the text under another name: a reader never sees a part of it.
+    pub fn prepare(file: &Path, ready: &Ready<'_>) -> anyhow::Result<ReadyFile> {
         let mut name = file.file_name().unwrap_or_default().to_os_string();
         name.push(format!(".{}", ready.pid));
         let part = file.with_file_name(name);
         let text = serde_json::to_string_pretty(ready)? + "\n";
-        let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, file));
-        written.with_context(|| {
-            format!("--ready-file {shown}: check that its folder exists and may be written")
-        })?;
-        Ok(ReadyFile(file.to_owned()))
+        let prepared = ReadyFile {
+            file: file.to_owned(),
+            part: Some(part.clone()),
+        };
+        prepared.written(std::fs::write(&part, text))?;
+        Ok(prepared)
+    }
+
+    /// Gives the file its name.
+    pub fn publish(&mut self) -> anyhow::Result<()> {
+        if let Some(part) = &self.part {
+            self.written(std::fs::rename(part, &self.file))?;
+        }
+        self.part = None;
+        Ok(())
+    }
+
+    fn written(&self, done: std::io::Result<()>) -> anyhow::Result<()> {
+        done.map_err(|error| {
+            let shown = path_text(&self.file);
+            anyhow!("--ready-file {shown}: {error}{}", remedy_of(&error))
+        })
     }
 }
 
 impl Drop for ReadyFile {
     fn drop(&mut self) {
-        if let Err(error) = std::fs::remove_file(&self.0) {
-            tracing::warn!(
-                "--ready-file {}: cannot be removed: {error}",
-                path_text(&self.0)
-            );
+        if let Some(part) = &self.part {
+            // The error that has left it there is reported.
+            let _ = std::fs::remove_file(part);
+        } else if let Err(error) = std::fs::remove_file(&self.file) {
+            let shown = path_text(&self.file);
+            tracing::warn!("--ready-file {shown}: cannot be removed: {error}");
         }
     }
 }

@@ -89,6 +89,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let (emulator, chosen, first) = emulator(&args, &mut config, &stop)?;
     let recorded = settings(output, &emulator);
     let (server, heads) = cameras::serve(&config, emulator, links, first.as_ref(), output, &help)?;
+    let mut ready = ready_file(&args, &config, &server, &heads, help.metrics_address())?;
     // The last that may fail: earlier files are replaced here.
     instruments.begin(recorded)?;
     warn_of_rates(&config);
@@ -99,7 +100,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         &heads,
         &format!("{chosen}{help}"),
     )?;
-    let ready = ready_file(&args, &config, &server, &heads, help.metrics_address())?;
+    ready.iter_mut().try_for_each(ReadyFile::publish)?;
     let served = serve(&args, &config, server, heads, &seen, &stop);
     drop(ready);
     report(&config, &served, &instruments)?;
@@ -206,7 +207,7 @@ fn introduce(
     Ok(())
 }
 
-/// Writes the ready file, if one was named.
+/// Prepares the ready file, if one was named.
 fn ready_file(
     args: &Args,
     config: &Config,
@@ -227,7 +228,7 @@ fn ready_file(
         heads: heads.collect(),
         metrics,
     };
-    ReadyFile::write(file, &ready).map(Some)
+    ReadyFile::prepare(file, &ready).map(Some)
 }
 
 /// How the run ended, with the figures of each camera.

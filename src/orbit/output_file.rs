@@ -23,6 +23,8 @@ pub struct OutputFile {
     path: PathBuf,
     /// It did not exist before, and nothing was written yet: it is removed again.
     is_unused: bool,
+    /// Its whole contents could not be written: it is removed.
+    is_broken: bool,
     /// It is there already and lacks the mark.
     is_foreign: bool,
 }
@@ -66,6 +68,7 @@ impl OutputFile {
             file,
             path: path.to_owned(),
             is_unused,
+            is_broken: false,
             is_foreign,
         })
     }
@@ -99,18 +102,33 @@ impl OutputFile {
         Ok(())
     }
 
-    /// Writes the whole contents, in place of the earlier ones.
+    /// Writes the whole contents, in place of the earlier ones. A regular file that could not be written whole is removed in the end.
     ///
     /// Errors: those of [`OutputFile::begin`], and what the system says.
     pub fn write(&mut self, contents: &[u8]) -> Result<()> {
         self.begin()?;
-        self.file.write_all(contents)
+        self.is_broken = self.is_regular()?;
+        self.file.write_all(contents)?;
+        self.is_broken = false;
+        Ok(())
+    }
+
+    /// After an error: an empty file is removed in the end. What has been written of a longer one stays.
+    pub fn discard_empty(&mut self) {
+        let about = self.file.metadata();
+        self.is_broken |= about.is_ok_and(|about| about.is_file() && about.len() == 0);
     }
 }
 
 impl Drop for OutputFile {
     fn drop(&mut self) {
-        if self.is_unused {
+        // Not the target of a link, nor the link.
+        let is_file = || {
+            self.path
+                .symlink_metadata()
+                .is_ok_and(|about| about.is_file())
+        };
+        if self.is_unused || self.is_broken && is_file() {
             // The run has failed for another reason, which is reported.
             let _ = std::fs::remove_file(&self.path);
         }

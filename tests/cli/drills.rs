@@ -172,6 +172,46 @@ fn a_disk_that_is_full_from_the_start_is_refused_with_what_to_do() {
     );
 }
 
+/// A limit of 0 bytes a file stands for a full disk: files can be made, and not one byte can be written into them.
+#[test]
+fn a_full_disk_leaves_no_file_behind() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    std::fs::write(at.join("run.toml"), RUN).unwrap();
+    let run = "run --config run.toml";
+    for (command, names) in [
+        (format!("{run} --ready-file ready.json"), "--ready-file ready.json"),
+        (
+            format!("{run} --ready-file ready.json --capture c.pcapng --fault-log f.jsonl"),
+            "--ready-file ready.json",
+        ),
+        (
+            format!("{run} --fault-log f.jsonl --capture c.pcapng"),
+            "--capture c.pcapng",
+        ),
+        (
+            "loopback --frames 1 --junit v.xml --out out".to_string(),
+            "cannot write v.xml",
+        ),
+        (
+            "camera new c.toml --size 64x64 --pixel 5 --focal 16 --aperture 8 --exposure 0.1 --full-well 10000".to_string(),
+            "c.toml",
+        ),
+    ] {
+        let mut sh = Command::new("sh");
+        sh.args(["-c", "trap '' XFSZ; ulimit -f 0; exec \"$0\" \"$@\""]);
+        sh.arg(env!("CARGO_BIN_EXE_skyloop")).args(command.split(' '));
+        let output = sh.current_dir(at).output().unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{command}: {text}");
+        // X-Val: EFBIG of Linux, errno(3).
+        let says = [names, "File too large (os error 27)"];
+        assert!(says.iter().all(|says| text.contains(says)), "{text}");
+        let left: Vec<_> = std::fs::read_dir(at).unwrap().map(|file| file.unwrap().file_name()).collect();
+        assert_eq!(left, ["run.toml"], "{command}");
+    }
+}
+
 #[test]
 fn a_port_that_another_holds_is_told_and_one_that_is_given_back_serves() {
     let here = tempfile::tempdir().unwrap();

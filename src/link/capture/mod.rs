@@ -197,13 +197,11 @@ impl Capture {
     pub fn begin(&mut self, origin: &Origin) -> Result<(), CaptureError> {
         let links = self.links.as_ref();
         let head = links.map(|links| pcapng::head(links, &origin.to_lines()));
-        let begun = self.file.begin().and_then(|()| self.file.file());
-        begun
-            .and_then(|mut file| file.write_all(&head.unwrap_or_default()))
-            .map_err(|source| CaptureError::Create {
-                file: self.name.clone(),
-                source,
-            })
+        let begun = self.file.write(&head.unwrap_or_default());
+        begun.map_err(|source| CaptureError::Create {
+            file: self.name.clone(),
+            source,
+        })
     }
 
     /// The way into the recording for a thread of its own.
@@ -234,7 +232,11 @@ impl Capture {
         // A thread that has gone has left its reason.
         let _ = self.queue.send(Message::End);
         let ended = self.thread.take().map(JoinHandle::join);
-        ended.and_then(Result::ok).unwrap_or(Ok(0))
+        let ended = ended.and_then(Result::ok).unwrap_or(Ok(0));
+        if ended.is_err() {
+            self.file.discard_empty();
+        }
+        ended
     }
 }
 
