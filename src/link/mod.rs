@@ -211,10 +211,15 @@ impl Wire {
             return;
         };
         while !sender.is_finished() && !standstill.is_over() {}
+        let is_held_back = self.tally.is_held_back();
         let left = self.tally.give_up();
         if left > 0 {
+            let why = match is_held_back {
+                true => "a fault holds packets back",
+                false => "the client has not read them",
+            };
             tracing::warn!(
-                "{}: the client has not read {left} packets: they are lost (lost_outbound)",
+                "{}: {left} packets are lost (lost_outbound): {why}",
                 self.address
             );
         }

@@ -17,6 +17,8 @@ pub struct Tally {
     given_up: AtomicBool,
     /// Whether packets wait for the client's proof of its address.
     awaits_proof: AtomicBool,
+    /// Whether a fault holds back packets that are to leave.
+    is_held_back: AtomicBool,
     /// The exchange whose client has gone, by its number; 0: none.
     ended: AtomicU32,
     /// Packets from others than the client.
@@ -109,6 +111,16 @@ impl Tally {
         self.awaits_proof.store(awaits, Ordering::Relaxed);
     }
 
+    /// Whether a fault holds back packets that are to leave: the client cannot have them.
+    pub(crate) fn is_held_back(&self) -> bool {
+        self.is_held_back.load(Ordering::Relaxed)
+    }
+
+    /// Notes whether a fault does so.
+    pub(super) fn hold_back(&self, is_held_back: bool) {
+        self.is_held_back.store(is_held_back, Ordering::Relaxed);
+    }
+
     /// Whether the client of an exchange has gone.
     pub(crate) fn has_ended(&self, exchange: u32) -> bool {
         exchange != 0 && self.ended.load(Ordering::Relaxed) == exchange
@@ -182,8 +194,12 @@ impl Standstill {
             (self.bytes, self.since) = (bytes, now);
         }
         if self.begun.elapsed() > SOON && !std::mem::replace(&mut self.is_logged, true) {
+            let what = match self.tally.is_held_back() {
+                true => "packets that a fault holds back",
+                false => "the client to read what is queued",
+            };
             tracing::warn!(
-                "waiting for the client to read what is queued: {:.1} s at most",
+                "waiting for {what}: {:.1} s at most",
                 self.until
                     .saturating_duration_since(self.begun)
                     .as_secs_f64()

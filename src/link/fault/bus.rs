@@ -180,6 +180,8 @@ impl State {
     fn note(&mut self, now: Duration) {
         self.way_in.turn(now);
         self.way_out.turn(now);
+        let next = self.way_out.line().next_due();
+        self.tally.hold_back(next.is_some_and(|due| due > now));
         let injected = in_order(self.way_in.injected(), self.way_out.injected());
         for injection in &injected {
             match self.off.see(injection) {

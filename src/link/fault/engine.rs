@@ -202,8 +202,8 @@ impl<T: Damageable> Faults<T> {
     }
 
     /// Items that have not gone on yet.
-    pub fn waiting(&self) -> usize {
-        self.line.len()
+    pub(super) fn line(&self) -> &Line<T> {
+        &self.line
     }
 
     /// Everything injected since the last call.
@@ -400,7 +400,7 @@ mod tests {
         let mut faults = Faults::new(Direction::In, &rules);
         assert_eq!(faults.push(item(1), ms(5)), Pushed::Taken);
         assert_eq!(faults.next_due(), Some(ms(25)));
-        assert_eq!((faults.pop_due(ms(24)), faults.waiting()), (None, 1));
+        assert_eq!((faults.pop_due(ms(24)), faults.line().len()), (None, 1));
         assert_eq!(faults.pop_due(ms(25)), Some(item(1)));
         let (out, injected, _) = run(&[always(FaultKind::Jitter, 0.02, 1)], 1000);
         let late = injected

@@ -64,6 +64,8 @@ impl Shared {
             let (mut way_in, mut way_out) = (lock(&self.way_in), lock(&self.way_out));
             way_in.turn(now);
             way_out.turn(now);
+            self.tally
+                .hold_back(way_out.line().next_due().is_some_and(|due| due > now));
             let injected = in_order(way_in.injected(), way_out.injected());
             (injected, [way_in.outlook(), way_out.outlook()])
         };
@@ -227,7 +229,7 @@ impl WayIn {
                 }
             }
             self.shared.note();
-            if gone && lock(&self.shared.way_in).waiting() == 0 {
+            if gone && lock(&self.shared.way_in).line().len() == 0 {
                 return;
             }
             if flushed.elapsed() > FLUSH {
@@ -295,7 +297,7 @@ impl WayOut {
         let (due, has_room, waiting) = {
             self.shared.note();
             let faults = lock(&self.shared.way_out);
-            (faults.next_due(), faults.has_room(), faults.waiting())
+            (faults.next_due(), faults.has_room(), faults.line().len())
         };
         let wait = match self.stopped {
             Some(_) => BREATH,
@@ -342,7 +344,7 @@ impl WayOut {
         let now = self.shared.start();
         let spared = lock(&self.shared.spared).is_spared(self.shared.personality, what.octets());
         let mut faults = lock(&self.shared.way_out);
-        let before = faults.waiting();
+        let before = faults.line().len();
         let pushed = if spared {
             faults.pass(what, now)
         } else {
@@ -350,7 +352,7 @@ impl WayOut {
         };
         match pushed {
             Pushed::Taken => {
-                for _ in 1..faults.waiting() - before {
+                for _ in 1..faults.line().len() - before {
                     tally.queued();
                 }
             }
