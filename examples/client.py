@@ -9,7 +9,7 @@ and its label as JSON. Pixels of every camera, lost packets and a camera's full 
 import argparse, binascii, json, socket, struct, time
 
 ATTITUDE, COMMAND = 0x101, 0x102
-HEADER, PIXELS, LABELS, STATUS, NACK, END, CHALLENGE = 0x201, 0x202, 0x203, 0x204, 0x206, 0x20A, 0x20B
+HEADER, PIXELS, LABELS, STATUS, ACK, NACK, END, CHALLENGE = 0x201, 0x202, 0x203, 0x204, 0x205, 0x206, 0x20A, 0x20B
 FRAME_PACKETS = HEADER, PIXELS, LABELS, 0x207, 0x208, 0x209, END
 CREDIT, RESEND, PING, RESET, OUTPUT = 7, 10, 6, 5, 8
 FRAME, TEXT = 2, 2  # levels of Output: all pixels, the whole label
@@ -22,6 +22,7 @@ options = argparse.ArgumentParser()
 options.add_argument("--address", default="127.0.0.1:4810", metavar="HOST:PORT", help="of the emulator; default: %(default)s")
 options.add_argument("--frames", type=int, default=1)
 options.add_argument("--wall", type=float, metavar="HZ", help="attitudes a second; default: the next after each frame")
+options.add_argument("--timeout", type=float, default=30, metavar="S", help="without a frame packet; default: %(default)s")
 options.add_argument("--out", default="frame-", help="what the files' names begin with")
 options = options.parse_args()
 try:
@@ -33,7 +34,8 @@ except (ValueError, OSError) as error:
     raise SystemExit(f"--address {options.address}: must be HOST:PORT, such as 127.0.0.1:4810 ({error})")
 link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)  # not connected: that would end at the emulator's end
 link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8 << 20)
-counts = {ATTITUDE: 0, COMMAND: 0}
+counts, buffer = {ATTITUDE: 0, COMMAND: 0}, bytearray(1400)
+losses = {"late or lost": 0, "damaged": 0, "printed": (0, 0)}
 
 
 def send(apid, payload, when=0):
@@ -61,26 +63,28 @@ class Frame:
     def __init__(self, body):
         (self.number, self.attitude, self.width, self.height, self.bits, self.packing, self.blocks, parts,
          length) = struct.unpack_from(">IIHHBB5xIHI", body)
-        self.missing = set(range(1, self.blocks + parts + 2))
+        self.last = self.blocks + parts + 1
+        self.missing, self.requested, self.is_written = set(range(1, self.last + 1)), set(), False
         self.pixels = bytearray((self.width * self.height * self.packing + 7) // 8)
         self.label = bytearray(length)
 
     def take(self, apid, body):
         index = struct.unpack_from(">I" if apid == PIXELS else ">H", body, 4)[0]
+        number = 1 + index if apid == PIXELS else 1 + self.blocks + index if apid == LABELS else self.last
+        if number in self.requested and number not in self.missing:  # it has come twice: the first was not lost
+            losses["late or lost"] -= 1
+            self.requested.discard(number)
+        self.missing.discard(number)
         if apid == PIXELS:  # a full block has 1368 bytes of pixels
             self.pixels[1368 * index:1368 * index + len(body) - 15] = body[15:]
-            self.missing.discard(1 + index)
         elif apid == LABELS:
             self.label[1375 * index:1375 * index + len(body) - 8] = body[8:]
-            self.missing.discard(1 + self.blocks + index)
         else:
             self.crc = struct.unpack_from(">I", body, 4)[0]
-            self.missing.discard(self.last())
 
-    def last(self):
-        return self.blocks + (len(self.label) + 1374) // 1375 + 1
-
-    def ask_again(self):
+    def request_missing(self):
+        losses["late or lost"] += len(self.missing - self.requested)
+        self.requested |= self.missing
         first = last = None
         for number in sorted(self.missing) + [1 << 30]:
             if first is not None and number != last + 1:
@@ -92,42 +96,65 @@ class Frame:
         """The pixels as 16-bit numbers, the high byte first."""
         if self.packing == 16:
             return bytes(self.pixels)
-        data = bytes(self.pixels) + bytes(-len(self.pixels) % 3)  # two pixels in three bytes: AA AB BB
-        a, b, c = data[0::3], data[1::3], data[2::3]
-        table = lambda f: bytes(f(x) & 255 for x in range(256))
-        low = (int.from_bytes(a.translate(table(lambda x: x << 4)), "big")
-               | int.from_bytes(b.translate(table(lambda x: x >> 4)), "big"))
-        image = bytearray(4 * len(a))
-        image[0::4], image[1::4] = a.translate(table(lambda x: x >> 4)), low.to_bytes(len(a), "big")
-        image[2::4], image[3::4] = b.translate(table(lambda x: x & 15)), c
-        return bytes(image[:2 * self.width * self.height])
+        count = self.width * self.height
+        digits, wide = self.pixels.hex().encode()[:3 * count], bytearray(b"0000") * count
+        wide[1::4], wide[2::4], wide[3::4] = digits[0::3], digits[1::3], digits[2::3]  # 12 bits: three hexadecimal digits
+        return bytes.fromhex(wide.decode())
 
     def write(self):
+        """Writes the frame; False where its pixels do not have the checksum of its FrameEnd, and all of it is requested again."""
         image, name = self.image(), f"{options.out}{self.number:05}"
         if binascii.crc32(image) != self.crc:
-            raise SystemExit(f"frame {self.number}: its pixels do not have the checksum of its FrameEnd")
+            self.missing = set(range(1, self.last + 1))
+            self.request_missing()
+            return False
         with open(name + ".pgm", "wb") as file:
             file.write(b"P5 %d %d %d\n" % (self.width, self.height, max((1 << self.bits) - 1, 256)) + image)
         with open(name + ".json", "wb") as file:
             file.write(self.label)
-        objects = len(json.loads(self.label)["objects"]) if self.label else 0
+        self.is_written, objects = True, len(json.loads(self.label)["objects"]) if self.label else 0
         print(f"{name}: {self.width} x {self.height} pixels of {self.bits} bits, {objects} objects", flush=True)
+        return True
+
+
+def receive(seconds):
+    """APID, sequence count and contents of the next packet, 0 of a damaged one; None if none comes for so long."""
+    try:
+        link.settimeout(seconds)
+        packet = memoryview(buffer)[:link.recv_into(buffer)]
+    except socket.timeout:
+        return None
+    if len(packet) < 17 or binascii.crc_hqx(packet, 0xFFFF):  # the CRC of a packet with its own CRC-16 is 0
+        losses["damaged"] += 1
+        return 0, 0, b""
+    apid, count = int.from_bytes(packet[:2], "big") & 0x7FF, int.from_bytes(packet[2:4], "big") & 0x3FFF
+    if apid == CHALLENGE:  # proves this address: sent back as it came
+        link.sendto(packet, emulator)
+    return apid, count, packet[15:-2]
+
+
+def print_losses():
+    lost = (losses["late or lost"], losses["damaged"])
+    if lost != losses["printed"]:
+        print("%d packets came late or were lost on the way and were requested again, %d came damaged; the receive buffer has %d bytes "
+              "(sysctl net.core.rmem_max)" % (*lost, link.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)), flush=True)
+        losses["printed"] = lost
 
 
 def run():
-    frames, expected, buffer, pause = {}, {}, bytearray(1400), 0.05
-    whole = attitudes = newest = sent = granted = 0  # `sent`: frame packets that have left the emulator
+    frames, expected, pause = {}, {}, 0.05
+    whole = attitudes = newest = granted = 0
+    counted = told = 0  # frame packets that have left the emulator, by their sequence counts, and as the last Status has it
     accepted = None  # attitudes that it had accepted before
     heard = asked = begin = said = time.monotonic()
-    lost = 0  # packets that the emulator has sent and that have not come
-    patience, reason = 30, "no Status either: is `skyloop run` listening there?"
+    patience, reason = options.timeout, "no Status either: is `skyloop run` listening there?"
     ask_for_frames()
     while whole < options.frames:
         now = time.monotonic()
-        if lost and now - said > 1:
-            print(f"{lost} packets are lost on the way and requested again: enlarge the receive buffer "
-                  f"({link.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)} bytes; sysctl net.core.rmem_max)", flush=True)
-            lost, said = 0, now
+        if now - said > 1:
+            print_losses()
+            said = now
+        sent = max(counted, told)
         if accepted is not None and sent + ROOM > granted + ROOM // 4:
             granted = sent + ROOM
             send(COMMAND, struct.pack(">BI", CREDIT, granted & 0xFFFFFFFF))
@@ -137,59 +164,68 @@ def run():
         if now - heard > patience:
             raise SystemExit(f"{whole} of {options.frames} frames; no packet of a frame has come from {options.address} "
                              f"for {patience:.0f} s; {reason}")
-        try:
-            link.settimeout(pause)
-            packet = memoryview(buffer)[:link.recv_into(buffer)]
-        except socket.timeout:
+        received = receive(pause)
+        if received is None:
             if accepted is None:
                 ask_for_frames()
             else:
                 send(COMMAND, struct.pack(">B", PING))  # the Status that answers tells what has been sent
             pause = min(2 * pause, 1)
             continue
-        apid, body = int.from_bytes(packet[:2], "big") & 0x7FF, packet[15:-2]
-        count, number = int.from_bytes(packet[2:4], "big") & 0x3FFF, int.from_bytes(body[:4], "big")
-        if apid == CHALLENGE:  # proves this address: sent back as it came
-            link.sendto(packet, emulator)
-        elif apid == NACK:
+        apid, count, body = received
+        number = int.from_bytes(body[:4], "big")
+        if apid == NACK:
             print("refused:", bytes(body[5:]).decode(), flush=True)
             if accepted is None and body[4] in (VALUE_OUT_OF_RANGE, NOT_SUPPORTED):
                 raise SystemExit("whole frames with label text (Output) are refused: this client takes nothing else")
         elif apid == STATUS:
-            patience = 30 + 2 / struct.unpack_from(">d", body, 29)[0]  # and two periods of the frame rate
+            patience = options.timeout + 2 / struct.unpack_from(">d", body, 29)[0]  # and two periods of the frame rate
             reason = f"Status gives as the reason (withheld): {dict(enumerate(WITHHELD)).get(body[106], body[106])}"
             if accepted is None and tuple(body[7:9]) != (FRAME, TEXT):
                 continue  # Output has not come: it is sent again
-            before, sent, total = sent, *struct.unpack_from(">I", body, 41), *struct.unpack_from(">I", body, 107)
-            lost += (sent - before) & 0xFFFFFFFF if accepted is not None else 0
+            total = struct.unpack_from(">I", body, 107)[0]
+            ahead = (struct.unpack_from(">I", body, 41)[0] - told + (1 << 31)) % (1 << 32) - (1 << 31)
+            told += max(ahead, 0)  # an older Status may come late
             accepted = total if accepted is None else accepted
             for frame in frames.values():  # what was sent and has not come is lost
-                frame.ask_again()
+                frame.request_missing()
             if not options.wall and total - accepted < attitudes:
                 send_attitude(attitudes - 1)
         if apid not in FRAME_PACKETS:
             continue
         pause, heard = 0.05, now
         ahead = (count - expected.get(apid, count)) & 0x3FFF
-        if ahead < 8192:  # else it is an earlier packet, sent again
-            sent, lost, expected[apid] = sent + ahead + 1, lost + ahead, count + 1
+        if ahead < 8192:  # else it is an earlier packet, late or sent again
+            counted, expected[apid] = counted + ahead + 1, count + 1
         if apid == HEADER and number >= newest:
             frames[number], newest = Frame(body), number + 1
             for old in [old for old in frames if old < number - 1]:  # the emulator keeps the last two frames
-                print(f"frame {old} is lost: {len(frames.pop(old).missing)} packets are missing", flush=True)
+                missing = len(frames.pop(old).missing)
+                if missing:
+                    print(f"frame {old} is lost: {missing} packets are missing", flush=True)
             if number - 1 in frames:
-                frames[number - 1].ask_again()
+                frames[number - 1].request_missing()
         elif apid in (PIXELS, LABELS, END) and number in frames:
             frames[number].take(apid, body)
         elif number >= newest and now - asked > 0.05:  # its FrameHeader is missing
             send(COMMAND, struct.pack(">BIII", RESEND, number, 0, 1))
             asked = now
-        if number in frames and not frames[number].missing:
-            frames.pop(number).write()
+        frame = frames.get(number)
+        if frame and not frame.missing and not frame.is_written and frame.write():
             whole += 1
+
+
+def leave():
+    """The next client need not wait. What has been sent to this one is taken up to the answer, for 1 s at most."""
+    answer = struct.pack(">HH", COMMAND, counts[COMMAND])
+    send(COMMAND, struct.pack(">B", RESET))
+    until = time.monotonic() + 1
+    while time.monotonic() < until and (receive(0.1) or (0, 0, b""))[::2] != (ACK, answer):
+        pass
 
 
 try:
     run()
 finally:
-    send(COMMAND, struct.pack(">B", RESET))  # the next client need not wait
+    leave()
+    print_losses()

@@ -35,10 +35,15 @@ fn client_at(at: &Path, address: &str, flags: &[&str]) -> (bool, String) {
     (status.success(), text)
 }
 
+/// Whether the client of an emulator succeeds, and what it prints.
+fn ended(at: &Path, process: &Process, flags: &[&str]) -> (bool, String) {
+    let address = process.address.strip_prefix("udp://").unwrap();
+    client_at(at, address, flags)
+}
+
 /// What the client prints; it exits with 0.
 fn client(at: &Path, process: &Process, flags: &[&str]) -> String {
-    let address = process.address.strip_prefix("udp://").unwrap();
-    let (is_success, text) = client_at(at, address, flags);
+    let (is_success, text) = ended(at, process, flags);
     assert!(is_success, "{text}");
     text
 }
@@ -126,26 +131,94 @@ fn the_client_gets_the_frames_of_every_built_in_camera() {
 }
 
 #[test]
-fn the_client_asks_again_for_what_is_lost() {
-    let here = tempfile::tempdir().unwrap();
-    let at = here.path();
-    let drop = |direction: &str| {
-        format!("[[faults]]\ndirection = {direction:?}\nkind = \"drop\"\nvalue = 0.05\n")
-    };
-    std::fs::write(at.join("faults.toml"), drop("in") + &drop("out")).unwrap();
-    let process = emulator(at, "camera = \"rigel-l\"", "", &["--faults", "faults.toml"]);
-    let told = client(at, &process, &["--frames", "3"]);
-    process.signal("-INT");
-    let (_, table) = process.end();
-    // It checks the pixels itself against the checksum of each frame.
-    assert_eq!(
-        told.matches("1024 x 1024 pixels of 12 bits").count(),
-        3,
-        "{told}{table}"
-    );
-    let dropped = table.split("out: drop ").nth(1).unwrap();
-    let dropped: u32 = dropped.split_whitespace().next().unwrap().parse().unwrap();
-    assert!(dropped > 20 && table.contains("resent_blocks"), "{table}");
+fn the_client_requests_again_what_is_lost_damaged_or_late() {
+    // How many of the 3,900 packets are requested again at least, and come damaged.
+    for (faults, again, damaged) in [
+        (&[("in", "drop", 0.05), ("out", "drop", 0.05)][..], 20, 0),
+        // 1,400 bytes: one packet in 9 to the client is damaged, one in 50 to the emulator.
+        (
+            &[("in", "bit_flips", 1e-4), ("out", "bit_flips", 1e-5)],
+            100,
+            100,
+        ),
+        (
+            &[
+                ("out", "reorder", 0.02),
+                ("out", "jitter", 0.05),
+                ("out", "truncate", 0.02),
+            ],
+            1,
+            20,
+        ),
+    ] {
+        let here = tempfile::tempdir().unwrap();
+        let at = here.path();
+        let fault = |(direction, kind, value): &(&str, &str, f64)| {
+            format!("[[faults]]\ndirection = {direction:?}\nkind = {kind:?}\nvalue = {value}\n")
+        };
+        let text: String = faults.iter().map(fault).collect();
+        std::fs::write(at.join("faults.toml"), text).unwrap();
+        let process = emulator(at, "camera = \"rigel-l\"", "", &["--faults", "faults.toml"]);
+        let told = client(at, &process, &["--frames", "3"]);
+        process.signal("-INT");
+        let (_, table) = process.end();
+        // It checks the pixels itself against the checksum of each frame.
+        let frames = told.matches("1024 x 1024 pixels of 12 bits").count();
+        assert_eq!(frames, 3, "{faults:?}: {told}{table}");
+        assert!(table.contains("resent_blocks"), "{table}");
+        // Runs of less than a second say it, too.
+        let last = told.lines().last().unwrap();
+        let numbers = last.split(' ').filter_map(|word| word.parse().ok());
+        let numbers: Vec<i64> = numbers.collect();
+        let [found_again, found_damaged, _] = numbers[..] else {
+            panic!("{told}");
+        };
+        assert!(last.contains("requested again"), "{told}");
+        // Differences of counters do not wrap: no more than all packets, once a frame.
+        assert!((again..20_000).contains(&found_again), "{faults:?}: {told}");
+        assert!((damaged..20_000).contains(&found_damaged), "{told}");
+    }
+}
+
+/// Whatever the reason, it leaves so that nothing waits for it: the emulator ends without a warning about what was not read.
+#[test]
+fn the_client_ends_with_the_reason_where_it_gets_no_frame() {
+    for (run, flags, says) in [
+        (
+            "clock = \"wall\"\noutput = \"labels\"\nlink = \"udp://127.0.0.1:0?rate_mbit=1\"",
+            &[][..],
+            "whole frames with label text (Output) are refused",
+        ),
+        (
+            "trigger = \"packet\"",
+            &["--timeout", "3"],
+            "Status gives as the reason (withheld): no Trigger, and run.trigger is packet",
+        ),
+    ] {
+        let here = tempfile::tempdir().unwrap();
+        let at = here.path();
+        let text = format!("camera = \"fai-nir\"\n[run]\n{run}\n");
+        let link = "link = \"udp://127.0.0.1:0\"\n";
+        let text = if run.contains("link = ") {
+            text
+        } else {
+            text + link
+        };
+        std::fs::write(at.join("run.toml"), text).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
+        let command = command
+            .args(["run", "--config", "run.toml"])
+            .current_dir(at);
+        let command = command.stderr(std::process::Stdio::piped());
+        let process = Process::spawned(command, "listening on ");
+        let (is_success, told) = ended(at, &process, flags);
+        assert!(!is_success && told.contains(says), "{told}");
+        process.signal("-INT");
+        let (code, table, log) = process.end_with_log();
+        assert_eq!(code, Some(0), "{table}{log}");
+        assert!(!log.contains("has not read"), "{log}");
+        assert!(!table.contains("lost_outbound"), "{table}");
+    }
 }
 
 /// 24,000 packets a second.
