@@ -23,6 +23,12 @@ pub struct Snapshot {
     missed: u64,
     incomplete: u64,
     stages: Vec<Stage>,
+    /// Requests for frames of the link.
+    pub requested: usize,
+    /// Its frames whose last packet has left.
+    pub delivered: usize,
+    /// Its frames that have not left whole, by cause.
+    pub withheld: Vec<(&'static str, usize)>,
     /// The link, where there are several.
     pub link: Option<String>,
     /// What is of the other links, but for counters and the clock.

@@ -1,9 +1,12 @@
 //! What a run measured: times as percentiles, counts, and the table at its end.
 
+mod frames;
+
 use crate::effect::counted;
 use crate::engine::Shot;
 use crate::timing::Latencies;
 pub use crate::timing::text as times;
+pub use frames::{FrameAccount, Pending, Request};
 use skyloop_firmware_sim::times::Times;
 use std::collections::BTreeMap;
 
@@ -32,8 +35,8 @@ pub struct RunStats {
     pub rsos_visible: usize,
     /// Objects in the field that labels do not list, by why.
     pub unseen: BTreeMap<&'static str, usize>,
-    /// Frames that did not reach a client, by why, over all links.
-    pub withheld: BTreeMap<&'static str, usize>,
+    /// The frames of each link that brings some, by its address.
+    pub accounts: Vec<(String, FrameAccount)>,
     /// Frames that are full of one light.
     pub flooded: u32,
     /// Objects that had no state at some frame.
@@ -82,9 +85,7 @@ impl RunStats {
             rows.insert(2, row("objects", self.objects.to_string()));
             rows.push(row("RSOs unseen", by_reason(&self.unseen)));
         }
-        if !self.withheld.is_empty() {
-            rows.push(row("frames withheld", by_reason(&self.withheld)));
-        }
+        rows.extend(self.withheld_rows());
         if self.flooded > 0 {
             rows.push(row("frames full of light", self.flooded.to_string()));
         }
@@ -102,6 +103,22 @@ impl RunStats {
             rows.push(row("objects without a state", count));
         }
         rows
+    }
+
+    /// The frames that were withheld, link by link where there are several.
+    fn withheld_rows(&self) -> Vec<(String, String)> {
+        let accounts = self.accounts.iter();
+        let some = accounts.filter(|(_, account)| !account.withheld.is_empty());
+        let rows = some.map(|(link, account)| {
+            let (requested, delivered) = (account.requested, account.delivered);
+            let mut text = by_reason(&account.withheld);
+            text += &format!("; {requested} requested, {delivered} delivered");
+            if self.accounts.len() > 1 {
+                text += &format!(", over {link}");
+            }
+            row("frames withheld", text)
+        });
+        rows.collect()
     }
 
     /// Frames that were late or not whole, over whichever link.
@@ -267,8 +284,29 @@ mod tests {
         stats.unseen = [("too faint", 2), ("behind the Earth", 3)].into();
         let said = "5 (3 behind the Earth, 2 too faint)".to_string();
         assert_eq!(stats.rows().pop(), Some(row("RSOs unseen", said)));
-        stats.withheld = [("no credit", 2)].into();
-        let said = "2 (2 no credit)".to_string();
-        assert_eq!(stats.rows().pop(), Some(row("frames withheld", said)));
+        let account = |delivered, withheld: &[_]| FrameAccount {
+            requested: 9,
+            delivered,
+            withheld: withheld.iter().copied().collect(),
+        };
+        let one = account(7, &[("no credit", 2)]);
+        stats.accounts = vec![("a".to_string(), one)];
+        let said = "2 (2 no credit); 9 requested, 7 delivered".to_string();
+        assert_eq!(
+            stats.rows().pop(),
+            Some(row("frames withheld", said.clone()))
+        );
+        let others = [account(9, &[]), account(0, &[("refused", 9)])];
+        let others = ["b", "c"].map(str::to_string).into_iter().zip(others);
+        stats.accounts.extend(others);
+        let rows = stats.rows();
+        let rows = rows.iter().rev().take(2).rev().map(|(_, text)| &text[..]);
+        assert_eq!(
+            rows.collect::<Vec<_>>(),
+            [
+                &format!("{said}, over a"),
+                "9 (9 refused); 9 requested, 0 delivered, over c"
+            ]
+        );
     }
 }

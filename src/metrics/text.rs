@@ -44,6 +44,7 @@ pub(super) fn page(cameras: &[Camera]) -> String {
         let name = format!("skyloop_{name}_total");
         page.family(&links, (&name, "counter", help), |of| Some(count(of)));
     }
+    accounts(&mut page, &links);
     let latency = "skyloop_latency_seconds";
     let help = "From a frame's trigger to a stage, of whole frames; counts of buckets are right to half a percent of their bound.";
     if links.iter().any(|(_, of)| !of.stages.is_empty()) && page.begin(latency, "histogram", help) {
@@ -103,6 +104,36 @@ pub(super) fn page(cameras: &[Camera]) -> String {
         page.sample("skyloop_build_info", &version, 1);
     }
     page.text
+}
+
+/// How the requests for the frames of each link ended.
+fn accounts(page: &mut Page, links: &[Of<'_>]) {
+    let counts: [(&str, &str, fn(&Snapshot) -> usize); 2] = [
+        (
+            "requested",
+            "Requests for frames: those delivered, those withheld, and frames on their way.",
+            |of| of.requested,
+        ),
+        (
+            "delivered",
+            "Frames whose last packet has left the link.",
+            |of| of.delivered,
+        ),
+    ];
+    for (name, help, count) in counts {
+        let name = format!("skyloop_link_frames_{name}_total");
+        page.family(links, (&name, "counter", help), |of| Some(count(of)));
+    }
+    let name = "skyloop_link_frames_withheld_total";
+    let help = "Requests whose frame has not left the link whole, by cause.";
+    if links.iter().any(|(_, of)| !of.withheld.is_empty()) && page.begin(name, "counter", help) {
+        for (labels, of) in links {
+            for (cause, count) in &of.withheld {
+                let labels = [&labels[..], &[("cause", *cause)]].concat();
+                page.sample(name, &labels, count);
+            }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use super::deliver::Delivery;
 use super::leaving::Left;
 use super::withheld::Messages;
 use crate::link::{LinkError, Outbound, Roles, Wire};
+use crate::stats::FrameAccount;
 use crate::timing::Latencies;
 use bytes::{Bytes, BytesMut};
 use skyloop_protocols::credit::{CreditAccount, PAID};
@@ -32,6 +33,8 @@ pub(super) struct Channel {
     pub deliveries: VecDeque<Delivery>,
     /// Packets that never got into the link's queue.
     pub lost: u32,
+    /// How the requests for its frames ended.
+    pub frames: FrameAccount,
     /// When its frames were where.
     pub latencies: Latencies,
     /// Of the frame that left it last whole.
@@ -101,6 +104,7 @@ impl Channel {
             exchange,
             deliveries: VecDeque::new(),
             lost: 0,
+            frames: FrameAccount::default(),
             latencies: Latencies::default(),
             last: None,
             latest: None,
@@ -214,7 +218,7 @@ impl Channel {
     }
 
     /// Takes the oldest frame out that waits behind others, where more than `most` are on their way.
-    pub fn make_way(&mut self, most: usize) -> Option<u32> {
+    pub fn make_way(&mut self, most: usize) -> Option<Delivery> {
         if self.deliveries.len() <= most {
             return None;
         }
@@ -222,7 +226,7 @@ impl Channel {
             .deliveries
             .iter()
             .position(|delivery| !delivery.has_begun())?;
-        self.deliveries.remove(at).map(|delivery| delivery.frame)
+        self.deliveries.remove(at)
     }
 
     /// Whether its client waits for that frame.

@@ -4,8 +4,9 @@ use super::Server;
 use super::channel::{Channel, Exchange};
 use super::cut::{Cut, Next};
 use super::leaving::Leaving;
-use super::withheld::{CLIENT_GONE, RESET, RUN_ENDED, SOON, standstill};
+use super::withheld::{CLIENT_GONE, RESET, RUN_ENDED, SOON, name, standstill};
 use crate::link::LinkError;
+use crate::stats::Pending;
 use bytes::Bytes;
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::{MAX_PACKET, Reply, Withheld};
@@ -23,6 +24,8 @@ const BREATH: Duration = Duration::from_micros(200);
 /// A frame on its way over one link.
 pub(super) struct Delivery {
     pub frame: u32,
+    /// Its entry in the link's account.
+    entry: Pending,
     /// None while too little is known of the frame.
     cut: Option<Cut>,
     /// What has to stay as it is for the frame to be delivered.
@@ -66,9 +69,10 @@ impl Watch {
 
 impl Delivery {
     /// Of a frame, over this link, to its present client.
-    pub fn new(frame: u32, channel: &Channel) -> Delivery {
+    pub fn new(frame: u32, entry: Pending, channel: &Channel) -> Delivery {
         Delivery {
             frame,
+            entry,
             cut: None,
             exchange: channel.exchange.number,
             resets: channel.exchange.resets,
@@ -99,23 +103,12 @@ enum Step {
     Done,
     /// Its client has gone, or another has come.
     ClientGone,
-    /// It was refused while it was made, which is counted already.
+    /// It was refused while it was made.
     Refused,
     /// It cannot be encoded, for this reason.
     TooLong(String),
     /// Its client has sent Reset.
     Reset,
-}
-
-/// How a frame's way over a link ended.
-#[derive(Clone, Copy, PartialEq)]
-enum End {
-    /// All of it has left.
-    Whole,
-    /// Its client did not get all of it: that counts as a deadline missed.
-    Lost,
-    /// Nobody waited for it any more.
-    Forsaken,
 }
 
 /// What a round over all links came to.
@@ -154,30 +147,24 @@ impl Server {
                     return Err(error);
                 }
             };
-            match step {
-                Step::Done | Step::ClientGone | Step::Refused | Step::TooLong(_) | Step::Reset => {
-                    let end = match step {
-                        Step::Done => End::Whole,
-                        Step::TooLong(why) => {
-                            let detail = format!("frame {}: {why}", delivery.frame);
-                            self.withhold(at, Withheld::TooLong, &detail);
-                            End::Lost
-                        }
-                        Step::Reset => {
-                            self.count_withheld(RESET);
-                            End::Forsaken
-                        }
-                        Step::ClientGone => {
-                            self.count_withheld(CLIENT_GONE);
-                            End::Lost
-                        }
-                        _ => End::Lost,
-                    };
-                    round.moved = true;
-                    self.lose_refused(at, &delivery);
-                    self.end(at, delivery.frame, end);
-                    continue;
+            let end = match &step {
+                Step::Done => Some(None),
+                Step::TooLong(why) => {
+                    let detail = format!("frame {}: {why}", delivery.frame);
+                    self.report(at, Withheld::TooLong, &detail);
+                    Some(Some(name(Withheld::TooLong)))
                 }
+                Step::Reset => Some(Some(RESET)),
+                Step::ClientGone => Some(Some(CLIENT_GONE)),
+                Step::Refused => Some(Some(name(Withheld::Refused))),
+                _ => None,
+            };
+            if let Some(cause) = end {
+                round.moved = true;
+                self.end(at, delivery, cause);
+                continue;
+            }
+            match step {
                 Step::Moved => round.moved = true,
                 Step::NotYet(pause) => {
                     delivery.watch = Watch::of(&self.channels[at]);
@@ -189,13 +176,14 @@ impl Server {
                     let blocked = delivery.waiting.is_some();
                     let standstill = delivery.watch.standstill(&self.channels[at], blocked);
                     if standstill >= STALL {
-                        self.give_up(at, &delivery, !is_full);
+                        self.give_up(at, delivery, !is_full);
                         continue;
                     }
                     if standstill >= SOON {
                         self.report_standstill(at, &mut delivery, !is_full);
                     }
                 }
+                _ => {}
             }
             self.channels[at].deliveries.push_front(delivery);
         }
@@ -298,31 +286,33 @@ impl Server {
     pub(super) fn begin(&mut self, frame: u32) {
         let most = self.most_under_way();
         let mut pictures = self.pictures.iter_mut();
-        let Some(picture) = pictures.find(|picture| picture.number == frame && !picture.begun)
-        else {
+        let Some(picture) = pictures.find(|picture| picture.number == frame) else {
             return;
         };
-        picture.begun = true;
+        let Some(request) = picture.request.take() else {
+            return;
+        };
         let (mut passed_over, mut without) = (Vec::new(), Vec::new());
         for (at, channel) in self.channels.iter_mut().enumerate() {
             if !channel.roles.bring_frames() {
                 continue;
             }
+            let entry = channel.frames.open(&request);
             let number = channel.exchange.number;
             channel.exchange.deaf |= channel.wire.tally.has_ended(number);
             if channel.exchange.deaf || !channel.exchange.heard {
-                without.push(at);
+                without.push((at, entry));
                 continue;
             }
-            let delivery = Delivery::new(frame, channel);
+            let delivery = Delivery::new(frame, entry, channel);
             channel.deliveries.push_back(delivery);
             picture.open += 1;
             let older = channel.make_way(most);
-            passed_over.extend(older.map(|frame| (at, frame)));
+            passed_over.extend(older.map(|older| (at, older)));
         }
         // Where nobody wants it nobody has all of it.
         picture.whole = picture.open > 0;
-        for at in without {
+        for (at, entry) in without {
             let exchange = &self.channels[at].exchange;
             let (why, detail) = match (exchange.heard, exchange.withheld) {
                 (false, _) => (Withheld::NoClient, "no valid packet has come yet"),
@@ -332,48 +322,55 @@ impl Server {
                 }
                 (true, _) => (Withheld::NotRead, "the client takes nothing, or has gone"),
             };
-            self.withhold(at, why, &format!("frame {frame}: {detail}"));
+            self.withhold(at, entry, why, &format!("frame {frame}: {detail}"));
         }
-        for (at, frame) in passed_over {
-            self.withhold_older(at, frame);
+        for (at, older) in passed_over {
+            let cause = self.report_older(at, older.frame);
             self.counters.frames_dropped = self.counters.frames_dropped.wrapping_add(1);
-            self.end(at, frame, End::Lost);
+            self.end(at, older, Some(cause));
         }
     }
 
     /// Gives up the frames that no link has begun to send: their client has gone, or begins anew.
     pub(super) fn forsake(&mut self, is_reset: bool) {
-        let mut given_up = 0;
-        for picture in &mut self.pictures {
-            if !std::mem::replace(&mut picture.begun, true) {
+        let cause = if is_reset { RESET } else { CLIENT_GONE };
+        for at in 0..self.pictures.len() {
+            let picture = &mut self.pictures[at];
+            if let Some(request) = picture.request.take() {
                 picture.whole = false;
-                given_up += 1;
+                self.fail(request, cause);
             }
         }
-        let why = if is_reset { RESET } else { CLIENT_GONE };
-        (0..given_up).for_each(|_| self.count_withheld_everywhere(why));
     }
 
-    /// A frame's way over a link is over.
-    fn end(&mut self, at: usize, frame: u32, end: End) {
-        let tally = &self.channels[at].wire.tally;
-        let whole = end == End::Whole;
-        let mark = whole.then(|| tally.departed.mark());
+    /// A frame's way over a link is over: all of it is in the link's queue, or it is withheld for a `cause`.
+    fn end(&mut self, at: usize, delivery: Delivery, cause: Option<&'static str>) {
+        self.lose_refused(at, &delivery);
+        let Delivery { frame, entry, .. } = delivery;
+        let channel = &mut self.channels[at];
+        let queued = match cause {
+            None => {
+                channel.exchange.withheld = Withheld::None;
+                Some((channel.wire.tally.departed.mark(), entry))
+            }
+            Some(cause) => {
+                channel.frames.withhold(entry, cause);
+                None
+            }
+        };
         let mut pictures = self.pictures.iter_mut();
-        if whole {
-            self.channels[at].exchange.withheld = Withheld::None;
-        }
         if let Some(picture) = pictures.find(|picture| picture.number == frame) {
             picture.open = picture.open.saturating_sub(1);
-            picture.whole &= whole;
-            if end != End::Forsaken {
-                self.leaving.push(Leaving::of(picture, at, mark));
+            picture.whole &= cause.is_none();
+            // After a Reset and at the run's end nobody waits for it: it misses no deadline.
+            if !matches!(cause, Some(RESET | RUN_ENDED)) {
+                self.leaving.push(Leaving::of(picture, at, queued));
             }
         }
     }
 
     /// A client that takes nothing gets nothing more of this frame, and where there are others of none.
-    fn give_up(&mut self, at: usize, delivery: &Delivery, has_room: bool) {
+    fn give_up(&mut self, at: usize, delivery: Delivery, has_room: bool) {
         let others = self.channels.iter().enumerate();
         let mut others =
             others.filter(|(other, channel)| *other != at && channel.roles.bring_frames());
@@ -382,9 +379,8 @@ impl Server {
         channel.exchange.deaf = !is_alone;
         let (why, detail) = standstill(channel, has_room);
         let detail = format!("frame {} is given up: {detail}", delivery.frame);
-        self.withhold(at, why, &detail);
-        self.lose_refused(at, delivery);
-        self.end(at, delivery.frame, End::Lost);
+        self.report(at, why, &detail);
+        self.end(at, delivery, Some(name(why)));
     }
 
     /// A packet that the link has refused is lost with its frame.
@@ -399,9 +395,7 @@ impl Server {
     pub(super) fn give_all_up(&mut self) {
         for at in 0..self.channels.len() {
             while let Some(delivery) = self.channels[at].deliveries.pop_front() {
-                self.count_withheld(RUN_ENDED);
-                self.lose_refused(at, &delivery);
-                self.end(at, delivery.frame, End::Forsaken);
+                self.end(at, delivery, Some(RUN_ENDED));
             }
         }
     }

@@ -7,13 +7,14 @@ use super::latch::tellable;
 use super::overrun::Verdict;
 use super::picture::{Asked, Picture};
 use super::shooter::{Order, Progress, Shooter, Spare, Task};
-use super::withheld::RUN_ENDED;
+use super::withheld::{LEFT_OUT, NO_ATTITUDE, RUN_ENDED};
 use super::{POLL, Server};
 use crate::abort::Abort;
 use crate::config::Clock as Kind;
 use crate::engine::Shot;
 use crate::link::LinkError;
 use crate::scene::Exposure;
+use crate::stats::Request;
 use skyloop_protocols::{AttitudeSource, PixelLevel};
 use std::time::{Duration, Instant};
 
@@ -59,13 +60,15 @@ impl Server {
             }),
             None => self.truth.history.over(&exposure, &self.staleness),
         };
+        let request = Request::default();
         let Some(pointing) = pointing else {
+            self.fail(request, NO_ATTITUDE);
             self.miss(&due);
             return Ok(true);
         };
         if let Err(why) = tellable(&exposure) {
             let message = (pointing.message.number, pointing.message.header);
-            self.refuse_later(message, &due, &why)?;
+            self.refuse_later(Some(request), message, &due, &why)?;
             return Ok(true);
         }
         let spare = due
@@ -75,6 +78,7 @@ impl Server {
         let foreseen = due.end + Duration::from_secs_f64(self.delay.delay_s);
         let held = foreseen.saturating_duration_since(now);
         let Verdict::Shoot { level, overrun } = self.overrun.decide(spare, held) else {
+            self.fail(request, LEFT_OUT);
             self.miss(&due);
             self.stats.dropped = self.overrun.dropped;
             return Ok(true);
@@ -115,7 +119,8 @@ impl Server {
             is_timed: !in_step,
         };
         let digits = std::mem::take(&mut self.digits);
-        self.pictures.push(Picture::new(number, asked, digits));
+        let picture = Picture::new(request, number, asked, digits);
+        self.pictures.push(picture);
         self.makes(Some(number));
         if !shooter.give(Task::Make(Box::new(order))) {
             tracing::error!("the renderer's thread has ended");
@@ -206,27 +211,28 @@ impl Server {
                 let picture = self.pictures.remove(at);
                 self.makes(None);
                 let message = (picture.asked.message, picture.asked.header);
-                self.refuse_later(message, &picture.asked.due, &why)?;
+                self.refuse_later(picture.request, message, &picture.asked.due, &why)?;
             }
         }
         Ok(())
     }
 
     /// The frame that was made is given up. It has a number, however far it came.
-    fn abandon_picture(&mut self, at: usize) {
+    pub(super) fn abandon_picture(&mut self, at: usize) {
         let picture = self.pictures.remove(at);
-        if !picture.begun {
-            self.count_withheld_everywhere(RUN_ENDED);
+        if let Some(request) = picture.request {
+            self.fail(request, RUN_ENDED);
         }
         self.makes(None);
         self.next_frame = self.next_frame.wrapping_add(1);
-        self.abandon(1);
+        let abandoned = &mut self.counters.frames_abandoned;
+        *abandoned = abandoned.wrapping_add(1);
     }
 
     /// Cancels the frame that is made if nobody gets it.
     pub(super) fn cancel_unwanted(&mut self) {
         let Some(number) = self.making else { return };
-        let is_begun = |picture: &Picture| picture.number == number && picture.begun;
+        let is_begun = |picture: &Picture| picture.number == number && picture.request.is_none();
         let is_wanted = |channel: &Channel| channel.awaits(number);
         if self.pictures.iter().any(is_begun) && !self.channels.iter().any(is_wanted) {
             self.abort.set();
@@ -237,11 +243,9 @@ impl Server {
     pub(super) fn settle(&mut self, shooter: &Shooter, on_shot: &mut impl FnMut(&Shot)) -> bool {
         self.see_leave();
         let mut any = false;
-        while let Some(at) = self
-            .pictures
-            .iter()
-            .position(|picture| picture.begun && picture.open == 0 && picture.shot.is_some())
-        {
+        while let Some(at) = self.pictures.iter().position(|picture| {
+            picture.request.is_none() && picture.open == 0 && picture.shot.is_some()
+        }) {
             any = true;
             let picture = self.pictures.remove(at);
             if picture.whole {

@@ -2,11 +2,13 @@
 
 use super::clock::{Due, Heard, MAX_WAITING, SURE_S};
 use super::receive::Refusal;
+use super::withheld::{CLOCK_SET, name};
 use super::{Latched, Server};
 use crate::attitude::{AttitudeError, VehicleState};
 use crate::config::OutOfOrder;
 use crate::link::{Inbound, LinkError};
 use crate::scene::{Exposure, shutter, turn_at};
+use crate::stats::Request;
 use hifitime::Epoch;
 use skyloop_firmware_sim::time::{to_epoch, to_wire};
 use skyloop_orbit::time::{seconds, utc_text};
@@ -106,6 +108,7 @@ impl Server {
             self.missed = self.missed.wrapping_add(asked_for);
             let triggers = &mut self.counters.triggers_missed;
             *triggers = triggers.wrapping_add(asked_for);
+            (0..asked_for).for_each(|_| self.fail(Request::default(), CLOCK_SET));
         }
         heard
     }
@@ -147,14 +150,18 @@ impl Server {
     }
 
     /// An attitude that had been accepted may be carried to where nothing can be shown: it is refused once, and each exposure of it is
-    /// missed.
+    /// missed. `request` is none where the frame is on its way: there it ends link by link.
     pub(super) fn refuse_later(
         &mut self,
+        request: Option<Request>,
         (number, header): (u64, Header),
         due: &Due,
         why: &str,
     ) -> Result<(), LinkError> {
         self.miss(due);
+        if let Some(request) = request {
+            self.fail(request, name(Withheld::Refused));
+        }
         if self.truth.refused == Some(number) {
             return Ok(());
         }
@@ -162,7 +169,7 @@ impl Server {
         self.counters.refuse(Reason::ValueOutOfRange);
         for at in 0..self.channels.len() {
             if self.channels[at].roles.bring_frames() {
-                self.withhold(at, Withheld::Refused, why);
+                self.report(at, Withheld::Refused, why);
             }
         }
         let at = self.truth_channel();

@@ -3,17 +3,17 @@
 use super::Server;
 use super::channel::Channel;
 use super::picture::Picture;
-use super::withheld::name;
-use crate::link::Mark;
+use super::withheld::{HELD_BACK, name};
+use crate::link::{Mark, QUEUE};
 use crate::metrics::Snapshot;
 use crate::scene::Exposure;
+use crate::stats::Pending;
 use crate::timing::FrameTimes;
 use skyloop_protocols::Withheld;
-use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-/// Frames whose times are waited for at most: as many as links' queues may hold, and some.
-const MOST: usize = 64;
+/// Frames of each link whose times are waited for at most: as many as its queue may hold.
+const MOST: usize = QUEUE;
 /// Between two looks at the figures of a run.
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -40,14 +40,14 @@ pub(super) struct Leaving {
     ready: Duration,
     /// The link.
     at: usize,
-    /// The place of its last packet in the link's queue; none: it was not put there whole.
-    mark: Option<Mark>,
+    /// The place of its last packet in the link's queue, and its entry in the link's account; none: it was not put there whole.
+    queued: Option<(Mark, Pending)>,
     /// Whether the frame was counted as delivered.
     is_delivered: bool,
 }
 
 impl Leaving {
-    pub fn of(picture: &Picture, at: usize, mark: Option<Mark>) -> Leaving {
+    pub fn of(picture: &Picture, at: usize, queued: Option<(Mark, Pending)>) -> Leaving {
         let last_pixel = picture.since_trigger(picture.last_pixel);
         Leaving {
             left: Left {
@@ -65,7 +65,7 @@ impl Leaving {
             },
             ready: last_pixel.max(picture.since_trigger(Some(picture.asked.release))),
             at,
-            mark,
+            queued,
             is_delivered: false,
         }
     }
@@ -75,17 +75,20 @@ impl Server {
     /// Books the frames that have left their links.
     pub(super) fn see_leave(&mut self) {
         // Of too many the oldest is taken for one that never leaves.
-        if self.leaving.len() > MOST
-            && let Some(oldest) = self.leaving.first_mut()
-            && let (Some(mark), Some(channel)) = (oldest.mark.take(), self.channels.get(oldest.at))
-        {
-            channel.wire.tally.departed.forget(mark);
+        if self.leaving.len() > MOST * self.channels.len() {
+            let oldest = self.leaving.remove(0);
+            if let (Some((mark, _)), Some(channel)) = (&oldest.queued, self.channels.get(oldest.at))
+            {
+                channel.wire.tally.departed.forget(*mark);
+            }
+            self.book(oldest, None);
         }
         let mut at = 0;
         while let Some(leaving) = self.leaving.get(at) {
             let departed = self.channels.get(leaving.at);
             let departed = departed.map(|channel| &channel.wire.tally.departed);
-            let last = leaving.mark.map(|mark| departed.and_then(|d| d.left(mark)));
+            let mark = leaving.queued.as_ref().map(|(mark, _)| *mark);
+            let last = mark.map(|mark| departed.and_then(|d| d.left(mark)));
             match last {
                 Some(None) => at += 1,
                 last => {
@@ -103,29 +106,41 @@ impl Server {
         }
     }
 
-    /// At the end of a run: counts the frames of which packets are still queued. Their clients have not read them.
+    /// At the end of a run: counts the frames of which packets are still queued. A fault holds them back, or their clients have not read them.
     pub(super) fn count_unsent(&mut self) {
-        let unsent = std::mem::take(&mut self.leaving);
-        let mut frames = BTreeSet::new();
-        for leaving in unsent {
-            // What was not given to its link whole is counted already.
-            if leaving.mark.is_some() {
-                self.count_withheld(name(Withheld::NotRead));
-                if leaving.is_delivered {
-                    frames.insert(leaving.left.times.frame);
-                }
-            }
+        while !self.leaving.is_empty() {
+            let leaving = self.leaving.remove(0);
             self.book(leaving, None);
         }
-        let frames = frames.len() as u32;
+    }
+
+    /// A frame that was counted as delivered has not left one of its links.
+    fn take_back(&mut self, frame: u32) {
         let counters = &mut self.counters;
-        counters.frames_delivered = counters.frames_delivered.wrapping_sub(frames);
-        counters.frames_abandoned = counters.frames_abandoned.wrapping_add(frames);
+        counters.frames_delivered = counters.frames_delivered.wrapping_sub(1);
+        counters.frames_abandoned = counters.frames_abandoned.wrapping_add(1);
+        for other in &mut self.leaving {
+            other.is_delivered &= other.left.times.frame != frame;
+        }
     }
 
     /// Books a frame that has left its link at `last`; none: it never will.
     fn book(&mut self, leaving: Leaving, last: Option<Instant>) {
         let mut left = leaving.left;
+        if let (Some((_, entry)), Some(channel)) =
+            (leaving.queued, self.channels.get_mut(leaving.at))
+        {
+            match last {
+                Some(_) => channel.frames.deliver(entry),
+                None if channel.wire.tally.is_held_back() => {
+                    channel.frames.withhold(entry, HELD_BACK);
+                }
+                None => channel.frames.withhold(entry, name(Withheld::NotRead)),
+            }
+            if last.is_none() && leaving.is_delivered {
+                self.take_back(left.times.frame);
+            }
+        }
         left.missed = self.exposures_missed();
         if let Some(last) = last {
             left.times = left.times.ended(left.trigger, left.deadline, last);
@@ -177,6 +192,9 @@ impl Server {
         let mut links = self.bringing().map(|channel| {
             let mut snapshot = Snapshot::of(&channel.latencies);
             snapshot.link = several.then(|| channel.wire.address.clone());
+            let account = self.account(channel);
+            (snapshot.requested, snapshot.delivered) = (account.requested, account.delivered);
+            snapshot.withheld = account.withheld.into_iter().collect();
             if let Some(Left {
                 times, exposure, ..
             }) = &channel.latest

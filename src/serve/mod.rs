@@ -36,7 +36,7 @@ use crate::fidelity::Fidelity;
 use crate::link::{LinkError, Relay, Roles, Standstill, Wire};
 use crate::metrics::Metrics;
 use crate::render::BAND_ROWS;
-use crate::stats::{Absent, RunStats};
+use crate::stats::{Absent, Request, RunStats};
 use channel::Channel;
 use clock::Clock;
 use history::History;
@@ -50,6 +50,7 @@ use skyloop_protocols::{Counters, Header, Output, Personality};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
+use withheld::{CLIENT_GONE, RESET, RUN_ENDED};
 
 /// How long a pause lasts in which nothing is due but a packet may come.
 const POLL: Duration = Duration::from_millis(50);
@@ -286,7 +287,12 @@ impl Server {
         });
         self.emulator = Some(emulator);
         let waited = self.clock.end(Instant::now());
-        self.abandon(waited);
+        self.abandon(waited, RUN_ENDED);
+        if matches!(ended, Ok(Ended::Panicked)) {
+            while !self.pictures.is_empty() {
+                self.abandon_picture(0);
+            }
+        }
         // That a link has ended is noticed by whoever uses it first: what receives, or what sends.
         ended.unwrap_or_else(|error| {
             tracing::debug!(%error, "nothing can be sent any more");
@@ -391,12 +397,13 @@ impl Server {
         self.forsake(is_reset);
         self.settings.camera = self.settings.configured.clone();
         let waited = self.clock.clear(self.settings.camera.rate_hz, now);
-        self.abandon(waited);
+        self.abandon(waited, if is_reset { RESET } else { CLIENT_GONE });
     }
 
-    /// Counts exposures that will have no frame.
-    fn abandon(&mut self, waited: u32) {
+    /// Counts requests that will have no frame.
+    fn abandon(&mut self, waited: u32, cause: &'static str) {
         self.counters.frames_abandoned = self.counters.frames_abandoned.wrapping_add(waited);
+        (0..waited).for_each(|_| self.fail(Request::default(), cause));
     }
 
     /// Ends the links when everything queued has left, when nothing moves for 5 s, or 1.5 s after the run was stopped. Returns what the run measured
@@ -417,6 +424,11 @@ impl Server {
         self.see_leave();
         self.count_unsent();
         let counters = self.counters();
+        let accounts = self.bringing().map(|channel| {
+            let account = self.account(channel);
+            (channel.wire.address.clone(), account)
+        });
+        self.stats.accounts = accounts.collect();
         let links = self
             .channels
             .into_iter()

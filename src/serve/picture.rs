@@ -4,6 +4,7 @@ use super::clock::{Due, Sync};
 use super::shooter::Spare;
 use super::told;
 use crate::engine::{Opening, Shot};
+use crate::stats::Request;
 use crate::timing::spare_s;
 use crc32fast::Hasher;
 use skyloop_protocols::{AttitudeSource, FrameEnd, Header, Overrun, Timing};
@@ -53,15 +54,15 @@ pub(super) struct Picture {
     crc: Hasher,
     /// Links that it has not left yet.
     pub open: usize,
-    /// Whether it was put on the way.
-    pub begun: bool,
+    /// The request for it, until it is put on its way or is known to fail.
+    pub request: Option<Request>,
     /// Whether all who wanted it have all of it.
     pub whole: bool,
 }
 
 impl Picture {
     /// A frame that is asked for; `digits` is memory for its pixels.
-    pub fn new(number: u32, asked: Asked, mut digits: Vec<u16>) -> Picture {
+    pub fn new(request: Request, number: u32, asked: Asked, mut digits: Vec<u16>) -> Picture {
         digits.clear();
         Picture {
             number,
@@ -76,7 +77,7 @@ impl Picture {
             tail: OnceLock::new(),
             crc: Hasher::new(),
             open: 0,
-            begun: false,
+            request: Some(request),
             whole: true,
         }
     }
@@ -273,7 +274,7 @@ mod tests {
                 is_timed: true,
                 release: end,
             };
-            Picture::new(7, asked, Vec::new())
+            Picture::new(Request::default(), 7, asked, Vec::new())
         };
         let (early, late) = (zero, zero + ms(5));
         for (end, arrived) in [(early, late), (late, early)] {

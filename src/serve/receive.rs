@@ -3,7 +3,7 @@
 use super::Server;
 use super::deliver::LISTEN;
 use crate::link::{Inbound, LinkError, QUEUE};
-use skyloop_protocols::apid::COMMAND;
+use skyloop_protocols::apid::{ATTITUDE, COMMAND};
 use skyloop_protocols::{Command, Reason, Reply, Withheld, packet};
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
@@ -96,6 +96,14 @@ impl Server {
                     return self.nack(at, apid, count, Reason::ValueOutOfRange, WRONG);
                 }
                 self.counters.refuse_undecodable(&error);
+                // What was damaged on the way requests nothing: it may have been anything.
+                let is_value = matches!(
+                    error.reason(),
+                    Reason::QuaternionNotUnit | Reason::NotFinite | Reason::ValueOutOfRange
+                );
+                if is_value && apid == ATTITUDE {
+                    self.fail_refused("Attitude");
+                }
                 // Commands but Trigger ask for no frame. What cannot be identified may be an attitude.
                 if apid != COMMAND {
                     self.report(at, Withheld::Refused, &error.to_string());
@@ -127,7 +135,13 @@ impl Server {
         }
         if let Err(Refusal { reason, detail }) = done {
             self.counters.refuse(reason);
-            if matches!(command, Command::Attitude(_) | Command::Trigger { .. }) {
+            let requests = match command {
+                Command::Attitude(_) => Some("Attitude"),
+                Command::Trigger { .. } => Some("Trigger"),
+                _ => None,
+            };
+            if let Some(what) = requests {
+                self.fail_refused(what);
                 self.report(at, Withheld::Refused, &detail);
             }
             return self.nack(at, header.apid, header.sequence_count, reason, &detail);

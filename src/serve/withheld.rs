@@ -4,6 +4,7 @@ use super::Server;
 use super::channel::{Channel, Exchange};
 use super::deliver::Delivery;
 use crate::link::Every;
+use crate::stats::{FrameAccount, Pending, Request};
 use skyloop_protocols::{MAX_PACKET, Withheld};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -32,6 +33,16 @@ pub(super) const RESET: &str = "client sent Reset";
 pub(super) const CLIENT_GONE: &str = "client gone";
 /// Likewise with the run.
 pub(super) const RUN_ENDED: &str = "run ended";
+/// Likewise: a fault held its packets back until the run had ended.
+pub(super) const HELD_BACK: &str = "held back by a fault";
+/// Likewise: no attitude has come that its exposure could show.
+pub(super) const NO_ATTITUDE: &str = "no attitude for the exposure";
+/// Likewise: `run.on_overrun = "drop"` leaves it out.
+pub(super) const LEFT_OUT: &str = "would have been late";
+/// Likewise: its Trigger was forgotten, since the client's clock has jumped.
+pub(super) const CLOCK_SET: &str = "client's clock was set";
+/// Likewise: its exposure ended while the one before was still rendered or waited, or was given up before its end.
+const PASSED_OVER: &str = "exposure passed over";
 
 /// A reason in a few words, for the run's table.
 pub(super) fn name(why: Withheld) -> &'static str {
@@ -152,34 +163,47 @@ impl Server {
             more => format!(" ({more} times since the last message)"),
         };
         let address = &channel.wire.address;
+        let is_delivery = !matches!(why, Withheld::Refused | Withheld::NoTrigger);
+        let remedy = match channel.wire.tally.is_held_back() && is_delivery {
+            true => "a fault holds packets of this link back (--faults, Fault): end it first",
+            false => remedy(why),
+        };
         tracing::warn!(
-            "{address}: frames do not reach the client ({}): {detail}; {}{before}",
+            "{address}: frames do not reach the client ({}): {detail}; {remedy}{before}",
             name(why),
-            remedy(why)
         );
     }
 
     /// Counts a frame that a client has not got, and reports it.
-    pub(super) fn withhold(&mut self, at: usize, why: Withheld, detail: &str) {
-        self.count_withheld(name(why));
+    pub(super) fn withhold(&mut self, at: usize, entry: Pending, why: Withheld, detail: &str) {
+        self.channels[at].frames.withhold(entry, name(why));
         self.report(at, why, detail);
     }
 
-    /// Counts a frame that a client has not got, under a name in the run's table.
-    pub(super) fn count_withheld(&mut self, name: &'static str) {
-        let count = self.stats.withheld.entry(name).or_default();
-        *count = count.saturating_add(1);
-    }
-
-    /// Counts a frame that none of the links has begun to send.
-    pub(super) fn count_withheld_everywhere(&mut self, name: &'static str) {
-        for _ in 0..self.bringing().count() {
-            self.count_withheld(name);
+    /// Counts a request that gives no frame, on all links.
+    pub(super) fn fail(&mut self, request: Request, cause: &'static str) {
+        let bring = |channel: &&mut Channel| channel.roles.bring_frames();
+        for channel in self.channels.iter_mut().filter(bring) {
+            let entry = channel.frames.open(&request);
+            channel.frames.withhold(entry, cause);
         }
     }
 
-    /// Counts a frame that gives way to a newer one.
-    pub(super) fn withhold_older(&mut self, at: usize, frame: u32) {
+    /// Counts an Attitude or a Trigger (`what`) that was refused, where it requests a frame: by a cadence frames come of themselves.
+    pub(super) fn fail_refused(&mut self, what: &str) {
+        if self.clock.cadence().is_none() && self.clock.asks() == what {
+            self.fail(Request::default(), name(Withheld::Refused));
+        }
+    }
+
+    /// The account of a link, with the exposures that the clock has passed over.
+    pub(super) fn account(&self, channel: &Channel) -> FrameAccount {
+        let passed_over = self.clock.missed() as usize;
+        channel.frames.clone().with(passed_over, PASSED_OVER)
+    }
+
+    /// Why a frame gives way to a newer one, which is reported.
+    pub(super) fn report_older(&mut self, at: usize, frame: u32) -> &'static str {
         let channel = &self.channels[at];
         let may_send = channel.exchange.credit.may_send();
         let (why, detail) = match standstill(channel, !may_send) {
@@ -187,7 +211,8 @@ impl Server {
             other => other,
         };
         let detail = format!("frame {frame} gives way to a newer one: {detail}");
-        self.withhold(at, why, &detail);
+        self.report(at, why, &detail);
+        name(why)
     }
 
     /// Reports a frame of so many packets that its link takes long for.

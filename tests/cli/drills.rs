@@ -213,6 +213,33 @@ fn a_full_disk_leaves_no_file_behind() {
 }
 
 #[test]
+fn packets_that_a_fault_delays_are_not_blamed_on_the_client() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let faults = "[[faults]]\ndirection = \"out\"\nkind = \"delay\"\nvalue = 60\n";
+    std::fs::write(at.join("faults.toml"), faults).unwrap();
+    std::fs::write(at.join("run.toml"), RUN).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
+    let run = "run --config run.toml --frames 1 --faults faults.toml";
+    let command = command.args(run.split(' ')).current_dir(at);
+    let command = command.stderr(std::process::Stdio::piped());
+    let process = Process::spawned(command, "listening on ");
+    let mut client = client_of(&process);
+    client.point(crate::support::attitude(1), crate::support::EPOCH);
+    let (code, table, log) = process.end_with_log();
+    assert_eq!(code, Some(0), "{table}{log}");
+    let row = "1 (1 held back by a fault); 1 requested, 0 delivered\n";
+    assert!(table.contains(row), "{table}");
+    for says in [
+        "waiting for packets that a fault holds back",
+        "(lost_outbound): a fault holds packets back",
+    ] {
+        assert!(log.contains(says), "{log}");
+    }
+    assert!(!log.contains("client"), "{log}");
+}
+
+#[test]
 fn a_port_that_another_holds_is_told_and_one_that_is_given_back_serves() {
     let here = tempfile::tempdir().unwrap();
     let first = started(here.path(), &[]);

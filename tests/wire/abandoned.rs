@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 const SOON: Duration = Duration::from_secs(2);
 
 /// Frames may cost so much, s on one core.
-fn limited(work_limit_s: f64) -> Config {
+pub fn limited(work_limit_s: f64) -> Config {
     let mut config = small();
     (config.camera.detector.width, config.camera.detector.height) = (512, 512);
     config.camera.exposure_s = 1.0;
@@ -26,7 +26,7 @@ fn limited(work_limit_s: f64) -> Config {
 }
 
 /// An attitude whose frame takes minutes: the limb of the Earth and all stars smeared over 57 degrees.
-fn turning(sequence: u32) -> Attitude {
+pub fn turning(sequence: u32) -> Attitude {
     Attitude {
         rates_rad_s: [0.69, 0.69, 0.0],
         ..attitude(sequence)
@@ -34,7 +34,7 @@ fn turning(sequence: u32) -> Attitude {
 }
 
 /// An emulator in step, and its client, in the midst of such a frame. What comes and goes is recorded in a file, if there is one.
-fn in_the_midst(file: Option<&Path>) -> (Running, Client<MemoryLine>, Option<Capture>) {
+pub fn in_the_midst(file: Option<&Path>) -> (Running, Client<MemoryLine>, Option<Capture>) {
     let (mut wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let links = ["memory".to_string()];
     let capture = file.map(|file| {

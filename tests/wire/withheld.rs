@@ -1,30 +1,50 @@
 //! Frames that a client does not get: each is counted under its cause, and none is missing from the sum.
 
+use crate::abandoned::{in_the_midst, limited, turning};
 use crate::support::client::{self, Client};
-use crate::support::line::{Line, MemoryLine};
+use crate::support::line::{Line, MemoryLine, UdpLine};
 use crate::support::{
-    EPOCH, Running, attitude, await_that, later, on_serial, on_udp, options, quick, scene,
+    EPOCH, Running, attitude, await_that, fetched, later, on_memory, on_serial, on_udp, options,
+    quick, scene,
 };
 use skyloop::config::{Clock, Config, Trigger};
 use skyloop::link::{self, Roles, Wire};
+use skyloop::metrics::{self, Metrics};
+use skyloop::stats::FrameAccount;
 use skyloop_protocols::packet::reseal;
 use skyloop_protocols::personality::{NATIVE, Personality};
-use skyloop_protocols::{Command, EncodeError, Reply, Withheld};
-use std::time::Duration;
+use skyloop_protocols::{Attitude, Command, EncodeError, Output, Reply, Withheld};
+use std::time::{Duration, Instant};
 
-/// Ends a run; the frames rendered, delivered and withheld, which add up.
-fn balance(emulator: Running) -> (u32, u32, Vec<(&'static str, usize)>) {
+/// What one link is expected to have delivered, and withheld by cause.
+type Expected<'e> = (usize, &'e [(&'static str, usize)]);
+
+/// Ends a run and checks the rule of README.md, "Talking to it": on each link the requests are the frames delivered and those withheld by cause. The run's
+/// counters say the same of all links together.
+fn balance(name: &str, emulator: Running, requested: usize, links: &[Expected<'_>]) {
     let (stats, counters) = emulator.measured();
-    let withheld: Vec<_> = stats.withheld.into_iter().collect();
-    let sum: usize = withheld.iter().map(|(_, frames)| frames).sum();
-    let (rendered, delivered) = (counters.frames_rendered, counters.frames_delivered);
-    assert_eq!(
-        rendered,
-        delivered + sum as u32,
-        "{withheld:?} {counters:?}"
-    );
-    assert_eq!(counters.frames_abandoned, sum as u32, "{counters:?}");
-    (rendered, delivered, withheld)
+    let found = &stats.accounts;
+    assert_eq!(found.len(), links.len(), "{name}: {found:?}");
+    for ((_, account), (delivered, withheld)) in found.iter().zip(links) {
+        let expected = FrameAccount {
+            requested,
+            delivered: *delivered,
+            withheld: withheld.iter().copied().collect(),
+        };
+        assert_eq!(*account, expected, "{name}: {found:?} {counters:?}");
+        let sum: usize = account.withheld.values().sum();
+        assert_eq!(requested, delivered + sum, "{name}");
+    }
+    if let [(_, account)] = &found[..] {
+        assert_eq!(
+            counters.frames_delivered as usize, account.delivered,
+            "{name}: {counters:?}"
+        );
+    }
+    let table = stats.rows();
+    let rows = table.iter().filter(|(row, _)| row == "frames withheld");
+    let some = links.iter().filter(|(_, withheld)| !withheld.is_empty());
+    assert_eq!(rows.count(), some.count(), "{name}: {table:?}");
 }
 
 /// A client whose first frame, in step, waits for credit after 3 packets.
@@ -40,39 +60,66 @@ fn waiting(line: impl Line) -> Client<impl Line> {
     client
 }
 
+/// Two links that bring frames, the first with the truth too, and a client at each. The second client is silent.
+fn two_links(config: Config, clock: Clock) -> (Running, Vec<Client<UdpLine>>) {
+    let urls = ["truth+labels", "pixels"].map(|roles| format!("udp://127.0.0.1:0?roles={roles}"));
+    let links = link::open_all(&urls, &options(60.0)).unwrap();
+    let lines = links.iter().map(|(wire, _)| UdpLine::to(&wire.address));
+    let clients = lines.map(Client::new).collect();
+    (Running::at(config, clock, links), clients)
+}
+
+/// Three attitudes besides that of [`waiting`], which wait for its frame.
+fn wait_behind<L: Line>(client: &mut Client<L>) {
+    for n in 1..4 {
+        client.point(attitude(n), later(EPOCH, f64::from(n)));
+    }
+    await_that("they are accepted", || {
+        client.status().counters.attitudes == 4
+    });
+}
+
 #[test]
-fn frames_rendered_are_those_delivered_and_those_withheld_by_cause() {
-    let frames = |name| vec![(name, 1)];
+fn requests_are_frames_delivered_and_frames_withheld_by_cause_on_one_link() {
     let stepped = || on_udp(scene(), Clock::Stepped, 60.0);
 
     let (emulator, line) = stepped();
+    let mut client = Client::new(line);
+    (0..3).for_each(|n| drop(client.good_frame(n)));
+    balance("all delivered", emulator, 3, &[(3, &[])]);
+
+    let (emulator, line) = stepped();
     let mut client = waiting(line);
+    wait_behind(&mut client);
     client.done(Command::Reset);
     client.forget();
     client.window = Some(32);
     client.good_frame(1);
-    assert_eq!(balance(emulator), (2, 1, frames("client sent Reset")));
+    balance("Reset", emulator, 5, &[(1, &[("client sent Reset", 4)])]);
 
     let (emulator, line) = stepped();
     let mut client = waiting(line);
     await_that("the frame is given up", || {
         client.status().counters.frames_abandoned == 1
     });
-    assert_eq!(balance(emulator), (1, 0, frames("no credit")));
+    balance("no credit", emulator, 1, &[(0, &[("no credit", 1)])]);
 
     // After 1 s of silence another may have its place, before the frame is given up.
     let (emulator, line) = on_udp(scene(), Clock::Stepped, 1.0);
     let mut second = Client::new(line.another());
-    drop(waiting(line));
+    let mut first = waiting(line);
+    wait_behind(&mut first);
+    drop(first);
     await_that("the second client is answered", || {
         second.send(Command::Ping);
         second.recv(Duration::from_millis(20)).is_some()
     });
-    assert_eq!(balance(emulator), (1, 0, frames("client gone")));
+    balance("another client", emulator, 4, &[(0, &[("client gone", 4)])]);
 
     let (emulator, line) = stepped();
-    let _client = waiting(line);
-    assert_eq!(balance(emulator), (1, 0, frames("run ended")));
+    let mut client = waiting(line);
+    wait_behind(&mut client);
+    balance("signal", emulator, 4, &[(0, &[("run ended", 4)])]);
 
     // Each frame has some 40 kB, of which the pseudo-terminal takes 20 in all; the queue of the link takes the others.
     let (emulator, line) = on_serial(quick(1.0), Clock::Stepped);
@@ -82,7 +129,200 @@ fn frames_rendered_are_those_delivered_and_those_withheld_by_cause() {
         client.point(attitude(sequence), later(EPOCH, f64::from(sequence)));
     }
     (0..3).for_each(|_| drop(emulator.shot()));
-    assert_eq!(balance(emulator), (3, 0, vec![("client does not read", 3)]));
+    balance("queue", emulator, 3, &[(0, &[("client does not read", 3)])]);
+}
+
+#[test]
+fn requests_add_up_on_two_links_one_of_which_has_no_client() {
+    let windows = || {
+        let mut config = scene();
+        config.run.output = Output::preset("windows").unwrap();
+        config
+    };
+    let (emulator, mut clients) = two_links(windows(), Clock::Stepped);
+    for n in 0..2 {
+        clients[0].point(attitude(n), later(EPOCH, f64::from(n)));
+        clients[0].parcel();
+    }
+    // A refused one gives no link a frame.
+    let bad = Attitude {
+        q_icrf_to_body: [0.0; 4],
+        ..attitude(2)
+    };
+    clients[0].point(bad, EPOCH);
+    clients[0].nack();
+    let withheld: [Expected<'_>; 2] = [
+        (2, &[("refused", 1)]),
+        (0, &[("no client", 2), ("refused", 1)]),
+    ];
+    balance("no client", emulator, 3, &withheld);
+
+    // The second client takes a part of the frame; a Reset of the first one is not its own.
+    let (emulator, mut clients) = two_links(windows(), Clock::Stepped);
+    let [truth, pixels] = &mut clients[..] else {
+        panic!("two clients");
+    };
+    pixels.window = None;
+    pixels.send(Command::Credit { packets: 1 });
+    pixels.status();
+    truth.point(attitude(0), EPOCH);
+    truth.parcel();
+    truth.point(attitude(1), later(EPOCH, 1.0));
+    truth.status();
+    truth.done(Command::Reset);
+    balance(
+        "Reset on one of two links",
+        emulator,
+        2,
+        &[
+            (1, &[("client sent Reset", 1)]),
+            (0, &[("client sent Reset", 1), ("run ended", 1)]),
+        ],
+    );
+}
+
+#[test]
+fn requests_add_up_where_a_frame_is_abandoned_or_refused() {
+    for (name, ends_by_reset, cause) in [
+        ("Reset in the midst", true, "client sent Reset"),
+        ("signal in the midst", false, "run ended"),
+    ] {
+        let (emulator, mut client, _) = in_the_midst(None);
+        if ends_by_reset {
+            client.done(Command::Reset);
+        }
+        balance(name, emulator, 1, &[(0, &[(cause, 1)])]);
+    }
+    // The second costs too much, the third lies before the first.
+    let (emulator, line) = on_memory(limited(0.3), Clock::Stepped);
+    let mut client = Client::new(line);
+    client.good_frame(0);
+    client.point(turning(1), later(EPOCH, 1.0));
+    client.nack();
+    client.point(attitude(2), later(EPOCH, -1.0));
+    client.nack();
+    client.point(attitude(3), later(EPOCH, 2.0));
+    client.frame();
+    let counters = client.status().counters;
+    assert_eq!((counters.exposures_missed, counters.time_backwards), (1, 1));
+    balance("refused", emulator, 4, &[(2, &[("refused", 2)])]);
+}
+
+#[test]
+fn requests_are_triggers_where_these_give_the_frames() {
+    for clock in [Clock::Stepped, Clock::External] {
+        let mut config = quick(20.0);
+        config.run.trigger = Trigger::Packet;
+        let (emulator, line) = on_memory(config, clock);
+        let mut client = Client::new(line);
+        let trigger = |client: &mut Client<_>, s| {
+            let start = later(EPOCH, s);
+            client.send(Command::Trigger { number: 1, start });
+        };
+        client.point(attitude(1), EPOCH);
+        trigger(&mut client, 0.0);
+        client.frame();
+        // By the client's clock it waits for its time; in step for the end of the pause.
+        client.done(Command::Pause);
+        trigger(&mut client, 1000.0);
+        client.status();
+        client.done(Command::Reset);
+        trigger(&mut client, 1000.0);
+        let (requested, withheld): (_, &[_]) = match clock {
+            // There is no attitude since the Reset.
+            Clock::Stepped => (
+                3,
+                &[
+                    ("client sent Reset", 1),
+                    ("no attitude for the exposure", 1),
+                ],
+            ),
+            _ => (3, &[("client sent Reset", 1), ("run ended", 1)]),
+        };
+        client.status();
+        balance(&format!("{clock:?}"), emulator, requested, &[(1, withheld)]);
+    }
+}
+
+/// By a clock each exposure of the cadence that has ended is a request. How many there are is counted otherwise: each has a number or is missed.
+#[test]
+fn requests_are_exposures_where_a_clock_gives_the_frames() {
+    for clock in [Clock::Wall, Clock::External] {
+        for silent in [false, true] {
+            let (emulator, mut clients) = two_links(quick(50.0), clock);
+            let [truth, pixels] = &mut clients[..] else {
+                panic!("two clients");
+            };
+            if !silent {
+                // It takes a frame and a half.
+                pixels.window = None;
+                pixels.send(Command::Credit { packets: 10 });
+                pixels.status();
+            }
+            for n in 0..10 {
+                truth.point(attitude(n), later(EPOCH, 0.1 * f64::from(n)));
+                let sent = Instant::now();
+                while sent.elapsed() < Duration::from_millis(100) {
+                    truth.recv(Duration::from_millis(10));
+                }
+            }
+            if silent {
+                truth.done(Command::SingleShot);
+            }
+            let (stats, counters) = emulator.measured();
+            let requested =
+                counters.frames_delivered + counters.frames_abandoned + counters.exposures_missed;
+            assert!(requested > 10, "{counters:?}");
+            for (link, account) in &stats.accounts {
+                let sum: usize = account.withheld.values().sum();
+                assert_eq!(
+                    (account.requested, account.delivered + sum),
+                    (requested as usize, requested as usize),
+                    "{clock:?} {link}: {account:?} {counters:?}"
+                );
+            }
+            let of_silent = &stats.accounts[1].1;
+            assert_eq!(of_silent.withheld.contains_key("no client"), silent);
+            assert!(!silent || of_silent.delivered == 0);
+        }
+    }
+}
+
+/// `/metrics` shows the accounts of the links while the run goes on.
+#[test]
+fn figures_show_the_accounts() {
+    let place = Metrics::default();
+    let serving = metrics::serve("0", vec![place.clone()]).unwrap();
+    let wire = link::open("udp://127.0.0.1:0", &options(60.0)).unwrap();
+    let line = UdpLine::to(&wire.address);
+    let links = vec![(wire, Roles::ALL)];
+    let emulator = Running::prepared(scene(), Clock::Stepped, links, |server| {
+        server.set_metrics(place);
+    });
+    let mut client = Client::new(line);
+    client.good_frame(0);
+    for n in 1..3 {
+        let rates_rad_s = [f64::NAN; 3];
+        client.point(
+            Attitude {
+                rates_rad_s,
+                ..attitude(n)
+            },
+            EPOCH,
+        );
+        client.nack();
+    }
+    let name = |what: &str| format!("skyloop_link_frames_{what}");
+    await_that("the figures are there", || {
+        let found = fetched(serving.address());
+        let of = |what| found.get(&name(what)).copied();
+        of("requested_total") == Some(3.0)
+            && of("delivered_total") == Some(1.0)
+            && of("withheld_total{cause=\"refused\"}") == Some(2.0)
+    });
+    let counters = client.status().counters;
+    assert_eq!((counters.frames_delivered, counters.bad_attitude), (1, 2));
+    balance("figures", emulator, 3, &[(1, &[("refused", 2)])]);
 }
 
 /// A refused packet that asks for no frame withholds none; a damaged attitude does.
@@ -181,7 +421,8 @@ fn status_tells_of_links_that_have_no_client_are_slow_or_cannot_encode() {
             counters.frames_abandoned + counters.frames_dropped > 0
         });
         let (stats, _) = emulator.measured();
-        assert!(stats.withheld.contains_key(name), "{:?}", stats.withheld);
+        let account = &stats.accounts[0].1;
+        assert!(account.withheld.contains_key(name), "{account:?}");
     }
 }
 

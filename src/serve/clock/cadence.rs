@@ -95,9 +95,13 @@ impl Cadence {
         self.ended = self.ended.map(scene);
         self.zero = self.scene_at(at).map(|scene| (scene, at));
         (self.paused, self.guessed, self.next) = (true, true, None);
-        // A single shot under way is given up with it.
-        if self.shot.is_some() && self.ended.is_none() {
-            self.shot = None;
+        self.give_up_shot();
+    }
+
+    /// Counts a single shot that is under way, which gets no frame; one that has ended waits for its frame.
+    fn give_up_shot(&mut self) {
+        let ended = self.ended.map(|(end, _)| end);
+        if self.shot.take_if(|shot| Some(*shot) != ended).is_some() {
             self.missed = self.missed.wrapping_add(1);
         }
     }
@@ -180,6 +184,7 @@ impl Cadence {
     /// Counts what has ended by `now` and gets no frame any more.
     pub fn end(&mut self, now: Instant) {
         self.advance(now);
+        self.give_up_shot();
         let waited = u32::from(self.ended.take().is_some());
         self.missed = self.missed.wrapping_add(waited);
         self.shot = None;

@@ -1,0 +1,56 @@
+//! The account of the frames of one link: how many were requested, and how each request ended.
+//!
+//! The rule, for each link that brings frames: requested = delivered + withheld, once the run has ended. The types enforce it: an entry is opened by a
+//! [`Request`] alone, and its [`Pending`] can be neither copied nor used twice.
+
+use std::collections::BTreeMap;
+
+/// A request for a frame: an Attitude or a Trigger in step, a Trigger by the client's clock, or else an exposure of the camera's cadence. Each link opens an
+/// entry for it, when the frame is put on its way or when it is known that there will be none.
+#[derive(Debug, Default)]
+#[must_use = "each link opens an entry for a request"]
+pub struct Request(());
+
+/// An open entry: a frame that is on its way to a link's client.
+#[derive(Debug)]
+#[must_use = "an entry ends as delivered or as withheld"]
+pub struct Pending(());
+
+/// The frames of one link.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct FrameAccount {
+    /// All requests so far.
+    pub requested: usize,
+    /// Frames whose last packet has left the link. What is lost after that, by a fault or by the network, counts here too.
+    pub delivered: usize,
+    /// Frames that have not left whole, by cause.
+    pub withheld: BTreeMap<&'static str, usize>,
+}
+
+impl FrameAccount {
+    /// Opens the entry of this link for a request.
+    pub fn open(&mut self, _: &Request) -> Pending {
+        self.requested += 1;
+        Pending(())
+    }
+
+    /// Ends an entry: the frame's last packet has left the link.
+    pub fn deliver(&mut self, Pending(()): Pending) {
+        self.delivered += 1;
+    }
+
+    /// Ends an entry: the frame has not left whole.
+    pub fn withhold(&mut self, Pending(()): Pending, cause: &'static str) {
+        *self.withheld.entry(cause).or_default() += 1;
+    }
+
+    /// Adds requests that were counted elsewhere and have no frame.
+    #[must_use]
+    pub fn with(mut self, withheld: usize, cause: &'static str) -> FrameAccount {
+        if withheld > 0 {
+            self.requested += withheld;
+            *self.withheld.entry(cause).or_default() += withheld;
+        }
+        self
+    }
+}
