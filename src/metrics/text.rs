@@ -108,7 +108,8 @@ pub(super) fn page(cameras: &[Camera]) -> String {
 
 /// How the requests for the frames of each link ended.
 fn accounts(page: &mut Page, links: &[Of<'_>]) {
-    let counts: [(&str, &str, fn(&Snapshot) -> usize); 2] = [
+    type Count = fn(&Snapshot) -> usize;
+    let counts: [(&str, &str, Count); 2] = [
         (
             "requested",
             "Requests for frames: those delivered, those withheld, and frames on their way.",
