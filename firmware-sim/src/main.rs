@@ -33,7 +33,8 @@ use skyloop_protocols::{Fault, LabelLevel};
 #[derive(Debug, Parser)]
 #[command(name = "skyloop-fc", version)]
 struct Args {
-    /// udp://127.0.0.1:PORT, serial:///dev/NAME?baud=115200, can:// or slcan://; several with roles=truth+pixels+labels each
+    /// udp://127.0.0.1:PORT, serial:///dev/NAME?baud=115200, can:// or slcan://; several with the emulator's roles, such as
+    /// --link 'udp://127.0.0.1:4810?roles=truth+labels' --link 'udp://127.0.0.1:4811?roles=pixels'
     #[arg(long, value_name = "URL", required = true)]
     link: Vec<String>,
     /// TLE, 3LE, CCSDS OMM or OEM file; NAME picks an object by name or identifier

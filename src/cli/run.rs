@@ -34,8 +34,8 @@ pub struct Args {
     /// Configuration file (see configs/default.toml)
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// Link to listen on, such as udp://127.0.0.1:4810 or serial:///dev/ttyUSB0?baud=921600; several with
-    /// roles=truth, pixels, labels [default: the file's]
+    /// Link to listen on, such as udp://127.0.0.1:4810 or serial:///dev/ttyUSB0?baud=921600; several with roles, such as
+    /// --link 'udp://127.0.0.1:4810?roles=truth+labels' --link 'udp://127.0.0.1:4811?roles=pixels' [default: the file's]
     #[arg(long, value_name = "URL")]
     link: Vec<String>,
     /// What frames bring until a client says otherwise [default: the file's]

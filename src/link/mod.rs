@@ -329,14 +329,13 @@ fn places(urls: &[String]) -> Result<Vec<Place>, LinkError> {
     let mut truth = parsed.iter().zip(&roles).filter(|(_, roles)| roles.truth);
     match (truth.next(), truth.next(), parsed.first()) {
         (_, Some((second, _)), _) => {
-            return Err(second
-                .refuse("a second link for the truth; give it roles=pixels+labels".to_string()));
+            let reason = "a second link for the truth; give it roles=pixels+labels";
+            return Err(second.refuse_roles(reason, "pixels+labels"));
         }
         (None, None, Some(first)) => {
-            return Err(first.refuse(
-                "no link has the role truth, so no attitude could come; give one roles=truth"
-                    .to_string(),
-            ));
+            let reason =
+                "no link has the role truth, so no attitude could come; give one roles=truth";
+            return Err(first.refuse_roles(reason, "truth"));
         }
         _ => {}
     }
@@ -350,7 +349,7 @@ fn further_places(urls: &[String]) -> Result<Vec<Place>, LinkError> {
         let roles = url.roles()?;
         if roles.truth && roles != Roles::ALL {
             let reason = "a further camera hears of the vehicle over the first one's link; give it roles=pixels+labels, or none";
-            return Err(url.refuse(reason.to_string()));
+            return Err(url.refuse_roles(reason, "pixels+labels"));
         }
         let truth = false;
         Ok((url, Roles { truth, ..roles }))

@@ -137,6 +137,16 @@ impl LinkUrl {
         }
     }
 
+    /// The error for a URL that lacks `roles`, with an example that has them.
+    pub fn refuse_roles(&self, reason: &str, roles: &str) -> LinkError {
+        let mut error = self.refuse(reason.to_string());
+        if let LinkError::Url { examples, .. } = &mut error {
+            let sign = if examples.contains('?') { '&' } else { '?' };
+            examples.push_str(&format!("{sign}roles={roles}"));
+        }
+        error
+    }
+
     /// The error for what the system refuses to do with this URL.
     pub fn failed(
         &self,

@@ -349,3 +349,24 @@ fn processors_that_are_granted_are_those_of_all_threads() {
     process.signal("-INT");
     assert_eq!(process.end().0, Some(0));
 }
+
+/// The examples of README.md and of `--help` with several links.
+#[test]
+fn examples_with_several_links_have_their_roles() {
+    let here = tempfile::tempdir().unwrap();
+    let help = skyloop(here.path()).args(["run", "--help"]).output();
+    let help = String::from_utf8(help.unwrap().stdout).unwrap();
+    let readme = std::fs::read_to_string(crate::repository("README.md")).unwrap();
+    let mut examples = 0;
+    for line in readme.lines().chain(help.lines()) {
+        let urls = line.split("--link '").skip(1);
+        let urls = urls.filter_map(|rest| Some(rest.split_once('\'')?.0.to_string()));
+        let urls: Vec<String> = urls.collect();
+        if urls.len() > 1 {
+            examples += 1;
+            let checked = skyloop::link::check_all(&urls);
+            assert!(checked.is_ok(), "{line}: {}", checked.unwrap_err());
+        }
+    }
+    assert_eq!(examples, 2);
+}
