@@ -77,7 +77,7 @@ pub use sgp4;
 pub use text::{Listing, files, read_text, read_text_within, remedy};
 pub use theory::Theory;
 pub use two_line::{Checksum, ElementsError};
-pub use unite::{Source, United, unite};
+pub use unite::{Refused, Source, United, unite};
 pub use unread::{found as unread_format, not_attitudes};
 pub use write::{Written, write};
 
