@@ -28,6 +28,7 @@ pub use look_at::{LookAt, Target, Up};
 use nalgebra::Vector3;
 use objects::{Objects, RawObjects};
 use run::RawRun;
+pub use run::metrics_address;
 pub use run::{Clock, Delay, OnOverrun, OnStale, OutOfOrder, Run, Staleness, Trigger};
 use schemars::JsonSchema;
 use sequence::RawSequence;
@@ -271,7 +272,7 @@ impl Config {
 
     /// From text; `file` is its name in messages.
     pub fn parse(file: &str, text: &str, folder: &Folder) -> Result<Config, ConfigError> {
-        read(file, text, EXAMPLE, |raw: Raw, check| {
+        read(file, text, EXAMPLE, LIMITS, |raw: Raw, check| {
             raw.validate(check, folder)
         })
     }
@@ -429,7 +430,8 @@ impl RawObserver {
             },
             (Some(_), Some(_)) => {
                 let reason = "given beside observer.orbit: leave one of them out";
-                Err(check.explain("observer.state", reason))
+                let error = check.explain("observer.state", reason);
+                Err(error.needs(&["observer.orbit"]))
             }
         }
     }

@@ -7,10 +7,11 @@ mod http;
 mod page;
 mod text;
 
+use crate::config::metrics_address;
 use crate::timing::Latencies;
 use std::collections::VecDeque;
 use std::io;
-use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, ScopedJoinHandle};
@@ -175,7 +176,7 @@ impl Drop for Server {
 pub fn serve(address: &str, cameras: Vec<Metrics>) -> io::Result<Server> {
     let refused =
         |kind, why: String| Err(io::Error::new(kind, format!("metrics at {address}: {why}")));
-    let Some(wanted) = parsed(address) else {
+    let Some(wanted) = metrics_address(address) else {
         let why = "not an address: write for example 127.0.0.1:9464, or a port alone";
         return refused(io::ErrorKind::InvalidInput, why.to_string());
     };
@@ -195,12 +196,6 @@ pub fn serve(address: &str, cameras: Vec<Metrics>) -> io::Result<Server> {
         stop,
         thread: Some(thread),
     })
-}
-
-fn parsed(address: &str) -> Option<SocketAddr> {
-    let port = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    let given = address.parse::<u16>().map(port);
-    given.or_else(|_| address.parse()).ok()
 }
 
 fn remedy(kind: io::ErrorKind) -> &'static str {
@@ -322,7 +317,7 @@ mod tests {
             ("localhost:9464", None),
             ("127.0.0.1", None),
         ] {
-            let found = parsed(text).map(|address| address.to_string());
+            let found = metrics_address(text).map(|address| address.to_string());
             assert_eq!(found.as_deref(), expected, "{text}");
         }
     }

@@ -148,7 +148,8 @@ const FENCES: &[(&str, &[&str])] = &[
             "output",
         ],
     ),
-    ("std::net::", &["link/udp", "metrics"]),
+    // `config/run` reads an address; the others open sockets.
+    ("std::net::", &["config/run", "link/udp", "metrics"]),
     // The binary alone reports; the library says what is wrong in types.
     ("anyhow::", &["cli"]),
     ("clap::", &["cli", "main"]),

@@ -9,7 +9,9 @@ use skyloop::engine::Emulator;
 use skyloop::flight;
 use skyloop::measure::cost::{Effort, ROUNDS, Report, Row};
 use skyloop::orbit::path_text;
-use skyloop::output::{Dot, Scatter, make_folder, may_replace, write_scatter, write_text};
+use skyloop::output::{
+    Dot, PNG_MARK, Scatter, make_folder, may_replace, write_scatter, write_text,
+};
 use skyloop_firmware_sim::console::say;
 use skyloop_firmware_sim::mission::Mission;
 use skyloop_firmware_sim::text::whole;
@@ -75,7 +77,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let mission = mission(&config, args.scene.as_deref())?;
     if let Some(dir) = &args.out {
         make_folder(dir)?;
-        may_replace(dir, (LINES, &[HEAD]), &[PICTURE], args.force.force)?;
+        let picture = (PICTURE, PNG_MARK);
+        may_replace(dir, (LINES, &[HEAD]), &[picture], args.force.force)?;
     }
     let vehicles = spread(&mission, args.frames)?;
     let mut emulator = Emulator::new(&mut config);

@@ -3,7 +3,8 @@
 use crate::fidelity::{Allowed, Coarser, Fidelity, KNOBS, Knob, PRESETS, Value};
 use crate::load::{Check, ConfigError, advice};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
+use serde::Deserialize;
+use serde::de::{Deserializer, Error, IgnoredAny, MapAccess, Visitor};
 use std::borrow::Cow;
 use std::fmt;
 use std::sync::LazyLock;
@@ -15,9 +16,13 @@ pub struct RawFidelity {
 }
 
 /// What a knob is to be set to.
+#[derive(Deserialize)]
+#[serde(untagged)]
 enum Raw {
     Number(f64),
     Word(String),
+    Flag(bool),
+    Other(IgnoredAny),
 }
 
 /// A key of the table.
@@ -88,6 +93,20 @@ impl RawFidelity {
     }
 }
 
+/// The form of an entry of `run.coarsen`; ranges are checked by [`steps`] alone.
+pub fn step_form() -> String {
+    let presets: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
+    let knobs = KNOBS.iter().map(|knob| {
+        let value = match knob.allowed {
+            Allowed::Numbers(_) => r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?".to_string(),
+            Allowed::Words(words) => format!("\"*({})\"*", words.join("|")),
+        };
+        format!(r"\s*{}\s*=\s*{value}\s*", knob.name)
+    });
+    let knobs: Vec<String> = knobs.collect();
+    format!("^({}|{})$", presets.join("|"), knobs.join("|"))
+}
+
 /// What each of `run.coarsen` asks for: a preset, or a knob.
 pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigError> {
     if texts.is_empty() {
@@ -130,20 +149,25 @@ fn value(key: &str, knob: &Knob, raw: Raw, check: &Check) -> Result<Value, Confi
             let number = check.range(key, number, least..=most)?;
             Ok(Value::Number(number))
         }
-        (Allowed::Words(words), Raw::Word(given)) => {
-            let word = words.iter().find(|word| **word == given);
+        (allowed, raw) => {
+            let given = match raw {
+                Raw::Number(number) => number.to_string(),
+                Raw::Word(word) => format!("{word:?}"),
+                Raw::Flag(flag) => flag.to_string(),
+                Raw::Other(_) => "a list or a table".to_string(),
+            };
+            let word = match allowed {
+                Allowed::Words(words) => words.iter().find(|word| format!("{word:?}") == given),
+                Allowed::Numbers(_) => None,
+            };
             let refused = || {
-                let allowed = format!("one of {}", words.join(", "));
-                check.refuse(key, format!("{given:?}"), allowed)
+                let allowed = match allowed {
+                    Allowed::Numbers([least, most]) => format!("{least} to {most} {}", knob.unit),
+                    Allowed::Words(words) => format!("one of {}", words.join(", ")),
+                };
+                check.refuse(key, given, allowed)
             };
             word.map(|word| Value::Word(word)).ok_or_else(refused)
-        }
-        (Allowed::Numbers(_), Raw::Word(given)) => {
-            Err(check.refuse(key, format!("{given:?}"), "a number"))
-        }
-        (Allowed::Words(words), Raw::Number(given)) => {
-            let allowed = format!("one of {}", words.join(", "));
-            Err(check.refuse(key, given, allowed))
         }
     }
 }
@@ -172,11 +196,7 @@ impl<'de> Deserialize<'de> for RawFidelity {
                     match key {
                         Key::Preset => raw.preset = map.next_value()?,
                         Key::Knob(knob) => {
-                            let value = match knob.allowed {
-                                Allowed::Numbers(_) => Raw::Number(map.next_value()?),
-                                Allowed::Words(_) => Raw::Word(map.next_value()?),
-                            };
-                            raw.knobs.push((knob, value));
+                            raw.knobs.push((knob, map.next_value()?));
                         }
                     }
                 }

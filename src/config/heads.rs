@@ -1,6 +1,6 @@
 //! Further cameras of the same vehicle: the tables `[[heads]]`.
 
-use super::run::OneOrMore;
+use super::run::{OneOrMore, link_form};
 use crate::camera::{Camera, RATE_HZ};
 use crate::load::{Allowed, Check, ConfigError, Folder, Limit};
 use schemars::JsonSchema;
@@ -35,6 +35,8 @@ pub(super) struct RawHead {
 pub(super) const LIMITS: &[Limit] = &[
     ("heads[].rate_hz", Allowed::Number(RATE_HZ)),
     ("heads[].link", Allowed::Count(1..=usize::MAX)),
+    ("heads[].link", Allowed::Form(link_form)),
+    ("heads[].link[]", Allowed::Form(link_form)),
 ];
 
 impl RawHead {
@@ -48,7 +50,8 @@ impl RawHead {
             if camera.rate_hz > most {
                 let allowed =
                     format!("at most {most} Hz, or exposures of its camera would overlap");
-                return Err(check.refuse(&key("rate_hz"), rate_hz.to_string(), allowed));
+                let error = check.refuse(&key("rate_hz"), rate_hz.to_string(), allowed);
+                return Err(error.needs(&[&key("camera")]));
             }
         }
         if self.name.trim().is_empty() {
@@ -79,11 +82,9 @@ pub(super) fn validate(
         let mut others = heads.iter().take(at).map(|other| &other.name);
         if head.name == camera.name || others.any(|other| *other == head.name) {
             let key = format!("heads[{at}].name");
-            return Err(check.refuse(
-                &key,
-                format!("{:?}", head.name),
-                "a name that no other camera has",
-            ));
+            let allowed = "a name that no other camera has";
+            let error = check.refuse(&key, format!("{:?}", head.name), allowed);
+            return Err(error.needs(&["camera"]));
         }
     }
     Ok(heads)

@@ -125,9 +125,13 @@ impl RawObjects {
             let (file, text) = folder
                 .read(name)
                 .map_err(|error| check.explain("objects.population", error))?;
-            let read = read(&file, &text, EXAMPLE, |raw: RawPopulation, check| {
-                raw.entries(check, &folder.beside(name))
-            });
+            let read = read(
+                &file,
+                &text,
+                EXAMPLE,
+                &[LIMITS, ENTRIES],
+                |raw: RawPopulation, check| raw.entries(check, &folder.beside(name)),
+            );
             entries = read.map_err(|error| check.named("objects.population", error))?;
         }
         for name in &self.files {
@@ -342,6 +346,7 @@ mod tests {
             "population.toml",
             text,
             EXAMPLE,
+            &[LIMITS, ENTRIES],
             |raw: RawPopulation, check| raw.entries(check, &folder).map(drop),
         );
         read.err().map(|error| error.to_string())

@@ -2,12 +2,14 @@
 
 use super::fidelity;
 use crate::fidelity::Coarser;
+use crate::link::{self, LINKS};
 use crate::load::{Allowed, Check, ConfigError, Limit, one_of};
 use crate::realtime;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use skyloop_protocols::Output;
 use skyloop_protocols::output::MAX_WINDOW;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -193,9 +195,32 @@ pub(super) const LIMITS: &[Limit] = &[
     ("run.priority", Allowed::Number(PRIORITIES)),
     ("run.cpus[]", Allowed::Number(0.0..=u32::MAX as f64)),
     ("run.coarsen", Allowed::Count(1..=usize::MAX)),
+    ("run.coarsen[]", Allowed::Form(fidelity::step_form)),
     ("run.link", Allowed::Count(1..=usize::MAX)),
+    ("run.link", Allowed::Form(link_form)),
+    ("run.link[]", Allowed::Form(link_form)),
+    ("run.metrics", Allowed::Form(metrics_form)),
     ("run.output", Allowed::Word(levels)),
 ];
+
+/// URLs of links. Their targets and options are checked where the link is opened.
+pub(super) fn link_form() -> String {
+    let schemes: Vec<&str> = LINKS.iter().map(|link| link.scheme).collect();
+    format!("^({})://", schemes.join("|"))
+}
+
+/// A port, or the address of an interface and a port.
+fn metrics_form() -> String {
+    r"^([0-9]{1,5}|[0-9]{1,3}(\.[0-9]{1,3}){3}:[0-9]{1,5}|\[[0-9A-Fa-f:.]+\]:[0-9]{1,5})$"
+        .to_string()
+}
+
+/// The address of `run.metrics`; a port alone is of 127.0.0.1.
+pub fn metrics_address(text: &str) -> Option<SocketAddr> {
+    let port = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+    let given = text.parse::<u16>().map(port);
+    given.or_else(|_| text.parse()).ok()
+}
 
 fn levels() -> Vec<&'static str> {
     Output::PRESETS.map(|(name, ..)| name).to_vec()
@@ -268,12 +293,20 @@ pub(super) enum OneOrMore {
 
 impl OneOrMore {
     pub(super) fn validate(self, key: &str, check: &Check) -> Result<Vec<String>, ConfigError> {
+        let of_scheme = |key: &str, link: &str| {
+            let checked = link::check_scheme(link);
+            checked.map_err(|error| check.explain(key, error))
+        };
         match self {
-            OneOrMore::One(link) => Ok(vec![link]),
+            OneOrMore::One(link) => of_scheme(key, &link).map(|()| vec![link]),
             OneOrMore::More(links) if links.is_empty() => {
                 Err(check.refuse(key, "[]", "at least one link"))
             }
-            OneOrMore::More(links) => Ok(links),
+            OneOrMore::More(links) => {
+                let mut all = links.iter().enumerate();
+                all.try_for_each(|(i, link)| of_scheme(&format!("{key}[{i}]"), link))?;
+                Ok(links)
+            }
         }
     }
 }
@@ -322,7 +355,7 @@ impl RawRun {
         if (self.clock, self.trigger) == (Clock::Wall, Trigger::Packet) {
             let reason = "\"packet\" needs the client's time, and run.clock is \"wall\": make that \"external\" or \"stepped\", or leave run.trigger \
                           out and send SingleShot";
-            return Err(check.explain("run.trigger", reason));
+            return Err(check.explain("run.trigger", reason).needs(&["run.clock"]));
         }
         let latency_s = self
             .latency_s
@@ -352,7 +385,10 @@ impl RawRun {
             },
             out_of_order: self.out_of_order,
             holdover_s: check.limit(LIMITS, "run.holdover_s", self.holdover_s)?,
-            metrics: self.metrics,
+            metrics: self
+                .metrics
+                .map(|text| listening(text, check))
+                .transpose()?,
             realtime: realtime::Asked {
                 priority: self
                     .priority
@@ -362,6 +398,16 @@ impl RawRun {
                 cpus: processors(&self.cpus, check)?,
             },
         })
+    }
+}
+
+fn listening(text: String, check: &Check) -> Result<String, ConfigError> {
+    match metrics_address(&text) {
+        Some(_) => Ok(text),
+        None => {
+            let allowed = "an address and a port, such as \"127.0.0.1:9464\", or a port alone";
+            Err(check.refuse("run.metrics", format!("{text:?}"), allowed))
+        }
     }
 }
 

@@ -51,6 +51,15 @@ struct RawAttitude {
 /// The keys that say where the camera looks, of which there is one.
 const POINTINGS: [&str; 5] = ["attitudes", "attitude_file", "radec", "nadir", "look_at"];
 
+/// The same by their full names.
+const POINTING_KEYS: [&str; 5] = [
+    "sequence.attitudes",
+    "sequence.attitude_file",
+    "sequence.radec",
+    "sequence.nadir",
+    "sequence.look_at",
+];
+
 pub(super) const LIMITS: &[Limit] = &[
     ("sequence", Allowed::OneOf(&POINTINGS)),
     ("sequence", Allowed::Needs(["up", "look_at"])),
@@ -61,6 +70,11 @@ pub(super) const LIMITS: &[Limit] = &[
         "sequence",
         Allowed::NotBoth(["rates_deg_s", "attitude_file"]),
     ),
+    (
+        "sequence",
+        Allowed::NotBesideSeveral(["rates_deg_s", "attitudes"]),
+    ),
+    ("sequence", Allowed::EachOfSeveral(["attitudes", "utc"])),
     ("sequence.frames", Allowed::Number(1.0..=1e6)),
     ("sequence.period_s", Allowed::Number(1e-6..=1e6)),
     ("sequence.roll_deg", Allowed::Number(TURN_DEG)),
@@ -97,7 +111,12 @@ impl RawSequence {
         check: &Check,
         folder: &Folder,
     ) -> Result<Sequence, ConfigError> {
+        // Keys by themselves first: what a rule between keys repairs hides none of them.
         let epoch = utc(check, "sequence.epoch", &self.epoch)?;
+        let frames = check.limit(LIMITS, "sequence.frames", f64::from(self.frames))? as u32;
+        let period_s = check.limit(LIMITS, "sequence.period_s", self.period_s)?;
+        let rates = self.rates_deg_s.map_or([0.0; 3], |Fixed(rates)| rates);
+        let rates = check.each_limit(LIMITS, "sequence.rates_deg_s", rates)?;
         self.has_one_pointing(check)?;
         let attitudes = match self.radec {
             Some(Fixed(angles)) => {
@@ -125,7 +144,6 @@ impl RawSequence {
             }
             None => None,
         };
-        let rates = self.rates_deg_s.map_or([0.0; 3], |Fixed(rates)| rates);
         if attitudes.len() != 1 && rates != [0.0; 3] {
             let reason = match attitudes.len() {
                 0 => {
@@ -133,13 +151,13 @@ impl RawSequence {
                 }
                 _ => "given beside several attitudes, whose slerp has its own rates: leave it out",
             };
-            return Err(check.explain("sequence.rates_deg_s", reason));
+            let error = check.explain("sequence.rates_deg_s", reason);
+            return Err(error.needs(&POINTING_KEYS));
         }
-        let rates = check.each_limit(LIMITS, "sequence.rates_deg_s", rates)?;
         Ok(Sequence {
             epoch,
-            frames: check.limit(LIMITS, "sequence.frames", f64::from(self.frames))? as u32,
-            period_s: check.limit(LIMITS, "sequence.period_s", self.period_s)?,
+            frames,
+            period_s,
             attitudes,
             attitude_file,
             look_at,
@@ -163,11 +181,12 @@ impl RawSequence {
         match (given.next(), given.next()) {
             (None, _) => {
                 let reason = format!("no pointing: give one of {POINTING_FORMS}");
-                return Err(check.explain("sequence", reason));
+                return Err(check.explain("sequence", reason).needs(&POINTING_KEYS));
             }
             (Some((first, _)), Some((second, _))) => {
                 let reason = format!("given beside sequence.{first}: leave one of them out");
-                return Err(check.explain(&format!("sequence.{second}"), reason));
+                let error = check.explain(&format!("sequence.{second}"), reason);
+                return Err(error.needs(&[&format!("sequence.{first}")]));
             }
             _ => {}
         }
@@ -178,7 +197,8 @@ impl RawSequence {
         match rules.iter().find(|(_, is_given)| *is_given) {
             Some((key, _)) if self.look_at.is_none() => {
                 let reason = "a rule for the roll of sequence.look_at: leave it out";
-                Err(check.explain(&format!("sequence.{key}"), reason))
+                let error = check.explain(&format!("sequence.{key}"), reason);
+                Err(error.needs(&["sequence.look_at"]))
             }
             _ => Ok(()),
         }
@@ -260,6 +280,7 @@ cpus = [0]
 coarsen = ["fast"]
 output = "frame"
 link = ["udp://127.0.0.1:4810"]
+metrics = "9464"
 [[heads]]
 name = "B"
 camera = "cots-wide"
@@ -282,6 +303,35 @@ period_s = 1.0
         let bases = [BY_RADEC, BY_TARGET].map(scene);
         let schema = Config::schema("scene");
         agree(&schema, LIMITS, &bases.each_ref().map(String::as_str), load);
+    }
+
+    #[test]
+    fn schema_and_loader_agree_on_the_forms_of_texts() {
+        let schema = Config::schema("run");
+        for (key, value, is_valid) in [
+            (
+                "coarsen",
+                "[\"fast\", \"wing_e = 0.5\", \" wing_e=5e-1 \"]",
+                true,
+            ),
+            ("coarsen", "[\"profiles = \\\"exact\\\"\"]", false),
+            ("coarsen", "[\"faster\"]", false),
+            ("coarsen", "[\"wing_ee = 0.5\"]", false),
+            ("coarsen", "[\"wing_e = much\"]", false),
+            ("coarsen", "[\"wing_e\"]", false),
+            ("link", "\"udp://127.0.0.1:4810\"", true),
+            ("link", "[\"can://vcan0?roles=truth\", \"pty://\"]", true),
+            ("link", "\"127.0.0.1:4810\"", false),
+            ("link", "[\"tcp://127.0.0.1:4810\"]", false),
+            ("metrics", "\"9464\"", true),
+            ("metrics", "\"127.0.0.1:9464\"", true),
+            ("metrics", "\"[::1]:9464\"", true),
+            ("metrics", "\"localhost:9464\"", false),
+            ("metrics", "\"http://127.0.0.1:9464\"", false),
+        ] {
+            let text = format!("[run]\n{key} = {value}");
+            both(&schema, &text, load, is_valid);
+        }
     }
 
     #[test]
@@ -324,6 +374,33 @@ period_s = 1.0
             ),
         ] {
             both(&schema, &scene(pointing), load, is_valid);
+        }
+        let moving = "q = [0.0, 0.0, 0.0, 1.0], utc = \"2026-01-01T00:00:0";
+        for (pointing, is_valid) in [
+            (format!("[{{ {moving}0Z\" }}, {{ {moving}1Z\" }}]"), true),
+            (
+                format!("[{{ {moving}0Z\" }}, {{ {moving}1Z\" }}]\nrates_deg_s = [0.0, 0.0, 0.0]"),
+                true,
+            ),
+            (
+                format!("[{{ {moving}0Z\" }}, {{ {moving}1Z\" }}]\nrates_deg_s = [0.0, 0.0, 1.0]"),
+                false,
+            ),
+            (
+                format!("[{{ {moving}0Z\" }}]\nrates_deg_s = [0.0, 0.0, 1.0]"),
+                true,
+            ),
+            (
+                format!("[{{ {moving}0Z\" }}, {{ q = [0.0, 0.0, 0.0, 1.0] }}]"),
+                false,
+            ),
+        ] {
+            both(
+                &schema,
+                &scene(&format!("attitudes = {pointing}")),
+                load,
+                is_valid,
+            );
         }
         let state = "state = [7000.0, 0.0, 0.0, 0.0, 7.5, 0.0]";
         let observer = |keys: &str| format!("[observer]\n{keys}\n");

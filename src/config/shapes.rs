@@ -215,7 +215,10 @@ fn no_more_than_all(
          not given: give both",
         Sphere::default().diffuse
     );
-    Err(check.explain(key, more))
+    let needs = ["diffuse", "specular"].map(|name| format!("{key}.{name}"));
+    Err(check
+        .explain(key, more)
+        .needs(&needs.each_ref().map(String::as_str)))
 }
 
 impl RawShape {
@@ -247,7 +250,7 @@ impl RawPart {
                 let of = format!("{key}.area_m2");
                 let normal = direction(&format!("{key}.normal"), &self.normal, check)?;
                 let plate = Plate {
-                    area_m2: check.limit_in(LIMITS, "m^2", &of, area)?,
+                    area_m2: check.limit(LIMITS, &of, area)?,
                     normal,
                     two_sided: self.two_sided.unwrap_or(false),
                     hinge: self.hinge(key, &normal, check)?,
@@ -308,7 +311,7 @@ impl RawPart {
             lobe: match self.lobe_deg {
                 Some(deg) => {
                     let of = format!("{key}.lobe_deg");
-                    let deg = check.limit_in(LIMITS, "deg", &of, deg)?;
+                    let deg = check.limit(LIMITS, &of, deg)?;
                     Lobe::Smooth(deg.to_radians())
                 }
                 None => Lobe::Mirror,
@@ -408,7 +411,8 @@ fn only_its_keys(
         .find(|name| !needed.contains(name) && !others.contains(name))
     {
         let reason = format!("means nothing to {what} {kind:?}, which takes {takes}");
-        return Err(check.explain(&format!("{key}.{name}"), reason));
+        let error = check.explain(&format!("{key}.{name}"), reason);
+        return Err(error.needs(&[&format!("{key}.{what}")]));
     }
     if let Some(name) = needed.iter().find(|name| !given.contains(name)) {
         let reason = format!(

@@ -307,6 +307,13 @@ pub fn check_further(urls: &[String]) -> Result<(), LinkError> {
     further_places(urls).map(drop)
 }
 
+/// Whether a URL has the scheme of a link.
+///
+/// Errors: it has none, or an unknown one.
+pub fn check_scheme(text: &str) -> Result<(), LinkError> {
+    of(&LinkUrl::parse(text)?).map(drop)
+}
+
 /// A link's place and what travels over it.
 type Place = (LinkUrl, Roles);
 

@@ -18,12 +18,18 @@ pub(crate) enum Allowed {
     Count(RangeInclusive<usize>),
     /// The length of a text, in characters.
     Length(RangeInclusive<usize>),
+    /// A text of this form: a regular expression as ECMA-262, Python and Rust have it.
+    Form(fn() -> String),
     /// A table with exactly one of these keys; true and lists that are not empty count.
     OneOf(&'static [&'static str]),
     /// A table without both of these keys; true counts, zeros do not.
     NotBoth([&'static str; 2]),
     /// A table with the second key where it has the first.
     Needs([&'static str; 2]),
+    /// A table without the first key where its list of the second key has several entries; zeros do not count.
+    NotBesideSeveral([&'static str; 2]),
+    /// A table whose list of the first key, where it has several entries, has the second key in each.
+    EachOfSeveral([&'static str; 2]),
     /// A table whose first key names its kind: for each kind the keys that it needs and others that it may have.
     Kind(&'static str, &'static [Kind]),
 }
@@ -43,8 +49,28 @@ pub(crate) fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64
     })
 }
 
+/// What a key may be, in words, if it has a limit of its own.
+pub(crate) fn text_of(limits: &[&[Limit]], key: &str) -> Option<String> {
+    let mut own = limits.iter().copied().flatten();
+    let (table, last) = key.rsplit_once('.').unwrap_or(("", key));
+    own.find_map(|(pattern, allowed)| match allowed {
+        Allowed::Kind(kind, kinds) if *kind == last && matches(pattern, table) => {
+            let names: Vec<&str> = kinds.iter().map(|(name, ..)| *name).collect();
+            Some(super::one_of(&names))
+        }
+        _ if !matches(pattern, key) => None,
+        Allowed::Number(range) => Some(super::range_text(key, range)),
+        Allowed::Word(words) => Some(super::one_of(&words())),
+        Allowed::Length(range) => {
+            let [least, most] = [range.start(), range.end()];
+            Some(format!("a text of {least} to {most} characters in quotes"))
+        }
+        _ => None,
+    })
+}
+
 /// Whether `key` is one of those that `pattern` stands for.
-fn matches(pattern: &str, key: &str) -> bool {
+pub(super) fn matches(pattern: &str, key: &str) -> bool {
     let Some(at) = pattern
         .find("[]")
         .into_iter()
@@ -72,9 +98,11 @@ pub(crate) fn apply(schema: &mut Schema, limits: &[Limit]) {
     for (pattern, allowed) in limits {
         // Rules between keys stand where the keys are.
         let found = pointer(schema, pattern).and_then(|pointer| match allowed {
-            Allowed::Number(_) | Allowed::Word(_) | Allowed::Count(_) | Allowed::Length(_) => {
-                Some(pointer)
-            }
+            Allowed::Number(_)
+            | Allowed::Word(_)
+            | Allowed::Count(_)
+            | Allowed::Length(_)
+            | Allowed::Form(_) => Some(pointer),
             _ => resolved(schema, pointer, "properties"),
         });
         if let Some(pointer) = found
@@ -105,13 +133,15 @@ impl Allowed {
                 node.insert("minLength".into(), json!(range.start()));
                 node.insert("maxLength".into(), json!(range.end()));
             }
+            Allowed::Form(pattern) => {
+                node.insert("pattern".into(), json!(pattern()));
+            }
             Allowed::OneOf(keys) => {
                 let keys: Vec<Value> = keys.iter().map(|key| is_given(key, &[])).collect();
                 node.insert("oneOf".into(), json!(keys));
             }
             Allowed::NotBoth(keys) => {
-                let zeros = [json!(0.0), json!([0.0, 0.0, 0.0])];
-                let keys = keys.map(|key| is_given(key, &zeros));
+                let keys = keys.map(|key| is_given(key, &zeros()));
                 add_rules(node, vec![json!({ "not": { "allOf": keys } })]);
             }
             Allowed::Needs([key, needed]) => {
@@ -119,6 +149,14 @@ impl Allowed {
                 if let Value::Object(needs) = needs {
                     needs.insert((*key).into(), json!([needed]));
                 }
+            }
+            Allowed::NotBesideSeveral([key, list]) => {
+                let both = [is_given(key, &zeros()), several(list, &json!({}))];
+                add_rules(node, vec![json!({ "not": { "allOf": both } })]);
+            }
+            Allowed::EachOfSeveral([list, key]) => {
+                let lacks = json!({ "contains": { "not": { "required": [key] } } });
+                add_rules(node, vec![json!({ "not": several(list, &lacks) })]);
             }
             Allowed::Kind(key, kinds) => {
                 let all: Vec<&str> = kinds.iter().flat_map(own_keys).collect();
@@ -167,6 +205,17 @@ fn is_given(key: &str, defaults: &[Value]) -> Value {
     let none: Vec<&Value> = none.iter().chain(defaults).collect();
     let counts = json!({ "not": { "enum": none } });
     json!({ "required": [key], "properties": { key: counts } })
+}
+
+/// Numbers that count as not given.
+fn zeros() -> [Value; 2] {
+    [json!(0.0), json!([0.0, 0.0, 0.0])]
+}
+
+/// That a list is there with two entries or more, and is as `more` says.
+fn several(list: &str, more: &Value) -> Value {
+    let count = json!({ "minItems": 2 });
+    json!({ "required": [list], "properties": { list: { "allOf": [count, more] } } })
 }
 
 /// The JSON pointer to the schema of the values that a pattern stands for.

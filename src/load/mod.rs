@@ -71,6 +71,14 @@ pub enum ConfigError {
         /// What is wrong, and the remedy.
         reason: String,
     },
+    /// A value that breaks a rule between keys.
+    #[error("{error}")]
+    Rule {
+        /// The other keys that the rule compares it with.
+        needs: Vec<String>,
+        /// What is wrong.
+        error: Box<ConfigError>,
+    },
     /// An orbit file that cannot be used.
     #[error("{0}")]
     Orbit(String),
@@ -114,18 +122,53 @@ impl ConfigError {
             ConfigError::Value { key, .. }
             | ConfigError::Key { key, .. }
             | ConfigError::Named { key, .. } => Some(key),
+            ConfigError::Rule { error, .. } => error.key(),
             _ => None,
         }
     }
 
-    /// The same with the place of the key in the file, where the error is of this file.
-    fn at(mut self, of_file: &str, place: &str) -> ConfigError {
-        if let ConfigError::Value { file, .. } | ConfigError::Key { file, .. } = &mut self
-            && file == of_file
-        {
-            *file = place.to_string();
+    /// Whether another value of the key would do.
+    fn is_of_value(&self) -> bool {
+        match self {
+            ConfigError::Value { .. } | ConfigError::Syntax { .. } => true,
+            ConfigError::Rule { error, .. } => error.is_of_value(),
+            _ => false,
         }
-        self
+    }
+
+    /// The same with the place of the key in the file, where the error is of this file.
+    fn at(self, of_file: &str, place: &str) -> ConfigError {
+        match self {
+            ConfigError::Value {
+                file,
+                key,
+                value,
+                allowed,
+            } if file == of_file => ConfigError::Value {
+                file: place.to_string(),
+                key,
+                value,
+                allowed,
+            },
+            ConfigError::Key { file, key, reason } if file == of_file => ConfigError::Key {
+                file: place.to_string(),
+                key,
+                reason,
+            },
+            ConfigError::Rule { needs, error } => ConfigError::Rule {
+                needs,
+                error: Box::new(error.at(of_file, place)),
+            },
+            other => other,
+        }
+    }
+
+    /// The same as the error of a rule between its key and `keys`: where one of these is faulty itself, only that is reported.
+    pub(crate) fn needs(self, keys: &[&str]) -> ConfigError {
+        ConfigError::Rule {
+            needs: keys.iter().map(|key| (*key).to_string()).collect(),
+            error: Box::new(self),
+        }
     }
 
     /// The key that is meant by an unknown one.
@@ -173,17 +216,6 @@ impl Check<'_> {
 
     /// `value` if it lies within the limit of `key` in the table (NaN never does).
     pub fn limit(&self, limits: &[Limit], key: &str, value: f64) -> Result<f64, ConfigError> {
-        self.limit_in(limits, unit_of(key), key, value)
-    }
-
-    /// The same, where the key does not name the unit.
-    pub fn limit_in(
-        &self,
-        limits: &[Limit],
-        unit: &str,
-        key: &str,
-        value: f64,
-    ) -> Result<f64, ConfigError> {
         let range = limits::range_of(limits, key);
         let unknown = || {
             self.explain(
@@ -191,7 +223,7 @@ impl Check<'_> {
                 "has no limit in the tables of skyloop: please report it",
             )
         };
-        self.range_in(unit, key, value, range.ok_or_else(unknown)?)
+        self.range(key, value, range.ok_or_else(unknown)?)
     }
 
     /// `values` if each lies within the limit of `key[]`; the error names the first that does not.
@@ -214,25 +246,13 @@ impl Check<'_> {
         value: f64,
         range: RangeInclusive<f64>,
     ) -> Result<f64, ConfigError> {
-        self.range_in(unit_of(key), key, value, range)
-    }
-
-    /// The same, where the key does not name the unit.
-    pub fn range_in(
-        &self,
-        unit: &str,
-        key: &str,
-        value: f64,
-        range: RangeInclusive<f64>,
-    ) -> Result<f64, ConfigError> {
         if range.contains(&value) {
             // No negative zero.
             return Ok(value + 0.0);
         }
-        let mut allowed = format!("{} to {}", range.start(), range.end());
-        if !unit.is_empty() {
-            allowed += &format!(" {unit}");
-        } else if *range.end() <= 1.0 && (*range.end()..=100.0).contains(&value) {
+        let mut allowed = range_text(key, &range);
+        if unit_of(key).is_empty() && *range.end() <= 1.0 && (*range.end()..=100.0).contains(&value)
+        {
             allowed += &format!(", a share: {value} % is {}", value / 100.0);
         }
         Err(self.refuse(key, short(value), allowed))
@@ -288,6 +308,25 @@ fn short(value: f64) -> String {
     }
 }
 
+/// The allowed range of a key, with its unit.
+fn range_text(key: &str, range: &RangeInclusive<f64>) -> String {
+    let text = format!("{} to {}", range.start(), range.end());
+    match unit_of(key) {
+        "" => text,
+        unit => format!("{text} {unit}"),
+    }
+}
+
+/// Units of keys whose names do not have them.
+const UNITS_OF_KEYS: &[(&str, &str)] = &[
+    ("optics.band[]", "nm"),
+    ("optics.psf.width_by_field[][0]", "deg"),
+    ("optics.stray.pst[][0]", "deg"),
+    ("optics.vignetting.table[][0]", "deg"),
+    ("sequence.look_at[]", "deg"),
+    ("sequence.radec[]", "deg"),
+];
+
 /// Ends of keys and the units that they name; of two that fit the first.
 const UNITS: &[(&str, &str)] = &[
     ("_e_per_dn", "e-/DN"),
@@ -295,6 +334,8 @@ const UNITS: &[(&str, &str)] = &[
     ("_deg_s", "deg/s"),
     ("_e_s", "e-/s"),
     ("_arcsec", "arcsec"),
+    ("_deg", "deg"),
+    ("_m2", "m^2"),
     ("_bits", "bits"),
     ("_mev", "MeV"),
     ("_mm", "mm"),
@@ -312,6 +353,10 @@ const UNITS: &[(&str, &str)] = &[
 
 /// The unit that a key names; none where it names none.
 fn unit_of(key: &str) -> &'static str {
+    let mut own = UNITS_OF_KEYS.iter();
+    if let Some((_, unit)) = own.find(|(pattern, _)| limits::matches(pattern, key)) {
+        return unit;
+    }
     let name = match key.rfind('[') {
         Some(at) if key.ends_with(']') => &key[..at],
         _ => key,

@@ -33,7 +33,11 @@ impl Pool {
     /// Adds an object.
     pub fn push(&mut self, object: Object, rank: u8) {
         let objects = vec![object];
-        self.sources.push(Source { objects, rank });
+        self.sources.push(Source {
+            objects,
+            rank,
+            ..Source::default()
+        });
         self.names.push(String::new());
     }
 
@@ -59,9 +63,9 @@ impl Pool {
         for (file, contents) in load(folder, name, findings)? {
             findings.book(&contents.rejected, &contents.assumed);
             refused.extend_from_slice(&contents.rejected);
-            let objects = contents.into_objects();
-            is_empty &= objects.is_empty();
-            self.sources.push(Source { objects, rank });
+            let source = contents.into_source(rank);
+            is_empty &= source.objects.is_empty();
+            self.sources.push(source);
             self.names.push(file);
         }
         if is_empty {
@@ -97,9 +101,11 @@ impl Pool {
     pub fn unite(self, findings: &mut Findings) -> United {
         let united = unite(self.sources);
         let refused = united.refused.iter();
-        let lines = refused.map(|(source, why)| match self.names.get(*source) {
-            Some(name) if !name.is_empty() => format!("{name}:1: {why}"),
-            _ => why.clone(),
+        let lines = refused.map(|refused| match self.names.get(refused.source) {
+            Some(name) if !name.is_empty() => {
+                format!("{name}:{}: {}", refused.line, refused.reason)
+            }
+            _ => refused.reason.clone(),
         });
         findings.rejected.extend(lines);
         united
@@ -235,19 +241,16 @@ fn whole(files: Vec<(String, Contents)>) -> Loaded {
         loaded.rejected.append(&mut contents.rejected);
         loaded.assumed.append(&mut contents.assumed);
         names.push(file);
-        sources.push(Source {
-            objects: contents.into_objects(),
-            rank: 0,
-        });
+        sources.push(contents.into_source(0));
     }
     let united = unite(sources);
     loaded.objects = united.objects;
-    for (source, reason) in united.refused {
-        let source = names.get(source).cloned().unwrap_or_default();
+    for refused in united.refused {
+        let source = names.get(refused.source).cloned().unwrap_or_default();
         loaded.rejected.push(Rejected {
             source,
-            line: 1,
-            reason,
+            line: refused.line,
+            reason: refused.reason,
         });
     }
     loaded

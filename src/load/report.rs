@@ -4,7 +4,7 @@
 //! has none, and the file is read again until it is valid. Faults that only follow from a replaced key are not reported.
 
 use super::syntax::{locate, not_toml, position};
-use super::{Check, ConfigError};
+use super::{Check, ConfigError, Limit};
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -19,15 +19,16 @@ const MAX_READS: usize = 100;
 /// A value and what was noticed while it was checked, a line each.
 pub(crate) type Noticed<T> = (T, Vec<String>);
 
-/// Parses `text`, the contents of `file`, and checks it with `validate`. `example`: a valid file with all required keys. What is noticed
-/// of a valid file is logged.
+/// Parses `text`, the contents of `file`, and checks it with `validate`. `example`: a valid file with all required keys; `limits`: of its
+/// keys. What is noticed of a valid file is logged.
 pub(crate) fn read<Raw: DeserializeOwned, T>(
     file: &str,
     text: &str,
     example: &'static str,
+    limits: &[&[Limit]],
     validate: impl FnMut(Raw, &Check) -> Result<T, ConfigError>,
 ) -> Result<T, ConfigError> {
-    let (value, notices) = read_noticed(file, text, example, validate)?;
+    let (value, notices) = read_noticed(file, text, example, limits, validate)?;
     for notice in notices {
         tracing::warn!("{notice}");
     }
@@ -39,6 +40,7 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
     file: &str,
     text: &str,
     example: &'static str,
+    limits: &[&[Limit]],
     mut validate: impl FnMut(Raw, &Check) -> Result<T, ConfigError>,
 ) -> Result<Noticed<T>, ConfigError> {
     let original = DeTable::parse(text).map_err(|error| not_toml(file, text, &error))?;
@@ -58,22 +60,18 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
                 let place = shown(file, text, &span);
                 (key, span, error.at(file, &place))
             }),
-            Err(error) => Err(locate(file, text, &original, &error)),
+            Err(error) => Err(locate(file, text, &original, &error, limits)),
         };
         let (key, span, error) = match outcome {
             Ok(value) if faults.is_empty() => return Ok((value, check.notices.into_inner())),
             Ok(_) => break,
             Err(fault) => fault,
         };
-        let message = error.to_string();
         // Of a key that does not belong here no value is right.
-        let is_value = matches!(
-            error,
-            ConfigError::Value { .. } | ConfigError::Syntax { .. }
-        );
+        let is_value = error.is_of_value();
         let key = without_indices(&key).to_string();
         let is_guess = !is_value && meant_keys.contains(&key);
-        if !is_guess && !repaired.iter().any(|done| follows(&key, &message, done)) {
+        if !is_guess && !repaired.iter().any(|done| follows(&key, &error, done)) {
             let renamed = error.meant().is_some_and(|meant| {
                 let (table, _) = key.rsplit_once('.').unwrap_or_default();
                 let new = format!("{table}.{meant}");
@@ -105,7 +103,7 @@ pub(crate) fn read_noticed<Raw: DeserializeOwned, T>(
 }
 
 /// Replaces the key, or the first table around it that has not been replaced before; false if there is none. A key that the example lacks is removed,
-/// or where its value is wrong (`is_value`) replaced by the one in the example's table `spare`.
+/// or where its value is wrong (`is_value`) or missing replaced by the one in the example's table `spare`.
 fn repair(
     document: &mut DeTable<'_>,
     example: &Spanned<DeTable<'static>>,
@@ -121,7 +119,11 @@ fn repair(
     if key.is_empty() {
         return false;
     }
-    let spare = || value_at(example.get_ref(), &format!("spare.{key}"), true).filter(|_| is_value);
+    let is_missing = value_at(document, &key, false).is_none();
+    let spare = || {
+        let spare = value_at(example.get_ref(), &format!("spare.{key}"), true);
+        spare.filter(|_| is_value || is_missing)
+    };
     let value = value_at(example.get_ref(), &key, true)
         .or_else(spare)
         .cloned();
@@ -142,49 +144,28 @@ fn repair(
     done
 }
 
-/// Keys by which others are judged, and those others; one that ends in a point stands for each key of its table.
-const JUDGES: &[(&str, &[&str])] = &[
-    ("optics.psf.kind", &["optics.psf."]),
-    (
-        "optics.projection.model",
-        &["optics.projection", "optics.projection."],
-    ),
-    ("optics.projection.", &["optics.projection"]),
-    ("detector.width_px", PLACES),
-    ("detector.height_px", PLACES),
-    (
-        "detector.adc_bits",
-        &["detector.offset_dn", "detector.stuck_dn"],
-    ),
-    ("sequence.attitudes", &["sequence"]),
-    ("sequence.attitude_file", &["sequence"]),
-    ("sequence.radec", &["sequence"]),
-    ("sequence.nadir", &["sequence"]),
-    ("sequence.look_at", &["sequence"]),
-];
-
-/// Keys that are judged by the size of the detector.
-const PLACES: &[&str] = &[
-    "detector.dead_px",
-    "detector.hot_px",
-    "detector.stuck_px",
-    "timing.rate_hz",
-    "timing.row_us",
-];
-
-/// Whether a fault of `key` follows from the replacement of `done`: it lies within, is judged by it, or its message speaks of it, as that of a
-/// table does where a key of its own is missing.
-fn follows(key: &str, message: &str, done: &str) -> bool {
-    let within = key
-        .strip_prefix(done)
-        .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']));
-    let is = |key: &str, row: &str| key == row || row.ends_with('.') && key.starts_with(row);
-    let judged = JUDGES.iter().filter(|(judge, _)| is(done, judge));
-    let is_judged = judged.flat_map(|(_, keys)| *keys).any(|row| is(key, row));
+/// Whether a fault of `key` follows from the replacement of `done`: it lies within, or is of a rule that needs it or whose message speaks of it,
+/// as that of a table does where a key of its own is missing.
+fn follows(key: &str, error: &ConfigError, done: &str) -> bool {
+    let within = |key: &str, table: &str| {
+        let rest = key.strip_prefix(table);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+    };
+    if let ConfigError::Rule { needs, .. } = error
+        && needs
+            .iter()
+            .any(|need| within(need, done) || within(done, need))
+    {
+        return true;
+    }
+    let message = match error {
+        ConfigError::Syntax { .. } => String::new(),
+        other => other.to_string(),
+    };
     let misses = done
         .rsplit_once('.')
         .is_some_and(|(table, name)| without_indices(table) == key && message.contains(name));
-    within || is_judged || misses || (done.contains('.') && message.contains(done))
+    within(key, done) || misses || (done.contains('.') && message.contains(done))
 }
 
 /// Gives the entry of a misspelt key the name that is meant, unless that is there.

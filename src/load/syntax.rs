@@ -1,7 +1,8 @@
 //! TOML into raw keys. Each fault is one line: file, line, column, key, and what is expected there.
 
-use super::ConfigError;
+use super::limits::text_of;
 use super::words::{missing_key, no_toml, plain};
+use super::{ConfigError, Limit};
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
@@ -23,14 +24,17 @@ pub(super) fn locate(
     text: &str,
     table: &Spanned<DeTable<'_>>,
     error: &Error,
+    limits: &[&[Limit]],
 ) -> (String, Range<usize>, ConfigError) {
     let span = error.span().unwrap_or_default();
     let (line, column) = position(text, span.start);
-    let reason = plain(error.message());
     // What is missing at the top is missing in no entry.
     let inside = (table.span() != span).then(|| in_table(table.get_ref(), &span));
     let key = inside.flatten().unwrap_or_default();
     let key = key.trim_start_matches('.');
+    let allowed = text_of(limits, key);
+    let given = text.get(span.clone()).unwrap_or_default();
+    let reason = plain(error.message(), given, allowed.as_deref());
     let reason = match key {
         "" => reason,
         key => format!("{key}: {reason}"),
@@ -202,11 +206,11 @@ mod tests {
                 "f:2:8: not TOML: name = one: texts stand in quotes, name = \"one\"",
             ),
         ] {
-            let error = read("f", text, "", |raw: Raw, _| Ok(raw)).unwrap_err();
+            let error = read("f", text, "", &[], |raw: Raw, _| Ok(raw)).unwrap_err();
             assert_eq!(error.to_string(), message);
         }
         let text = "seed = 1\npoints = [[0, 1], [2, 3.5]]";
-        let raw: Raw = read("f", text, "", |raw, _| Ok(raw)).unwrap();
+        let raw: Raw = read("f", text, "", &[], |raw, _| Ok(raw)).unwrap();
         assert_eq!(Fixed::all(raw.points), [[0.0, 1.0], [2.0, 3.5]]);
     }
 }

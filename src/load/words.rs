@@ -1,7 +1,7 @@
 //! What the parser says of a value, in words of the files: no Rust types, the key that may be meant, the remedy.
 
-/// What serde says of a key or a value.
-pub fn plain(message: &str) -> String {
+/// What serde says of a key or of a value, `text` in the file. `allowed`: what the key may be, in words, if it has a limit.
+pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
     let quoted = |text: &str| -> Vec<String> {
         let words = text.split('`').skip(1).step_by(2);
         words.map(str::to_string).collect()
@@ -11,8 +11,10 @@ pub fn plain(message: &str) -> String {
         && let Some((given, wanted)) = rest.rsplit_once(", expected ")
     {
         let given = given_value(given);
-        let wanted = match given.parse::<f64>() {
-            Ok(most) if wanted == "u32" && most > f64::from(u32::MAX) => {
+        let wanted = match (given.parse::<f64>(), allowed) {
+            (_, Some(allowed)) if WHOLE.contains(&wanted) => format!("a whole number, {allowed}"),
+            (_, Some(allowed)) => allowed.to_string(),
+            (Ok(most), None) if wanted == "u32" && most > f64::from(u32::MAX) => {
                 "a whole number below 4294967296".to_string()
             }
             _ => wanted_value(wanted),
@@ -32,11 +34,21 @@ pub fn plain(message: &str) -> String {
             return format!("the key `{given}` is missing");
         }
     }
+    if message.ends_with("overflowed") {
+        let wanted = allowed.unwrap_or("a number that 64 bits hold");
+        return format!("must be {wanted}, not {text}");
+    }
+    if let (Some(allowed), Some(others)) = (allowed, message.strip_prefix("must be a number")) {
+        return format!("must be {allowed}{others}, not {text}");
+    }
     match message {
         "wanted string or table" => "must be a text in quotes".to_string(),
         _ => message.to_string(),
     }
 }
+
+/// How serde names whole numbers.
+const WHOLE: &[&str] = &["u8", "u16", "u32", "u64", "i64"];
 
 /// The key that serde misses.
 pub fn missing_key(message: &str) -> Option<&str> {
@@ -174,18 +186,26 @@ mod tests {
             ),
         ] {
             let message = format!("invalid value: {given}, expected u32");
-            assert_eq!(plain(&message), format!("must be {words}"));
+            assert_eq!(plain(&message, "", None), format!("must be {words}"));
         }
         assert_eq!(
-            plain("unknown variant `sun`, expected `stepped` or `wall`"),
+            plain(
+                "unknown variant `sun`, expected `stepped` or `wall`",
+                "",
+                None
+            ),
             "must be \"stepped\" or \"wall\", not \"sun\""
         );
         assert_eq!(
-            plain("unknown field `bnad`, expected one of `band`, `psf`"),
+            plain(
+                "unknown field `bnad`, expected one of `band`, `psf`",
+                "",
+                None
+            ),
             "unknown key `bnad`: did you mean `band`?"
         );
         assert_eq!(
-            plain("unknown field `gain`, expected `band` or `psf`"),
+            plain("unknown field `gain`, expected `band` or `psf`", "", None),
             "unknown key `gain`, known: band, psf"
         );
     }

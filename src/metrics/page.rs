@@ -1,6 +1,7 @@
 //! Prometheus' text under way: metrics, their samples and labels.
 
 use super::{BOUNDS, Snapshot, Stage};
+use skyloop_orbit::printable;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -17,6 +18,8 @@ pub(super) type Of<'c> = (Vec<(&'static str, &'c str)>, &'c Snapshot);
 /// Labels of a sample as they are written.
 fn written(labels: &[(&str, &str)]) -> String {
     let labels = labels.iter().map(|(key, value)| {
+        // Names come from files: what a page shows does not steer a terminal.
+        let value = printable(value);
         let value = value.replace('\\', "\\\\").replace('"', "\\\"");
         format!("{key}=\"{}\"", value.replace('\n', "\\n"))
     });

@@ -382,13 +382,13 @@ mod tests {
         let cameras: [Camera; 3] = [
             (None, first.into()),
             (Some("starboard".into()), second.into()),
-            (Some("a \\ and \"b\"\n".into()), third.into()),
+            (Some("a \\ and \"b\"\n\u{1b}\u{202e}".into()), third.into()),
         ];
         let page = page(&cameras);
         // X-Val: Prometheus' text format: backslash, quotation mark and line feed of a label's value are escaped.
-        let hard = r#"skyloop_frames_total{head="a \\ and \"b\"\n"} 0"#;
+        let hard = r#"skyloop_frames_total{head="a \\ and \"b\"\n\\u001b\\u202e"} 0"#;
         assert!(page.contains(&format!("{hard}\n")), "{page}");
-        let page = page.replace(r#"a \\ and \"b\"\n"#, "port");
+        let page = page.replace(r#"a \\ and \"b\"\n\\u001b\\u202e"#, "port");
         let families = read(&page);
         let of = |name: &str| -> Vec<(Option<&str>, f64)> {
             let samples = families[name].samples.iter();

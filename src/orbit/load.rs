@@ -3,11 +3,10 @@
 use crate::format::Format;
 use crate::lines::LineFinder;
 use crate::parts::{Part, parts};
-use crate::path_text;
 use crate::record::{Found, Record, shorten};
 use crate::{
-    Identity, Object, Orbit, Source, lines, oem, omm, read_text, remedy, server, theory, tle,
-    unite, unread, xml,
+    Identity, Object, Orbit, Source, lines, oem, omm, path_text, printable_line, read_text, remedy,
+    server, theory, tle, unite, unread, xml,
 };
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -54,14 +53,10 @@ pub struct Rejected {
 impl Rejected {
     /// A reason in one line, whatever it quotes.
     pub(crate) fn new(source: &str, line: usize, reason: &str) -> Self {
-        let escaped = |c: char| match c.is_control() {
-            true => c.escape_default().to_string(),
-            false => c.to_string(),
-        };
         Rejected {
             source: source.to_owned(),
             line,
-            reason: reason.chars().map(escaped).collect(),
+            reason: printable_line(reason).into_owned(),
         }
     }
 }
@@ -384,14 +379,7 @@ impl Contents {
         }
         self.rejected.sort_by_key(|rejected| rejected.line);
     }
-}
 
-fn add_ephemerides(loaded: Loaded, ephemerides: &mut Vec<Object>, found: &mut Found) {
-    ephemerides.extend(loaded.objects);
-    found.rejected.extend(loaded.rejected);
-}
-
-impl Contents {
     /// An object for each record and each ephemeris, in the order of the text: several may be of one object, see [`unite`].
     pub fn into_objects(self) -> Vec<Object> {
         let sets = self.records.into_par_iter();
@@ -399,6 +387,22 @@ impl Contents {
         objects.extend(self.ephemerides);
         objects
     }
+
+    /// The same as a source of [`unite`].
+    pub fn into_source(self, rank: u8) -> Source {
+        let records = self.records.iter().map(|record| record.line);
+        let lines = records.chain(self.ephemerides.iter().map(Object::line));
+        Source {
+            lines: lines.collect(),
+            objects: self.into_objects(),
+            rank,
+        }
+    }
+}
+
+fn add_ephemerides(loaded: Loaded, ephemerides: &mut Vec<Object>, found: &mut Found) {
+    ephemerides.extend(loaded.objects);
+    found.rejected.extend(loaded.rejected);
 }
 
 impl From<Contents> for Loaded {
@@ -407,11 +411,7 @@ impl From<Contents> for Loaded {
         let ephemerides = std::mem::take(&mut contents.ephemerides);
         let rejected = std::mem::take(&mut contents.rejected);
         let assumed = std::mem::take(&mut contents.assumed);
-        let sets = Source {
-            objects: contents.into_objects(),
-            rank: 0,
-        };
-        let mut objects = unite(vec![sets]).objects;
+        let mut objects = unite(vec![contents.into_source(0)]).objects;
         objects.extend(ephemerides);
         Loaded {
             objects,
@@ -470,15 +470,21 @@ impl Object {
         self.call(other.names);
     }
 
+    /// The line at which its ephemeris begins.
+    fn line(&self) -> usize {
+        match &self.orbit {
+            Orbit::Ephemeris(own) => own.segments.first().map_or(1, |first| first.line),
+            Orbit::Elements(..) => 1,
+        }
+    }
+
     /// Counts the lines of its ephemeris from so many lines before.
     fn move_lines(&mut self, lines: usize) {
         if let Orbit::Ephemeris(ephemeris) = &mut self.orbit {
             for segment in &mut ephemeris.segments {
                 segment.line += lines;
-                segment
-                    .remarks
-                    .iter_mut()
-                    .for_each(|(line, _)| *line += lines);
+                let remarks = segment.remarks.iter_mut();
+                remarks.for_each(|(line, _)| *line += lines);
             }
         }
     }

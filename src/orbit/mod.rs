@@ -66,7 +66,7 @@ pub use load::{Contents, LoadError, Loaded, Rejected, load, load_contents, parse
 pub use meta::set_ut1_utc;
 pub use output_file::{Mark, NO_MARK, OutputFile, foreign, may_replace, write_file};
 pub use pick::file_and_name;
-pub use printable::{path_text, printable, printable_line};
+pub use printable::{path_text, printable, printable_line, steers};
 pub use read::{
     Input, LARGEST_CONFIG, LARGEST_FILE, LARGEST_PIPE, LARGEST_TABLE, inputs, is_input,
     is_same_file, not_input, read_bytes,
@@ -77,7 +77,7 @@ pub use sgp4;
 pub use text::{Listing, files, read_text, read_text_within, remedy};
 pub use theory::Theory;
 pub use two_line::{Checksum, ElementsError};
-pub use unite::{Source, United, unite};
+pub use unite::{Refused, Source, United, unite};
 pub use unread::{found as unread_format, not_attitudes};
 pub use write::{Written, write};
 

@@ -4,7 +4,8 @@ use std::borrow::Cow;
 use std::path::Path;
 
 /// Whether a character steers a terminal (C0 and C1 controls) or the order of letters (Unicode Standard Annex 9).
-fn steers(character: char) -> bool {
+#[must_use]
+pub fn steers(character: char) -> bool {
     character.is_control()
         || matches!(character, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }

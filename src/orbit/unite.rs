@@ -8,6 +8,8 @@ use std::collections::HashMap;
 pub struct Source {
     /// In the order of the source.
     pub objects: Vec<Object>,
+    /// The line that each begins at; may be shorter where the source has no lines.
+    pub lines: Vec<usize>,
     /// An object of several sources is left out of those with a higher rank, without a message.
     pub rank: u8,
 }
@@ -22,8 +24,19 @@ pub struct United {
     pub sources: Vec<usize>,
     /// Records of objects that came before: the object's place, and the record's source.
     pub joined: Vec<(usize, usize)>,
-    /// Orbits that cannot be used beside an earlier one of the same object: the source, and why.
-    pub refused: Vec<(usize, String)>,
+    /// Orbits that cannot be used beside an earlier one of the same object.
+    pub refused: Vec<Refused>,
+}
+
+/// An orbit that cannot be used beside an earlier one of the same object.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// Its source, as index.
+    pub source: usize,
+    /// The line that it begins at; 1 where the source has no lines.
+    pub line: usize,
+    /// Why.
+    pub reason: String,
 }
 
 /// What all records say of an object.
@@ -72,10 +85,16 @@ pub fn unite(mut sources: Vec<Source>) -> United {
     let mut united = United::default();
     let mut ids = HashMap::new();
     let mut places = places.into_iter();
-    for (source, Source { objects, rank }) in sources.into_iter().enumerate() {
-        for (object, place) in objects.into_iter().zip(places.by_ref()) {
+    for (source, one) in sources.into_iter().enumerate() {
+        let Source {
+            objects,
+            lines,
+            rank,
+        } = one;
+        let lines = lines.into_iter().chain(std::iter::repeat(1));
+        for ((object, line), place) in objects.into_iter().zip(lines).zip(places.by_ref()) {
             if let Some(known) = all.get_mut(place).filter(|known| rank <= known.rank) {
-                united.add(object, source, known, &mut ids);
+                united.add(object, (source, line), known, &mut ids);
             }
         }
     }
@@ -84,7 +103,14 @@ pub fn unite(mut sources: Vec<Source>) -> United {
 }
 
 impl United {
-    fn add(&mut self, mut object: Object, source: usize, known: &mut Known, ids: &mut Ids) {
+    /// Adds an object of a line of a source.
+    fn add(
+        &mut self,
+        mut object: Object,
+        (source, line): (usize, usize),
+        known: &mut Known,
+        ids: &mut Ids,
+    ) {
         let Some((place, first)) = known
             .place
             .and_then(|at| Some((at, self.objects.get_mut(at)?)))
@@ -102,23 +128,25 @@ impl United {
         }
         first.identity.join(object.identity);
         let is_here = self.sources.get(place) == Some(&source);
-        self.refused.push((
+        let reason = format!(
+            "{} is {}in {}: keep one of the two",
+            object.label(),
+            if first.id == object.id {
+                String::new()
+            } else {
+                format!("{} ", first.label())
+            },
+            if is_here {
+                "this file already"
+            } else {
+                "an earlier file"
+            },
+        );
+        self.refused.push(Refused {
             source,
-            format!(
-                "{} is {}in {}: keep one of the two",
-                object.label(),
-                if first.id == object.id {
-                    String::new()
-                } else {
-                    format!("{} ", first.label())
-                },
-                if is_here {
-                    "this file already"
-                } else {
-                    "an earlier file"
-                },
-            ),
-        ));
+            line,
+            reason,
+        });
     }
 }
 
@@ -330,6 +358,7 @@ mod tests {
         let source = |rank, records: &[&str]| Source {
             objects: records.iter().map(|text| object(0, text)).collect(),
             rank,
+            ..Source::default()
         };
         // The record that shows that the first two are one comes last, and in the least source.
         let united = unite(vec![

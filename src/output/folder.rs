@@ -1,5 +1,6 @@
 //! The folder of a run: our names in it, and errors that say which file and what to do.
 
+use super::png;
 use skyloop_orbit::path_text;
 use skyloop_orbit::{Mark, NO_MARK, OutputFile, may_replace};
 use std::collections::BTreeSet;
@@ -106,6 +107,9 @@ const FITS_MARK: Mark = &[
 /// left one frame more: that is known by its FITS file.
 fn is_earlier(folder: &Folder, name: &str, frames: Option<&BTreeSet<u32>>) -> bool {
     let Some(frames) = frames else { return false };
+    if name.ends_with(PNG) && !may_replace(&folder.path(name), png::MARK) {
+        return false;
+    }
     let Some(rest) = name.strip_prefix("frame_") else {
         return true;
     };
@@ -169,23 +173,28 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Refuses to replace files of these names: those that this process has read and, without `force`, any if the first, `marked`, is there
-    /// without its mark, or if others are there without it.
+    /// Refuses to replace files of these names: those that this process has read and, without `force`, any without its mark. A file of a format
+    /// without a mark goes by that of the first, `marked`.
     pub fn may_replace(
         &self,
         (marked, mark): (&str, Mark),
-        others: &[&str],
+        others: &[(&str, Mark)],
         force: bool,
     ) -> Result<(), OutputError> {
         let first = self.path(marked);
         let has_text = first.metadata().is_ok_and(|about| about.len() > 0);
         let is_ours = has_text && may_replace(&first, mark);
-        let names = std::iter::once(&marked).chain(others);
-        for name in names.filter(|name| self.path(name).exists()) {
+        let names = std::iter::once((marked, mark)).chain(others.iter().copied());
+        for (name, mark) in names.filter(|(name, _)| self.path(name).exists()) {
             let path = self.path(name);
             let replace = |e| self.error("replace", name, e);
             skyloop_orbit::not_input(&path).map_err(replace)?;
-            if !(force || is_ours && path.is_file()) {
+            let has_mark = if mark.is_empty() {
+                is_ours
+            } else {
+                may_replace(&path, mark)
+            };
+            if !(force || has_mark && path.is_file()) {
                 return Err(replace(skyloop_orbit::foreign()));
             }
         }

@@ -22,7 +22,7 @@ const SUNLIT: Rgb888 = Rgb888::new(110, 140, 190);
 ///
 /// Errors: this process has read one of them, or without `force`: skyloop did not make them.
 pub fn may_replace_light_curve(dir: &Path, force: bool) -> Result<(), OutputError> {
-    Folder::at(dir).may_replace((TABLE, &[HEAD]), &[PICTURE], force)
+    Folder::at(dir).may_replace((TABLE, &[HEAD]), &[(PICTURE, png::MARK)], force)
 }
 
 /// Writes `lightcurve.csv` and `lightcurve.png` into `dir`, which is made if it does not exist; other files in it are left alone.

@@ -46,15 +46,18 @@ use stretch::Levels;
 
 /// Refuses to replace files in `dir`: the `marked` one and `others` that are written with it.
 ///
-/// Errors: this process has read one of them; without `force`: the marked file lacks its mark, or others are there without it.
+/// Errors: this process has read one of them; without `force`: one lacks its mark, or is of a format without one beside a `marked` one that lacks it.
 pub fn may_replace(
     dir: &Path,
     marked: (&str, Mark),
-    others: &[&str],
+    others: &[(&str, Mark)],
     force: bool,
 ) -> Result<(), OutputError> {
     Folder::at(dir).may_replace(marked, others, force)
 }
+
+/// How a PNG that skyloop wrote is recognised.
+pub const PNG_MARK: Mark = png::MARK;
 
 const LABELS: &str = "labels.jsonl";
 const SHEET: &str = "contact_sheet.png";

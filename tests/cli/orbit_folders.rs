@@ -115,6 +115,33 @@ fn help_of_catalog_speaks_of_no_scene() {
     }
 }
 
+/// Lines are those of the whole file, at META_START, whatever comes before.
+#[test]
+fn a_refused_orbit_of_a_joined_file_has_its_line() {
+    let here = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| std::fs::write(here.path().join(name), text).unwrap();
+    let first = ephemeris("58002B");
+    file("joined", &format!("\n\n{first}{VANGUARD}{first}"));
+    let before = 2 + first.lines().count() + VANGUARD.lines().count();
+    file("further", &format!("# Of another day\n{first}"));
+    let (_, out, log) = run(here.path(), &["catalog", "check", "joined", "further"]);
+    for line in [
+        "joined:4: 58002B (V) is ".to_string(),
+        format!("joined:{}: 58002B (V) is ", before + 2),
+        "further:3: 58002B (V) is ".to_string(),
+    ] {
+        assert!(out.contains(&line), "{line}: {out}{log}");
+    }
+}
+
+fn ephemeris(id: &str) -> String {
+    format!(
+        "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = V\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
+         TIME_SYSTEM = UTC\nSTART_TIME = 2006-06-25T19:00:00\nSTOP_TIME = 2006-06-25T21:00:00\nMETA_STOP\n\
+         2006-06-25T19:00:00 7000 0 0 0 7.5 0\n2006-06-25T21:00:00 7000 75 0 0 7.5 0\n"
+    )
+}
+
 #[test]
 fn check_refuses_what_a_scene_refuses() {
     let here = tempfile::tempdir().unwrap();
@@ -123,20 +150,13 @@ fn check_refuses_what_a_scene_refuses() {
     file("delta.3le", DELTA);
     std::fs::create_dir(at.join("orbits")).unwrap();
     file("orbits/a.3le", VANGUARD);
-    let oem = |id: &str| {
-        format!(
-            "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = V\nOBJECT_ID = {id}\nCENTER_NAME = EARTH\nREF_FRAME = GCRF\n\
-             TIME_SYSTEM = UTC\nSTART_TIME = 2006-06-25T19:00:00\nSTOP_TIME = 2006-06-25T21:00:00\nMETA_STOP\n\
-             2006-06-25T19:00:00 7000 0 0 0 7.5 0\n2006-06-25T21:00:00 7000 75 0 0 7.5 0\n"
-        )
-    };
-    file("orbits/b.oem", &oem("58002B"));
-    file("orbits/c.oem", &oem("1959-001A"));
-    file("orbits/d.oem", &oem("59001A"));
+    file("orbits/b.oem", &ephemeris("58002B"));
+    file("orbits/c.oem", &ephemeris("1959-001A"));
+    file("orbits/d.oem", &ephemeris("59001A"));
     file("scene.toml", &scene("\"orbits\""));
     let refused = [
-        "orbits/b.oem:1: 58002B (V) is NORAD 5 (VANGUARD 1) in an earlier file: keep one of the two",
-        "orbits/d.oem:1: 59001A (V) is 1959-001A (V) in an earlier file: keep one of the two",
+        "orbits/b.oem:2: 58002B (V) is NORAD 5 (VANGUARD 1) in an earlier file: keep one of the two",
+        "orbits/d.oem:2: 59001A (V) is 1959-001A (V) in an earlier file: keep one of the two",
     ];
     let (code, out, log) = run(at, &["catalog", "check", "orbits"]);
     assert_eq!(code, Some(0), "{log}");
@@ -151,8 +171,8 @@ fn check_refuses_what_a_scene_refuses() {
     has(
         &log,
         &[
-            "orbits/b.oem: 58002B (V) is NORAD 5",
-            "orbits/d.oem: 59001A (V) is",
+            "orbits/b.oem:2: 58002B (V) is NORAD 5",
+            "orbits/d.oem:2: 59001A (V) is",
         ],
     );
     let render = ["render", "--scene", "scene.toml", "--out", "o"];

@@ -3,7 +3,7 @@
 
 use crate::{EPOCH, Q, skyloop};
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -66,6 +66,16 @@ struct Case {
     file: &'static str,
     /// Whether an earlier file of its own is replaced without --force.
     is_recognised: bool,
+}
+
+impl Case {
+    /// A folder with its inputs, and the path of its file, which is not there yet.
+    fn prepared(&self) -> (tempfile::TempDir, PathBuf) {
+        let here = folder();
+        let file = here.path().join(self.file);
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        (here, file)
+    }
 }
 
 fn cases() -> Vec<Case> {
@@ -267,9 +277,7 @@ fn every_path_of_the_command_line_is_in_the_table_and_every_output_has_a_case() 
 #[test]
 fn files_of_other_programs_are_replaced_by_force_only() {
     for case in cases() {
-        let here = folder();
-        let file = here.path().join(case.file);
-        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        let (here, file) = case.prepared();
         std::fs::write(&file, "mine").unwrap();
         let (code, text) = say(here.path(), &case.words);
         let words = &case.words;
@@ -297,12 +305,58 @@ fn files_of_other_programs_are_replaced_by_force_only() {
     }
 }
 
+/// Files that a command writes beside the one that its case names.
+#[test]
+fn files_beside_the_named_one_are_replaced_by_force_only_too() {
+    // Element sets have no room for a mark: those of a population go by its own.
+    let is_marked = |name: &str| {
+        [".png", ".fits", ".csv", ".jsonl", ".1"]
+            .iter()
+            .any(|end| name.ends_with(end))
+    };
+    let mut seen = BTreeSet::new();
+    for case in cases().iter().filter(|case| case.file.starts_with("o/")) {
+        let (here, words) = (folder(), &case.words);
+        let (code, text) = say(here.path(), words);
+        assert_eq!(code, Some(0), "{words}: {text}");
+        let out = here.path().join("o");
+        for name in crate::names(&out)
+            .iter()
+            .filter(|name| is_marked(name))
+            .take(6)
+        {
+            let earlier = std::fs::read(out.join(name)).unwrap();
+            std::fs::write(out.join(name), "mine").unwrap();
+            let (code, text) = say(here.path(), words);
+            assert!(
+                code == Some(1) && text.contains("did not make"),
+                "{words}: {name}: {text}"
+            );
+            assert_eq!(
+                std::fs::read(out.join(name)).unwrap(),
+                b"mine",
+                "{words}: {name}"
+            );
+            std::fs::write(out.join(name), earlier).unwrap();
+            seen.insert(name.clone());
+        }
+    }
+    for name in [
+        "frame_00000.png",
+        "frame_00000_preview.png",
+        "contact_sheet.png",
+        "lightcurve.csv",
+        "lightcurve.png",
+        "cost.png",
+    ] {
+        assert!(seen.contains(name), "{name} is not among {seen:?}");
+    }
+}
+
 #[test]
 fn pipes_that_nothing_reads_do_not_hold_a_command_up() {
     for case in cases() {
-        let here = folder();
-        let file = here.path().join(case.file);
-        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        let (here, file) = case.prepared();
         let made = Command::new("mkfifo").arg(&file).status();
         assert!(made.unwrap().success());
         let (words, begin) = (&case.words, Instant::now());

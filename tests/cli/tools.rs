@@ -167,7 +167,7 @@ fn everything_that_is_wrong_with_a_file_is_said_at_once() {
         ),
         (
             "= \"wide",
-            "optics.psf.sigma_px: must be a number, not \"wide\"",
+            "optics.psf.sigma_px: must be 0.01 to 100 px, not \"wide\"",
         ),
         (
             "= -3.0",

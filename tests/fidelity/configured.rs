@@ -91,8 +91,8 @@ fn what_cannot_be_meant_is_refused() {
         (
             "[fidelity]\nwing_e = \"much\"",
             [
-                "run.toml:2:10: fidelity.wing_e: must be a number",
-                "not \"much\"",
+                "run.toml:2:10: fidelity.wing_e = \"much\": ",
+                "must be 0.001 to 1000 e-",
             ],
         ),
         (
@@ -183,7 +183,7 @@ fn what_is_done_about_late_frames_is_read_in_its_order() {
         ),
         (
             "[\"wing_e = much\"]",
-            ["run.coarsen[0] wing_e = \"much\"", "a number"],
+            ["run.coarsen[0] wing_e = \"much\"", "0.001 to 1000 e-"],
         ),
     ] {
         let error = read(&format!("[run]\ncoarsen = {value}")).unwrap_err();

@@ -38,7 +38,7 @@ optics.psf | kind = "image"; oversampling = 2; images = [{ file = "good.csv", at
 optics.psf | kind = "gaussian"; sigma_px = 1.0; width_by_field = [] | optics.psf.width_by_field = [] | at least one [angle, factor]
 optics.psf | kind = "gaussian"; sigma_px = 110.0 | optics.psf.sigma_px = 110: must be 0.01 to 100 px
 optics.psf | kind = "gaussian"; sigma = 1.0 | optics.psf.sigma: unknown key `sigma`: did you mean `sigma_px`?
-optics.psf | kind = "gaussian"; sigma_px = "1" | optics.psf.sigma_px: must be a number, not "1"
+optics.psf | kind = "gaussian"; sigma_px = "1" | optics.psf.sigma_px: must be 0.01 to 100 px, not "1"
 optics.psf | kind = "gaussian"; sigma_px = | not TOML: sigma_px has no value: write sigma_px = value
 optics.projection |  | optics.projection: says nothing: name its model
 optics.projection | model = "mercator" | optics.projection.model = "mercator" | brown-conrady

@@ -65,6 +65,51 @@ for path in files:
     for wrong in ({**document, "seed": "one"}, {**document, "name": 7}, {**document, "objects": 7}):
         assert not valid.is_valid(wrong), path
 
+# Faults of a file: both the schema and the program refuse it, and both accept the file as it was.
+FAULTS = {
+    "camera": ("fai-nir.toml", [("detector", "width_px", -1), ("detector", "width_px", 2.5), ("detector", "adc_bits", 99), ("detector", "blooming", "x"),
+                            ("detector", "pixel_um", "a"), ("timing", "row_us", 10.0), ("timing", "shutter", "rolling"), ("timing", "exposure_s", True),
+                            ("optics", "band", "w"), ("optics", "projection", {"k": [0.0]}), ("optics", "projection", {"model": "pinhole", "k": [0.0]}),
+                            ("optics", "projection", {"model": "fisheye"}), ("optics", "stray", {"pst": []}), (None, "name", " "), (None, "name", "A\u0007"),
+                            (None, "name", "x" * 61)]),
+    "run": ({"sequence": {"epoch": "2026-01-01T00:00:00Z", "frames": 1, "period_s": 1.0, "radec": [0.0, 0.0, 0.0]}},
+            [("run", "coarsen", ["faster"]), ("run", "coarsen", ["wing_e = much"]), ("run", "coarsen", []), ("run", "link", "127.0.0.1:4810"),
+                         ("run", "link", ["tcp://127.0.0.1:4810"]), ("run", "metrics", "localhost"), ("run", "clock", "sun"), ("run", "window_px", 26),
+                         ("run", "cpus", [-1]), (None, "fidelity", {"wing_e": "a"}), (None, "fidelity", {"wing_e": 1e9}), (None, "label_snr", -1),
+                         ("sky", "catalog", "gaia"), ("observer", "state", [1.0])]),
+}
+
+
+def accepts(kind, text, folder):
+    path = pathlib.Path(folder) / "input.toml"
+    path.write_text(text)
+    words = ["camera", "check", path] if kind == "camera" else ["plan", "--scene", path]
+    run = subprocess.run([SKYLOOP, *words], capture_output=True, text=True)
+    assert run.returncode in (0, 1), run
+    # What `plan` lacks beside a valid file is no fault of the file.
+    return run.returncode == 0 or not run.stderr.startswith(f"error: {path}")
+
+
+def toml(value):
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {toml(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    return json.dumps(value)
+
+
+with tempfile.TemporaryDirectory() as folder:
+    for what, (name, faults) in FAULTS.items():
+        document = name if isinstance(name, dict) else plain(tomllib.loads(next(CONFIGS.rglob(name)).read_text()))
+        valid = validator(what)
+        for table, key, value in [(None, None, None), *faults]:
+            wrong = copy.deepcopy(document)
+            if key:
+                (wrong.setdefault(table, {}) if table else wrong)[key] = value
+            text = "\n".join(f"{key} = {toml(value)}" for key, value in wrong.items())
+            by_schema, by_program = valid.is_valid(wrong), accepts(what, text, folder)
+            assert by_schema == by_program == (key is None), (what, table, key, value, by_schema, by_program)
+
 labels, seen = validator("labels"), set()
 with tempfile.TemporaryDirectory() as folder:
     for number, scene in enumerate(["moon-in-field", "near-sun", "south-atlantic-anomaly", "deep-sky", "rcm-2019-06-15"]):

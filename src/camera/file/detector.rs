@@ -121,7 +121,11 @@ fn doubling() -> f64 {
 impl RawDetector {
     pub fn validate(self, serial: u64, check: &Check) -> Result<Detector, ConfigError> {
         let limit = |key: &str, value| check.limit(LIMITS, &format!("detector.{key}"), value);
-        let range = |key: &str, value, range| check.range(&format!("detector.{key}"), value, range);
+        let digits = |key: &str, value, most| {
+            let value = limit(key, value)?;
+            let inside = check.range(&format!("detector.{key}"), value, 0.0..=most);
+            inside.map_err(|error| error.needs(&["detector.adc_bits"]))
+        };
         let bits = limit("adc_bits", f64::from(self.adc_bits))? as u8;
         let full_scale = 2f64.powi(i32::from(bits)) - 1.0;
         let width = limit("width_px", f64::from(self.width_px))? as usize;
@@ -139,7 +143,13 @@ impl RawDetector {
                 "such that dark current and hot pixels stay below 1e9 e-/s: {:.3e} here",
                 dark_e_s + hot_e_s
             );
-            return Err(check.refuse("detector.temperature_c", temperature, allowed));
+            let error = check.refuse("detector.temperature_c", temperature, allowed);
+            return Err(error.needs(&[
+                "detector.dark_e_s",
+                "detector.hot_e_s",
+                "detector.dark_reference_c",
+                "detector.dark_doubling_k",
+            ]));
         }
         let listed = |key: &str, pixels: Vec<Fixed<u32, 2>>| {
             let pixels = Fixed::all(pixels);
@@ -149,7 +159,8 @@ impl RawDetector {
                 Some(i) => {
                     let (key, given) = (format!("detector.{key}[{i}]"), format!("{:?}", pixels[i]));
                     let allowed = format!("a pixel [column, row] below [{width}, {height}]");
-                    Err(check.refuse(&key, given, allowed))
+                    let error = check.refuse(&key, given, allowed);
+                    Err(error.needs(&["detector.width_px", "detector.height_px"]))
                 }
             }
         };
@@ -182,38 +193,46 @@ impl RawDetector {
             // Beyond a half the response would fall before the well is full.
             nonlinearity: limit("nonlinearity", self.nonlinearity)?,
             gain_e_per_dn: limit("gain_e_per_dn", self.gain_e_per_dn)?,
-            offset_dn: range("offset_dn", self.offset_dn, 0.0..=full_scale)?,
+            offset_dn: digits("offset_dn", self.offset_dn, full_scale)?,
             bits,
-            stuck_dn: range("stuck_dn", stuck_dn, 0.0..=full_scale)?.round() as u16,
+            stuck_dn: digits("stuck_dn", stuck_dn, full_scale)?.round() as u16,
             pattern: Arc::new(Pattern::new(&figures)),
         };
         if self.offset_dn >= full_scale {
             let allowed = format!(
                 "below {full_scale}, the largest number of {bits} bits: none is left for charge"
             );
-            return Err(check.refuse("detector.offset_dn", self.offset_dn, allowed));
+            let error = check.refuse("detector.offset_dn", self.offset_dn, allowed);
+            return Err(error.needs(&["detector.adc_bits"]));
         }
         if self.read_noise_e > self.full_well_e {
             let allowed = format!("at most detector.full_well_e = {} e-", self.full_well_e);
-            return Err(check.refuse("detector.read_noise_e", self.read_noise_e, allowed));
+            let error = check.refuse("detector.read_noise_e", self.read_noise_e, allowed);
+            return Err(error.needs(&["detector.full_well_e"]));
         }
-        let alone = |key: &str, reason| Err(check.explain(&format!("detector.{key}"), reason));
+        let alone = |key: &str, reason, needs: &[&str]| {
+            let error = check.explain(&format!("detector.{key}"), reason);
+            Err(error.needs(needs))
+        };
         if hot_fraction > 0.0 && self.hot_e_s.is_none() {
             return alone(
                 "hot_fraction",
                 "needs detector.hot_e_s, by how much those are hotter, e-/s",
+                &["detector.hot_e_s"],
             );
         }
         if hot_e_s > 0.0 && self.hot_fraction.is_none() {
             return alone(
                 "hot_e_s",
                 "needs detector.hot_fraction, the share of such pixels",
+                &["detector.hot_fraction"],
             );
         }
         if self.stuck_dn.is_some() && !any_stuck {
             let reason =
                 "needs detector.stuck_fraction or detector.stuck_px, the pixels that give it";
-            return alone("stuck_dn", reason);
+            let needs = &["detector.stuck_fraction", "detector.stuck_px"];
+            return alone("stuck_dn", reason, needs);
         }
         if let Some(warning) = detector
             .converter_clips_first()

@@ -17,6 +17,7 @@ pub struct RawImage {
 pub const LIMITS: &[Limit] = &[
     ("optics.psf.images[].at_px[]", Allowed::Number(-1e5..=1e5)),
     ("optics.psf.images", Allowed::Count(1..=usize::MAX)),
+    ("optics.psf", Allowed::EachOfSeveral(["images", "at_px"])),
 ];
 
 /// The images at the crossings of a grid; a single one holds everywhere.

@@ -51,7 +51,10 @@ fn first() -> u64 {
 
 /// The limits of all keys.
 const LIMITS: &[&[Limit]] = &[
-    &[("name", Allowed::Length(1..=60))],
+    &[
+        ("name", Allowed::Length(1..=60)),
+        ("name", Allowed::Form(printable)),
+    ],
     detector::LIMITS,
     images::LIMITS,
     optics::LIMITS,
@@ -62,6 +65,12 @@ const LIMITS: &[&[Limit]] = &[
     timing::LIMITS,
     vignetting::LIMITS,
 ];
+
+/// Texts without control characters (C0, DEL and C1) that are not blank.
+fn printable() -> String {
+    let controls = r"\x00-\x1f\x7f-\x9f";
+    format!(r"^[^{controls}]*[^\s{controls}][^{controls}]*$")
+}
 
 /// The JSON Schema of camera files.
 pub fn schema() -> schemars::Schema {
@@ -86,7 +95,7 @@ pub fn load(name: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError>
 
 /// The camera of a text; `file` is its name in messages, `folder` that of the files that it names.
 pub fn parse(file: &str, text: &str, folder: &Folder) -> Result<Noticed<Camera>, ConfigError> {
-    read_noticed(file, text, EXAMPLE_CAMERA, |raw, check| {
+    read_noticed(file, text, EXAMPLE_CAMERA, LIMITS, |raw, check| {
         validate(raw, check, folder)
     })
 }
@@ -109,10 +118,11 @@ fn name_the_cameras(error: ConfigError, name: &str) -> ConfigError {
 }
 
 fn validate(raw: RawCamera, check: &Check, folder: &Folder) -> Result<Camera, ConfigError> {
-    let length = raw.name.trim().chars().count();
-    if !(1..=60).contains(&length) || raw.name.contains(char::is_control) {
+    let length = raw.name.chars().count();
+    let is_blank = raw.name.trim().is_empty();
+    if !(1..=60).contains(&length) || is_blank || raw.name.contains(char::is_control) {
         let allowed = "a name of 1 to 60 printable characters: labels and FITS headers give it";
-        return Err(check.refuse("name", format!("{:?}", raw.name.trim()), allowed));
+        return Err(check.refuse("name", format!("{:?}", raw.name), allowed));
     }
     let detector = raw.detector.validate(raw.serial, check)?;
     let optics = raw.optics.validate(&detector, check, folder)?;
@@ -146,6 +156,18 @@ fn validate(raw: RawCamera, check: &Check, folder: &Folder) -> Result<Camera, Co
 /// Angles from the boresight, deg.
 const FIELD_DEG: RangeInclusive<f64> = 0.0..=180.0;
 
+/// Keys that the field of view follows from.
+const FIELD: &[&str] = &[
+    "optics.focal_length_mm",
+    "optics.principal_px",
+    "optics.projection",
+    "optics.psf",
+    "optics.vignetting",
+    "detector.pixel_um",
+    "detector.width_px",
+    "detector.height_px",
+];
+
 /// Refuses a table of angles (deg) that do not rise, or of angles and values outside of their limits.
 fn rising_angles(
     key: &str,
@@ -154,7 +176,7 @@ fn rising_angles(
     check: &Check,
 ) -> Result<(), ConfigError> {
     for (i, [deg, value]) in table.iter().enumerate() {
-        check.limit_in(limits, "deg", &format!("{key}[{i}][0]"), *deg)?;
+        check.limit(limits, &format!("{key}[{i}][0]"), *deg)?;
         check.limit(limits, &format!("{key}[{i}][1]"), *value)?;
     }
     match table.windows(2).position(|pair| pair[1][0] <= pair[0][0]) {
@@ -171,124 +193,4 @@ fn rising_angles(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::load::{agree, both};
-
-    /// The text of a camera file, with these tables for the point spread function and whatever follows it.
-    fn file(psf: &str) -> String {
-        format!(
-            r#"
-name = "X"
-[optics]
-focal_length_mm = 20.0
-aperture_mm = 10.0
-transmission = 0.8
-band = [400.0, 900.0]
-projection = {{ model = "brown-conrady", k = [0.001], p = [0.0, 0.0], strength = 1.0 }}
-vignetting = {{ table = [[0.0, 1.0], [40.0, 0.5]] }}
-stray = {{ pst = [[0.0, 1e-3], [90.0, 1e-9]], sun_exclusion_deg = 40.0 }}
-psf = {psf}
-[detector]
-width_px = 64
-height_px = 64
-pixel_um = 5.0
-quantum_efficiency = 0.5
-dark_e_s = 10.0
-dark_reference_c = 20.0
-temperature_c = 20.0
-dark_doubling_k = 6.5
-dark_nonuniformity = 0.1
-hot_fraction = 0.001
-hot_e_s = 100.0
-prnu = 0.01
-dead_fraction = 0.001
-stuck_fraction = 0.001
-read_noise_e = 5.0
-full_well_e = 10000.0
-blooming = "column"
-nonlinearity = 0.01
-gain_e_per_dn = 3.0
-offset_dn = 30.0
-stuck_dn = 4095.0
-adc_bits = 12
-[radiation]
-flux_cm2_s = 1.0
-thickness_um = 10.0
-energy_mev = 534.0
-diffusion_um = 1.0
-readout_s = 0.01
-[timing]
-exposure_s = 0.1
-rate_hz = 5.0
-shutter = "rolling"
-row_us = 10.0
-[mounting]
-misalignment_arcsec = [0.0, 0.0, 0.0]
-"#
-        )
-    }
-
-    const GAUSSIAN: &str = "{ kind = \"gaussian\", sigma_px = 0.8, width_by_field = [[0.0, 1.0], [2.0, 1.5]], wavelength_exponent = 1.0 }";
-
-    fn load(text: &str) -> Option<String> {
-        let read = parse("camera.toml", text, &Folder::current());
-        read.err().map(|error| error.to_string())
-    }
-
-    #[test]
-    fn the_schema_has_the_loaders_limits() {
-        let bases = [
-            GAUSSIAN,
-            "{ kind = \"airy\", obscuration = 0.3 }",
-            "{ kind = \"moffat\", fwhm_px = 2.0, beta = 2.5 }",
-            "{ kind = \"image\", images = [{ file = \"no\", at_px = [1.0, 1.0] }], oversampling = 4.0 }",
-        ]
-        .map(file);
-        agree(
-            &schema(),
-            LIMITS,
-            &bases.each_ref().map(String::as_str),
-            load,
-        );
-    }
-
-    #[test]
-    fn schema_and_loader_agree_on_keys_that_go_together() {
-        let base = file(GAUSSIAN);
-        for (from, to, is_valid) in [
-            ("X", "X", true),
-            ("sigma_px = 0.8, ", "", false),
-            ("sigma_px = 0.8", "fwhm_px = 0.8", false),
-            ("kind = \"gaussian\"", "kind = \"airy\"", false),
-            (
-                "vignetting = { table",
-                "vignetting = { cos4 = true, table",
-                false,
-            ),
-            (
-                "vignetting = { table",
-                "vignetting = { cos4 = false, table",
-                true,
-            ),
-            ("band = [400.0, 900.0]", "band = \"v\"", true),
-            ("band = [400.0, 900.0]", "band = \"w\"", false),
-            ("flux_cm2_s = 1.0", "flux_cm2_s = \"orbit\"", true),
-            ("flux_cm2_s = 1.0", "flux_cm2_s = \"all\"", false),
-        ] {
-            assert!(base.contains(from), "{from}");
-            both(&schema(), &base.replacen(from, to, 1), load, is_valid);
-        }
-        for name in CAMERAS {
-            let (_, text) = Folder::Embedded("cameras")
-                .read(&format!("{name}.toml"))
-                .unwrap();
-            let load = |text: &str| {
-                parse(name, text, &Folder::Embedded("cameras"))
-                    .err()
-                    .map(|e| e.to_string())
-            };
-            both(&schema(), &text, load, true);
-        }
-    }
-}
+mod tests;

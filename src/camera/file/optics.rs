@@ -75,7 +75,8 @@ impl RawOptics {
         let principal_px = self.principal_px.map_or(centre, |Fixed(at)| at);
         for (i, pixels) in size.into_iter().enumerate() {
             let key = format!("optics.principal_px[{i}]");
-            check.range(&key, principal_px[i], -pixels..=2.0 * pixels)?;
+            let inside = check.range(&key, principal_px[i], -pixels..=2.0 * pixels);
+            inside.map_err(|error| error.needs(&["detector.width_px", "detector.height_px"]))?;
         }
         let band = self.band.validate(check)?;
         let raw_projection = match self.projection {

@@ -1,7 +1,7 @@
 //! `[optics.projection]` of a camera file.
 
 use crate::camera::{Detector, Model, Optics, Projection};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Limit, one_of};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -26,11 +26,24 @@ pub const LIMITS: &[Limit] = &[
     ("optics.projection.k[]", Allowed::Number(-1e6..=1e6)),
     ("optics.projection.p[]", Allowed::Number(-1e6..=1e6)),
     ("optics.projection.strength", Allowed::Number(0.0..=100.0)),
-    ("optics.projection.model", Allowed::Word(models)),
+    ("optics.projection", Allowed::Kind("model", MODELS)),
+    ("optics.projection", Allowed::Needs(["k", "model"])),
+    ("optics.projection", Allowed::Needs(["p", "model"])),
+    ("optics.projection", Allowed::Needs(["strength", "model"])),
+];
+
+/// The key that says which others there are.
+const MODEL: &[&str] = &["optics.projection.model"];
+
+/// Models, the keys that they need, and others.
+const MODELS: &[Kind] = &[
+    ("pinhole", &[], &[]),
+    ("brown-conrady", &["k"], &["p", "strength"]),
+    ("fisheye", &["k"], &["strength"]),
 ];
 
 fn models() -> Vec<&'static str> {
-    vec!["pinhole", "brown-conrady", "fisheye"]
+    MODELS.iter().map(|(name, ..)| *name).collect()
 }
 
 /// Furthest (px) beyond the detector that a projection must reach: light from there is faint.
@@ -48,14 +61,15 @@ impl RawProjection {
         let names = ["k1", "k2", "k3", "k4"][..N].join(", ");
         let Some(given) = self.k.as_deref() else {
             let reason = format!("missing: the lens's coefficients, [{names}]; [0.0] is {lens}");
-            return Err(check.explain(key, reason));
+            return Err(check.explain(key, reason).needs(MODEL));
         };
         if !(1..=N).contains(&given.len()) {
             let mut allowed = format!("1 to {N} numbers, {names}");
             if N == 3 {
                 allowed += ": OpenCV's order is k1, k2, p1, p2, k3, and its p1, p2 are optics.projection.p";
             }
-            return Err(check.refuse(key, format!("{given:?}"), allowed));
+            let error = check.refuse(key, format!("{given:?}"), allowed);
+            return Err(error.needs(MODEL));
         }
         let mut k = [0.0; N];
         for (i, given) in given.iter().enumerate() {
@@ -99,7 +113,7 @@ impl RawProjection {
                 None => format!("with a model: add {models}; without one the lens is a pinhole"),
             };
             let (key, given) = self.given(key);
-            return Err(check.refuse(&key, given, allowed));
+            return Err(check.refuse(&key, given, allowed).needs(MODEL));
         }
         Ok(Projection::new(match model {
             "pinhole" => Model::Pinhole,
@@ -171,7 +185,7 @@ impl RawProjection {
             "a map that does not fold over on the detector nor within {margin_px:.1} px of it: this one ends at \
              {end:.2} deg from the boresight, the detector {furthest:.0} px from the principal point; {remedy} (they are for coordinates in focal lengths)"
         );
-        Err(check.refuse(&key, given, allowed))
+        Err(check.refuse(&key, given, allowed).needs(super::FIELD))
     }
 
     /// Warns of coefficients that put images far from where they would be without any.

@@ -94,6 +94,20 @@ pub const LIMITS: &[Limit] = &[
     ("optics.psf", Allowed::Kind("kind", KINDS)),
 ];
 
+/// The key that says which others there are.
+const KIND: &[&str] = &["optics.psf.kind"];
+
+/// Keys that a width follows from.
+const WIDTH: &[&str] = &[
+    "optics.psf.kind",
+    "optics.psf.width_by_field",
+    "optics.psf.wavelength_exponent",
+    "optics.band",
+    "optics.focal_length_mm",
+    "optics.aperture_mm",
+    "detector.pixel_um",
+];
+
 impl RawPsf {
     pub fn validate(
         self,
@@ -166,7 +180,8 @@ impl RawPsf {
             reason += &format!(", by {colour:.3} with the colour of stars (power {exponent})");
         }
         reason += &format!(": at most {most} px{remedy}");
-        Err(check.explain(&format!("optics.psf.{key}"), reason))
+        let error = check.explain(&format!("optics.psf.{key}"), reason);
+        Err(error.needs(WIDTH))
     }
 
     /// Refuses an unknown kind, and keys that mean nothing to a known one.
@@ -191,14 +206,12 @@ impl RawPsf {
             .iter()
             .find(|(key, given)| *given && !keys.contains(key))
         {
-            Some((key, _)) => Err(check.explain(
-                &format!("optics.psf.{key}"),
-                format!(
-                    "no key of kind {:?}, which has {}",
-                    self.kind,
-                    keys.join(", ")
-                ),
-            )),
+            Some((key, _)) => {
+                let (kind, keys) = (&self.kind, keys.join(", "));
+                let reason = format!("no key of kind {kind:?}, which has {keys}");
+                let error = check.explain(&format!("optics.psf.{key}"), reason);
+                Err(error.needs(KIND))
+            }
             None => Ok(()),
         }
     }
@@ -211,7 +224,9 @@ impl RawPsf {
 
     fn missing(&self, key: &str, check: &Check) -> ConfigError {
         let reason = format!("missing: kind {:?} needs it", self.kind);
-        check.explain(&format!("optics.psf.{key}"), reason)
+        check
+            .explain(&format!("optics.psf.{key}"), reason)
+            .needs(KIND)
     }
 
     fn needed(&self, key: &str, value: Option<f64>, check: &Check) -> Result<f64, ConfigError> {
@@ -257,7 +272,8 @@ impl RawPsf {
             let [x, y] = image.ok_or_else(|| {
                 let end = lens.projection.end_rad().to_degrees();
                 let allowed = format!("an angle that has an image: below {end:.2} deg");
-                check.refuse(&format!("{key}[{i}][0]"), table[i][0], allowed)
+                let error = check.refuse(&format!("{key}[{i}][0]"), table[i][0], allowed);
+                error.needs(&["optics.projection"])
             })?;
             Ok([lens.focal_px * libm::hypot(x, y), factor])
         };

@@ -40,6 +40,17 @@ pub const LIMITS: &[Limit] = &[
     ("radiation.readout_s", Allowed::Number(0.0..=1e4)),
 ];
 
+/// Keys that the number of particles and their tracks follow from.
+const TRACKS: &[&str] = &[
+    "radiation.thickness_um",
+    "radiation.diffusion_um",
+    "radiation.readout_s",
+    "detector.pixel_um",
+    "detector.width_px",
+    "detector.height_px",
+    "timing.exposure_s",
+];
+
 /// Typical at the Hubble's imagers (Miles et al. 2021), MeV.
 fn typical_energy() -> f64 {
     534.0
@@ -73,7 +84,8 @@ impl RawRadiation {
                 "at most 1 / timing.rate_hz = {} s: a frame's charge is read before the next one's",
                 1.0 / timing.rate_hz
             );
-            return Err(check.refuse("radiation.readout_s", radiation.readout_s, allowed));
+            let error = check.refuse("radiation.readout_s", radiation.readout_s, allowed);
+            return Err(error.needs(&["timing.rate_hz"]));
         }
         let work = radiation.work_an_event(detector);
         if work > MOST_WORK_AN_EVENT {
@@ -81,7 +93,8 @@ impl RawRadiation {
                 "such that a particle's charge lies on at most {MOST_WORK_AN_EVENT:.0e} pixels, counted at each step of its track: \
                  {work:.1e} with this radiation.thickness_um"
             );
-            return Err(check.refuse("radiation.diffusion_um", radiation.diffusion_um, allowed));
+            let error = check.refuse("radiation.diffusion_um", radiation.diffusion_um, allowed);
+            return Err(error.needs(TRACKS));
         }
         if let Flux::Fixed(flux) = flux {
             let events = radiation.expected_events(detector, flux, timing.exposure_s);
@@ -91,7 +104,8 @@ impl RawRadiation {
                     "at most {:.3e}: {events:.0} particles would cross the detector in one exposure",
                     flux * most / events
                 );
-                return Err(check.refuse("radiation.flux_cm2_s", flux, allowed));
+                let error = check.refuse("radiation.flux_cm2_s", flux, allowed);
+                return Err(error.needs(TRACKS));
             }
         }
         Ok(radiation)

@@ -59,14 +59,17 @@ impl RawStray {
             table = points;
         }
         let least_deg = (field_deg + SUN_RADIUS_DEG).min(180.0);
+        let key = "optics.stray.sun_exclusion_deg";
         let exclusion_deg = raw.sun_exclusion_deg.unwrap_or(default_deg);
+        let exclusion_deg = check.limit(LIMITS, key, exclusion_deg)?;
         if !(least_deg..=180.0).contains(&exclusion_deg) {
             let allowed = format!(
                 "{:.2} to 180 deg: the Sun is never in the image, whose corner is {field_deg:.2} deg from the boresight by \
                  optics.focal_length_mm, detector.pixel_um, detector.width_px and detector.height_px",
                 (least_deg * 100.0).ceil() / 100.0
             );
-            return Err(check.refuse("optics.stray.sun_exclusion_deg", exclusion_deg, allowed));
+            let error = check.refuse(key, exclusion_deg, allowed);
+            return Err(error.needs(super::FIELD));
         }
         let rad: Vec<[f64; 2]> = table
             .into_iter()

@@ -3,7 +3,7 @@
 use crate::attitude::Attitude;
 use crate::camera::shutter::SHUTTERS;
 use crate::camera::{EXPOSURE_S, RATE_HZ, Shutter};
-use crate::load::{Allowed, Check, ConfigError, Fixed, Limit, one_of};
+use crate::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::ops::RangeInclusive;
@@ -15,11 +15,19 @@ pub const LIMITS: &[Limit] = &[
     ("timing.exposure_s", Allowed::Number(EXPOSURE_S)),
     ("timing.rate_hz", Allowed::Number(RATE_HZ)),
     ("timing.row_us", Allowed::Number(1e-3..=1e6)),
-    ("timing.shutter", Allowed::Word(|| SHUTTERS.to_vec())),
+    ("timing", Allowed::Kind("shutter", KINDS)),
+    ("timing", Allowed::Needs(["row_us", "shutter"])),
     (
         "mounting.misalignment_arcsec[]",
         Allowed::Number(MISALIGNMENT_ARCSEC),
     ),
+];
+
+/// Shutters and the key that they need.
+const KINDS: &[Kind] = &[
+    ("global", &[], &[]),
+    ("rolling", &["row_us"], &[]),
+    ("frame-transfer", &["row_us"], &[]),
 ];
 
 /// A row is hardly shifted or read in less, us.
@@ -71,7 +79,13 @@ impl RawTiming {
                 "at most {} Hz with timing.exposure_s = {exposure_s} s: exposures do not overlap{rows_read}; lower the rate or shorten the exposure",
                 1.0 / period_s
             );
-            return Err(check.refuse("timing.rate_hz", rate_hz, reason));
+            let mut needs = vec!["timing.exposure_s", "timing.row_us", "timing.shutter"];
+            if shutter != Shutter::Global {
+                needs.push("detector.height_px");
+            }
+            return Err(check
+                .refuse("timing.rate_hz", rate_hz, reason)
+                .needs(&needs));
         }
         if self.row_us.is_some_and(|us| us < SHORTEST_ROW_US) {
             check.notice(format_args!(
@@ -95,17 +109,17 @@ impl RawTiming {
         let Some(shutter) = Shutter::named(name, row_s) else {
             return Err(check.refuse("timing.shutter", format!("{name:?}"), one_of(&SHUTTERS)));
         };
-        match (shutter, self.row_us) {
-            (Shutter::Global, Some(_)) => Err(check.explain(
-                "timing.row_us",
-                "rows take turns with timing.shutter = \"rolling\" or \"frame-transfer\" only: leave it out",
-            )),
-            (Shutter::Rolling { .. } | Shutter::FrameTransfer { .. }, None) => Err(check.explain(
-                "timing.row_us",
-                format!("timing.shutter = {name:?} needs the time from row to row"),
-            )),
-            _ => Ok(shutter),
-        }
+        let reason = match (shutter, self.row_us) {
+            (Shutter::Global, Some(_)) => {
+                "rows take turns with timing.shutter = \"rolling\" or \"frame-transfer\" only: leave it out".to_string()
+            }
+            (Shutter::Rolling { .. } | Shutter::FrameTransfer { .. }, None) => {
+                format!("timing.shutter = {name:?} needs the time from row to row")
+            }
+            _ => return Ok(shutter),
+        };
+        let error = check.explain("timing.row_us", reason);
+        Err(error.needs(&["timing.shutter"]))
     }
 }
 

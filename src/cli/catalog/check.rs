@@ -114,7 +114,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             continue;
         }
         let (file, objects) = of_source(source);
-        all.push(orbit::Source { objects, rank: 0 });
+        all.push(objects);
         report.files.push(file);
     }
     // What a scene would refuse is refused.
@@ -122,9 +122,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         objects, refused, ..
     } = unite(all);
     report.objects = objects.len();
-    for (source, reason) in refused {
-        let refusal = Refusal { line: 1, reason };
-        report.files[source].rejected.push(refusal);
+    for refused in refused {
+        let file = &mut report.files[refused.source];
+        file.rejected.push(Refusal {
+            line: refused.line,
+            reason: refused.reason,
+        });
+        file.rejected.sort_by_key(|refusal| refusal.line);
     }
     for file in &report.files {
         report.records += file.records;
@@ -176,7 +180,7 @@ impl Report {
 }
 
 /// What there is to report of a file, and its objects.
-fn of_source(source: Source) -> (FileReport, Vec<Object>) {
+fn of_source(source: Source) -> (FileReport, orbit::Source) {
     let file = shown(&source.file);
     match source.contents {
         Ok(mut contents) => {
@@ -187,9 +191,9 @@ fn of_source(source: Source) -> (FileReport, Vec<Object>) {
                 assumed: std::mem::take(&mut contents.assumed),
                 ..of_contents(&contents)
             };
-            let objects = contents.into_objects();
-            let report = report.with_objects(&objects);
-            (report, objects)
+            let source = contents.into_source(0);
+            let report = report.with_objects(&source.objects);
+            (report, source)
         }
         Err(error) => {
             let report = FileReport {
@@ -197,7 +201,7 @@ fn of_source(source: Source) -> (FileReport, Vec<Object>) {
                 error: Some(error.to_string()),
                 ..FileReport::default()
             };
-            (report, Vec::new())
+            (report, orbit::Source::default())
         }
     }
 }

@@ -9,7 +9,7 @@ use skyloop::effect::counted;
 use skyloop::load::orbits::passed_over;
 use skyloop::orbit::elements::Elements;
 use skyloop::orbit::time::utc_text;
-use skyloop::orbit::{self, Loaded, Object, Orbit, Regime, United, unite};
+use skyloop::orbit::{Loaded, Object, Orbit, Regime, United, unite};
 use skyloop_firmware_sim::console::say;
 use std::path::PathBuf;
 
@@ -100,16 +100,16 @@ fn objects(args: &Args) -> anyhow::Result<Loaded> {
             tracing::warn!("{assumed}");
         }
         names.push(file);
-        all.push(orbit::Source {
-            objects: contents.into_objects(),
-            rank: 0,
-        });
+        all.push(contents.into_source(0));
     }
     let United {
         objects, refused, ..
     } = unite(all);
     let refused = refused.iter();
-    rejected.extend(refused.map(|(source, why)| format!("{}: {why}", names[*source])));
+    rejected.extend(refused.map(|refused| {
+        let (name, line) = (&names[refused.source], refused.line);
+        format!("{name}:{line}: {}", refused.reason)
+    }));
     args.records.settle_lines(&rejected)?;
     if let Some(line) = passed_over(&foreign) {
         tracing::warn!("{line}");

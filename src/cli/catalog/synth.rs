@@ -165,7 +165,8 @@ fn older(folder: &Path, force: bool) -> anyhow::Result<Vec<PathBuf>> {
             path_text(foreign)
         );
     }
-    let others: Vec<&str> = own.iter().skip(1).map(String::as_str).collect();
+    let others = own.iter().skip(1).map(|name| (name.as_str(), NO_MARK));
+    let others: Vec<_> = others.collect();
     may_replace(folder, (POPULATION, MARK), &others, force)?;
     Ok(files)
 }

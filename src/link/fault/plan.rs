@@ -66,7 +66,7 @@ impl Plan {
 
     /// Reads the text of a schedule called `file`.
     pub fn parse(file: &str, text: &str, can: bool) -> Result<Plan, ConfigError> {
-        read(file, text, EXAMPLE, |raw: Raw, check| {
+        read(file, text, EXAMPLE, &[], |raw: Raw, check| {
             let rules = raw.faults.iter().enumerate();
             let rules = rules.map(|(place, fault)| rule(check, place, fault, raw.seed, can));
             Ok(Plan {

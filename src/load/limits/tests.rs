@@ -51,7 +51,7 @@ pub fn agree(
         let refused = |value: Toml, words: &str| {
             let (by_schema, by_loader) = tried(&key, value.clone());
             assert!(by_schema.is_some(), "{key} = {value}: not by the schema");
-            let text = by_loader.unwrap_or_default();
+            let text = by_loader.unwrap_or_else(|| panic!("{key} = {value}: not by the loader"));
             assert!(text.contains(words), "{key} = {value}: {text}");
         };
         let accepted = |value: Toml, words: &str| {
@@ -125,8 +125,13 @@ pub fn agree(
                 let (by_schema, by_loader) = tried(&key, "nonsense".into());
                 assert!(by_schema.is_some() && by_loader.is_some(), "{key}");
             }
+            Allowed::Form(_) => refused(Toml::String("no form: \u{7}".to_string()), ""),
             // The rooms have cases of their own.
-            Allowed::OneOf(_) | Allowed::NotBoth(_) | Allowed::Needs(_) => {}
+            Allowed::OneOf(_)
+            | Allowed::NotBoth(_)
+            | Allowed::Needs(_)
+            | Allowed::NotBesideSeveral(_)
+            | Allowed::EachOfSeveral(_) => {}
         }
     }
 }
@@ -215,6 +220,13 @@ fn flaw(root: &Schema, schema: &Value, value: &Value) -> Option<String> {
             "maxItems" => length(rule).is_none_or(|(length, most)| length as u64 <= most),
             "minLength" => characters(rule).is_none_or(|(n, least)| n as u64 >= least),
             "maxLength" => characters(rule).is_none_or(|(n, most)| n as u64 <= most),
+            "pattern" => value.as_str().is_none_or(|text| {
+                let pattern = regex_lite::Regex::new(rule.as_str().unwrap());
+                pattern.unwrap().is_match(text)
+            }),
+            "contains" => value
+                .as_array()
+                .is_none_or(|list| list.iter().any(|entry| flaw(root, rule, entry).is_none())),
             "anyOf" => count(rule) > 0,
             "oneOf" => count(rule) == 1,
             "allOf" => count(rule) == rule.as_array().unwrap().len(),
