@@ -155,6 +155,12 @@ pub fn are_different(given: &[(&str, &Path)]) -> anyhow::Result<()> {
 
 /// Refuses options that name a file which the run writes into its output folder.
 fn are_outside(out: &Path, given: &[(&str, &Path)]) -> anyhow::Result<()> {
+    if let Some((name, file)) = given.iter().find(|(_, file)| is_same_file(out, file)) {
+        bail!(
+            "{name} {}: --out names it too, as a folder; choose another",
+            path_text(file)
+        );
+    }
     match given.iter().find(|(_, file)| is_of_run(out, file)) {
         None => Ok(()),
         Some((name, file)) => bail!(

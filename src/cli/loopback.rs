@@ -145,16 +145,14 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
         Ok(report) => (report, None),
         Err(error) => blamed(error, instruments.faults())?,
     };
-    let cut_short = cut_short.or(flown.stopped.map(|stop| {
-        let injected = instruments.faults().unwrap_or_default();
-        stopped_by(&stop, &injected, &args.link)
-    }));
+    let cut_short = cut_short.or(flown.stopped.map(|stop| stopped_by(&stop, &args.link)));
     let mut rows = rows(&flown.stats, &report);
     rows.extend(instruments.rows());
     suite.table = table(&rows);
     suite.seconds = started.elapsed().as_secs_f64();
+    // A recording that is not whole fails the run, in the JUnit file too.
+    let cut_short = cut_short.or(instruments.finish().err());
     let verdicts = conclude(args, suite, &report, cut_short.as_ref(), junit)?;
-    instruments.finish()?;
     cut_short.map_or(Ok(()), Err)?;
     came_whole(&report, &interrupted)?;
     verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
@@ -274,7 +272,7 @@ fn show(event: &Event<'_>, bar: &ProgressBar) {
 }
 
 /// The error of a line that a fault has stopped for good.
-fn stopped_by(stop: &Stop, injected: &str, link: &str) -> Error {
+fn stopped_by(stop: &Stop, link: &str) -> Error {
     let s = STOPPED.as_secs();
     let Stop { fault, packets, .. } = stop;
     let (lasts, remedy) = match stop.lasts {
@@ -285,8 +283,9 @@ fn stopped_by(stop: &Stop, injected: &str, link: &str) -> Error {
         ),
     };
     anyhow!(
-        "{link}: nothing passes any more: the fault {fault} {lasts}, {packets} packets have met it (injected: {injected}), and \
-         nothing of a frame has come for {s} s; give it {remedy}, a lower value, or an at_s after the last frame"
+        "{link}: nothing passes any more: the fault {fault} {lasts} and has met {}, and nothing of a frame has come for {s} s; give it \
+         {remedy}, a lower value, or an at_s after the last frame",
+        counted(*packets as usize, "packet")
     )
 }
 

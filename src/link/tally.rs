@@ -15,7 +15,7 @@ pub struct Tally {
     moved: AtomicU32,
     /// Whether nobody waits any more for what has not left.
     given_up: AtomicBool,
-    /// Whether packets wait for the client's proof of its address.
+    /// Whether the client is to prove its address before it gets frames.
     awaits_proof: AtomicBool,
     /// Whether a fault holds back packets that are to leave.
     is_held_back: AtomicBool,
@@ -101,12 +101,12 @@ impl Tally {
         self.given_up.load(Ordering::Relaxed)
     }
 
-    /// Whether packets wait for the client's proof of its address.
+    /// Whether the client is to prove its address before it gets frames.
     pub(crate) fn awaits_proof(&self) -> bool {
         self.awaits_proof.load(Ordering::Relaxed)
     }
 
-    /// Notes whether packets wait for that proof.
+    /// Notes whether it is.
     pub(super) fn await_proof(&self, awaits: bool) {
         self.awaits_proof.store(awaits, Ordering::Relaxed);
     }

@@ -231,6 +231,10 @@ impl Server {
             if cut.is_over() {
                 return Ok(Step::Done);
             }
+            // Frames wait here, not in the link's queue: those that are given up are never sent.
+            if channel.wire.tally.awaits_proof() {
+                return Ok(Step::NoRoom);
+            }
             if !channel.exchange.credit.may_send() {
                 return Ok(Step::NoCredit);
             }

@@ -402,7 +402,12 @@ impl Server {
 
     /// Counts requests that will have no frame.
     fn abandon(&mut self, waited: u32, cause: &'static str) {
-        self.counters.frames_abandoned = self.counters.frames_abandoned.wrapping_add(waited);
+        let counters = &mut self.counters;
+        counters.frames_abandoned = counters.frames_abandoned.wrapping_add(waited);
+        if self.is_requested_by("Trigger") {
+            let counters = &mut self.counters;
+            counters.triggers_missed = counters.triggers_missed.wrapping_add(waited);
+        }
         (0..waited).for_each(|_| self.fail(Request::default(), cause));
     }
 

@@ -3,7 +3,7 @@
 use super::Server;
 use super::deliver::LISTEN;
 use crate::link::{Inbound, LinkError, QUEUE};
-use skyloop_protocols::apid::{ATTITUDE, COMMAND};
+use skyloop_protocols::apid::{ATTITUDE, CHALLENGE, COMMAND};
 use skyloop_protocols::{Command, Reason, Reply, Withheld, packet};
 use std::sync::mpsc::TryRecvError;
 use std::time::{Duration, Instant};
@@ -104,8 +104,9 @@ impl Server {
                 if is_value && apid == ATTITUDE {
                     self.fail_refused("Attitude");
                 }
-                // Commands but Trigger ask for no frame. What cannot be identified may be an attitude.
-                if apid != COMMAND {
+                // What cannot be identified may be an attitude. Of another version all packets are refused: no frame will come.
+                let may_request = !matches!(apid, COMMAND | CHALLENGE);
+                if may_request || error.reason() == Reason::BadVersion {
                     self.report(at, Withheld::Refused, &error.to_string());
                 }
                 return self.nack(at, apid, count, error.reason(), &error.to_string());
@@ -142,7 +143,10 @@ impl Server {
             };
             if let Some(what) = requests {
                 self.fail_refused(what);
-                self.report(at, Withheld::Refused, &detail);
+                // By a cadence frames come without Triggers.
+                if what == "Attitude" || self.is_requested_by(what) {
+                    self.report(at, Withheld::Refused, &detail);
+                }
             }
             return self.nack(at, header.apid, header.sequence_count, reason, &detail);
         }

@@ -20,7 +20,6 @@ const SLOW: Duration = Duration::from_secs(5);
 #[derive(Debug, Default)]
 pub(super) struct Messages {
     every: BTreeMap<u8, Every>,
-    unproved: Option<Instant>,
     /// Since when attitudes come and no Trigger, where frames need one.
     untriggered: Option<Instant>,
     /// Packets granted and sent, since when, and whether it is reported.
@@ -152,6 +151,15 @@ impl Channel {
 impl Server {
     /// Reports that the client of a link does not get a frame, or will not: in the log, not too often, and in Status.
     pub(super) fn report(&mut self, at: usize, why: Withheld, detail: &str) {
+        self.warn(
+            at,
+            why,
+            &format!("frames do not reach the client ({}): {detail}", name(why)),
+        );
+    }
+
+    /// Notes why frames do not come, or come late, in Status, and logs it with the remedy, not too often.
+    fn warn(&mut self, at: usize, why: Withheld, message: &str) {
         let channel = &mut self.channels[at];
         channel.exchange.withheld = why;
         let every = channel.messages.every.entry(why.code()).or_default();
@@ -168,10 +176,7 @@ impl Server {
             true => "a fault holds packets of this link back (--faults, Fault): end it first",
             false => remedy(why),
         };
-        tracing::warn!(
-            "{address}: frames do not reach the client ({}): {detail}; {remedy}{before}",
-            name(why),
-        );
+        tracing::warn!("{address}: {message}; {remedy}{before}");
     }
 
     /// Counts a frame that a client has not got, and reports it.
@@ -189,11 +194,16 @@ impl Server {
         }
     }
 
-    /// Counts an Attitude or a Trigger (`what`) that was refused, where it requests a frame: by a cadence frames come of themselves.
+    /// Counts an Attitude or a Trigger (`what`) that was refused, where it requests a frame.
     pub(super) fn fail_refused(&mut self, what: &str) {
-        if self.clock.cadence().is_none() && self.clock.asks() == what {
+        if self.is_requested_by(what) {
             self.fail(Request::default(), name(Withheld::Refused));
         }
+    }
+
+    /// Whether each Attitude or each Trigger (`what`) requests a frame: by a cadence frames come of themselves.
+    pub(super) fn is_requested_by(&mut self, what: &str) -> bool {
+        self.clock.cadence().is_none() && self.clock.asks() == what
     }
 
     /// The account of a link, with the exposures that the clock has passed over.
@@ -223,15 +233,15 @@ impl Server {
         let takes = airtime(MAX_PACKET).saturating_mul(packets);
         if takes >= SLOW {
             let s = takes.as_secs_f64();
-            let detail =
-                format!("frame {frame} has {packets} packets and takes some {s:.0} s here");
-            self.report(at, Withheld::SlowLink, &detail);
+            let message =
+                format!("frame {frame} has {packets} packets and takes some {s:.0} s on this link");
+            self.warn(at, Withheld::SlowLink, &message);
         }
     }
 
     /// Reports a client that for a while sends attitudes and no Trigger, where frames need one.
     fn report_untriggered(&mut self, at: usize, now: Instant) {
-        let by_trigger = self.clock.cadence().is_none() && self.clock.asks() == "Trigger";
+        let by_trigger = self.is_requested_by("Trigger");
         let has_attitude = self.truth.history.latest().is_some();
         let Channel {
             roles,
@@ -248,7 +258,7 @@ impl Server {
         }
     }
 
-    /// Reports clients that for a while have not proved their address, have not granted for what was sent, or send no Trigger.
+    /// Reports clients that for a while have not granted for what was sent, or send no Trigger.
     pub(super) fn report_silence(&mut self, now: Instant) {
         for at in 0..self.channels.len() {
             self.report_untriggered(at, now);
@@ -256,20 +266,6 @@ impl Server {
                 let detail =
                     format!("{lost} packets sent, and the client grants as if they had not come");
                 self.report(at, Withheld::Lost, &detail);
-            }
-            let channel = &mut self.channels[at];
-            let unproved = &mut channel.messages.unproved;
-            *unproved = match channel.wire.tally.awaits_proof() {
-                true => Some(unproved.unwrap_or(now)),
-                false => None,
-            };
-            let is_due = unproved.is_some_and(|since| now.saturating_duration_since(since) >= SOON);
-            if is_due && channel.exchange.withheld != Withheld::NoProof {
-                self.report(
-                    at,
-                    Withheld::NoProof,
-                    "the client has not returned the Challenge",
-                );
             }
         }
     }

@@ -212,6 +212,26 @@ fn a_full_disk_leaves_no_file_behind() {
     }
 }
 
+/// 1000 blocks of 512 bytes a file: frames fit, a recording of ten does not.
+#[test]
+fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    let mut sh = Command::new("sh");
+    sh.args(["-c", "trap '' XFSZ; ulimit -f 1000; exec \"$0\" \"$@\""]);
+    let command = "loopback --frames 10 --capture c.pcapng --junit v.xml";
+    sh.arg(env!("CARGO_BIN_EXE_skyloop"))
+        .args(command.split(' '));
+    let output = sh.current_dir(at).output().unwrap();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    let junit = std::fs::read_to_string(at.join("v.xml")).unwrap();
+    for text in [&text, &junit] {
+        assert!(text.contains("the recording is not whole"), "{text}");
+    }
+    assert!(junit.contains("failures=\"1\""), "{junit}");
+}
+
 #[test]
 fn packets_that_a_fault_delays_are_not_blamed_on_the_client() {
     let here = tempfile::tempdir().unwrap();

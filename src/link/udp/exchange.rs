@@ -108,7 +108,7 @@ impl Exchange {
     fn open(&mut self, from: SocketAddr, now: Instant) {
         // 0 is no exchange's number.
         self.number = self.number.wrapping_add(1).max(1);
-        self.tally.await_proof(false);
+        self.tally.await_proof(self.prover.is_on());
         self.client = Some(Client {
             address: from,
             holds: false,
@@ -166,7 +166,7 @@ impl Exchange {
         } else {
             Permit::Wait
         };
-        self.tally.await_proof(permit == Permit::Wait);
+        self.tally.await_proof(!matches!(permit, Permit::All(_)));
         permit
     }
 

@@ -51,6 +51,11 @@ impl Prover {
         }
     }
 
+    /// Whether addresses are to be proved.
+    pub fn is_on(&self) -> bool {
+        self.is_on
+    }
+
     /// Number of the lifetime at `now`: a token is taken in its own and in the next.
     fn epoch(&self, now: Instant) -> u64 {
         let since = now.saturating_duration_since(self.begun);
