@@ -282,11 +282,12 @@ impl Scene {
             let lights = areas.map(|area| view.lit_by(area, &simulated, &full, fidelity));
             lights.collect()
         };
-        let (mut sources, areas) = rayon::join(images, areas);
+        let (mut sources, mut areas) = rayon::join(images, areas);
         if view.limit.is_over() {
             // What is incomplete is not looked at.
             sources.clear();
         }
+            areas.clear();
         let pixels = sources.iter().map(|source| source.footprint.shares().len());
         let areas_light = Together::of(&areas, &view, pixels.sum());
         let together = areas_light.light().into_iter().map(Lit::from);

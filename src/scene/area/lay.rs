@@ -78,7 +78,7 @@ pub struct Grid<'a, 'v> {
     pub rim: usize,
 }
 
-/// Lays `radiance`, of which a pixel takes `scale_e` electrons a steradian; and what was asked for it.
+/// Lays `radiance`, of which a pixel takes `scale_e` electrons a steradian; and what was asked for it. No light once the work is over.
 pub fn lay(
     radiance: &dyn Radiance,
     plane: &Plane<'_>,
@@ -112,6 +112,9 @@ pub fn lay(
         pieces
     });
     let squares: Vec<Pieces> = squares.collect();
+    if plane.limit().is_over() {
+        return (Light::default(), known.asked);
+    }
     let (mut even, mut sampled, mut asked) = (Vec::new(), Vec::new(), known.asked);
     for pieces in squares {
         even.extend(pieces.even);
@@ -121,6 +124,9 @@ pub fn lay(
     let lines = Lines::new(size, LARGEST, even);
     let sampled = grid.sampled(sampled, &mut asked);
     let runs = blur.runs(plane.limit(), &lines, grid.rim, &sampled, &mut asked);
+    if plane.limit().is_over() {
+        return (Light::default(), asked);
+    }
     let light = Light::new(lines.within(grid.rim, detector), Runs::new(detector, runs));
     (light, asked)
 }
@@ -278,7 +284,8 @@ impl Grid<'_, '_> {
             missed: before,
         } = part;
         let [dx, dy] = [x, y].map(|i| (i + self.rim as i64) as usize);
-        if !self.is_needed([dx, dy], side) {
+        // Places that are not known would be looked for down to the smallest squares.
+        if self.plane.limit().is_over() || !self.is_needed([dx, dy], side) {
             return;
         }
         let half = side / 2;
