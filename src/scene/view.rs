@@ -302,11 +302,20 @@ impl View {
 
     /// Whether the image of a candidate may touch the detector, as far as its direction tells.
     pub(super) fn may_hold(&self, candidate: &Candidate) -> bool {
-        let Body::Star(star) = &candidate.body else {
-            return true;
-        };
-        let mut sides = self.sides.iter();
-        sides.all(|(inward, least)| star.direction.dot(inward) >= *least)
+        let (mut sides, optics) = (self.sides.iter(), &self.camera.optics);
+        match &candidate.body {
+            Body::Star(star) => sides.all(|(inward, least)| star.direction.dot(inward) >= *least),
+            Body::Rso(_) => true,
+            Body::Wanderer(body) => {
+                // Its disc, whose light is centred beside the middle, and wings that are drawn further than those of stars.
+                let wings = 2.0 * optics.psf.reach_px(f64::EPSILON) / optics.focal_px;
+                let reach = 2.0 * body.angular_radius + candidate.swing + wings;
+                sides.all(|(inward, least)| {
+                    libm::asin(body.centre.dot(inward).clamp(-1.0, 1.0)) + reach
+                        >= libm::asin(*least)
+                })
+            }
+        }
     }
 
     /// ICRF to camera, `dt_s` after mid-exposure.
