@@ -35,8 +35,8 @@ const KINK: f64 = 2.0;
 /// ends, in units of what lines may miss: what Simpson's rule then errs by is far less.
 const PANEL_PX: f64 = 4.0;
 const BEND: f64 = 12.0;
-/// ns of a look at a place of what moves: the pointing then, and the radiance.
-pub const LOOK_NS: f64 = 330.0;
+/// ns of a look: the pointing then, and the radiance.
+pub const LOOK_NS: f64 = 130.0;
 /// How often a part is halved at most.
 const HALVINGS: u32 = 5;
 
@@ -207,7 +207,8 @@ impl Grid<'_, '_> {
         };
         asked.lights += 1;
         asked.smeared += looks - 1;
-        self.plane.limit().spend(looks as f64 * LOOK_NS);
+        let ns = self.plane.place_ns() + looks as f64 * LOOK_NS;
+        self.plane.limit().spend(ns);
         Some(mean)
     }
 
