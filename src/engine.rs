@@ -28,8 +28,8 @@ use std::time::{Duration, Instant};
 const LABEL: usize = 2 << 20;
 
 /// How many times the limit a frame's work is estimated to be where it is refused before it begins. Else it is counted as it is done: of edges that do not
-/// cross the field, or are full of light, prices are some 30 times too high.
-const SURELY: f64 = 100.0;
+/// cross the field, or are full of light, prices are some 12 times too high.
+const SURELY: f64 = 40.0;
 
 /// Threads that are warmed up, of many the first few.
 const LEADERS: usize = 4;

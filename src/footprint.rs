@@ -67,7 +67,7 @@ const LEAST_E: f64 = 1e-20;
 /// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds, memory that is new.
 pub const PIXEL_NS: f64 = 9.0;
 /// The same of large footprints, which caches do not hold, and drawn.
-pub const HELD_NS: f64 = 25.0;
+pub const HELD_NS: f64 = 10.0;
 /// ns of a point of a streak of a Gaussian.
 pub const DOT_NS: f64 = 25.0;
 /// ns of each pixel around it.

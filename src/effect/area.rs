@@ -11,14 +11,11 @@
 use super::cause::digits;
 use super::shown::{DROWNED, is_drowned, shown_e, with_trail};
 use super::{Cost, Loss, Need, Pass};
-use crate::scene::{AreaLight, Asked, Scene, Simulated};
+use crate::scene::{AreaLight, Asked, BLURRED_NS, EDGE_NS, SPREAD_NS, Scene, Simulated};
 
 /// ns of a pixel whose light is worked out for it or blurred, is added up with other areas' and drawn; and of one that straight lines run through.
 const PIXEL_NS: f64 = 3.3;
 const EVEN_NS: f64 = 0.7;
-/// ns of the angle from an edge, and of the light that a pixel gives to another.
-const EDGE_NS: f64 = 110.0;
-const SPREAD_NS: f64 = 1.4;
 
 fn asked_ns(asked: &Asked, light_ns: f64) -> f64 {
     asked.lights as f64 * light_ns + asked.edges as f64 * EDGE_NS + asked.spreads as f64 * SPREAD_NS
@@ -40,7 +37,12 @@ pub(super) fn judge<'s>(
         return (Need::none(why.clone()), Pass::idle());
     }
     let pixels = scene.view.camera.detector.pixels() as f64;
-    let pixels_ns = pixels * EVEN_NS + area.uneven() as f64 * PIXEL_NS;
+    let blurred_ns = if area.asked.spreads > 0 {
+        BLURRED_NS
+    } else {
+        0.0
+    };
+    let pixels_ns = pixels * EVEN_NS + area.uneven() as f64 * (PIXEL_NS + blurred_ns);
     let need = if is_drowned(scene, &leave) {
         Need::none(format!("{}: {DROWNED}", says(area)))
     } else if area.electrons == 0.0 {

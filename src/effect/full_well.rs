@@ -13,6 +13,7 @@ use super::bloom::Bloom;
 use super::cause::digits;
 use super::shown::{apart, held_e, in_groups};
 use super::{Cost, Effect, Judge, Need, Pass, Stage};
+use crate::abort::WorkLimit;
 use crate::camera::{Blooming, Detector};
 use crate::fidelity::Fidelity;
 use crate::scene::{Scene, Simulated, drawn_e};
@@ -88,7 +89,7 @@ fn judge<'s>(scene: &'s Scene, _: &Fidelity) -> (Need<'s>, Pass<'s>) {
     };
     let pass = if spills {
         Pass::Frame(Box::new(move |charge| {
-            spill(charge.electrons, charge.width, full);
+            spill(charge.electrons, charge.width, full, &scene.view.limit);
         }))
     } else {
         Pass::Pixels(Box::new(move |tile| {
@@ -126,8 +127,8 @@ pub(super) fn fill(column: &mut [f64], detector: &Detector) {
     }
 }
 
-/// Spills every column with an overfull pixel. Returns the charge that left at the columns' ends, e-.
-pub(super) fn spill(electrons: &mut [f32], width: usize, full: f64) -> f64 {
+/// Spills every column with an overfull pixel, unless the frame is cancelled. Returns the charge that left at the columns' ends, e-.
+fn spill(electrons: &mut [f32], width: usize, full: f64, limit: &WorkLimit) -> f64 {
     let mut room = ROOM.take();
     let Room {
         overfull,
@@ -142,7 +143,8 @@ pub(super) fn spill(electrons: &mut [f32], width: usize, full: f64) -> f64 {
         }
     }
     let mut left = 0.0;
-    for x in (0..width).filter(|x| overfull[*x]) {
+    let over = (0..width).filter(|x| overfull[*x]);
+    for x in over.take_while(|_| !limit.is_cancelled()) {
         column.clear();
         column.extend(electrons[x..].iter().step_by(width));
         left += bloom.spill(column, full).iter().sum::<f64>();
@@ -156,7 +158,7 @@ pub(super) fn spill(electrons: &mut [f32], width: usize, full: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::spill;
+    use super::{WorkLimit, spill};
 
     #[test]
     fn a_frame_keeps_its_charge_and_columns_do_not_mix() {
@@ -170,7 +172,7 @@ mod tests {
         }
         frame[3 * width + 2] = 15_000.0;
         let before = frame.clone();
-        let left = spill(&mut frame, width, full);
+        let left = spill(&mut frame, width, full, &WorkLimit::default());
         let column = |frame: &[f32], x: usize| -> f64 {
             frame[x..]
                 .iter()
@@ -189,7 +191,7 @@ mod tests {
         // Nothing overfull, nothing touched.
         let mut calm = before.iter().map(|e| e.min(900.0)).collect::<Vec<_>>();
         let same = calm.clone();
-        assert_eq!(spill(&mut calm, width, full), 0.0);
+        assert_eq!(spill(&mut calm, width, full, &WorkLimit::default()), 0.0);
         assert_eq!(calm, same);
     }
 }

@@ -3,7 +3,7 @@
 use super::collected::Collected;
 use super::view::{Candidate, View};
 use super::wanderer::Element;
-use super::work::{LOOK_NS, POINT_NS, ROW_NS, WAY_LOOKS};
+use super::work::{CROSSING, LOOK_NS, POINT_NS, ROW_NS, WAY_LOOKS};
 use super::{Area, Body, Full, Simulated, Source};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
@@ -15,6 +15,9 @@ use std::f64::consts::TAU;
 
 /// Pieces of a track turn by at most this (rad), 3 degrees: they are nearly straight.
 const PIECE: f64 = 0.05;
+
+/// ns of a sample on a way that is already known.
+const WAY_NS: f64 = 30.0;
 
 /// The image of one point, or of what is made of points.
 struct Point {
@@ -80,7 +83,12 @@ impl View {
     ) -> Point {
         // Where nothing takes of the light, not even the last digit of a sum does.
         let whole = !simulated.rolling && !simulated.vignetting;
-        self.limit.spend(self.track_ns(&track, candidate, fidelity));
+        let sample_ns = match self.even(candidate, simulated) {
+            Some(_) if !simulated.rolling => WAY_NS,
+            _ => 2.0 * LOOK_NS,
+        };
+        let track_ns = self.track_ns(&track, sample_ns, candidate, fidelity);
+        self.limit.spend(track_ns);
         if self.limit.is_over() {
             return Point {
                 light: 0.0,
@@ -106,8 +114,14 @@ impl View {
         }
     }
 
-    /// What sampling a track takes, and what rows collect of it, ns.
-    fn track_ns(&self, track: &Track, candidate: &Candidate, fidelity: &Fidelity) -> f64 {
+    /// What sampling a track takes, so many ns a sample, and what rows collect of it, ns.
+    fn track_ns(
+        &self,
+        track: &Track,
+        sample_ns: f64,
+        candidate: &Candidate,
+        fidelity: &Fidelity,
+    ) -> f64 {
         let detector = &self.camera.detector;
         let reach_px = self
             .camera
@@ -116,7 +130,7 @@ impl View {
             .drawn_px(fidelity, candidate.shine().electrons);
         let rows = (2.0 * reach_px + 1.0).min(detector.height as f64);
         let cut = track.samples.iter().filter(|s| s.lit != Lit::ALL).count() as f64;
-        track.samples.len() as f64 * 2.0 * LOOK_NS + cut * (POINT_NS + rows * ROW_NS)
+        track.samples.len() as f64 * sample_ns + cut * (POINT_NS + rows * ROW_NS)
     }
 
     /// The light of a disc that is cut into elements.
@@ -253,7 +267,8 @@ impl View {
             let turned_s = if simulated.smear { dt_s } else { 0.0 };
             place(dt_s, turned_s, simulated.aberration_drift)
         };
-        let looks = WAY_LOOKS + course.pieces as f64;
+        let crossing = if rows.are_together() { 0.0 } else { CROSSING };
+        let looks = WAY_LOOKS + course.pieces as f64 + crossing;
         self.limit.spend(looks * LOOK_NS);
         Track::sample(at, &course, fidelity)
     }

@@ -26,7 +26,8 @@ mod work;
 use signal::{Held, Noise};
 use wanderer::Element;
 
-pub use area::{Area, AreaLight, Asked, Edge, Full, KINDS, Kind, Light, Radiance, Together};
+pub use area::{Area, AreaLight, Asked, BLURRED_NS, EDGE_NS, Edge, Full, KINDS, Kind, Light};
+pub use area::{Radiance, SPREAD_NS, Together};
 pub use brightest::CELL;
 pub use change::{Change, Image, STEEPEST, STEEPEST_STREAK};
 pub use compared::{Compared, Peak};
@@ -282,10 +283,11 @@ impl Scene {
             let lights = areas.map(|area| view.lit_by(area, &simulated, &full, fidelity));
             lights.collect()
         };
-        let (mut sources, areas) = rayon::join(images, areas);
+        let (mut sources, mut areas) = rayon::join(images, areas);
         if view.limit.is_over() {
             // What is incomplete is not looked at.
             sources.clear();
+            areas.clear();
         }
         let pixels = sources.iter().map(|source| source.footprint.shares().len());
         let areas_light = Together::of(&areas, &view, pixels.sum());

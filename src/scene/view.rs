@@ -1,6 +1,6 @@
 //! What stands before the camera during one exposure: directions and light, before the optics make images of them.
 
-use super::area::{STEPS_PX, most_steps};
+use super::area::{LOOK_NS, STEPS_PX, most_steps};
 use super::observable::{Unobservable, shutter, turn_at};
 use super::{Area, Body, Exposure, Hidden, SeenSun, Simulated, World};
 use crate::abort::WorkLimit;
@@ -150,9 +150,10 @@ pub struct Unknown {
     pub news: Vec<OrbitError>,
 }
 
-/// ns of an object in the search for those in the field, and of one that is there: three places and its light.
+/// ns of an object in the search for those in the field, of one that is there, and of one there that is seen: three places and its light, bounds and label.
 pub const OBJECT_NS: f64 = 700.0;
-const IN_FIELD_NS: f64 = 9000.0;
+const IN_FIELD_NS: f64 = 300.0;
+const SEEN_NS: f64 = 5000.0;
 
 impl View {
     /// What `camera` on `vehicle` has before it during `exposure`, but for area sources ([`View::where_shine`]). Stars and objects that are
@@ -286,8 +287,8 @@ impl View {
     /// Work of the search for objects in the field, ns.
     pub fn search_ns(&self) -> f64 {
         let is_rso = |candidate: &&Candidate| matches!(candidate.body, Body::Rso(_));
-        let drawn = self.candidates.iter().filter(is_rso).count();
-        self.objects as f64 * OBJECT_NS + (drawn + self.unseen.len()) as f64 * IN_FIELD_NS
+        let seen = self.candidates.iter().filter(is_rso).count() as f64;
+        self.objects as f64 * OBJECT_NS + self.unseen.len() as f64 * IN_FIELD_NS + seen * SEEN_NS
     }
 
     /// That it costs more than the limit (s on one core).
@@ -302,11 +303,20 @@ impl View {
 
     /// Whether the image of a candidate may touch the detector, as far as its direction tells.
     pub(super) fn may_hold(&self, candidate: &Candidate) -> bool {
-        let Body::Star(star) = &candidate.body else {
-            return true;
-        };
-        let mut sides = self.sides.iter();
-        sides.all(|(inward, least)| star.direction.dot(inward) >= *least)
+        let (mut sides, optics) = (self.sides.iter(), &self.camera.optics);
+        match &candidate.body {
+            Body::Star(star) => sides.all(|(inward, least)| star.direction.dot(inward) >= *least),
+            Body::Rso(_) => true,
+            Body::Wanderer(body) => {
+                // Its disc, whose light is centred beside the middle, and wings that are drawn further than those of stars.
+                let wings = 2.0 * optics.psf.reach_px(f64::EPSILON) / optics.focal_px;
+                let reach = 2.0 * body.angular_radius + candidate.swing + wings;
+                sides.all(|(inward, least)| {
+                    libm::asin(body.centre.dot(inward).clamp(-1.0, 1.0)) + reach
+                        >= libm::asin(*least)
+                })
+            }
+        }
     }
 
     /// ICRF to camera, `dt_s` after mid-exposure.
@@ -376,10 +386,9 @@ impl View {
         // What an edge crosses, and what is near it: of what moves by less than a pixel only the first is looked at again.
         const EDGE_PX: f64 = 1.5;
         const LIMB_PX: f64 = 8.0;
-        const STEP_NS: f64 = 500.0;
-        // Places a pixel at which even light is looked at, and ns of a look.
+        const STEP_NS: f64 = 200.0;
+        // Places a pixel at which even light is looked at.
         const PLACES: f64 = 0.01;
-        const LOOK_NS: f64 = 330.0;
         let edged = self.areas.iter().filter(|area| area.has_edges());
         let seconds = self.exposure.duration_s;
         let px = self.longest_track_px(seconds) + self.areas_swing_px(seconds);

@@ -24,10 +24,10 @@ const DRAWN_NS: f64 = 1.0;
 /// Looks at the way of one.
 pub(super) const WAY_LOOKS: f64 = 7.0;
 /// ns of a point of a panel in which rows open or close, and of each row there: weights, parts in light and centre.
-pub(super) const POINT_NS: f64 = 2000.0;
-pub(super) const ROW_NS: f64 = 180.0;
+pub(super) const POINT_NS: f64 = 800.0;
+pub(super) const ROW_NS: f64 = 70.0;
 /// Looks for the instants at which an image's own row opens and closes.
-const CROSSING: f64 = 100.0;
+pub(super) const CROSSING: f64 = 100.0;
 
 /// The work of moving images.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

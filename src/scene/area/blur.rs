@@ -28,8 +28,10 @@ const NARROW_PX: f64 = 0.5;
 /// Pixels of a row that are added up side by side, and so looked at beyond the last.
 pub const LANES: usize = 8;
 
-/// ns of the light that a pixel gives to another.
-const SPREAD_NS: f64 = 1.4;
+/// ns of a pixel whose light is blurred.
+pub const BLURRED_NS: f64 = 50.0;
+/// ns of the light that another pixel gives to it.
+pub const SPREAD_NS: f64 = 0.07;
 
 /// How a camera spreads area light.
 pub struct Blur<'a> {
@@ -74,7 +76,8 @@ impl<'a> Blur<'a> {
         let patches = patches.into_par_iter().filter(|_| !limit.is_over());
         let near = patches.map(|(at, blocks)| {
             let near = Near::new(self, at, &blocks, rim);
-            limit.spend(near.count() as f64 * (2.0 * self.reach as f64 + 1.0).powi(2) * SPREAD_NS);
+            let spread_ns = (2.0 * self.reach as f64 + 1.0).powi(2) * SPREAD_NS;
+            limit.spend(near.count() as f64 * (BLURRED_NS + spread_ns));
             (near.runs(lines, &places), near.count())
         });
         let near: Vec<(Vec<Run>, usize)> = near.collect();

@@ -35,8 +35,8 @@ const KINK: f64 = 2.0;
 /// ends, in units of what lines may miss: what Simpson's rule then errs by is far less.
 const PANEL_PX: f64 = 4.0;
 const BEND: f64 = 12.0;
-/// ns of a look at a place of what moves: the pointing then, and the radiance.
-pub const LOOK_NS: f64 = 330.0;
+/// ns of a look: the pointing then, and the radiance.
+pub const LOOK_NS: f64 = 130.0;
 /// How often a part is halved at most.
 const HALVINGS: u32 = 5;
 
@@ -78,7 +78,7 @@ pub struct Grid<'a, 'v> {
     pub rim: usize,
 }
 
-/// Lays `radiance`, of which a pixel takes `scale_e` electrons a steradian; and what was asked for it.
+/// Lays `radiance`, of which a pixel takes `scale_e` electrons a steradian; and what was asked for it. No light once the work is over.
 pub fn lay(
     radiance: &dyn Radiance,
     plane: &Plane<'_>,
@@ -112,6 +112,9 @@ pub fn lay(
         pieces
     });
     let squares: Vec<Pieces> = squares.collect();
+    if plane.limit().is_over() {
+        return (Light::default(), known.asked);
+    }
     let (mut even, mut sampled, mut asked) = (Vec::new(), Vec::new(), known.asked);
     for pieces in squares {
         even.extend(pieces.even);
@@ -121,6 +124,9 @@ pub fn lay(
     let lines = Lines::new(size, LARGEST, even);
     let sampled = grid.sampled(sampled, &mut asked);
     let runs = blur.runs(plane.limit(), &lines, grid.rim, &sampled, &mut asked);
+    if plane.limit().is_over() {
+        return (Light::default(), asked);
+    }
     let light = Light::new(lines.within(grid.rim, detector), Runs::new(detector, runs));
     (light, asked)
 }
@@ -201,7 +207,8 @@ impl Grid<'_, '_> {
         };
         asked.lights += 1;
         asked.smeared += looks - 1;
-        self.plane.limit().spend(looks as f64 * LOOK_NS);
+        let ns = self.plane.place_ns() + looks as f64 * LOOK_NS;
+        self.plane.limit().spend(ns);
         Some(mean)
     }
 
@@ -278,7 +285,8 @@ impl Grid<'_, '_> {
             missed: before,
         } = part;
         let [dx, dy] = [x, y].map(|i| (i + self.rim as i64) as usize);
-        if !self.is_needed([dx, dy], side) {
+        // Places that are not known would be looked for down to the smallest squares.
+        if self.plane.limit().is_over() || !self.is_needed([dx, dy], side) {
             return;
         }
         let half = side / 2;

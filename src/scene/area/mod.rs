@@ -29,7 +29,10 @@ use crate::fidelity::Fidelity;
 use crate::scene::{Simulated, View, World};
 use crate::sky::atmosphere::Limb;
 use crate::sky::shadow::Earth;
-pub(super) use lay::panels;
+pub use blur::{BLURRED_NS, SPREAD_NS};
+pub use sampled::EDGE_NS;
+
+pub(super) use lay::{LOOK_NS, panels};
 pub(super) use sampled::{STEPS_PX, most_steps};
 
 use super::CELL;

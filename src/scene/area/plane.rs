@@ -1,7 +1,7 @@
 //! From a pixel to the sky: where its middle looks, and how much of an evenly bright sky it takes.
 
 use crate::abort::WorkLimit;
-use crate::camera::{Camera, Projection, Vignetting};
+use crate::camera::{Camera, Model, Projection, Vignetting};
 use crate::scene::{Simulated, View};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -70,6 +70,14 @@ impl<'a> Plane<'a> {
             1.0
         };
         Some((seen, solid_angle * passes))
+    }
+
+    /// ns of [`Plane::taken`]: back from the plane to a direction, where the projection is not a pinhole by Newton's method.
+    pub fn place_ns(&self) -> f64 {
+        match self.projection.model() {
+            Model::Pinhole => 50.0,
+            Model::BrownConrady { .. } | Model::Fisheye { .. } => 200.0,
+        }
     }
 
     /// When a row is open around the middle of the view's time, s: its middle, and how long.

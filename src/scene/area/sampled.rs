@@ -23,7 +23,7 @@ const STRAIGHT: f64 = 8.0;
 const MOST_CELLS: f64 = 16.0;
 
 /// ns of the angle from an edge, at one of the steps.
-const EDGE_NS: f64 = 110.0;
+pub const EDGE_NS: f64 = 45.0;
 
 /// How the pixels of a square get their light, each for itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,7 +90,8 @@ impl Grid<'_, '_> {
                 } as f32;
             }
         }
-        let looks = (asked.lights + asked.smeared) as f64 * LOOK_NS;
+        let places = asked.lights as f64 * self.plane.place_ns();
+        let looks = places + (asked.lights + asked.smeared) as f64 * LOOK_NS;
         let edges = (asked.edges * skies[0].len()) as f64 * EDGE_NS;
         self.plane.limit().spend(looks + edges);
         (block, asked)
