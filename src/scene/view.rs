@@ -295,7 +295,7 @@ impl View {
     pub fn too_much(&self, limit_s: Option<f64>) -> Unobservable {
         Unobservable::TooMuchWork {
             sources: self.candidates.len(),
-            length_px: self.longest_track_px(self.open_s),
+            length_px: self.way_px(),
             exposure_s: self.exposure.duration_s,
             limit_s: limit_s.unwrap_or(f64::INFINITY),
         }
@@ -381,6 +381,12 @@ impl View {
         swings.fold(0.0, f64::max) * seconds * self.scale_and_corner_px.0
     }
 
+    /// How far (px) images and the edges of area light move in the exposure, at most.
+    pub fn way_px(&self) -> f64 {
+        let seconds = self.exposure.duration_s;
+        self.longest_track_px(seconds) + self.areas_swing_px(seconds)
+    }
+
     /// What smearing area light takes, about, ms: edges are taken to run once across the field.
     pub fn areas_smear_ms(&self) -> f64 {
         // What an edge crosses, and what is near it: of what moves by less than a pixel only the first is looked at again.
@@ -389,16 +395,21 @@ impl View {
         const STEP_NS: f64 = 200.0;
         // Places a pixel at which even light is looked at.
         const PLACES: f64 = 0.01;
+        // Looks at each place of light with details of a few pixels, for each that its panels begin with.
+        const HALVED: f64 = 6.0;
+        const FEW_PX: f64 = 32.0;
         let edged = self.areas.iter().filter(|area| area.has_edges());
-        let seconds = self.exposure.duration_s;
-        let px = self.longest_track_px(seconds) + self.areas_swing_px(seconds);
+        let px = self.way_px();
         let pixels = self.camera.detector.pixels();
         let steps = (STEPS_PX * px + 1.0).min(most_steps(pixels) as f64);
         let [columns, rows] = self.camera.detector.sides();
         let near_px = if px > 1.0 { LIMB_PX } else { EDGE_PX };
         let smeared = ((near_px + px) * (columns + rows)).min(pixels as f64);
-        let looks: usize = self.areas.iter().map(|area| area.looks_on(px)).sum();
-        let looking = pixels as f64 * PLACES * looks as f64 * LOOK_NS;
+        let looks = self.areas.iter().map(|area| {
+            let is_fine = !area.has_edges() && area.detail() * self.scale_and_corner_px.0 < FEW_PX;
+            area.looks_on(px) as f64 * if is_fine { HALVED } else { PLACES }
+        });
+        let looking = pixels as f64 * looks.sum::<f64>() * LOOK_NS;
         (edged.count() as f64 * smeared * steps * STEP_NS + looking) * 1e-6
     }
 

@@ -134,6 +134,12 @@ impl Area {
         2 * panels.unwrap_or(0)
     }
 
+    /// Its smallest detail, rad; without light none is smaller than infinitely large.
+    pub fn detail(&self) -> f64 {
+        let radiance = self.radiance.as_ref();
+        radiance.map_or(f64::INFINITY, |radiance| radiance.detail())
+    }
+
     /// How fast (rad/s) it moves by itself, whether it has an edge in the field or only grows fainter across it.
     pub fn swing(&self) -> f64 {
         let radiance = self.radiance.as_ref();
