@@ -110,7 +110,7 @@ fn objects(args: &Args) -> anyhow::Result<Loaded> {
     } = unite(all);
     let refused = refused.iter();
     rejected.extend(refused.map(|(source, why)| format!("{}: {why}", names[*source])));
-    args.records.settle_lines(&rejected)?;
+    args.records.settle_lines("refused", &rejected)?;
     if let Some(line) = passed_over(&foreign) {
         tracing::warn!("{line}");
     }
